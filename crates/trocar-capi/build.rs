@@ -8,9 +8,13 @@ const SONAME_VERSION: u32 = 2;
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");
     match env::var("CARGO_CFG_TARGET_OS").as_deref() {
-        Ok("linux") => println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libtrocar_c.so.{SONAME_VERSION}"),
+        Ok("linux") => {
+            println!("cargo:rustc-cdylib-link-arg=-Wl,-soname,libtrocar_c.so.{SONAME_VERSION}")
+        }
         Ok("macos") => {
-            println!("cargo:rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libtrocar_c.{SONAME_VERSION}.dylib")
+            println!(
+                "cargo:rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libtrocar_c.{SONAME_VERSION}.dylib"
+            )
         }
         _ => {}
     }

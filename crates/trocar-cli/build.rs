@@ -1,11 +1,13 @@
-//! Builds the library that `trocar export fmu` puts into an FMU, so that the program carries it inside.
+//! Builds the library that `trocar export fmu` puts into an FMU, so that the program carries it
+//! inside.
 
 use std::env;
 use std::fs;
 use std::path::PathBuf;
 
 fn main() {
-    let set = |name: &str| env::var(name).unwrap_or_else(|error| panic!("Cargo sets {name}: {error}"));
+    let set =
+        |name: &str| env::var(name).unwrap_or_else(|error| panic!("Cargo sets {name}: {error}"));
     let out = PathBuf::from(set("OUT_DIR"));
     // Not the folder where this script was compiled: a copied target folder may still hold it.
     let root = PathBuf::from(set("CARGO_MANIFEST_DIR")).join("../..");

@@ -193,7 +193,9 @@ impl CompensatorOptions {
         let adaptation = match options.adaptation {
             0 => false,
             1 => true,
-            other => return Err(out_of_range(format_args!("adaptation must be 0 or 1, got {other}"))),
+            other => {
+                return Err(out_of_range(format_args!("adaptation must be 0 or 1, got {other}")));
+            }
         };
         Ok(CompensateOptions {
             offset_n: known(options.offset_n),
@@ -208,7 +210,9 @@ impl CompensatorOptions {
 
 fn check_size(size: usize) -> Result<(), Failure> {
     let known = size_of::<CompensatorOptions>();
-    let text = format_args!("struct_size must be {known}, got {size}: call trocar_compensator_options_init() first");
+    let text = format_args!(
+        "struct_size must be {known}, got {size}: call trocar_compensator_options_init() first"
+    );
     if size == known { Ok(()) } else { Err(out_of_range(text)) }
 }
 
@@ -322,9 +326,11 @@ pub unsafe extern "C" fn trocar_compensator_new(
         let mut place = unsafe { OutPointer::new(compensator) }?;
         place.set(std::ptr::null_mut());
         // SAFETY: by the rule of the crate.
-        let (model, options) = unsafe { (Model::borrowed(model)?, CompensatorOptions::read(options)?) };
+        let (model, options) =
+            unsafe { (Model::borrowed(model)?, CompensatorOptions::read(options)?) };
         let seal = *model.trocar.seal();
-        let observer = compensate::Compensator::with_seal(&model.file, seal, &options).map_err(refused)?;
+        let observer =
+            compensate::Compensator::with_seal(&model.file, seal, &options).map_err(refused)?;
         let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };
         place.set(Box::into_raw(Box::new(Compensator { content })));
         Ok(())
@@ -385,11 +391,15 @@ pub unsafe extern "C" fn trocar_compensator_step(
 ///
 /// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_compensator_drift(compensator: *const Compensator, drift: *mut Drift) -> Status {
+pub unsafe extern "C" fn trocar_compensator_drift(
+    compensator: *const Compensator,
+    drift: *mut Drift,
+) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (mut taken, mut place) = unsafe { (Taken::new(compensator)?, OutPointer::new(drift)?) };
-        let compensate::Drift { level, viscosity, level_std, viscosity_std } = taken.with(|observer| observer.drift());
+        let compensate::Drift { level, viscosity, level_std, viscosity_std } =
+            taken.with(|observer| observer.drift());
         place.set(Drift { level, viscosity, level_std, viscosity_std });
         Ok(())
     })
@@ -422,16 +432,19 @@ mod tests {
     #[test]
     fn after_a_panic_a_compensator_is_lost_and_can_be_freed() {
         let file = trocar_runtime::model_file::ModelFile::plausible_10_5_mm().unwrap();
-        let options = CompensateOptions { force_error_n: Some(0.1), ..CompensateOptions::default() };
+        let options =
+            CompensateOptions { force_error_n: Some(0.1), ..CompensateOptions::default() };
         let observer = compensate::Compensator::new(&file, &options).unwrap();
         let content = Content { mark: AtomicU64::new(MARK), observer: UnsafeCell::new(observer) };
         let own = Box::into_raw(Box::new(Compensator { content }));
         let mut estimate = Estimate::NONE;
         // SAFETY: a live compensator of this thread alone.
-        let mut step = || unsafe { trocar_compensator_step(own, 0.1, 0.0, 1e-3, &raw mut estimate) };
+        let mut step =
+            || unsafe { trocar_compensator_step(own, 0.1, 0.0, 1e-3, &raw mut estimate) };
         assert_eq!(step(), Status::Ok);
         // SAFETY: the same.
-        let panics = guarded(|| unsafe { Taken::new(own) }?.with(|_| panic!("a defect, on purpose")));
+        let panics =
+            guarded(|| unsafe { Taken::new(own) }?.with(|_| panic!("a defect, on purpose")));
         assert_eq!(panics, Status::Internal);
         assert_eq!((step(), step()), (Status::Internal, Status::Internal));
         assert!(estimate.tissue_force_n.is_nan());
@@ -447,6 +460,8 @@ mod tests {
             let number = Fault::from(Some(fault)) as usize;
             assert_eq!(Fault::ALL[number].1.to_str(), Ok(fault.words()));
         }
-        assert!(Fault::ALL.iter().enumerate().all(|(number, (fault, _))| *fault as usize == number));
+        assert!(
+            Fault::ALL.iter().enumerate().all(|(number, (fault, _))| *fault as usize == number)
+        );
     }
 }

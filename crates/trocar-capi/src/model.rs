@@ -63,9 +63,15 @@ pub struct Tunable {
 }
 
 impl Model {
-    fn new(trocar: Trocar<Vec<f64>>, file: Arc<ModelFile>, tag: Option<u64>) -> Result<Box<Self>, Failure> {
+    fn new(
+        trocar: Trocar<Vec<f64>>,
+        file: Arc<ModelFile>,
+        tag: Option<u64>,
+    ) -> Result<Box<Self>, Failure> {
         let mut numbers = vec![0.0; trocar.count_numbers()];
-        trocar.write_numbers(&mut numbers).map_err(|error| Failure::new(Status::Internal, error))?;
+        trocar
+            .write_numbers(&mut numbers)
+            .map_err(|error| Failure::new(Status::Internal, error))?;
         let tag = tag.unwrap_or_else(|| tag_of(&numbers));
         let tunables = trocar.seal().tunables().map(TunableText::new).collect();
         Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, file, tunables } }))
@@ -120,7 +126,9 @@ impl TunableText {
 /// FNV-1a over the bits: the same model has the same tag in every process.
 fn tag_of(numbers: &[f64]) -> u64 {
     let bytes = numbers.iter().flat_map(|number| number.to_bits().to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 fn refused(error: ModelFileError) -> Failure {
@@ -140,7 +148,10 @@ fn status_of(error: &ModelFileError) -> Status {
 ///
 /// # Safety
 /// As for [`OutPointer::new`].
-unsafe fn hand_over(place: *mut *mut Model, made: impl FnOnce() -> Result<Box<Model>, Failure>) -> Result<(), Failure> {
+unsafe fn hand_over(
+    place: *mut *mut Model,
+    made: impl FnOnce() -> Result<Box<Model>, Failure>,
+) -> Result<(), Failure> {
     // SAFETY: by contract.
     let mut place = unsafe { OutPointer::new(place) }?;
     place.set(std::ptr::null_mut());
@@ -205,8 +216,10 @@ pub unsafe extern "C" fn trocar_model_parse(
     message.report(|| {
         let made = || {
             // SAFETY: by the rule of the crate.
-            let bytes: Vec<u8> = unsafe { Array::new(json.cast::<u8>(), json_length) }?.iter().collect();
-            let text = String::from_utf8(bytes).map_err(|error| Failure::new(Status::ModelInvalid, error))?;
+            let bytes: Vec<u8> =
+                unsafe { Array::new(json.cast::<u8>(), json_length) }?.iter().collect();
+            let text = String::from_utf8(bytes)
+                .map_err(|error| Failure::new(Status::ModelInvalid, error))?;
             Model::from_file(ModelFile::from_json(&text).map_err(refused)?)
         };
         // SAFETY: by the rule of the crate.
@@ -222,7 +235,8 @@ pub unsafe extern "C" fn trocar_model_plausible(model: *mut *mut Model) -> Statu
     let silent = unsafe { Message::new(std::ptr::null_mut(), 0) };
     silent.report(|| {
         let made = || {
-            let file = ModelFile::plausible_10_5_mm().map_err(|error| Failure::new(Status::Internal, error))?;
+            let file = ModelFile::plausible_10_5_mm()
+                .map_err(|error| Failure::new(Status::Internal, error))?;
             Model::from_file(file)
         };
         // SAFETY: by the rule of the crate.
@@ -251,11 +265,16 @@ pub unsafe extern "C" fn trocar_model_tuned(
             // SAFETY: by the rule of the crate.
             let (old, values) = unsafe { (Model::borrowed(model)?, Array::new(values, count)?) };
             if count > old.tunables.len() {
-                let text = format!("the model has {} numbers to turn, got {count}", old.tunables.len());
+                let text =
+                    format!("the model has {} numbers to turn, got {count}", old.tunables.len());
                 return Err(Failure::new(Status::OutOfRange, text));
             }
             let values: Vec<f64> = values.iter().collect();
-            let seal = old.trocar.seal().tuned(&values).map_err(|error| Failure::new(Status::ModelInvalid, error))?;
+            let seal = old
+                .trocar
+                .seal()
+                .tuned(&values)
+                .map_err(|error| Failure::new(Status::ModelInvalid, error))?;
             Model::new(old.trocar.with_seal(seal), Arc::clone(&old.file), Some(old.tag))
         };
         // SAFETY: by the rule of the crate.
@@ -297,15 +316,19 @@ pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char
     match unsafe { Model::borrowed(model) }.map(|model| model.trocar.seal()) {
         Err(_) => std::ptr::null(),
         Ok(Seal::Ems(_)) => c"ems".as_ptr(),
-        Ok(Seal::Classical(model)) => {
-            KINDS.iter().find(|(kind, _)| *kind == model.kind()).map_or(std::ptr::null(), |(_, text)| text.as_ptr())
-        }
+        Ok(Seal::Classical(model)) => KINDS
+            .iter()
+            .find(|(kind, _)| *kind == model.kind())
+            .map_or(std::ptr::null(), |(_, text)| text.as_ptr()),
     }
 }
 
 /// How many numbers of the model can be adjusted.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_model_tunable_count(model: *const Model, count: *mut usize) -> Status {
+pub unsafe extern "C" fn trocar_model_tunable_count(
+    model: *const Model,
+    count: *mut usize,
+) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (model, mut count) = unsafe { (Model::borrowed(model)?, OutPointer::new(count)?) };
@@ -318,7 +341,11 @@ pub unsafe extern "C" fn trocar_model_tunable_count(model: *const Model, count: 
 ///
 /// Refuses: TROCAR_STATUS_OUT_OF_RANGE.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_model_tunable(model: *const Model, index: usize, tunable: *mut Tunable) -> Status {
+pub unsafe extern "C" fn trocar_model_tunable(
+    model: *const Model,
+    index: usize,
+    tunable: *mut Tunable,
+) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (model, mut tunable) = unsafe { (Model::borrowed(model)?, OutPointer::new(tunable)?) };
@@ -333,7 +360,8 @@ mod tests {
 
     #[test]
     fn a_model_owns_what_it_borrows_from() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems_profile.json");
+        let path =
+            concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems_profile.json");
         let file = ModelFile::read(Path::new(path)).unwrap();
         let Ok(model) = Model::from_file(file.clone()) else { panic!("refused") };
         assert_eq!(model.content.trocar, file.trocar);

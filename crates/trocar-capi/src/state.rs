@@ -134,7 +134,8 @@ impl<'a> Words<'a> {
     fn fill(&self, model: &Content, numbers: &[f64; STATE_NUMBERS]) {
         self.word(0).store(0, Ordering::Relaxed);
         fence(Ordering::Release);
-        (NUMBERS + STATE_NUMBERS..WORDS).for_each(|index| self.word(index).store(0, Ordering::Relaxed));
+        (NUMBERS + STATE_NUMBERS..WORDS)
+            .for_each(|index| self.word(index).store(0, Ordering::Relaxed));
         self.word(TAG).store(model.tag, Ordering::Relaxed);
         self.write(numbers);
         self.word(0).store(MARK, Ordering::Release);
@@ -152,7 +153,8 @@ pub(crate) struct Taken<'w, 'a>(&'w Words<'a>);
 
 impl Taken<'_, '_> {
     pub(crate) fn read(&self, model: &Content) -> Result<TrocarState, Status> {
-        let numbers: [f64; STATE_NUMBERS] = std::array::from_fn(|index| self.0.number(NUMBERS + index));
+        let numbers: [f64; STATE_NUMBERS] =
+            std::array::from_fn(|index| self.0.number(NUMBERS + index));
         model.trocar.state_from_numbers(&numbers).map_err(|_| Status::NotAState)
     }
 
@@ -199,7 +201,11 @@ unsafe fn begin(
 ///
 /// Refuses: TROCAR_STATUS_NOT_FINITE.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_state_init(model: *const Model, state: *mut State, position_m: f64) -> Status {
+pub unsafe extern "C" fn trocar_state_init(
+    model: *const Model,
+    state: *mut State,
+    position_m: f64,
+) -> Status {
     // SAFETY: by the rule of the crate.
     unsafe { begin(model, state, &[position_m], |model| Some(model.trocar.rest(position_m))) }
 }
@@ -235,7 +241,10 @@ pub unsafe extern "C" fn trocar_state_init_at_deflection(
 
 /// Where the instrument is after the last step, m.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_state_position(state: *const State, position_m: *mut f64) -> Status {
+pub unsafe extern "C" fn trocar_state_position(
+    state: *const State,
+    position_m: *mut f64,
+) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (words, mut place) = unsafe { (Words::new(state)?, OutPointer::new(position_m)?) };
@@ -267,8 +276,9 @@ pub unsafe extern "C" fn trocar_state_deflection(
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
-        let (model, words, mut place) =
-            unsafe { (Model::borrowed(model)?, Words::new(state)?, OutPointer::new(deflection_m)?) };
+        let (model, words, mut place) = unsafe {
+            (Model::borrowed(model)?, Words::new(state)?, OutPointer::new(deflection_m)?)
+        };
         place.set(words.decoded(model)?.deformation().ok_or(Status::Unsupported)?.deflection);
         Ok(())
     })
@@ -278,7 +288,11 @@ pub unsafe extern "C" fn trocar_state_deflection(
 ///
 /// Refuses: TROCAR_STATUS_UNSUPPORTED for a classical model.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_state_mode(model: *const Model, state: *const State, mode: *mut i32) -> Status {
+pub unsafe extern "C" fn trocar_state_mode(
+    model: *const Model,
+    state: *const State,
+    mode: *mut i32,
+) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (model, words, mut place) =
@@ -296,7 +310,11 @@ pub unsafe extern "C" fn trocar_state_mode(model: *const Model, state: *const St
 ///
 /// Refuses: TROCAR_STATUS_OUT_OF_RANGE where count is smaller.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn trocar_state_save(state: *const State, numbers: *mut f64, count: usize) -> Status {
+pub unsafe extern "C" fn trocar_state_save(
+    state: *const State,
+    numbers: *mut f64,
+    count: usize,
+) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
         let (words, mut place) = unsafe { (Words::new(state)?, ArrayMut::new(numbers, count)?) };
@@ -336,9 +354,13 @@ pub unsafe extern "C" fn trocar_state_restore(
             let text = format!("a saved state has {STATE_NUMBERS} numbers, got {count}");
             return Err(Failure::new(Status::OutOfRange, text));
         }
-        let row: [f64; STATE_NUMBERS] = std::array::from_fn(|index| numbers.get(index).unwrap_or(f64::NAN));
+        let row: [f64; STATE_NUMBERS] =
+            std::array::from_fn(|index| numbers.get(index).unwrap_or(f64::NAN));
         let state = model.trocar.state_from_numbers(&row);
-        words.fill(model, &state.map_err(|error| Failure::new(Status::NotAState, error))?.to_numbers());
+        words.fill(
+            model,
+            &state.map_err(|error| Failure::new(Status::NotAState, error))?.to_numbers(),
+        );
         Ok(())
     })
 }

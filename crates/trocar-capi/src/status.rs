@@ -49,10 +49,16 @@ impl Status {
         (Self::NullPointer, c"a pointer is null"),
         (Self::Misaligned, c"a pointer is not aligned for what it points to"),
         (Self::NotAModel, c"not a model: a wrong pointer, or the model was freed"),
-        (Self::NotAState, c"not a state: not initialised, overwritten, or of another version of the library"),
+        (
+            Self::NotAState,
+            c"not a state: not initialised, overwritten, or of another version of the library",
+        ),
         (Self::OtherModel, c"the state was initialised for another model"),
         (Self::StateBusy, c"another thread is using the state or the compensator"),
-        (Self::NotFinite, c"a number is not finite, or leads to a position, velocity or state that is not"),
+        (
+            Self::NotFinite,
+            c"a number is not finite, or leads to a position, velocity or state that is not",
+        ),
         (Self::DurationNotPositive, c"the duration of a step must be positive"),
         (Self::OutOfRange, c"an index or a number of elements is out of range"),
         (Self::Unsupported, c"the model knows no such quantity"),
@@ -97,7 +103,9 @@ mod tests {
     #[test]
     fn every_number_up_to_the_last_has_a_message_of_its_own() {
         let mut texts: Vec<_> = Status::ALL.iter().map(|(_, text)| text).collect();
-        assert!(Status::ALL.iter().enumerate().all(|(number, (status, _))| *status as usize == number));
+        assert!(
+            Status::ALL.iter().enumerate().all(|(number, (status, _))| *status as usize == number)
+        );
         texts.sort();
         texts.dedup();
         assert_eq!(texts.len(), Status::ALL.len());

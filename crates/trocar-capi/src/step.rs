@@ -84,7 +84,11 @@ pub unsafe extern "C" fn trocar_step(
         duration: duration_s,
     };
     // SAFETY: by the rule of the crate.
-    unsafe { step(model, state, force_n, motion, |trocar, state| trocar.step(state, displacement_m, duration_s)) }
+    unsafe {
+        step(model, state, force_n, motion, |trocar, state| {
+            trocar.step(state, displacement_m, duration_s)
+        })
+    }
 }
 
 /// The same to position_m (m) instead of by a displacement: the one to use with an encoder, for its errors do not add up.
@@ -102,7 +106,11 @@ pub unsafe extern "C" fn trocar_step_to(
         duration: duration_s,
     };
     // SAFETY: by the rule of the crate.
-    unsafe { step(model, state, force_n, motion, |trocar, state| trocar.step_to(state, position_m, duration_s)) }
+    unsafe {
+        step(model, state, force_n, motion, |trocar, state| {
+            trocar.step_to(state, position_m, duration_s)
+        })
+    }
 }
 
 /// The same at velocity_m_s (m/s, positive is insertion) for duration_s.
@@ -119,8 +127,9 @@ pub unsafe extern "C" fn trocar_step_velocity(
         displacement: velocity_m_s * duration_s,
         duration: duration_s,
     };
-    let advance =
-        |trocar: &Trocar<Vec<f64>>, state: &mut TrocarState| trocar.step_velocity(state, velocity_m_s, duration_s);
+    let advance = |trocar: &Trocar<Vec<f64>>, state: &mut TrocarState| {
+        trocar.step_velocity(state, velocity_m_s, duration_s)
+    };
     // SAFETY: by the rule of the crate.
     unsafe { step(model, state, force_n, motion, advance) }
 }
@@ -151,7 +160,8 @@ pub unsafe extern "C" fn trocar_simulate(
         // SAFETY: by the rule of the crate.
         let (model, words) = unsafe { (Model::borrowed(model)?, Words::new(state)?) };
         // SAFETY: by the rule of the crate.
-        let (times, positions) = unsafe { (Array::new(time_s, count)?, Array::new(position_m, count)?) };
+        let (times, positions) =
+            unsafe { (Array::new(time_s, count)?, Array::new(position_m, count)?) };
         // SAFETY: by the rule of the crate.
         let mut forces = unsafe { ArrayMut::new(force_n, count) }?;
         let taken = words.taken(model)?;

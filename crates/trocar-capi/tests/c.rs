@@ -1,4 +1,5 @@
-//! Programs in C and C++ against the installed library: they compile without a warning, and give the numbers of Rust.
+//! Programs in C and C++ against the installed library: they compile without a warning, and give
+//! the numbers of Rust.
 #![cfg(unix)]
 
 use std::collections::BTreeSet;
@@ -34,12 +35,14 @@ fn conformance(path: &str) -> PathBuf {
     here("../../conformance").join(path)
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown.
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
+/// shown.
 fn skipped(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
 }
 
-/// Whether `tool` is there; where not, the test is skipped, or fails if it is `needed` by the continuous integration.
+/// Whether `tool` is there; where not, the test is skipped, or fails if it is `needed` by the
+/// continuous integration.
 fn has(tool: &str, needed: bool) -> bool {
     let found = Command::new(tool).arg("--version").output().is_ok_and(|ran| ran.status.success());
     if !found {
@@ -76,7 +79,8 @@ fn words_of(output: &[u8]) -> Vec<String> {
 /// What the installed pkg-config file says about linking the static library.
 fn static_libraries(prefix: &Path) -> Vec<String> {
     let text = fs::read_to_string(prefix.join("lib/pkgconfig/trocar-static.pc")).unwrap();
-    let line = text.lines().find_map(|line| line.strip_prefix("Libs: ${libdir}/libtrocar_c.a")).unwrap();
+    let line =
+        text.lines().find_map(|line| line.strip_prefix("Libs: ${libdir}/libtrocar_c.a")).unwrap();
     words_of(line.as_bytes())
 }
 
@@ -84,16 +88,38 @@ fn static_libraries(prefix: &Path) -> Vec<String> {
 fn compiled(source: &str, link: Link, more: &[&str]) -> PathBuf {
     let Installed { prefix, programs, .. } = installed();
     let is_c = source.ends_with(".c");
-    let name = format!("{}{}{}", source.replace(['/', '.'], "_"), link as u8, more.concat().replace(['/', ' '], "_"));
+    let name = format!(
+        "{}{}{}",
+        source.replace(['/', '.'], "_"),
+        link as u8,
+        more.concat().replace(['/', ' '], "_")
+    );
     let program = programs.join(name);
     let mut command = Command::new(if is_c { "gcc" } else { "g++" });
-    command.args([if is_c { "-std=c99" } else { "-std=c++17" }, "-O1", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]);
+    command.args([
+        if is_c { "-std=c99" } else { "-std=c++17" },
+        "-O1",
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Werror",
+    ]);
     // A joined absolute path is that path.
-    command.args(more).arg("-I").arg(prefix.join("include")).arg(here(source)).arg("-o").arg(&program);
+    command
+        .args(more)
+        .arg("-I")
+        .arg(prefix.join("include"))
+        .arg(here(source))
+        .arg("-o")
+        .arg(&program);
     let lib = prefix.join("lib");
     match link {
         Link::Shared => {
-            command.arg("-L").arg(&lib).arg("-ltrocar_c").arg(format!("-Wl,-rpath,{}", lib.display()));
+            command
+                .arg("-L")
+                .arg(&lib)
+                .arg("-ltrocar_c")
+                .arg(format!("-Wl,-rpath,{}", lib.display()));
         }
         Link::Static => {
             command.arg(lib.join("libtrocar_c.a")).args(static_libraries(prefix));
@@ -108,7 +134,8 @@ fn compilers() -> bool {
 }
 
 fn models() -> Vec<PathBuf> {
-    let mut files: Vec<_> = fs::read_dir(conformance("models")).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<_> =
+        fs::read_dir(conformance("models")).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     assert!(files.len() >= 14, "{} models", files.len());
     files
@@ -126,7 +153,9 @@ fn reference(model: &Path) -> Vec<u64> {
     let rows: Vec<_> = motion.lines().skip(1).map(row).collect();
     let mut state = trocar.rest(rows[0].1);
     let first = [state.force().to_bits()];
-    let steps = rows.windows(2).map(|pair| trocar.step_to(&mut state, pair[1].1, pair[1].0 - pair[0].0).to_bits());
+    let steps = rows
+        .windows(2)
+        .map(|pair| trocar.step_to(&mut state, pair[1].1, pair[1].0 - pair[0].0).to_bits());
     first.into_iter().chain(steps).collect()
 }
 
@@ -146,7 +175,10 @@ fn every_model_gives_the_forces_of_rust_to_the_last_bit() {
         let expected = reference(&model);
         for (driver, mode) in &drivers {
             let mut command = Command::new(driver);
-            command.arg(&model).arg(conformance("motion.csv")).args((!mode.is_empty()).then_some(mode));
+            command
+                .arg(&model)
+                .arg(conformance("motion.csv"))
+                .args((!mode.is_empty()).then_some(mode));
             let forces: Vec<u64> = words_of(&done(&mut command).stdout)
                 .iter()
                 .map(|word| word.parse::<f64>().unwrap().to_bits())
@@ -161,10 +193,12 @@ fn every_model_gives_the_forces_of_rust_to_the_last_bit() {
 /// Error of the model's force, moving mass and limit of the sensor that the observers are given.
 const OBSERVER: [&str; 3] = ["0.05", "0.04", "12"];
 
-/// Readings along the motion for all programs, with what goes wrong with sensors: time_s, position_m, force_n.
+/// Readings along the motion for all programs, with what goes wrong with sensors: time_s,
+/// position_m, force_n.
 ///
-/// A sensor of 20 mN noise behind a seal whose friction falls to 0.6 of the model's, a tissue below half depth, dropouts
-/// of either quantity, a frozen and a saturated reading, an encoder that jumps.
+/// A sensor of 20 mN noise behind a seal whose friction falls to 0.6 of the model's, a tissue below
+/// half depth, dropouts of either quantity, a frozen and a saturated reading, an encoder that
+/// jumps.
 fn readings(model: &Path) -> Vec<[f64; 3]> {
     let forces: Vec<f64> = reference(model).into_iter().map(f64::from_bits).collect();
     let motion = fs::read_to_string(conformance("motion.csv")).unwrap();
@@ -221,8 +255,9 @@ fn the_observer_says_what_that_of_rust_says_to_the_last_bit() {
     if !compilers() {
         return;
     }
-    let drivers = [("examples/c/compensate.c", Link::Shared), ("examples/cpp/compensate.cpp", Link::Static)]
-        .map(|(source, link)| compiled(source, link, &[]));
+    let drivers =
+        [("examples/c/compensate.c", Link::Shared), ("examples/cpp/compensate.cpp", Link::Static)]
+            .map(|(source, link)| compiled(source, link, &[]));
     let mut faults = BTreeSet::new();
     for model in models() {
         let readings = readings(&model);
@@ -259,7 +294,10 @@ fn the_observer_refuses_and_goes_on() {
     if has("valgrind", false) {
         let program = compiled("tests/c/compensator.c", Link::Shared, &["-g"]);
         let mut command = Command::new("valgrind");
-        command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]).arg(program).arg(&model);
+        command
+            .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
+            .arg(program)
+            .arg(&model);
         done(&mut command);
     }
 }
@@ -273,18 +311,24 @@ fn the_loops_run_and_agree() {
     let programs = [(c, Link::Shared), (c, Link::Static), (cpp, Link::Shared), (cpp, Link::Static)];
     let outputs: Vec<String> = programs
         .iter()
-        .map(|(source, link)| String::from_utf8(done(&mut Command::new(compiled(source, *link, &[]))).stdout).unwrap())
+        .map(|(source, link)| {
+            String::from_utf8(done(&mut Command::new(compiled(source, *link, &[]))).stdout).unwrap()
+        })
         .collect();
     // F_c + beta·v of the made-up trocar at 40 mm/s, then F_c held.
     assert!(
-        outputs[0].contains("1000 ms   140.0 mm    3.200 N") && outputs[0].contains("2000 ms   140.0 mm    3.000 N")
+        outputs[0].contains("1000 ms   140.0 mm    3.200 N")
+            && outputs[0].contains("2000 ms   140.0 mm    3.000 N")
     );
     assert!(outputs.iter().all(|output| *output == outputs[0]), "{outputs:?}");
 
     let mut wrong = Command::new(compiled(c, Link::Shared, &[]));
     let refused = wrong.arg(here("Cargo.toml")).output().unwrap();
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
-    assert!(refused.status.code() == Some(1) && told.contains("Cargo.toml: line 1 column"), "{told}");
+    assert!(
+        refused.status.code() == Some(1) && told.contains("Cargo.toml: line 1 column"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -314,7 +358,8 @@ fn the_code_of_the_documentation_compiles_and_runs() {
 fn newer_model() -> PathBuf {
     let text = fs::read_to_string(conformance("models/ems.json")).unwrap();
     let path = installed().programs.join("newer.json");
-    fs::write(&path, text.replacen(&format!("\"version\": {VERSION}"), "\"version\": 99", 1)).unwrap();
+    fs::write(&path, text.replacen(&format!("\"version\": {VERSION}"), "\"version\": 99", 1))
+        .unwrap();
     path
 }
 
@@ -329,7 +374,10 @@ fn faults_of_the_caller_are_told_and_harm_nothing() {
     if has("valgrind", false) {
         let program = compiled("tests/c/faults.c", Link::Shared, &["-g"]);
         let mut command = Command::new("valgrind");
-        command.args(["--quiet", "--error-exitcode=9", "--leak-check=full"]).arg(program).arg(newer_model());
+        command
+            .args(["--quiet", "--error-exitcode=9", "--leak-check=full"])
+            .arg(program)
+            .arg(newer_model());
         done(&mut command);
     }
 }
@@ -351,8 +399,10 @@ fn nothing_allocates_after_loading() {
     if !compilers() {
         return;
     }
-    let wrap = ["malloc", "calloc", "realloc", "posix_memalign", "free"].map(|name| format!("-Wl,--wrap={name}"));
-    let program = compiled("tests/c/allocation.c", Link::Static, &wrap.each_ref().map(String::as_str));
+    let wrap = ["malloc", "calloc", "realloc", "posix_memalign", "free"]
+        .map(|name| format!("-Wl,--wrap={name}"));
+    let program =
+        compiled("tests/c/allocation.c", Link::Static, &wrap.each_ref().map(String::as_str));
     done(Command::new(program).args(models()));
 }
 
@@ -361,7 +411,9 @@ fn the_cpp_wrapper_owns_refuses_tunes_and_saves() {
     if !compilers() {
         return;
     }
-    for (link, more) in [(Link::Shared, vec![]), (Link::Static, vec!["-fno-exceptions", "-fno-rtti"])] {
+    for (link, more) in
+        [(Link::Shared, vec![]), (Link::Static, vec!["-fno-exceptions", "-fno-rtti"])]
+    {
         let program = compiled("tests/cpp/wrapper.cpp", link, &more);
         done(Command::new(program).arg(conformance("models/ems_stribeck.json")));
     }
@@ -389,8 +441,10 @@ fn c_and_rust_lay_out_alike() {
         offset_of!(Estimate, fault),
         size_of::<Drift>(),
     ];
-    let found: Vec<usize> =
-        words_of(&done(&mut Command::new(program)).stdout).iter().map(|word| word.parse().unwrap()).collect();
+    let found: Vec<usize> = words_of(&done(&mut Command::new(program)).stdout)
+        .iter()
+        .map(|word| word.parse().unwrap())
+        .collect();
     assert_eq!(found, expected);
 }
 
@@ -410,7 +464,9 @@ fn the_library_exports_the_functions_of_the_header_and_no_other() {
     let declared: BTreeSet<String> = header
         .lines()
         .filter(|line| !line.starts_with([' ', '#', '/']))
-        .filter_map(|line| line.split_once('(').and_then(|(start, _)| start.rsplit([' ', '*']).next()))
+        .filter_map(|line| {
+            line.split_once('(').and_then(|(start, _)| start.rsplit([' ', '*']).next())
+        })
         .filter(|name| name.starts_with("trocar_"))
         .map(str::to_owned)
         .collect();
@@ -429,7 +485,8 @@ fn pkg_config_knows_both_libraries() {
     let Installed { prefix, programs, .. } = installed();
     for (package, run_path) in [("trocar", true), ("trocar-static", false)] {
         let mut ask = Command::new("pkg-config");
-        ask.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig")).args(["--cflags", "--libs", package]);
+        ask.env("PKG_CONFIG_PATH", prefix.join("lib/pkgconfig"))
+            .args(["--cflags", "--libs", package]);
         let flags = words_of(&done(&mut ask).stdout);
         let program = programs.join(format!("by_{package}"));
         let mut build = Command::new("gcc");
@@ -454,8 +511,16 @@ fn cmake() -> Option<PathBuf> {
     if !program.exists() {
         let made = Command::new("python3").args(["-m", "venv"]).arg(&folder).output();
         let mut pip = Command::new(folder.join("bin/python"));
-        pip.args(["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "cmake==3.31.6"]);
-        let ready = made.is_ok_and(|ran| ran.status.success()) && pip.output().is_ok_and(|ran| ran.status.success());
+        pip.args([
+            "-m",
+            "pip",
+            "install",
+            "--quiet",
+            "--disable-pip-version-check",
+            "cmake==3.31.6",
+        ]);
+        let ready = made.is_ok_and(|ran| ran.status.success())
+            && pip.output().is_ok_and(|ran| ran.status.success());
         if !ready {
             skipped("no cmake, and no way to install it by python3 -m venv and pip");
             return None;
@@ -478,7 +543,11 @@ fn cmake_finds_both_libraries() {
     done(Command::new(&cmake).arg("--build").arg(&build));
     let run = |name: &str| done(&mut Command::new(build.join(name))).stdout;
     let first = run("loop_c_shared");
-    assert!(["loop_c_static", "loop_cpp_shared", "loop_cpp_static"].iter().all(|name| run(name) == first));
+    assert!(
+        ["loop_c_static", "loop_cpp_shared", "loop_cpp_static"]
+            .iter()
+            .all(|name| run(name) == first)
+    );
 
     // A version that is not this one is refused.
     let config = prefix.join("lib/cmake/trocar/trocarConfigVersion.cmake");

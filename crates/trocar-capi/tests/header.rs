@@ -1,6 +1,8 @@
-//! The committed header is the one that the source makes: every function, constant, type, field and status with its words.
+//! The committed header is the one that the source makes: every function, constant, type, field and
+//! status with its words.
 //!
-//! cbindgen makes the header; where it is installed, it also checks it to the last byte. This test needs nothing installed.
+//! cbindgen makes the header; where it is installed, it also checks it to the last byte. This test
+//! needs nothing installed.
 
 use std::collections::BTreeSet;
 use std::io::Write as _;
@@ -35,10 +37,16 @@ fn read(path: &str) -> String {
 
 /// Words and signs, one space apart.
 fn tokens(text: &str) -> String {
-    let spaced: String = text
-        .chars()
-        .map(|c| if c.is_alphanumeric() || "_.".contains(c) { c.to_string() } else { format!(" {c} ") })
-        .collect();
+    let spaced: String =
+        text.chars()
+            .map(|c| {
+                if c.is_alphanumeric() || "_.".contains(c) {
+                    c.to_string()
+                } else {
+                    format!(" {c} ")
+                }
+            })
+            .collect();
     spaced.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
@@ -69,7 +77,8 @@ fn c_variable(rust: &str) -> String {
 fn c_function(signature: &str) -> String {
     let (name, rest) = signature.split_once('(').unwrap();
     let (arguments, result) = rest.rsplit_once(')').unwrap();
-    let arguments: Vec<String> = arguments.split(',').filter(|part| !part.trim().is_empty()).map(c_variable).collect();
+    let arguments: Vec<String> =
+        arguments.split(',').filter(|part| !part.trim().is_empty()).map(c_variable).collect();
     let arguments = if arguments.is_empty() { "void".to_owned() } else { arguments.join(", ") };
     let result = c_type(result.trim().trim_start_matches("->"));
     format!("{result} {name}({arguments})")
@@ -77,7 +86,8 @@ fn c_function(signature: &str) -> String {
 
 /// `name` of the enum called `of`.
 fn c_variant(of: &str, name: &str) -> String {
-    let parts = name.chars().map(|c| if c.is_uppercase() { format!("_{c}") } else { c.to_string() });
+    let parts =
+        name.chars().map(|c| if c.is_uppercase() { format!("_{c}") } else { c.to_string() });
     format!("TROCAR_{of}{}", parts.collect::<String>()).to_uppercase()
 }
 
@@ -97,18 +107,24 @@ fn from_source(text: &str) -> BTreeSet<Item> {
         // The variants of an enum are as public as the enum.
         let is_variant = line.contains(" = ") && line.ends_with(',');
         let line = line.strip_prefix("pub ").unwrap_or(if is_variant { line } else { "" });
-        if let Some((_, mut signature)) = line.split_once("extern \"C\" fn ").map(|(a, b)| (a, b.to_owned())) {
+        if let Some((_, mut signature)) =
+            line.split_once("extern \"C\" fn ").map(|(a, b)| (a, b.to_owned()))
+        {
             while !signature.ends_with('{') {
                 signature += lines.next().unwrap();
             }
             items.insert((tokens(&c_function(signature.trim_end_matches('{'))), said));
-        } else if let Some((name, value)) = line.strip_prefix("const ").and_then(|line| line.split_once(": ")) {
+        } else if let Some((name, value)) =
+            line.strip_prefix("const ").and_then(|line| line.split_once(": "))
+        {
             let value = value.split_once("= ").unwrap().1.trim_end_matches(';');
             items.insert((tokens(&format!("#define TROCAR_{name} {value}")), said));
         } else if line.starts_with("enum ") || line.starts_with("struct ") {
             kind = line.split(' ').nth(1).unwrap();
             items.insert(("type".to_owned(), said));
-        } else if let Some((name, number)) = line.strip_suffix(',').and_then(|line| line.split_once(" = ")) {
+        } else if let Some((name, number)) =
+            line.strip_suffix(',').and_then(|line| line.split_once(" = "))
+        {
             items.insert((tokens(&format!("{} = {number}", c_variant(kind, name))), said));
         } else if let Some(field) = line.strip_suffix(',') {
             items.insert((tokens(&c_variable(field)), said));
@@ -122,7 +138,8 @@ fn from_header(text: &str) -> BTreeSet<Item> {
     let mut items = BTreeSet::new();
     for part in text.split("/**\n").skip(1) {
         let (said, code) = part.split_once("*/").unwrap();
-        let said: Vec<&str> = said.lines().map(|line| line.trim().trim_start_matches('*').trim()).collect();
+        let said: Vec<&str> =
+            said.lines().map(|line| line.trim().trim_start_matches('*').trim()).collect();
         let said = said.join("\n").trim().to_owned();
         let code = code.trim_start();
         if code.starts_with("enum") || code.starts_with("typedef") {
@@ -139,7 +156,8 @@ fn from_header(text: &str) -> BTreeSet<Item> {
 #[test]
 fn the_header_says_what_the_source_says() {
     let files = ["lib", "status", "model", "state", "step", "compensator"];
-    let source: BTreeSet<Item> = files.iter().flat_map(|name| from_source(&read(&format!("src/{name}.rs")))).collect();
+    let source: BTreeSet<Item> =
+        files.iter().flat_map(|name| from_source(&read(&format!("src/{name}.rs")))).collect();
     let header = from_header(&read("include/trocar.h"));
     let missing: Vec<_> = source.difference(&header).collect();
     let stale: Vec<_> = header.difference(&source).collect();
@@ -148,10 +166,15 @@ fn the_header_says_what_the_source_says() {
         "run crates/trocar-capi/header\nnot in the header: {missing:#?}\nonly there: {stale:#?}"
     );
     let functions = header.iter().filter(|(code, _)| code.contains('(')).count();
-    assert!(functions > 20 && header.len() > 50, "read {functions} functions, {} items", header.len());
+    assert!(
+        functions > 20 && header.len() > 50,
+        "read {functions} functions, {} items",
+        header.len()
+    );
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown.
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
+/// shown.
 fn skip(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {}", why.trim());
 }

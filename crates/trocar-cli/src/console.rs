@@ -60,7 +60,8 @@ const WAY_OUT: Label = ("hint", AnsiColor::Green);
 
 /// Prints text and its hint, each on lines of its own, with coloured labels on a terminal.
 fn print_labelled(label: Label, text: &str) {
-    let (what, hint) = text.split_once(HINT).map_or((text, None), |(what, hint)| (what, Some(hint)));
+    let (what, hint) =
+        text.split_once(HINT).map_or((text, None), |(what, hint)| (what, Some(hint)));
     let hint = hint.map(|hint| (WAY_OUT, hint));
     for ((label, colour), text) in std::iter::once((label, what)).chain(hint) {
         let style = colour.on_default().bold();
@@ -119,11 +120,14 @@ pub(crate) fn fail(error: &anyhow::Error) -> ExitCode {
 /// The message with those of its causes that it does not already contain, before the hint.
 fn whole_message(error: &anyhow::Error) -> String {
     let own = error.to_string();
-    let (what, hint) = own.split_once(HINT).map_or((own.as_str(), None), |(what, hint)| (what, Some(hint)));
+    let (what, hint) =
+        own.split_once(HINT).map_or((own.as_str(), None), |(what, hint)| (what, Some(hint)));
     let mut message = what.to_owned();
     let mut way_out = hint.map(str::to_owned);
     for cause in error.chain().skip(1).map(ToString::to_string) {
-        let (cause, hint) = cause.split_once(HINT).map_or((cause.as_str(), None), |(what, hint)| (what, Some(hint)));
+        let (cause, hint) = cause
+            .split_once(HINT)
+            .map_or((cause.as_str(), None), |(what, hint)| (what, Some(hint)));
         if !message.contains(cause) {
             let _ = write!(message, ": {cause}");
         }
@@ -145,8 +149,9 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 fn is_bad_argument(error: &anyhow::Error) -> bool {
-    let reading =
-        |error: &RecordingError| matches!(error, RecordingError::BadColumns { .. } | RecordingError::MovingMass { .. });
+    let reading = |error: &RecordingError| {
+        matches!(error, RecordingError::BadColumns { .. } | RecordingError::MovingMass { .. })
+    };
     error.chain().any(|cause| {
         cause.is::<BadArgument>()
             || cause.downcast_ref::<RecordingError>().is_some_and(reading)

@@ -18,8 +18,14 @@ const EXAMPLES: [Example; 15] = [
     (
         "bench",
         &[
-            ("The paper's steady cycles with a made-up seal", "trocar bench steady --out steady.csv"),
-            ("A rig of your own: change the file, then record with it", "trocar bench --print-config"),
+            (
+                "The paper's steady cycles with a made-up seal",
+                "trocar bench steady --out steady.csv",
+            ),
+            (
+                "A rig of your own: change the file, then record with it",
+                "trocar bench --print-config",
+            ),
             ("", "trocar bench surgeon --rig rig.toml --seal model.json --out surgeon.csv"),
         ],
     ),
@@ -41,13 +47,19 @@ const EXAMPLES: [Example; 15] = [
         "fleet",
         &[
             ("Every recording of a folder", "trocar fleet recordings --out fleet.parquet"),
-            ("Recordings that are rows of one file", "trocar fleet all.parquet --group-by trial --out fleet.csv"),
+            (
+                "Recordings that are rows of one file",
+                "trocar fleet all.parquet --group-by trial --out fleet.csv",
+            ),
         ],
     ),
     (
         "validate",
         &[
-            ("The error of a model on recordings it has not seen", "trocar validate result surgeon.csv"),
+            (
+                "The error of a model on recordings it has not seen",
+                "trocar validate result surgeon.csv",
+            ),
             ("As JSON", "trocar validate result surgeon.csv --json"),
         ],
     ),
@@ -55,7 +67,10 @@ const EXAMPLES: [Example; 15] = [
         "compare",
         &[
             ("The best model of each family", "trocar compare steady.csv --validate surgeon.csv"),
-            ("Some models, with a report", "trocar compare steady.csv --models ems,lugre,gms:4-10 --out compared"),
+            (
+                "Some models, with a report",
+                "trocar compare steady.csv --models ems,lugre,gms:4-10 --out compared",
+            ),
         ],
     ),
     (
@@ -84,19 +99,28 @@ const EXAMPLES: [Example; 15] = [
         ],
     ),
     ("analyze", &[("The paper's propositions for a model", "trocar analyze result")]),
-    ("export c", &[("One C99 file for a microcontroller", "trocar export c result --out trocar_seal.c")]),
+    (
+        "export c",
+        &[("One C99 file for a microcontroller", "trocar export c result --out trocar_seal.c")],
+    ),
     (
         "export fmu",
         &[
             ("For most simulation programs", "trocar export fmu result --out seal.fmu"),
-            ("FMI 3.0, driven by the velocity", "trocar export fmu result --fmi 3 --input velocity --out seal.fmu"),
+            (
+                "FMI 3.0, driven by the velocity",
+                "trocar export fmu result --fmi 3 --input velocity --out seal.fmu",
+            ),
         ],
     ),
     ("demo", &[("Record, identify, validate and report", "trocar demo --out trocar-demo")]),
     (
         "completions",
         &[
-            ("bash: for this user", "trocar completions bash > ~/.local/share/bash-completion/completions/trocar"),
+            (
+                "bash: for this user",
+                "trocar completions bash > ~/.local/share/bash-completion/completions/trocar",
+            ),
             ("zsh: into a folder of $fpath", "trocar completions zsh > ~/.zfunc/_trocar"),
             ("fish", "trocar completions fish > ~/.config/fish/completions/trocar.fish"),
         ],
@@ -156,7 +180,8 @@ mod tests {
     #[test]
     fn every_command_has_examples() {
         fn check(command: &Command) {
-            let mut inner = command.get_subcommands().filter(|own| own.get_name() != "help").peekable();
+            let mut inner =
+                command.get_subcommands().filter(|own| own.get_name() != "help").peekable();
             if inner.peek().is_none() {
                 let help = command.clone().render_help().to_string();
                 assert!(help.contains("Examples:"), "{}", command.get_name());

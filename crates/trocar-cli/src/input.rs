@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use trocar::model_file::ModelFile;
-use trocar::recording::{Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read};
+use trocar::recording::{
+    Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read,
+};
 use trocar::summary::choice_for;
 use trocar::workflow::MovingMass;
 
@@ -17,11 +19,13 @@ const PEAK_TO_COLUMNS: u64 = 5;
 #[derive(clap::Args)]
 #[command(next_help_heading = "Reading recordings")]
 pub(crate) struct Choosing {
-    /// Columns with their units: by name, with a minus to reverse the sign, as in position_mm=x,force_n=-fz (names with
-    /// commas in double quotes); or in order, '-' to skip one, as in time_s,position_mm,-,force_n
+    /// Columns with their units: by name, with a minus to reverse the sign, as in
+    /// position_mm=x,force_n=-fz (names with commas in double quotes); or in order, '-' to skip
+    /// one, as in time_s,position_mm,-,force_n
     #[arg(long, value_name = "NAMES")]
     columns: Option<String>,
-    /// Topic of a robot log, or group of a MATLAB or HDF5 file; may be repeated (see `trocar inspect`)
+    /// Topic of a robot log, or group of a MATLAB or HDF5 file; may be repeated (see `trocar
+    /// inspect`)
     #[arg(long, value_name = "NAME")]
     pub(crate) topic: Vec<String>,
     /// Leave out rows before this time, in s from the first row
@@ -60,7 +64,10 @@ impl Choosing {
         let own = self.choice();
         let period = Choice { from: own.from, to: own.to, ..Choice::default() };
         let Some(choice) = choice_for(model).filter(|_| own == period) else { return own };
-        console.remark(&format!("note: read like the recordings of the model, with {}", options_of(&choice)));
+        console.remark(&format!(
+            "note: read like the recordings of the model, with {}",
+            options_of(&choice)
+        ));
         Choice { from: own.from, to: own.to, ..choice }
     }
 }
@@ -87,7 +94,8 @@ pub(crate) struct Reading {
     /// Largest force the sensor can read, in N; readings there count as saturated
     #[arg(long, value_name = "N", value_parser = positive)]
     sensor_limit_n: Option<f64>,
-    /// Most samples of a recording to identify from; of a longer recording, excerpts spread over the whole are used
+    /// Most samples of a recording to identify from; of a longer recording, excerpts spread over
+    /// the whole are used
     #[arg(long, default_value_t = 2_000_000, value_name = "N")]
     most_samples: usize,
     /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
@@ -98,12 +106,17 @@ pub(crate) struct Reading {
 impl Reading {
     /// Reads all files, prints warnings about them, and rejects files that do not fit into memory
     /// together.
-    pub(crate) fn recordings(&self, console: &Console, paths: &[PathBuf]) -> anyhow::Result<Vec<Recording>> {
+    pub(crate) fn recordings(
+        &self,
+        console: &Console,
+        paths: &[PathBuf],
+    ) -> anyhow::Result<Vec<Recording>> {
         one_standard_input(paths)?;
         let mut left = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
         let mut recordings = Vec::with_capacity(paths.len());
         for path in paths {
-            let recording = read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
+            let recording =
+                read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
             say_quality(console, path, &recording);
             recordings.push(recording);
@@ -151,7 +164,10 @@ impl Reading {
     /// which its columns may fill.
     pub(crate) fn for_each_of(&self, count: usize) -> ReadOptions {
         let memory = self.memory_limit_mb.map(|mb| mb * 1_000_000).or_else(available_memory);
-        ReadOptions { memory_limit: memory.map(|bytes| bytes / count.max(1) as u64), ..self.options(None) }
+        ReadOptions {
+            memory_limit: memory.map(|bytes| bytes / count.max(1) as u64),
+            ..self.options(None)
+        }
     }
 
     fn options(&self, memory: Option<u64>) -> ReadOptions {
@@ -170,8 +186,9 @@ pub(crate) struct Rod {
     /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings
     #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: f64,
-    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81 for a withdrawal
-    /// downwards, -9.81 for an insertion downwards); 0 leaves the weight in the offset
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81
+    /// for a withdrawal downwards, -9.81 for an insertion downwards); 0 leaves the weight in the
+    /// offset
     #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
     gravity_m_s2: f64,
 }
@@ -234,10 +251,14 @@ pub(crate) fn finite(text: &str) -> Result<f64, String> {
 
 /// A positive finite number.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|number| if number > 0.0 { Ok(number) } else { Err("expected a number above 0".to_owned()) })
+    finite(text).and_then(|number| {
+        if number > 0.0 { Ok(number) } else { Err("expected a number above 0".to_owned()) }
+    })
 }
 
 /// A finite number ≥ 0.
 pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
-    finite(text).and_then(|number| if number >= 0.0 { Ok(number) } else { Err("expected 0 or more".to_owned()) })
+    finite(text).and_then(|number| {
+        if number >= 0.0 { Ok(number) } else { Err("expected 0 or more".to_owned()) }
+    })
 }

@@ -20,10 +20,12 @@ use clap::{FromArgMatches, Parser, Subcommand};
 
 use console::Console;
 
-/// Identifies, validates and simulates the force between a surgical instrument and the seal of its trocar.
+/// Identifies, validates and simulates the force between a surgical instrument and the seal of its
+/// trocar.
 ///
-/// The model is the Extended Maxwell-Slip (EMS) element: a seal that first deforms with the instrument, then lets it
-/// slide. Position and force are positive on insertion. Not a medical device.
+/// The model is the Extended Maxwell-Slip (EMS) element: a seal that first deforms with the
+/// instrument, then lets it slide. Position and force are positive on insertion. Not a medical
+/// device.
 #[derive(Parser)]
 #[command(name = "trocar", version, after_help = AFTER_HELP, max_term_width = 200)]
 struct Cli {
@@ -75,7 +77,8 @@ impl Completion {
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&examples::command().get_matches()).unwrap_or_else(|error| error.exit());
+    let cli = Cli::from_arg_matches(&examples::command().get_matches())
+        .unwrap_or_else(|error| error.exit());
     let console = Console::new(cli.quiet);
     let interruptible = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);

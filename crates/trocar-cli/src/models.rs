@@ -23,30 +23,46 @@ pub(crate) fn read_model(path: &Path, recordings: &[PathBuf]) -> anyhow::Result<
         Ok(model) => return Ok(model),
         Err(error) => error,
     };
-    if let Some(model) = recordings.iter().find(|other| is_small(other) && ModelFile::read(other).is_ok()) {
+    if let Some(model) =
+        recordings.iter().find(|other| is_small(other) && ModelFile::read(other).is_ok())
+    {
         let (path, model) = (path.display(), model.display());
-        let text = format!("{path} is no model, but {model} is\n\nhint: give the model first: {model} {path}");
+        let text = format!(
+            "{path} is no model, but {model} is\n\nhint: give the model first: {model} {path}"
+        );
         return Err(BadArgument(text).into());
     }
-    if path.is_dir() { Err(BadArgument(folder_without_model(path)).into()) } else { Err(error.into()) }
+    if path.is_dir() {
+        Err(BadArgument(folder_without_model(path)).into())
+    } else {
+        Err(error.into())
+    }
 }
 
 /// Whether it may be a model: a recording is not read just to see that it is none.
 fn is_small(path: &Path) -> bool {
-    std::fs::metadata(path).is_ok_and(|data| data.is_dir() || (data.is_file() && data.len() < 1_000_000))
+    std::fs::metadata(path)
+        .is_ok_and(|data| data.is_dir() || (data.is_file() && data.len() < 1_000_000))
 }
 
 fn folder_without_model(folder: &Path) -> String {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut models: Vec<String> = entries
         .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|ending| ending == "json") && ModelFile::read(path).is_ok())
+        .filter(|path| {
+            path.extension().is_some_and(|ending| ending == "json") && ModelFile::read(path).is_ok()
+        })
         .map(|path| path.display().to_string())
         .collect();
     models.sort_unstable();
     let folder = folder.display();
     match models.len() {
-        0 => format!("{folder}: a folder without model.json, expected a model file or the folder of a result"),
-        _ => format!("{folder}: a folder without model.json\n\nhint: give one of its models: {}", models.join(", ")),
+        0 => format!(
+            "{folder}: a folder without model.json, expected a model file or the folder of a result"
+        ),
+        _ => format!(
+            "{folder}: a folder without model.json\n\nhint: give one of its models: {}",
+            models.join(", ")
+        ),
     }
 }

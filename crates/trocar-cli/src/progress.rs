@@ -25,7 +25,9 @@ impl Progress {
     /// A bar for a known amount of work.
     pub(crate) fn new(console: &Console) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden());
-        let style = ProgressStyle::with_template("{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}{left}");
+        let style = ProgressStyle::with_template(
+            "{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}{left}",
+        );
         bar.set_style(style.expect("the template is well formed").with_key("left", left));
         let visible = !console.quiet && std::io::stderr().is_terminal();
         Self { waiting: visible.then(|| appear_later(bar.clone())), bar }
@@ -35,7 +37,10 @@ impl Progress {
     pub(crate) fn report_rows(&self, stage: &str, part: f64, rows: u64) {
         let seconds = self.bar.elapsed().as_secs_f64();
         let rate = if seconds > 0.0 { rows as f64 / seconds } else { 0.0 };
-        self.report(&format!("{stage} {:.1} M rows, {:.2} M/s", 1e-6 * rows as f64, 1e-6 * rate), part);
+        self.report(
+            &format!("{stage} {:.1} M rows, {:.2} M/s", 1e-6 * rows as f64, 1e-6 * rate),
+            part,
+        );
     }
 
     /// Sets the stage and the completed fraction, 0 to 1.

@@ -23,10 +23,11 @@ impl Table {
         self.rows.push(cells.into_iter().collect());
     }
 
-    /// The table as text. On a terminal, columns that do not fit beside the others follow below, with
-    /// the first column again.
+    /// The table as text. On a terminal, columns that do not fit beside the others follow below,
+    /// with the first column again.
     pub(crate) fn to_text(&self) -> String {
-        let width = terminal_size_of(std::io::stdout()).map(|(Width(width), _)| usize::from(width).clamp(80, 200));
+        let width = terminal_size_of(std::io::stdout())
+            .map(|(Width(width), _)| usize::from(width).clamp(80, 200));
         self.in_width(width.unwrap_or(usize::MAX))
     }
 

@@ -1,4 +1,5 @@
-//! What needs a process: exit codes, messages, pipes, interruption, and that nothing half-written stays behind.
+//! What needs a process: exit codes, messages, pipes, interruption, and that nothing half-written
+//! stays behind.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -21,8 +22,12 @@ impl Place {
 
     /// A small rig: few speeds and short strokes, so that a test takes no time.
     fn rig(&self) -> &'static str {
-        let speeds = "slowest_m_s = 0.02\nfastest_m_s = 0.08\nincrement_m_s = 0.02\nstroke_m = 0.06\n";
-        self.put("rig.toml", &format!("[protocol.steady]\n{speeds}\n[protocol.validation]\n{speeds}"));
+        let speeds =
+            "slowest_m_s = 0.02\nfastest_m_s = 0.08\nincrement_m_s = 0.02\nstroke_m = 0.06\n";
+        self.put(
+            "rig.toml",
+            &format!("[protocol.steady]\n{speeds}\n[protocol.validation]\n{speeds}"),
+        );
         "--rig rig.toml"
     }
 
@@ -57,13 +62,15 @@ impl Ran {
     }
 }
 
-/// A saw tooth of 50 mm strokes with a plausible force, changed row by row: (row, time, position, force).
+/// A saw tooth of 50 mm strokes with a plausible force, changed row by row: (row, time, position,
+/// force).
 fn saw(change: impl Fn(usize, [f64; 3]) -> String) -> String {
     let mut text = String::from("time_s,position_m,force_n\n");
     for k in 0..4000 {
         let t = 1e-3 * k as f64;
         let phase = t % 2.0;
-        let (position, sign) = if phase < 1.0 { (0.05 * phase, 1.0) } else { (0.05 * (2.0 - phase), -1.0) };
+        let (position, sign) =
+            if phase < 1.0 { (0.05 * phase, 1.0) } else { (0.05 * (2.0 - phase), -1.0) };
         let since_reversal = 0.05 * (phase % 1.0);
         let noise = 0.01 * ((k * 7919 % 101) as f64 / 50.0 - 1.0);
         let force = 2.0 * sign * (since_reversal / 0.003 - 1.0).min(1.0) + noise;
@@ -83,22 +90,42 @@ fn unreadable_recordings_are_refused_with_file_line_and_way_out() {
     };
     let cases = [
         ("empty", String::new(), vec!["empty.csv", "empty", "header"]),
-        ("header", "time_s,position_m,force_n\n".into(), vec!["header.csv line 1", "without any row"]),
+        (
+            "header",
+            "time_s,position_m,force_n\n".into(),
+            vec!["header.csv line 1", "without any row"],
+        ),
         (
             "columns",
             at(1, "").replace("time_s,position_m", "a,b"),
             vec!["columns.csv line 1", "a, b", "hint:", "--columns"],
         ),
-        ("text", at(700, "0.698,oops,1.0"), vec!["text.csv line 700", "'oops'", "position_m", "number"]),
+        (
+            "text",
+            at(700, "0.698,oops,1.0"),
+            vec!["text.csv line 700", "'oops'", "position_m", "number"],
+        ),
         ("back", at(900, "0.1,0.04,1.0"), vec!["back.csv line 900", "goes back", "0.1 s", "hint:"]),
-        ("still", saw(|_, [_, x, f]| row([3.0, x, f])), vec!["still.csv line 2", "time stays at 3 s", "hint:"]),
-        ("one", "time_s,position_m,force_n\n0,0,0\n".into(), vec!["one.csv", "1 usable", "at least 8"]),
+        (
+            "still",
+            saw(|_, [_, x, f]| row([3.0, x, f])),
+            vec!["still.csv line 2", "time stays at 3 s", "hint:"],
+        ),
+        (
+            "one",
+            "time_s,position_m,force_n\n0,0,0\n".into(),
+            vec!["one.csv", "1 usable", "at least 8"],
+        ),
         (
             "metres",
             saw(|_, [t, x, f]| row([t, 200.0 * x, f])),
             vec!["metres.csv", "10 m", "at most 2 m", "position_mm"],
         ),
-        ("cut", at(4001, "3.999,0.0"), vec!["cut.csv line 4001", "2 fields", "expected 3", "cut off"]),
+        (
+            "cut",
+            at(4001, "3.999,0.0"),
+            vec!["cut.csv line 4001", "2 fields", "expected 3", "cut off"],
+        ),
     ];
     let place = Place::new();
     for (name, text, essentials) in cases {
@@ -128,7 +155,9 @@ fn lost_data_are_reported_and_end_with_3() {
     let place = Place::new();
     for (name, text, essentials) in cases {
         place.put(&format!("{name}.csv"), &text);
-        let ran = place.run(&format!("--quiet identify {name}.csv --bootstrap 0 --out result")).ends_with(3);
+        let ran = place
+            .run(&format!("--quiet identify {name}.csv --bootstrap 0 --out result"))
+            .ends_with(3);
         ran.says(&essentials);
         assert!(place.path("result/summary.json").exists(), "{name}");
     }
@@ -179,13 +208,19 @@ fn models_that_cannot_be_read_are_explained() {
             vec!["newer.json", "newer trocar", "hint: update"],
         ),
         ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),
-        ("key", model.replace("half_width_m", "half_width_mm"), vec!["key.json: line", "half_width_mm"]),
+        (
+            "key",
+            model.replace("half_width_m", "half_width_mm"),
+            vec!["key.json: line", "half_width_mm"],
+        ),
     ];
     place.put("motion.csv", &saw(|_, values| row(values)));
     for (name, text, essentials) in cases {
         place.put(&format!("{name}.json"), &text);
         place.run(&format!("analyze {name}.json")).fails_saying(&essentials);
-        place.run(&format!("simulate {name}.json motion.csv --out force.csv")).fails_saying(&essentials);
+        place
+            .run(&format!("simulate {name}.json motion.csv --out force.csv"))
+            .fails_saying(&essentials);
         place.run(&format!("validate {name}.json motion.csv")).fails_saying(&essentials);
     }
     assert!(!place.path("force.csv").exists());
@@ -227,7 +262,11 @@ fn places_that_cannot_be_written_are_refused_before_the_work() {
         let ran = place.run(&format!("identify saw.csv --out {out}"));
         ran.fails_saying(&[out, "cannot create", "hint:", "--out"]);
     }
-    place.run("bench step --out missing/step.csv").fails_saying(&["missing/step.csv", "cannot create", "hint:"]);
+    place.run("bench step --out missing/step.csv").fails_saying(&[
+        "missing/step.csv",
+        "cannot create",
+        "hint:",
+    ]);
     assert_eq!(place.names(), ["file", "saw.csv"]);
 }
 
@@ -277,8 +316,13 @@ fn a_failed_replay_leaves_the_earlier_result_untouched() {
     let place = Place::new();
     let model = place.model();
     place.put("force.csv", "earlier\n");
-    place.put("broken.csv", &saw(|k, values| if k == 3000 { "3.0,x,1".into() } else { row(values) }));
-    place.run(&format!("simulate {model} broken.csv --out force.csv")).fails_saying(&["broken.csv line 3002", "'x'"]);
+    place.put(
+        "broken.csv",
+        &saw(|k, values| if k == 3000 { "3.0,x,1".into() } else { row(values) }),
+    );
+    place
+        .run(&format!("simulate {model} broken.csv --out force.csv"))
+        .fails_saying(&["broken.csv line 3002", "'x'"]);
     assert_eq!(place.text("force.csv"), "earlier\n");
     assert!(place.names().iter().all(|name| !name.starts_with('.')));
 }
@@ -303,13 +347,17 @@ fn the_start_is_taken_from_the_first_reading_or_as_given() {
     let model = place.model();
     place.put("saw.csv", &saw(|_, values| row(values)));
     let first = |place: &Place| place.text("force.csv").lines().nth(1).unwrap().to_owned();
-    let run = |more: &str| place.run(&format!("simulate {model} saw.csv --out force.csv {more}")).done();
+    let run =
+        |more: &str| place.run(&format!("simulate {model} saw.csv --out force.csv {more}")).done();
     run("").says(&["first reading", "deflection -"]);
     assert!(first(&place).split(',').nth(3).unwrap().starts_with("-0.00"), "{}", first(&place));
     run("--initial-deflection-mm 2");
     assert!(first(&place).ends_with(",0.002,deforming"), "{}", first(&place));
-    let motion: String =
-        place.text("saw.csv").lines().map(|line| line.rsplit_once(',').unwrap().0.to_owned() + "\n").collect();
+    let motion: String = place
+        .text("saw.csv")
+        .lines()
+        .map(|line| line.rsplit_once(',').unwrap().0.to_owned() + "\n")
+        .collect();
     place.put("saw.csv", &motion);
     run("").says(&["has no force"]);
     assert!(first(&place).ends_with(",0.0,deforming"), "{}", first(&place));
@@ -317,8 +365,10 @@ fn the_start_is_taken_from_the_first_reading_or_as_given() {
 
 /// A push of 3 mm read in steps of 4 um, then a hold that flickers by one step.
 fn flickering_hold() -> String {
-    let reading = |k: i32| if k <= 300 { f64::from(k) * 2.5 } else { 750.0 + f64::from(k * 7919 % 3 - 1) };
-    let rows = (0..1000).map(|k| format!("{:.3},{:.6}\n", 1e-3 * f64::from(k), 4e-6 * reading(k).round()));
+    let reading =
+        |k: i32| if k <= 300 { f64::from(k) * 2.5 } else { 750.0 + f64::from(k * 7919 % 3 - 1) };
+    let rows =
+        (0..1000).map(|k| format!("{:.3},{:.6}\n", 1e-3 * f64::from(k), 4e-6 * reading(k).round()));
     "time_s,position_m\n".to_owned() + &rows.collect::<String>()
 }
 
@@ -330,12 +380,17 @@ fn a_backlash_filter_silences_a_resting_encoder() {
     let forces = |more: &str| {
         let ran = place.run(&format!("simulate {model} hold.csv --out force.csv {more}")).done();
         let text = place.text("force.csv");
-        let forces: Vec<String> = text.lines().skip(1).map(|l| l.split(',').nth(2).unwrap().to_owned()).collect();
+        let forces: Vec<String> =
+            text.lines().skip(1).map(|l| l.split(',').nth(2).unwrap().to_owned()).collect();
         (ran, forces)
     };
     let rests = |forces: &[String]| forces[400..].iter().all(|force| *force == forces[400]);
-    let (plain, none, given, auto) =
-        (forces(""), forces("--backlash-m 0"), forces("--backlash-m 6e-6"), forces("--backlash-m auto"));
+    let (plain, none, given, auto) = (
+        forces(""),
+        forces("--backlash-m 0"),
+        forces("--backlash-m 6e-6"),
+        forces("--backlash-m auto"),
+    );
     assert_eq!(plain.1, none.1);
     assert!(!rests(&plain.1) && rests(&given.1));
     assert_eq!(given.1, auto.1);
@@ -356,7 +411,9 @@ fn an_automatic_backlash_needs_a_resolution() {
     refused.says(&["--backlash-m auto", "resolution", "stream", "hint:", "6e-6"]);
     let smooth = (0..100).map(|k| format!("{k},{:.17}\n", 0.01 * (0.1 * f64::from(k)).sin()));
     place.put("smooth.csv", &("time_s,position_m\n".to_owned() + &smooth.collect::<String>()));
-    let refused = place.run(&format!("simulate {model} smooth.csv --backlash-m auto --out force.csv")).ends_with(2);
+    let refused = place
+        .run(&format!("simulate {model} smooth.csv --backlash-m auto --out force.csv"))
+        .ends_with(2);
     refused.says(&["smooth.csv", "no step", "hint:"]);
     for width in ["-0.001", "nan", "wide"] {
         place
@@ -364,7 +421,9 @@ fn an_automatic_backlash_needs_a_resolution() {
             .ends_with(2)
             .says(&["auto"]);
     }
-    place.run(&format!("simulate {model} gone.csv --backlash-m auto --out force.csv")).fails_saying(&["gone.csv"]);
+    place
+        .run(&format!("simulate {model} gone.csv --backlash-m auto --out force.csv"))
+        .fails_saying(&["gone.csv"]);
     assert!(!place.path("force.csv").exists());
 }
 
@@ -394,19 +453,29 @@ fn equal_seeds_give_equal_bytes() {
     let place = Place::new();
     let rig = place.rig();
     for (name, seed) in [("a", 5), ("b", 5), ("c", 6)] {
-        place.run(&format!("bench steady {rig} --seed {seed} --out {name}.csv --truth-out {name}-truth.csv")).done();
+        place
+            .run(&format!(
+                "bench steady {rig} --seed {seed} --out {name}.csv --truth-out {name}-truth.csv"
+            ))
+            .done();
     }
     assert_eq!(place.text("a.csv"), place.text("b.csv"));
     assert_eq!(place.text("a-truth.csv"), place.text("b-truth.csv"));
     assert_ne!(place.text("a.csv"), place.text("c.csv"));
     for out in ["one", "two"] {
-        place.run(&format!("identify a.csv --validate c.csv --bootstrap 30 --seed 3 --out {out}")).done();
+        place
+            .run(&format!("identify a.csv --validate c.csv --bootstrap 30 --seed 3 --out {out}"))
+            .done();
     }
     for file in files(&place.path("one")) {
         let read = |folder: &str| fs::read(place.path(folder).join(&file)).unwrap();
         assert_eq!(read("one"), read("two"), "{}", file.display());
         let text = String::from_utf8_lossy(&read("one")).into_owned();
-        assert!(!text.contains(place.0.path().to_str().unwrap()), "a path of this machine in {}", file.display());
+        assert!(
+            !text.contains(place.0.path().to_str().unwrap()),
+            "a path of this machine in {}",
+            file.display()
+        );
     }
 }
 
@@ -437,14 +506,21 @@ fn a_validation_that_contradicts_ends_with_3() {
     let ran = place
         .run("identify dry.csv --validate wet.csv --bootstrap 0 --moving-mass-kg 0.04 --json --out found")
         .ends_with(3);
-    let essentials =
-        ["wet.csv: validation error", "times the identification error", "record such motion to identify from"];
+    let essentials = [
+        "wet.csv: validation error",
+        "times the identification error",
+        "record such motion to identify from",
+    ];
     ran.says(&essentials);
     let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     assert_eq!(summary["doubtful"], true);
     let warnings = summary["warnings"].as_array().unwrap();
-    let warning = warnings.iter().find(|warning| warning["subject"] == "wet.csv").expect("a warning");
-    assert!(warning["doubtful"] == true && warning["message"].as_str().unwrap().contains(essentials[1]), "{warning}");
+    let warning =
+        warnings.iter().find(|warning| warning["subject"] == "wet.csv").expect("a warning");
+    assert!(
+        warning["doubtful"] == true && warning["message"].as_str().unwrap().contains(essentials[1]),
+        "{warning}"
+    );
     assert!(place.text("found/report.html").contains(essentials[1]));
     let model: serde_json::Value = serde_json::from_str(&place.text("found/model.json")).unwrap();
     let error = &model["force_error"];
@@ -460,7 +536,10 @@ fn figures_show_what_is_asked_for() {
     let chosen = "--figure-7-deflection-mm -5 --figure-7-deflection-mm 5 --figure-9-speed-mm-s 40";
     place.run(&format!("{identify} {chosen} --out found")).done();
     let report = place.text("found/report.html");
-    assert!(report.contains("Force at two deflections") && report.contains("The cycles chosen are at 40 mm/s."));
+    assert!(
+        report.contains("Force at two deflections")
+            && report.contains("The cycles chosen are at 40 mm/s.")
+    );
     let refused = place.run(&format!("{identify} --figure-9-speed-mm-s 300 --out none"));
     refused.fails_saying(&[
         "figure 9: no recorded stroke has a speed within 10 % of 300 mm/s; recorded are 20, 40, 60, 80 mm/s",
@@ -483,9 +562,13 @@ fn validation_names_the_recordings_as_given() {
     // The bench's noise is 0.025 N rms and its seal fluctuates by one percent.
     let rms = found["rms_n"].as_f64().unwrap();
     assert!((0.02..0.08).contains(&rms), "{rms}");
-    let without_offset = place.run(&format!("validate {model} held/v.csv --json --offset-n 0")).done();
+    let without_offset =
+        place.run(&format!("validate {model} held/v.csv --json --offset-n 0")).done();
     let found: serde_json::Value = serde_json::from_str(&without_offset.stdout).unwrap();
-    assert!((found["recordings"][0]["bias_n"].as_f64().unwrap() + 0.342).abs() < 0.05, "tare and weight: {found:#}");
+    assert!(
+        (found["recordings"][0]["bias_n"].as_f64().unwrap() + 0.342).abs() < 0.05,
+        "tare and weight: {found:#}"
+    );
     let table = place.run(&format!("validate {model} held/v.csv")).done().stdout;
     assert!(table.contains("held/v.csv") && table.contains("fit %"), "{table}");
 }
@@ -495,7 +578,9 @@ fn an_analysis_is_data_and_ends_with_0() {
     let place = Place::new();
     let model = place.model();
     let ran = place.run(&format!("analyze {model}")).done();
-    for essential in ["Proposition III.1", "Proposition III.2", "Proposition III.3", "mm/s", "Passivity", "Step"] {
+    for essential in
+        ["Proposition III.1", "Proposition III.2", "Proposition III.3", "mm/s", "Passivity", "Step"]
+    {
         assert!(ran.stdout.contains(essential), "{essential}");
     }
     let json: serde_json::Value =
@@ -506,7 +591,11 @@ fn an_analysis_is_data_and_ends_with_0() {
     for key in ["work_j", "amplitude_m", "slowest_m_s", "fastest_m_s", "turning_points", "seed"] {
         assert!(random["worst_cycle"][key].is_number(), "{key}");
     }
-    assert!(ran.stdout.contains("least work") && ran.stdout.contains("turning points"), "{}", ran.stdout);
+    assert!(
+        ran.stdout.contains("least work") && ran.stdout.contains("turning points"),
+        "{}",
+        ran.stdout
+    );
 }
 
 #[test]
@@ -515,15 +604,24 @@ fn the_demo_runs_the_whole_chain() {
     let ran = place.run("demo").done();
     assert!(ran.stdout.lines().count() <= 14, "{}", ran.stdout);
     assert!(ran.stdout.contains("truth") && ran.stdout.contains("Coulomb force"), "{}", ran.stdout);
-    for name in ["model.json", "summary.json", "truth.json", "recordings/steady.csv", "recordings/surgeon.csv"] {
+    for name in [
+        "model.json",
+        "summary.json",
+        "truth.json",
+        "recordings/steady.csv",
+        "recordings/surgeon.csv",
+    ] {
         assert!(place.path("trocar-demo").join(name).exists(), "{name}");
     }
     assert_eq!(place.names(), ["trocar-demo"]);
-    let summary: serde_json::Value = serde_json::from_str(&place.text("trocar-demo/summary.json")).unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&place.text("trocar-demo/summary.json")).unwrap();
     let rms = summary["validation"]["rms_n"].as_f64().unwrap();
     assert!(rms < 0.06, "{rms}");
     place.run("validate trocar-demo/model.json trocar-demo/recordings/validation.csv").done();
-    place.run("simulate trocar-demo/truth.json trocar-demo/recordings/step.csv --out force.csv").done();
+    place
+        .run("simulate trocar-demo/truth.json trocar-demo/recordings/step.csv --out force.csv")
+        .done();
 }
 
 #[test]
@@ -538,7 +636,11 @@ fn helpers_print_what_they_are_asked_for() {
     let same = place.run("bench --print-config --rig rig.toml").done().stdout;
     assert!(same.contains("stroke_limit_m = 0.16"), "{same}");
     place.put("rig.toml", "[motor]\npeak_force_n = -1.0\n");
-    place.run("bench step --rig rig.toml --out x.csv").fails_saying(&["rig.toml: line 2", "peak_force_n", "-1"]);
+    place.run("bench step --rig rig.toml --out x.csv").fails_saying(&[
+        "rig.toml: line 2",
+        "peak_force_n",
+        "-1",
+    ]);
 }
 
 /// The columns of `name` under other names and in millimetres, with the sign of the force reversed.
@@ -557,10 +659,10 @@ fn recordings_for_a_model_are_read_like_its_own() {
     place.recording("plain.csv");
     place.put("logger.csv", &as_a_logger_writes(&place, "plain.csv"));
     let options = "--columns time_s=t,position_mm=pos,force_n=Fz --flip-force";
-    let identify = format!("identify logger.csv {options} --bootstrap 0 --moving-mass-kg 0.04 --out found");
+    let identify =
+        format!("identify logger.csv {options} --bootstrap 0 --moving-mass-kg 0.04 --out found");
     place.run(&identify).done();
-    let said =
-        "read like the recordings of the model, with --columns 'time_s=t,position_mm=pos,force_n=Fz' --flip-force";
+    let said = "read like the recordings of the model, with --columns 'time_s=t,position_mm=pos,force_n=Fz' --flip-force";
 
     let given = place.run(&format!("validate found/model.json logger.csv {options}")).done();
     let remembered = place.run("validate found logger.csv").done();
@@ -590,9 +692,15 @@ fn a_folder_and_exchanged_arguments_are_recognised() {
     let model = place.model();
     place.recording("rec.csv");
     let ran = place.run(&format!("validate rec.csv {model}")).ends_with(2);
-    ran.says(&["rec.csv is no model, but model.json is", "give the model first: model.json rec.csv"]);
+    ran.says(&[
+        "rec.csv is no model, but model.json is",
+        "give the model first: model.json rec.csv",
+    ]);
     fs::create_dir(place.path("models")).unwrap();
-    place.run("compensate models rec.csv --out out.csv").ends_with(2).says(&["models: a folder without model.json"]);
+    place
+        .run("compensate models rec.csv --out out.csv")
+        .ends_with(2)
+        .says(&["models: a folder without model.json"]);
     fs::rename(place.path("model.json"), place.path("models/lugre.json")).unwrap();
     let ran = place.run("simulate models rec.csv --out out.csv").ends_with(2);
     ran.says(&["give one of its models: models/lugre.json"]);

@@ -1,4 +1,5 @@
-//! `trocar compare` as a process: exit codes, JSON, order, equal bytes, and that nothing half-written stays behind.
+//! `trocar compare` as a process: exit codes, JSON, order, equal bytes, and that nothing
+//! half-written stays behind.
 
 use std::fs;
 
@@ -74,7 +75,10 @@ fn numbers(json: &Value, key: &str) -> Vec<f64> {
 #[test]
 fn json_holds_every_model_with_all_keys_least_error_first() {
     let place = recorded();
-    let json = place.compare(&format!("--validate validation.csv --models {QUICK} --json")).ends_with(0).json();
+    let json = place
+        .compare(&format!("--validate validation.csv --models {QUICK} --json"))
+        .ends_with(0)
+        .json();
     assert_eq!(models(&json).len(), 5);
     for model in models(&json) {
         for key in KEYS {
@@ -83,7 +87,12 @@ fn json_holds_every_model_with_all_keys_least_error_first() {
         assert!(model["ns_per_sample"].is_null() && model["fit_s"].is_null(), "{model}");
         assert!(model["warnings"].as_array().unwrap().iter().all(Value::is_string));
         let offset = &model["estimates"]["offset_n"];
-        assert!(offset["value"].is_number() && offset["unit"] == "N" && offset["determined"].is_boolean(), "{offset}");
+        assert!(
+            offset["value"].is_number()
+                && offset["unit"] == "N"
+                && offset["determined"].is_boolean(),
+            "{offset}"
+        );
         assert_eq!(offset["ci95"].as_array().unwrap().len(), 2);
     }
     let errors = numbers(&json, "validate_rms_n");
@@ -92,11 +101,23 @@ fn json_holds_every_model_with_all_keys_least_error_first() {
     assert_eq!(json["held_out"], false);
     assert_eq!(json["reversal_claim"].as_array().unwrap().len(), 1, "one family of banks");
     assert!(json["reversal_claim"][0]["sentence"].as_str().unwrap().contains("Maxwell-Slip"));
-    assert!(json["verdict"].as_str().unwrap().contains("least error: EMS ("), "{}", json["verdict"]);
+    assert!(
+        json["verdict"].as_str().unwrap().contains("least error: EMS ("),
+        "{}",
+        json["verdict"]
+    );
     assert_eq!(models(&json)[0]["behind_best"]["standard_errors"], 0.0);
-    assert!(models(&json)[1..].iter().all(|model| model["behind_best"]["standard_errors"].as_f64().unwrap() > 2.0));
-    let used: Vec<&str> =
-        json["recordings"].as_array().unwrap().iter().map(|r| r["used_for"].as_str().unwrap()).collect();
+    assert!(
+        models(&json)[1..]
+            .iter()
+            .all(|model| model["behind_best"]["standard_errors"].as_f64().unwrap() > 2.0)
+    );
+    let used: Vec<&str> = json["recordings"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|r| r["used_for"].as_str().unwrap())
+        .collect();
     assert_eq!(used, ["training", "validation"]);
     assert_eq!(json["recordings"][0]["sha256"].as_str().unwrap().len(), 64);
 }
@@ -108,12 +129,18 @@ fn equal_input_gives_equal_bytes_and_times_are_all_that_differs() {
     let first = place.compare(&format!("{arguments} --out first")).ends_with(0);
     let second = place.compare(&format!("{arguments} --out second")).ends_with(0);
     assert_eq!(first.stdout, second.stdout);
-    for file in ["compare.json", "report.html", "figures/one-reversal.svg", "figures/error-by-parameters.png"] {
+    for file in [
+        "compare.json",
+        "report.html",
+        "figures/one-reversal.svg",
+        "figures/error-by-parameters.png",
+    ] {
         let [a, b] = ["first", "second"].map(|out| fs::read(place.path(out).join(file)).unwrap());
         assert!(a == b, "{file} differs");
     }
     assert_eq!(first.stdout, fs::read_to_string(place.path("first/compare.json")).unwrap());
-    let timed = place.run(&format!("compare steady.csv --moving-mass-kg 0.04 {arguments}")).ends_with(0);
+    let timed =
+        place.run(&format!("compare steady.csv --moving-mass-kg 0.04 {arguments}")).ends_with(0);
     let mut json = timed.json();
     for model in json["models"].as_array_mut().unwrap() {
         for key in ["ns_per_sample", "fit_s"] {
@@ -155,15 +182,27 @@ fn the_best_of_each_family_comes_first_and_all_models_on_demand() {
     let table = ran.stdout.strip_prefix(&brief.stdout).expect("the answer first");
     let mut lines = table.lines().skip(1);
     let head = lines.next().unwrap();
-    for column in
-        ["model", "elements", "parameters", "validate N", "fit %", "AIC", "BIC", "worst reversal N", "warnings"]
-    {
+    for column in [
+        "model",
+        "elements",
+        "parameters",
+        "validate N",
+        "fit %",
+        "AIC",
+        "BIC",
+        "worst reversal N",
+        "warnings",
+    ] {
         assert!(head.contains(column), "{head}");
     }
     let rows: Vec<&str> = lines.take_while(|line| !line.is_empty()).collect();
     assert_eq!(rows.len(), 4, "gms:2 is named twice and counts once: {rows:#?}");
     assert!(rows.iter().all(|row| row.contains("  -  ")), "no times: {rows:#?}");
-    assert!(ran.stdout.contains("GMS matches") || ran.stdout.contains("GMS does not match"), "{}", ran.stdout);
+    assert!(
+        ran.stdout.contains("GMS matches") || ran.stdout.contains("GMS does not match"),
+        "{}",
+        ran.stdout
+    );
 }
 
 #[test]
@@ -190,14 +229,24 @@ fn models_that_do_not_exist_are_refused_with_those_that_do() {
 fn what_fails_leaves_nothing_behind() {
     let place = recorded();
     let before = place.names();
-    place.compare("--validate nowhere.csv --out out").ends_with(1).says(&["nowhere.csv", "No such file"]);
+    place
+        .compare("--validate nowhere.csv --out out")
+        .ends_with(1)
+        .says(&["nowhere.csv", "No such file"]);
     fs::copy(place.path("steady.csv"), place.path("again.csv")).unwrap();
     let same = ["steady.csv", "again.csv", "same bytes", "either fitted or scored on"];
     place.compare("--validate again.csv --out out").ends_with(2).says(&same);
     fs::remove_file(place.path("again.csv")).unwrap();
-    place.compare("--models ems --out rig.toml/out").ends_with(1).says(&["cannot create", "hint:", "--out"]);
+    place.compare("--models ems --out rig.toml/out").ends_with(1).says(&[
+        "cannot create",
+        "hint:",
+        "--out",
+    ]);
     // Flipped, the force pushes: there is no sliding to identify.
-    place.compare("--flip-force --out out").ends_with(1).says(&["opposes the motion", "--flip-force"]);
+    place
+        .compare("--flip-force --out out")
+        .ends_with(1)
+        .says(&["opposes the motion", "--flip-force"]);
     assert_eq!(place.names(), before);
 }
 
@@ -208,13 +257,20 @@ fn lost_data_and_seals_that_never_slide_end_with_3() {
     let mut lines: Vec<&str> = text.lines().collect();
     lines[700] = "nan,nan,nan,nan";
     fs::write(place.path("lost.csv"), lines.join("\n")).unwrap();
-    place.compare("--validate lost.csv --models coulomb").ends_with(3).says(&["lost.csv", "left out"]);
+    place
+        .compare("--validate lost.csv --models coulomb")
+        .ends_with(3)
+        .says(&["lost.csv", "left out"]);
 
     // A tenth of a millimetre to and fro moves the seal, never the rod in it.
     let mut still = String::from("time_s,position_m,force_n\n");
     for k in 0..2000 {
         let t = 1e-3 * f64::from(k);
-        still.push_str(&format!("{t:.3},{:.7},{:.4}\n", 1e-4 * (3.0 * t).sin(), 0.05 * (3.0 * t).sin()));
+        still.push_str(&format!(
+            "{t:.3},{:.7},{:.4}\n",
+            1e-4 * (3.0 * t).sin(),
+            0.05 * (3.0 * t).sin()
+        ));
     }
     fs::write(place.path("still.csv"), still).unwrap();
     let ran = place.compare("--validate still.csv --models coulomb --json").ends_with(3);
@@ -230,17 +286,22 @@ fn run(model: &ModelFile, recording: &Recording) -> Replay {
 fn rms(model: &ModelFile, recording: &Recording, judge: &ModelFile) -> f64 {
     let (run, scored) = (run(model, recording), run(judge, recording).known);
     let offset = model.sensor.unwrap().offset_n;
-    let squares: Vec<f64> =
-        scored.into_iter().flatten().map(|i| (recording.force[i] - offset - run.force[i]).powi(2)).collect();
+    let squares: Vec<f64> = scored
+        .into_iter()
+        .flatten()
+        .map(|i| (recording.force[i] - offset - run.force[i]).powi(2))
+        .collect();
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// `compare` scores all models on the samples known to the EMS element, `validate` each on those known to itself.
+/// `compare` scores all models on the samples known to the EMS element, `validate` each on those
+/// known to itself.
 #[test]
 fn models_are_left_as_files_that_validate_to_the_same_errors() {
     let place = recorded();
     let models_of = "ems,ems-output-error,coulomb,stribeck,dahl,lugre,lugre-rational,leuven:2,maxwell-slip:2,gms:2";
-    let json = place.compare(&format!("--validate validation.csv --models {models_of} --json --out out"));
+    let json =
+        place.compare(&format!("--validate validation.csv --models {models_of} --json --out out"));
     let json = json.ends_with(0).json();
     let recording = place.scored("validation.csv");
     let ems = place.fitted("out/models/ems.json");
@@ -280,14 +341,21 @@ fn models_say_where_they_come_from() {
         let file = place.fitted(&format!("out/models/{}.json", model["name"].as_str().unwrap()));
         assert_eq!((file.origin.seed, file.origin.recordings.len()), (Some(7), 1));
         assert_eq!(file.origin.recordings[0].name, "steady.csv");
-        assert_eq!(file.origin.recordings[0].sha256, json["recordings"][0]["sha256"].as_str().unwrap());
+        assert_eq!(
+            file.origin.recordings[0].sha256,
+            json["recordings"][0]["sha256"].as_str().unwrap()
+        );
         let sensor = file.sensor.unwrap();
         assert_eq!(sensor.moving_mass_kg, 0.04);
         // What the sensor reads at rest includes the weight that was subtracted.
         let weight = sensor.offset_n - model["offset_n"].as_f64().unwrap();
         assert!((weight + 0.04 * 9.81).abs() < SAME_ERROR, "{weight} N");
         for (name, interval) in &file.intervals {
-            assert_eq!(interval.value, model["estimates"][name]["value"].as_f64().unwrap(), "{name}");
+            assert_eq!(
+                interval.value,
+                model["estimates"][name]["value"].as_f64().unwrap(),
+                "{name}"
+            );
         }
         assert_eq!(file.intervals.len(), model["estimates"].as_object().unwrap().len());
     }
@@ -298,21 +366,36 @@ fn classical_models_simulate_their_force_and_are_no_ems_elements() {
     let place = recorded();
     place.compare("--validate validation.csv --models lugre --out out").ends_with(0);
     let model = "out/models/lugre.json";
-    place.run(&format!("simulate {model} validation.csv --out force.csv")).ends_with(0).says(&["start: at rest"]);
+    place
+        .run(&format!("simulate {model} validation.csv --out force.csv"))
+        .ends_with(0)
+        .says(&["start: at rest"]);
     let text = fs::read_to_string(place.path("force.csv")).unwrap();
     assert_eq!(text.lines().next(), Some("time_s,position_m,force_n"));
     let raw = read(&place.path("validation.csv"), &ReadOptions::default()).unwrap();
-    let forces: Vec<f64> = text.lines().skip(1).map(|line| line.rsplit_once(',').unwrap().1.parse().unwrap()).collect();
+    let forces: Vec<f64> = text
+        .lines()
+        .skip(1)
+        .map(|line| line.rsplit_once(',').unwrap().1.parse().unwrap())
+        .collect();
     assert_eq!(forces, run(&place.fitted(model), &raw).force);
 
     let table = place.run(&format!("validate {model} validation.csv")).ends_with(0).stdout;
-    assert!(table.contains("moving N") && table.contains("hold N") && !table.contains("sliding N"), "{table}");
+    assert!(
+        table.contains("moving N") && table.contains("hold N") && !table.contains("sliding N"),
+        "{table}"
+    );
     let before = place.names();
     let essentials = [model, "holds a lugre model", "expected EMS elements"];
-    place.run(&format!("analyze {model}")).ends_with(1).says(&essentials).says(&["hint: trocar simulate"]);
+    place
+        .run(&format!("analyze {model}"))
+        .ends_with(1)
+        .says(&essentials)
+        .says(&["hint: trocar simulate"]);
     place.run(&format!("bench step --seal {model} --out step.csv")).ends_with(1).says(&essentials);
-    let ran =
-        place.run(&format!("simulate {model} validation.csv --out other.csv --initial-deflection-mm 1")).ends_with(2);
+    let ran = place
+        .run(&format!("simulate {model} validation.csv --out other.csv --initial-deflection-mm 1"))
+        .ends_with(2);
     ran.says(&["--initial-deflection-mm", "is for EMS elements", model, "lugre"]);
     assert_eq!(place.names(), before);
 }
@@ -324,9 +407,15 @@ fn models_that_were_compared_compensate() {
     place.compare("--validate validation.csv --models maxwell-slip:2 --out out").ends_with(0);
     let model = place.fitted("out/models/maxwell-slip-2.json");
     let error = model.force_error.expect("an error");
-    let json: Value = serde_json::from_str(&fs::read_to_string(place.path("out/compare.json")).unwrap()).unwrap();
+    let json: Value =
+        serde_json::from_str(&fs::read_to_string(place.path("out/compare.json")).unwrap()).unwrap();
     let overall = models(&json)[0]["validate_rms_n"].as_f64().unwrap();
     let phases = [error.deforming_n, error.sliding_n].map(Option::unwrap);
-    assert!(phases[0] >= phases[1] && phases.iter().all(|rms| *rms > 0.3 * overall), "{phases:?} {overall}");
-    place.run("compensate out/models/maxwell-slip-2.json validation.csv --out tissue.csv").ends_with(0);
+    assert!(
+        phases[0] >= phases[1] && phases.iter().all(|rms| *rms > 0.3 * overall),
+        "{phases:?} {overall}"
+    );
+    place
+        .run("compensate out/models/maxwell-slip-2.json validation.csv --out tissue.csv")
+        .ends_with(0);
 }

@@ -13,18 +13,23 @@ fn place() -> Place {
     let rig = "[protocol.surgeon]\nduration_s = 20.0\n[tissue]\nkind = \"kelvin_voigt\"\nsurface_m = 0.06\n";
     fs::write(place.path("rig.toml"), rig).unwrap();
     place.run("bench surgeon --rig rig.toml --out hand.csv").ends_with(0);
-    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems.json"), place.path("model.json"))
-        .unwrap();
+    fs::copy(
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../conformance/models/ems.json"),
+        place.path("model.json"),
+    )
+    .unwrap();
     place
 }
 
 const OPTIONS: &str = "--force-error-n 0.05 --offset-n -0.34 --moving-mass-kg 0.04";
 
-/// One row per row, the reading split into trocar, tissue and inertia, and the truth of the bench within the noise.
+/// One row per row, the reading split into trocar, tissue and inertia, and the truth of the bench
+/// within the noise.
 #[test]
 fn a_recording_becomes_a_table() {
     let place = place();
-    let ran = place.run(&format!("compensate model.json hand.csv --out out.csv {OPTIONS}")).ends_with(0);
+    let ran =
+        place.run(&format!("compensate model.json hand.csv --out out.csv {OPTIONS}")).ends_with(0);
     assert_eq!(ran.stdout, "", "data went into the file");
     let text = fs::read_to_string(place.path("out.csv")).unwrap();
     let mut lines = text.lines();
@@ -32,7 +37,8 @@ fn a_recording_becomes_a_table() {
         lines.next(),
         Some("time_s,position_m,force_n,trocar_force_n,tissue_force_n,tissue_force_std_n,adapting")
     );
-    let rows: Vec<Vec<f64>> = lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
     assert_eq!(rows.len(), fs::read_to_string(place.path("hand.csv")).unwrap().lines().count() - 1);
     assert!(rows.iter().all(|row| row.len() == 7 && (row[6] == 0.0 || row[6] == 1.0)));
     let largest = rows.iter().map(|row| row[4]).fold(0.0, f64::max);
@@ -54,7 +60,8 @@ fn each_row_is_answered_at_once() {
     for k in 1..200 {
         // A reading that never changes would be a fault of its own.
         let force = 0.1 + 1e-3 * f64::from(k % 2);
-        writeln!(rows, "{:.3},{:.6},{force:.3}", 1e-3 * f64::from(k), 0.05 + 1e-5 * f64::from(k)).unwrap();
+        writeln!(rows, "{:.3},{:.6},{force:.3}", 1e-3 * f64::from(k), 0.05 + 1e-5 * f64::from(k))
+            .unwrap();
         let answer = answers.next().unwrap().unwrap();
         assert_eq!(answer.split(',').count(), 7, "{answer}");
     }
@@ -63,7 +70,8 @@ fn each_row_is_answered_at_once() {
     assert!(child.wait().unwrap().success());
 }
 
-/// Rows without a reading, and readings at the limit, tell no tissue force: said, marked, and exit code 3.
+/// Rows without a reading, and readings at the limit, tell no tissue force: said, marked, and exit
+/// code 3.
 #[test]
 fn faults_are_told() {
     let place = place();
@@ -78,9 +86,14 @@ fn faults_are_told() {
         .collect();
     fs::write(place.path("broken.csv"), broken).unwrap();
     let ran = place
-        .run(&format!("compensate model.json broken.csv --out out.csv --sensor-limit-n 3.0 {OPTIONS}"))
+        .run(&format!(
+            "compensate model.json broken.csv --out out.csv --sensor-limit-n 3.0 {OPTIONS}"
+        ))
         .ends_with(3);
-    ran.says(&["broken.csv: 50 rows, from line 102 on: no force reading: no tissue force", "at the sensor's limit"]);
+    ran.says(&[
+        "broken.csv: 50 rows, from line 102 on: no force reading: no tissue force",
+        "at the sensor's limit",
+    ]);
     let out = fs::read_to_string(place.path("out.csv")).unwrap();
     assert!(out.lines().nth(120).unwrap().contains(",nan,"), "{}", out.lines().nth(120).unwrap());
 }
@@ -91,11 +104,16 @@ fn what_cannot_be_run_leaves_nothing() {
     let before = names_in(place.0.path());
     let ran = place.run("compensate model.json hand.csv --out out.csv").ends_with(1);
     ran.says(&["force_error", "--force-error-n"]);
-    fs::write(place.path("back.csv"), "time_s,position_m,force_n\n0,0,0\n0.002,0,0\n0.001,0,0\n").unwrap();
-    let ran = place.run(&format!("compensate model.json back.csv --out out.csv {OPTIONS}")).ends_with(1);
+    fs::write(place.path("back.csv"), "time_s,position_m,force_n\n0,0,0\n0.002,0,0\n0.001,0,0\n")
+        .unwrap();
+    let ran =
+        place.run(&format!("compensate model.json back.csv --out out.csv {OPTIONS}")).ends_with(1);
     ran.says(&["back.csv line 4: time goes back from 0.002 s to 0.001 s"]);
     fs::write(place.path("two.csv"), "time_s,position_m\n0,0\n0.002,0\n").unwrap();
-    place.run(&format!("compensate model.json two.csv --out out.csv {OPTIONS}")).ends_with(1).says(&["force"]);
+    place
+        .run(&format!("compensate model.json two.csv --out out.csv {OPTIONS}"))
+        .ends_with(1)
+        .says(&["force"]);
     place.run("compensate model.json hand.csv --out out.csv --force-error-n -1").ends_with(2);
     fs::remove_file(place.path("back.csv")).unwrap();
     fs::remove_file(place.path("two.csv")).unwrap();

@@ -1,4 +1,5 @@
-//! `trocar export c` as a process: where the file goes, what is refused, that nothing half-written stays.
+//! `trocar export c` as a process: where the file goes, what is refused, that nothing half-written
+//! stays.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,11 +20,19 @@ fn export(folder: &Path, arguments: &[&str]) -> Ran {
 fn a_file_and_the_standard_output_hold_the_same() {
     let folder = tempfile::tempdir().unwrap();
     fs::copy(model(), folder.path().join("seal.json")).unwrap();
-    let printed = export(folder.path(), &["seal.json", "--out", "-", "--name", "seal"]).ends_with(0);
-    assert!(printed.stdout.starts_with("/*") && printed.stdout.contains("double seal_step("), "{printed:?}");
+    let printed =
+        export(folder.path(), &["seal.json", "--out", "-", "--name", "seal"]).ends_with(0);
+    assert!(
+        printed.stdout.starts_with("/*") && printed.stdout.contains("double seal_step("),
+        "{printed:?}"
+    );
     assert!(printed.stdout.contains("seal.json, SHA-256"));
-    let stored = export(folder.path(), &["seal.json", "--out", "seal.c", "--name", "seal"]).ends_with(0);
-    assert!(stored.stdout.is_empty() && stored.stderr.contains("lines of C -> seal.c"), "{stored:?}");
+    let stored =
+        export(folder.path(), &["seal.json", "--out", "seal.c", "--name", "seal"]).ends_with(0);
+    assert!(
+        stored.stdout.is_empty() && stored.stderr.contains("lines of C -> seal.c"),
+        "{stored:?}"
+    );
     assert_eq!(fs::read_to_string(folder.path().join("seal.c")).unwrap(), printed.stdout);
     let named = export(folder.path(), &["seal.json", "--out", "-"]).ends_with(0);
     assert!(named.stdout.contains("double trocar_step("));

@@ -1,4 +1,5 @@
-//! `trocar fleet` as a process: one table whatever the threads, kills and order of work; faults are rows.
+//! `trocar fleet` as a process: one table whatever the threads, kills and order of work; faults are
+//! rows.
 
 use std::collections::HashSet;
 use std::fs;
@@ -13,11 +14,15 @@ fn place() -> Place {
     let place = Place::new();
     let rig = "[protocol.validation]\nstroke_m = 0.04\nslowest_m_s = 0.04\nfastest_m_s = 0.1\nincrement_m_s = 0.02\n";
     fs::write(place.path("rig.toml"), rig).unwrap();
-    for (seed, folder) in (1..).zip(["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| (kind, n)))) {
+    for (seed, folder) in
+        (1..).zip(["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| (kind, n))))
+    {
         let folder = format!("set/trocar_type={}/insertion_count={}", folder.0, folder.1);
         fs::create_dir_all(place.path(&folder)).unwrap();
         place
-            .run(&format!("--quiet bench validation --rig rig.toml --seed {seed} --out {folder}/strokes.csv"))
+            .run(&format!(
+                "--quiet bench validation --rig rig.toml --seed {seed} --out {folder}/strokes.csv"
+            ))
             .ends_with(0);
     }
     fs::write(place.path("set/words.csv"), "these,are,words\n").unwrap();
@@ -31,7 +36,8 @@ fn texts<'a>(table: &'a Table, name: &str) -> Vec<&'a str> {
     cells.iter().map(|cell| cell.as_deref().unwrap_or("")).collect()
 }
 
-/// Folders called key=value become columns, and what fails is a row with its reason and exit code 3.
+/// Folders called key=value become columns, and what fails is a row with its reason and exit code
+/// 3.
 #[test]
 fn failures_are_rows() {
     let place = place();
@@ -47,15 +53,26 @@ fn failures_are_rows() {
     let status = texts(&table, "status");
     assert_eq!(status.iter().filter(|status| **status == "failed").count(), 2);
     let reasons = texts(&table, "reason");
-    assert!(status.iter().zip(&reasons).all(|(status, reason)| (*status == "failed") != reason.is_empty()));
-    let Some(Column::Integer(counts)) = table.column("insertion_count") else { panic!("insertions are whole numbers") };
+    assert!(
+        status
+            .iter()
+            .zip(&reasons)
+            .all(|(status, reason)| (*status == "failed") != reason.is_empty())
+    );
+    let Some(Column::Integer(counts)) = table.column("insertion_count") else {
+        panic!("insertions are whole numbers")
+    };
     assert_eq!(counts.iter().flatten().copied().collect::<Vec<i64>>(), [0, 20, 40, 0, 20, 40]);
     let Some(Column::Number(forces)) = table.column("coulomb_force_n") else { panic!("no force") };
     // The bench's seal has 3 N.
     assert!(forces.iter().filter(|f| f.is_finite()).all(|f| (f - 3.0).abs() < 0.3), "{forces:?}");
     let page = fs::read_to_string(place.path("t.html")).unwrap();
     assert!(page.contains("Drift with") && page.contains("short.csv"));
-    assert_eq!(names_in(place.0.path()), ["rig.toml", "set", "t.html", "t.parquet"], "no journal is left");
+    assert_eq!(
+        names_in(place.0.path()),
+        ["rig.toml", "set", "t.html", "t.parquet"],
+        "no journal is left"
+    );
 }
 
 /// Killed again and again, the table is that of one run, and no recording is identified twice.
@@ -70,8 +87,10 @@ fn kills_change_nothing() {
 #[test]
 fn kills_change_nothing_of_recordings_in_several_files() {
     let place = place();
-    let path = |kind: &str, n: usize| format!("set/trocar_type={kind}/insertion_count={n}/strokes.csv");
-    let paths: Vec<String> = ["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| path(kind, n))).collect();
+    let path =
+        |kind: &str, n: usize| format!("set/trocar_type={kind}/insertion_count={n}/strokes.csv");
+    let paths: Vec<String> =
+        ["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| path(kind, n))).collect();
     grouped(&place, &paths.iter().collect::<Vec<_>>());
     sharded(&place, &table::read(place.path("rows.parquet")).unwrap(), 5);
     killed_again_and_again(&place, "shards", 0);
@@ -86,7 +105,8 @@ fn kills_change_nothing_of_recordings_in_several_files() {
 /// Rows in files of one length, in the folder `shards`.
 #[cfg(unix)]
 fn sharded(place: &Place, rows: &Table, files: usize) {
-    let fields = rows.fields.iter().zip(&rows.columns).map(|(name, column)| Field::new(name, column.kind()));
+    let fields =
+        rows.fields.iter().zip(&rows.columns).map(|(name, column)| Field::new(name, column.kind()));
     let fields: Vec<Field> = fields.collect();
     fs::create_dir(place.path("shards")).unwrap();
     let size = rows.rows().div_ceil(files);
@@ -97,7 +117,9 @@ fn sharded(place: &Place, rows: &Table, files: usize) {
             Column::Text(cells) => Column::Text(cells[range.clone()].to_vec()),
             other => panic!("{other:?}"),
         };
-        let mut writer = TableWriter::create(place.path(&format!("shards/part-{file}.parquet")), &fields).unwrap();
+        let mut writer =
+            TableWriter::create(place.path(&format!("shards/part-{file}.parquet")), &fields)
+                .unwrap();
         writer.write(&rows.columns.iter().map(cut).collect::<Vec<_>>()).unwrap();
         writer.commit().unwrap();
     }
@@ -133,7 +155,11 @@ fn killed_again_and_again(place: &Place, set: &str, code: i32) {
         let Ok(journal) = fs::read_to_string(place.path("t.parquet.journal")) else { continue };
         let whole = journal.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         let names: Vec<&str> = whole.map(|line| line.split('"').nth(3).unwrap()).collect();
-        assert_eq!(names.iter().collect::<HashSet<_>>().len(), names.len(), "done twice: {names:?}");
+        assert_eq!(
+            names.iter().collect::<HashSet<_>>().len(),
+            names.len(),
+            "done twice: {names:?}"
+        );
         // A torn line, as a power cut leaves it.
         let mut torn = journal.clone();
         torn.push_str("{\"name\":\"torn");
@@ -168,26 +194,45 @@ fn a_changed_recording_is_done_again() {
     place.run("fleet set --out u.parquet --seed 2").ends_with(3).says(&["0 reused"]);
 }
 
-/// A manifest names files and carries its columns along; rows of one table are recordings by a column.
+/// A manifest names files and carries its columns along; rows of one table are recordings by a
+/// column.
 #[test]
 fn manifests_and_grouped_rows() {
     let place = place();
-    let [a, b] = ["a", "b"].map(|kind| format!("set/trocar_type={kind}/insertion_count=20/strokes.csv"));
-    fs::write(place.path("list.csv"), format!("path,lubricant,samples\n{a},none,3\n{b},\"gel, thin\",\n")).unwrap();
+    let [a, b] =
+        ["a", "b"].map(|kind| format!("set/trocar_type={kind}/insertion_count=20/strokes.csv"));
+    fs::write(
+        place.path("list.csv"),
+        format!("path,lubricant,samples\n{a},none,3\n{b},\"gel, thin\",\n"),
+    )
+    .unwrap();
     place.run("fleet list.csv --out m.parquet").ends_with(0);
     let manifest = table::read(place.path("m.parquet")).unwrap();
     assert_eq!(texts(&manifest, "lubricant"), ["none", "gel, thin"]);
-    assert!(manifest.column("dataset_samples").is_some(), "a name of the table's own is not overwritten");
+    assert!(
+        manifest.column("dataset_samples").is_some(),
+        "a name of the table's own is not overwritten"
+    );
     grouped(&place, &[&a, &b]);
     place.run("fleet rows.parquet --out g.parquet").ends_with(0);
     let grouped = table::read(place.path("g.parquet")).unwrap();
     assert_eq!(texts(&grouped, "path"), ["rows.parquet#r0", "rows.parquet#r1"]);
     assert_eq!(texts(&grouped, "lubricant"), ["oil 0", "oil 1"]);
-    let [Some(one), Some(other)] = [&manifest, &grouped].map(|table| table.column("coulomb_force_n")) else { panic!() };
+    let [Some(one), Some(other)] =
+        [&manifest, &grouped].map(|table| table.column("coulomb_force_n"))
+    else {
+        panic!()
+    };
     assert_eq!(one, other, "the same readings give the same numbers");
     fs::write(place.path("list.csv"), format!("path\n{a}\n{a}\n")).unwrap();
-    place.run("fleet list.csv --out m.parquet").ends_with(1).says(&["row 2", "stands in row 1 already"]);
-    place.run(&format!("fleet {a} --out m.parquet")).ends_with(1).says(&["no manifest", "trocar identify"]);
+    place
+        .run("fleet list.csv --out m.parquet")
+        .ends_with(1)
+        .says(&["row 2", "stands in row 1 already"]);
+    place
+        .run(&format!("fleet {a} --out m.parquet"))
+        .ends_with(1)
+        .says(&["no manifest", "trocar identify"]);
     fs::create_dir(place.path("empty")).unwrap();
     place.run("fleet empty --out m.parquet").ends_with(1).says(&["no recordings"]);
 }
@@ -196,12 +241,16 @@ fn manifests_and_grouped_rows() {
 fn grouped(place: &Place, paths: &[&String]) {
     let names = [("recording", Kind::Text), ("lubricant", Kind::Text), ("time_s", Kind::Number)];
     let numbers = ["position_m", "velocity_m_s", "force_n"].map(|name| (name, Kind::Number));
-    let fields: Vec<Field> = names.into_iter().chain(numbers).map(|(name, kind)| Field::new(name, kind)).collect();
+    let fields: Vec<Field> =
+        names.into_iter().chain(numbers).map(|(name, kind)| Field::new(name, kind)).collect();
     let mut writer = TableWriter::create(place.path("rows.parquet"), &fields).unwrap();
     for (k, path) in paths.iter().enumerate() {
         let text = fs::read_to_string(place.path(path)).unwrap();
-        let rows: Vec<Vec<f64>> =
-            text.lines().skip(1).map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect()).collect();
+        let rows: Vec<Vec<f64>> = text
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
+            .collect();
         let text = |text: String| Column::Text(vec![Some(text.into()); rows.len()]);
         let mut columns = vec![text(format!("r{k}")), text(format!("oil {k}"))];
         columns.extend((0..4).map(|at| Column::Number(rows.iter().map(|row| row[at]).collect())));

@@ -1,4 +1,5 @@
-//! `trocar export fmu`: what it refuses, that the same model gives the same bytes, and FMUs run by FMPy and by C.
+//! `trocar export fmu`: what it refuses, that the same model gives the same bytes, and FMUs run by
+//! FMPy and by C.
 
 use std::ffi::OsStr;
 use std::fs;
@@ -65,7 +66,15 @@ fn refusals() {
         ),
         (&[model, "--out", "a.fmu", "--library", "win64=none.dll"], 1, "cannot read none.dll"),
         (
-            &[model, "--out", "a.fmu", "--library", "win64=tiny.dll", "--library", "x86_64-windows=tiny.dll"],
+            &[
+                model,
+                "--out",
+                "a.fmu",
+                "--library",
+                "win64=tiny.dll",
+                "--library",
+                "x86_64-windows=tiny.dll",
+            ],
             2,
             "names x86_64-windows twice",
         ),
@@ -73,7 +82,11 @@ fn refusals() {
     ] {
         let ran = export(folder.path(), arguments);
         assert_eq!(ran.code, Some(code), "{arguments:?}: {}", ran.stderr);
-        assert!(ran.stderr.contains(words) && ran.stdout.is_empty(), "{words} expected in {}", ran.stderr);
+        assert!(
+            ran.stderr.contains(words) && ran.stdout.is_empty(),
+            "{words} expected in {}",
+            ran.stderr
+        );
     }
     assert_eq!(names_in(folder.path()), ["text.dll", "tiny.dll"]);
     export(folder.path(), &[model, "--out", "a.fmu", "--library", "win64=tiny.dll"]).ends_with(0);
@@ -82,7 +95,8 @@ fn refusals() {
     assert!(contains("binaries/win64/trocar.dll"));
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown. In CI it fails.
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
+/// shown. In CI it fails.
 fn skip(why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
@@ -106,7 +120,15 @@ fn python() -> Result<PathBuf, String> {
         return Ok(python);
     }
     run("python3", &["-m", "venv", "--clear", &place.to_string_lossy()])?;
-    let pip = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps", "--requirement"];
+    let pip = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        "--requirement",
+    ];
     run(&python, &[&pip[..], &[&requirements.to_string_lossy()]].concat())?;
     fs::write(made, wanted).map_err(|error| error.to_string())?;
     Ok(python)
@@ -127,11 +149,17 @@ fn fmpy_finds_what_simulate_finds() {
     let conformance = repository().join("conformance");
     let output = Command::new(python)
         .arg(tests.join("check.py"))
-        .args([Path::new(TROCAR), &conformance.join("models"), &conformance.join("motion.csv"), folder.path()])
+        .args([
+            Path::new(TROCAR),
+            &conformance.join("models"),
+            &conformance.join("motion.csv"),
+            folder.path(),
+        ])
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .output()
         .unwrap();
-    let (told, errors) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    let (told, errors) =
+        (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     println!("{told}");
     assert!(output.status.success(), "{told}\n{errors}");
     let models = names_in(&conformance.join("models")).len();

@@ -1,7 +1,7 @@
 //! The live model of a report in a browser, as a reader uses it, against the library.
 //!
-//! Needs Node, npm and Chromium; `playwright-core` is put into the folder of the build. Skipped with a message where one
-//! of them is missing; with `CI=true` that is a failure.
+//! Needs Node, npm and Chromium; `playwright-core` is put into the folder of the build. Skipped
+//! with a message where one of them is missing; with `CI=true` that is a failure.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,7 +17,8 @@ use trocar_model::{Seal, Trocar, TrocarState};
 use crate::common::Ran;
 
 const PLAYWRIGHT: &str = "playwright-core@1.64.1";
-const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
+const BROWSERS: [&str; 4] =
+    ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable"];
 /// Sums of squares may be rounded otherwise in the page: relative.
 const ROUNDING: f64 = 1e-12;
 /// Largest growth of a report by its live model, bytes.
@@ -59,7 +60,10 @@ impl Codes {
     fn values(&self) -> Vec<f64> {
         let step = (self.high - self.low) / 65534.0;
         let bytes = STANDARD.decode(&self.codes).unwrap();
-        bytes.chunks_exact(2).map(|b| self.low + f64::from(u16::from_le_bytes([b[0], b[1]])) * step).collect()
+        bytes
+            .chunks_exact(2)
+            .map(|b| self.low + f64::from(u16::from_le_bytes([b[0], b[1]])) * step)
+            .collect()
     }
 }
 
@@ -130,8 +134,9 @@ impl Motion {
         let text = fs::read_to_string(path).unwrap();
         let mut lines = text.lines();
         assert_eq!(lines.next(), Some("time_s,position_m,force_n"));
-        let rows: Vec<Vec<f64>> =
-            lines.map(|line| line.split(',').map(|value| value.parse().unwrap()).collect()).collect();
+        let rows: Vec<Vec<f64>> = lines
+            .map(|line| line.split(',').map(|value| value.parse().unwrap()).collect())
+            .collect();
         let column = |k: usize| rows.iter().map(|row| row[k]).collect();
         Self { time: column(0), position: column(1), force: column(2) }
     }
@@ -149,7 +154,11 @@ impl Motion {
         let host = self.host(trocar, state);
         let differs = host.iter().zip(&self.force).position(|(a, b)| a.to_bits() != b.to_bits());
         assert_eq!(host.len(), self.force.len(), "{what}");
-        assert_eq!(differs.map(|i| (i, host[i], self.force[i])), None, "{what}: row, library, page");
+        assert_eq!(
+            differs.map(|i| (i, host[i], self.force[i])),
+            None,
+            "{what}: row, library, page"
+        );
     }
 
     fn travel(&self) -> f64 {
@@ -157,7 +166,8 @@ impl Motion {
     }
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not shown. In CI it fails.
+/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
+/// shown. In CI it fails.
 fn skip(why: &str) {
     assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "{why}");
     let _ = writeln!(std::io::stderr(), "skipped: {why}");
@@ -181,10 +191,15 @@ fn tools() -> std::result::Result<[PathBuf; 2], String> {
     if !fs::read_to_string(&made).is_ok_and(|version| version == PLAYWRIGHT) {
         fs::write(folder.join("package.json"), "{}\n").map_err(|error| error.to_string())?;
         let mut install = Command::new("npm");
-        install.args(["install", "--no-save", "--no-audit", "--no-fund", "--silent", PLAYWRIGHT]).current_dir(&folder);
+        install
+            .args(["install", "--no-save", "--no-audit", "--no-fund", "--silent", PLAYWRIGHT])
+            .current_dir(&folder);
         let output = install.output().map_err(|error| error.to_string())?;
         if !output.status.success() {
-            return Err(format!("npm cannot install {PLAYWRIGHT}: {}", String::from_utf8_lossy(&output.stderr)));
+            return Err(format!(
+                "npm cannot install {PLAYWRIGHT}: {}",
+                String::from_utf8_lossy(&output.stderr)
+            ));
         }
         fs::write(made, PLAYWRIGHT).map_err(|error| error.to_string())?;
     }
@@ -200,7 +215,13 @@ fn demo(folder: &Path) -> Ran {
 fn page_of(html: &str) -> (Page, usize) {
     let live = &html[html.find("<div id=\"live\"").expect("a live model")..];
     let live = &live[..live.find("</div>").unwrap()];
-    let json = live.split_once("<script type=\"application/json\">").unwrap().1.split_once("</script>").unwrap().0;
+    let json = live
+        .split_once("<script type=\"application/json\">")
+        .unwrap()
+        .1
+        .split_once("</script>")
+        .unwrap()
+        .0;
     (serde_json::from_str(json).unwrap(), live.len())
 }
 
@@ -218,32 +239,46 @@ fn a_reader_turns_drags_and_draws_and_sees_the_forces_of_the_library() {
     assert!(size < LARGEST, "{size} bytes");
     let mut drive = Command::new("node");
     drive.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/live/drive.mjs"));
-    let ran = Ran::from(drive.arg(modules).arg(browser).arg(&report).arg(place.path()).output().unwrap()).ends_with(0);
+    let ran =
+        Ran::from(drive.arg(modules).arg(browser).arg(&report).arg(place.path()).output().unwrap())
+            .ends_with(0);
     let seen: Result = serde_json::from_str(&ran.stdout).unwrap();
-    assert!(seen.complaints.is_empty() && seen.asked.is_empty(), "{:?} {:?}", seen.complaints, seen.asked);
+    assert!(
+        seen.complaints.is_empty() && seen.asked.is_empty(),
+        "{:?} {:?}",
+        seen.complaints,
+        seen.asked
+    );
     check_desktop(&page, &seen.desktop, place.path());
     assert_simulate_agrees(&folder.join("model.json"), &place.path().join("dragged.csv"));
     check_telephone(&seen.telephone);
-    for (without, what) in [(&seen.no_script, "JavaScript"), (&seen.no_web_assembly, "WebAssembly")] {
+    for (without, what) in [(&seen.no_script, "JavaScript"), (&seen.no_web_assembly, "WebAssembly")]
+    {
         assert!(without.absent && without.figures > 5, "without {what}: {without:?}");
     }
 }
 
 fn check_desktop(page: &Page, seen: &Desktop, folder: &Path) {
     let bytes = STANDARD.decode(&page.row).unwrap();
-    let row: Vec<f64> = bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
+    let row: Vec<f64> =
+        bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().unwrap())).collect();
     let found = Trocar::from_numbers(&row).unwrap();
     let motion = |name: &str| Motion::read(&folder.join(name));
     let (position, force) = (page.excerpt.position.values(), page.excerpt.force.values());
 
     let recorded = motion("recorded.csv");
     assert_eq!(recorded.position, position);
-    assert!(recorded.time.iter().enumerate().all(|(i, time)| *time == i as f64 * page.excerpt.interval));
+    assert!(
+        recorded.time.iter().enumerate().all(|(i, time)| *time == i as f64 * page.excerpt.interval)
+    );
     recorded.assert_forces("recorded", &found, found.rest_at_force(position[0], force[0]));
     check_error(&seen.start, page, &recorded.force);
 
     // What was turned, both directions alike, and nothing else.
-    assert!(page.knobs[1].name.contains("insertion") && page.knobs[5].follows == Some(1), "Coulomb force");
+    assert!(
+        page.knobs[1].name.contains("insertion") && page.knobs[5].follows == Some(1),
+        "Coulomb force"
+    );
     let turned: f64 = seen.turned.knobs["1"].parse().unwrap();
     let [low, high] = page.knobs[1].range.unwrap();
     assert!(turned > page.knobs[1].value + 0.04 * (high - low), "{turned} N");
@@ -258,58 +293,94 @@ fn check_desktop(page: &Page, seen: &Desktop, folder: &Path) {
     assert_eq!((&seen.reset.value, &seen.reset.knobs), (&seen.start.value, &seen.start.knobs));
 
     let dragged = motion("dragged.csv");
-    assert!(dragged.time.len() > 200 && dragged.travel() > 0.02, "{} rows, {} m", dragged.time.len(), dragged.travel());
+    assert!(
+        dragged.time.len() > 200 && dragged.travel() > 0.02,
+        "{} rows, {} m",
+        dragged.time.len(),
+        dragged.travel()
+    );
     dragged.assert_forces("dragged", &found, found.rest(dragged.position[0]));
     assert_eq!(seen.dragged.number("force").to_bits(), dragged.force.last().unwrap().to_bits());
     let shown = format!("{:.2} N", dragged.force.last().unwrap()).replace('-', "\u{2212}");
     assert_eq!(seen.dragged.text["force"], shown);
     let again = motion("dragged-turned.csv");
-    assert_eq!((&again.time, &again.position), (&dragged.time, &dragged.position), "the same motion once more");
+    assert_eq!(
+        (&again.time, &again.position),
+        (&dragged.time, &dragged.position),
+        "the same motion once more"
+    );
     let most = seen.dragged_turned.knobs["1"].parse().unwrap();
     let tuned = found.with_seal(turned_seal(page, &found, most));
     again.assert_forces("dragged, turned", &tuned, tuned.rest(again.position[0]));
-    assert_eq!(seen.after_keys, (10.0 * (seen.before_keys - 5.0)).round() / 10.0, "five presses, a millimetre each");
+    assert_eq!(
+        seen.after_keys,
+        (10.0 * (seen.before_keys - 5.0)).round() / 10.0,
+        "five presses, a millimetre each"
+    );
 
     let drawn = motion("drawn.csv");
-    assert!(drawn.time.len() > 7_000 && drawn.travel() > 0.05, "{} rows, {} m", drawn.time.len(), drawn.travel());
+    assert!(
+        drawn.time.len() > 7_000 && drawn.travel() > 0.05,
+        "{} rows, {} m",
+        drawn.time.len(),
+        drawn.travel()
+    );
     drawn.assert_forces("drawn", &found, found.rest(drawn.position[0]));
     assert_eq!(seen.drawn.number("force").to_bits(), drawn.force.last().unwrap().to_bits());
-    assert!(page.knobs.iter().any(|knob| knob.interval.is_some_and(|[low, high]| low < high)), "an interval is marked");
+    assert!(
+        page.knobs.iter().any(|knob| knob.interval.is_some_and(|[low, high]| low < high)),
+        "an interval is marked"
+    );
 }
 
 /// The identified model with another Coulomb force on either side.
 fn turned_seal(page: &Page, found: &Trocar<&[f64]>, force: f64) -> Seal {
-    let turned = |(at, knob): (usize, &Knob)| if at == 1 || knob.follows == Some(1) { force } else { knob.value };
+    let turned = |(at, knob): (usize, &Knob)| {
+        if at == 1 || knob.follows == Some(1) { force } else { knob.value }
+    };
     let values: Vec<f64> = page.knobs.iter().enumerate().map(turned).collect();
     found.seal().tuned(&values).unwrap()
 }
 
-/// The error on the page is that of these forces against the excerpt, from where the start is forgotten.
+/// The error on the page is that of these forces against the excerpt, from where the start is
+/// forgotten.
 fn check_error(seen: &Seen, page: &Page, force: &[f64]) {
     assert_eq!(seen.number("force").to_bits(), force.last().unwrap().to_bits());
     let measured = page.excerpt.force.values();
-    let squares: Vec<f64> = (page.excerpt.known..force.len()).map(|i| (measured[i] - force[i]).powi(2)).collect();
+    let squares: Vec<f64> =
+        (page.excerpt.known..force.len()).map(|i| (measured[i] - force[i]).powi(2)).collect();
     let error = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-    assert!((seen.number("error") / error - 1.0).abs() < ROUNDING, "{} N, expected {error} N", seen.number("error"));
+    assert!(
+        (seen.number("error") / error - 1.0).abs() < ROUNDING,
+        "{} N, expected {error} N",
+        seen.number("error")
+    );
 }
 
 /// `trocar simulate` gives the forces of the page for the motion that was dragged there.
 fn assert_simulate_agrees(model: &Path, motion: &Path) {
     let page = Motion::read(motion);
-    let rows = page.time.iter().zip(&page.position).map(|(time, position)| format!("{time},{position}\n"));
+    let rows =
+        page.time.iter().zip(&page.position).map(|(time, position)| format!("{time},{position}\n"));
     let bare = motion.with_extension("bare.csv");
     fs::write(&bare, format!("time_s,position_m\n{}", rows.collect::<String>())).unwrap();
     let mut simulate = Command::new(env!("CARGO_BIN_EXE_trocar"));
     simulate.arg("simulate").args([model, &bare]).args(["--out", "-", "--quiet"]);
     let text = Ran::from(simulate.output().unwrap()).ends_with(0).stdout;
-    let forces: Vec<f64> = text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect();
+    let forces: Vec<f64> =
+        text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect();
     let differs = forces.iter().zip(&page.force).position(|(a, b)| a != b);
     assert_eq!(differs.map(|i| (i, forces[i], page.force[i])), None, "row, trocar simulate, page");
     assert_eq!(forces.len(), page.force.len());
 }
 
 fn check_telephone(seen: &Telephone) {
-    assert!(seen.after < seen.before - 2.0, "a finger moved it from {} to {} mm", seen.before, seen.after);
+    assert!(
+        seen.after < seen.before - 2.0,
+        "a finger moved it from {} to {} mm",
+        seen.before,
+        seen.after
+    );
     assert!(seen.overflow <= 0.0, "{} px wider than the screen", seen.overflow);
     assert!(!seen.player, "nothing plays where motion is to be reduced");
 }

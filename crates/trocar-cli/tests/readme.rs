@@ -10,7 +10,11 @@ const FIRST: &str = "$ trocar bench steady --out steady.csv";
 fn run(folder: &Path, line: &str) -> String {
     let words = line.split('#').next().expect("a command").split_whitespace();
     let arguments = words.skip_while(|word| *word != "trocar").skip(1);
-    let output = Command::new(env!("CARGO_BIN_EXE_trocar")).current_dir(folder).args(arguments).output().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_trocar"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap();
     assert!(output.status.success(), "{line}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).expect("text")
 }
@@ -18,7 +22,8 @@ fn run(folder: &Path, line: &str) -> String {
 /// Words of a line with its numbers apart.
 fn words(line: &str) -> (Vec<&str>, Vec<f64>) {
     let parts = line.split([' ', '[', ']', '(', ')', ',']).filter(|part| !part.is_empty());
-    let (numbers, words): (Vec<&str>, Vec<&str>) = parts.partition(|part| part.parse::<f64>().is_ok());
+    let (numbers, words): (Vec<&str>, Vec<&str>) =
+        parts.partition(|part| part.parse::<f64>().is_ok());
     (words, numbers.iter().map(|n| n.parse().expect("a number")).collect())
 }
 
@@ -37,8 +42,12 @@ fn the_example_of_the_bench_prints_what_readme_says() {
                 let (words, found) = words(other);
                 words == expected && found.len() == numbers.len()
             };
-            let own = printed.lines().find(is_same).unwrap_or_else(|| panic!("no line like {line:?} in\n{printed}"));
-            // Other processors round elsewhere: half a per cent of the number, or a few of the last digits of a small one.
+            let own = printed
+                .lines()
+                .find(is_same)
+                .unwrap_or_else(|| panic!("no line like {line:?} in\n{printed}"));
+            // Other processors round elsewhere: half a per cent of the number, or a few of the last
+            // digits of a small one.
             let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 5e-3 * a.abs() + 1e-4;
             assert!(numbers.iter().zip(&words(own).1).all(near), "README: {line}\nfound:  {own}");
             compared += 1;

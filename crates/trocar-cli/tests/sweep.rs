@@ -37,7 +37,10 @@ fn failed_runs_are_told_and_stop_nothing() {
     std::fs::write(folder.path().join("sweep.toml"), document).unwrap();
     let out = trocar(folder.path(), &["sweep", "sweep.toml", "--out", "table.csv"]);
     assert_eq!(out.status.code(), Some(3));
-    assert!(text(&out.stderr).contains("of 20 runs failed, the first: half_width_m must be finite and above 0 m"));
+    assert!(
+        text(&out.stderr)
+            .contains("of 20 runs failed, the first: half_width_m must be finite and above 0 m")
+    );
     let table = std::fs::read_to_string(folder.path().join("table.csv")).unwrap();
     assert_eq!(table.lines().count(), 21);
 }
@@ -45,7 +48,11 @@ fn failed_runs_are_told_and_stop_nothing() {
 #[test]
 fn faults_leave_no_table() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("sweep.toml"), "[motion]\nprotocol = \"step\"\n[seal]\nwidth = 3\n").unwrap();
+    std::fs::write(
+        folder.path().join("sweep.toml"),
+        "[motion]\nprotocol = \"step\"\n[seal]\nwidth = 3\n",
+    )
+    .unwrap();
     let fault = |arguments: &[&str]| {
         let out = trocar(folder.path(), arguments);
         (out.status.code(), text(&out.stderr))

@@ -1,4 +1,5 @@
-//! Time of one communication step through the exported functions: set the position, step, get the force.
+//! Time of one communication step through the exported functions: set the position, step, get the
+//! force.
 //!
 //! ```text
 //! cargo run --release -p trocar-fmu --example step_speed
@@ -24,13 +25,29 @@ fn main() -> Result<(), Box<dyn Error>> {
     trocar.write_numbers(&mut row)?;
     let folder = std::env::temp_dir().join(format!("trocar-fmu-{}", std::process::id()));
     fs::create_dir_all(&folder)?;
-    fs::write(folder.join("model.f64"), row.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>())?;
+    fs::write(
+        folder.join("model.f64"),
+        row.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>(),
+    )?;
     let path = CString::new(folder.to_string_lossy().as_bytes())?;
     let token = CString::new(token(&row, Input::Position))?;
     let (name, no) = (c"seal".as_ptr(), null_mut());
     // SAFETY: valid strings; neither environment nor callbacks.
     let seal = unsafe {
-        fmi3InstantiateCoSimulation(name, token.as_ptr(), path.as_ptr(), 0, 0, 0, 0, null(), 0, no, None, null())
+        fmi3InstantiateCoSimulation(
+            name,
+            token.as_ptr(),
+            path.as_ptr(),
+            0,
+            0,
+            0,
+            0,
+            null(),
+            0,
+            no,
+            None,
+            null(),
+        )
     };
     fs::remove_dir_all(&folder)?;
     let mut best = f64::INFINITY;
@@ -57,7 +74,16 @@ unsafe fn run(seal: *mut c_void) -> f64 {
             // To and fro by 20 mm at 100 mm/s.
             let position = 1e-4 * f64::from((k % 400).abs_diff(200));
             fmi3SetFloat64(seal, &input, 1, &position, 1);
-            fmi3DoStep(seal, time, 1e-3, 1, &mut flag, &mut flag.clone(), &mut flag.clone(), &mut time);
+            fmi3DoStep(
+                seal,
+                time,
+                1e-3,
+                1,
+                &mut flag,
+                &mut flag.clone(),
+                &mut flag.clone(),
+                &mut time,
+            );
             fmi3GetFloat64(seal, &force, 1, &mut value, 1);
             black_box(value);
         }

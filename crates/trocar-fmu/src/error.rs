@@ -198,9 +198,10 @@ impl fmt::Display for FmuError {
             Self::Unsupported { why } => write!(f, "not supported: {why}"),
             Self::Internal { what } => write!(f, "internal error, this instance is lost: {what}"),
             Self::Phase { phase } => write!(f, "not allowed now: the FMU is {phase}"),
-            Self::Location { .. } | Self::Resource { .. } | Self::Damaged { .. } | Self::Token { .. } => {
-                self.of_resources(f)
-            }
+            Self::Location { .. }
+            | Self::Resource { .. }
+            | Self::Damaged { .. }
+            | Self::Token { .. } => self.of_resources(f),
             Self::Stop { .. }
             | Self::StepSize { .. }
             | Self::Point { .. }
@@ -215,12 +216,16 @@ impl fmt::Display for FmuError {
 impl FmuError {
     fn of_resources(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Location { given } => write!(f, "resource location must be a file: URI, got \"{given}\""),
+            Self::Location { given } => {
+                write!(f, "resource location must be a file: URI, got \"{given}\"")
+            }
             Self::Resource { path, what } => write!(f, "cannot read the model {path}: {what}"),
             Self::Damaged { path, bytes, source: None } => {
                 write!(f, "the model {path} is damaged: {bytes} bytes are not one whole model")
             }
-            Self::Damaged { path, source: Some(source), .. } => write!(f, "the model {path} is damaged: {source}"),
+            Self::Damaged { path, source: Some(source), .. } => {
+                write!(f, "the model {path} is damaged: {source}")
+            }
             Self::Token { given } => write!(
                 f,
                 "GUID or token {given} is not that of the model in the resources: description and resources belong to \
@@ -232,14 +237,26 @@ impl FmuError {
 
     fn of_steps(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Stop { start, stop } => write!(f, "stop time must be above the start time {start} s, got {stop} s"),
-            Self::StepSize { given } => write!(f, "step size must be positive and finite, got {given} s"),
-            Self::Point { given, expected } => {
-                write!(f, "communication point must be {expected} s, where the last step ended, got {given} s")
+            Self::Stop { start, stop } => {
+                write!(f, "stop time must be above the start time {start} s, got {stop} s")
             }
-            Self::BeyondStop { to, stop } => write!(f, "step ends at {to} s, beyond the stop time {stop} s"),
+            Self::StepSize { given } => {
+                write!(f, "step size must be positive and finite, got {given} s")
+            }
+            Self::Point { given, expected } => {
+                write!(
+                    f,
+                    "communication point must be {expected} s, where the last step ended, got {given} s"
+                )
+            }
+            Self::BeyondStop { to, stop } => {
+                write!(f, "step ends at {to} s, beyond the stop time {stop} s")
+            }
             Self::TooFast { input, duration } => {
-                write!(f, "input {input} within {duration} s gives a way or speed that is not finite")
+                write!(
+                    f,
+                    "input {input} within {duration} s gives a way or speed that is not finite"
+                )
             }
             _ => Ok(()),
         }
@@ -247,8 +264,12 @@ impl FmuError {
 
     fn of_states(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::StateLength { found, expected } => write!(f, "a state takes {expected} bytes, got {found}"),
-            Self::StateForeign => f.write_str("a state of another model, another input or another version"),
+            Self::StateLength { found, expected } => {
+                write!(f, "a state takes {expected} bytes, got {found}")
+            }
+            Self::StateForeign => {
+                f.write_str("a state of another model, another input or another version")
+            }
             Self::StateDamaged => f.write_str("the serialised state is damaged"),
             _ => Ok(()),
         }
@@ -263,12 +284,16 @@ impl FmuError {
             Self::NotSettable { name, phase: Some(phase) } => {
                 write!(f, "{name} cannot be set while the FMU is {phase}")
             }
-            Self::NotFinite { name, value } => write!(f, "{name} must be finite, got {value}; the old value stays"),
+            Self::NotFinite { name, value } => {
+                write!(f, "{name} must be finite, got {value}; the old value stays")
+            }
             Self::TooSmall { name, value, least, above } => {
                 let bound = if *above { "above" } else { "at least" };
                 write!(f, "{name} must be {bound} {least}, got {value}; the old value stays")
             }
-            Self::Parameter(error) => write!(f, "{error}; the parameters are as they last went together"),
+            Self::Parameter(error) => {
+                write!(f, "{error}; the parameters are as they last went together")
+            }
             Self::TwoStarts { force, deflection } => write!(
                 f,
                 "initial_force_n = {force} N and initial_deflection_m = {deflection} m: at most one may differ from 0"

@@ -24,7 +24,8 @@ pub(crate) const ERRORS: &CStr = c"logStatusError";
 pub(crate) const WARNINGS: &CStr = c"logStatusWarning";
 
 /// Logger of FMI 2.0: environment, instance, status, category, format, arguments.
-pub type Logger2 = unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
+pub type Logger2 =
+    unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 /// Logger of FMI 3.0: environment, status, category, message.
 pub type Logger3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
@@ -41,10 +42,20 @@ impl Logger {
         match self {
             Self::Fmi2 { callback: Some(callback), environment, name } => {
                 // The message of FMI 2.0 is a printf format, in which # also has a special meaning.
-                let Ok(text) = CString::new(plain.replace('%', "%%").replace('#', "##")) else { return };
+                let Ok(text) = CString::new(plain.replace('%', "%%").replace('#', "##")) else {
+                    return;
+                };
                 // SAFETY: the importer's function, called as FMI 2.0 requires; all strings
                 // outlive the call.
-                unsafe { callback(*environment, name.as_ptr(), status as c_int, category.as_ptr(), text.as_ptr()) }
+                unsafe {
+                    callback(
+                        *environment,
+                        name.as_ptr(),
+                        status as c_int,
+                        category.as_ptr(),
+                        text.as_ptr(),
+                    )
+                }
             }
             Self::Fmi3 { callback: Some(callback), environment } => {
                 let Ok(text) = CString::new(plain) else { return };
@@ -105,7 +116,9 @@ pub(crate) unsafe fn call(
     body: impl FnOnce(&mut Component) -> Result<Status, FmuError>,
 ) -> c_int {
     // SAFETY: null or a live component that is ours alone, by the contract of this function.
-    let Some(component) = (unsafe { handle.cast::<Component>().as_mut() }) else { return Status::Error as c_int };
+    let Some(component) = (unsafe { handle.cast::<Component>().as_mut() }) else {
+        return Status::Error as c_int;
+    };
     let outcome = match component.lost {
         true => Err(FmuError::Internal { what: "an earlier call failed".to_owned() }),
         false => catch_unwind(AssertUnwindSafe(|| body(component)))
@@ -138,7 +151,10 @@ pub(crate) unsafe fn free(handle: *mut c_void) {
 ///
 /// # Safety
 /// `text` is null or a NUL-terminated string that is valid for `'a`.
-pub(crate) unsafe fn text<'a>(text: *const c_char, what: &'static str) -> Result<&'a str, FmuError> {
+pub(crate) unsafe fn text<'a>(
+    text: *const c_char,
+    what: &'static str,
+) -> Result<&'a str, FmuError> {
     if text.is_null() {
         return Err(FmuError::Null { what });
     }
@@ -150,7 +166,11 @@ pub(crate) unsafe fn text<'a>(text: *const c_char, what: &'static str) -> Result
 ///
 /// # Safety
 /// `values` is null or points to `count` values that are valid for `'a`.
-pub(crate) unsafe fn values<'a, T>(values: *const T, count: usize, what: &'static str) -> Result<&'a [T], FmuError> {
+pub(crate) unsafe fn values<'a, T>(
+    values: *const T,
+    count: usize,
+    what: &'static str,
+) -> Result<&'a [T], FmuError> {
     if count == 0 {
         return Ok(&[]);
     }
@@ -172,8 +192,16 @@ impl<T> Room<T> {
     ///
     /// # Safety
     /// `values` is null or points to space for `count` values as long as this exists.
-    pub(crate) unsafe fn new(values: *mut T, count: usize, what: &'static str) -> Result<Self, FmuError> {
-        if values.is_null() && count > 0 { Err(FmuError::Null { what }) } else { Ok(Self { values, count }) }
+    pub(crate) unsafe fn new(
+        values: *mut T,
+        count: usize,
+        what: &'static str,
+    ) -> Result<Self, FmuError> {
+        if values.is_null() && count > 0 {
+            Err(FmuError::Null { what })
+        } else {
+            Ok(Self { values, count })
+        }
     }
 
     pub(crate) fn put(&mut self, place: usize, value: T) {
@@ -193,7 +221,11 @@ pub(crate) fn paired(references: usize, values: usize) -> Result<(), FmuError> {
 ///
 /// # Safety
 /// As for [`values`].
-pub(crate) unsafe fn none_of(references: *const u32, count: usize, kind: &'static str) -> Result<Status, FmuError> {
+pub(crate) unsafe fn none_of(
+    references: *const u32,
+    count: usize,
+    kind: &'static str,
+) -> Result<Status, FmuError> {
     // SAFETY: by the contract of this function.
     match unsafe { values(references, count, "value references") }?.first() {
         None => Ok(Status::Ok),
@@ -206,7 +238,10 @@ pub(crate) unsafe fn none_of(references: *const u32, count: usize, kind: &'stati
 ///
 /// # Safety
 /// As for [`values`] and [`text`].
-pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Result<Status, FmuError> {
+pub(crate) unsafe fn categories(
+    names: *const *const c_char,
+    count: usize,
+) -> Result<Status, FmuError> {
     // SAFETY: by the contract of this function.
     for name in unsafe { values(names, count, "categories") }? {
         // SAFETY: by the contract of this function.
@@ -222,7 +257,10 @@ pub(crate) unsafe fn categories(names: *const *const c_char, count: usize) -> Re
 ///
 /// # Safety
 /// `slot` is null or points to null or to a state of this library that was not freed.
-pub(crate) unsafe fn get_state(component: &mut Component, slot: *mut *mut c_void) -> Result<Status, FmuError> {
+pub(crate) unsafe fn get_state(
+    component: &mut Component,
+    slot: *mut *mut c_void,
+) -> Result<Status, FmuError> {
     let state = component.instance.state()?;
     // SAFETY: by the contract of this function.
     unsafe { put_state(state, slot) }
@@ -230,7 +268,8 @@ pub(crate) unsafe fn get_state(component: &mut Component, slot: *mut *mut c_void
 
 unsafe fn put_state(state: Snapshot, slot: *mut *mut c_void) -> Result<Status, FmuError> {
     // SAFETY: null or a valid place, by the contract of the callers.
-    let slot = unsafe { slot.as_mut() }.ok_or(FmuError::Null { what: "the place for the state" })?;
+    let slot =
+        unsafe { slot.as_mut() }.ok_or(FmuError::Null { what: "the place for the state" })?;
     // SAFETY: null or a live state, by the contract of the callers.
     match unsafe { slot.cast::<Snapshot>().as_mut() } {
         Some(old) => *old = state,
@@ -284,7 +323,11 @@ pub(crate) unsafe fn state_size(
 ///
 /// # Safety
 /// `state` as for [`state_at`]; `bytes` is null or points to space for `size` bytes.
-pub(crate) unsafe fn serialise(state: *mut c_void, bytes: *mut u8, size: usize) -> Result<Status, FmuError> {
+pub(crate) unsafe fn serialise(
+    state: *mut c_void,
+    bytes: *mut u8,
+    size: usize,
+) -> Result<Status, FmuError> {
     // SAFETY: by the contract of this function.
     let serialised = unsafe { state_at(state) }?.to_bytes();
     if size < serialised.len() {

@@ -77,7 +77,8 @@ pub unsafe extern "C" fn fmi2Instantiate(
     // SAFETY: null or a C string, as FMI requires.
     let named = (!name.is_null()).then(|| unsafe { CStr::from_ptr(name) }.to_owned());
     let (callback, environment) = (callbacks.logger, callbacks.environment);
-    let logger = Logger::Fmi2 { callback, environment, name: named.unwrap_or_else(|| CString::from(c"")) };
+    let logger =
+        Logger::Fmi2 { callback, environment, name: named.unwrap_or_else(|| CString::from(c"")) };
     ffi::instantiate("fmi2Instantiate", logger, || {
         // SAFETY: null or C strings, as FMI requires.
         let (_, guid, resources) = unsafe {
@@ -113,7 +114,11 @@ pub unsafe extern "C" fn fmi2SetupExperiment(
 ) -> c_int {
     let stop = (has_stop != 0).then_some(stop);
     // SAFETY: handle as FMI requires.
-    unsafe { call(handle, "fmi2SetupExperiment", |c| c.instance.set_time(start, stop).map(|()| Status::Ok)) }
+    unsafe {
+        call(handle, "fmi2SetupExperiment", |c| {
+            c.instance.set_time(start, stop).map(|()| Status::Ok)
+        })
+    }
 }
 
 /// Enters initialization mode.
@@ -157,31 +162,50 @@ pub unsafe extern "C" fn fmi2Reset(handle: *mut c_void) -> c_int {
 
 /// Reads real variables.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetReal(handle: *mut c_void, vr: *const u32, count: usize, out: *mut f64) -> c_int {
+pub unsafe extern "C" fn fmi2GetReal(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    out: *mut f64,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetReal", |c| {
             let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance.get_reals(vr, REAL, |place, value| room.put(place, value)).map(|()| Status::Ok)
+            c.instance
+                .get_reals(vr, REAL, |place, value| room.put(place, value))
+                .map(|()| Status::Ok)
         })
     }
 }
 
 /// Reads integer and enumeration variables: the mode.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetInteger(handle: *mut c_void, vr: *const u32, count: usize, out: *mut c_int) -> c_int {
+pub unsafe extern "C" fn fmi2GetInteger(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    out: *mut c_int,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetInteger", |c| {
             let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance.get_integers(vr, INTEGER, |place, value| room.put(place, value as c_int)).map(|()| Status::Ok)
+            c.instance
+                .get_integers(vr, INTEGER, |place, value| room.put(place, value as c_int))
+                .map(|()| Status::Ok)
         })
     }
 }
 
 /// There are no boolean variables.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetBoolean(handle: *mut c_void, vr: *const u32, count: usize, _: *mut c_int) -> c_int {
+pub unsafe extern "C" fn fmi2GetBoolean(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    _: *mut c_int,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2GetBoolean", |_| ffi::none_of(vr, count, "Boolean")) }
 }
@@ -200,7 +224,12 @@ pub unsafe extern "C" fn fmi2GetString(
 
 /// Sets all given real variables or none.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetReal(handle: *mut c_void, vr: *const u32, count: usize, new: *const f64) -> c_int {
+pub unsafe extern "C" fn fmi2SetReal(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    new: *const f64,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2SetReal", |c| {
@@ -212,7 +241,12 @@ pub unsafe extern "C" fn fmi2SetReal(handle: *mut c_void, vr: *const u32, count:
 
 /// No integer or enumeration variable can be set.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetInteger(handle: *mut c_void, vr: *const u32, count: usize, _: *const c_int) -> c_int {
+pub unsafe extern "C" fn fmi2SetInteger(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    _: *const c_int,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2SetInteger", |c| {
@@ -223,7 +257,12 @@ pub unsafe extern "C" fn fmi2SetInteger(handle: *mut c_void, vr: *const u32, cou
 
 /// There are no boolean variables.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetBoolean(handle: *mut c_void, vr: *const u32, count: usize, _: *const c_int) -> c_int {
+pub unsafe extern "C" fn fmi2SetBoolean(
+    handle: *mut c_void,
+    vr: *const u32,
+    count: usize,
+    _: *const c_int,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe { call(handle, "fmi2SetBoolean", |_| ffi::none_of(vr, count, "Boolean")) }
 }
@@ -251,7 +290,11 @@ pub unsafe extern "C" fn fmi2GetFMUstate(handle: *mut c_void, slot: *mut *mut c_
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi2SetFMUstate(handle: *mut c_void, state: *mut c_void) -> c_int {
     // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2SetFMUstate", |c| c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)) }
+    unsafe {
+        call(handle, "fmi2SetFMUstate", |c| {
+            c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)
+        })
+    }
 }
 
 /// Frees a state; null is ignored.
@@ -298,19 +341,30 @@ pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
 
 /// Advances by one communication step, s.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2DoStep(handle: *mut c_void, point: f64, size: f64, _keeps_past: c_int) -> c_int {
+pub unsafe extern "C" fn fmi2DoStep(
+    handle: *mut c_void,
+    point: f64,
+    size: f64,
+    _keeps_past: c_int,
+) -> c_int {
     // SAFETY: handle as FMI requires.
     unsafe { call(handle, "fmi2DoStep", |c| c.instance.step(point, size).map(|()| Status::Ok)) }
 }
 
 /// The time of the last step; no other status of this type exists.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetRealStatus(handle: *mut c_void, kind: c_int, out: *mut f64) -> c_int {
+pub unsafe extern "C" fn fmi2GetRealStatus(
+    handle: *mut c_void,
+    kind: c_int,
+    out: *mut f64,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetRealStatus", |c| {
             if kind != LAST_TIME {
-                return Err(FmuError::Unsupported { why: "the only real status is fmi2LastSuccessfulTime" });
+                return Err(FmuError::Unsupported {
+                    why: "the only real status is fmi2LastSuccessfulTime",
+                });
             }
             Room::new(out, 1, "the status")?.put(0, c.instance.time());
             Ok(Status::Ok)
@@ -320,12 +374,18 @@ pub unsafe extern "C" fn fmi2GetRealStatus(handle: *mut c_void, kind: c_int, out
 
 /// Whether the FMU requests the end of the simulation: never. No other status of this type exists.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetBooleanStatus(handle: *mut c_void, kind: c_int, out: *mut c_int) -> c_int {
+pub unsafe extern "C" fn fmi2GetBooleanStatus(
+    handle: *mut c_void,
+    kind: c_int,
+    out: *mut c_int,
+) -> c_int {
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi2GetBooleanStatus", |_| {
             if kind != TERMINATED {
-                return Err(FmuError::Unsupported { why: "the only boolean status is fmi2Terminated" });
+                return Err(FmuError::Unsupported {
+                    why: "the only boolean status is fmi2Terminated",
+                });
             }
             Room::new(out, 1, "the status")?.put(0, 0);
             Ok(Status::Ok)

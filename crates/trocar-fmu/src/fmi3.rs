@@ -97,9 +97,11 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     _lock: *const c_void,
     _unlock: *const c_void,
 ) -> *mut c_void {
-    ffi::instantiate("fmi3InstantiateScheduledExecution", Logger::Fmi3 { callback, environment }, || {
-        Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" })
-    })
+    ffi::instantiate(
+        "fmi3InstantiateScheduledExecution",
+        Logger::Fmi3 { callback, environment },
+        || Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" }),
+    )
 }
 
 /// Frees an instance; null is ignored.
@@ -174,7 +176,9 @@ pub unsafe extern "C" fn fmi3GetFloat64(
         call(handle, "fmi3GetFloat64", |c| {
             paired(count, out_count)?;
             let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance.get_reals(vr, FLOAT, |place, value| room.put(place, value)).map(|()| Status::Ok)
+            c.instance
+                .get_reals(vr, FLOAT, |place, value| room.put(place, value))
+                .map(|()| Status::Ok)
         })
     }
 }
@@ -193,7 +197,9 @@ pub unsafe extern "C" fn fmi3GetInt64(
         call(handle, "fmi3GetInt64", |c| {
             paired(count, out_count)?;
             let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance.get_integers(vr, ENUMERATION, |place, value| room.put(place, value)).map(|()| Status::Ok)
+            c.instance
+                .get_integers(vr, ENUMERATION, |place, value| room.put(place, value))
+                .map(|()| Status::Ok)
         })
     }
 }
@@ -230,7 +236,9 @@ pub unsafe extern "C" fn fmi3SetInt64(
     unsafe {
         call(handle, "fmi3SetInt64", |c| {
             paired(count, new_count)?;
-            c.instance.set_integers(values(vr, count, REFERENCES)?, ENUMERATION).map(|()| Status::Ok)
+            c.instance
+                .set_integers(values(vr, count, REFERENCES)?, ENUMERATION)
+                .map(|()| Status::Ok)
         })
     }
 }
@@ -293,7 +301,11 @@ pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut c_void, slot: *mut *mut c_
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut c_void, state: *mut c_void) -> c_int {
     // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3SetFMUState", |c| c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)) }
+    unsafe {
+        call(handle, "fmi3SetFMUState", |c| {
+            c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)
+        })
+    }
 }
 
 /// Frees a state; null is ignored.
@@ -354,7 +366,11 @@ pub unsafe extern "C" fn fmi3DoStep(
     unsafe {
         call(handle, "fmi3DoStep", |c| {
             let told = "a result";
-            let flags = [Room::new(event, 1, told)?, Room::new(terminate, 1, told)?, Room::new(early, 1, told)?];
+            let flags = [
+                Room::new(event, 1, told)?,
+                Room::new(terminate, 1, told)?,
+                Room::new(early, 1, told)?,
+            ];
             let mut time = Room::new(last_time, 1, told)?;
             let outcome = c.instance.step(point, size);
             flags.into_iter().for_each(|mut flag| flag.put(0, false));

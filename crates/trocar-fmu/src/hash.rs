@@ -7,7 +7,9 @@ const PRIME_64: u64 = 0x0000_0100_0000_01b3;
 
 /// FNV-1a of 128 bits.
 pub(crate) fn fnv_128(bytes: impl IntoIterator<Item = u8>) -> u128 {
-    bytes.into_iter().fold(OFFSET_128, |hash, byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME_128))
+    bytes
+        .into_iter()
+        .fold(OFFSET_128, |hash, byte| (hash ^ u128::from(byte)).wrapping_mul(PRIME_128))
 }
 
 /// FNV-1a of 64 bits.

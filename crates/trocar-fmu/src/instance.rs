@@ -131,12 +131,15 @@ impl Instance {
         self.settle()?;
         self.live.phase = Phase::Step;
         let Snapshot { initial_force, initial_deflection, .. } = self.live;
-        let deflection = self.live.state.deformation().map_or(0.0, |deformation| deformation.deflection);
+        let deflection =
+            self.live.state.deformation().map_or(0.0, |deformation| deformation.deflection);
         let starts = [
             ("initial_force_n", initial_force, self.live.state.force()),
             ("initial_deflection_m", initial_deflection, deflection),
         ];
-        let is_off = |asked: f64, given: f64| asked != 0.0 && (given - asked).abs() > START_TOLERANCE * asked.abs();
+        let is_off = |asked: f64, given: f64| {
+            asked != 0.0 && (given - asked).abs() > START_TOLERANCE * asked.abs()
+        };
         let off = starts.into_iter().find(|(_, asked, given)| is_off(*asked, *given));
         Ok(off.map(|(name, asked, given)| Remark { name, asked, given }))
     }
@@ -204,7 +207,8 @@ impl Instance {
         if !(duration > 0.0 && duration.is_finite()) {
             return Err(FmuError::StepSize { given: duration });
         }
-        let (expected, tolerance) = (self.live.time, STEP_TOLERANCE * duration + TIME_TOLERANCE * point.abs());
+        let (expected, tolerance) =
+            (self.live.time, STEP_TOLERANCE * duration + TIME_TOLERANCE * point.abs());
         let is_here = (point - expected).abs() <= tolerance && point.is_finite();
         if !is_here {
             return Err(FmuError::Point { given: point, expected });
@@ -235,7 +239,10 @@ impl Instance {
     }
 
     fn find(&self, reference: u32) -> Option<&Variable> {
-        let place = self.table.binary_search_by_key(&reference, |variable| variable.role.reference()).ok()?;
+        let place = self
+            .table
+            .binary_search_by_key(&reference, |variable| variable.role.reference())
+            .ok()?;
         self.table.get(place)
     }
 
@@ -253,7 +260,9 @@ impl Instance {
             Role::Time => self.live.time,
             Role::Input(_) => self.live.input,
             Role::Force => self.live.state.force(),
-            Role::Deflection => self.deformation().map_or(0.0, |deformation| deformation.deflection),
+            Role::Deflection => {
+                self.deformation().map_or(0.0, |deformation| deformation.deflection)
+            }
             Role::Mode => 0.0,
             Role::Position => self.live.state.position(),
             Role::InitialForce => self.live.initial_force,
@@ -313,7 +322,12 @@ impl Instance {
     /// # Errors
     /// [`FmuError`] for an unknown variable, one that cannot be set (at present), or a value out of
     /// its range.
-    pub fn set_reals(&mut self, references: &[u32], values: &[f64], kind: &'static str) -> Result<(), FmuError> {
+    pub fn set_reals(
+        &mut self,
+        references: &[u32],
+        values: &[f64],
+        kind: &'static str,
+    ) -> Result<(), FmuError> {
         let pairs = || references.iter().zip(values);
         for (reference, value) in pairs() {
             self.check(self.real(*reference, kind)?, *value)?;
@@ -357,7 +371,9 @@ impl Instance {
             Role::InitialForce => live.initial_force = value,
             Role::InitialDeflection => live.initial_deflection = value,
             Role::InitialPosition => live.initial_position = value,
-            Role::Tunable(place) => live.tunables.iter_mut().skip(place).take(1).for_each(|slot| *slot = value),
+            Role::Tunable(place) => {
+                live.tunables.iter_mut().skip(place).take(1).for_each(|slot| *slot = value)
+            }
             Role::Time | Role::Force | Role::Deflection | Role::Mode | Role::Position => {}
         }
     }
@@ -406,7 +422,8 @@ impl Instance {
     /// # Errors
     /// [`FmuError::StateLength`], [`FmuError::StateForeign`] or [`FmuError::StateDamaged`].
     pub fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
-        let seal = |values: &[f64]| self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal));
+        let seal =
+            |values: &[f64]| self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal));
         Snapshot::from_bytes(bytes, self.identity, self.applied.len(), seal)
     }
 }

@@ -22,8 +22,14 @@ pub struct Library {
 
 /// Builds the library of the workspace at `root` for `target` in the folder `out`.
 pub fn build(root: &Path, out: &Path, target: &str) -> Library {
-    let paths =
-        ["Cargo.toml", "Cargo.lock", "LICENSE-MIT", "LICENSE-APACHE", "crates/trocar-fmu", "crates/trocar-model"];
+    let paths = [
+        "Cargo.toml",
+        "Cargo.lock",
+        "LICENSE-MIT",
+        "LICENSE-APACHE",
+        "crates/trocar-fmu",
+        "crates/trocar-model",
+    ];
     let sources = paths.iter().flat_map(|path| parts(&root.join(path))).collect();
     match built(root, out, target) {
         Ok(bytes) => Library { bytes, reason: String::new(), sources },
@@ -33,7 +39,11 @@ pub fn build(root: &Path, out: &Path, target: &str) -> Library {
 
 /// Of a crate its manifest and sources: its tests do not matter here.
 fn parts(path: &Path) -> Vec<PathBuf> {
-    if path.is_dir() { vec![path.join("Cargo.toml"), path.join("src")] } else { vec![path.to_owned()] }
+    if path.is_dir() {
+        vec![path.join("Cargo.toml"), path.join("src")]
+    } else {
+        vec![path.to_owned()]
+    }
 }
 
 fn built(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
@@ -43,7 +53,8 @@ fn built(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
         .args(["rustc", "--package", "trocar-fmu", "--lib", "--crate-type", "cdylib"])
         .args(["--profile", "fmu", "--locked", "--quiet", "--target", target, "--target-dir"])
         .arg(&folder)
-        // The library is for other machines: it takes no flags meant for this one, and names no folders of it.
+        // The library is for other machines: it takes no flags meant for this one, and names no
+        // folders of it.
         .env("CARGO_ENCODED_RUSTFLAGS", flags(root))
         .env_remove("RUSTFLAGS")
         // Set by `cargo clippy`, which would check instead of build.
@@ -55,7 +66,8 @@ fn built(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
         // The program keeps these words: without the folder of this machine.
         let here = fs::canonicalize(root).unwrap_or_else(|_| root.to_owned());
         let said = String::from_utf8_lossy(&output.stderr).replace(&*here.to_string_lossy(), ".");
-        let said: Vec<&str> = said.lines().map(str::trim).filter(|line| !line.is_empty()).take(4).collect();
+        let said: Vec<&str> =
+            said.lines().map(str::trim).filter(|line| !line.is_empty()).take(4).collect();
         return Err(format!("no shared library for {target}: {}", said.join("; ")));
     }
     let built = folder.join(target).join("fmu");
@@ -71,7 +83,8 @@ fn flags(root: &Path) -> String {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
     let folders = [(Some(root), "trocar"), (home, "cargo")];
     let named = folders.into_iter().filter_map(|(folder, name)| Some((folder?, name)));
-    let flags: Vec<String> =
-        named.map(|(folder, name)| format!("--remap-path-prefix={}={name}", folder.display())).collect();
+    let flags: Vec<String> = named
+        .map(|(folder, name)| format!("--remap-path-prefix={}={name}", folder.display()))
+        .collect();
     flags.join("\x1f")
 }

@@ -1,4 +1,5 @@
-//! The model inside an FMU: `resources/model.f64`, the row of [`Trocar::write_numbers`] in little-endian bytes.
+//! The model inside an FMU: `resources/model.f64`, the row of [`Trocar::write_numbers`] in
+//! little-endian bytes.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -42,7 +43,8 @@ impl Resource {
 
     /// The model from the bytes of the file `path`.
     pub(crate) fn from_bytes(bytes: &[u8], path: &str) -> Result<Self, FmuError> {
-        let damaged = |source| FmuError::Damaged { path: path.to_owned(), bytes: bytes.len(), source };
+        let damaged =
+            |source| FmuError::Damaged { path: path.to_owned(), bytes: bytes.len(), source };
         let (numbers, rest) = bytes.as_chunks::<8>();
         let row: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
         let trocar = Trocar::from_numbers(&row).map_err(|error| damaged(Some(error)))?;
@@ -57,7 +59,8 @@ impl Resource {
 /// The folder behind a resource location of FMI 2.0, a `file:` URI (RFC 8089).
 pub(crate) fn folder_of_uri(uri: &str) -> Result<PathBuf, FmuError> {
     let wrong = || FmuError::Location { given: uri.to_owned() };
-    let scheme = uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("file:")).ok_or_else(wrong)?;
+    let scheme =
+        uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("file:")).ok_or_else(wrong)?;
     let rest = &uri[scheme.len()..];
     let path = match rest.strip_prefix("//") {
         None => rest,
@@ -109,10 +112,21 @@ mod tests {
         ] {
             assert_eq!(folder_of_uri(uri).unwrap(), PathBuf::from(path), "{uri}");
         }
-        for uri in
-            ["", "/tmp/a", "http://host/a", "file://elsewhere/a", "file:a", "file:///a%2", "file:///%ff", "file://"]
-        {
-            assert_eq!(folder_of_uri(uri), Err(FmuError::Location { given: uri.to_owned() }), "{uri}");
+        for uri in [
+            "",
+            "/tmp/a",
+            "http://host/a",
+            "file://elsewhere/a",
+            "file:a",
+            "file:///a%2",
+            "file:///%ff",
+            "file://",
+        ] {
+            assert_eq!(
+                folder_of_uri(uri),
+                Err(FmuError::Location { given: uri.to_owned() }),
+                "{uri}"
+            );
         }
     }
 

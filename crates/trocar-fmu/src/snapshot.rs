@@ -38,7 +38,8 @@ pub struct Snapshot {
     pub(crate) state: TrocarState,
 }
 
-const PHASES: [Phase; 4] = [Phase::Instantiated, Phase::Initialization, Phase::Step, Phase::Terminated];
+const PHASES: [Phase; 4] =
+    [Phase::Instantiated, Phase::Initialization, Phase::Step, Phase::Terminated];
 
 impl Snapshot {
     pub(crate) fn new(identity: u128, tunables: Vec<f64>, state: TrocarState) -> Self {
@@ -75,8 +76,10 @@ impl Snapshot {
             self.initial_position,
         ];
         let state = self.state.to_numbers();
-        let numbers = own.iter().chain(&self.tunables).chain(&state).flat_map(|number| number.to_le_bytes());
-        let mut bytes: Vec<u8> = MAGIC.into_iter().chain(self.identity.to_le_bytes()).chain(numbers).collect();
+        let numbers =
+            own.iter().chain(&self.tunables).chain(&state).flat_map(|number| number.to_le_bytes());
+        let mut bytes: Vec<u8> =
+            MAGIC.into_iter().chain(self.identity.to_le_bytes()).chain(numbers).collect();
         bytes.extend(fnv_64(&bytes).to_le_bytes());
         bytes
     }
@@ -114,7 +117,8 @@ impl Snapshot {
     ) -> Option<Self> {
         let (own, rest) = numbers.split_first_chunk::<OWN>()?;
         let (values, state) = rest.split_at_checked(tunables)?;
-        let [phase, time, stops, stop, input, initial_force, initial_deflection, initial_position] = *own;
+        let [phase, time, stops, stop, input, initial_force, initial_deflection, initial_position] =
+            *own;
         let finite = own.iter().all(|number| number.is_finite());
         let trocar = tuned(values).ok().filter(|_| finite)?;
         Some(Self {

@@ -86,7 +86,13 @@ pub struct Variable {
 }
 
 impl Variable {
-    fn new(role: Role, name: &str, unit: &'static str, description: &str, start: Option<f64>) -> Self {
+    fn new(
+        role: Role,
+        name: &str,
+        unit: &'static str,
+        description: &str,
+        start: Option<f64>,
+    ) -> Self {
         let (name, description) = (name.to_owned(), description.to_owned());
         Self { role, name, unit, description, start, least: None }
     }
@@ -99,26 +105,51 @@ impl Variable {
 pub fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Vec<Variable> {
     let is_ems = matches!(trocar.seal(), Seal::Ems(_));
     let driven = input == Input::Velocity;
-    let mut table = vec![Variable::new(Role::Time, "time", "s", "simulated time", None), input_variable(input)];
+    let mut table =
+        vec![Variable::new(Role::Time, "time", "s", "simulated time", None), input_variable(input)];
     let force = "force of the instrument on the seal, positive on insertion; the instrument feels its negative";
     table.push(Variable::new(Role::Force, "force_n", "N", force, None));
     if is_ems {
         let deflection = "deflection of the seal, the mean of several elements";
         table.push(Variable::new(Role::Deflection, "deflection_m", "m", deflection, None));
-        table.push(Variable::new(Role::Mode, "mode", "", "whether the seal deforms or slides", None));
+        table.push(Variable::new(
+            Role::Mode,
+            "mode",
+            "",
+            "whether the seal deforms or slides",
+            None,
+        ));
     }
     if driven {
-        table.push(Variable::new(Role::Position, "position_m", "m", "where the instrument is", None));
+        table.push(Variable::new(
+            Role::Position,
+            "position_m",
+            "m",
+            "where the instrument is",
+            None,
+        ));
     }
     let begins = "force to begin with, at rest; 0: that of an undeformed seal";
     table.push(Variable::new(Role::InitialForce, "initial_force_n", "N", begins, Some(0.0)));
     if is_ems {
         let begins = "deflection to begin with, at rest; at most one of this and initial_force_n";
-        table.push(Variable::new(Role::InitialDeflection, "initial_deflection_m", "m", begins, Some(0.0)));
+        table.push(Variable::new(
+            Role::InitialDeflection,
+            "initial_deflection_m",
+            "m",
+            begins,
+            Some(0.0),
+        ));
     }
     if driven {
         let begins = "where the instrument begins";
-        table.push(Variable::new(Role::InitialPosition, "initial_position_m", "m", begins, Some(0.0)));
+        table.push(Variable::new(
+            Role::InitialPosition,
+            "initial_position_m",
+            "m",
+            begins,
+            Some(0.0),
+        ));
     }
     table.extend(parameters(trocar.seal()));
     table
@@ -142,7 +173,11 @@ fn parameters(seal: &Seal) -> impl Iterator<Item = Variable> {
     let finite = |(_, tunable): &(usize, Tunable)| tunable.value.is_finite();
     seal.tunables().enumerate().filter(finite).map(|(place, Tunable { id, value })| {
         let Declaration { unit, range, .. } = id.declaration();
-        let above = if range.excludes_least() { format!("; above {}", range.least()) } else { String::new() };
+        let above = if range.excludes_least() {
+            format!("; above {}", range.least())
+        } else {
+            String::new()
+        };
         Variable {
             role: Role::Tunable(place),
             name: id.to_string(),

@@ -1,6 +1,10 @@
-//! What importers do wrong, through the exported functions: an error, a message, nothing changed, never a crash.
+//! What importers do wrong, through the exported functions: an error, a message, nothing changed,
+//! never a crash.
 #![allow(unsafe_code)]
-#![allow(clippy::undocumented_unsafe_blocks, reason = "all handles are live, all pointers valid or null")]
+#![allow(
+    clippy::undocumented_unsafe_blocks,
+    reason = "all handles are live, all pointers valid or null"
+)]
 
 use std::cell::RefCell;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
@@ -43,7 +47,13 @@ fn told() -> String {
     TOLD.take().join("\n")
 }
 
-unsafe extern "C" fn log_2(_: *mut c_void, _: *const c_char, _: c_int, _: *const c_char, text: *const c_char) {
+unsafe extern "C" fn log_2(
+    _: *mut c_void,
+    _: *const c_char,
+    _: c_int,
+    _: *const c_char,
+    text: *const c_char,
+) {
     tell(text);
 }
 
@@ -52,7 +62,8 @@ unsafe extern "C" fn log_3(_: *mut c_void, _: c_int, _: *const c_char, text: *co
 }
 
 fn callbacks() -> Callbacks {
-    // SAFETY: named arguments are passed alike with and without further ones on the platforms these tests run on.
+    // SAFETY: named arguments are passed alike with and without further ones on the platforms these
+    // tests run on.
     let logger: Logger2 = unsafe { std::mem::transmute(log_2 as *const ()) };
     let none = null();
     Callbacks {
@@ -81,7 +92,9 @@ impl Model {
     }
 
     fn ems() -> Self {
-        Self::new(Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()))
+        Self::new(Trocar::of_seal(
+            Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(),
+        ))
     }
 
     fn uri(&self) -> CString {
@@ -93,13 +106,28 @@ impl Model {
     }
 
     fn fmi2(&self, guid: &CStr, uri: &CStr) -> *mut c_void {
-        unsafe { fmi2Instantiate(c"seal".as_ptr(), 1, guid.as_ptr(), uri.as_ptr(), &callbacks(), 0, 0) }
+        unsafe {
+            fmi2Instantiate(c"seal".as_ptr(), 1, guid.as_ptr(), uri.as_ptr(), &callbacks(), 0, 0)
+        }
     }
 
     fn fmi3(&self, token: &CStr, path: &CStr) -> *mut c_void {
         let (name, token, path) = (c"seal".as_ptr(), token.as_ptr(), path.as_ptr());
         unsafe {
-            fmi3InstantiateCoSimulation(name, token, path, 0, 0, 0, 0, null(), 0, null_mut(), Some(log_3), null())
+            fmi3InstantiateCoSimulation(
+                name,
+                token,
+                path,
+                0,
+                0,
+                0,
+                0,
+                null(),
+                0,
+                null_mut(),
+                Some(log_3),
+                null(),
+            )
         }
     }
 
@@ -232,10 +260,16 @@ fn instantiation_refuses_and_says_why() {
             .is_null()
         );
         assert!(told().contains("no event mode"));
-        assert!(fmi3InstantiateModelExchange(name, guid, path.as_ptr(), 0, 0, null_mut(), Some(log_3)).is_null());
+        assert!(
+            fmi3InstantiateModelExchange(name, guid, path.as_ptr(), 0, 0, null_mut(), Some(log_3))
+                .is_null()
+        );
         assert!(told().contains("co-simulation only"));
         // Without a logger nobody is told, and nothing happens.
-        assert!(fmi3InstantiateModelExchange(name, guid, path.as_ptr(), 0, 0, null_mut(), None).is_null());
+        assert!(
+            fmi3InstantiateModelExchange(name, guid, path.as_ptr(), 0, 0, null_mut(), None)
+                .is_null()
+        );
     }
 }
 
@@ -244,7 +278,8 @@ fn damaged_models_are_refused() {
     let model = Model::ems();
     let path = model.folder.path().join("model.f64");
     let whole = fs::read(&path).unwrap();
-    for damaged in [&whole[..0], &whole[..7], &whole[..whole.len() - 8], &whole[..whole.len() - 1]] {
+    for damaged in [&whole[..0], &whole[..7], &whole[..whole.len() - 8], &whole[..whole.len() - 1]]
+    {
         fs::write(&path, damaged).unwrap();
         assert!(model.fmi2(&model.tokens[0], &model.uri()).is_null());
         assert!(told().contains("damaged"));
@@ -255,7 +290,10 @@ fn damaged_models_are_refused() {
             let mut bytes = whole.clone();
             bytes[place..place + 8].copy_from_slice(&value.to_le_bytes());
             fs::write(&path, bytes).unwrap();
-            assert!(model.fmi3(&model.tokens[0], &model.path()).is_null() || value == f64_at(&whole, place));
+            assert!(
+                model.fmi3(&model.tokens[0], &model.path()).is_null()
+                    || value == f64_at(&whole, place)
+            );
             told();
         }
     }
@@ -341,7 +379,10 @@ fn calls_in_the_wrong_phase_are_refused() {
         assert!(unit.get(FORCE).is_ok());
         assert_eq!(fmi2Reset(unit.0), OK);
         refused(fmi2SetupExperiment(unit.0, 0, 0.0, f64::NAN, 0, 0.0), "start time must be finite");
-        refused(fmi2SetupExperiment(unit.0, 0, 0.0, 1.0, 1, 1.0), "stop time must be above the start time 1 s");
+        refused(
+            fmi2SetupExperiment(unit.0, 0, 0.0, 1.0, 1, 1.0),
+            "stop time must be above the start time 1 s",
+        );
         assert_eq!(fmi2SetupExperiment(unit.0, 0, 0.0, 1.0, 1, 1.5), OK);
     }
     assert_eq!([unit.enter(), unit.exit(), unit.step(1.0, 0.25)], [OK; 3]);
@@ -361,7 +402,9 @@ fn wrong_variables_and_values_are_refused() {
     told();
     unsafe {
         assert_eq!(fmi2GetInteger(unit.0, &FORCE, 1, &mut 0), ERROR);
-        assert!(told().contains("no variable of type Integer or Enumeration has value reference 2"));
+        assert!(
+            told().contains("no variable of type Integer or Enumeration has value reference 2")
+        );
         assert_eq!(fmi2SetInteger(unit.0, &MODE, 1, &1), ERROR);
         assert!(told().contains("mode cannot be set"));
         assert_eq!(fmi2GetBoolean(unit.0, &FORCE, 1, &mut 0), ERROR);
@@ -380,12 +423,16 @@ fn wrong_variables_and_values_are_refused() {
     assert_eq!((unit.get(INPUT), unit.get(HALF_WIDTH)), (Ok(0.0), Ok(width)));
 }
 
-/// Parameters that hang together may come one by one, in any order; what does not go together in the end is taken back.
+/// Parameters that hang together may come one by one, in any order; what does not go together in
+/// the end is taken back.
 #[test]
 fn parameters_count_together() {
     let model = Model::ems();
     let unit = Unit::started(&model);
-    assert_eq!([unit.set(&[(LAG, 0.1)]), unit.set(&[(CREEP, 1e-4)]), unit.step(0.0, 1e-3)], [OK; 3]);
+    assert_eq!(
+        [unit.set(&[(LAG, 0.1)]), unit.set(&[(CREEP, 1e-4)]), unit.step(0.0, 1e-3)],
+        [OK; 3]
+    );
     assert_eq!(unit.set(&[(CREEP, 0.0)]), OK);
     assert_eq!(unit.step(1e-3, 1e-3), ERROR);
     assert!(told().contains("friction_lag_s = 0.1 s needs a creep_velocity_m_s above 0"));
@@ -422,7 +469,9 @@ fn a_start_is_what_was_asked_for_or_is_remarked() {
     let (status, unit) = start(&[(INITIAL_FORCE, 50.0)]);
     assert_eq!(status, WARNING);
     let force = unit.get(FORCE).unwrap();
-    assert!(told().contains(&format!("initial_force_n = 50 is more than the seal can hold, it begins with {force}")));
+    assert!(told().contains(&format!(
+        "initial_force_n = 50 is more than the seal can hold, it begins with {force}"
+    )));
     let (status, unit) = start(&[(INITIAL_FORCE, 0.5), (INITIAL_DEFLECTION, 1e-3)]);
     assert_eq!(status, ERROR);
     assert!(told().contains("at most one may differ from 0"));
@@ -448,8 +497,9 @@ fn states_that_are_not_whole_or_not_ours_are_refused() {
         assert!(told.contains("damaged") || told.contains("another model"), "{told}");
     }
     let bank = [SlipElement { stiffness: 400.0, limit_force: 1.0 }];
-    let other =
-        Model::new(Trocar::of_seal(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap())));
+    let other = Model::new(Trocar::of_seal(trocar_model::Classical::MaxwellSlip(
+        MaxwellSlip::new(&bank, 5.0).unwrap(),
+    )));
     let foreign = other.instance();
     assert_eq!(foreign.read(&bytes), (ERROR, null_mut()));
     assert!(told().contains("another model"));
@@ -470,8 +520,9 @@ fn states_that_are_not_whole_or_not_ours_are_refused() {
 #[test]
 fn a_classical_model_has_neither_deflection_nor_mode() {
     let bank = [SlipElement { stiffness: 400.0, limit_force: 1.0 }];
-    let model =
-        Model::new(Trocar::of_seal(trocar_model::Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0).unwrap())));
+    let model = Model::new(Trocar::of_seal(trocar_model::Classical::MaxwellSlip(
+        MaxwellSlip::new(&bank, 5.0).unwrap(),
+    )));
     let unit = Unit::started(&model);
     assert_eq!([unit.get(DEFLECTION), unit.get(INITIAL_DEFLECTION)], [Err(ERROR); 2]);
     assert_eq!(unsafe { fmi2GetInteger(unit.0, &MODE, 1, &mut 0) }, ERROR);
@@ -489,7 +540,8 @@ fn turned_at_random_it_stays_finite() {
         seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (seed >> 11) as f64 / (1u64 << 53) as f64
     };
-    let starts: Vec<f64> = (HALF_WIDTH..HALF_WIDTH + 14).map(|reference| unit.get(reference).unwrap()).collect();
+    let starts: Vec<f64> =
+        (HALF_WIDTH..HALF_WIDTH + 14).map(|reference| unit.get(reference).unwrap()).collect();
     let (mut time, mut refused) = (0.0, 0);
     for k in 0..20_000 {
         if k % 10 == 0 {
@@ -530,7 +582,8 @@ fn threads() {
     };
     let alone = [run(1.0), run(-1.0)];
     let together = std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..8).map(|k| scope.spawn(move || run(if k % 2 == 0 { 1.0 } else { -1.0 }))).collect();
+        let threads: Vec<_> =
+            (0..8).map(|k| scope.spawn(move || run(if k % 2 == 0 { 1.0 } else { -1.0 }))).collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).collect::<Vec<_>>()
     });
     for (k, forces) in together.iter().enumerate() {

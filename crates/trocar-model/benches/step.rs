@@ -1,23 +1,24 @@
-//! Time per sample of each friction model on a surgeon-like 1 kHz motion: `cargo bench -p trocar-model`.
+//! Time per sample of each friction model on a surgeon-like 1 kHz motion: `cargo bench -p
+//! trocar-model`.
 //!
-//! Slides, holds, reversals small and large, tremor. Prints the median and the fastest of the repetitions: the fastest is
-//! what the machine does when nothing else runs on it.
+//! Slides, holds, reversals small and large, tremor. Prints the median and the fastest of the
+//! repetitions: the fastest is what the machine does when nothing else runs on it.
 
 use std::hint::black_box;
 use std::time::Instant;
 
 use trocar_model::{
-    Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, ParamError, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate,
-    StaticFriction, StribeckCurve,
+    Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams,
+    LuGre, LuGreParams, MaxwellSlip, ParamError, Relaxation, RelaxationArm, SealDamping,
+    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
 const SAMPLES: usize = 40_000;
 const REPETITIONS: usize = 101;
 const PERIOD: f64 = 1e-3;
 
-/// Displacements per sample, m: 40 mm strokes with constant speed and holds at the ends, then 10 mm sub-movements with a
-/// 9 Hz tremor of 0.2 mm.
+/// Displacements per sample, m: 40 mm strokes with constant speed and holds at the ends, then 10 mm
+/// sub-movements with a 9 Hz tremor of 0.2 mm.
 fn motion() -> Vec<f64> {
     let position = |k: usize| {
         let t = k as f64 * PERIOD;
@@ -78,8 +79,14 @@ fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
         ("Stribeck, velocity weakening, sigma > 0", ElementParams { damping, ..weakening }),
         ("creep", ElementParams { creep_velocity: 2e-4, ..constant }),
         ("relaxation, two arms", ElementParams { relaxation, ..constant }),
-        ("everything, unique", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..unique }),
-        ("everything, velocity weakening", ElementParams { damping, relaxation, creep_velocity: 2e-4, ..weakening }),
+        (
+            "everything, unique",
+            ElementParams { damping, relaxation, creep_velocity: 2e-4, ..unique },
+        ),
+        (
+            "everything, velocity weakening",
+            ElementParams { damping, relaxation, creep_velocity: 2e-4, ..weakening },
+        ),
     ];
     for (name, params) in cases {
         report(name, &Element::new(params)?, displacements);
@@ -88,10 +95,17 @@ fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
 }
 
 fn report_classical(displacements: &[f64]) -> Result<(), ParamError> {
-    report("static, Coulomb", &StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0))?, displacements);
+    report(
+        "static, Coulomb",
+        &StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0))?,
+        displacements,
+    );
     report("static, Stribeck", &StaticFriction::new(STRIBECK)?, displacements);
-    for (name, exponent) in [("Dahl, exponent 1", 1.0), ("Dahl, exponent 1.5", 1.5), ("Dahl, exponent 0.5", 0.5)] {
-        let params = DahlParams { stiffness: 1500.0, coulomb_force: 3.0, exponent, viscous_damping: 5.0 };
+    for (name, exponent) in
+        [("Dahl, exponent 1", 1.0), ("Dahl, exponent 1.5", 1.5), ("Dahl, exponent 0.5", 0.5)]
+    {
+        let params =
+            DahlParams { stiffness: 1500.0, coulomb_force: 3.0, exponent, viscous_damping: 5.0 };
         report(name, &Dahl::new(params)?, displacements);
     }
     let gaussian = LuGreParams {
@@ -107,7 +121,10 @@ fn report_classical(displacements: &[f64]) -> Result<(), ParamError> {
         ("LuGre, rational", LuGreParams { curve: StribeckCurve::Rational, ..gaussian }),
         (
             "LuGre, exponent 1.3",
-            LuGreParams { sliding: SlidingFriction { stribeck_exponent: 1.3, ..STRIBECK }, ..gaussian },
+            LuGreParams {
+                sliding: SlidingFriction { stribeck_exponent: 1.3, ..STRIBECK },
+                ..gaussian
+            },
         ),
     ];
     for (name, params) in cases {
@@ -130,7 +147,8 @@ fn report_banks(displacements: &[f64]) -> Result<(), ParamError> {
         let elements: [GmsElement; 4] = std::array::from_fn(element);
         report(name, &Gms::new(&elements, STRIBECK, SlipRate::Free)?, displacements);
     }
-    for (name, exponent) in [("Leuven, 4 elements, n = 1", 1.0), ("Leuven, 4, n = 2", 2.0), ("Leuven, 4, n = 1.5", 1.5)]
+    for (name, exponent) in
+        [("Leuven, 4 elements, n = 1", 1.0), ("Leuven, 4, n = 2", 2.0), ("Leuven, 4, n = 1.5", 1.5)]
     {
         let params = LeuvenParams { sliding: STRIBECK, exponent, micro_damping: 1.0 };
         report(name, &Leuven::new(&slip, params)?, displacements);

@@ -1,18 +1,21 @@
-//! One timed pass of a model over a motion; `reference/speed.py` runs it in turn with other programs.
+//! One timed pass of a model over a motion; `reference/speed.py` runs it in turn with other
+//! programs.
 //!
 //! ```text
 //! speed PARAMETERS SET POSITIONS FORCES
 //! ```
-//! PARAMETERS: `reference/vectors/parameters.json`, SET: a name in it. POSITIONS: 1 kHz, m, 8-byte numbers, lowest byte
-//! first. Writes to FORCES those at the end of every step and then those at its start, N; prints nanoseconds per step, first of
-//! the step called sample by sample, then of the whole array at once.
+//! PARAMETERS: `reference/vectors/parameters.json`, SET: a name in it. POSITIONS: 1 kHz, m, 8-byte
+//! numbers, lowest byte first. Writes to FORCES those at the end of every step and then those at
+//! its start, N; prints nanoseconds per step, first of the step called sample by sample, then of
+//! the whole array at once.
 
 use std::error::Error;
 use std::time::Instant;
 
 use serde_json::Value;
 use trocar_model::{
-    Classical, Friction, LuGre, LuGreParams, MaxwellSlip, SlidingFriction, SlipElement, StribeckCurve, Trocar,
+    Classical, Friction, LuGre, LuGreParams, MaxwellSlip, SlidingFriction, SlipElement,
+    StribeckCurve, Trocar,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -24,7 +27,8 @@ fn number(object: &Value, key: &str) -> Result<f64, String> {
 fn maxwell_slip(set: &Value) -> Result<MaxwellSlip, Box<dyn Error>> {
     let mut elements = Vec::new();
     for element in set["elements"].as_array().ok_or("elements are missing")? {
-        let (stiffness, limit_force) = (number(element, "stiffness_n_m")?, number(element, "limit_force_n")?);
+        let (stiffness, limit_force) =
+            (number(element, "stiffness_n_m")?, number(element, "limit_force_n")?);
         elements.push(SlipElement { stiffness, limit_force });
     }
     Ok(MaxwellSlip::new(&elements, 0.0)?)
@@ -47,8 +51,8 @@ fn lugre(set: &Value) -> Result<LuGre, Box<dyn Error>> {
     })?)
 }
 
-/// Nanoseconds per step, and the forces: at the ends, then at the starts. Timed is a second pass over memory already
-/// touched, steps only.
+/// Nanoseconds per step, and the forces: at the ends, then at the starts. Timed is a second pass
+/// over memory already touched, steps only.
 fn pass<M: Friction>(
     model: &M,
     rest: M::State,
@@ -74,9 +78,13 @@ fn pass<M: Friction>(
     let mut state = trocar.rest(positions[0]);
     let start = Instant::now();
     trocar.run(&mut state, &positions[1..], &durations, &mut array);
-    let times = [stepped, start.elapsed()].map(|time| time.as_secs_f64() * 1e9 / displacements.len() as f64);
+    let times = [stepped, start.elapsed()]
+        .map(|time| time.as_secs_f64() * 1e9 / displacements.len() as f64);
     let ends = &forces[..displacements.len()];
-    assert!(array.iter().zip(ends).all(|(a, b)| a.to_bits() == b.to_bits()), "other forces of the whole array");
+    assert!(
+        array.iter().zip(ends).all(|(a, b)| a.to_bits() == b.to_bits()),
+        "other forces of the whole array"
+    );
     (times, forces)
 }
 
@@ -92,7 +100,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     let (nanoseconds, forces) = match set["model"].as_str() {
         Some("maxwell_slip") => {
             let model = maxwell_slip(set)?;
-            pass(&model, model.rest_state(), MaxwellSlip::output, &positions, Classical::MaxwellSlip(model))
+            pass(
+                &model,
+                model.rest_state(),
+                MaxwellSlip::output,
+                &positions,
+                Classical::MaxwellSlip(model),
+            )
         }
         Some("lugre") => {
             let model = lugre(set)?;
@@ -100,7 +114,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         other => return Err(format!("no pass for {name}, model {other:?}").into()),
     };
-    std::fs::write(forces_file, forces.iter().flat_map(|force| force.to_le_bytes()).collect::<Vec<u8>>())?;
+    std::fs::write(
+        forces_file,
+        forces.iter().flat_map(|force| force.to_le_bytes()).collect::<Vec<u8>>(),
+    )?;
     println!("{} {}", nanoseconds[0], nanoseconds[1]);
     Ok(())
 }

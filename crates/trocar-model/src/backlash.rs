@@ -1,17 +1,20 @@
-//! Between an encoder and a model: keeps the flicker of a resting position away, and tells true reversals from it.
+//! Between an encoder and a model: keeps the flicker of a resting position away, and tells true
+//! reversals from it.
 //!
-//! The models take displacements and need no velocity, so noise does them little harm: in stick a jitter δ costs
+//! The models take displacements and need no velocity, so noise does them little harm: in stick a
+//! jitter δ costs
 //! |dF_e/dz|·δ. Where even that ripple is unwelcome, as in a hand that holds still, a backlash takes it out whole.
 
 use crate::direction::Direction;
 use crate::error::{ParamError, not_negative};
 
-/// Width over resolution. A resting position flickers between two neighbouring readings, one resolution peak to peak,
-/// and noise adds up to one on either side: three in all, which a backlash of half of that stops.
+/// Width over resolution. A resting position flickers between two neighbouring readings, one
+/// resolution peak to peak, and noise adds up to one on either side: three in all, which a backlash
+/// of half of that stops.
 const WIDTH_IN_RESOLUTIONS: f64 = 1.5;
 
-/// Half the travel that counts as a reversal, over resolution: between the three that noise makes and the next whole
-/// reading, so that rounding decides nothing.
+/// Half the travel that counts as a reversal, over resolution: between the three that noise makes
+/// and the next whole reading, so that rounding decides nothing.
 const TURN_IN_RESOLUTIONS: f64 = 1.75;
 
 /// Readings in a row that must agree on a reversal, the present one included.
@@ -120,8 +123,9 @@ impl BacklashFilter {
 
     /// The backlash for an encoder that reads in steps of `resolution_m` (m, >= 0): 1.5 of them.
     ///
-    /// A resting position on the edge between two readings flickers by one resolution peak to peak. Noise of up to one
-    /// more on either side makes it three, and ±1.5 is the least backlash that stops all of it.
+    /// A resting position on the edge between two readings flickers by one resolution peak to peak.
+    /// Noise of up to one more on either side makes it three, and ±1.5 is the least backlash that
+    /// stops all of it.
     ///
     /// # Errors
     /// A resolution that is negative or not finite.
@@ -136,8 +140,8 @@ impl BacklashFilter {
 
     /// Takes the next position reading (m); returns the displacement (m) to step a model with.
     ///
-    /// The first reading sets the state and gives 0. A position that is not finite leaves the state untouched and gives
-    /// 0, as does one so far that the displacement would not be finite.
+    /// The first reading sets the state and gives 0. A position that is not finite leaves the state
+    /// untouched and gives 0, as does one so far that the displacement would not be finite.
     pub fn displacement(&self, state: &mut BacklashState, position_m: f64) -> f64 {
         if !position_m.is_finite() {
             return 0.0;
@@ -185,7 +189,8 @@ impl Track {
     }
 }
 
-/// `follower` after it was pulled to within `reach` of everything between `low` and `high`, as far as it was outside.
+/// `follower` after it was pulled to within `reach` of everything between `low` and `high`, as far
+/// as it was outside.
 fn backlash(follower: f64, low: f64, high: f64, reach: f64) -> f64 {
     follower.max(low - reach).min(high + reach)
 }

@@ -35,7 +35,8 @@ impl Classical {
     /// Kind of the Generalized Maxwell-Slip model.
     pub const GMS: &str = "gms";
     /// All kinds.
-    pub const KINDS: [&str; 6] = [Self::STATIC, Self::DAHL, Self::LUGRE, Self::LEUVEN, Self::MAXWELL_SLIP, Self::GMS];
+    pub const KINDS: [&str; 6] =
+        [Self::STATIC, Self::DAHL, Self::LUGRE, Self::LEUVEN, Self::MAXWELL_SLIP, Self::GMS];
 
     /// β, N·s/m: force that grows with the velocity, over the velocity.
     pub fn viscous_damping(&self) -> f64 {
@@ -97,12 +98,24 @@ impl Friction for Classical {
     /// As for each model; the state of another model is left untouched.
     fn step(&self, state: &mut ClassicalState, displacement: f64, duration: f64) -> f64 {
         match (self, state) {
-            (Self::Static(model), ClassicalState::Static(state)) => model.step(state, displacement, duration),
-            (Self::Dahl(model), ClassicalState::Dahl(state)) => model.step(state, displacement, duration),
-            (Self::LuGre(model), ClassicalState::LuGre(state)) => model.step(state, displacement, duration),
-            (Self::Leuven(model), ClassicalState::Leuven(state)) => model.step(state, displacement, duration),
-            (Self::MaxwellSlip(model), ClassicalState::MaxwellSlip(state)) => model.step(state, displacement, duration),
-            (Self::Gms(model), ClassicalState::Gms(state)) => model.step(state, displacement, duration),
+            (Self::Static(model), ClassicalState::Static(state)) => {
+                model.step(state, displacement, duration)
+            }
+            (Self::Dahl(model), ClassicalState::Dahl(state)) => {
+                model.step(state, displacement, duration)
+            }
+            (Self::LuGre(model), ClassicalState::LuGre(state)) => {
+                model.step(state, displacement, duration)
+            }
+            (Self::Leuven(model), ClassicalState::Leuven(state)) => {
+                model.step(state, displacement, duration)
+            }
+            (Self::MaxwellSlip(model), ClassicalState::MaxwellSlip(state)) => {
+                model.step(state, displacement, duration)
+            }
+            (Self::Gms(model), ClassicalState::Gms(state)) => {
+                model.step(state, displacement, duration)
+            }
             (_, foreign) => Self::force(foreign),
         }
     }

@@ -1,8 +1,8 @@
 //! What the steps know beforehand, for whoever writes a model out in another language.
 //!
-//! A step in plain arithmetic that starts from these numbers and works in the same order gives the same bits. They
-//! follow from the parameters and hold for this version of the crate: not a form to store a model in, which is
-//! [`crate::flat`].
+//! A step in plain arithmetic that starts from these numbers and works in the same order gives the
+//! same bits. They follow from the parameters and hold for this version of the crate: not a form to
+//! store a model in, which is [`crate::flat`].
 
 use crate::elastic::{COUNT, Span};
 use crate::ems::{Contact, Element, VelocityWeakening};
@@ -11,7 +11,8 @@ use crate::leuven::Leuven;
 use crate::lugre::LuGre;
 use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip};
 
-/// M and h over one span between neighbouring joins, as power series of t = (z - `mid`)·`inverse_half` in [-1, 1].
+/// M and h over one span between neighbouring joins, as power series of t = (z -
+/// `mid`)·`inverse_half` in [-1, 1].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpanConstants {
     /// Middle of the span, m.
@@ -27,7 +28,8 @@ pub struct SpanConstants {
 /// What is known of sliding to one side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactConstants {
-    /// The sliding force falls with speed somewhere ([`VelocityWeakening`]), so one force may belong to several slip speeds.
+    /// The sliding force falls with speed somewhere ([`VelocityWeakening`]), so one force may
+    /// belong to several slip speeds.
     pub velocity_weakening: bool,
     /// β + min dD/dż, N·s/m.
     pub damping: f64,
@@ -104,9 +106,27 @@ impl From<&Span> for SpanConstants {
 
 impl From<&Contact> for ContactConstants {
     fn from(contact: &Contact) -> Self {
-        let Contact { weakening, damping, steepest_fall, free, end_force, end_stiffness, rate, lag } = *contact;
+        let Contact {
+            weakening,
+            damping,
+            steepest_fall,
+            free,
+            end_force,
+            end_stiffness,
+            rate,
+            lag,
+        } = *contact;
         let velocity_weakening = weakening != VelocityWeakening::None;
-        Self { velocity_weakening, damping, steepest_fall, free, end_force, end_stiffness, rate, lag }
+        Self {
+            velocity_weakening,
+            damping,
+            steepest_fall,
+            free,
+            end_force,
+            end_stiffness,
+            rate,
+            lag,
+        }
     }
 }
 
@@ -130,7 +150,12 @@ impl Element {
 impl Gms {
     /// What the step knows beside the parameters.
     pub fn constants(&self) -> GmsConstants {
-        GmsConstants { scales: self.scales, rates: self.rates, damping: self.damping, slip_bound: self.slip_bound }
+        GmsConstants {
+            scales: self.scales,
+            rates: self.rates,
+            damping: self.damping,
+            slip_bound: self.slip_bound,
+        }
     }
 }
 

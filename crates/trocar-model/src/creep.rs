@@ -1,28 +1,33 @@
 //! Creep of the contact below the static force.
 //!
-//! EMS (11), (13) let the instrument slip only once the force reaches F_s: a seal held at rest keeps its force for ever.
-//! Measured seals lose theirs, fast near the sliding force and hardly at all far below it, and trembling does not stop it.
-//! The contact then slips at any force, and its force builds up over a small slip speed v_c:
+//! EMS (11), (13) let the instrument slip only once the force reaches F_s: a seal held at rest
+//! keeps its force for ever. Measured seals lose theirs, fast near the sliding force and hardly at
+//! all far below it, and trembling does not stop it. The contact then slips at any force, and its
+//! force builds up over a small slip speed v_c:
 //!
 //! ```text
 //! F ∈ [g(u) + β·u]·sgn(v_sl)          u = |v_sl|                   EMS (11), (13)
 //! F = [g(u)·ρ(u) + β·u]·sgn(v_sl)     ρ(u) = u/√(u² + v_c²)        here, for v_c > 0
 //! ```
 //!
-//! At small force the contact is a dashpot of F_s/v_c; at u >> v_c it is EMS, (1 - ρ) < v_c²/2u². v_c -> 0 is EMS itself.
-//! F·v_sl >= 0 at every slip speed: creep only ever takes energy. A held force F below F_s relaxes at first with the rate
-//! K·v_c/√(F_s² - F²) (K the stiffness of the deformed seal).
+//! At small force the contact is a dashpot of F_s/v_c; at u >> v_c it is EMS, (1 - ρ) < v_c²/2u².
+//! v_c -> 0 is EMS itself. F·v_sl >= 0 at every slip speed: creep only ever takes energy. A held
+//! force F below F_s relaxes at first with the rate K·v_c/√(F_s² - F²) (K the stiffness of the
+//! deformed seal).
 //!
 //! # Lag of the Stribeck curve
 //!
-//! On a soft seal a force that falls with speed makes the contact stick and slip ([`crate::Element::velocity_weakening`]). Friction
-//! rises and falls with a delay, though (frictional memory, ARMSTRONG), and a lag T of the curve keeps steady sliding steady
-//! where T·K + β + σ exceeds the fall of g. For a creeping contact T may be given; the force stays opposed to the slip.
+//! On a soft seal a force that falls with speed makes the contact stick and slip
+//! ([`crate::Element::velocity_weakening`]). Friction rises and falls with a delay, though
+//! (frictional memory, ARMSTRONG), and a lag T of the curve keeps steady sliding steady where T·K +
+//! β + σ exceeds the fall of g. For a creeping contact T may be given; the force stays opposed to
+//! the slip.
 
 use crate::exponential::decay_and_mean;
 use crate::sliding::SlidingFriction;
 
-/// How much of the static force's surplus the contact has, within a step: g = F_c + (F_s - F_c)·λ with
+/// How much of the static force's surplus the contact has, within a step: g = F_c + (F_s - F_c)·λ
+/// with
 ///
 /// ```text
 /// dλ/dt = (e - λ)/T        e = exp(-(u/v_s)^δ)
@@ -30,9 +35,9 @@ use crate::sliding::SlidingFriction;
 ///    = `kept` + `now`·e
 /// ```
 ///
-/// where e_0 belongs to the slip speed at the start of the step. This is the exact solution for an e that changes linearly
-/// over the step: of second order, and a weighted mean of numbers between 0 and 1 at any dt. T = 0 is the curve of EMS (11)
-/// itself: `kept` = 0, `now` = 1.
+/// where e_0 belongs to the slip speed at the start of the step. This is the exact solution for an
+/// e that changes linearly over the step: of second order, and a weighted mean of numbers between 0
+/// and 1 at any dt. T = 0 is the curve of EMS (11) itself: `kept` = 0, `now` = 1.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rise {
     pub(crate) kept: f64,
@@ -78,18 +83,25 @@ impl Resistance {
     /// Slip at rest without creep.
     pub(crate) const NONE: Self = Self { force: 0.0, slope: 0.0, rise: 1.0, fall: 0.0 };
 
-    /// λ at a slip speed `change` (m/s) away, to first order: a search ends with a correction that is not evaluated again.
+    /// λ at a slip speed `change` (m/s) away, to first order: a search ends with a correction that
+    /// is not evaluated again.
     #[inline(always)]
     pub(crate) fn rise_beside(&self, sliding: &SlidingFriction, change: f64) -> f64 {
         let difference = self.fall / (sliding.static_force - sliding.coulomb_force) * change;
-        // Nothing falls without a surplus; the slope is infinite at rest where the shape exponent is below 1.
+        // Nothing falls without a surplus; the slope is infinite at rest where the shape exponent
+        // is below 1.
         if difference.is_finite() { (self.rise + difference).clamp(0.0, 1.0) } else { self.rise }
     }
 }
 
 /// The contact at slip speed `u` >= 0, m/s; ρ = 1 without creep.
 #[inline(always)]
-pub(crate) fn resistance(sliding: &SlidingFriction, creep_velocity: f64, rise: Rise, u: f64) -> Resistance {
+pub(crate) fn resistance(
+    sliding: &SlidingFriction,
+    creep_velocity: f64,
+    rise: Rise,
+    u: f64,
+) -> Resistance {
     resistance_at(sliding, creep_velocity, rise, u, sliding.level_and_slope(u))
 }
 

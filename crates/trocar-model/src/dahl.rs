@@ -1,4 +1,5 @@
-//! The Dahl model: friction as a spring that yields the more, the nearer its force comes to the Coulomb force.
+//! The Dahl model: friction as a spring that yields the more, the nearer its force comes to the
+//! Coulomb force.
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
@@ -24,8 +25,8 @@ pub struct DahlParams {
     pub stiffness: f64,
     /// F_c, N, > 0: force that a long slide settles at.
     pub coulomb_force: f64,
-    /// i, pure number > 0: shape of the approach to F_c. Below 1 it ends within a finite travel, at 1 it is
-    /// exponential, above 1 it is algebraic.
+    /// i, pure number > 0: shape of the approach to F_c. Below 1 it ends within a finite travel, at
+    /// 1 it is exponential, above 1 it is algebraic.
     pub exponent: f64,
     /// β, N·s/m, >= 0.
     pub viscous_damping: f64,
@@ -93,14 +94,20 @@ impl Dahl {
         self.rest_at_force(0.0)
     }
 
-    /// State at rest that holds `force`, N, clamped to ±F_c; a force that is not finite counts as 0.
+    /// State at rest that holds `force`, N, clamped to ±F_c; a force that is not finite counts as
+    /// 0.
     pub fn rest_at_force(&self, force: f64) -> DahlState {
         let hysteresis_force = held(force, self.params.coulomb_force);
-        DahlState { hysteresis_force, force: hysteresis_force, direction: 0.0, remainder: Remainder::UNKNOWN }
+        DahlState {
+            hysteresis_force,
+            force: hysteresis_force,
+            direction: 0.0,
+            remainder: Remainder::UNKNOWN,
+        }
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end.
     pub fn step(&self, state: &mut DahlState, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
             let mut next = *state;
@@ -113,12 +120,14 @@ impl Dahl {
         state.force
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut DahlState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a velocity that is not finite.
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
+    /// velocity that is not finite.
     pub fn output(&self, state: &DahlState, velocity: f64) -> f64 {
         let force = state.hysteresis_force + self.params.viscous_damping * velocity;
         if velocity.is_finite() && force.is_finite() { force } else { state.force }
@@ -145,8 +154,9 @@ impl Dahl {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Remainder {
     pub(crate) y: f64,
-    /// y^-m with m = i - 1: it changes in proportion to the travel, so that the power is taken at reversals only. The
-    /// largest number where it would be infinite, as for y = 0: a state is finite.
+    /// y^-m with m = i - 1: it changes in proportion to the travel, so that the power is taken at
+    /// reversals only. The largest number where it would be infinite, as for y = 0: a state is
+    /// finite.
     pub(crate) inverse_power: f64,
 }
 
@@ -155,8 +165,8 @@ impl Remainder {
 
     /// The solution of dy/dtravel = -y^i after `travel` = σ·|Δx|/F_c.
     ///
-    /// With m = i - 1 it is (y^-m + m·travel)^(-1/m), 0 once the bracket is no longer positive. Written relative to y
-    /// it neither overflows for large m nor loses digits for small m.
+    /// With m = i - 1 it is (y^-m + m·travel)^(-1/m), 0 once the bracket is no longer positive.
+    /// Written relative to y it neither overflows for large m nor loses digits for small m.
     fn advance(&mut self, travel: f64, m: f64) {
         if m == 0.0 {
             self.y *= decay(travel);
@@ -198,18 +208,32 @@ mod tests {
     use super::*;
 
     fn dahl(exponent: f64) -> Dahl {
-        Dahl::new(DahlParams { stiffness: 2000.0, coulomb_force: 3.0, exponent, viscous_damping: 0.0 }).unwrap()
+        Dahl::new(DahlParams {
+            stiffness: 2000.0,
+            coulomb_force: 3.0,
+            exponent,
+            viscous_damping: 0.0,
+        })
+        .unwrap()
     }
 
     #[test]
     fn a_state_is_finite_also_at_the_coulomb_force() {
-        let extreme = DahlParams { stiffness: 700.0, coulomb_force: 1e-200, exponent: 1e308, viscous_damping: 0.0 };
+        let extreme = DahlParams {
+            stiffness: 700.0,
+            coulomb_force: 1e-200,
+            exponent: 1e308,
+            viscous_damping: 0.0,
+        };
         for model in [dahl(1.4), dahl(0.5), Dahl::new(extreme).unwrap()] {
             for force in [0.0, 10.0] {
                 let mut state = model.rest_at_force(force);
                 for displacement in [1e-3, 1e-3, -1e-3, -1e-3, 1e-3] {
                     model.step(&mut state, displacement, 1e-3);
-                    assert!(state.remainder.y.is_finite() && state.remainder.inverse_power.is_finite(), "{model:?}");
+                    assert!(
+                        state.remainder.y.is_finite() && state.remainder.inverse_power.is_finite(),
+                        "{model:?}"
+                    );
                 }
             }
         }
@@ -219,7 +243,12 @@ mod tests {
     #[test]
     fn virgin_curves_pass_known_points() {
         // (exponent, travel σx/F_c, y there)
-        let points = [(0.5, 1.0, 0.25), (1.0, core::f64::consts::LN_2, 0.5), (1.5, 2.0, 0.25), (2.0, 3.0, 0.25)];
+        let points = [
+            (0.5, 1.0, 0.25),
+            (1.0, core::f64::consts::LN_2, 0.5),
+            (1.5, 2.0, 0.25),
+            (2.0, 3.0, 0.25),
+        ];
         for (exponent, travel, y) in points {
             let model = dahl(exponent);
             let mut state = model.rest_state();
@@ -250,7 +279,10 @@ mod tests {
                     let force = model.step(&mut state, displacement, 1.0);
                     assert!(force.abs() <= 3.0, "{exponent} {displacement} {force}");
                     // A rounding of y is 4e-16 of F_c.
-                    assert!(sign(displacement) * (force - before) >= -2e-15, "{exponent} {displacement} {force}");
+                    assert!(
+                        sign(displacement) * (force - before) >= -2e-15,
+                        "{exponent} {displacement} {force}"
+                    );
                 }
             }
         }

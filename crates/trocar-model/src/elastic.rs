@@ -1,14 +1,16 @@
-//! Deformation force of the seal: two direction-dependent branches, each two joined polynomials, EMS (25).
+//! Deformation force of the seal: two direction-dependent branches, each two joined polynomials,
+//! EMS (25).
 //!
-//! A seal that is deformed one way and back shows two branches: the force `F_u` while the deflection rises and `F_d`
-//! while it falls. Between them the force depends on the past. With
+//! A seal that is deformed one way and back shows two branches: the force `F_u` while the
+//! deflection rises and `F_d` while it falls. Between them the force depends on the past. With
 //!
 //! ```text
 //! M = (F_u + F_d)/2        h = (F_u - F_d)/2, clipped at 0        q in [-h, h]
 //! F_e = M(z) + q           q⁺ = clamp(q + κ·(z⁺ - z), -h(z⁺), h(z⁺))
 //! ```
 //!
-//! the element is a spring M beside a slip element of stiffness κ whose limit is the half gap h. For κ >= max|h'|
+//! the element is a spring M beside a slip element of stiffness κ whose limit is the half gap h.
+//! For κ >= max|h'|
 //!
 //! - a full reversal follows the measured branches exactly: h never widens faster than q can follow;
 //! - the force is Lipschitz in the deflection, |dF_e/dz| <= |M'| + κ, so a partial reversal makes no jump;
@@ -22,15 +24,16 @@ use crate::direction::Direction;
 use crate::error::{ParamError, finite, in_range};
 use crate::parameter::Quantity;
 
-/// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has degree 7.
+/// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has
+/// degree 7.
 pub const MAX_DEGREE: usize = 7;
 
 pub(crate) const COUNT: usize = MAX_DEGREE + 1;
 
 /// Least slope outside [-c, c], as a fraction of the mean slope of the branch over [-c, c].
 ///
-/// A fitted polynomial may be flat or falling at its end; the line that continues it must rise, or the element would
-/// never reach the sliding force (the hypothesis of EMS proposition III.1).
+/// A fitted polynomial may be flat or falling at its end; the line that continues it must rise, or
+/// the element would never reach the sliding force (the hypothesis of EMS proposition III.1).
 pub const END_SLOPE_FLOOR: f64 = 0.05;
 
 /// Allowed force jump at a join, as a fraction of the force span of the branch.
@@ -63,10 +66,12 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// A polynomial on [`from`, `to`] (m) with Legendre coefficients `legendre` (N), lowest degree first.
+    /// A polynomial on [`from`, `to`] (m) with Legendre coefficients `legendre` (N), lowest degree
+    /// first.
     ///
     /// # Errors
-    /// An empty or infinite interval, no or too many coefficients, a coefficient that is not finite.
+    /// An empty or infinite interval, no or too many coefficients, a coefficient that is not
+    /// finite.
     pub fn new(from: f64, to: f64, legendre: &[f64]) -> Result<Self, ParamError> {
         finite("from", from)?;
         finite("to", to)?;
@@ -84,7 +89,8 @@ impl Piece {
         Ok(Self { from, to, count, legendre: own, power: legendre_to_power(&own) })
     }
 
-    /// The polynomial Σ θ_i·z^i with the coefficients of EMS (25), θ_i in N/m^i, on [`from`, `to`] (m).
+    /// The polynomial Σ θ_i·z^i with the coefficients of EMS (25), θ_i in N/m^i, on [`from`, `to`]
+    /// (m).
     ///
     /// # Errors
     /// As [`Piece::new`].
@@ -122,7 +128,8 @@ impl Piece {
         self.legendre.get(..self.count).unwrap_or(&self.legendre)
     }
 
-    /// The coefficients θ_i of EMS (25) about z = 0, N/m^i. For reporting: badly conditioned for evaluation.
+    /// The coefficients θ_i of EMS (25) about z = 0, N/m^i. For reporting: badly conditioned for
+    /// evaluation.
     pub fn monomial(&self) -> [f64; COUNT] {
         let scale = 2.0 / (self.to - self.from);
         compose(&self.power, scale, -0.5 * (self.from + self.to) * scale)
@@ -145,8 +152,9 @@ impl Piece {
 
 /// One branch of the deformation force: two polynomials joined without a force jump, EMS (25).
 ///
-/// The slope may jump at the join (the seal snaps through there). Outside its interval the branch goes on as a straight
-/// line with the slope of its end, at least [`END_SLOPE_FLOOR`] of its mean slope.
+/// The slope may jump at the join (the seal snaps through there). Outside its interval the branch
+/// goes on as a straight line with the slope of its end, at least [`END_SLOPE_FLOOR`] of its mean
+/// slope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Branch {
     left: Piece,
@@ -157,8 +165,8 @@ impl Branch {
     /// Joins `left` and `right`.
     ///
     /// # Errors
-    /// The pieces do not meet, the force jumps at the join, the outer ends are not at -c and +c, or the force at the
-    /// right end does not exceed the force at the left end.
+    /// The pieces do not meet, the force jumps at the join, the outer ends are not at -c and +c, or
+    /// the force at the right end does not exceed the force at the left end.
     pub fn new(left: Piece, right: Piece) -> Result<Self, ParamError> {
         let width = right.to - left.from;
         if (left.to - right.from).abs() > END_TOLERANCE * width {
@@ -166,7 +174,11 @@ impl Branch {
         }
         let half_width = right.to;
         if (left.from + right.to).abs() > END_TOLERANCE * width {
-            return Err(ParamError::IntervalNotCentred { from: left.from, to: right.to, half_width });
+            return Err(ParamError::IntervalNotCentred {
+                from: left.from,
+                to: right.to,
+                half_width,
+            });
         }
         let (at_left, at_right) = (left.force(left.from), right.force(right.to));
         if at_right <= at_left || !(at_right - at_left).is_finite() {
@@ -244,10 +256,12 @@ pub(crate) struct Span {
     pub(crate) slope: [[f64; 2]; COUNT],
 }
 
-/// The deformation force F_e of one seal: mid curve M, half gap h and yield stiffness κ (module documentation).
+/// The deformation force F_e of one seal: mid curve M, half gap h and yield stiffness κ (module
+/// documentation).
 ///
-/// Outside [-c, c]: h = 0 and M is a straight line, with the end slope of `F_u` above +c and of `F_d` below -c, so that
-/// the slope is continuous for the motion that goes out there; a floor of [`END_SLOPE_FLOOR`] keeps it rising.
+/// Outside [-c, c]: h = 0 and M is a straight line, with the end slope of `F_u` above +c and of
+/// `F_d` below -c, so that the slope is continuous for the motion that goes out there; a floor of
+/// [`END_SLOPE_FLOOR`] keeps it rising.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeformationForce {
     insertion: Branch,
@@ -272,23 +286,34 @@ pub(crate) struct Local {
 }
 
 impl DeformationForce {
-    /// Deformation force with branch `insertion` = F_u for a growing and `withdrawal` = F_d for a falling deflection.
+    /// Deformation force with branch `insertion` = F_u for a growing and `withdrawal` = F_d for a
+    /// falling deflection.
     ///
-    /// `yield_stiffness` = κ, N/m; `None` takes 1.01 times the steepest slope of h, the softest law that follows both
-    /// branches exactly.
+    /// `yield_stiffness` = κ, N/m; `None` takes 1.01 times the steepest slope of h, the softest law
+    /// that follows both branches exactly.
     ///
     /// # Errors
     /// The branches span different intervals, or κ is below the steepest slope of h.
-    pub fn new(insertion: Branch, withdrawal: Branch, yield_stiffness: Option<f64>) -> Result<Self, ParamError> {
+    pub fn new(
+        insertion: Branch,
+        withdrawal: Branch,
+        yield_stiffness: Option<f64>,
+    ) -> Result<Self, ParamError> {
         let half_width = insertion.half_width();
         let (from, to) = (withdrawal.left.from, withdrawal.right.to);
         if (to - half_width).abs() > END_TOLERANCE * half_width {
             return Err(ParamError::IntervalNotCentred { from, to, half_width });
         }
-        let joins = [insertion.join().min(withdrawal.join()), insertion.join().max(withdrawal.join())];
+        let joins =
+            [insertion.join().min(withdrawal.join()), insertion.join().max(withdrawal.join())];
         let bounds = [-half_width, joins[0], joins[1], half_width];
-        let span = |k: usize, left: f64, right: f64| Span::new(&insertion, &withdrawal, left, right, k);
-        let spans = [span(0, bounds[0], bounds[1]), span(1, bounds[1], bounds[2]), span(2, bounds[2], bounds[3])];
+        let span =
+            |k: usize, left: f64, right: f64| Span::new(&insertion, &withdrawal, left, right, k);
+        let spans = [
+            span(0, bounds[0], bounds[1]),
+            span(1, bounds[1], bounds[2]),
+            span(2, bounds[2], bounds[3]),
+        ];
         let mean = |z: f64| 0.5 * (insertion.force(z) + withdrawal.force(z));
         let mut this = Self {
             insertion,
@@ -307,7 +332,8 @@ impl DeformationForce {
         Ok(this)
     }
 
-    /// A linear spring without hysteresis, `stiffness` in N/m > 0, on [-`half_width`, `half_width`] in m.
+    /// A linear spring without hysteresis, `stiffness` in N/m > 0, on [-`half_width`, `half_width`]
+    /// in m.
     ///
     /// # Errors
     /// A value that is not positive and finite.
@@ -364,7 +390,8 @@ impl DeformationForce {
         self.mid_and_gap(z).1
     }
 
-    /// Force and yield force after a monotone motion from deflection `from` with yield force `q` to deflection `to`.
+    /// Force and yield force after a monotone motion from deflection `from` with yield force `q` to
+    /// deflection `to`.
     #[inline(always)]
     pub(crate) fn reach(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
         let (mid, gap) = self.mid_and_gap(to);
@@ -379,7 +406,8 @@ impl DeformationForce {
         (mid + q, q)
     }
 
-    /// As [`Self::reach`], with the slope of the force for a motion that goes on in direction `to` - `from`.
+    /// As [`Self::reach`], with the slope of the force for a motion that goes on in direction `to`
+    /// - `from`.
     pub(crate) fn reach_with_slope(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
         let local = self.local(to);
         let trial = q + self.yield_stiffness * (to - from);
@@ -447,8 +475,8 @@ impl DeformationForce {
         }
     }
 
-    /// The interval outside which both branches rise, EMS (15): from the first to the last deflection in [-c, c] where
-    /// dF_u/dz <= 0 or dF_d/dz <= 0. `None` when both rise everywhere.
+    /// The interval outside which both branches rise, EMS (15): from the first to the last
+    /// deflection in [-c, c] where dF_u/dz <= 0 or dF_d/dz <= 0. `None` when both rise everywhere.
     pub fn softening_interval(&self) -> Option<(f64, f64)> {
         let softens = |z: f64| self.least_branch_slope(z) <= 0.0;
         let step = 2.0 * self.half_width / (4 * SAMPLES) as f64;
@@ -456,7 +484,11 @@ impl DeformationForce {
         let first = (0..=4 * SAMPLES).find(|&k| softens(grid(k)))?;
         let last = (0..=4 * SAMPLES).rev().find(|&k| softens(grid(k)))?;
         let from = if first == 0 { grid(0) } else { edge(softens, grid(first), grid(first - 1)) };
-        let to = if last == 4 * SAMPLES { grid(last) } else { edge(softens, grid(last), grid(last + 1)) };
+        let to = if last == 4 * SAMPLES {
+            grid(last)
+        } else {
+            edge(softens, grid(last), grid(last + 1))
+        };
         Some((from, to))
     }
 
@@ -475,14 +507,15 @@ impl DeformationForce {
         self.sample(0.0, |local| {
             extremes.highest_force = extremes.highest_force.max(local.mid + local.gap);
             extremes.lowest_force = extremes.lowest_force.min(local.mid - local.gap);
-            extremes.least_slope = extremes.least_slope.min(local.mid_slope - local.gap_slope.abs());
+            extremes.least_slope =
+                extremes.least_slope.min(local.mid_slope - local.gap_slope.abs());
         });
         extremes
     }
 
     fn checked_yield_stiffness(&self, given: Option<f64>) -> Result<f64, ParamError> {
-        // At the ends h is 0 up to rounding, which must not decide whether its slope there counts: it does for κ, and does
-        // not against a given one.
+        // At the ends h is 0 up to rounding, which must not decide whether its slope there counts:
+        // it does for κ, and does not against a given one.
         let [low, high] = self.end_force;
         let rounding = END_TOLERANCE * low.abs().max(high.abs());
         let steepest_above = |least_gap: f64| {
@@ -501,7 +534,8 @@ impl DeformationForce {
         Ok(given)
     }
 
-    /// Calls `see` on a grid over each span, its two ends included; the slope of h is 0 where h is not above `least_gap`.
+    /// Calls `see` on a grid over each span, its two ends included; the slope of h is 0 where h is
+    /// not above `least_gap`.
     fn sample(&self, least_gap: f64, mut see: impl FnMut(Local)) {
         let bounds = [-self.half_width, self.joins[0], self.joins[1], self.half_width];
         for ((span, &from), &to) in self.spans.iter().zip(&bounds).zip(bounds.iter().skip(1)) {
@@ -519,8 +553,8 @@ impl DeformationForce {
     }
 }
 
-/// By how much M and h of one deformation force exceed those of another at the same deflection, to first order: each polynomial piece
-/// is continued beyond its joins.
+/// By how much M and h of one deformation force exceed those of another at the same deflection, to
+/// first order: each polynomial piece is continued beyond its joins.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ShapeDifference {
     /// [M, h] over the spans of the other.
@@ -531,7 +565,8 @@ pub(crate) struct ShapeDifference {
     pub(crate) yield_stiffness: f64,
 }
 
-/// Where a deflection lies: beyond an end by so much (m), or in a span at t; and whether h is clipped there.
+/// Where a deflection lies: beyond an end by so much (m), or in a span at t; and whether h is
+/// clipped there.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum DeflectionLocation {
     Beyond { upper: bool, excess: f64 },
@@ -546,10 +581,15 @@ impl DeformationForce {
             let mut more = [[0.0; 2]; COUNT];
             if *inverse_half > 0.0 {
                 let [up, down] =
-                    [(&self.insertion, &other.insertion), (&self.withdrawal, &other.withdrawal)].map(|(own, its)| {
-                        let is_left = k == 0 || (k == 1 && *mid < own.join());
-                        restrict(if is_left { &its.left } else { &its.right }, *mid, 1.0 / inverse_half)
-                    });
+                    [(&self.insertion, &other.insertion), (&self.withdrawal, &other.withdrawal)]
+                        .map(|(own, its)| {
+                            let is_left = k == 0 || (k == 1 && *mid < own.join());
+                            restrict(
+                                if is_left { &its.left } else { &its.right },
+                                *mid,
+                                1.0 / inverse_half,
+                            )
+                        });
                 for (((more, u), d), own) in more.iter_mut().zip(&up).zip(&down).zip(force) {
                     *more = [0.5 * (u + d) - own[0], 0.5 * (u - d) - own[1]];
                 }
@@ -569,7 +609,10 @@ impl DeformationForce {
     /// Where `z`, m, lies.
     pub(crate) fn locate(&self, z: f64) -> DeflectionLocation {
         if z.abs() > self.half_width {
-            return DeflectionLocation::Beyond { upper: z > 0.0, excess: z.abs() - self.half_width };
+            return DeflectionLocation::Beyond {
+                upper: z > 0.0,
+                excess: z.abs() - self.half_width,
+            };
         }
         let span = if z < self.joins[0] { 0 } else { 1 + usize::from(z >= self.joins[1]) };
         let own = &self.spans[span];
@@ -579,7 +622,11 @@ impl DeformationForce {
 
     /// `difference` of M and h at `location`, N.
     #[inline(always)]
-    pub(crate) fn more_at(&self, difference: &ShapeDifference, location: &DeflectionLocation) -> (f64, f64) {
+    pub(crate) fn more_at(
+        &self,
+        difference: &ShapeDifference,
+        location: &DeflectionLocation,
+    ) -> (f64, f64) {
         match *location {
             DeflectionLocation::Within { span, t, clipped } => {
                 let [mid, gap] = estrin(&difference.spans[span], t);
@@ -587,7 +634,8 @@ impl DeformationForce {
             }
             DeflectionLocation::Beyond { upper, excess } => {
                 let (k, outwards) = if upper { (1, 1.0) } else { (0, -1.0) };
-                let change = difference.end_stiffness[k] * excess - self.end_stiffness[k] * difference.half_width;
+                let change = difference.end_stiffness[k] * excess
+                    - self.end_stiffness[k] * difference.half_width;
                 (difference.end_force[k] + outwards * change, 0.0)
             }
         }
@@ -603,7 +651,8 @@ pub(crate) struct Extremes {
 }
 
 impl Span {
-    /// The span `index` (0, 1, 2) between the joins, from `left` to `right`; an empty one is never evaluated.
+    /// The span `index` (0, 1, 2) between the joins, from `left` to `right`; an empty one is never
+    /// evaluated.
     fn new(insertion: &Branch, withdrawal: &Branch, left: f64, right: f64, index: usize) -> Self {
         let half = 0.5 * (right - left);
         let mid = 0.5 * (left + right);
@@ -685,7 +734,8 @@ fn legendre_to_power(legendre: &[f64; COUNT]) -> [f64; COUNT] {
     sum
 }
 
-/// A power series as Σ l_k·P_k(t): Horner's scheme in the Legendre basis, t·P_k = ((k+1)·P_(k+1) + k·P_(k-1))/(2k+1).
+/// A power series as Σ l_k·P_k(t): Horner's scheme in the Legendre basis, t·P_k = ((k+1)·P_(k+1) +
+/// k·P_(k-1))/(2k+1).
 fn power_to_legendre(power: &[f64; COUNT]) -> [f64; COUNT] {
     let mut result = [0.0; COUNT];
     for &coefficient in power.iter().rev() {
@@ -710,8 +760,8 @@ fn horner(power: &[f64; COUNT], t: f64) -> (f64, f64) {
     power.iter().rev().fold((0.0, 0.0), |(value, slope), &a| (value * t + a, slope * t + value))
 }
 
-/// Two power series at once by Estrin's scheme: a short dependency chain, so faster than Horner without fused
-/// multiply-add.
+/// Two power series at once by Estrin's scheme: a short dependency chain, so faster than Horner
+/// without fused multiply-add.
 #[inline(always)]
 fn estrin(a: &[[f64; 2]; COUNT], t: f64) -> [f64; 2] {
     let t2 = t * t;

@@ -1,4 +1,5 @@
-//! The Extended Maxwell-Slip (EMS) element: a seal that first deforms with the instrument, then lets it slide.
+//! The Extended Maxwell-Slip (EMS) element: a seal that first deforms with the instrument, then
+//! lets it slide.
 
 use crate::creep::{Resistance, Rise, resistance};
 use crate::damping::SealDamping;
@@ -17,7 +18,8 @@ const PIN_TOLERANCE: f64 = 1e-6;
 /// Longest part of a general step, as a fraction of c.
 const LONGEST_PART: f64 = 0.125;
 
-/// Parts of a general step before the rest is taken in as many longer ones: 4 half widths of travel, two full reversals.
+/// Parts of a general step before the rest is taken in as many longer ones: 4 half widths of
+/// travel, two full reversals.
 const EVEN_PARTS: u32 = 32;
 
 /// Parameters of one element. Checked by [`Element::new`].
@@ -31,10 +33,11 @@ pub struct ElementParams {
     pub insertion: SlidingFriction,
     /// Sliding friction for v_sl < 0.
     pub withdrawal: SlidingFriction,
-    /// v_c, m/s, >= 0: slip speed over which the contact's force builds up, [`crate::creep`]. 0 is EMS: no slip at all below
-    /// the static force.
+    /// v_c, m/s, >= 0: slip speed over which the contact's force builds up, [`crate::creep`]. 0 is
+    /// EMS: no slip at all below the static force.
     pub creep_velocity: f64,
-    /// T, s, >= 0: lag of the Stribeck curve, [`crate::creep`]; above 0 for a creeping contact only. 0 is EMS (11).
+    /// T, s, >= 0: lag of the Stribeck curve, [`crate::creep`]; above 0 for a creeping contact
+    /// only. 0 is EMS (11).
     pub friction_lag: f64,
     /// Slow relaxation of the rubber; [`Relaxation::NONE`] is EMS.
     pub relaxation: Relaxation,
@@ -43,7 +46,8 @@ pub struct ElementParams {
 /// What the seal does at the moment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The seal sticks to the instrument and deforms: v_sl = 0, EMS (10); with creep, |v_sl| <= v_c.
+    /// The seal sticks to the instrument and deforms: v_sl = 0, EMS (10); with creep, |v_sl| <=
+    /// v_c.
     Deforming,
     /// The instrument slides through the seal, EMS (14).
     Sliding,
@@ -119,14 +123,15 @@ impl State {
     }
 }
 
-/// Whether the sliding force of one direction falls with the slip speed somewhere, damping included. Where it does, one
-/// force belongs to several slip speeds: the friction law is multivalued.
+/// Whether the sliding force of one direction falls with the slip speed somewhere, damping
+/// included. Where it does, one force belongs to several slip speeds: the friction law is
+/// multivalued.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VelocityWeakening {
     /// Nowhere: β + min dD/dż exceeds the steepest fall of g, and every force has one slip speed.
     None,
-    /// Between these slip speeds (m/s) the sliding force falls with speed. Steady sliding is unstable there, and the
-    /// seal sticks and slips.
+    /// Between these slip speeds (m/s) the sliding force falls with speed. Steady sliding is
+    /// unstable there, and the seal sticks and slips.
     Between {
         /// Where the fall begins, m/s; 0 for a shape exponent of 1 or less.
         from: f64,
@@ -139,7 +144,8 @@ pub enum VelocityWeakening {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Element {
     pub(crate) params: ElementParams,
-    /// Sliding happens on the straight ends only, with constant friction and no damping: the step is exact.
+    /// Sliding happens on the straight ends only, with constant friction and no damping: the step
+    /// is exact.
     pub(crate) confined: bool,
     /// Slip without yielding: v_c > 0.
     pub(crate) creeps: bool,
@@ -169,12 +175,17 @@ pub(crate) struct Contact {
 
 /// The numbers of the element itself; those of the paper's element are in its parts.
 impl Parameters for ElementParams {
-    const FIELDS: &'static [Field<Self>] = fields![creep_velocity: CreepVelocity, friction_lag: FrictionLag];
+    const FIELDS: &'static [Field<Self>] =
+        fields![creep_velocity: CreepVelocity, friction_lag: FrictionLag];
 }
 
 impl ElementParams {
     /// The element of EMS without seal damping; its further terms are off.
-    pub const fn new(deformation: DeformationForce, insertion: SlidingFriction, withdrawal: SlidingFriction) -> Self {
+    pub const fn new(
+        deformation: DeformationForce,
+        insertion: SlidingFriction,
+        withdrawal: SlidingFriction,
+    ) -> Self {
         Self {
             deformation,
             damping: SealDamping::ZERO,
@@ -239,23 +250,27 @@ impl Element {
         (self.insertion.weakening, self.withdrawal.weakening)
     }
 
-    /// State at rest with zero yield force at `deflection`, m. A deflection that is not finite counts as 0.
+    /// State at rest with zero yield force at `deflection`, m. A deflection that is not finite
+    /// counts as 0.
     pub fn rest_state(&self, deflection: f64) -> State {
         self.state(deflection, 0.0)
     }
 
-    /// State at rest at `deflection` (m) with `yield_force` (N), the latter clamped to ±h. What is not finite counts as 0.
+    /// State at rest at `deflection` (m) with `yield_force` (N), the latter clamped to ±h. What is
+    /// not finite counts as 0.
     pub fn state(&self, deflection: f64, yield_force: f64) -> State {
         let deflection = if deflection.is_finite() { deflection } else { 0.0 };
         let yield_force = if yield_force.is_finite() { yield_force } else { 0.0 };
-        let (force, yield_force) = self.params.deformation.reach(deflection, yield_force, deflection);
+        let (force, yield_force) =
+            self.params.deformation.reach(deflection, yield_force, deflection);
         State::stuck(deflection, yield_force, force, [0.0; MAX_ARMS])
     }
 
     /// State at rest on the mid curve M that holds `force`, N.
     ///
-    /// Of several deflections with that force (a seal that snaps through has three) the one of least amount; beyond the
-    /// sliding limits the nearer end. A force that is not finite counts as 0.
+    /// Of several deflections with that force (a seal that snaps through has three) the one of
+    /// least amount; beyond the sliding limits the nearer end. A force that is not finite counts as
+    /// 0.
     pub fn rest_at_force(&self, force: f64) -> State {
         const CELLS: i32 = 200;
         let force = if force.is_finite() { force } else { 0.0 };
@@ -276,11 +291,11 @@ impl Element {
         self.rest_state(0.5 * (low + high))
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end.
     ///
-    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or velocity that is not
-    /// finite, leaves the state untouched and returns the last force.
+    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or
+    /// velocity that is not finite, leaves the state untouched and returns the last force.
     pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
             // Two commits, so that the exact step stays in registers.
@@ -293,12 +308,16 @@ impl Element {
         state.force
     }
 
-    /// The general step in parts of at most c/8 of travel, so that the order of yielding and snapping through is kept.
+    /// The general step in parts of at most c/8 of travel, so that the order of yielding and
+    /// snapping through is kept.
     ///
-    /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the work is bounded.
+    /// Past [`EVEN_PARTS`] such parts the seal slides for good, and the rest is divided evenly: the
+    /// work is bounded.
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
         let mut state = *state;
-        self.each_part(velocity, duration, |time| state = self.advance_general(&state, velocity, time));
+        self.each_part(velocity, duration, |time| {
+            state = self.advance_general(&state, velocity, time)
+        });
         state
     }
 
@@ -311,7 +330,8 @@ impl Element {
             return advance(duration);
         }
         let strides = travel / stride;
-        let mut all = |count: u32, time: f64| (0..count).for_each(|_| advance(time / f64::from(count)));
+        let mut all =
+            |count: u32, time: f64| (0..count).for_each(|_| advance(time / f64::from(count)));
         if strides <= f64::from(EVEN_PARTS) {
             all(libm::ceil(strides) as u32, duration);
         } else {
@@ -321,7 +341,8 @@ impl Element {
         }
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut State, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
@@ -348,12 +369,15 @@ impl Element {
         }
     }
 
-    /// Whether one force may belong to several slip speeds when `now` of a change of g shows within the step.
+    /// Whether one force may belong to several slip speeds when `now` of a change of g shows within
+    /// the step.
     pub(crate) fn is_multivalued(&self, direction: Direction, now: f64) -> bool {
-        self.contact(direction).weakening != VelocityWeakening::None && self.least_drag(direction, now) <= 0.0
+        self.contact(direction).weakening != VelocityWeakening::None
+            && self.least_drag(direction, now) <= 0.0
     }
 
-    /// β + min dD/dż - `now`·max|g'|, N·s/m: above zero the slip speed is unique in continuous time.
+    /// β + min dD/dż - `now`·max|g'|, N·s/m: above zero the slip speed is unique in continuous
+    /// time.
     pub(crate) fn least_drag(&self, direction: Direction, now: f64) -> f64 {
         let Contact { damping, steepest_fall, .. } = *self.contact(direction);
         if now > 0.0 { damping - now * steepest_fall } else { damping }
@@ -369,7 +393,8 @@ impl Element {
         let c = self.params.deformation.half_width();
         let mut z = state.deflection;
         let mut q = state.yield_force;
-        // Each side is a branch of its own: a choice by data would put the exponential between one step and the next.
+        // Each side is a branch of its own: a choice by data would put the exponential between one
+        // step and the next.
         if z > c {
             let (next, left) = self.slide_on_end(Direction::Insertion, z - c, velocity, time);
             if left <= 0.0 {
@@ -385,18 +410,29 @@ impl Element {
         }
         let target = z + velocity * time;
         if target > c {
-            return self.slide_on_end(Direction::Insertion, 0.0, velocity, (target - c) / velocity).0;
+            return self
+                .slide_on_end(Direction::Insertion, 0.0, velocity, (target - c) / velocity)
+                .0;
         }
         if target < -c {
-            return self.slide_on_end(Direction::Withdrawal, 0.0, velocity, (target + c) / velocity).0;
+            return self
+                .slide_on_end(Direction::Withdrawal, 0.0, velocity, (target + c) / velocity)
+                .0;
         }
         let (force, yield_force) = self.params.deformation.reach(z, q, target);
         State::stuck(target, yield_force, force, state.arms)
     }
 
-    /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the time left.
+    /// Slides for at most `time` beyond an end, from `excess` = |z| - c; gives the state and the
+    /// time left.
     #[inline(always)]
-    fn slide_on_end(&self, direction: Direction, excess: f64, velocity: f64, time: f64) -> (State, f64) {
+    fn slide_on_end(
+        &self,
+        direction: Direction,
+        excess: f64,
+        velocity: f64,
+        time: f64,
+    ) -> (State, f64) {
         let deformation = &self.params.deformation;
         let Contact { end_force, end_stiffness, rate, lag, .. } = *self.contact(direction);
         let s = direction.sign();
@@ -481,14 +517,20 @@ impl Contact {
 }
 
 /// Stationary points of H(u) = g(u)·ρ(u) + b·u with b = β + min dD/dż.
-fn weakening(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64) -> VelocityWeakening {
+fn weakening(
+    sliding: &SlidingFriction,
+    creep_velocity: f64,
+    least_damping: f64,
+) -> VelocityWeakening {
     let b = sliding.viscous_damping + least_damping;
     if b > sliding.steepest_fall() || sliding.is_constant() {
         return VelocityWeakening::None;
     }
     let steepest = sliding.steepest_speed();
-    let falls = |u: f64| resistance(sliding, creep_velocity, Rise::INSTANT, u).slope + least_damping < 0.0;
-    let Some(inside) = first_fall(falls, steepest.max(creep_velocity), sliding.stribeck_velocity) else {
+    let falls =
+        |u: f64| resistance(sliding, creep_velocity, Rise::INSTANT, u).slope + least_damping < 0.0;
+    let Some(inside) = first_fall(falls, steepest.max(creep_velocity), sliding.stribeck_velocity)
+    else {
         return VelocityWeakening::None;
     };
     let from = if inside > 0.0 { boundary(falls, inside, 0.0) } else { 0.0 };
@@ -505,7 +547,8 @@ fn weakening(sliding: &SlidingFriction, creep_velocity: f64, least_damping: f64)
     VelocityWeakening::Between { from, to: boundary(falls, inside, beyond) }
 }
 
-/// A slip speed at which the force falls with speed, from the steepest of g upwards: creep may fill the fall in.
+/// A slip speed at which the force falls with speed, from the steepest of g upwards: creep may fill
+/// the fall in.
 fn first_fall(falls: impl Fn(f64) -> bool, steepest: f64, stribeck_velocity: f64) -> Option<f64> {
     const CELLS: u32 = 40;
     (0..=CELLS).map(|k| steepest + 0.1 * f64::from(k) * stribeck_velocity).find(|u| falls(*u))

@@ -43,7 +43,8 @@ pub enum ParamError {
     },
     /// The damping force sigma(zdot)*zdot falls somewhere as the deformation speed grows.
     DampingForceFalls {
-        /// Smallest slope of the damping force over all speeds, N*s/m; minus infinity when it is unbounded.
+        /// Smallest slope of the damping force over all speeds, N*s/m; minus infinity when it is
+        /// unbounded.
         slope: f64,
     },
     /// A polynomial piece has no coefficient or more than [`crate::MAX_DEGREE`] + 1.
@@ -130,7 +131,8 @@ pub enum ParamError {
         /// The sum found.
         sum: f64,
     },
-    /// The limit forces of the hysteresis bank add up to less than the static force: its deflection would run away.
+    /// The limit forces of the hysteresis bank add up to less than the static force: its deflection
+    /// would run away.
     BankTooWeak {
         /// Sum of the limit forces, N.
         limit_force: f64,
@@ -144,18 +146,30 @@ impl fmt::Display for ParamError {
         match *self {
             Self::NotFinite { name, value } => write!(f, "{name} must be finite, got {value}"),
             Self::OutOfRange { id, value } => out_of_range(f, id, value),
-            Self::Negative { name, value } => write!(f, "{name} must not be negative, got {value} m"),
+            Self::Negative { name, value } => {
+                write!(f, "{name} must not be negative, got {value} m")
+            }
             Self::StaticBelowCoulomb { static_force, coulomb_force } => {
-                write!(f, "static_force_n must be at least coulomb_force_n = {coulomb_force} N, got {static_force} N")
+                write!(
+                    f,
+                    "static_force_n must be at least coulomb_force_n = {coulomb_force} N, got {static_force} N"
+                )
             }
             Self::LagWithoutCreep { lag } => {
                 write!(f, "friction_lag_s = {lag} s needs a creep_velocity_m_s above 0 m/s")
             }
             Self::DampingForceFalls { slope } => {
-                write!(f, "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m")
+                write!(
+                    f,
+                    "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m"
+                )
             }
             Self::CoefficientCount { count } => {
-                write!(f, "a piece needs 1 to {} Legendre coefficients, got {count}", crate::MAX_DEGREE + 1)
+                write!(
+                    f,
+                    "a piece needs 1 to {} Legendre coefficients, got {count}",
+                    crate::MAX_DEGREE + 1
+                )
             }
             Self::EmptyInterval { from, to } => {
                 write!(f, "a piece must end right of its start, got [{from}, {to}] m")
@@ -165,16 +179,29 @@ impl fmt::Display for ParamError {
                 "the pieces of a branch must meet, left ends at {left_ends} m, right starts at {right_starts} m"
             ),
             Self::ForceJump { join, left, right } => {
-                write!(f, "a branch must be continuous at its join {join} m, got {left} N and {right} N")
+                write!(
+                    f,
+                    "a branch must be continuous at its join {join} m, got {left} N and {right} N"
+                )
             }
             Self::IntervalNotCentred { from, to, half_width } => {
-                write!(f, "a branch must span [{}, {half_width}] m, got [{from}, {to}] m", -half_width)
+                write!(
+                    f,
+                    "a branch must span [{}, {half_width}] m, got [{from}, {to}] m",
+                    -half_width
+                )
             }
             Self::EndForcesNotRising { at_left, at_right } => {
-                write!(f, "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N")
+                write!(
+                    f,
+                    "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N"
+                )
             }
             Self::EndPointConstraint { deflection, force, expected } => {
-                write!(f, "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N")
+                write!(
+                    f,
+                    "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N"
+                )
             }
             Self::YieldStiffnessTooLow { given, minimum } => write!(
                 f,
@@ -192,7 +219,9 @@ impl fmt::Display for ParamError {
                 "attraction·stiffness/(share·coulomb_force) of element {} must be finite and above 0, got {rate} 1/s",
                 index + 1
             ),
-            Self::SharesNotOne { sum } => write!(f, "the shares of the elements must add up to 1, got {sum}"),
+            Self::SharesNotOne { sum } => {
+                write!(f, "the shares of the elements must add up to 1, got {sum}")
+            }
             Self::BankTooWeak { limit_force, static_force } => write!(
                 f,
                 "the limit forces of the elements must add up to at least static_force_n = {static_force} N, got {limit_force} N"
@@ -211,8 +240,12 @@ fn out_of_range(f: &mut fmt::Formatter<'_>, id: ParameterId, value: f64) -> fmt:
         Range::AtLeast(least) => {
             write!(f, "{id} must be finite and at least {least}{gap}{unit}, got {value}{gap}{unit}")
         }
-        Range::AboveZero => write!(f, "{id} must be finite and above 0{gap}{unit}, got {value}{gap}{unit}"),
-        Range::AboveZeroOrInfinite => write!(f, "{id} must be above 0{gap}{unit}, got {value}{gap}{unit}"),
+        Range::AboveZero => {
+            write!(f, "{id} must be finite and above 0{gap}{unit}, got {value}{gap}{unit}")
+        }
+        Range::AboveZeroOrInfinite => {
+            write!(f, "{id} must be above 0{gap}{unit}, got {value}{gap}{unit}")
+        }
     }
 }
 
@@ -223,7 +256,11 @@ pub(crate) fn finite(name: &'static str, value: f64) -> Result<f64, ParamError> 
 /// `value`, if it lies in the range of the parameter.
 pub(crate) fn in_range(id: impl Into<ParameterId>, value: f64) -> Result<f64, ParamError> {
     let id = id.into();
-    if id.declaration().range.holds(value) { Ok(value) } else { Err(ParamError::OutOfRange { id, value }) }
+    if id.declaration().range.holds(value) {
+        Ok(value)
+    } else {
+        Err(ParamError::OutOfRange { id, value })
+    }
 }
 
 /// Checks the range of each number.

@@ -1,8 +1,10 @@
-//! exp(-x) for x >= 0, ln and powers in plain arithmetic: the same bits everywhere, and short enough for the inner loop.
+//! exp(-x) for x >= 0, ln and powers in plain arithmetic: the same bits everywhere, and short
+//! enough for the inner loop.
 //!
 //! General functions spend most of their time on cases and last digits that friction does not need.
 
-/// ln 2 in two parts; the first has zeros at its end, so that its product with a small integer is exact.
+/// ln 2 in two parts; the first has zeros at its end, so that its product with a small integer is
+/// exact.
 const LN_2_HIGH: f64 = f64::from_bits(0x3fe6_2e42_fee0_0000);
 const LN_2_LOW: f64 = f64::from_bits(0x3dea_39ef_3579_3c76);
 
@@ -155,7 +157,10 @@ mod tests {
             let truth = libm::pow(x, p);
             let exponent = (p * libm::log(x)).abs();
             let error = (power(x, p) - truth).abs();
-            assert!(exponent > LAST || error <= 6e-16 * exponent.max(2.0) * truth, "{x}^{p}: {error}");
+            assert!(
+                exponent > LAST || error <= 6e-16 * exponent.max(2.0) * truth,
+                "{x}^{p}: {error}"
+            );
         }
         for k in -999..4000 {
             let x = f64::from(k) * 1e-3 + 1e-9;

@@ -1,9 +1,9 @@
-//! Models and states as rows of numbers, for whoever cannot hold a Rust value: a file beside a binary, the memory of a
-//! WebAssembly module, the serialised state of a co-simulation.
+//! Models and states as rows of numbers, for whoever cannot hold a Rust value: a file beside a
+//! binary, the memory of a WebAssembly module, the serialised state of a co-simulation.
 //!
-//! A row begins with [`FORMAT`], then the kind, then the parameters in SI units in the order of the parameter structs;
-//! numbers of parts stand before the parts. Reading checks everything that building the model checks: the same
-//! parameters give the same model, to the last bit.
+//! A row begins with [`FORMAT`], then the kind, then the parameters in SI units in the order of the
+//! parameter structs; numbers of parts stand before the parts. Reading checks everything that
+//! building the model checks: the same parameters give the same model, to the last bit.
 
 use crate::classical::{Classical, ClassicalState};
 use crate::dahl::{Dahl, DahlParams, DahlState, Remainder};
@@ -76,7 +76,9 @@ impl core::fmt::Display for FlatError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::Length { found } => write!(f, "{found} numbers are too few"),
-            Self::Tag { place, found } => write!(f, "number {place} says what follows, and cannot be {found}"),
+            Self::Tag { place, found } => {
+                write!(f, "number {place} says what follows, and cannot be {found}")
+            }
             Self::Parameter(error) => error.fmt(f),
         }
     }
@@ -210,7 +212,8 @@ impl<K: AsRef<[f64]>> Trocar<K> {
 }
 
 impl<'a> Trocar<&'a [f64]> {
-    /// The trocar that [`Trocar::write_numbers`] wrote to the front of `row`; its position profile borrows from `row`.
+    /// The trocar that [`Trocar::write_numbers`] wrote to the front of `row`; its position profile
+    /// borrows from `row`.
     ///
     /// # Errors
     /// [`FlatError`]: too short a row, a tag that is none, parameters that make no model.
@@ -337,11 +340,14 @@ fn read_stages(from: &mut Reader) -> Result<Stages, FlatError> {
 }
 
 fn read_element(from: &mut Reader) -> Result<Element, FlatError> {
-    let branches =
-        [Branch::new(read_piece(from)?, read_piece(from)?)?, Branch::new(read_piece(from)?, read_piece(from)?)?];
+    let branches = [
+        Branch::new(read_piece(from)?, read_piece(from)?)?,
+        Branch::new(read_piece(from)?, read_piece(from)?)?,
+    ];
     let deformation = DeformationForce::new(branches[0], branches[1], Some(from.one()?))?;
     let damping = from.fields(SealDamping::BLANK)?;
-    let (insertion, withdrawal) = (from.fields(SlidingFriction::BLANK)?, from.fields(SlidingFriction::BLANK)?);
+    let (insertion, withdrawal) =
+        (from.fields(SlidingFriction::BLANK)?, from.fields(SlidingFriction::BLANK)?);
     let plain = ElementParams { damping, ..ElementParams::new(deformation, insertion, withdrawal) };
     let mut params = from.fields(plain)?;
     for arm in &mut params.relaxation.arms {
@@ -387,13 +393,16 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// The state that [`TrocarState::to_numbers`] wrote; it must be one of this model.
     ///
     /// # Errors
-    /// [`FlatError::Length`] for too few numbers, [`FlatError::Tag`] for another model's state or a number that is not
-    /// finite.
+    /// [`FlatError::Length`] for too few numbers, [`FlatError::Tag`] for another model's state or a
+    /// number that is not finite.
     pub fn state_from_numbers(&self, row: &[f64]) -> Result<TrocarState, FlatError> {
         let row = row.get(..STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
         // All at once first: a program may do this before every step.
         let finite = row.iter().fold(true, |finite, value| finite & value.is_finite());
-        if !finite && let Some((place, &found)) = row.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+        if !finite
+            && let Some((place, &found)) =
+                row.iter().enumerate().find(|(_, value)| !value.is_finite())
+        {
             return Err(FlatError::Tag { place, found });
         }
         let mut from = Reader::new(row);
@@ -416,7 +425,8 @@ impl<K: AsRef<[f64]>> Trocar<K> {
 }
 
 fn write_state(out: &mut Writer, state: &State) {
-    let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } = *state;
+    let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } =
+        *state;
     let sliding = f64::from(u8::from(mode == Mode::Sliding));
     out.put(&[deflection, yield_force, force, slip_velocity, contact_slope, rise, sliding]);
     out.put(&arms);
@@ -428,7 +438,16 @@ fn read_state(from: &mut Reader) -> Result<State, FlatError> {
         0 => Mode::Deforming,
         _ => Mode::Sliding,
     };
-    Ok(State { deflection, yield_force, force, slip_velocity, contact_slope, rise, mode, arms: from.take()? })
+    Ok(State {
+        deflection,
+        yield_force,
+        force,
+        slip_velocity,
+        contact_slope,
+        rise,
+        mode,
+        arms: from.take()?,
+    })
 }
 
 fn write_classical_state(out: &mut Writer, state: &ClassicalState) {
@@ -436,7 +455,14 @@ fn write_classical_state(out: &mut Writer, state: &ClassicalState) {
         ClassicalState::Static(state) => out.put(&[STATIC, state.held_force, state.force]),
         ClassicalState::Dahl(state) => {
             let Remainder { y, inverse_power } = state.remainder;
-            out.put(&[DAHL, state.hysteresis_force, state.force, state.direction, y, inverse_power]);
+            out.put(&[
+                DAHL,
+                state.hysteresis_force,
+                state.force,
+                state.direction,
+                y,
+                inverse_power,
+            ]);
         }
         ClassicalState::LuGre(state) => out.put(&[LUGRE, state.deflection, state.force]),
         ClassicalState::Leuven(state) => {

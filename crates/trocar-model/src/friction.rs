@@ -1,20 +1,23 @@
 //! What all models have in common: motion in, force out, everything that changes in a small state.
 
-/// A friction model driven by displacement: parameters immutable and checked once, state small and `Copy`.
+/// A friction model driven by displacement: parameters immutable and checked once, state small and
+/// `Copy`.
 ///
-/// Invariants of every implementation: a step never fails, allocates or panics and its work is bounded; an input that is
-/// not finite, or a duration that is not positive, leaves the state untouched and returns the last force.
+/// Invariants of every implementation: a step never fails, allocates or panics and its work is
+/// bounded; an input that is not finite, or a duration that is not positive, leaves the state
+/// untouched and returns the last force.
 pub trait Friction {
     /// Everything that changes while the model runs.
     type State: Copy + core::fmt::Debug;
 
-    /// State at rest that holds `force`, N, clamped to what the model can hold; a force that is not finite counts as 0.
+    /// State at rest that holds `force`, N, clamped to what the model can hold; a force that is not
+    /// finite counts as 0.
     ///
     /// The history behind that force is unknown: one of the states that give it.
     fn rest_at_force(&self, force: f64) -> Self::State;
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end.
     fn step(&self, state: &mut Self::State, displacement: f64, duration: f64) -> f64;
 
     /// Force after the last step, N: that of the instrument on the seal.

@@ -1,4 +1,5 @@
-//! The Generalized Maxwell-Slip (GMS) model: slip elements whose limit follows the Stribeck curve, EMS (5) to (7).
+//! The Generalized Maxwell-Slip (GMS) model: slip elements whose limit follows the Stribeck curve,
+//! EMS (5) to (7).
 
 use crate::error::{ParamError, check_element, finite};
 use crate::exponential::decay;
@@ -32,18 +33,24 @@ pub struct GmsElement {
     pub damping: f64,
 }
 
-parameters!(GmsElement { stiffness: Stiffness, share: Share, attraction: Attraction, damping: Damping });
+parameters!(GmsElement {
+    stiffness: Stiffness,
+    share: Share,
+    attraction: Attraction,
+    damping: Damping
+});
 
 impl GmsElement {
     /// Fills the unused places of a model.
-    pub(crate) const NONE: Self = Self { stiffness: 0.0, share: 0.0, attraction: 0.0, damping: 0.0 };
+    pub(crate) const NONE: Self =
+        Self { stiffness: 0.0, share: 0.0, attraction: 0.0, damping: 0.0 };
 }
 
 /// How fast the deflection of a slipping element may change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SlipRate {
-    /// As printed, EMS (5): without bound. For F_s > F_c the model can then yield energy: near v = 0 an element loads
-    /// from ν_i·F_c to ν_i·F_s although nothing moves.
+    /// As printed, EMS (5): without bound. For F_s > F_c the model can then yield energy: near v =
+    /// 0 an element loads from ν_i·F_c to ν_i·F_s although nothing moves.
     Free,
     /// |dz_i/dt| <= |v|. For σ_i = 0 no motion yields energy; nor with damping if
     /// σ_i·C_i·(F_s/F_c - 1) <= α_i·F_c, which keeps a damper smaller than the slider it is beside.
@@ -133,9 +140,13 @@ impl Gms {
     /// Checks the parameters.
     ///
     /// # Errors
-    /// No element or more than [`MAX_ELEMENTS`], a value that is not finite or out of its range, or shares that do not
-    /// add up to 1.
-    pub fn new(elements: &[GmsElement], sliding: SlidingFriction, slip_rate: SlipRate) -> Result<Self, ParamError> {
+    /// No element or more than [`MAX_ELEMENTS`], a value that is not finite or out of its range, or
+    /// shares that do not add up to 1.
+    pub fn new(
+        elements: &[GmsElement],
+        sliding: SlidingFriction,
+        slip_rate: SlipRate,
+    ) -> Result<Self, ParamError> {
         sliding.check()?;
         check_count(elements.len())?;
         let mut places = [GmsElement::NONE; MAX_ELEMENTS];
@@ -156,7 +167,8 @@ impl Gms {
         if (sum - 1.0).abs() > SHARE_TOLERANCE {
             return Err(ParamError::SharesNotOne { sum });
         }
-        let damping = sliding.viscous_damping + elements.iter().map(|element| element.damping).sum::<f64>();
+        let damping =
+            sliding.viscous_damping + elements.iter().map(|element| element.damping).sum::<f64>();
         // |z_i| <= ν_i·F_s, so that a slipping element is no faster than C_i·(1 + F_s/F_c).
         let fastest = 1.0 + sliding.static_force / sliding.coulomb_force;
         let dampers = elements.iter().map(|element| element.damping * element.attraction * fastest);
@@ -185,8 +197,8 @@ impl Gms {
         self.rest_at_force(0.0)
     }
 
-    /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to α_i. A force that is not finite
-    /// counts as 0.
+    /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to α_i. A force
+    /// that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> GmsState {
         let force = held(force, self.sliding.static_force);
         let mut state = GmsState {
@@ -200,11 +212,11 @@ impl Gms {
         state
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end.
     ///
-    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or velocity that is not
-    /// finite, leaves the state untouched and returns the last force.
+    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or
+    /// velocity that is not finite, leaves the state untouched and returns the last force.
     #[inline]
     pub fn step(&self, state: &mut GmsState, displacement: f64, duration: f64) -> f64 {
         // The deflections are bounded: only the damping forces can exceed all numbers.
@@ -216,12 +228,14 @@ impl Gms {
         state.force
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut GmsState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity that is not finite.
+    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity
+    /// that is not finite.
     pub fn output(&self, state: &GmsState, velocity: f64) -> f64 {
         let mut state = *state;
         if self.slip_bound + self.damping * velocity.abs() <= f64::MAX {
@@ -231,7 +245,11 @@ impl Gms {
     }
 
     fn elastic_force(&self, state: &GmsState) -> f64 {
-        self.elements().iter().zip(&state.deflections).map(|(element, z)| element.stiffness * z).sum()
+        self.elements()
+            .iter()
+            .zip(&state.deflections)
+            .map(|(element, z)| element.stiffness * z)
+            .sum()
     }
 
     #[inline(always)]
@@ -253,11 +271,22 @@ impl Gms {
         let level = self.sliding.level(speed);
         let travel = displacement.abs();
         let inverse_level = 1.0 / level;
-        let mut drive = Drive { sign: s, speed, travel, duration, fastest, level, inverse_level, fade: (0.0, 1.0) };
+        let mut drive = Drive {
+            sign: s,
+            speed,
+            travel,
+            duration,
+            fastest,
+            level,
+            inverse_level,
+            fade: (0.0, 1.0),
+        };
         let mut force = self.sliding.viscous_damping * velocity;
         let deflections = state.deflections.iter_mut().zip(&mut state.slipping);
         let constants = self.scales.iter().zip(&self.rates);
-        for ((element, (nu, rate)), (z, slipping)) in self.elements().iter().zip(constants).zip(deflections) {
+        for ((element, (nu, rate)), (z, slipping)) in
+            self.elements().iter().zip(constants).zip(deflections)
+        {
             let rate = advance(z, slipping, nu * drive.level, *rate, &mut drive);
             force += element.stiffness * *z + element.damping * rate; // EMS (7)
         }
@@ -281,7 +310,8 @@ impl Friction for Gms {
     }
 }
 
-/// Moves one element with limit ν·g = `limit` (m) and C/ν = `rate` (N/s); returns dz/dt (m/s) at the end.
+/// Moves one element with limit ν·g = `limit` (m) and C/ν = `rate` (N/s); returns dz/dt (m/s) at
+/// the end.
 #[inline(always)]
 fn advance(z: &mut f64, slipping: &mut bool, limit: f64, rate: f64, drive: &mut Drive) -> f64 {
     let s = drive.sign;
@@ -303,9 +333,11 @@ fn advance(z: &mut f64, slipping: &mut bool, limit: f64, rate: f64, drive: &mut 
     s * rate
 }
 
-/// Distance (m) from the limit after a step in slip, and the speed (m/s) at which it then shrinks, EMS (5).
+/// Distance (m) from the limit after a step in slip, and the speed (m/s) at which it then shrinks,
+/// EMS (5).
 ///
-/// While `rate`·distance exceeds the bound the approach is linear, then exponential with that rate (1/s).
+/// While `rate`·distance exceeds the bound the approach is linear, then exponential with that rate
+/// (1/s).
 #[inline(always)]
 fn relax(distance: f64, rate: f64, drive: &mut Drive) -> (f64, f64) {
     let linear = distance - drive.fastest / rate;
@@ -363,7 +395,8 @@ mod tests {
     #[test]
     fn the_damping_force_counts_only_where_an_element_moves() {
         let damped = GmsElement { damping: 3.0, ..element(1000.0, 1.0) };
-        let model = Gms::new(&[damped], SlidingFriction::coulomb(2.0, 0.0), SlipRate::Free).unwrap();
+        let model =
+            Gms::new(&[damped], SlidingFriction::coulomb(2.0, 0.0), SlipRate::Free).unwrap();
         let mut state = model.rest_state();
         assert_eq!(model.output(&state, 0.125), 0.375);
         assert!((model.step_velocity(&mut state, 0.125, 8e-3) - 1.375).abs() < 1e-15);
@@ -407,15 +440,24 @@ mod tests {
 
     #[test]
     fn bad_parameters_are_named() {
-        let short = Gms::new(&[element(1000.0, 0.4), element(500.0, 0.5)], STRIBECK, SlipRate::Free).unwrap_err();
+        let short =
+            Gms::new(&[element(1000.0, 0.4), element(500.0, 0.5)], STRIBECK, SlipRate::Free)
+                .unwrap_err();
         assert_eq!(short.to_string(), "the shares of the elements must add up to 1, got 0.9");
         let still = GmsElement { attraction: 0.0, ..element(1000.0, 1.0) };
         let bad = Gms::new(&[still], STRIBECK, SlipRate::Free).unwrap_err();
-        assert_eq!(bad.to_string(), "element_1_attraction_m_s must be finite and above 0 m/s, got 0 m/s");
+        assert_eq!(
+            bad.to_string(),
+            "element_1_attraction_m_s must be finite and above 0 m/s, got 0 m/s"
+        );
         let driven = GmsElement { damping: -1.0, ..element(1000.0, 1.0) };
         let bad = Gms::new(&[driven], STRIBECK, SlipRate::Free).unwrap_err();
-        assert_eq!(bad.to_string(), "element_1_damping_n_s_m must be finite and at least 0 N s/m, got -1 N s/m");
-        let flat = Gms::new(&[element(1e300, 1e-30), element(1.0, 1.0)], STRIBECK, SlipRate::Free).unwrap_err();
+        assert_eq!(
+            bad.to_string(),
+            "element_1_damping_n_s_m must be finite and at least 0 N s/m, got -1 N s/m"
+        );
+        let flat = Gms::new(&[element(1e300, 1e-30), element(1.0, 1.0)], STRIBECK, SlipRate::Free)
+            .unwrap_err();
         assert!(matches!(flat, ParamError::LimitDeflection { index: 0, .. }));
     }
 }

@@ -10,13 +10,16 @@ use crate::sliding::SlidingFriction;
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.
 const LIMIT_TOLERANCE: f64 = 1e-9;
 
-/// Largest change of r = F_h/g in one part of a step for n other than 1; for |r| > 1 as a fraction of |r|.
+/// Largest change of r = F_h/g in one part of a step for n other than 1; for |r| > 1 as a fraction
+/// of |r|.
 const STRIDE: f64 = 0.125;
 
-/// Parts of a step so limited: a full reversal from r = -1.5 to 1 needs 20. Later parts end at a yielding element only.
+/// Parts of a step so limited: a full reversal from r = -1.5 to 1 needs 20. Later parts end at a
+/// yielding element only.
 const STRIDES: usize = 24;
 
-/// Closer to its limit than this fraction an element has yielded; absorbs the rounding of its event.
+/// Closer to its limit than this fraction an element has yielded; absorbs the rounding of its
+/// event.
 const SNAP: f64 = 1e-14;
 
 /// Parameters beside the bank. Checked by [`Leuven::new`].
@@ -75,7 +78,8 @@ impl LeuvenState {
 /// F_h   = Σ f_i,  df_i = k_i·dz until |f_i| = F_i       Maxwell-Slip bank driven by z
 /// F     = F_h + σ1·dz/dt + σ2·v
 /// ```
-/// g as in [`SlidingFriction`], the rest as in [`LeuvenParams`] and [`SlipElement`]; ΣF_i >= F_s, or z would run away.
+/// g as in [`SlidingFriction`], the rest as in [`LeuvenParams`] and [`SlipElement`]; ΣF_i >= F_s,
+/// or z would run away.
 ///
 /// - **Memory**: the bank is the whole memory of turning points, and it cannot overflow. A stack holds one entry for each
 ///   open loop and is full some day; here a loop leaves its mark in the forces of the elements that did not yield in it.
@@ -113,7 +117,8 @@ impl Leuven {
     /// Checks the parameters; `bank` holds the hysteresis.
     ///
     /// # Errors
-    /// No element or more than [`MAX_ELEMENTS`], a value that is not finite or out of its range, or ΣF_i < F_s.
+    /// No element or more than [`MAX_ELEMENTS`], a value that is not finite or out of its range, or
+    /// ΣF_i < F_s.
     pub fn new(bank: &[SlipElement], params: LeuvenParams) -> Result<Self, ParamError> {
         params.sliding.check()?;
         check_fields(&params)?;
@@ -125,7 +130,8 @@ impl Leuven {
         // |F_h| <= F_s and g >= F_c.
         let most = power(static_force / params.sliding.coulomb_force, params.exponent);
         let damping = params.sliding.viscous_damping + params.micro_damping * (1.0 + most);
-        let damping = if params.micro_damping > 0.0 { damping } else { params.sliding.viscous_damping };
+        let damping =
+            if params.micro_damping > 0.0 { damping } else { params.sliding.viscous_damping };
         Ok(Self { bank, params, damping: finite("bound of the damping", damping)? })
     }
 
@@ -144,22 +150,24 @@ impl Leuven {
         self.rest_at_force(0.0)
     }
 
-    /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to F_i. A force that is not finite
-    /// counts as 0.
+    /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to F_i. A force
+    /// that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> LeuvenState {
         let forces = self.bank.share(force, self.params.sliding.static_force);
         let count = self.elements().len();
-        let deflections = self.elements().iter().zip(&forces).map(|(element, force)| force / element.stiffness);
+        let deflections =
+            self.elements().iter().zip(&forces).map(|(element, force)| force / element.stiffness);
         // z is that of the longest element, the one that never yields.
-        let deflection = deflections.fold(0.0, |longest: f64, z| if z.abs() > longest.abs() { z } else { longest });
+        let deflection = deflections
+            .fold(0.0, |longest: f64, z| if z.abs() > longest.abs() { z } else { longest });
         LeuvenState { deflection, forces, count, force: forces[..count].iter().sum() }
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end.
     ///
-    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or velocity that is not
-    /// finite, leaves the state untouched and returns the last force.
+    /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or
+    /// velocity that is not finite, leaves the state untouched and returns the last force.
     #[inline]
     pub fn step(&self, state: &mut LeuvenState, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration)
@@ -170,12 +178,14 @@ impl Leuven {
         state.force
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut LeuvenState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity that is not finite.
+    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity
+    /// that is not finite.
     pub fn output(&self, state: &LeuvenState, velocity: f64) -> f64 {
         let mut state = *state;
         if self.bank.limit() + self.damping * velocity.abs() <= f64::MAX {
@@ -202,7 +212,8 @@ impl Leuven {
 
     /// Moves the bank while the instrument travels by `travel` (m) towards `s`; returns F_h, N.
     ///
-    /// z moves in one direction only, towards F_h = s·g: no element yields twice, so the parts are bounded.
+    /// z moves in one direction only, towards F_h = s·g: no element yields twice, so the parts are
+    /// bounded.
     #[inline(always)]
     fn load(&self, state: &mut LeuvenState, s: f64, level: f64, travel: f64) -> f64 {
         let mut hysteresis = self.bank.force(&state.forces);
@@ -223,12 +234,21 @@ impl Leuven {
             }
             let start = gain.abs();
             let settled = (level - s * hysteresis).abs() / stiffness;
-            let stride = if strides_left > 0 { self.stride(ratio) * level / stiffness } else { f64::INFINITY };
+            let stride = if strides_left > 0 {
+                self.stride(ratio) * level / stiffness
+            } else {
+                f64::INFINITY
+            };
             strides_left = strides_left.saturating_sub(usize::from(stride < room));
             let far = room.min(settled).min(stride).min(start * left);
-            let gain_there = if far < settled { self.gain(ratio + s * heading * stiffness * far / level) } else { 0.0 };
+            let gain_there = if far < settled {
+                self.gain(ratio + s * heading * stiffness * far / level)
+            } else {
+                0.0
+            };
             let end = gain_there.abs();
-            let needed = if far < start * left { chord_travel(far, start, end) } else { f64::INFINITY };
+            let needed =
+                if far < start * left { chord_travel(far, start, end) } else { f64::INFINITY };
             let moved = if needed < left {
                 left -= needed;
                 reached = Some(gain_there);
@@ -320,7 +340,8 @@ impl Friction for Leuven {
     }
 }
 
-/// Travel (m) of the instrument for `far` (m) of z while dz/d|x| goes from `start` to `end` <= `start` in a straight line.
+/// Travel (m) of the instrument for `far` (m) of z while dz/d|x| goes from `start` to `end` <=
+/// `start` in a straight line.
 fn chord_travel(far: f64, start: f64, end: f64) -> f64 {
     let fall = (start - end) / start;
     if fall > 0.0 { far / start * (-logarithm_of_one_plus(-fall) / fall) } else { far / start }
@@ -328,7 +349,11 @@ fn chord_travel(far: f64, start: f64, end: f64) -> f64 {
 
 /// (1 - exp(-x))/x for x >= 0.
 fn filled(x: f64) -> f64 {
-    if x < 1e-3 { 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0))) } else { (1.0 - decay(x)) / x }
+    if x < 1e-3 {
+        1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))
+    } else {
+        (1.0 - decay(x)) / x
+    }
 }
 
 #[cfg(test)]
@@ -348,16 +373,21 @@ mod tests {
     };
 
     fn bank() -> [SlipElement; 2] {
-        [SlipElement { stiffness: 1000.0, limit_force: 1.0 }, SlipElement { stiffness: 500.0, limit_force: 2.0 }]
+        [
+            SlipElement { stiffness: 1000.0, limit_force: 1.0 },
+            SlipElement { stiffness: 500.0, limit_force: 2.0 },
+        ]
     }
 
     fn leuven(exponent: f64) -> Leuven {
-        Leuven::new(&bank(), LeuvenParams { sliding: STRIBECK, exponent, micro_damping: 0.0 }).unwrap()
+        Leuven::new(&bank(), LeuvenParams { sliding: STRIBECK, exponent, micro_damping: 0.0 })
+            .unwrap()
     }
 
     #[test]
     fn the_factor_is_one_minus_the_signed_power() {
-        // (1 - sgn r)·|r|^n, as one public program has it, is 0 for every positive r and 2 at r = -1.
+        // (1 - sgn r)·|r|^n, as one public program has it, is 0 for every positive r and 2 at r =
+        // -1.
         for n in [0.5, 1.0, 2.0, 3.7] {
             let model = leuven(n);
             assert_eq!(model.gain(0.0), 1.0);
@@ -409,7 +439,10 @@ mod tests {
             bad.to_string(),
             "the limit forces of the elements must add up to at least static_force_n = 3 N, got 1 N"
         );
-        for bad in [LeuvenParams { exponent: 0.0, ..params }, LeuvenParams { micro_damping: -1.0, ..params }] {
+        for bad in [
+            LeuvenParams { exponent: 0.0, ..params },
+            LeuvenParams { micro_damping: -1.0, ..params },
+        ] {
             assert!(Leuven::new(&bank(), bad).is_err());
         }
         let unsure = SlipElement { stiffness: f64::NAN, limit_force: 5.0 };
@@ -421,8 +454,10 @@ mod tests {
 
     #[test]
     fn a_bank_made_from_shares_of_the_static_force_may_be_short_by_rounding() {
-        let short =
-            [0.1, 0.2, 0.7].map(|share| SlipElement { stiffness: 100.0, limit_force: 3.0 * share * (1.0 - 1e-12) });
+        let short = [0.1, 0.2, 0.7].map(|share| SlipElement {
+            stiffness: 100.0,
+            limit_force: 3.0 * share * (1.0 - 1e-12),
+        });
         let params = LeuvenParams { sliding: STRIBECK, exponent: 1.0, micro_damping: 1.0 };
         let model = Leuven::new(&short, params).unwrap();
         let mut state = model.rest_state();

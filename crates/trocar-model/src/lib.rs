@@ -1,8 +1,10 @@
-//! Friction between a surgical instrument and the seal of the trocar it passes through: the Extended Maxwell-Slip (EMS)
-//! element, and the classical models that EMS section II names, without allocation and without the standard library.
+//! Friction between a surgical instrument and the seal of the trocar it passes through: the
+//! Extended Maxwell-Slip (EMS) element, and the classical models that EMS section II names, without
+//! allocation and without the standard library.
 //!
-//! A trocar seal deforms by millimetres with the instrument before it lets it slide. The element is a spring `F_e(z)` with
-//! two branches (the seal snaps through), a damper `σ`, and a sliding contact in series:
+//! A trocar seal deforms by millimetres with the instrument before it lets it slide. The element is
+//! a spring `F_e(z)` with two branches (the seal snaps through), a damper `σ`, and a sliding
+//! contact in series:
 //!
 //! ```text
 //! v_d = dz/dt + v_sl                                       (8)     v_d velocity of the instrument, z deflection of the seal
@@ -33,8 +35,9 @@
 //!
 //! # Other models
 //!
-//! [`StaticFriction`] (Coulomb, viscous, Stribeck), [`Dahl`], [`LuGre`], [`Leuven`] (modified), [`MaxwellSlip`] and [`Gms`] have the
-//! same shape: parameters checked once, small state, `step` by displacement. [`Friction`] is what all have in common.
+//! [`StaticFriction`] (Coulomb, viscous, Stribeck), [`Dahl`], [`LuGre`], [`Leuven`] (modified),
+//! [`MaxwellSlip`] and [`Gms`] have the same shape: parameters checked once, small state, `step` by
+//! displacement. [`Friction`] is what all have in common.
 //!
 //! # Conventions
 //!
@@ -57,19 +60,21 @@
 //!
 //! # Where it goes beyond the paper
 //!
-//! Held seals lose force, which EMS cannot show. Two laws may be added to an element, each dissipative by itself: slip of
-//! the contact below the static force ([`creep`]) and relaxation of the rubber ([`relaxation`]). Both are off by default.
+//! Held seals lose force, which EMS cannot show. Two laws may be added to an element, each
+//! dissipative by itself: slip of the contact below the static force ([`creep`]) and relaxation of
+//! the rubber ([`relaxation`]). Both are off by default.
 //!
 //! # Accuracy
 //!
-//! With constant friction, no damping, and branches that stay within ±F_s, sliding happens on the straight ends of F_e
-//! only: the step is the exact solution at constant velocity, for any step length and stiffness. Otherwise it is of
-//! second order and unconditionally stable (an exponentially fitted θ method), apart from events within a step.
+//! With constant friction, no damping, and branches that stay within ±F_s, sliding happens on the
+//! straight ends of F_e only: the step is the exact solution at constant velocity, for any step
+//! length and stiffness. Otherwise it is of second order and unconditionally stable (an
+//! exponentially fitted θ method), apart from events within a step.
 //!
 //! # Limits
 //!
-//! No temperature, wear, wetting, tilt or gas pressure. The law between the branches follows from the properties above, not
-//! from measured partial reversals. Not a medical device.
+//! No temperature, wear, wetting, tilt or gas pressure. The law between the branches follows from
+//! the properties above, not from measured partial reversals. Not a medical device.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -9,7 +9,8 @@ use crate::sliding::SlidingFriction;
 
 /// 4·√(2·e): v_d·σ_1/F_c up to which the damping alone keeps the model passive.
 ///
-/// σ_1(v)·|v| is greatest at |v| = v_d/√2, where it is σ_1·v_d/√(2·e); it must not exceed 4·F_c <= 4·g(v).
+/// σ_1(v)·|v| is greatest at |v| = v_d/√2, where it is σ_1·v_d/√(2·e); it must not exceed 4·F_c <=
+/// 4·g(v).
 const DAMPING_REACH: f64 = 9.326_575_926_388_497;
 
 /// How the sliding force falls from F_s to F_c with speed.
@@ -55,7 +56,8 @@ pub struct LuGreParams {
 pub enum Passivity {
     /// From no deflection on, no motion extracts energy.
     Passive,
-    /// Not shown to be passive. With constant σ_1 it is not: a creep followed by a fast jerk extracts energy.
+    /// Not shown to be passive. With constant σ_1 it is not: a creep followed by a fast jerk
+    /// extracts energy.
     NotGuaranteed {
         /// σ_2 from which on it is passive, N·s/m.
         viscous_damping_needed: f64,
@@ -128,28 +130,33 @@ impl LuGre {
 
     /// Whether the model can give back more energy than it was given.
     ///
-    /// Passive if σ_2 >= σ_1·(F_s/F_c - 1), or if v_d <= 4·√(2·e)·F_c/σ_1. For constant σ_1 the first is also
-    /// necessary, key BARABANOV. Both follow from what is lost beside the storage σ_0·z²/2, with
-    /// r = σ_0·z·sgn(v)/g <= F_s/g:
+    /// Passive if σ_2 >= σ_1·(F_s/F_c - 1), or if v_d <= 4·√(2·e)·F_c/σ_1. For constant σ_1 the
+    /// first is also necessary, key BARABANOV. Both follow from what is lost beside the storage
+    /// σ_0·z²/2, with r = σ_0·z·sgn(v)/g <= F_s/g:
     ///
     /// ```text
     /// F·v - σ_0·z·dz/dt = |v|·[g·r² + σ_1(v)·|v|·(1 - r) + σ_2·|v|]
     /// ```
     ///
-    /// The second condition keeps σ_1(v)·|v| <= 4·g, where g·r² + σ_1(v)·|v|·(1 - r) has no negative value. A passive
-    /// set is passive in steps too: F·Δx is never less than what σ_0·z²/2 gains.
+    /// The second condition keeps σ_1(v)·|v| <= 4·g, where g·r² + σ_1(v)·|v|·(1 - r) has no
+    /// negative value. A passive set is passive in steps too: F·Δx is never less than what σ_0·z²/2
+    /// gains.
     pub fn passivity(&self) -> Passivity {
         let LuGreParams { micro_damping, damping_velocity, sliding, .. } = self.params;
-        let viscous_damping_needed = micro_damping * (sliding.static_force / sliding.coulomb_force - 1.0);
+        let viscous_damping_needed =
+            micro_damping * (sliding.static_force / sliding.coulomb_force - 1.0);
         let damping_velocity_needed = DAMPING_REACH * sliding.coulomb_force / micro_damping;
-        if sliding.viscous_damping >= viscous_damping_needed || damping_velocity <= damping_velocity_needed {
+        if sliding.viscous_damping >= viscous_damping_needed
+            || damping_velocity <= damping_velocity_needed
+        {
             Passivity::Passive
         } else {
             Passivity::NotGuaranteed { viscous_damping_needed, damping_velocity_needed }
         }
     }
 
-    /// g, N, at `speed` = |v|, m/s: the settled force without its viscous part. The sign of `speed` is ignored.
+    /// g, N, at `speed` = |v|, m/s: the settled force without its viscous part. The sign of `speed`
+    /// is ignored.
     pub fn level(&self, speed: f64) -> f64 {
         let sliding = &self.params.sliding;
         match self.params.curve {
@@ -166,14 +173,15 @@ impl LuGre {
         self.rest_at_force(0.0)
     }
 
-    /// State at rest that holds `force`, N, clamped to ±F_s; a force that is not finite counts as 0.
+    /// State at rest that holds `force`, N, clamped to ±F_s; a force that is not finite counts as
+    /// 0.
     pub fn rest_at_force(&self, force: f64) -> LuGreState {
         let deflection = held(force, self.params.sliding.static_force) / self.params.stiffness;
         LuGreState { deflection, force: self.params.stiffness * deflection }
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end.
     pub fn step(&self, state: &mut LuGreState, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
             let next = self.moved(state, velocity, displacement.abs());
@@ -184,14 +192,17 @@ impl LuGre {
         state.force
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut LuGreState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a velocity that is not finite.
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
+    /// velocity that is not finite.
     pub fn output(&self, state: &LuGreState, velocity: f64) -> f64 {
-        let force = if velocity.is_finite() { self.moved(state, velocity, 0.0).force } else { state.force };
+        let force =
+            if velocity.is_finite() { self.moved(state, velocity, 0.0).force } else { state.force };
         if force.is_finite() { force } else { state.force }
     }
 
@@ -209,15 +220,25 @@ impl LuGre {
         let left = decay(distance * yielding);
         // The last bit of a sum may lie beyond the bound.
         let deflection = within(settled + (z - settled) * left, self.greatest_deflection);
-        // 1 - s·σ_0·z/g decays like the distance from the settled z: dz/dt without a difference of near equals.
+        // 1 - s·σ_0·z/g decays like the distance from the settled z: dz/dt without a difference of
+        // near equals.
         let rate = velocity * (1.0 - s * z * yielding) * left;
         let viscous = sliding.viscous_damping * velocity;
-        LuGreState { deflection, force: stiffness * deflection + self.micro_damping(velocity) * rate + viscous }
+        LuGreState {
+            deflection,
+            force: stiffness * deflection + self.micro_damping(velocity) * rate + viscous,
+        }
     }
 
-    /// [`LuGre::step`] for a block of samples; false, with `state` untouched, where a step would leave it so.
+    /// [`LuGre::step`] for a block of samples; false, with `state` untouched, where a step would
+    /// leave it so.
     #[inline(always)]
-    pub(crate) fn run_block(&self, state: &mut LuGreState, motion: &Motion, forces: &mut Samples) -> bool {
+    pub(crate) fn run_block(
+        &self,
+        state: &mut LuGreState,
+        motion: &Motion,
+        forces: &mut Samples,
+    ) -> bool {
         let LuGreParams { stiffness, sliding, .. } = self.params;
         let (mut settled, mut yielding, mut left) = ([0.0; BLOCK], [0.0; BLOCK], [0.0; BLOCK]);
         let level = self.levels(motion);
@@ -226,14 +247,17 @@ impl LuGre {
             yielding[i] = stiffness / level[i];
             left[i] = decay_inlined(motion.displacement[i].abs() * yielding[i]);
         }
-        // The bound hardly ever acts: it is looked at afterwards, and the loop done again with it where it does.
+        // The bound hardly ever acts: it is looked at afterwards, and the loop done again with it
+        // where it does.
         let mut deflections = follow(state.deflection, motion, &settled, &left, |z| z);
         let mut bounded = true;
         for z in deflections {
             bounded &= z.abs() <= self.greatest_deflection;
         }
         if !bounded {
-            deflections = follow(state.deflection, motion, &settled, &left, |z| within(z, self.greatest_deflection));
+            deflections = follow(state.deflection, motion, &settled, &left, |z| {
+                within(z, self.greatest_deflection)
+            });
         }
         let damping = self.micro_dampings(motion);
         let mut finite = true;
@@ -260,13 +284,17 @@ impl LuGre {
             return levels;
         }
         if sliding.stribeck_exponent == 2.0 && self.params.curve == StribeckCurve::Exponential {
-            let (surplus, inverse) = (sliding.static_force - sliding.coulomb_force, 1.0 / sliding.stribeck_velocity);
+            let (surplus, inverse) =
+                (sliding.static_force - sliding.coulomb_force, 1.0 / sliding.stribeck_velocity);
             for (level, velocity) in levels.iter_mut().zip(motion.velocity) {
                 let x = velocity.abs() * inverse;
                 *level = sliding.coulomb_force + surplus * decay_inlined(x * x);
             }
         } else {
-            levels.iter_mut().zip(motion.velocity).for_each(|(level, velocity)| *level = self.level(velocity));
+            levels
+                .iter_mut()
+                .zip(motion.velocity)
+                .for_each(|(level, velocity)| *level = self.level(velocity));
         }
         levels
     }
@@ -296,7 +324,13 @@ impl LuGre {
 
 /// Deflections after each sample, from z = `deflection` on; a held instrument keeps its own.
 #[inline(always)]
-fn follow(deflection: f64, motion: &Motion, settled: &Samples, left: &Samples, bound: impl Fn(f64) -> f64) -> Samples {
+fn follow(
+    deflection: f64,
+    motion: &Motion,
+    settled: &Samples,
+    left: &Samples,
+    bound: impl Fn(f64) -> f64,
+) -> Samples {
     let (mut z, mut deflections) = (deflection, [0.0; BLOCK]);
     for i in 0..BLOCK {
         if motion.velocity[i] != 0.0 {
@@ -346,8 +380,13 @@ mod tests {
     fn rational_curve_is_half_way_at_the_stribeck_velocity() {
         for stribeck_exponent in [0.5, 1.0, 2.0, 3.0] {
             let sliding = SlidingFriction { stribeck_exponent, ..PAPER.sliding };
-            let model = LuGre::new(LuGreParams { sliding, curve: StribeckCurve::Rational, ..PAPER }).unwrap();
-            assert_eq!((model.level(0.0), model.level(1e-3), model.level(-1e-3)), (1.5, 1.25, 1.25));
+            let model =
+                LuGre::new(LuGreParams { sliding, curve: StribeckCurve::Rational, ..PAPER })
+                    .unwrap();
+            assert_eq!(
+                (model.level(0.0), model.level(1e-3), model.level(-1e-3)),
+                (1.5, 1.25, 1.25)
+            );
             assert!((model.level(1e300) - 1.0).abs() < 1e-9);
         }
     }
@@ -376,7 +415,12 @@ mod tests {
         let sliding = SlidingFriction { viscous_damping: 158.0, ..PAPER.sliding };
         let quick = LuGreParams { damping_velocity: damping_velocity_needed, ..PAPER };
         let level = LuGreParams { sliding: SlidingFriction::coulomb(1.0, 0.0), ..PAPER };
-        for params in [LuGreParams { sliding, ..PAPER }, quick, level, LuGreParams { micro_damping: 0.0, ..PAPER }] {
+        for params in [
+            LuGreParams { sliding, ..PAPER },
+            quick,
+            level,
+            LuGreParams { micro_damping: 0.0, ..PAPER },
+        ] {
             assert_eq!(LuGre::new(params).unwrap().passivity(), Passivity::Passive, "{params:?}");
         }
         let slow = LuGreParams { damping_velocity: 1.01 * damping_velocity_needed, ..PAPER };

@@ -41,7 +41,8 @@ pub(crate) struct Bank {
 impl Bank {
     pub(crate) fn new(elements: &[SlipElement]) -> Result<Self, ParamError> {
         check_count(elements.len())?;
-        let mut bank = Self { elements: [SlipElement::NONE; MAX_ELEMENTS], count: elements.len(), limit: 0.0 };
+        let mut bank =
+            Self { elements: [SlipElement::NONE; MAX_ELEMENTS], count: elements.len(), limit: 0.0 };
         for (index, (place, element)) in bank.elements.iter_mut().zip(elements).enumerate() {
             check_element(element, index)?;
             bank.limit += element.limit_force;
@@ -142,18 +143,19 @@ impl MaxwellSlip {
         self.rest_at_force(0.0)
     }
 
-    /// State at rest that holds `force` (N), clamped to ±ΣF_i, shared in proportion to F_i. A force that is not finite
-    /// counts as 0.
+    /// State at rest that holds `force` (N), clamped to ±ΣF_i, shared in proportion to F_i. A force
+    /// that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> MaxwellSlipState {
         let forces = self.bank.share(force, self.bank.limit);
         let count = self.elements().len();
         MaxwellSlipState { forces, count, force: forces[..count].iter().sum() }
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s); returns the force (N) at the end.
+    /// Advances `state` by `displacement` (m) within `duration` (s); returns the force (N) at the
+    /// end.
     ///
-    /// A duration that is not positive, or a displacement, duration or velocity that is not finite, leaves the state
-    /// untouched and returns the last force.
+    /// A duration that is not positive, or a displacement, duration or velocity that is not finite,
+    /// leaves the state untouched and returns the last force.
     #[inline]
     pub fn step(&self, state: &mut MaxwellSlipState, displacement: f64, duration: f64) -> f64 {
         let Some(velocity) = velocity(displacement, duration) else { return state.force };
@@ -171,9 +173,15 @@ impl MaxwellSlip {
         state.force
     }
 
-    /// [`MaxwellSlip::step`] for a block of samples; false, with `state` untouched, where a step would leave it so.
+    /// [`MaxwellSlip::step`] for a block of samples; false, with `state` untouched, where a step
+    /// would leave it so.
     #[inline(always)]
-    pub(crate) fn run_block(&self, state: &mut MaxwellSlipState, motion: &Motion, forces: &mut Samples) -> bool {
+    pub(crate) fn run_block(
+        &self,
+        state: &mut MaxwellSlipState,
+        motion: &Motion,
+        forces: &mut Samples,
+    ) -> bool {
         let mut fastest = 0.0_f64;
         for velocity in motion.velocity {
             let viscous = (self.viscous_damping * velocity).abs();
@@ -190,12 +198,19 @@ impl MaxwellSlip {
         true
     }
 
-    /// The first `N` places of the bank: those without an element add a negative zero, which changes no sum.
+    /// The first `N` places of the bank: those without an element add a negative zero, which
+    /// changes no sum.
     #[inline(always)]
-    fn run_elements<const N: usize>(&self, state: &mut MaxwellSlipState, motion: &Motion, forces: &mut Samples) {
+    fn run_elements<const N: usize>(
+        &self,
+        state: &mut MaxwellSlipState,
+        motion: &Motion,
+        forces: &mut Samples,
+    ) {
         let (mut own, mut stiffness, mut limit) = ([0.0; N], [0.0; N], [0.0; N]);
         for (k, element) in self.bank.elements.iter().enumerate().take(N) {
-            (own[k], stiffness[k], limit[k]) = (state.forces[k], element.stiffness, element.limit_force);
+            (own[k], stiffness[k], limit[k]) =
+                (state.forces[k], element.stiffness, element.limit_force);
         }
         let steps = motion.displacement.iter().zip(&motion.velocity);
         for (force, (displacement, velocity)) in forces.iter_mut().zip(steps) {
@@ -206,18 +221,26 @@ impl MaxwellSlip {
             }
             *force = elastic + self.viscous_damping * velocity;
         }
-        state.forces.iter_mut().zip(own).take(self.bank.count).for_each(|(force, own)| *force = own);
+        state
+            .forces
+            .iter_mut()
+            .zip(own)
+            .take(self.bank.count)
+            .for_each(|(force, own)| *force = own);
         state.force = forces[BLOCK - 1];
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut MaxwellSlipState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity that is not finite.
+    /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity
+    /// that is not finite.
     pub fn output(&self, state: &MaxwellSlipState, velocity: f64) -> f64 {
-        let elastic: f64 = state.forces.iter().zip(self.bank.elements()).map(|(force, _)| force).sum();
+        let elastic: f64 =
+            state.forces.iter().zip(self.bank.elements()).map(|(force, _)| force).sum();
         let force = elastic + self.viscous_damping * velocity;
         if force.is_finite() { force } else { state.force }
     }
@@ -241,7 +264,11 @@ impl Friction for MaxwellSlip {
 
 /// Number of elements of a model.
 pub(crate) fn check_count(count: usize) -> Result<(), ParamError> {
-    if (1..=MAX_ELEMENTS).contains(&count) { Ok(()) } else { Err(ParamError::ElementCount { count }) }
+    if (1..=MAX_ELEMENTS).contains(&count) {
+        Ok(())
+    } else {
+        Err(ParamError::ElementCount { count })
+    }
 }
 
 #[cfg(test)]
@@ -261,7 +288,8 @@ mod tests {
     fn virgin_curve_bends_where_each_element_gives_way() {
         let model = two();
         let mut state = model.rest_state();
-        // 1 mm: both stick; 5 mm: the soft one gives way; beyond: nothing more but viscous friction of 2 N s/m·0.1 m/s.
+        // 1 mm: both stick; 5 mm: the soft one gives way; beyond: nothing more but viscous friction
+        // of 2 N s/m·0.1 m/s.
         for (position, force) in [(1e-3, 1.1), (5e-3, 1.5), (9e-3, 1.5)] {
             let travel = position - state.element_forces()[1] / 100.0;
             assert!((model.step(&mut state, travel, travel / 0.1) - 0.2 - force).abs() < 1e-14);
@@ -292,8 +320,12 @@ mod tests {
 
     #[test]
     fn bad_parameters_are_named() {
-        let bad = MaxwellSlip::new(&[SlipElement { stiffness: -1.0, limit_force: 1.0 }], 0.0).unwrap_err();
-        assert_eq!(bad.to_string(), "element_1_stiffness_n_m must be finite and above 0 N/m, got -1 N/m");
+        let bad = MaxwellSlip::new(&[SlipElement { stiffness: -1.0, limit_force: 1.0 }], 0.0)
+            .unwrap_err();
+        assert_eq!(
+            bad.to_string(),
+            "element_1_stiffness_n_m must be finite and above 0 N/m, got -1 N/m"
+        );
         assert_eq!(MaxwellSlip::new(&[], 0.0), Err(ParamError::ElementCount { count: 0 }));
         let many = [SlipElement { stiffness: 1.0, limit_force: 1.0 }; MAX_ELEMENTS + 1];
         let bad = MaxwellSlip::new(&many, 0.0).unwrap_err();

@@ -1,4 +1,5 @@
-//! EMS as printed: mode and branch follow sgn(v_d). For reproducing the paper's figures, not for use.
+//! EMS as printed: mode and branch follow sgn(v_d). For reproducing the paper's figures, not for
+//! use.
 //!
 //! ```text
 //! deforming   dz/dt = v_d                      F = F_e(z) + D(v_d)                                  (10)
@@ -8,9 +9,9 @@
 //! F_e = F_u for v_d > 0, F_d for v_d < 0                                                            (25)
 //! ```
 //!
-//! What the paper leaves open is read like this: at v_d = 0 the element deforms with dz/dt = 0 and keeps its last
-//! branch; a stop counts as a change of sign; an element that starts to deform beyond its limit slides at once; with
-//! σ = β = 0 the deflection stands still while sliding.
+//! What the paper leaves open is read like this: at v_d = 0 the element deforms with dz/dt = 0 and
+//! keeps its last branch; a stop counts as a change of sign; an element that starts to deform
+//! beyond its limit slides at once; with σ = β = 0 the deflection stands still while sliding.
 //!
 //! Where this goes wrong, and [`crate::Element`] does not:
 //!
@@ -22,8 +23,9 @@
 //! - **Hold.** sgn(0) decides whether a hold keeps the force or lets it decay to zero.
 //! - **sgn(v_sl) read as sgn(v_d).** A seal that snaps ahead of the instrument is pulled on instead of braked.
 //!
-//! Inside a step the switching instant is located and the sliding equation is solved by an extrapolated linearly
-//! implicit scheme, so that what is seen is the paper's law and not an explicit Euler that blows up at dt > 2·β/K.
+//! Inside a step the switching instant is located and the sliding equation is solved by an
+//! extrapolated linearly implicit scheme, so that what is seen is the paper's law and not an
+//! explicit Euler that blows up at dt > 2·β/K.
 
 use crate::direction::Direction;
 use crate::ems::{ElementParams, Mode};
@@ -58,7 +60,8 @@ pub struct LiteralState {
 }
 
 impl LiteralState {
-    /// Deforming at `deflection` (m) with zero force until the first step, as if the last motion had been an insertion.
+    /// Deforming at `deflection` (m) with zero force until the first step, as if the last motion
+    /// had been an insertion.
     pub fn new(deflection: f64) -> Self {
         Self { deflection, force: 0.0, mode: Mode::Deforming, direction: Direction::Insertion }
     }
@@ -80,7 +83,8 @@ impl LiteralState {
 }
 
 impl PaperLiteral {
-    /// The element with `params`. Branches need not meet the end-point constraint; `yield_stiffness` has no meaning here.
+    /// The element with `params`. Branches need not meet the end-point constraint;
+    /// `yield_stiffness` has no meaning here.
     ///
     /// # Errors
     /// A sliding or damping parameter out of its range.
@@ -96,7 +100,8 @@ impl PaperLiteral {
         &self.params
     }
 
-    /// Advances at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end, with that velocity.
+    /// Advances at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end,
+    /// with that velocity.
     ///
     /// A duration that is not positive, or a number that is not finite, leaves the state untouched.
     pub fn step_velocity(&self, state: &mut LiteralState, velocity: f64, duration: f64) -> f64 {
@@ -142,7 +147,8 @@ impl PaperLiteral {
                 state.deflection = self.extrapolate(&state, velocity, duration / f64::from(PARTS));
             }
         }
-        if velocity != 0.0 && state.mode == Mode::Deforming && self.excess(&state, velocity) >= 0.0 {
+        if velocity != 0.0 && state.mode == Mode::Deforming && self.excess(&state, velocity) >= 0.0
+        {
             state.mode = Mode::Sliding;
         }
         state.force = self.output(&state, velocity);
@@ -193,7 +199,8 @@ impl PaperLiteral {
 
     /// dz/dt of (14) and its derivative by z.
     ///
-    /// Solved for the slip speed u = |v_d - dz/dt|, of either sign here. Where the law has several roots, one of them.
+    /// Solved for the slip speed u = |v_d - dz/dt|, of either sign here. Where the law has several
+    /// roots, one of them.
     fn rate(&self, state: &LiteralState, z: f64, velocity: f64) -> (f64, f64) {
         let sliding = self.params.sliding(state.direction);
         let damping = &self.params.damping;
@@ -202,15 +209,19 @@ impl PaperLiteral {
         if sliding.viscous_damping == 0.0 && damping.is_zero() {
             return (0.0, 0.0);
         }
-        let residual =
-            |u: f64| s * (elastic + damping.force(velocity - s * u)) - sliding.level(u) - sliding.viscous_damping * u;
+        let residual = |u: f64| {
+            s * (elastic + damping.force(velocity - s * u))
+                - sliding.level(u)
+                - sliding.viscous_damping * u
+        };
         let u = withdrawal_root(residual, velocity.abs());
         let deformation_velocity = velocity - s * u; // (8)
         let drag = sliding.viscous_damping + damping.slope(deformation_velocity);
         (deformation_velocity, if drag > 0.0 { -stiffness / drag } else { 0.0 })
     }
 
-    /// z after sliding for `duration`: linearly implicit Euler with 1, 2, 3... sub-steps, extrapolated to none.
+    /// z after sliding for `duration`: linearly implicit Euler with 1, 2, 3... sub-steps,
+    /// extrapolated to none.
     fn extrapolate(&self, state: &LiteralState, velocity: f64, duration: f64) -> f64 {
         let mut row = [0.0; COLUMNS];
         for j in 0..COLUMNS {

@@ -5,20 +5,31 @@ use crate::friction::Friction;
 use crate::relaxation::MAX_ARMS;
 use crate::slip::beside::{Apart, Different};
 
-/// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of the forces (N).
+/// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of
+/// the forces (N).
 ///
 /// Elements and states are taken in pairs; surplus ones on either side are left alone.
-pub fn step_parallel(elements: &[Element], states: &mut [State], displacement: f64, duration: f64) -> f64 {
-    elements.iter().zip(states).map(|(element, state)| element.step(state, displacement, duration)).sum()
+pub fn step_parallel(
+    elements: &[Element],
+    states: &mut [State],
+    displacement: f64,
+    duration: f64,
+) -> f64 {
+    elements
+        .iter()
+        .zip(states)
+        .map(|(element, state)| element.step(state, displacement, duration))
+        .sum()
 }
 
 /// Most elements of [`Stages`].
 pub const MAX_STAGES: usize = 4;
 
-/// Up to [`MAX_STAGES`] elements under one motion: the stages of a trocar, such as a duckbill and a lip. The force is the sum,
-/// EMS section III.
+/// Up to [`MAX_STAGES`] elements under one motion: the stages of a trocar, such as a duckbill and a
+/// lip. The force is the sum, EMS section III.
 ///
-/// In steady sliding only ΣF_c and Σβ show; each element has its own deflection and begins to slide on its own.
+/// In steady sliding only ΣF_c and Σβ show; each element has its own deflection and begins to slide
+/// on its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stages {
     /// Those past `count` repeat the first.
@@ -45,14 +56,18 @@ impl Stages {
         self.rest_at(|_| deflection)
     }
 
-    /// State at rest with every element at a deflection (m) of its own; one that is not finite counts as 0.
+    /// State at rest with every element at a deflection (m) of its own; one that is not finite
+    /// counts as 0.
     pub fn rest_at(&self, mut deflection: impl FnMut(&Element) -> f64) -> StagesState {
         self.state(self.elements().iter().map(|element| element.rest_state(deflection(element))))
     }
 
     /// c of the widest element, m.
     pub fn half_width(&self) -> f64 {
-        self.elements().iter().map(|element| element.params().deformation.half_width()).fold(0.0, f64::max)
+        self.elements()
+            .iter()
+            .map(|element| element.params().deformation.half_width())
+            .fold(0.0, f64::max)
     }
 
     /// One state an element; the places past them are all alike.
@@ -74,7 +89,8 @@ impl From<Element> for Stages {
     }
 }
 
-/// A model that differs little from another, and how its state differs from the other's; see [`Stages::step_beside`].
+/// A model that differs little from another, and how its state differs from the other's; see
+/// [`Stages::step_beside`].
 #[derive(Debug)]
 pub struct Beside<'a> {
     stages: &'a Stages,
@@ -104,7 +120,12 @@ impl Beside<'_> {
 
 impl Stages {
     /// `other`, in `own` state, beside this model in `state`.
-    pub fn beside<'a>(&self, state: &StagesState, other: &'a Stages, own: StagesState) -> Beside<'a> {
+    pub fn beside<'a>(
+        &self,
+        state: &StagesState,
+        other: &'a Stages,
+        own: StagesState,
+    ) -> Beside<'a> {
         let mut beside = Beside {
             stages: other,
             different: [None; MAX_STAGES],
@@ -122,10 +143,12 @@ impl Stages {
         beside
     }
 
-    /// As [`Friction::step`], and beside it the same step of models that differ little, to first order in the differences: the
-    /// derivatives of the force, at a fraction of the work of steps by themselves. What the models share is stepped once.
+    /// As [`Friction::step`], and beside it the same step of models that differ little, to first
+    /// order in the differences: the derivatives of the force, at a fraction of the work of steps
+    /// by themselves. What the models share is stepped once.
     ///
-    /// Every model of `beside` was put beside this one ([`Stages::beside`]), and both were stepped together since.
+    /// Every model of `beside` was put beside this one ([`Stages::beside`]), and both were stepped
+    /// together since.
     ///
     /// ```
     /// # use trocar_model::{Element, ElementParams, Stages, Friction};
@@ -141,11 +164,19 @@ impl Stages {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn step_beside(&self, state: &mut StagesState, beside: &mut [Beside], displacement: f64, duration: f64) -> f64 {
+    pub fn step_beside(
+        &self,
+        state: &mut StagesState,
+        beside: &mut [Beside],
+        displacement: f64,
+        duration: f64,
+    ) -> f64 {
         for (k, (element, led)) in self.elements().iter().zip(&mut state.states).enumerate() {
             element.lead(led, displacement, duration, |lead| {
                 for Beside { stages, different, apart, .. } in beside.iter_mut() {
-                    if let (Some(different), Some(element)) = (&different[k], stages.elements().get(k)) {
+                    if let (Some(different), Some(element)) =
+                        (&different[k], stages.elements().get(k))
+                    {
                         lead.take(element, different, &mut apart[k]);
                     }
                 }
@@ -154,10 +185,14 @@ impl Stages {
         let force = Self::force(state);
         for Beside { stages, apart, own, force: its, .. } in beside {
             let count = self.count.min(stages.count);
-            let led: f64 =
-                if count < self.count { state.states[..count].iter().map(State::force).sum() } else { force };
+            let led: f64 = if count < self.count {
+                state.states[..count].iter().map(State::force).sum()
+            } else {
+                force
+            };
             let more = stages.elements().iter().zip(&mut own.states).skip(count);
-            let beyond: f64 = more.map(|(element, own)| element.step(own, displacement, duration)).sum();
+            let beyond: f64 =
+                more.map(|(element, own)| element.step(own, displacement, duration)).sum();
             *its = led + apart[..count].iter().map(|a| a.force).sum::<f64>() + beyond;
         }
         force
@@ -187,7 +222,12 @@ impl Friction for Stages {
     }
 
     fn step(&self, state: &mut StagesState, displacement: f64, duration: f64) -> f64 {
-        step_parallel(self.elements(), &mut state.states[..self.count.min(MAX_STAGES)], displacement, duration)
+        step_parallel(
+            self.elements(),
+            &mut state.states[..self.count.min(MAX_STAGES)],
+            displacement,
+            duration,
+        )
     }
 
     fn force(state: &StagesState) -> f64 {
@@ -195,9 +235,11 @@ impl Friction for Stages {
     }
 }
 
-/// States at rest that together give `force`, N, each element bearing the share of its static forces.
+/// States at rest that together give `force`, N, each element bearing the share of its static
+/// forces.
 pub fn rest_states(elements: &[Element], force: f64) -> impl Iterator<Item = State> + '_ {
-    let limit = |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
+    let limit =
+        |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
     let total: f64 = elements.iter().map(limit).sum();
     elements.iter().map(move |e| e.rest_at_force(force * limit(e) / total))
 }

@@ -1,8 +1,10 @@
-//! The parameters of all models and identifications, each declared once: name, symbol, unit and range.
+//! The parameters of all models and identifications, each declared once: name, symbol, unit and
+//! range.
 //!
-//! A parameter is a [`Quantity`] of one direction or of both, and of one element or of the whole model. Its name is the
-//! same in files, messages and every interface: `element_2_insertion_coulomb_force_n`, without what does not apply.
-//! Elements count from 1. A parameter struct lists its numbers in [`Parameters::FIELDS`]; rows of numbers, tunable
+//! A parameter is a [`Quantity`] of one direction or of both, and of one element or of the whole
+//! model. Its name is the same in files, messages and every interface:
+//! `element_2_insertion_coulomb_force_n`, without what does not apply. Elements count from 1. A
+//! parameter struct lists its numbers in [`Parameters::FIELDS`]; rows of numbers, tunable
 //! parameters and model files follow that list.
 
 use core::fmt;
@@ -84,8 +86,10 @@ impl Range {
 
     /// Whether `value` lies in it.
     pub fn holds(self, value: f64) -> bool {
-        let is_above = if self.excludes_least() { value > self.least() } else { value >= self.least() };
-        is_above && (value.is_finite() || (self == Self::AboveZeroOrInfinite && value == f64::INFINITY))
+        let is_above =
+            if self.excludes_least() { value > self.least() } else { value >= self.least() };
+        is_above
+            && (value.is_finite() || (self == Self::AboveZeroOrInfinite && value == f64::INFINITY))
     }
 }
 
@@ -224,7 +228,9 @@ impl Quantity {
         let (power, unit) = rest.split_once('_')?;
         let digit = |text: &str| (text.len() == 1).then(|| text.parse::<u8>().ok()).flatten();
         let is_it = |quantity: &Self| match *quantity {
-            Self::Coefficient { piece: own, power: at } => digit(piece) == Some(own) && digit(power) == Some(at),
+            Self::Coefficient { piece: own, power: at } => {
+                digit(piece) == Some(own) && digit(power) == Some(at)
+            }
             _ => false,
         };
         let found = Self::coefficients([POWERS - 1; 2]).find(is_it)?;
@@ -318,12 +324,15 @@ impl FromStr for ParameterId {
             None => (None, name),
             Some(numbered) => {
                 let (number, rest) = numbered.split_once('_').ok_or(NoParameter)?;
-                let digits = number.bytes().all(|byte| byte.is_ascii_digit()) && !number.starts_with('0');
+                let digits =
+                    number.bytes().all(|byte| byte.is_ascii_digit()) && !number.starts_with('0');
                 let number: u8 = number.parse().ok().filter(|_| digits).ok_or(NoParameter)?;
                 (Some(number), rest)
             }
         };
-        let toward = |direction: &Direction| rest.strip_prefix(direction.prefix()).map(|key| (*direction, key));
+        let toward = |direction: &Direction| {
+            rest.strip_prefix(direction.prefix()).map(|key| (*direction, key))
+        };
         let (direction, key) = match Direction::BOTH.iter().find_map(toward) {
             Some((direction, key)) => (Some(direction), key),
             None => (None, rest),
@@ -366,9 +375,13 @@ impl fmt::Display for Symbol {
         };
         match (quantity, direction) {
             (Quantity::JoinForce, Some(_)) => write!(f, "F(a{raised})")?,
-            (Quantity::CoulombForceWithOffset, Some(Direction::Withdrawal)) => write!(f, "{symbol}{raised} − F_0")?,
+            (Quantity::CoulombForceWithOffset, Some(Direction::Withdrawal)) => {
+                write!(f, "{symbol}{raised} − F_0")?
+            }
             (Quantity::CoulombForceWithOffset, _) => write!(f, "{symbol}{raised} + F_0")?,
-            (Quantity::Coefficient { piece, power }, _) => write!(f, "{symbol}{piece}_{power}{raised}")?,
+            (Quantity::Coefficient { piece, power }, _) => {
+                write!(f, "{symbol}{piece}_{power}{raised}")?
+            }
             _ => write!(f, "{symbol}{raised}")?,
         }
         let Some(element) = element else { return Ok(()) };
@@ -426,8 +439,8 @@ impl Parameters for () {
     const FIELDS: &'static [Field<Self>] = &[];
 }
 
-/// Lists the fields of a parameter struct with their quantities and, where it differs, the key in a model file; then the
-/// other members, for [`Blank`].
+/// Lists the fields of a parameter struct with their quantities and, where it differs, the key in a
+/// model file; then the other members, for [`Blank`].
 macro_rules! parameters {
     (
         $type:ident { $($name:ident $(as $key:literal)?: $quantity:ident),* $(,)? }
@@ -471,7 +484,11 @@ mod tests {
         all.flat_map(|quantity| {
             let directions = [None, Some(Direction::Insertion), Some(Direction::Withdrawal)];
             directions.into_iter().flat_map(move |direction| {
-                [None, Some(1), Some(12)].map(|element| ParameterId { element, direction, quantity })
+                [None, Some(1), Some(12)].map(|element| ParameterId {
+                    element,
+                    direction,
+                    quantity,
+                })
             })
         })
     }
@@ -514,13 +531,22 @@ mod tests {
         assert_eq!(id.to_string(), "element_2_withdrawal_coulomb_force_n");
         assert_eq!(id.words().to_string(), "Coulomb force, withdrawal, element 2");
         assert_eq!(id.symbol().to_string(), "F_c⁻,2");
-        assert_eq!(Quantity::CoulombForceWithOffset.of(Direction::Withdrawal).symbol().to_string(), "F_c⁻ − F_0");
+        assert_eq!(
+            Quantity::CoulombForceWithOffset.of(Direction::Withdrawal).symbol().to_string(),
+            "F_c⁻ − F_0"
+        );
     }
 
     #[test]
     fn a_range_holds_what_it_says() {
-        assert!(Range::AboveZero.holds(1e-300) && !Range::AboveZero.holds(0.0) && !Range::AboveZero.holds(f64::NAN));
+        assert!(
+            Range::AboveZero.holds(1e-300)
+                && !Range::AboveZero.holds(0.0)
+                && !Range::AboveZero.holds(f64::NAN)
+        );
         assert!(Range::AtLeast(1.0).holds(1.0) && !Range::AtLeast(1.0).holds(f64::INFINITY));
-        assert!(Range::AboveZeroOrInfinite.holds(f64::INFINITY) && !Range::Any.holds(f64::NEG_INFINITY));
+        assert!(
+            Range::AboveZeroOrInfinite.holds(f64::INFINITY) && !Range::Any.holds(f64::NEG_INFINITY)
+        );
     }
 }

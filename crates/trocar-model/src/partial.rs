@@ -4,11 +4,12 @@ use crate::ems::Mode;
 use crate::friction::sign;
 use crate::seal::Deformation;
 
-/// Travel of the deflection back, as a part of the half width, that is a partial reversal: some ten counts of an encoder.
+/// Travel of the deflection back, as a part of the half width, that is a partial reversal: some ten
+/// counts of an encoder.
 const TURN: f64 = 0.02;
 
-/// Follows a deformation: whether the deflection has turned since the seal last slid. Full strokes never turn so, and tell
-/// nothing of the force after it.
+/// Follows a deformation: whether the deflection has turned since the seal last slid. Full strokes
+/// never turn so, and tell nothing of the force after it.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct PartialReversals {
     /// Deflection farthest along `direction`, m.
@@ -18,7 +19,8 @@ pub struct PartialReversals {
 }
 
 impl PartialReversals {
-    /// Takes the next deformation of a seal with half width `half_width`, m; whether it is one after a partial reversal.
+    /// Takes the next deformation of a seal with half width `half_width`, m; whether it is one
+    /// after a partial reversal.
     pub fn take(&mut self, now: Deformation, half_width: f64) -> bool {
         let way = now.deflection - self.extreme;
         if now.mode == Mode::Sliding {

@@ -1,4 +1,5 @@
-//! Position-dependent force: how a seal's friction depends on where on the shaft, or in the bore, it slides.
+//! Position-dependent force: how a seal's friction depends on where on the shaft, or in the bore,
+//! it slides.
 
 use core::fmt;
 
@@ -7,9 +8,9 @@ use core::fmt;
 /// ```text
 /// F = F_0(x) + gain(x)·F_seal        x position, m
 /// ```
-/// F_0 (N) and gain (1) are straight between the knots. The profile says nothing about positions where it was not measured:
-/// outside, F_0 fades linearly to 0 and the gain to 1 over [`FADE`] of the range on either side, and beyond that the force is
-/// the seal's alone.
+/// F_0 (N) and gain (1) are straight between the knots. The profile says nothing about positions
+/// where it was not measured: outside, F_0 fades linearly to 0 and the gain to 1 over [`FADE`] of
+/// the range on either side, and beyond that the force is the seal's alone.
 ///
 /// `K` stores the values at the knots: `&[f64]` borrows them, `Vec<f64>` or `Arc<[f64]>` owns them.
 ///
@@ -24,7 +25,8 @@ pub struct PositionProfile<K = &'static [f64]> {
     gain: K,
 }
 
-/// Distance on either side of the range over which a profile fades to none, as a fraction of the range.
+/// Distance on either side of the range over which a profile fades to none, as a fraction of the
+/// range.
 pub const FADE: f64 = 0.25;
 
 /// Why values are no profile.
@@ -45,7 +47,8 @@ pub enum ProfileError {
         /// Values of the gain.
         gain: usize,
     },
-    /// A value that is not finite, or a gain that is not above 0: the seal would push the instrument along.
+    /// A value that is not finite, or a gain that is not above 0: the seal would push the
+    /// instrument along.
     Value {
         /// Which: `offset` or `gain`.
         name: &'static str,
@@ -60,23 +63,32 @@ impl fmt::Display for ProfileError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Interval { from, to } => {
-                write!(f, "from {from} m to {to} m is no interval: both must be finite, the first below the second")
+                write!(
+                    f,
+                    "from {from} m to {to} m is no interval: both must be finite, the first below the second"
+                )
             }
             Self::Knots { offset, gain } => {
-                write!(f, "{offset} values of the offset and {gain} of the gain, expected as many, 2 or more")
+                write!(
+                    f,
+                    "{offset} values of the offset and {gain} of the gain, expected as many, 2 or more"
+                )
             }
             Self::Value { name: "gain", knot, value } => write!(
                 f,
                 "gain {knot} is {value}, expected a finite number above 0: otherwise the seal would push the instrument along"
             ),
-            Self::Value { name, knot, value } => write!(f, "{name} {knot} is {value}, expected a finite number"),
+            Self::Value { name, knot, value } => {
+                write!(f, "{name} {knot} is {value}, expected a finite number")
+            }
         }
     }
 }
 
 impl core::error::Error for ProfileError {}
 
-/// Knot below `x` and the part of the way to the next, 0 to 1, for `knots` >= 2 of them, evenly spaced.
+/// Knot below `x` and the part of the way to the next, 0 to 1, for `knots` >= 2 of them, evenly
+/// spaced.
 pub fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
     let intervals = knots.saturating_sub(1);
     let along = ((x - from) / (to - from) * intervals as f64).max(0.0).min(intervals as f64);
@@ -85,12 +97,14 @@ pub fn place(from: f64, to: f64, knots: usize, x: f64) -> (usize, f64) {
 }
 
 impl<K: AsRef<[f64]>> PositionProfile<K> {
-    /// A profile with `offset` (N) and `gain` at as many evenly spaced knots from `from` to `to` (m).
+    /// A profile with `offset` (N) and `gain` at as many evenly spaced knots from `from` to `to`
+    /// (m).
     ///
     /// # Errors
     /// [`ProfileError`] for values out of their range.
     pub fn new(from: f64, to: f64, offset: K, gain: K) -> Result<Self, ProfileError> {
-        let is_interval = from.is_finite() && to.is_finite() && to > from && (to - from).is_finite();
+        let is_interval =
+            from.is_finite() && to.is_finite() && to > from && (to - from).is_finite();
         if !is_interval {
             return Err(ProfileError::Interval { from, to });
         }
@@ -111,7 +125,12 @@ impl<K: AsRef<[f64]>> PositionProfile<K> {
 
     /// The same profile, stored as `store` does it.
     pub fn stored_as<'a, L>(&'a self, store: impl Fn(&'a [f64]) -> L) -> PositionProfile<L> {
-        PositionProfile { from: self.from, to: self.to, offset: store(self.offsets()), gain: store(self.gains()) }
+        PositionProfile {
+            from: self.from,
+            to: self.to,
+            offset: store(self.offsets()),
+            gain: store(self.gains()),
+        }
     }
 
     /// Position of the first knot, m.
@@ -180,12 +199,14 @@ impl<K: AsRef<[f64]>> PositionProfile<K> {
         }
     }
 
-    /// Steepest relative change of the gain, 1/m: largest |dgain/dx| over the least gain, fades outside the range included.
+    /// Steepest relative change of the gain, 1/m: largest |dgain/dx| over the least gain, fades
+    /// outside the range included.
     pub fn steepness(&self) -> f64 {
         let gains = self.gains();
         let least = gains.iter().copied().fold(1.0, f64::min);
         let step = gains.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
-        let ends = [gains.first(), gains.last()].map(|end| end.map_or(0.0, |end| (1.0 - end).abs() / FADE));
+        let ends = [gains.first(), gains.last()]
+            .map(|end| end.map_or(0.0, |end| (1.0 - end).abs() / FADE));
         let fade = ends.into_iter().fold(0.0, f64::max);
         (step * (gains.len() - 1) as f64).max(fade) / (self.to - self.from) / least
     }

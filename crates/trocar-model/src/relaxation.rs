@@ -1,15 +1,17 @@
-//! Slow relaxation of the seal's rubber: springs that let go with time, in parallel with the branches.
+//! Slow relaxation of the seal's rubber: springs that let go with time, in parallel with the
+//! branches.
 //!
-//! A deformed seal that is held loses force, and A seal deformed fast is stiffer than one deformed slowly. Each arm is a spring and a
-//! dashpot in series (Maxwell's element; a sum of them is a Prony series, CHRISTENSEN):
+//! A deformed seal that is held loses force, and A seal deformed fast is stiffer than one deformed
+//! slowly. Each arm is a spring and a dashpot in series (Maxwell's element; a sum of them is a
+//! Prony series, CHRISTENSEN):
 //!
 //! ```text
 //! da/dt = E·dz/dt - a/τ        F_e(z) + Σ a  in place of F_e(z) in EMS (9)
 //! ```
 //!
-//! An arm stores a²/2E and loses a²/(E·τ) a second, so it never gives back more than it took. While the seal slides its
-//! deflection rests and the arm fades: steady sliding is that of the element without arms. A full reversal slower than τ
-//! follows the branches, a faster one lies above them.
+//! An arm stores a²/2E and loses a²/(E·τ) a second, so it never gives back more than it took. While
+//! the seal slides its deflection rests and the arm fades: steady sliding is that of the element
+//! without arms. A full reversal slower than τ follows the branches, a faster one lies above them.
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::decay_and_mean;
@@ -44,7 +46,8 @@ pub struct Relaxation {
 /// Force of each arm, N.
 pub(crate) type ArmForces = [f64; MAX_ARMS];
 
-/// What the arms do within one step: a force that is there whatever happens, and a spring from where the step starts.
+/// What the arms do within one step: a force that is there whatever happens, and a spring from
+/// where the step starts.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepArms {
     /// a·e^(-t/τ) of each arm, N.
@@ -109,8 +112,10 @@ impl Relaxation {
     /// What `forces` do within a step of `duration`, s.
     #[inline(always)]
     pub(crate) fn within(&self, forces: &ArmForces, duration: f64) -> StepArms {
-        let mut step = StepArms { left: *forces, response: [0.0; MAX_ARMS], held: 0.0, stiffness: 0.0 };
-        for ((arm, left), response) in self.arms.iter().zip(&mut step.left).zip(&mut step.response) {
+        let mut step =
+            StepArms { left: *forces, response: [0.0; MAX_ARMS], held: 0.0, stiffness: 0.0 };
+        for ((arm, left), response) in self.arms.iter().zip(&mut step.left).zip(&mut step.response)
+        {
             if arm.stiffness > 0.0 {
                 let (part, stiffness) = arm.response(duration);
                 *left *= part;

@@ -1,14 +1,16 @@
 //! A model along arrays: the step of [`Trocar`], [`BLOCK`] samples at a time where that is faster.
 //!
-//! What a step needs of the motion alone (velocity, Stribeck curve, exponentials) does not wait for the state: it is computed
-//! for a block of samples as vectors, and the state then follows in a short loop. **Every operation is that of the scalar step,
-//! in its order, so every force and every state has its bits.** A block that holds a sample the step refuses, and every model
-//! without a loop of its own, runs the scalar step.
+//! What a step needs of the motion alone (velocity, Stribeck curve, exponentials) does not wait for
+//! the state: it is computed for a block of samples as vectors, and the state then follows in a
+//! short loop. **Every operation is that of the scalar step, in its order, so every force and every
+//! state has its bits.** A block that holds a sample the step refuses, and every model without a
+//! loop of its own, runs the scalar step.
 
 use crate::classical::{Classical, ClassicalState};
 use crate::seal::{Seal, SealState, Trocar, TrocarState};
 
-/// Samples of one block: long enough for vectors, short enough for the processor to begin the next one meanwhile.
+/// Samples of one block: long enough for vectors, short enough for the processor to begin the next
+/// one meanwhile.
 pub(crate) const BLOCK: usize = 32;
 
 /// One number a sample.
@@ -23,7 +25,8 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
-    /// From `start` (m) through `positions` (m) in `durations` (s); `None` if the step would refuse any of it.
+    /// From `start` (m) through `positions` (m) in `durations` (s); `None` if the step would refuse
+    /// any of it.
     #[inline(always)]
     fn new(start: f64, positions: &Samples, durations: &Samples) -> Option<Self> {
         let mut motion = Self { displacement: [0.0; BLOCK], velocity: [0.0; BLOCK] };
@@ -46,11 +49,12 @@ impl Motion {
 }
 
 impl<K: AsRef<[f64]>> Trocar<K> {
-    /// Advances through `positions` (m), each reached within its duration (s) at constant velocity, and writes the force (N)
-    /// at the end of each to `forces`: as [`Trocar::step_to`] for one after the other, to the last bit, and as far as the shortest
-    /// of the three slices goes.
+    /// Advances through `positions` (m), each reached within its duration (s) at constant velocity,
+    /// and writes the force (N) at the end of each to `forces`: as [`Trocar::step_to`] for one
+    /// after the other, to the last bit, and as far as the shortest of the three slices goes.
     ///
-    /// A program that is compiled for, or chooses at run time, wider vectors gets them: all of it is `#[inline(always)]`.
+    /// A program that is compiled for, or chooses at run time, wider vectors gets them: all of it
+    /// is `#[inline(always)]`.
     ///
     /// ```
     /// use trocar_model::{Classical, LuGre, LuGreParams, SlidingFriction, StribeckCurve, Trocar};
@@ -69,7 +73,13 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// # }
     /// ```
     #[inline(always)]
-    pub fn run(&self, state: &mut TrocarState, positions: &[f64], durations: &[f64], forces: &mut [f64]) {
+    pub fn run(
+        &self,
+        state: &mut TrocarState,
+        positions: &[f64],
+        durations: &[f64],
+        forces: &mut [f64],
+    ) {
         let count = positions.len().min(durations.len()).min(forces.len());
         let (positions, last_positions) = positions.get(..count).unwrap_or(&[]).as_chunks();
         let (durations, last_durations) = durations.get(..count).unwrap_or(&[]).as_chunks();
@@ -84,13 +94,20 @@ impl<K: AsRef<[f64]>> Trocar<K> {
 
     /// The scalar step, sample by sample.
     #[inline(never)]
-    fn run_steps(&self, state: &mut TrocarState, positions: &[f64], durations: &[f64], forces: &mut [f64]) {
+    fn run_steps(
+        &self,
+        state: &mut TrocarState,
+        positions: &[f64],
+        durations: &[f64],
+        forces: &mut [f64],
+    ) {
         for ((position, duration), force) in positions.iter().zip(durations).zip(forces) {
             *force = self.step_to(state, *position, *duration);
         }
     }
 
-    /// One block by a loop of the model's own; false, with all but `forces` untouched, where only the scalar step will do.
+    /// One block by a loop of the model's own; false, with all but `forces` untouched, where only
+    /// the scalar step will do.
     #[inline(always)]
     fn run_block(
         &self,
@@ -99,20 +116,28 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         durations: &Samples,
         forces: &mut Samples,
     ) -> bool {
-        let (Seal::Classical(model), SealState::Classical(own)) = (self.seal(), &mut state.seal) else { return false };
+        let (Seal::Classical(model), SealState::Classical(own)) = (self.seal(), &mut state.seal)
+        else {
+            return false;
+        };
         let start = state.position;
         let moved = match (model, own) {
             (Classical::MaxwellSlip(model), ClassicalState::MaxwellSlip(own)) => {
-                Motion::new(start, positions, durations).is_some_and(|motion| model.run_block(own, &motion, forces))
+                Motion::new(start, positions, durations)
+                    .is_some_and(|motion| model.run_block(own, &motion, forces))
             }
             (Classical::LuGre(model), ClassicalState::LuGre(own)) => {
-                Motion::new(start, positions, durations).is_some_and(|motion| model.run_block(own, &motion, forces))
+                Motion::new(start, positions, durations)
+                    .is_some_and(|motion| model.run_block(own, &motion, forces))
             }
             _ => false,
         };
         if moved {
             if let Some(profile) = self.profile() {
-                forces.iter_mut().zip(positions).for_each(|(force, x)| *force = profile.apply(*x, *force));
+                forces
+                    .iter_mut()
+                    .zip(positions)
+                    .for_each(|(force, x)| *force = profile.apply(*x, *force));
             }
             (state.position, state.force) = (positions[BLOCK - 1], forces[BLOCK - 1]);
         }

@@ -1,4 +1,5 @@
-//! Any model of this crate as one type, and with it the force of a trocar: what every program that runs a model holds.
+//! Any model of this crate as one type, and with it the force of a trocar: what every program that
+//! runs a model holds.
 
 use crate::classical::{Classical, ClassicalState};
 use crate::ems::{Element, Mode, State};
@@ -47,16 +48,19 @@ impl Seal {
         }
     }
 
-    /// State at rest with every element at `deflection`, m; `None` for a classical model, which has no deflection.
+    /// State at rest with every element at `deflection`, m; `None` for a classical model, which has
+    /// no deflection.
     pub fn rest_at_deflection(&self, deflection: f64) -> Option<SealState> {
         self.stages().map(|stages| SealState::Ems(stages.rest_state(deflection)))
     }
 
-    /// State at rest between the extremes, `part` from -1 to 1: every element at that part of its half width; a classical model
-    /// with that part of the largest force it can hold.
+    /// State at rest between the extremes, `part` from -1 to 1: every element at that part of its
+    /// half width; a classical model with that part of the largest force it can hold.
     pub fn rest_between(&self, part: f64) -> SealState {
         match self {
-            Self::Ems(stages) => SealState::Ems(stages.rest_at(|e| part * e.params().deformation.half_width())),
+            Self::Ems(stages) => {
+                SealState::Ems(stages.rest_at(|e| part * e.params().deformation.half_width()))
+            }
             Self::Classical(model) => SealState::Classical(model.rest_at_force(part * f64::MAX)),
         }
     }
@@ -79,7 +83,8 @@ impl Seal {
 }
 
 impl Seal {
-    /// The part of the force that grows with the slip speed, β·v_sl, N; a classical model slips with `velocity`, m/s.
+    /// The part of the force that grows with the slip speed, β·v_sl, N; a classical model slips
+    /// with `velocity`, m/s.
     pub fn viscous_force(&self, state: &SealState, velocity: f64) -> f64 {
         match (self, state) {
             (Self::Ems(stages), SealState::Ems(state)) => {
@@ -148,8 +153,12 @@ impl Friction for Seal {
     /// As for each model; the state of another model is left untouched.
     fn step(&self, state: &mut SealState, displacement: f64, duration: f64) -> f64 {
         match (self, state) {
-            (Self::Ems(stages), SealState::Ems(state)) => stages.step(state, displacement, duration),
-            (Self::Classical(model), SealState::Classical(state)) => model.step(state, displacement, duration),
+            (Self::Ems(stages), SealState::Ems(state)) => {
+                stages.step(state, displacement, duration)
+            }
+            (Self::Classical(model), SealState::Classical(state)) => {
+                model.step(state, displacement, duration)
+            }
             (_, foreign) => Self::force(foreign),
         }
     }
@@ -164,8 +173,8 @@ impl Friction for Seal {
 
 /// A trocar: its seal, and how the force depends on the position.
 ///
-/// All programs that run a model run this step, so all give the same numbers. `K` stores the knots of the profile, as in
-/// [`PositionProfile`].
+/// All programs that run a model run this step, so all give the same numbers. `K` stores the knots
+/// of the profile, as in [`PositionProfile`].
 ///
 /// ```
 /// use trocar_model::{Element, ElementParams, Trocar};
@@ -230,22 +239,28 @@ impl<K: AsRef<[f64]>> Trocar<K> {
 
     /// The same trocar, the knots of its profile stored as `store` does it.
     pub fn stored_as<'a, L>(&'a self, store: impl Fn(&'a [f64]) -> L) -> Trocar<L> {
-        Trocar { seal: self.seal, profile: self.profile.as_ref().map(|profile| profile.stored_as(store)) }
+        Trocar {
+            seal: self.seal,
+            profile: self.profile.as_ref().map(|profile| profile.stored_as(store)),
+        }
     }
 
-    /// An undeformed seal at rest on an instrument at `position`, m; one that is not finite counts as 0.
+    /// An undeformed seal at rest on an instrument at `position`, m; one that is not finite counts
+    /// as 0.
     pub fn rest(&self, position: f64) -> TrocarState {
         self.state(position, self.seal.rest())
     }
 
-    /// At rest at `position` (m) with `force` (N), clamped to what the model can hold; what is not finite counts as 0.
+    /// At rest at `position` (m) with `force` (N), clamped to what the model can hold; what is not
+    /// finite counts as 0.
     pub fn rest_at_force(&self, position: f64, force: f64) -> TrocarState {
         let position = if position.is_finite() { position } else { 0.0 };
         let own = self.profile.as_ref().map_or(force, |profile| profile.without(position, force));
         self.state(position, self.seal.rest_at_force(own))
     }
 
-    /// At rest at `position` (m) with every element at `deflection`, m; `None` for a classical model.
+    /// At rest at `position` (m) with every element at `deflection`, m; `None` for a classical
+    /// model.
     pub fn rest_at_deflection(&self, position: f64, deflection: f64) -> Option<TrocarState> {
         Some(self.state(position, self.seal.rest_at_deflection(deflection)?))
     }
@@ -260,11 +275,11 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         self.profile.as_ref().map_or(own, |profile| profile.apply(position, own))
     }
 
-    /// Advances by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the end, that
-    /// of the instrument on the seal.
+    /// Advances by `displacement` (m) within `duration` (s) at constant velocity; returns the force
+    /// (N) at the end, that of the instrument on the seal.
     ///
-    /// A duration that is not positive, or a displacement, duration or velocity that is not finite, leaves the state
-    /// untouched and returns the last force.
+    /// A duration that is not positive, or a displacement, duration or velocity that is not finite,
+    /// leaves the state untouched and returns the last force.
     pub fn step(&self, state: &mut TrocarState, displacement: f64, duration: f64) -> f64 {
         self.advance(state, state.position + displacement, displacement, duration)
     }
@@ -274,7 +289,13 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         self.advance(state, position, position - state.position, duration)
     }
 
-    fn advance(&self, state: &mut TrocarState, position: f64, displacement: f64, duration: f64) -> f64 {
+    fn advance(
+        &self,
+        state: &mut TrocarState,
+        position: f64,
+        displacement: f64,
+        duration: f64,
+    ) -> f64 {
         if position.is_finite() && velocity(displacement, duration).is_some() {
             self.seal.step(&mut state.seal, displacement, duration);
             state.position = position;

@@ -26,9 +26,11 @@ pub struct SlidingFriction {
     pub coulomb_force: f64,
     /// F_s, N: force at which slip begins, >= F_c. Called Stribeck force in EMS.
     pub static_force: f64,
-    /// v_s, m/s, > 0: speed over which the force falls from F_s to F_c. Without effect when F_s = F_c.
+    /// v_s, m/s, > 0: speed over which the force falls from F_s to F_c. Without effect when F_s =
+    /// F_c.
     pub stribeck_velocity: f64,
-    /// δ, pure number > 0: shape of the fall; 2 is the Gaussian of EMS (11). Without effect when F_s = F_c.
+    /// δ, pure number > 0: shape of the fall; 2 is the Gaussian of EMS (11). Without effect when
+    /// F_s = F_c.
     pub stribeck_exponent: f64,
     /// β, N·s/m, >= 0.
     pub viscous_damping: f64,
@@ -55,15 +57,18 @@ impl SlidingFriction {
         }
     }
 
-    /// g(u) of EMS (11), N, at slip speed `speed` = |v_sl| >= 0, m/s. The sign of `speed` is ignored.
+    /// g(u) of EMS (11), N, at slip speed `speed` = |v_sl| >= 0, m/s. The sign of `speed` is
+    /// ignored.
     pub fn level(&self, speed: f64) -> f64 {
         if self.is_constant() {
             return self.coulomb_force;
         }
-        self.coulomb_force + (self.static_force - self.coulomb_force) * decay(self.exponent(speed.abs())) // EMS (11)
+        self.coulomb_force
+            + (self.static_force - self.coulomb_force) * decay(self.exponent(speed.abs())) // EMS (11)
     }
 
-    /// g(u) + β·u, N: the sliding force at slip speed `speed` = |v_sl| >= 0, m/s. The sign of `speed` is ignored.
+    /// g(u) + β·u, N: the sliding force at slip speed `speed` = |v_sl| >= 0, m/s. The sign of
+    /// `speed` is ignored.
     pub fn force(&self, speed: f64) -> f64 {
         self.level(speed) + self.viscous_damping * speed.abs()
     }
@@ -73,7 +78,8 @@ impl SlidingFriction {
         self.static_force == self.coulomb_force
     }
 
-    /// g(u) and dg/du for u >= 0. At u = 0 the slope is the limit from the right, minus infinity for δ < 1.
+    /// g(u) and dg/du for u >= 0. At u = 0 the slope is the limit from the right, minus infinity
+    /// for δ < 1.
     pub(crate) fn level_and_slope(&self, u: f64) -> (f64, f64) {
         if self.is_constant() {
             return (self.coulomb_force, 0.0);
@@ -83,7 +89,8 @@ impl SlidingFriction {
         (self.coulomb_force + fall, slope_of(fall, self.growth(u, power))) // EMS (11)
     }
 
-    /// exp(-(u/v_s)^δ) where g(u) = `level` is known: the part of the static force's surplus that is there.
+    /// exp(-(u/v_s)^δ) where g(u) = `level` is known: the part of the static force's surplus that
+    /// is there.
     #[inline(always)]
     pub(crate) fn rise(&self, level: f64) -> f64 {
         let surplus = self.static_force - self.coulomb_force;
@@ -92,7 +99,11 @@ impl SlidingFriction {
 
     /// dg/du at u >= 0 where g(u) = `level` is already known: saves the exponential.
     pub(crate) fn slope_at_level(&self, u: f64, level: f64) -> f64 {
-        if self.is_constant() { 0.0 } else { slope_of(level - self.coulomb_force, self.growth(u, self.exponent(u))) }
+        if self.is_constant() {
+            0.0
+        } else {
+            slope_of(level - self.coulomb_force, self.growth(u, self.exponent(u)))
+        }
     }
 
     /// (u/v_s)^δ; the two usual shapes avoid a power.
@@ -179,7 +190,9 @@ mod tests {
     #[test]
     fn steepest_fall_is_the_known_constant_of_each_shape() {
         // δ((δ-1)/δ)^((δ-1)/δ)·e^(-(δ-1)/δ), found by numerical minimisation elsewhere.
-        for (exponent, constant) in [(1.0, 1.0), (1.5, 0.745_223), (2.0, 0.857_764), (3.0, 1.175_432)] {
+        for (exponent, constant) in
+            [(1.0, 1.0), (1.5, 0.745_223), (2.0, 0.857_764), (3.0, 1.175_432)]
+        {
             let sliding = SlidingFriction {
                 coulomb_force: 2.0,
                 static_force: 3.0,
@@ -194,8 +207,13 @@ mod tests {
     #[test]
     fn bad_values_are_named() {
         let bad = SlidingFriction::coulomb(-0.3, 5.0).check();
-        assert_eq!(bad, Err(ParamError::OutOfRange { id: Quantity::CoulombForce.id(), value: -0.3 }));
+        assert_eq!(
+            bad,
+            Err(ParamError::OutOfRange { id: Quantity::CoulombForce.id(), value: -0.3 })
+        );
         let nan = SlidingFriction::coulomb(1.0, f64::NAN).check();
-        assert!(matches!(nan, Err(ParamError::OutOfRange { id, .. }) if id == Quantity::ViscousDamping.id()));
+        assert!(
+            matches!(nan, Err(ParamError::OutOfRange { id, .. }) if id == Quantity::ViscousDamping.id())
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! The discrete step in its general form: speed-dependent sliding force, seal damping, or branches that pass the
-//! sliding force inside [-c, c].
+//! The discrete step in its general form: speed-dependent sliding force, seal damping, or branches
+//! that pass the sliding force inside [-c, c].
 //!
 //! At the end of a step of duration dt the slip speed u >= 0 in the direction s = ±1 solves
 //!
@@ -8,10 +8,11 @@
 //! z⁺   = z + v_d·dt - s·dt·[θ·u + (1 - θ)·u_0]                               (8)
 //! ```
 //!
-//! where u_0 is the slip speed at the start. θ is fitted so that the step is exact for a straight spring and a straight
-//! friction law; it lies between 1/2 (second order) and 1 (stiff limit), so no stiffness is too high for any dt.
-//! If r(0) <= 0 the seal sticks: the contact is an inclusion, sgn(v_d) decides nothing. With creep, r(0) = 0 only where
-//! the force is zero; there the slip changes its direction. Within a step the relaxing arms a are one more spring
+//! where u_0 is the slip speed at the start. θ is fitted so that the step is exact for a straight
+//! spring and a straight friction law; it lies between 1/2 (second order) and 1 (stiff limit), so
+//! no stiffness is too high for any dt. If r(0) <= 0 the seal sticks: the contact is an inclusion,
+//! sgn(v_d) decides nothing. With creep, r(0) = 0 only where the force is zero; there the slip
+//! changes its direction. Within a step the relaxing arms a are one more spring
 //! ([`crate::relaxation`]), exact at a constant dz/dt.
 
 use crate::creep::{Resistance, Rise};
@@ -32,11 +33,12 @@ const NEWTON_EVALUATIONS: usize = 24;
 /// Evaluations after which a march doubles its stride.
 const EVEN_STRIDES: usize = 100;
 
-/// A residual below this fraction of the static force gets one last Newton correction, which squares it.
+/// A residual below this fraction of the static force gets one last Newton correction, which
+/// squares it.
 const RESIDUAL: f64 = 1e-4;
 
-/// Change of force, as a fraction of the static force, up to which the slip speed at the start of a step follows to first
-/// order. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
+/// Change of force, as a fraction of the static force, up to which the slip speed at the start of a
+/// step follows to first order. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
 const SMALL_SURPLUS: f64 = 1e-3;
 
 /// March stride as a fraction of the Stribeck speed: a tenth of the narrowest feature of g.
@@ -88,7 +90,14 @@ struct Slide {
 impl Slide {
     /// From (z, q), slip speed `speed` and weight θ = `theta`.
     #[inline(always)]
-    fn new((z, q): (f64, f64), direction: Direction, speed: f64, motion: Motion, arms: StepArms, theta: f64) -> Self {
+    fn new(
+        (z, q): (f64, f64),
+        direction: Direction,
+        speed: f64,
+        motion: Motion,
+        arms: StepArms,
+        theta: f64,
+    ) -> Self {
         let s = direction.sign();
         let target = z + motion.velocity * motion.time - s * motion.time * (1.0 - theta) * speed;
         Self { z, q, direction, s, motion, arms, target, implicit: theta * motion.time }
@@ -110,7 +119,8 @@ struct Search {
 }
 
 impl Element {
-    /// One step of the general law; `state` is at most c/8 of travel away from the result, or in a long slide.
+    /// One step of the general law; `state` is at most c/8 of travel away from the result, or in a
+    /// long slide.
     #[inline(always)]
     pub(crate) fn advance_general(&self, state: &State, velocity: f64, time: f64) -> State {
         let motion = Motion { velocity, time };
@@ -120,7 +130,8 @@ impl Element {
         self.keep_sliding(state, motion)
     }
 
-    /// From a slide; the velocity may have changed since, so that it sticks at once or slips the other way.
+    /// From a slide; the velocity may have changed since, so that it sticks at once or slips the
+    /// other way.
     fn keep_sliding(&self, state: &State, motion: Motion) -> State {
         let mut onset = self.sliding_on(state, motion.velocity);
         if onset.speed == 0.0 {
@@ -130,7 +141,8 @@ impl Element {
             onset.direction = onset.direction.opposite();
             let rise = Rise::at_start(state.rise, self.params.friction_lag);
             let elastic = onset.local.mid + onset.q + state.relaxing_force();
-            (onset.speed, onset.drag) = self.slip_at(onset.direction, elastic, motion.velocity, rise, 0.0);
+            (onset.speed, onset.drag) =
+                self.slip_at(onset.direction, elastic, motion.velocity, rise, 0.0);
         }
         self.slide(onset, motion)
     }
@@ -155,14 +167,16 @@ impl Element {
         let (elastic, yield_force) = self.params.deformation.reach(z, q, target);
         let arms = self.params.relaxation.within(&state.arms, motion.time);
         let force = elastic + arms.force(target - z) + damping;
-        let sticks = force <= self.params.insertion.static_force && -force <= self.params.withdrawal.static_force;
+        let sticks = force <= self.params.insertion.static_force
+            && -force <= self.params.withdrawal.static_force;
         if sticks {
             return State::stuck(target, yield_force, force, arms.forces(target - z));
         }
         self.yield_within(state, motion, force)
     }
 
-    /// Deforms up to the yield point within the step, (12), and slides from there; `trial` is the force without slip.
+    /// Deforms up to the yield point within the step, (12), and slides from there; `trial` is the
+    /// force without slip.
     #[inline(never)]
     fn yield_within(&self, state: &State, motion: Motion, trial: f64) -> State {
         let (z, q) = (state.deflection, state.yield_force);
@@ -171,7 +185,9 @@ impl Element {
         let s = direction.sign();
         let limit = self.sliding(direction).static_force;
         let moved = |part: f64| part * motion.velocity * motion.time;
-        let arms_at = |part: f64| self.params.relaxation.within(&state.arms, part * motion.time).forces(moved(part));
+        let arms_at = |part: f64| {
+            self.params.relaxation.within(&state.arms, part * motion.time).forces(moved(part))
+        };
         let force_at = |part: f64| {
             let elastic = self.params.deformation.reach(z, q, z + moved(part)).0;
             s * (elastic + arms_at(part).iter().sum::<f64>() + damping) - limit
@@ -183,15 +199,22 @@ impl Element {
         let arms = arms_at(part);
         let elastic = local.mid + yield_force + arms.iter().sum::<f64>();
         let (speed, drag) = self.slip_at(direction, elastic, motion.velocity, Rise::INSTANT, 0.0);
-        let onset = Onset { z: reached, q: yield_force, local, arms, direction, speed, drag, rise: 1.0 };
+        let onset =
+            Onset { z: reached, q: yield_force, local, arms, direction, speed, drag, rise: 1.0 };
         self.slide(onset, Motion { time: (1.0 - part) * motion.time, ..motion })
     }
 
     /// Slip speed and drag in a running slide when the velocity becomes `velocity`.
     ///
-    /// The last force is the sliding force at the last slip speed, (13): it tells g without an exponential. A small
-    /// change of damping force is answered to first order.
-    fn slip_after(&self, state: &State, direction: Direction, elastic: f64, velocity: f64) -> (f64, f64) {
+    /// The last force is the sliding force at the last slip speed, (13): it tells g without an
+    /// exponential. A small change of damping force is answered to first order.
+    fn slip_after(
+        &self,
+        state: &State,
+        direction: Direction,
+        elastic: f64,
+        velocity: f64,
+    ) -> (f64, f64) {
         let s = direction.sign();
         let last = state.slip_velocity.abs();
         if self.is_free(direction) {
@@ -212,12 +235,26 @@ impl Element {
         if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
             (speed, drag)
         } else {
-            self.slip_at(direction, elastic, velocity, Rise::at_start(state.rise, self.params.friction_lag), last)
+            self.slip_at(
+                direction,
+                elastic,
+                velocity,
+                Rise::at_start(state.rise, self.params.friction_lag),
+                last,
+            )
         }
     }
 
-    /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ the speed is free: 0.
-    fn slip_at(&self, direction: Direction, elastic: f64, velocity: f64, rise: Rise, guess: f64) -> (f64, f64) {
+    /// Slip speed at a given elastic force, and the drag β + g' + D' there. With neither β nor σ
+    /// the speed is free: 0.
+    fn slip_at(
+        &self,
+        direction: Direction,
+        elastic: f64,
+        velocity: f64,
+        rise: Rise,
+        guess: f64,
+    ) -> (f64, f64) {
         let s = direction.sign();
         let sliding = self.sliding(direction);
         let damping = &self.params.damping;
@@ -235,7 +272,10 @@ impl Element {
         } else {
             f64::INFINITY
         };
-        let (speed, slope) = find_root(residual, Search { guess, stride, residual: RESIDUAL * sliding.static_force });
+        let (speed, slope) = find_root(
+            residual,
+            Search { guess, stride, residual: RESIDUAL * sliding.static_force },
+        );
         (speed, -slope)
     }
 
@@ -260,7 +300,14 @@ impl Element {
         (next, theta)
     }
 
-    fn slide_with(&self, onset: &Onset, motion: Motion, arms: StepArms, theta: f64, guess: f64) -> State {
+    fn slide_with(
+        &self,
+        onset: &Onset,
+        motion: Motion,
+        arms: StepArms,
+        theta: f64,
+        guess: f64,
+    ) -> State {
         let Onset { z, q, direction, speed, .. } = *onset;
         let slide = Slide::new((z, q), direction, speed, motion, arms, theta);
         let sliding = self.sliding(direction);
@@ -289,50 +336,73 @@ impl Element {
         (drive - contact.force, -drag - slide.implicit * (stiffness + arms.stiffness))
     }
 
-    /// The state after a slide that ends with slip speed `u`; the contact was last seen at `seen_at`.
+    /// The state after a slide that ends with slip speed `u`; the contact was last seen at
+    /// `seen_at`.
     #[inline(always)]
     fn arrive(&self, slide: &Slide, u: f64, seen: &Resistance, seen_at: f64) -> State {
         let Slide { z, q, direction, s, motion, arms, .. } = slide;
         let deflection = slide.reached(u);
         let (elastic, yield_force) = self.params.deformation.reach(*z, *q, deflection);
-        let force = elastic + arms.force(deflection - z) + self.params.damping.force(motion.velocity - s * u); // EMS (14)
+        let force = elastic
+            + arms.force(deflection - z)
+            + self.params.damping.force(motion.velocity - s * u); // EMS (14)
         let arms = arms.forces(deflection - z);
         let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
-        // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a state to be finite numbers.
+        // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a
+        // state to be finite numbers.
         let contact_slope = seen.slope.max(-f64::MAX);
         let rise = if self.params.friction_lag > 0.0 {
             seen.rise_beside(self.sliding(*direction), u - seen_at)
         } else {
             seen.rise
         };
-        State { deflection, yield_force, force, slip_velocity: s * u, contact_slope, rise, arms, mode }
+        State {
+            deflection,
+            yield_force,
+            force,
+            slip_velocity: s * u,
+            contact_slope,
+            rise,
+            arms,
+            mode,
+        }
     }
 
     /// Where the slip speed at the end of the step is sought.
     ///
-    /// With a single root any start will do, and the last speed is the nearest. A multivalued friction law is followed on
-    /// its present branch. Where only the seal softens (K·dt < -β) the root of least slip, met first from the stick
-    /// side, is the stable one.
+    /// With a single root any start will do, and the last speed is the nearest. A multivalued
+    /// friction law is followed on its present branch. Where only the seal softens (K·dt < -β) the
+    /// root of least slip, met first from the stick side, is the stable one.
     fn search(&self, onset: &Onset, implicit: f64, now: f64, guess: f64) -> Search {
         let sliding = self.sliding(onset.direction);
         let residual = RESIDUAL * sliding.static_force;
         let multivalued = self.is_multivalued(onset.direction, now);
-        let softens = self.least_stiffness * implicit + self.least_drag(onset.direction, now) <= 0.0;
+        let softens =
+            self.least_stiffness * implicit + self.least_drag(onset.direction, now) <= 0.0;
         if !multivalued && !softens {
             return Search { guess, stride: f64::INFINITY, residual };
         }
-        let in_speed = if multivalued { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
+        let in_speed =
+            if multivalued { STRIBECK_STRIDE * sliding.stribeck_velocity } else { f64::INFINITY };
         let c = self.params.deformation.half_width();
-        let in_deflection = if self.least_stiffness <= 0.0 { DEFLECTION_STRIDE * c / implicit } else { f64::INFINITY };
-        let guess = if multivalued { guess.min(onset.speed + in_speed).max(onset.speed - in_speed) } else { 0.0 };
+        let in_deflection = if self.least_stiffness <= 0.0 {
+            DEFLECTION_STRIDE * c / implicit
+        } else {
+            f64::INFINITY
+        };
+        let guess = if multivalued {
+            guess.min(onset.speed + in_speed).max(onset.speed - in_speed)
+        } else {
+            0.0
+        };
         Search { guess, stride: in_speed.min(in_deflection), residual }
     }
 
-    /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip speed at the end if
-    /// the seal does not deform. θ = 1 where the start does not decay.
+    /// θ of the module documentation, from the rate K/(β + g' + D') at the start, and the slip
+    /// speed at the end if the seal does not deform. θ = 1 where the start does not decay.
     ///
-    /// A creeping contact is slow and may let go within the step: there θ follows the drag of sliding, which is exact for
-    /// what comes, and costs nothing where the slip is small.
+    /// A creeping contact is slow and may let go within the step: there θ follows the drag of
+    /// sliding, which is exact for what comes, and costs nothing where the slip is small.
     fn predict(&self, onset: &Onset, motion: Motion, arms: StepArms) -> (f64, f64) {
         let s = onset.direction.sign();
         let deformation_velocity = motion.velocity - s * onset.speed;
@@ -343,8 +413,8 @@ impl Element {
         }
         let theta = match self.creeps {
             true => {
-                let sliding =
-                    self.sliding(onset.direction).viscous_damping + self.params.damping.slope(deformation_velocity);
+                let sliding = self.sliding(onset.direction).viscous_damping
+                    + self.params.damping.slope(deformation_velocity);
                 fit_theta(stiffening / sliding.min(onset.drag))
             }
             false => fit_theta(stiffening / onset.drag),
@@ -366,9 +436,11 @@ impl Element {
     }
 }
 
-/// θ(y) = 1/(1 - e^-y) - 1/y, from 1/2 at y = 0 to 1 at infinity: makes one step exact for a linear decay of rate y/dt.
+/// θ(y) = 1/(1 - e^-y) - 1/y, from 1/2 at y = 0 to 1 at infinity: makes one step exact for a linear
+/// decay of rate y/dt.
 fn fit_theta(y: f64) -> f64 {
-    // The usual case by the series, good to 1e-6 up to 1: θ decides the order of accuracy, not the force itself.
+    // The usual case by the series, good to 1e-6 up to 1: θ decides the order of accuracy, not the
+    // force itself.
     if y < 1.0 {
         let y2 = y * y;
         0.5 + y * (1.0 / 12.0 - y2 * (1.0 / 720.0 - y2 / 30_240.0))
@@ -387,13 +459,18 @@ fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
     }
     let chord = -start / (end - start);
     let there = force_at(chord);
-    if there > 0.0 { chord - chord * there / (there - start) } else { chord + (1.0 - chord) * -there / (end - there) }
+    if there > 0.0 {
+        chord - chord * there / (there - start)
+    } else {
+        chord + (1.0 - chord) * -there / (end - there)
+    }
 }
 
-/// A root u >= 0 of a residual that is positive left of it, and the slope there; 0 when the residual is not positive at 0.
+/// A root u >= 0 of a residual that is positive left of it, and the slope there; 0 when the
+/// residual is not positive at 0.
 ///
-/// Newton steps inside a bracket. Until there is a bracket the search marches from the guess towards the root, never
-/// further at once than the stride, so that it stops at the nearest root.
+/// Newton steps inside a bracket. Until there is a bracket the search marches from the guess
+/// towards the root, never further at once than the stride, so that it stops at the nearest root.
 fn find_root(mut residual: impl FnMut(f64) -> (f64, f64), search: Search) -> (f64, f64) {
     let Search { guess: mut u, mut stride, residual: small } = search;
     let (mut below, mut above): (Option<f64>, Option<f64>) = (None, None);

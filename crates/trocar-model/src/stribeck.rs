@@ -1,10 +1,12 @@
-//! Static friction laws: the force follows from the velocity alone. Coulomb, viscous, Stribeck; EMS (4), (11), (23).
+//! Static friction laws: the force follows from the velocity alone. Coulomb, viscous, Stribeck; EMS
+//! (4), (11), (23).
 
 use crate::error::ParamError;
 use crate::friction::{Friction, held, sign, velocity};
 use crate::sliding::SlidingFriction;
 
-/// Friction without a deformation of its own; by its parameters Coulomb, Coulomb and viscous, or Stribeck.
+/// Friction without a deformation of its own; by its parameters Coulomb, Coulomb and viscous, or
+/// Stribeck.
 ///
 /// ```text
 /// F = g(|v|)·sgn(v) + β·v        v != 0                             EMS (11); (23) when F_s = F_c
@@ -68,14 +70,15 @@ impl StaticFriction {
         self.rest_at_force(0.0)
     }
 
-    /// State at rest that holds `force`, N, clamped to ±F_s; a force that is not finite counts as 0.
+    /// State at rest that holds `force`, N, clamped to ±F_s; a force that is not finite counts as
+    /// 0.
     pub fn rest_at_force(&self, force: f64) -> StaticState {
         let held_force = held(force, self.sliding.static_force);
         StaticState { held_force, force: held_force }
     }
 
-    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns the force (N) at the
-    /// end. Exact for any step.
+    /// Advances `state` by `displacement` (m) within `duration` (s) at constant velocity; returns
+    /// the force (N) at the end. Exact for any step.
     pub fn step(&self, state: &mut StaticState, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
             let next = self.moved(state, velocity);
@@ -86,14 +89,17 @@ impl StaticFriction {
         state.force
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end.
+    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
+    /// the end.
     pub fn step_velocity(&self, state: &mut StaticState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
 
-    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a velocity that is not finite.
+    /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
+    /// velocity that is not finite.
     pub fn output(&self, state: &StaticState, velocity: f64) -> f64 {
-        let force = if velocity.is_finite() { self.moved(state, velocity).force } else { state.force };
+        let force =
+            if velocity.is_finite() { self.moved(state, velocity).force } else { state.force };
         if force.is_finite() { force } else { state.force }
     }
 

@@ -1,9 +1,11 @@
-//! Parameters by number, for programs that change them one by one: sliders, tunable variables of a co-simulation.
+//! Parameters by number, for programs that change them one by one: sliders, tunable variables of a
+//! co-simulation.
 //!
-//! The parameters of an element depend on each other: both branches end at ±F_s. So the numbers here are chosen such that each
-//! can be changed by itself. A new force F_s stretches the branches between the new ends (an affine map of their forces,
-//! which keeps them joined and at their end points, and takes the yield stiffness and the second relaxing arm along; the first has numbers of its
-//! own); a new half width stretches them along the deflection.
+//! The parameters of an element depend on each other: both branches end at ±F_s. So the numbers
+//! here are chosen such that each can be changed by itself. A new force F_s stretches the branches
+//! between the new ends (an affine map of their forces, which keeps them joined and at their end
+//! points, and takes the yield stiffness and the second relaxing arm along; the first has numbers
+//! of its own); a new half width stretches them along the deflection.
 //!
 //! - **Rest**: where the two directions are changed apart, the deflection without force moves away from 0; an undeformed seal then
 //!   pushes with M(0). [`crate::Trocar::rest_at_force`] starts it without force.
@@ -27,7 +29,8 @@ use crate::seal::Seal;
 use crate::sliding::SlidingFriction;
 use crate::stribeck::StaticFriction;
 
-/// A number of a model that can be changed by itself. Its unit, range and description: [`ParameterId::declaration`].
+/// A number of a model that can be changed by itself. Its unit, range and description:
+/// [`ParameterId::declaration`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tunable {
     /// Which; with the number of its element where the model has several.
@@ -41,11 +44,16 @@ pub const MAX_TUNABLES: usize = 6 + 4 * MAX_ELEMENTS;
 
 /// What can be changed on an element: for each direction the sliding friction but for its exponent.
 fn tunables_of_element() -> impl Iterator<Item = ParameterId> {
-    use Quantity::{CoulombForce, HalfWidth, SealDamping, StaticRatio, StribeckVelocity, ViscousDamping};
-    let sliding = |direction| [CoulombForce, StaticRatio, StribeckVelocity, ViscousDamping].map(|q| q.of(direction));
+    use Quantity::{
+        CoulombForce, HalfWidth, SealDamping, StaticRatio, StribeckVelocity, ViscousDamping,
+    };
+    let sliding = |direction| {
+        [CoulombForce, StaticRatio, StribeckVelocity, ViscousDamping].map(|q| q.of(direction))
+    };
     let own = ElementParams::FIELDS.iter().map(|field| field.quantity.id());
     let relaxation = RelaxationArm::FIELDS.iter().map(|field| field.quantity.id());
-    let of_parts = core::iter::once(HalfWidth.id()).chain(Direction::BOTH.into_iter().flat_map(sliding));
+    let of_parts =
+        core::iter::once(HalfWidth.id()).chain(Direction::BOTH.into_iter().flat_map(sliding));
     of_parts.chain([SealDamping.id()]).chain(own).chain(relaxation)
 }
 
@@ -60,8 +68,9 @@ impl SlidingFriction {
 }
 
 impl ElementParams {
-    /// The value of `quantity`, SI; without a direction the mean of both. `None` for what an element does not have, such as a
-    /// join of both branches, the time of a relaxing arm that is off, or anything of the sensor.
+    /// The value of `quantity`, SI; without a direction the mean of both. `None` for what an
+    /// element does not have, such as a join of both branches, the time of a relaxing arm that is
+    /// off, or anything of the sensor.
     pub fn value(&self, direction: Option<Direction>, quantity: Quantity) -> Option<f64> {
         if let Some(value) = self.number(quantity).or_else(|| self.damping.number(quantity)) {
             return Some(value);
@@ -81,7 +90,9 @@ impl ElementParams {
             Quantity::SecondRelaxationTime => Some(second.time).filter(|_| second.stiffness > 0.0),
             _ => first.number(quantity).or_else(|| match direction {
                 Some(direction) => self.sliding(direction).value(quantity),
-                None => Some(0.5 * (self.insertion.value(quantity)? + self.withdrawal.value(quantity)?)),
+                None => Some(
+                    0.5 * (self.insertion.value(quantity)? + self.withdrawal.value(quantity)?),
+                ),
             }),
         }
     }
@@ -112,7 +123,9 @@ impl List {
     /// The fields of each element of a bank.
     fn put_bank<T: Parameters>(&mut self, bank: &[T]) {
         for (index, element) in bank.iter().enumerate() {
-            T::FIELDS.iter().for_each(|field| self.put(field.quantity.id().of_element(index), (field.get)(element)));
+            T::FIELDS.iter().for_each(|field| {
+                self.put(field.quantity.id().of_element(index), (field.get)(element))
+            });
         }
     }
 
@@ -172,8 +185,8 @@ impl New<'_> {
 }
 
 impl Seal {
-    /// The numbers that can be changed, in the order of [`Seal::tuned`]. Per element of EMS: half width, sliding in either
-    /// direction, damping, creep, lag, first relaxing arm.
+    /// The numbers that can be changed, in the order of [`Seal::tuned`]. Per element of EMS: half
+    /// width, sliding in either direction, damping, creep, lag, first relaxing arm.
     pub fn tunables(&self) -> impl Iterator<Item = Tunable> {
         let mut list = List::new();
         match self {
@@ -182,7 +195,10 @@ impl Seal {
                 for (index, element) in stages.elements().iter().enumerate() {
                     for id in tunables_of_element() {
                         let named = if several { id.of_element(index) } else { id };
-                        list.put(named, element.params().value(id.direction, id.quantity).unwrap_or(f64::NAN));
+                        list.put(
+                            named,
+                            element.params().value(id.direction, id.quantity).unwrap_or(f64::NAN),
+                        );
                     }
                 }
             }
@@ -191,8 +207,8 @@ impl Seal {
         list.tunables.into_iter().flatten()
     }
 
-    /// The model with new `values`, in the order of [`Seal::tunables`]; missing ones stay. The same values give the same
-    /// model, to the last bit.
+    /// The model with new `values`, in the order of [`Seal::tunables`]; missing ones stay. The same
+    /// values give the same model, to the last bit.
     ///
     /// # Errors
     /// [`ParamError`] for a value out of its range.
@@ -217,7 +233,9 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
     let mut half_width = old.deformation.half_width();
     for id in tunables_of_element() {
         match (id.quantity, id.direction) {
-            (Quantity::HalfWidth, _) => half_width = in_range(Quantity::HalfWidth, new.take(half_width))?,
+            (Quantity::HalfWidth, _) => {
+                half_width = in_range(Quantity::HalfWidth, new.take(half_width))?
+            }
             (Quantity::StaticRatio, Some(direction)) => {
                 new.static_force(old.sliding(direction), params.sliding_mut(direction));
             }
@@ -226,8 +244,10 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
     }
     params.insertion.check()?;
     params.withdrawal.check()?;
-    let ends = |params: &ElementParams| [-params.withdrawal.static_force, params.insertion.static_force];
-    let rescaling = Rescaling::new(old.deformation.half_width(), half_width, ends(old), ends(&params));
+    let ends =
+        |params: &ElementParams| [-params.withdrawal.static_force, params.insertion.static_force];
+    let rescaling =
+        Rescaling::new(old.deformation.half_width(), half_width, ends(old), ends(&params));
     params.relaxation.arms[1] = rescaling.arm(old.relaxation.arms[1]);
     params.deformation = rescaling.deformation(&old.deformation)?;
     Ok(params)
@@ -289,8 +309,13 @@ impl Rescaling {
         if self.is_none() {
             return Ok(*old);
         }
-        let (insertion, withdrawal) = (self.branch(old.insertion())?, self.branch(old.withdrawal())?);
-        DeformationForce::new(insertion, withdrawal, Some(old.yield_stiffness() * self.scale / self.width))
+        let (insertion, withdrawal) =
+            (self.branch(old.insertion())?, self.branch(old.withdrawal())?);
+        DeformationForce::new(
+            insertion,
+            withdrawal,
+            Some(old.yield_stiffness() * self.scale / self.width),
+        )
     }
 
     fn branch(&self, old: &Branch) -> Result<Branch, ParamError> {
@@ -302,7 +327,11 @@ impl Rescaling {
         let count = old.legendre().len();
         legendre.iter_mut().zip(old.legendre()).for_each(|(new, old)| *new = self.scale * old);
         legendre[0] += self.shift;
-        Piece::new(self.width * old.from(), self.width * old.to(), legendre.get(..count).unwrap_or(&legendre))
+        Piece::new(
+            self.width * old.from(),
+            self.width * old.to(),
+            legendre.get(..count).unwrap_or(&legendre),
+        )
     }
 }
 
@@ -332,7 +361,9 @@ fn list_classical(list: &mut List, model: &Classical) {
 
 fn tuned_classical(model: &Classical, new: &mut New) -> Result<Classical, ParamError> {
     Ok(match model {
-        Classical::Static(model) => Classical::Static(StaticFriction::new(new.sliding(model.params()))?),
+        Classical::Static(model) => {
+            Classical::Static(StaticFriction::new(new.sliding(model.params()))?)
+        }
         Classical::Dahl(model) => Classical::Dahl(Dahl::new(new.fields(model.params()))?),
         Classical::LuGre(model) => {
             let mut params = new.fields(model.params());
@@ -348,7 +379,10 @@ fn tuned_classical(model: &Classical, new: &mut New) -> Result<Classical, ParamE
         Classical::MaxwellSlip(model) => {
             let viscous_damping = new.take(model.viscous_damping());
             let bank = new.bank(model.elements(), [SlipElement::NONE; MAX_ELEMENTS]);
-            Classical::MaxwellSlip(MaxwellSlip::new(&bank[..model.elements().len()], viscous_damping)?)
+            Classical::MaxwellSlip(MaxwellSlip::new(
+                &bank[..model.elements().len()],
+                viscous_damping,
+            )?)
         }
         Classical::Gms(model) => Classical::Gms(tuned_gms(model, new)?),
     })

@@ -1,4 +1,5 @@
-//! What the backlash filter promises: silence at rest, every true reversal once, and a bounded price in force.
+//! What the backlash filter promises: silence at rest, every true reversal once, and a bounded
+//! price in force.
 
 use trocar_model::{BacklashFilter, BacklashState, Direction, Element, ElementParams, ParamError};
 
@@ -24,7 +25,8 @@ impl Random {
 
     /// In [0, 1).
     fn uniform(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
@@ -48,7 +50,8 @@ fn seal() -> Element {
     Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()
 }
 
-/// Highest minus lowest force, N, over a hold under `readings` that begins in the middle of a deformation.
+/// Highest minus lowest force, N, over a hold under `readings` that begins in the middle of a
+/// deformation.
 fn ripple(filter: &BacklashFilter, readings: &[f64]) -> f64 {
     let seal = seal();
     let (mut state, mut filtered) = (seal.rest_state(-8e-3), BacklashState::default());
@@ -57,10 +60,14 @@ fn ripple(filter: &BacklashFilter, readings: &[f64]) -> f64 {
         let displacement = filter.displacement(&mut filtered, start + 5e-5 * f64::from(k));
         seal.step(&mut state, displacement, PERIOD);
     }
-    // What the end of the deformation and the first readings of the hold leave open is settled after a moment.
-    let forces = readings.iter().map(|x| seal.step(&mut state, filter.displacement(&mut filtered, *x), PERIOD));
-    let (low, high) =
-        forces.skip(100).fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), f| (low.min(f), high.max(f)));
+    // What the end of the deformation and the first readings of the hold leave open is settled
+    // after a moment.
+    let forces = readings
+        .iter()
+        .map(|x| seal.step(&mut state, filter.displacement(&mut filtered, *x), PERIOD));
+    let (low, high) = forces
+        .skip(100)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), f| (low.min(f), high.max(f)));
     high - low
 }
 
@@ -69,8 +76,9 @@ fn flicker_of_a_resting_position_makes_no_force_at_all() {
     for seed in 0..20 {
         let mut random = Random::new(seed);
         let base = (1000.0 * random.uniform()).round();
-        let readings: Vec<f64> =
-            (0..HOLD).map(|_| (base + (3.0 * random.uniform()).floor() - 1.0) * RESOLUTION).collect();
+        let readings: Vec<f64> = (0..HOLD)
+            .map(|_| (base + (3.0 * random.uniform()).floor() - 1.0) * RESOLUTION)
+            .collect();
         assert_eq!(ripple(&filter(), &readings), 0.0);
         let bare = ripple(&BacklashFilter::new(0.0).unwrap(), &readings);
         assert!(bare > 1e-4, "without a filter ±1 reading shows in the force, got {bare} N");
@@ -81,8 +89,13 @@ fn flicker_of_a_resting_position_makes_no_force_at_all() {
 fn noise_beyond_the_width_is_damped() {
     let mut random = Random::new(1);
     let readings: Vec<f64> = (0..HOLD).map(|_| random.read(0.0101, 2e-6)).collect();
-    let (with, without) = (ripple(&filter(), &readings), ripple(&BacklashFilter::new(0.0).unwrap(), &readings));
-    println!("hold of 60 s under 2 um of noise: {:.2} mN with, {:.2} mN without", 1e3 * with, 1e3 * without);
+    let (with, without) =
+        (ripple(&filter(), &readings), ripple(&BacklashFilter::new(0.0).unwrap(), &readings));
+    println!(
+        "hold of 60 s under 2 um of noise: {:.2} mN with, {:.2} mN without",
+        1e3 * with,
+        1e3 * without
+    );
     assert!(with < 0.6 * without, "{with} {without}");
 }
 
@@ -105,9 +118,16 @@ fn a_noisy_hold_has_no_reversal() {
             // Anywhere between two readings; every other hold after a motion.
             let rest = RESOLUTION * (1000.0 + random.uniform());
             let approach = if seed % 2 == 0 { 400 } else { 0 };
-            let path = (0..approach).rev().map(|k| rest - 1e-5 * f64::from(k)).chain(std::iter::repeat_n(rest, HOLD));
+            let path = (0..approach)
+                .rev()
+                .map(|k| rest - 1e-5 * f64::from(k))
+                .chain(std::iter::repeat_n(rest, HOLD));
             let readings: Vec<f64> = path.map(|x| random.read(x, noise)).collect();
-            assert_eq!(reversals(&filter(), readings.into_iter()), 0, "seed {seed}, noise {noise} m");
+            assert_eq!(
+                reversals(&filter(), readings.into_iter()),
+                0,
+                "seed {seed}, noise {noise} m"
+            );
         }
     }
 }
@@ -198,7 +218,8 @@ fn a_reversal_tells_direction_and_turning_point() {
     (1..=100).for_each(|k| assert_eq!(feed(1e-5 * f64::from(k)).reversal(), None));
     assert_eq!(feed(1e-3).direction(), Some(Direction::Insertion));
     feed(1e-3);
-    let told: Vec<_> = (0..50).filter_map(|k| feed(1e-3 - 1e-5 * f64::from(k)).reversal()).collect();
+    let told: Vec<_> =
+        (0..50).filter_map(|k| feed(1e-3 - 1e-5 * f64::from(k)).reversal()).collect();
     assert_eq!(told.len(), 1);
     assert_eq!(told[0].to, Direction::Withdrawal);
     assert!((told[0].turning_point - 1e-3).abs() < 1e-12, "{told:?}");
@@ -231,7 +252,10 @@ fn the_price_in_force_is_stiffness_times_width() {
                 last = (with.force() - without.force()).abs();
                 // The viscous part of a slide that lags is at most β·v for one more sample.
                 let slide = seal.params().insertion.viscous_damping * speed;
-                assert!(last <= lag * stiffness * filter.width() + slide, "{last} N at {speed} m/s");
+                assert!(
+                    last <= lag * stiffness * filter.width() + slide,
+                    "{last} N at {speed} m/s"
+                );
             }
             assert!(last < 1e-9, "{last} N in a steady slide");
         }
@@ -257,7 +281,8 @@ fn the_way_through_a_monotone_move_may_be_cut_at_will() {
     for seed in 0..100 {
         let mut random = Random::new(seed);
         let (start, end) = (0.1 * random.uniform(), 0.1 * random.uniform());
-        let mut cuts: Vec<f64> = (0..1 + seed * 7).map(|_| start + (end - start) * random.uniform()).collect();
+        let mut cuts: Vec<f64> =
+            (0..1 + seed * 7).map(|_| start + (end - start) * random.uniform()).collect();
         cuts.sort_by(f64::total_cmp);
         if end < start {
             cuts.reverse();
@@ -265,7 +290,8 @@ fn the_way_through_a_monotone_move_may_be_cut_at_will() {
         let total = |cuts: &[f64]| {
             let mut state = BacklashState::default();
             filter.displacement(&mut state, start);
-            let sum: f64 = cuts.iter().chain([&end]).map(|x| filter.displacement(&mut state, *x)).sum();
+            let sum: f64 =
+                cuts.iter().chain([&end]).map(|x| filter.displacement(&mut state, *x)).sum();
             (sum, state.position())
         };
         let (whole, cut) = (total(&[]), total(&cuts));
@@ -294,8 +320,14 @@ fn a_position_that_is_not_finite_changes_nothing() {
 
 #[test]
 fn bad_widths_are_named() {
-    assert!(matches!(BacklashFilter::new(-1e-6), Err(ParamError::Negative { name: "backlash_width", .. })));
-    assert!(matches!(BacklashFilter::new(f64::NAN), Err(ParamError::NotFinite { name: "backlash_width", .. })));
+    assert!(matches!(
+        BacklashFilter::new(-1e-6),
+        Err(ParamError::Negative { name: "backlash_width", .. })
+    ));
+    assert!(matches!(
+        BacklashFilter::new(f64::NAN),
+        Err(ParamError::NotFinite { name: "backlash_width", .. })
+    ));
     let resolution = BacklashFilter::for_resolution(f64::INFINITY);
     assert!(matches!(resolution, Err(ParamError::NotFinite { name: "resolution", .. })));
 }

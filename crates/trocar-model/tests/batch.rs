@@ -4,13 +4,13 @@ use crate::common;
 use proptest::prelude::*;
 use trocar_model::batch::{Batch, Forces, LANES, Lanes, Many, Squares, blocks};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, Relaxation, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction,
-    StribeckCurve,
+    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams,
+    LuGre, LuGreParams, MaxwellSlip, Relaxation, Seal, SealDamping, SlidingFriction, SlipElement,
+    SlipRate, Stages, StaticFriction, StribeckCurve,
 };
 
-/// Displacement (m) and duration (s) of a step: creeping, tremor, strides over the whole seal, jumps, holds, no time, and what
-/// is no number.
+/// Displacement (m) and duration (s) of a step: creeping, tremor, strides over the whole seal,
+/// jumps, holds, no time, and what is no number.
 fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {
     let step = prop_oneof![
         12 => (-2e-4..2e-4, 1e-4..2e-3),
@@ -32,11 +32,13 @@ fn steps() -> impl Strategy<Value = Vec<(f64, f64)>> {
         ],
     ];
     // Runs of the same step: so that lanes slide for a while, then turn back.
-    prop::collection::vec((step, 1_usize..30), 1..30)
-        .prop_map(|runs| runs.into_iter().flat_map(|(step, count)| std::iter::repeat_n(step, count)).collect())
+    prop::collection::vec((step, 1_usize..30), 1..30).prop_map(|runs| {
+        runs.into_iter().flat_map(|(step, count)| std::iter::repeat_n(step, count)).collect()
+    })
 }
 
-/// What an element is made of beside its seal: 0 to 3 without viscous damping, or with a law that no lane can run.
+/// What an element is made of beside its seal: 0 to 3 without viscous damping, or with a law that
+/// no lane can run.
 fn element(seal: &common::Seal, kind: u8) -> Element {
     let params = seal.params();
     let [insertion, withdrawal] = [params.insertion, params.withdrawal];
@@ -57,7 +59,14 @@ fn element(seal: &common::Seal, kind: u8) -> Element {
             let (creep_velocity, friction_lag) = (2e-4, 0.02);
             let relaxation = Relaxation::single(60.0, 0.3);
             let (insertion, withdrawal) = (fall(insertion), fall(withdrawal));
-            ElementParams { insertion, withdrawal, creep_velocity, friction_lag, relaxation, ..params }
+            ElementParams {
+                insertion,
+                withdrawal,
+                creep_velocity,
+                friction_lag,
+                relaxation,
+                ..params
+            }
         }
         _ => params,
     };
@@ -68,7 +77,8 @@ fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
 }
 
-/// Runs `models` alone and as a batch, step by step and in one go, and compares forces bit by bit, and states.
+/// Runs `models` alone and as a batch, step by step and in one go, and compares forces bit by bit,
+/// and states.
 fn compare<M: Many>(models: &[M], states: &[M::State], steps: &[(f64, f64)])
 where
     M::State: PartialEq,
@@ -83,7 +93,11 @@ where
         batch.step(*displacement, *duration);
         for (i, (model, state)) in models.iter().zip(&mut alone).enumerate() {
             let force = model.step(state, *displacement, *duration);
-            assert!(same(batch.force(i), force), "step {k}, model {i}: {} for {force}", batch.force(i));
+            assert!(
+                same(batch.force(i), force),
+                "step {k}, model {i}: {} for {force}",
+                batch.force(i)
+            );
             assert_eq!(batch.state(i), Some(*state), "step {k}, model {i}");
             expected.push(force);
         }
@@ -138,7 +152,12 @@ fn any_seal(element: Element, kind: u8) -> Seal {
     let classical = match kind {
         12 => Classical::Static(StaticFriction::new(sliding).unwrap()),
         13 => {
-            let params = DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+            let params = DahlParams {
+                stiffness: 500.0,
+                coulomb_force: 2.0,
+                exponent: 1.3,
+                viscous_damping: 1.0,
+            };
             Classical::Dahl(Dahl::new(params).unwrap())
         }
         14 => {
@@ -146,7 +165,9 @@ fn any_seal(element: Element, kind: u8) -> Seal {
             Classical::Leuven(Leuven::new(&bank, params).unwrap())
         }
         15 => Classical::MaxwellSlip(MaxwellSlip::new(&bank, 2.0).unwrap()),
-        16 => Classical::Gms(Gms::new(&[part(0.4), part(0.6)], sliding, SlipRate::Limited).unwrap()),
+        16 => {
+            Classical::Gms(Gms::new(&[part(0.4), part(0.6)], sliding, SlipRate::Limited).unwrap())
+        }
         _ => Classical::LuGre(LuGre::new(lugre).unwrap()),
     };
     match kind {
@@ -196,10 +217,13 @@ fn squares_are_those_of_the_forces() {
     let mut expected = [0.0; 37];
     for ((element, state), sum) in elements.iter().zip(&states).zip(&mut expected) {
         let mut state = *state;
-        let forces = motion.clone().map(|(displacement, duration)| element.step(&mut state, displacement, duration));
+        let forces = motion
+            .clone()
+            .map(|(displacement, duration)| element.step(&mut state, displacement, duration));
         *sum = measured.iter().zip(forces).fold(0.0, |sum, (m, f)| sum + (m - f) * (m - f));
     }
-    let (mut own, mut places, mut sums) = (states.clone(), vec![Lanes::EMPTY; blocks(37)], vec![0.0; 37]);
+    let (mut own, mut places, mut sums) =
+        (states.clone(), vec![Lanes::EMPTY; blocks(37)], vec![0.0; 37]);
     let mut batch = Batch::new(&elements, &mut own, &mut places).unwrap();
     batch.run(motion, &mut Squares::new(&measured, &mut sums));
     assert_eq!(sums, expected);
@@ -210,7 +234,8 @@ fn a_batch_in_two_parts_is_the_same_batch() {
     let elements: Vec<Element> = (0..70).map(|k| plausible(0.1 * f64::from(k), 1.0)).collect();
     let states: Vec<_> = elements.iter().map(|e| e.rest_state(1e-3)).collect();
     let (mut own, mut places) = (states.clone(), vec![Lanes::EMPTY; blocks(70)]);
-    let (mut front, mut back) = Batch::new(&elements, &mut own, &mut places).unwrap().split_at_block(2);
+    let (mut front, mut back) =
+        Batch::new(&elements, &mut own, &mut places).unwrap().split_at_block(2);
     assert_eq!((front.len(), back.len()), (2 * LANES, 70 - 2 * LANES));
     for part in [&mut front, &mut back] {
         (0..900).for_each(|k| part.step(1e-4 * f64::from(k % 40 - 19), 1e-3));
@@ -232,7 +257,8 @@ fn numbers_that_do_not_match_are_refused() {
     let mut states = elements.map(|e| e.rest_state(0.0));
     assert!(Batch::new(&elements, &mut states[..19], &mut [Lanes::EMPTY; 2]).is_none());
     assert!(Batch::new(&elements, &mut states, &mut [Lanes::EMPTY; 1]).is_none());
-    let batch = Batch::new(&elements, &mut states, &mut [Lanes::EMPTY; 2]).map(|batch| (batch.len(), batch.force(20)));
+    let batch = Batch::new(&elements, &mut states, &mut [Lanes::EMPTY; 2])
+        .map(|batch| (batch.len(), batch.force(20)));
     assert!(batch.is_some_and(|(count, outside)| count == 20 && outside.is_nan()));
     assert!(Batch::<Element>::new(&[], &mut [], &mut []).is_some_and(|batch| batch.is_empty()));
 }

@@ -1,9 +1,9 @@
-//! Models stepped beside one that differs little from them go where their own steps take them: their forces differ from its by the
-//! derivative of the force.
+//! Models stepped beside one that differs little from them go where their own steps take them:
+//! their forces differ from its by the derivative of the force.
 
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, Friction, ParamError, Piece, Relaxation, SealDamping,
-    SlidingFriction, Stages, StagesState,
+    Branch, DeformationForce, Element, ElementParams, Friction, ParamError, Piece, Relaxation,
+    SealDamping, SlidingFriction, Stages, StagesState,
 };
 
 type Params = Result<ElementParams, ParamError>;
@@ -16,7 +16,11 @@ fn with_stribeck(params: ElementParams, viscous_damping: f64) -> ElementParams {
         viscous_damping,
         ..sliding
     };
-    ElementParams { insertion: fall(params.insertion), withdrawal: fall(params.withdrawal), ..params }
+    ElementParams {
+        insertion: fall(params.insertion),
+        withdrawal: fall(params.withdrawal),
+        ..params
+    }
 }
 
 fn creeping() -> Params {
@@ -53,7 +57,10 @@ fn changed(mut params: ElementParams, k: usize, factor: f64) -> Stages {
                 (sliding.coulomb_force, sliding.static_force) =
                     (factor * sliding.coulomb_force, factor * sliding.static_force)
             }
-            4 => sliding.coulomb_force = sliding.static_force - factor * (sliding.static_force - sliding.coulomb_force),
+            4 => {
+                sliding.coulomb_force =
+                    sliding.static_force - factor * (sliding.static_force - sliding.coulomb_force)
+            }
             5 => sliding.viscous_damping *= factor,
             6 => sliding.stribeck_velocity *= factor,
             7 => sliding.stribeck_exponent *= factor,
@@ -87,12 +94,13 @@ fn reshaped(params: &ElementParams, [width, force, bend, join]: [f64; 4]) -> Def
         let (left, right, at) = (branch.left(), branch.right(), join * branch.join());
         Branch::new(piece(left, left.from(), at, bend), piece(right, at, right.to(), 1.0)).unwrap()
     };
-    DeformationForce::new(branch(insertion, bend, join), branch(withdrawal, 1.0, 1.0), None).unwrap()
+    DeformationForce::new(branch(insertion, bend, join), branch(withdrawal, 1.0, 1.0), None)
+        .unwrap()
 }
 
 const NUMBERS: usize = 13;
-/// Relative changes for the derivative by steps alone, and beside. Both upwards: the least yield stiffness that follows both branches
-/// has a kink.
+/// Relative changes for the derivative by steps alone, and beside. Both upwards: the least yield
+/// stiffness that follows both branches has a kink.
 const ALONE: f64 = 3e-4;
 const BESIDE: f64 = 1e-4;
 
@@ -112,7 +120,9 @@ fn motion() -> impl Iterator<Item = (f64, f64)> {
 
 fn alone(model: &Stages) -> Vec<f64> {
     let mut state = model.rest_state(0.0);
-    motion().map(|(displacement, duration)| model.step(&mut state, displacement, duration)).collect()
+    motion()
+        .map(|(displacement, duration)| model.step(&mut state, displacement, duration))
+        .collect()
 }
 
 fn beside(model: &Stages, other: &Stages) -> (Vec<f64>, StagesState) {
@@ -146,29 +156,39 @@ fn differences_are_derivatives() {
             let true_rate = |i: usize| (more[i] - force[i]) / ALONE;
             let own = beside(&model, &changed(params, k, 1.0 + BESIDE)).0;
             let error = |i: usize| (own[i] - force[i]) / BESIDE - true_rate(i);
-            let [error, rate] = [rms((0..force.len()).map(error)), rms((0..force.len()).map(true_rate))];
+            let [error, rate] =
+                [rms((0..force.len()).map(error)), rms((0..force.len()).map(true_rate))];
             assert!(error < 0.005 + 0.03 * rate, "{name}, number {k}: {error} N of {rate} N");
         }
     }
 }
 
-/// Where one force has several slip speeds, and the seal sticks and slips by itself, what a search leaves would grow: a model that
-/// differs in nothing that counts stays beside the other.
+/// Where one force has several slip speeds, and the seal sticks and slips by itself, what a search
+/// leaves would grow: a model that differs in nothing that counts stays beside the other.
 #[test]
 fn nothing_grows_on_a_multivalued_law() {
     let params = weakening().unwrap();
     let [model, other] = [1.0, 2.0].map(|factor| changed(params, 12, factor));
     let (forces, state) = beside(&model, &other);
-    let apart = forces.iter().zip(alone(&model)).map(|(beside, alone)| (beside - alone).abs()).fold(0.0, f64::max);
+    let apart = forces
+        .iter()
+        .zip(alone(&model))
+        .map(|(beside, alone)| (beside - alone).abs())
+        .fold(0.0, f64::max);
     assert!(apart < 1e-9, "{apart} N apart");
-    assert_eq!(Stages::force(&state), *alone(&model).last().unwrap(), "the leader takes its own steps");
+    assert_eq!(
+        Stages::force(&state),
+        *alone(&model).last().unwrap(),
+        "the leader takes its own steps"
+    );
 }
 
 #[test]
 fn what_is_shared_is_stepped_once() {
     let element = Element::new(all_terms().unwrap()).unwrap();
     let faster = Element::new(creeping().unwrap()).unwrap();
-    let slower = Element::new(ElementParams { creep_velocity: 2.001e-4, ..creeping().unwrap() }).unwrap();
+    let slower =
+        Element::new(ElementParams { creep_velocity: 2.001e-4, ..creeping().unwrap() }).unwrap();
     let [model, other] = [faster, slower].map(|second| Stages::new(&[element, second]).unwrap());
     let (mut state, own) = (model.rest_state(0.0), other.rest_state(0.0));
     let mut beside = [model.beside(&state, &other, own), model.beside(&state, &model, own)];
@@ -180,7 +200,8 @@ fn what_is_shared_is_stepped_once() {
     assert_ne!(beside[0].state(&state).states()[1], state.states()[1]);
 }
 
-/// A model with more or fewer elements than the one that leads takes its own steps where there is none to follow.
+/// A model with more or fewer elements than the one that leads takes its own steps where there is
+/// none to follow.
 #[test]
 fn numbers_of_elements_may_differ() {
     let element = Element::new(creeping().unwrap()).unwrap();

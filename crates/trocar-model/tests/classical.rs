@@ -1,10 +1,11 @@
-//! Properties of static friction, Dahl and LuGre over random parameters and motions; numbers of independent scripts.
+//! Properties of static friction, Dahl and LuGre over random parameters and motions; numbers of
+//! independent scripts.
 
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 use trocar_model::{
-    Dahl, DahlParams, Friction, LuGre, LuGreParams, ParamError, Passivity, SlidingFriction, StaticFriction,
-    StribeckCurve,
+    Dahl, DahlParams, Friction, LuGre, LuGreParams, ParamError, Passivity, SlidingFriction,
+    StaticFriction, StribeckCurve,
 };
 
 /// Rounding of a few hundred steps, as a fraction of the forces at work.
@@ -24,15 +25,21 @@ fn scales(low: f64, high: f64) -> impl Strategy<Value = f64> {
 
 /// Motions of 1e-4 to 100 times a length to be given, at 1e-5 to 100 m/s.
 fn motions() -> impl Strategy<Value = Vec<Movement>> {
-    let movement = (scales(1e-4, 100.0), scales(1e-5, 100.0), any::<bool>()).prop_map(|(length, speed, back)| {
-        Movement { displacement: if back { -length } else { length }, duration: length / speed }
-    });
+    let movement = (scales(1e-4, 100.0), scales(1e-5, 100.0), any::<bool>()).prop_map(
+        |(length, speed, back)| Movement {
+            displacement: if back { -length } else { length },
+            duration: length / speed,
+        },
+    );
     prop::collection::vec(movement, 1..80)
 }
 
 /// `motion` in units of `length`, m, at the same speeds.
 fn scaled(motion: &[Movement], length: f64) -> Vec<Movement> {
-    let scale = |s: &Movement| Movement { displacement: s.displacement * length, duration: s.duration * length };
+    let scale = |s: &Movement| Movement {
+        displacement: s.displacement * length,
+        duration: s.duration * length,
+    };
     motion.iter().map(scale).collect()
 }
 
@@ -40,12 +47,14 @@ fn slidings() -> impl Strategy<Value = SlidingFriction> {
     let ratio = prop_oneof![1 => Just(1.0), 4 => 1.0..2.0_f64];
     let shape = prop_oneof![Just(1.0), Just(2.0), 0.5..3.0_f64];
     (0.25..8.0_f64, ratio, scales(1e-3, 0.1), shape, 0.0..20.0_f64).prop_map(
-        |(coulomb_force, ratio, stribeck_velocity, stribeck_exponent, viscous_damping)| SlidingFriction {
-            coulomb_force,
-            static_force: ratio * coulomb_force,
-            stribeck_velocity,
-            stribeck_exponent,
-            viscous_damping,
+        |(coulomb_force, ratio, stribeck_velocity, stribeck_exponent, viscous_damping)| {
+            SlidingFriction {
+                coulomb_force,
+                static_force: ratio * coulomb_force,
+                stribeck_velocity,
+                stribeck_exponent,
+                viscous_damping,
+            }
         },
     )
 }
@@ -112,16 +121,20 @@ fn is_odd<M: Friction>(model: &M, motion: &[Movement]) -> Result<(), TestCaseErr
     Ok(())
 }
 
-/// `whole` in one step and in `count` parts at the same velocity; returns the difference of the forces, N.
+/// `whole` in one step and in `count` parts at the same velocity; returns the difference of the
+/// forces, N.
 fn cut<M: Friction>(model: &M, state: M::State, whole: Movement, count: u32) -> f64 {
     let (mut one, mut many) = (state, state);
-    let part =
-        Movement { displacement: whole.displacement / f64::from(count), duration: whole.duration / f64::from(count) };
+    let part = Movement {
+        displacement: whole.displacement / f64::from(count),
+        duration: whole.duration / f64::from(count),
+    };
     run(model, &mut many, &vec![part; count as usize]);
     (model.step(&mut one, whole.displacement, whole.duration) - M::force(&many)).abs()
 }
 
-/// Whatever is not finite, not positive in time or too fast for a number leaves everything as it was.
+/// Whatever is not finite, not positive in time or too fast for a number leaves everything as it
+/// was.
 fn ignores_bad_input<M: Friction>(model: &M) -> Result<(), TestCaseError>
 where
     M::State: PartialEq,
@@ -130,7 +143,8 @@ where
     model.step(&mut state, 1e-5, 1e-3);
     let before = state;
     let displacements = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].map(|x| (x, 1e-3));
-    let durations = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, -1e-3].map(|t| (1e-5, t));
+    let durations =
+        [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -0.0, -1e-3].map(|t| (1e-5, t));
     let both = [(0.0, 0.0), (0.0, f64::NAN), (f64::INFINITY, f64::INFINITY), (1e300, 1e-300)];
     for (displacement, duration) in displacements.into_iter().chain(durations).chain(both) {
         prop_assert_eq!(model.step(&mut state, displacement, duration), M::force(&before));
@@ -161,7 +175,8 @@ proptest! {
         prop_assert!((model.step_velocity(&mut model.rest_state(), velocity, 1e-3) - settled).abs() < ROUNDING);
     }
 
-    /// A long slide settles at F_c·sgn(v) + β·v; above exponent 1 the approach is algebraic and needs a very long one.
+    /// A long slide settles at F_c·sgn(v) + β·v; above exponent 1 the approach is algebraic and
+    /// needs a very long one.
     #[test]
     fn dahl_settles(params in dahls(), motion in motions(), speed in scales(1e-4, 1.0), back: bool) {
         let sign = if back { -1.0 } else { 1.0 };
@@ -202,7 +217,8 @@ proptest! {
         is_odd(&static_friction(two.sliding), &motion)?;
     }
 
-    /// At constant velocity a step may be cut into any number of parts, also where the force changes sign in it.
+    /// At constant velocity a step may be cut into any number of parts, also where the force
+    /// changes sign in it.
     #[test]
     fn step_over_a_reversal_may_be_cut(
         one in dahls(), two in lugres(), past in motions(), travel in scales(0.01, 20.0), speed in scales(1e-5, 10.0),
@@ -228,7 +244,8 @@ proptest! {
         prop_assert!(apart < ROUNDING * (two.sliding.static_force + dampers * speed), "{apart}");
     }
 
-    /// Dahl and Coulomb friction know no time: other speeds and other cuts of the same motion give the same force.
+    /// Dahl and Coulomb friction know no time: other speeds and other cuts of the same motion give
+    /// the same force.
     #[test]
     fn dahl_and_coulomb_are_rate_independent(
         params in dahls(), motion in motions(), slowness in prop::collection::vec(scales(1e-3, 1e3), 80),
@@ -305,7 +322,8 @@ proptest! {
         prop_assert!(loop_work() > 1e-3 * params.coulomb_force * dahl_length(&params));
     }
 
-    /// Dahl has no memory of turning points: out of an inner loop it comes back with less force than it left.
+    /// Dahl has no memory of turning points: out of an inner loop it comes back with less force
+    /// than it left.
     #[test]
     fn dahl_minor_loops_do_not_close(params in dahls(), left in 0.1..0.6_f64, inner in 0.05..0.3_f64) {
         let params = DahlParams { viscous_damping: 0.0, ..params };
@@ -407,7 +425,8 @@ proptest! {
         }
     }
 
-    /// With constant damping the condition is also necessary: a fast enough jerk after a creep gives energy.
+    /// With constant damping the condition is also necessary: a fast enough jerk after a creep
+    /// gives energy.
     #[test]
     fn lugre_that_misses_the_condition_gives_energy(params in lugres(), ratio in 1.1..2.0_f64, share in 0.0..0.9_f64) {
         prop_assume!(params.micro_damping > 1.0);
@@ -423,7 +442,8 @@ proptest! {
         prop_assert!(least_work(&model, 1e-9 * sliding.stribeck_velocity, &[fastest]) < 0.0);
     }
 
-    /// At equal velocity the force of LuGre is higher on the way up than on the way down; a static law has no such lag.
+    /// At equal velocity the force of LuGre is higher on the way up than on the way down; a static
+    /// law has no such lag.
     #[test]
     fn lugre_lags(params in lugres(), ratio in 1.2..2.0_f64, slowness in 5.0..50.0_f64) {
         const PARTS: usize = 2000;
@@ -448,7 +468,8 @@ proptest! {
         }
     }
 
-    /// 1e9 N/m or far more at steps of 1 ms, where an explicit step grows without bounds, here settles within a step.
+    /// 1e9 N/m or far more at steps of 1 ms, where an explicit step grows without bounds, here
+    /// settles within a step.
     #[test]
     fn stiffness_has_no_limit(
         one in dahls(), two in lugres(), stiffness in scales(1e9, 1e100),
@@ -469,11 +490,13 @@ proptest! {
     }
 }
 
-/// `params` with as much viscous damping, or as quickly fading a micro-damping, as passivity asks for, times `reserve`.
+/// `params` with as much viscous damping, or as quickly fading a micro-damping, as passivity asks
+/// for, times `reserve`.
 fn made_passive(params: LuGreParams, reserve: f64, fading: bool) -> LuGreParams {
     let bare = SlidingFriction { viscous_damping: 0.0, ..params.sliding };
     let constant = LuGreParams { damping_velocity: f64::INFINITY, sliding: bare, ..params };
-    let Passivity::NotGuaranteed { viscous_damping_needed, damping_velocity_needed } = lugre(constant).passivity()
+    let Passivity::NotGuaranteed { viscous_damping_needed, damping_velocity_needed } =
+        lugre(constant).passivity()
     else {
         return constant;
     };
@@ -485,14 +508,18 @@ fn made_passive(params: LuGreParams, reserve: f64, fading: bool) -> LuGreParams 
     }
 }
 
-/// Least work, J, given by the time any of the jerks ends: from rest a creep until F_s, then a jerk at one of `speeds`.
+/// Least work, J, given by the time any of the jerks ends: from rest a creep until F_s, then a jerk
+/// at one of `speeds`.
 fn least_work(model: &LuGre, creep: f64, speeds: &[f64]) -> f64 {
     let length = model.params().sliding.static_force / model.params().stiffness;
     let mut least = f64::INFINITY;
     for &speed in speeds {
         let (mut state, mut work) = (model.rest_state(), 0.0);
         for _ in 0..4000 {
-            work += model.step_velocity(&mut state, creep, 8.0 * length / creep / 4000.0) * 8.0 * length / 4000.0;
+            work += model.step_velocity(&mut state, creep, 8.0 * length / creep / 4000.0)
+                * 8.0
+                * length
+                / 4000.0;
         }
         for _ in 0..2000 {
             work += model.step_velocity(&mut state, speed, length / speed / 400.0) * length / 400.0;
@@ -535,12 +562,16 @@ fn energy_from_rest_agrees_with_an_independent_script() {
         let sliding = SlidingFriction { viscous_damping, ..published().sliding };
         let model = lugre(LuGreParams { damping_velocity, sliding, ..published() });
         let work = least_work(&model, 1e-5, &speeds);
-        assert!((work - expected).abs() < PRINTED, "{viscous_damping} {damping_velocity}: {work} J");
+        assert!(
+            (work - expected).abs() < PRINTED,
+            "{viscous_damping} {damping_velocity}: {work} J"
+        );
         assert_eq!(expected > 0.0, model.passivity() == Passivity::Passive);
     }
 }
 
-/// Positions, m, every 0.2 s of 1 kg on which a force rises to 0.9 N within 1 s and then swings by `swing` at 5 Hz.
+/// Positions, m, every 0.2 s of 1 kg on which a force rises to 0.9 N within 1 s and then swings by
+/// `swing` at 5 Hz.
 fn driven<M: Friction>(model: &M, swing: f64, period: f64, lagged: bool) -> Vec<f64> {
     let mut state = model.rest_at_force(0.0);
     let (mut x, mut v, mut friction) = (0.0, 0.0, 0.0);
@@ -569,13 +600,20 @@ fn drifting_lugre() -> LuGre {
     lugre(LuGreParams { sliding: SlidingFriction::coulomb(1.5, 0.4), ..published() })
 }
 
-/// A force that never reaches F_s moves LuGre on and on: 135 µm/s, at the places an independent script finds.
+/// A force that never reaches F_s moves LuGre on and on: 135 µm/s, at the places an independent
+/// script finds.
 #[test]
 fn lugre_drifts_under_a_swinging_force() {
     const PRINTED: f64 = 1e-9;
     let positions = driven(&drifting_lugre(), 0.45, 2e-5, false);
-    for (index, micrometres) in [(10, 147.280), (15, 282.296), (20, 417.311), (25, 552.326), (28, 633.335)] {
-        assert!((positions[index] - 1e-6 * micrometres).abs() < PRINTED, "{} at {index}", positions[index]);
+    for (index, micrometres) in
+        [(10, 147.280), (15, 282.296), (20, 417.311), (25, 552.326), (28, 633.335)]
+    {
+        assert!(
+            (positions[index] - 1e-6 * micrometres).abs() < PRINTED,
+            "{} at {index}",
+            positions[index]
+        );
     }
 }
 
@@ -589,19 +627,27 @@ fn lugre_holds_under_a_steady_force() {
 /// Dahl drifts too: 100.83 µm/s in an independent script with a damper of 316 N s/m.
 #[test]
 fn dahl_drifts_under_a_swinging_force() {
-    let params = DahlParams { stiffness: 1e5, coulomb_force: 1.5, exponent: 1.0, viscous_damping: 316.0 };
+    let params =
+        DahlParams { stiffness: 1e5, coulomb_force: 1.5, exponent: 1.0, viscous_damping: 316.0 };
     let positions = driven(&dahl(params), 0.45, 5e-5, true);
     let drift = (positions[29] - positions[15]) / (14.0 * 0.2);
     assert!((drift - 100.8298e-6).abs() < 1e-9, "{drift}");
 }
 
-/// Forces after 3 mm, back 5 mm, forth 3 mm from a fine Runge-Kutta integration elsewhere, to 1e-8 N.
+/// Forces after 3 mm, back 5 mm, forth 3 mm from a fine Runge-Kutta integration elsewhere, to 1e-8
+/// N.
 #[test]
 fn dahl_agrees_with_a_fine_integration() {
     for (exponent, expected) in [(0.5, 2.48528137), (1.0, 2.21499582), (1.5, 2.00831790)] {
-        let model = dahl(DahlParams { stiffness: 2000.0, coulomb_force: 3.0, exponent, viscous_damping: 0.0 });
+        let model = dahl(DahlParams {
+            stiffness: 2000.0,
+            coulomb_force: 3.0,
+            exponent,
+            viscous_damping: 0.0,
+        });
         let mut state = model.rest_state();
-        let force = [3e-3, -5e-3, 3e-3].map(|displacement| model.step(&mut state, displacement, 1.0))[2];
+        let force =
+            [3e-3, -5e-3, 3e-3].map(|displacement| model.step(&mut state, displacement, 1.0))[2];
         assert!((force - expected).abs() < 2e-8, "{exponent}: {force}");
     }
 }
@@ -614,7 +660,12 @@ fn bounds_hold_where_sums_round_up() {
         let coulomb_force = 0.01 * f64::from(k);
         let static_force = 3.7 * coulomb_force;
         rounded_up += u32::from(coulomb_force + (static_force - coulomb_force) > static_force);
-        let sliding = SlidingFriction { coulomb_force, static_force, viscous_damping: 0.0, ..published().sliding };
+        let sliding = SlidingFriction {
+            coulomb_force,
+            static_force,
+            viscous_damping: 0.0,
+            ..published().sliding
+        };
         for curve in [StribeckCurve::Exponential, StribeckCurve::Rational] {
             let params = LuGreParams { sliding, curve, ..published() };
             let model = lugre(params);
@@ -641,7 +692,8 @@ fn overflow_is_not_committed() {
     let fixed = static_friction(sliding);
     let mut state = fixed.rest_at_force(1.0);
     assert_eq!(fixed.step(&mut state, 1e9, 1e-3), 1.0);
-    let params = DahlParams { stiffness: 1e3, coulomb_force: 3.0, exponent: 1.0, viscous_damping: 1e300 };
+    let params =
+        DahlParams { stiffness: 1e3, coulomb_force: 3.0, exponent: 1.0, viscous_damping: 1e300 };
     let model = dahl(params);
     let mut state = model.rest_at_force(1.0);
     assert_eq!(model.step(&mut state, 1e9, 1e-3), 1.0);
@@ -649,7 +701,8 @@ fn overflow_is_not_committed() {
 
 #[test]
 fn bad_parameters_are_refused_by_name() {
-    let good = DahlParams { stiffness: 1e3, coulomb_force: 3.0, exponent: 1.0, viscous_damping: 0.0 };
+    let good =
+        DahlParams { stiffness: 1e3, coulomb_force: 3.0, exponent: 1.0, viscous_damping: 0.0 };
     let paper = published();
     let withdrawal = SlidingFriction { static_force: 0.5, ..paper.sliding };
     let refusals: [(Option<ParamError>, &str); 9] = [
@@ -661,7 +714,10 @@ fn bad_parameters_are_refused_by_name() {
             Dahl::new(DahlParams { coulomb_force: -3.0, ..good }).err(),
             "coulomb_force_n must be finite and above 0 N, got -3 N",
         ),
-        (Dahl::new(DahlParams { exponent: 0.0, ..good }).err(), "exponent must be finite and above 0, got 0"),
+        (
+            Dahl::new(DahlParams { exponent: 0.0, ..good }).err(),
+            "exponent must be finite and above 0, got 0",
+        ),
         (
             Dahl::new(DahlParams { viscous_damping: f64::INFINITY, ..good }).err(),
             "viscous_damping_n_s_m must be finite and at least 0 N s/m, got inf N s/m",
@@ -682,7 +738,10 @@ fn bad_parameters_are_refused_by_name() {
             LuGre::new(LuGreParams { sliding: withdrawal, ..paper }).err(),
             "static_force_n must be at least coulomb_force_n = 1 N, got 0.5 N",
         ),
-        (StaticFriction::new(withdrawal).err(), "static_force_n must be at least coulomb_force_n = 1 N, got 0.5 N"),
+        (
+            StaticFriction::new(withdrawal).err(),
+            "static_force_n must be at least coulomb_force_n = 1 N, got 0.5 N",
+        ),
     ];
     for (refusal, message) in refusals {
         assert_eq!(refusal.map(|error| error.to_string()).as_deref(), Some(message));

@@ -1,11 +1,11 @@
-//! Maxwell-Slip, GMS and modified Leuven: their laws over random parameters and histories, and the mistakes that public
-//! programs make with them.
+//! Maxwell-Slip, GMS and modified Leuven: their laws over random parameters and histories, and the
+//! mistakes that public programs make with them.
 
 use proptest::prelude::*;
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, Friction, Gms, GmsElement, GmsState, Leuven, LeuvenParams,
-    LeuvenState, LuGre, LuGreParams, MaxwellSlip, MaxwellSlipState, Piece, Relaxation, SealDamping, SlidingFriction,
-    SlipElement, SlipRate, StribeckCurve, step_parallel,
+    Branch, DeformationForce, Element, ElementParams, Friction, Gms, GmsElement, GmsState, Leuven,
+    LeuvenParams, LeuvenState, LuGre, LuGreParams, MaxwellSlip, MaxwellSlipState, Piece,
+    Relaxation, SealDamping, SlidingFriction, SlipElement, SlipRate, StribeckCurve, step_parallel,
 };
 
 /// N. Rounding of a few hundred sums of up to 16 N (unit in the last place 2e-15 N).
@@ -28,12 +28,18 @@ const FOUR: [SlipElement; 4] = [
 ];
 
 fn stribeck(coulomb_force: f64, static_force: f64, viscous_damping: f64) -> SlidingFriction {
-    SlidingFriction { coulomb_force, static_force, stribeck_velocity: 0.01, stribeck_exponent: 2.0, viscous_damping }
+    SlidingFriction {
+        coulomb_force,
+        static_force,
+        stribeck_velocity: 0.01,
+        stribeck_exponent: 2.0,
+        viscous_damping,
+    }
 }
 
 fn banks() -> impl Strategy<Value = Vec<SlipElement>> {
-    let element =
-        (50.0..5000.0_f64, 0.05..2.0_f64).prop_map(|(stiffness, limit_force)| SlipElement { stiffness, limit_force });
+    let element = (50.0..5000.0_f64, 0.05..2.0_f64)
+        .prop_map(|(stiffness, limit_force)| SlipElement { stiffness, limit_force });
     prop::collection::vec(element, 1..=8)
 }
 
@@ -71,11 +77,13 @@ struct Random(u64);
 
 impl Random {
     fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        self.0 =
+            self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// A displacement of any size from 3e-6 of `reach` up to `reach`, that stays within ±`reach` of the start.
+    /// A displacement of any size from 3e-6 of `reach` up to `reach`, that stays within ±`reach` of
+    /// the start.
     fn displacement(&mut self, position: f64, reach: f64) -> f64 {
         let size = reach * 10_f64.powf(-5.5 * self.next());
         let displacement = if self.next() < 0.5 { size } else { -size };
@@ -83,7 +91,8 @@ impl Random {
     }
 }
 
-/// Hysteresis by Masing's rules with a stack of turning points: the classical implementation, which can overflow.
+/// Hysteresis by Masing's rules with a stack of turning points: the classical implementation, which
+/// can overflow.
 struct TurningPoints<'a> {
     bank: &'a [SlipElement],
     stack: Vec<(f64, f64)>,
@@ -118,9 +127,12 @@ impl<'a> TurningPoints<'a> {
         loop {
             match self.stack.len() {
                 0 => break,
-                // The outermost curve closes against its mirror image and becomes the virgin curve again.
+                // The outermost curve closes against its mirror image and becomes the virgin curve
+                // again.
                 1 if passes(-self.stack[0].0) => self.stack.clear(),
-                depth if depth >= 2 && passes(self.stack[depth - 2].0) => self.stack.truncate(depth - 2),
+                depth if depth >= 2 && passes(self.stack[depth - 2].0) => {
+                    self.stack.truncate(depth - 2)
+                }
                 _ => break,
             }
         }
@@ -138,7 +150,8 @@ impl<'a> TurningPoints<'a> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// An excursion shorter than the last monotone motion, whatever it does inside, is wiped out on return.
+    /// An excursion shorter than the last monotone motion, whatever it does inside, is wiped out on
+    /// return.
     #[test]
     fn return_to_a_turning_point_restores_every_element(
         bank in banks(),
@@ -189,7 +202,8 @@ proptest! {
         prop_assert!(apart(whole.element_forces(), state.element_forces()) < ROUNDING);
     }
 
-    /// Work with the force at the end of a step covers what is stored: nothing is gained, step by step and over loops.
+    /// Work with the force at the end of a step covers what is stored: nothing is gained, step by
+    /// step and over loops.
     #[test]
     fn no_motion_yields_energy(bank in banks(), motion in motions()) {
         let model = MaxwellSlip::new(&bank, 0.0).unwrap();
@@ -201,7 +215,8 @@ proptest! {
         }
     }
 
-    /// Periodic motion: from the second round on the loop is closed in force as well, and its area is lost work.
+    /// Periodic motion: from the second round on the loop is closed in force as well, and its area
+    /// is lost work.
     #[test]
     fn no_closed_loop_yields_energy(bank in banks(), motion in motions()) {
         let model = MaxwellSlip::new(&bank, 0.0).unwrap();
@@ -261,7 +276,8 @@ fn bank_agrees_with_a_stack_of_turning_points() {
     let (mut random, mut position, mut worst) = (Random(1), 0.0_f64, 0.0_f64);
     for _ in 0..20_000 {
         let next = position + random.displacement(position, 3e-3);
-        worst = worst.max((model.step(&mut state, next - position, PERIOD) - stack.move_to(next)).abs());
+        worst = worst
+            .max((model.step(&mut state, next - position, PERIOD) - stack.move_to(next)).abs());
         position = next;
     }
     println!("worst {worst:e} N, up to {} turning points at once", stack.deepest);
@@ -269,8 +285,8 @@ fn bank_agrees_with_a_stack_of_turning_points() {
     assert!(worst < STACK_TOLERANCE, "{worst}");
 }
 
-/// An EMS element with a linear spring on both branches, no damping and F_s = F_c is one slip element; several side by
-/// side are the Maxwell-Slip model.
+/// An EMS element with a linear spring on both branches, no damping and F_s = F_c is one slip
+/// element; several side by side are the Maxwell-Slip model.
 #[test]
 fn ems_elements_with_linear_springs_are_maxwell_slip() {
     let ems = FOUR.map(|SlipElement { stiffness, limit_force }| {
@@ -429,7 +445,8 @@ proptest! {
             for ((a, b), element) in far {
                 prop_assert!(element.stiffness * (a - b).abs() < 1e-10);
             }
-            // The damping force jumps where an element reaches its limit; compare it only where the modes agree.
+            // The damping force jumps where an element reaches its limit; compare it only where the
+            // modes agree.
             prop_assert!(one.slipping() != many.slipping() || (whole - many.force()).abs() < 1e-9);
         }
     }
@@ -452,10 +469,11 @@ proptest! {
     }
 }
 
-/// Load fast to just past F_c, rest nearly, reverse: net work and change of storage over two full cycles, J.
+/// Load fast to just past F_c, rest nearly, reverse: net work and change of storage over two full
+/// cycles, J.
 ///
-/// k = 1 N/mm, F_c = 2 N, F_s = 3 N, C = 50 mm/s; an independent script with 10 us Euler steps gives -9.59 mJ (free) and
-/// +8.40 mJ (limited).
+/// k = 1 N/mm, F_c = 2 N, F_s = 3 N, C = 50 mm/s; an independent script with 10 us Euler steps
+/// gives -9.59 mJ (free) and +8.40 mJ (limited).
 fn rest_and_reverse(rate: SlipRate) -> f64 {
     let element = GmsElement { stiffness: 1000.0, share: 1.0, attraction: 0.05, damping: 0.0 };
     let model = Gms::new(&[element], stribeck(2.0, 3.0, 0.0), rate).unwrap();
@@ -469,7 +487,10 @@ fn rest_and_reverse(rate: SlipRate) -> f64 {
             for _ in 0..parts {
                 let before = state.force();
                 let time = duration / f64::from(parts);
-                work += 0.5 * (before + model.step_velocity(&mut state, velocity, time)) * velocity * time;
+                work += 0.5
+                    * (before + model.step_velocity(&mut state, velocity, time))
+                    * velocity
+                    * time;
             }
         }
         if cycle == 1 {
@@ -491,7 +512,8 @@ fn gms_with_limited_rate_loses_energy_on_the_same_cycle() {
     assert!((lost - 8.40e-3).abs() < 0.1e-3, "{lost} J");
 }
 
-/// Mean force above the sliding curve at 15 mm/s, while the speed rises and while it falls, N: 15 ± 12 mm/s at 1 Hz.
+/// Mean force above the sliding curve at 15 mm/s, while the speed rises and while it falls, N: 15 ±
+/// 12 mm/s at 1 Hz.
 fn lag<M: Friction>(model: &M, curve: &SlidingFriction) -> (f64, f64) {
     let mut state = model.rest_at_force(0.0);
     let (mut insertion, mut withdrawal) = (Vec::new(), Vec::new());
@@ -505,48 +527,56 @@ fn lag<M: Friction>(model: &M, curve: &SlidingFriction) -> (f64, f64) {
             side.push(force);
         }
     }
-    let above = |forces: &[f64]| forces.iter().sum::<f64>() / forces.len() as f64 - curve.force(0.015);
+    let above =
+        |forces: &[f64]| forces.iter().sum::<f64>() / forces.len() as f64 - curve.force(0.015);
     (above(&insertion), above(&withdrawal))
 }
 
 #[test]
 fn gms_lags_behind_the_sliding_curve() {
-    let elements = [(4000.0, 0.4), (2000.0, 0.3), (1000.0, 0.3)].map(|(stiffness, share)| GmsElement {
-        stiffness,
-        share,
-        attraction: 2e-4,
-        damping: 0.0,
-    });
+    let elements = [(4000.0, 0.4), (2000.0, 0.3), (1000.0, 0.3)]
+        .map(|(stiffness, share)| GmsElement { stiffness, share, attraction: 2e-4, damping: 0.0 });
     let curve = stribeck(2.0, 3.0, 0.0);
     let (insertion, withdrawal) = lag(&Gms::new(&elements, curve, SlipRate::Free).unwrap(), &curve);
     // An independent script: 2.2625 N and 2.1820 N; the curve has 2.1054 N.
-    assert!((insertion - 0.1571).abs() < 5e-4 && (withdrawal - 0.0766).abs() < 5e-4, "{insertion} {withdrawal}");
+    assert!(
+        (insertion - 0.1571).abs() < 5e-4 && (withdrawal - 0.0766).abs() < 5e-4,
+        "{insertion} {withdrawal}"
+    );
 }
 
 // Modified Leuven
 
-fn leuven(bank: &[SlipElement], sliding: SlidingFriction, exponent: f64, micro_damping: f64) -> Leuven {
+fn leuven(
+    bank: &[SlipElement],
+    sliding: SlidingFriction,
+    exponent: f64,
+    micro_damping: f64,
+) -> Leuven {
     Leuven::new(bank, LeuvenParams { sliding, exponent, micro_damping }).unwrap()
 }
 
 /// A bank with a curve it can carry, an exponent and damping.
 fn leuvens() -> impl Strategy<Value = Leuven> {
-    (banks(), 0.3..1.0_f64, curves(), 0.4..6.0_f64, 0.0..20.0_f64).prop_map(|(bank, part, curve, exponent, damping)| {
-        let scale = part * limit_of(&bank) / curve.static_force;
-        let sliding = SlidingFriction {
-            coulomb_force: curve.coulomb_force * scale,
-            static_force: curve.static_force * scale,
-            ..curve
-        };
-        leuven(&bank, sliding, exponent, damping)
-    })
+    (banks(), 0.3..1.0_f64, curves(), 0.4..6.0_f64, 0.0..20.0_f64).prop_map(
+        |(bank, part, curve, exponent, damping)| {
+            let scale = part * limit_of(&bank) / curve.static_force;
+            let sliding = SlidingFriction {
+                coulomb_force: curve.coulomb_force * scale,
+                static_force: curve.static_force * scale,
+                ..curve
+            };
+            leuven(&bank, sliding, exponent, damping)
+        },
+    )
 }
 
 /// |F_h| <= F_s, |f_i| <= F_i, |z| <= max F_i/k_i, each with rounding.
 fn within_bounds(model: &Leuven, state: &LeuvenState) -> bool {
     let room = 1.0 + 1e-9;
     let longest = model.elements().iter().map(|e| e.limit_force / e.stiffness).fold(0.0, f64::max);
-    let each = state.element_forces().iter().zip(model.elements()).all(|(f, e)| f.abs() <= e.limit_force);
+    let each =
+        state.element_forces().iter().zip(model.elements()).all(|(f, e)| f.abs() <= e.limit_force);
     let whole = state.hysteresis_force().abs() <= room * model.params().sliding.static_force;
     each && whole && state.deflection().abs() <= room * longest
 }
@@ -609,7 +639,8 @@ proptest! {
         }
     }
 
-    /// Without a jump of velocity the force moves no faster than all springs together can: dz/dx is at most 2 for
+    /// Without a jump of velocity the force moves no faster than all springs together can: dz/dx is
+    /// at most 2 for
     /// |r| <= 1, so closing an inner loop cannot jump.
     #[test]
     fn leuven_force_never_jumps(bank in banks(), exponent in 0.5..8.0_f64, motion in motions()) {
@@ -637,7 +668,8 @@ fn leuven_in_presliding_is_maxwell_slip() {
     for _ in 0..20_000 {
         let displacement = random.displacement(position, 3e-4);
         position += displacement;
-        let forces = (model.step(&mut one, displacement, PERIOD), slip.step(&mut two, displacement, PERIOD));
+        let forces =
+            (model.step(&mut one, displacement, PERIOD), slip.step(&mut two, displacement, PERIOD));
         assert!(forces.1.abs() < 0.7 * 1.95, "{}", forces.1);
         worst = worst.max((forces.0 - forces.1).abs());
     }
@@ -659,7 +691,10 @@ fn leuven_bank_agrees_with_a_stack_of_turning_points() {
             model.step(&mut state, displacement, PERIOD);
             worst = worst.max((stack.move_to(state.deflection()) - state.hysteresis_force()).abs());
         }
-        println!("n = {exponent}: worst {worst:e} N, up to {} turning points at once", stack.deepest);
+        println!(
+            "n = {exponent}: worst {worst:e} N, up to {} turning points at once",
+            stack.deepest
+        );
         assert!(stack.deepest > 8 && worst < STACK_TOLERANCE, "{worst}");
     }
 }
@@ -690,8 +725,8 @@ fn leuven_memory_is_nonlocal() {
     assert!((two.force() - one.force() - 0.03).abs() < ROUNDING, "{}", two.force() - one.force());
 }
 
-/// An inner loop in sliding friction with micro-damping: the original model jumps by 8.5 mN where the loop closes, the
-/// modified one moves by 0.7 mN a step (independent script).
+/// An inner loop in sliding friction with micro-damping: the original model jumps by 8.5 mN where
+/// the loop closes, the modified one moves by 0.7 mN a step (independent script).
 #[test]
 fn leuven_does_not_jump_where_an_inner_loop_closes() {
     let bank = [(2500.0, 0.5), (1722.0, 1.033), (658.0, 0.987), (120.0, 0.48)]
@@ -723,7 +758,8 @@ fn leuven_lags_behind_the_sliding_curve() {
 /// F_h after each motion of a fixed history, cut into `parts`.
 fn history(model: &Leuven, parts: u32) -> Vec<f64> {
     let mut state = model.rest_state();
-    let motions = [(0.02, 0.05), (-0.01, 0.03), (0.004, 0.04), (0.05, 0.02), (-0.08, 0.05), (0.002, 0.1)];
+    let motions =
+        [(0.02, 0.05), (-0.01, 0.03), (0.004, 0.04), (0.05, 0.02), (-0.08, 0.05), (0.002, 0.1)];
     let run = |(velocity, duration)| {
         for _ in 0..parts {
             model.step_velocity(&mut state, velocity, duration / f64::from(parts));
@@ -733,8 +769,8 @@ fn history(model: &Leuven, parts: u32) -> Vec<f64> {
     motions.map(run).to_vec()
 }
 
-/// Other exponents: of second order in the length of the step (1.5 for n < 1, where the gain is vertical at r = 0), and
-/// good to 1 % of F_s where one step holds a whole reversal.
+/// Other exponents: of second order in the length of the step (1.5 for n < 1, where the gain is
+/// vertical at r = 0), and good to 1 % of F_s where one step holds a whole reversal.
 #[test]
 fn leuven_converges_with_the_square_of_the_step() {
     for exponent in [0.5, 1.5, 2.0, 4.0, 20.0] {
@@ -742,7 +778,9 @@ fn leuven_converges_with_the_square_of_the_step() {
         let truth = history(&model, 1 << 17);
         let error = |parts| apart(&history(&model, parts), &truth);
         let (whole, coarse, fine) = (error(1), error(2_000), error(8_000));
-        println!("n = {exponent}: {whole:.1e} N in one step, {coarse:.1e} N in 2000 each, {fine:.1e} N in 8000");
+        println!(
+            "n = {exponent}: {whole:.1e} N in one step, {coarse:.1e} N in 2000 each, {fine:.1e} N in 8000"
+        );
         assert!(whole < 0.01 * 1.9, "{whole}");
         assert!(coarse < 1e-4 && (fine < coarse / 6.0 || fine < 1e-9), "{coarse} {fine}");
     }
@@ -776,7 +814,8 @@ fn leuven_by_brute_force(model: &Leuven, motions: &[(f64, f64)]) -> Vec<f64> {
 
 #[test]
 fn leuven_solves_the_printed_equation() {
-    let motions = [(0.02, 0.05), (-0.01, 0.03), (0.004, 0.04), (0.05, 0.02), (-0.08, 0.05), (0.002, 0.1)];
+    let motions =
+        [(0.02, 0.05), (-0.01, 0.03), (0.004, 0.04), (0.05, 0.02), (-0.08, 0.05), (0.002, 0.1)];
     for exponent in [0.7, 1.0, 1.5, 2.0, 4.0] {
         let model = leuven(&FOUR, stribeck(1.5, 1.9, 0.0), exponent, 0.0);
         let worst = apart(&history(&model, 20_000), &leuven_by_brute_force(&model, &motions));
@@ -805,7 +844,8 @@ fn leuven_model() -> Leuven {
     leuven(&FOUR, stribeck(1.5, 1.95, 2.0), 1.5, 1.0)
 }
 
-/// The slip test belongs to nu_i·s(v), not to s(v): the first element gives way long before the sum is at g.
+/// The slip test belongs to nu_i·s(v), not to s(v): the first element gives way long before the sum
+/// is at g.
 #[test]
 fn gms_elements_begin_to_slip_one_by_one() {
     let model = gms_model();
@@ -821,13 +861,15 @@ fn gms_elements_begin_to_slip_one_by_one() {
     // Travel to the limit of each element, and what all springs hold there.
     for (force, element) in at_slip.iter().zip(model.elements()) {
         let travel = element.share / element.stiffness * level;
-        let held: f64 = model.elements().iter().map(|e| (e.stiffness * travel).min(e.share * level)).sum();
+        let held: f64 =
+            model.elements().iter().map(|e| (e.stiffness * travel).min(e.share * level)).sum();
         assert!((force - held).abs() < 6350.0 * 1e-7, "{force} {held}"); // one step of 0.1 um
     }
     assert!(at_slip[0] < 0.7 * level);
 }
 
-/// After a reversal every element sticks: the force falls with the full stiffness and no branch runs on.
+/// After a reversal every element sticks: the force falls with the full stiffness and no branch
+/// runs on.
 #[test]
 fn nothing_runs_away_after_a_reversal() {
     fn check<M: Friction>(model: &M, steepest: f64) {
@@ -869,7 +911,8 @@ fn stiff_springs_and_long_steps_stay_bounded() {
         let mut force = |_| model.step(&mut state, 1e-3 * (random.next() - 0.5), 1e-3).abs();
         (0..10_000).map(&mut force).fold(0.0, f64::max)
     }
-    for force in [largest(&slip), largest(&gms), largest(&limited), largest(&one), largest(&sharp)] {
+    for force in [largest(&slip), largest(&gms), largest(&limited), largest(&one), largest(&sharp)]
+    {
         assert!(force <= 1.95 + ROUNDING && force > 1.5, "{force}");
     }
 }
@@ -957,7 +1000,8 @@ fn output_is_the_force_of_a_vanishing_step() {
     let mut random = Random(13);
     for _ in 0..500 {
         let v = 0.1 * (random.next() - 0.5);
-        let said = [slip.output(&states.0, v), gms.output(&states.1, v), leuven.output(&states.2, v)];
+        let said =
+            [slip.output(&states.0, v), gms.output(&states.1, v), leuven.output(&states.2, v)];
         let mut copies = states;
         let moment = 1e-15;
         let given = [
@@ -976,7 +1020,8 @@ fn output_is_the_force_of_a_vanishing_step() {
 fn leuven_of_one_spring_and_exponent_one_is_lugre() {
     let sliding = stribeck(1.2, 1.8, 2.0);
     let spring = [SlipElement { stiffness: 1500.0, limit_force: 1e6 }];
-    let leuven = Leuven::new(&spring, LeuvenParams { sliding, exponent: 1.0, micro_damping: 3.0 }).unwrap();
+    let leuven =
+        Leuven::new(&spring, LeuvenParams { sliding, exponent: 1.0, micro_damping: 3.0 }).unwrap();
     let lugre = LuGre::new(LuGreParams {
         stiffness: 1500.0,
         micro_damping: 3.0,
@@ -989,7 +1034,8 @@ fn leuven_of_one_spring_and_exponent_one_is_lugre() {
     let mut random = Random(9);
     for _ in 0..20_000 {
         let v = 0.1 * (random.next() - 0.5) * random.next();
-        let forces = [leuven.step_velocity(&mut one, v, 2e-3), lugre.step_velocity(&mut two, v, 2e-3)];
+        let forces =
+            [leuven.step_velocity(&mut one, v, 2e-3), lugre.step_velocity(&mut two, v, 2e-3)];
         assert!((forces[0] - forces[1]).abs() < 1e-11, "{forces:?}");
     }
 }
@@ -1007,12 +1053,18 @@ fn rest_at_force_holds_what_it_can() {
 #[test]
 fn shares_that_miss_one_and_weak_banks_are_refused_in_plain_words() {
     let element = GmsElement { stiffness: 1000.0, share: 0.3, attraction: 0.01, damping: 0.0 };
-    let refused = Gms::new(&[element; 3], stribeck(1.0, 1.0, 0.0), SlipRate::Free).unwrap_err().to_string();
-    assert!(refused.starts_with("the shares of the elements must add up to 1, got 0.89"), "{refused}");
-    let params = LeuvenParams { sliding: stribeck(1.5, 2.0, 0.0), exponent: 1.0, micro_damping: 0.0 };
+    let refused =
+        Gms::new(&[element; 3], stribeck(1.0, 1.0, 0.0), SlipRate::Free).unwrap_err().to_string();
+    assert!(
+        refused.starts_with("the shares of the elements must add up to 1, got 0.89"),
+        "{refused}"
+    );
+    let params =
+        LeuvenParams { sliding: stribeck(1.5, 2.0, 0.0), exponent: 1.0, micro_damping: 0.0 };
     let refused = Leuven::new(&FOUR, params).unwrap_err().to_string();
     assert!(refused.contains("at least static_force_n = 2 N, got 1.95"), "{refused}");
-    let refused = Leuven::new(&FOUR, LeuvenParams { exponent: f64::NAN, ..params }).unwrap_err().to_string();
+    let refused =
+        Leuven::new(&FOUR, LeuvenParams { exponent: f64::NAN, ..params }).unwrap_err().to_string();
     assert_eq!(refused, "exponent must be finite and above 0, got NaN");
     let bad = SlipElement { stiffness: 0.0, limit_force: 1.0 };
     let refused = MaxwellSlip::new(&[FOUR[0], bad], 0.0).unwrap_err().to_string();

@@ -1,10 +1,11 @@
-//! The propositions of EMS section III and the properties of the contact law, over random plausible seals.
+//! The propositions of EMS section III and the properties of the contact law, over random plausible
+//! seals.
 
 use crate::common::{self, Seal, general_elements, seals};
 use proptest::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, Mode, ParamError, Relaxation, SealDamping, SlidingFriction, State,
-    VelocityWeakening, step_parallel,
+    DeformationForce, Element, ElementParams, Mode, ParamError, Relaxation, SealDamping,
+    SlidingFriction, State, VelocityWeakening, step_parallel,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -13,24 +14,29 @@ const PERIOD: f64 = 1e-3;
 fn full_slide(element: &Element, state: &mut State, sign: f64) {
     let params = element.params();
     let (low, high) = params.deformation.end_stiffness();
-    let lag = (params.insertion.viscous_damping / high).max(params.withdrawal.viscous_damping / low);
+    let lag =
+        (params.insertion.viscous_damping / high).max(params.withdrawal.viscous_damping / low);
     let duration = 1.0 + 90.0 * lag;
     for _ in 0..1000 {
         element.step(state, sign * 4e-3 * params.deformation.half_width(), 1e-3 * duration);
     }
 }
 
-/// Work done on the seal over `steps` with the force at the end of each step: the discrete form of ∫F·v_d dt.
+/// Work done on the seal over `steps` with the force at the end of each step: the discrete form of
+/// ∫F·v_d dt.
 fn work(element: &Element, state: &mut State, steps: &[f64], period: f64) -> f64 {
     steps.iter().map(|&dx| element.step(state, dx, period) * dx).sum()
 }
 
-/// The insertion branch nowhere below the withdrawal one, looked at ever more closely towards both ends, where they meet.
+/// The insertion branch nowhere below the withdrawal one, looked at ever more closely towards both
+/// ends, where they meet.
 fn branches_do_not_cross(deformation: &DeformationForce) -> bool {
     let c = deformation.half_width();
     let inside = (1..200).map(|k| f64::from(k) / 100.0 - 1.0);
     let near_ends = (1..30).flat_map(|k| [1.0 - 0.5f64.powi(k), 0.5f64.powi(k) - 1.0]);
-    inside.chain(near_ends).all(|u| deformation.insertion().force(u * c) >= deformation.withdrawal().force(u * c))
+    inside
+        .chain(near_ends)
+        .all(|u| deformation.insertion().force(u * c) >= deformation.withdrawal().force(u * c))
 }
 
 /// A closed motion: there and back through random turning points, in small steps.
@@ -62,7 +68,8 @@ proptest! {
         prop_assert!(state.slip_velocity() * velocity > 0.0);
     }
 
-    /// III.2: the settled force is the sliding force at v_sl = v_d, whatever the seal is made of (16).
+    /// III.2: the settled force is the sliding force at v_sl = v_d, whatever the seal is made of
+    /// (16).
     #[test]
     fn settled_force_is_the_sliding_force(element in general_elements(), speed in 0.02..0.2_f64, down: bool) {
         let velocity = if down { -speed } else { speed };
@@ -129,7 +136,8 @@ proptest! {
         }
     }
 
-    /// Going out to a turning point, into an inner loop and back restores the force at the turning point.
+    /// Going out to a turning point, into an inner loop and back restores the force at the turning
+    /// point.
     #[test]
     fn inner_loop_closes(seal in seals(), turn in -0.8..0.8_f64, inner in 0.05..0.9_f64, before in -0.9..0.9_f64) {
         prop_assume!(is_confined(&seal));
@@ -159,7 +167,8 @@ proptest! {
         prop_assert!((whole.force() - cut.force()).abs() < 1e-10);
     }
 
-    /// With constant friction a step of any length at constant velocity is exact, slides and yields included.
+    /// With constant friction a step of any length at constant velocity is exact, slides and yields
+    /// included.
     #[test]
     fn constant_velocity_step_may_be_cut(seal in seals(), start in -1.2..1.2_f64, travel in -6.0..6.0_f64, duration in 1e-4..1.0_f64) {
         prop_assume!(is_confined(&seal));
@@ -186,7 +195,8 @@ proptest! {
                 (deformation.mid(z + 1e-7) - deformation.mid(z)).abs() / 1e-7
             })
             .fold(0.0, f64::max);
-        // Sampling may miss a little of the steepest slope; the elastic displacement never exceeds the given one.
+        // Sampling may miss a little of the steepest slope; the elastic displacement never exceeds
+        // the given one.
         let bound = 1.05 * (steepest + deformation.yield_stiffness());
         let mut state = element.rest_state(0.0);
         for step in closed_motion(&turns, c) {
@@ -281,9 +291,12 @@ fn symmetric_seal_has_an_odd_force() {
     let element = Element::new(plausible()).unwrap();
     let (mut up, mut down) = (element.rest_state(0.0), element.rest_state(0.0));
     for k in 0..20_000 {
-        let displacement = 4e-5 * (f64::from(k) * 0.01).sin() + 1e-5 * (f64::from(k) * 0.0037).cos();
-        let (one, other) =
-            (element.step(&mut up, displacement, PERIOD), element.step(&mut down, -displacement, PERIOD));
+        let displacement =
+            4e-5 * (f64::from(k) * 0.01).sin() + 1e-5 * (f64::from(k) * 0.0037).cos();
+        let (one, other) = (
+            element.step(&mut up, displacement, PERIOD),
+            element.step(&mut down, -displacement, PERIOD),
+        );
         assert!((one + other).abs() < 1e-11);
     }
 }
@@ -314,7 +327,9 @@ fn hold_after_a_slide_relaxes_to_the_coulomb_force() {
 #[test]
 fn huge_step_ends_in_the_settled_slide() {
     for sigma in [0.0, 1.0] {
-        let element = Element::new(ElementParams { damping: SealDamping::constant(sigma), ..plausible() }).unwrap();
+        let element =
+            Element::new(ElementParams { damping: SealDamping::constant(sigma), ..plausible() })
+                .unwrap();
         let mut state = element.rest_state(0.0);
         let force = element.step(&mut state, 1e3, 1e4);
         assert!((force - 3.5).abs() < 1e-6, "{force}");
@@ -331,8 +346,9 @@ fn weakening_friction() -> SlidingFriction {
     }
 }
 
-/// A straight spring of 500 N/m under velocity-weakening friction: at 15 mm/s the settled slide is unstable and the seal sticks and
-/// slips between 2.22 N and 3.00 N; at 60 mm/s it settles. Against EMS's remark that III.3 holds for any Stribeck curve.
+/// A straight spring of 500 N/m under velocity-weakening friction: at 15 mm/s the settled slide is
+/// unstable and the seal sticks and slips between 2.22 N and 3.00 N; at 60 mm/s it settles. Against
+/// EMS's remark that III.3 holds for any Stribeck curve.
 #[test]
 fn velocity_weakening_friction_sticks_and_slips() {
     let params = ElementParams {
@@ -352,20 +368,25 @@ fn velocity_weakening_friction_sticks_and_slips() {
     for (speed, swing) in [(0.015, Some((2.2171, 3.0024))), (0.06, None)] {
         let dt = 2e-5;
         let mut state = element.rest_state(0.0);
-        let forces: Vec<f64> = (0..200_000).map(|_| element.step_velocity(&mut state, speed, dt)).collect();
+        let forces: Vec<f64> =
+            (0..200_000).map(|_| element.step_velocity(&mut state, speed, dt)).collect();
         let tail = &forces[150_000..];
         let (low, high) = tail.iter().fold((f64::MAX, f64::MIN), |(l, h), &f| (l.min(f), h.max(f)));
         match swing {
             // The two turning points are those of another implementation of the same law.
             Some((expected_low, expected_high)) => {
-                assert!((low - expected_low).abs() < 5e-3 && (high - expected_high).abs() < 5e-3, "{low} {high}");
+                assert!(
+                    (low - expected_low).abs() < 5e-3 && (high - expected_high).abs() < 5e-3,
+                    "{low} {high}"
+                );
             }
             None => assert!((low - 2.3001).abs() < 1e-3 && high - low < 1e-6, "{low} {high}"),
         }
     }
 }
 
-/// A hump above the sliding force: the same settled force at two deflections, and the way there decides which.
+/// A hump above the sliding force: the same settled force at two deflections, and the way there
+/// decides which.
 #[test]
 fn hump_above_the_sliding_force_is_bistable() {
     let element = Element::new(common::humped(5.0)).unwrap();
@@ -382,7 +403,12 @@ fn hump_above_the_sliding_force_is_bistable() {
     };
     let (slow, fast) = (settle(0.02), settle(0.3));
     assert!((slow.force() - 1.1).abs() < 1e-6 && (fast.force() - 1.1).abs() < 1e-6);
-    assert!(fast.deflection() - slow.deflection() > 5e-3, "{} {}", slow.deflection(), fast.deflection());
+    assert!(
+        fast.deflection() - slow.deflection() > 5e-3,
+        "{} {}",
+        slow.deflection(),
+        fast.deflection()
+    );
 }
 
 #[test]
@@ -424,5 +450,9 @@ fn impossible_parameters_are_refused_with_reasons() {
     params.insertion = SlidingFriction::coulomb(2.5, 5.0);
     let refused = Element::new(params).unwrap_err();
     assert!(matches!(refused, ParamError::EndPointConstraint { .. }));
-    assert!(refused.to_string().starts_with("both branches must pass 2.5 N (the static force) at 0.008 m"));
+    assert!(
+        refused
+            .to_string()
+            .starts_with("both branches must pass 2.5 N (the static force) at 0.008 m")
+    );
 }

@@ -1,9 +1,10 @@
-//! Trajectories of an EMS element written by another author from the paper alone, single-valued deformation curve.
+//! Trajectories of an EMS element written by another author from the paper alone, single-valued
+//! deformation curve.
 
 use crate::shared::shared_vector;
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece, Relaxation, SealDamping,
-    SlidingFriction,
+    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece,
+    Relaxation, SealDamping, SlidingFriction,
 };
 
 /// Agreement demanded of the literal reading, N: the reference integrates to about 1e-10 N.
@@ -23,7 +24,12 @@ fn rows(name: &str) -> Option<Vec<Row>> {
     let text = shared_vector(name)?;
     let row = |line: &str| {
         let numbers: Vec<f64> = line.split(',').map(|word| word.parse().unwrap()).collect();
-        Row { position: numbers[1], deflection: numbers[2], sliding: numbers[3] != 0.0, force: numbers[4] }
+        Row {
+            position: numbers[1],
+            deflection: numbers[2],
+            sliding: numbers[3] != 0.0,
+            force: numbers[4],
+        }
     };
     Some(text.lines().skip(1).map(row).collect())
 }
@@ -54,14 +60,22 @@ fn literal_reading_matches(name: &str, sigma: f64) {
     let (mut worst, mut modes_apart) = (0.0_f64, 0);
     for pair in rows.windows(2) {
         let velocity = (pair[1].position - pair[0].position) / PERIOD;
-        // A row holds the state at the start of its interval and the force with the velocity of the interval.
+        // A row holds the state at the start of its interval and the force with the velocity of the
+        // interval.
         let force = element.force(&state, velocity);
         element.step_velocity(&mut state, velocity, PERIOD);
         worst = worst.max((force - pair[0].force).abs());
         modes_apart += usize::from((state.mode() == Mode::Sliding) != pair[1].sliding);
-        assert!((state.deflection() - pair[1].deflection).abs() < 1e-9, "z at {}", pair[1].position);
+        assert!(
+            (state.deflection() - pair[1].deflection).abs() < 1e-9,
+            "z at {}",
+            pair[1].position
+        );
     }
-    println!("{name}: worst {worst:e} N over {} rows, {modes_apart} rows in another mode", rows.len());
+    println!(
+        "{name}: worst {worst:e} N over {} rows, {modes_apart} rows in another mode",
+        rows.len()
+    );
     assert!(worst < LITERAL_TOLERANCE, "{worst}");
 }
 
@@ -90,13 +104,15 @@ fn through_end_points() -> Element {
     Element::new(params(0.0, low)).unwrap()
 }
 
-/// Where the two readings must agree: while the seal deforms for the first time, and once sliding has settled.
+/// Where the two readings must agree: while the seal deforms for the first time, and once sliding
+/// has settled.
 ///
-/// They must differ after each reversal. The trajectory switches to deformation at the reversal of v_d although the seal
-/// is still strained beyond F_s; in the natural law slip goes on until the force is back at F_s, some ten microseconds
-/// later. The deflection then differs by up to 2·β·v/K, the force by that times the stiffness, until the next slide
-/// wipes it out. Beyond c the natural element is straight where the trajectory follows its quintic; that changes the
-/// approach to the settled force but not the force.
+/// They must differ after each reversal. The trajectory switches to deformation at the reversal of
+/// v_d although the seal is still strained beyond F_s; in the natural law slip goes on until the
+/// force is back at F_s, some ten microseconds later. The deflection then differs by up to 2·β·v/K,
+/// the force by that times the stiffness, until the next slide wipes it out. Beyond c the natural
+/// element is straight where the trajectory follows its quintic; that changes the approach to the
+/// settled force but not the force.
 #[test]
 fn natural_law_agrees_where_the_readings_must() {
     let Some(rows) = rows("ems_oracle_sigma0_tri.csv") else {
@@ -123,7 +139,9 @@ fn natural_law_agrees_where_the_readings_must() {
         }
         apart = apart.max(difference);
     }
-    println!("first bend {first_bend:e} N, settled {settled:e} N over {settled_rows} rows, anywhere {apart:.3} N");
+    println!(
+        "first bend {first_bend:e} N, settled {settled:e} N over {settled_rows} rows, anywhere {apart:.3} N"
+    );
     assert!(settled_rows > 1000);
     assert!(first_bend < 1e-9);
     assert!(settled < 1e-6);

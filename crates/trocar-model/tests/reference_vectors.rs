@@ -1,12 +1,13 @@
-//! The comparison models against trajectories that other solvers made: `reference/` at the root of the repository.
+//! The comparison models against trajectories that other solvers made: `reference/` at the root of
+//! the repository.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use serde_json::Value;
 use trocar_model::{
-    Dahl, DahlParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip,
-    SlidingFriction, SlipElement, SlipRate, StribeckCurve,
+    Dahl, DahlParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
+    MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StribeckCurve,
 };
 
 /// N: exact steps on both sides, rounding in forces of a few newtons.
@@ -15,7 +16,8 @@ const EXACT_TOLERANCE: f64 = 1e-10;
 /// N: the reference integrates with a relative tolerance of 1e-12 and finds its switches to that.
 const SWITCHING_TOLERANCE: f64 = 1e-8;
 
-/// N: the step of the Leuven model for n other than 1 is of second order in the change of r = F_h/s(v), at most 1/8.
+/// N: the step of the Leuven model for n other than 1 is of second order in the change of r =
+/// F_h/s(v), at most 1/8.
 const LEUVEN_TOLERANCE: f64 = 6e-3;
 
 /// N: the same with every interval in 512 parts.
@@ -55,14 +57,16 @@ fn rows(name: &str) -> Vec<Row> {
         .collect();
     let next = samples.iter().skip(1).map(Some).chain([None]);
     let row = |(&[time, position, velocity, force], next): (&[f64; 4], Option<&[f64; 4]>)| {
-        let (displacement, duration) = next.map_or((0.0, 1.0), |next| (next[1] - position, next[0] - time));
+        let (displacement, duration) =
+            next.map_or((0.0, 1.0), |next| (next[1] - position, next[0] - time));
         assert_eq!(velocity, displacement / duration, "{name} at {time} s");
         Row { velocity, displacement, duration, force }
     };
     samples.iter().zip(next).map(row).collect()
 }
 
-/// Largest difference of force over the rows of a set, N; each interval is driven in `parts` equal steps.
+/// Largest difference of force over the rows of a set, N; each interval is driven in `parts` equal
+/// steps.
 fn largest_difference<M: Friction>(
     name: &str,
     model: &M,
@@ -77,7 +81,11 @@ fn largest_difference<M: Friction>(
         assert!(difference.is_finite(), "{name} row {index}");
         worst = worst.max(difference);
         for _ in 0..parts {
-            model.step(&mut state, row.displacement / f64::from(parts), row.duration / f64::from(parts));
+            model.step(
+                &mut state,
+                row.displacement / f64::from(parts),
+                row.duration / f64::from(parts),
+            );
         }
     }
     println!("{name}: {worst:.1e} N over {} rows in {parts} parts", rows.len());
@@ -86,7 +94,8 @@ fn largest_difference<M: Friction>(
 
 /// The sets of one model: all of them, as many as are known here.
 fn sets(model: &str, count: usize) -> Vec<(String, Value)> {
-    let chosen: Vec<_> = parameters().into_iter().filter(|(_, set)| set["model"] == model).collect();
+    let chosen: Vec<_> =
+        parameters().into_iter().filter(|(_, set)| set["model"] == model).collect();
     assert_eq!(chosen.len(), count, "{model}");
     chosen
 }
@@ -111,14 +120,19 @@ fn elements<T>(set: &Value, element: impl Fn(&Value) -> T) -> Vec<T> {
 }
 
 fn slip_element(element: &Value) -> SlipElement {
-    SlipElement { stiffness: number(element, "stiffness_n_m"), limit_force: number(element, "limit_force_n") }
+    SlipElement {
+        stiffness: number(element, "stiffness_n_m"),
+        limit_force: number(element, "limit_force_n"),
+    }
 }
 
 #[test]
 fn every_file_has_its_parameters() {
     let files: BTreeSet<String> = std::fs::read_dir(folder())
         .unwrap()
-        .filter_map(|entry| Some(entry.unwrap().file_name().to_str()?.strip_suffix(".csv")?.to_owned()))
+        .filter_map(|entry| {
+            Some(entry.unwrap().file_name().to_str()?.strip_suffix(".csv")?.to_owned())
+        })
         .collect();
     assert_eq!(files, parameters().keys().cloned().collect());
 }
@@ -202,7 +216,8 @@ fn leuven_agrees_with_an_event_driven_integration() {
     for (name, set) in sets("leuven", 6) {
         let model = leuven(&set);
         let worst = largest_difference(&name, &model, model.rest_state(), Leuven::output, 1);
-        let tolerance = if model.params().exponent == 1.0 { SWITCHING_TOLERANCE } else { LEUVEN_TOLERANCE };
+        let tolerance =
+            if model.params().exponent == 1.0 { SWITCHING_TOLERANCE } else { LEUVEN_TOLERANCE };
         assert!(worst < tolerance, "{name}: {worst:e} N");
     }
 }
@@ -212,9 +227,13 @@ fn leuven_of_exponent_2_converges_to_the_integration() {
     let quadratic = |(_, set): &(String, Value)| number(set, "exponent") == 2.0;
     for (name, set) in sets("leuven", 6).into_iter().filter(quadratic) {
         let model = leuven(&set);
-        let worst = |parts| largest_difference(&name, &model, model.rest_state(), Leuven::output, parts);
+        let worst =
+            |parts| largest_difference(&name, &model, model.rest_state(), Leuven::output, parts);
         let (coarse, fine) = (worst(64), worst(512));
         // Second order would be 1/64.
-        assert!(fine < coarse / 50.0 && fine < LEUVEN_FINE_TOLERANCE, "{name}: {coarse:e} N, then {fine:e} N");
+        assert!(
+            fine < coarse / 50.0 && fine < LEUVEN_FINE_TOLERANCE,
+            "{name}: {coarse:e} N, then {fine:e} N"
+        );
     }
 }

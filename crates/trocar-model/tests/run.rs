@@ -2,9 +2,10 @@
 
 use proptest::prelude::*;
 use trocar_model::{
-    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate, Stages,
-    StaticFriction, StribeckCurve, Trocar, TrocarState,
+    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams,
+    LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal,
+    SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
+    TrocarState,
 };
 
 const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
@@ -15,12 +16,16 @@ fn sliding(stribeck_exponent: f64) -> SlidingFriction {
 }
 
 fn lugre(sliding: SlidingFriction, damping_velocity: f64, curve: StribeckCurve) -> Seal {
-    let params = LuGreParams { stiffness: 900.0, micro_damping: 3.0, damping_velocity, sliding, curve };
+    let params =
+        LuGreParams { stiffness: 900.0, micro_damping: 3.0, damping_velocity, sliding, curve };
     Classical::LuGre(LuGre::new(params).unwrap()).into()
 }
 
 fn bank(count: u32) -> Vec<SlipElement> {
-    let element = |k: u32| SlipElement { stiffness: 4000.0 / f64::from(k), limit_force: 0.1 + 0.05 * f64::from(k) };
+    let element = |k: u32| SlipElement {
+        stiffness: 4000.0 / f64::from(k),
+        limit_force: 0.1 + 0.05 * f64::from(k),
+    };
     (1..=count).map(element).collect()
 }
 
@@ -30,13 +35,16 @@ fn maxwell_slip(count: u32, viscous_damping: f64) -> Seal {
 
 /// Models with a loop of their own in every shape, and all others.
 fn seals() -> Vec<Seal> {
-    let (constant, exponential, rational) = (f64::INFINITY, StribeckCurve::Exponential, StribeckCurve::Rational);
+    let (constant, exponential, rational) =
+        (f64::INFINITY, StribeckCurve::Exponential, StribeckCurve::Rational);
     let plausible = ElementParams::plausible_10_5_mm().unwrap();
-    let relaxation = Relaxation { arms: [RelaxationArm { stiffness: 50.0, time: 0.3 }, RelaxationArm::NONE] };
+    let relaxation =
+        Relaxation { arms: [RelaxationArm { stiffness: 50.0, time: 0.3 }, RelaxationArm::NONE] };
     let slow = ElementParams { creep_velocity: 1e-4, friction_lag: 0.02, relaxation, ..plausible };
     let elements = [plausible, slow].map(|params| Element::new(params).unwrap());
     let gms = GmsElement { stiffness: 200.0, share: 0.5, attraction: 0.1, damping: 0.5 };
-    let dahl = DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+    let dahl =
+        DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
     let leuven = LeuvenParams { sliding: sliding(2.0), exponent: 0.9, micro_damping: 1.0 };
     let others = [
         Classical::Static(StaticFriction::new(sliding(2.0)).unwrap()),
@@ -72,10 +80,15 @@ fn motions() -> impl Strategy<Value = Vec<(f64, f64)>> {
     let refused = prop_oneof![Just(f64::NAN), Just(f64::INFINITY), Just(1e300), Just(f64::MAX)];
     let duration = prop_oneof![10 => Just(1e-3), 3 => 1e-6..1.0_f64];
     let no_duration = prop_oneof![Just(0.0), Just(-1.0), Just(f64::NAN), Just(f64::INFINITY)];
-    let steady = (way.clone(), duration.clone(), 1..80_usize).prop_map(|(way, duration, n)| vec![(way, duration); n]);
+    let steady = (way.clone(), duration.clone(), 1..80_usize)
+        .prop_map(|(way, duration, n)| vec![(way, duration); n]);
     let varied = prop::collection::vec((way.clone(), duration.clone()), 1..80);
-    let odd = prop_oneof![(refused, duration).prop_map(|step| vec![step]), (way, no_duration).prop_map(|s| vec![s])];
-    prop::collection::vec(prop_oneof![6 => steady, 6 => varied, 1 => odd], 1..12).prop_map(|parts| parts.concat())
+    let odd = prop_oneof![
+        (refused, duration).prop_map(|step| vec![step]),
+        (way, no_duration).prop_map(|s| vec![s])
+    ];
+    prop::collection::vec(prop_oneof![6 => steady, 6 => varied, 1 => odd], 1..12)
+        .prop_map(|parts| parts.concat())
 }
 
 fn positions(start: f64, motion: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>) {
@@ -119,7 +132,8 @@ proptest! {
 #[test]
 fn the_shortest_slice_counts() {
     let trocar = Trocar::of_seal(maxwell_slip(4, 2.0));
-    let (positions, durations): (Vec<f64>, Vec<f64>) = (0..100).map(|k| (1e-5 * f64::from(k), 1e-3)).unzip();
+    let (positions, durations): (Vec<f64>, Vec<f64>) =
+        (0..100).map(|k| (1e-5 * f64::from(k), 1e-3)).unzip();
     let mut forces = [f64::NAN; 70];
     let mut state = trocar.rest(0.0);
     trocar.run(&mut state, &positions, &durations[..65], &mut forces);

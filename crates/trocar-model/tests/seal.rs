@@ -1,11 +1,13 @@
-//! What every program that runs a model relies on: rows of numbers, states that can be stored, parameters that can be adjusted.
+//! What every program that runs a model relies on: rows of numbers, states that can be stored,
+//! parameters that can be adjusted.
 
 use proptest::prelude::*;
 use trocar_model::flat::{FlatError, SEAL_NUMBERS, STATE_NUMBERS};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Direction, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams,
-    LuGre, LuGreParams, MaxwellSlip, ParamError, PositionProfile, Quantity, Relaxation, RelaxationArm, Seal,
-    SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
+    Classical, Dahl, DahlParams, Direction, Element, ElementParams, Friction, Gms, GmsElement,
+    Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError, PositionProfile, Quantity,
+    Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate, Stages,
+    StaticFriction, StribeckCurve, Trocar,
 };
 
 const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
@@ -13,8 +15,16 @@ const GAIN: [f64; 3] = [0.9, 1.05, 1.0];
 
 fn seals() -> Result<Vec<Seal>, ParamError> {
     let plausible = ElementParams::plausible_10_5_mm()?;
-    let arms = [RelaxationArm { stiffness: 50.0, time: 0.3 }, RelaxationArm { stiffness: 20.0, time: 4.0 }];
-    let slow = ElementParams { creep_velocity: 1e-4, friction_lag: 0.02, relaxation: Relaxation { arms }, ..plausible };
+    let arms = [
+        RelaxationArm { stiffness: 50.0, time: 0.3 },
+        RelaxationArm { stiffness: 20.0, time: 4.0 },
+    ];
+    let slow = ElementParams {
+        creep_velocity: 1e-4,
+        friction_lag: 0.02,
+        relaxation: Relaxation { arms },
+        ..plausible
+    };
     let two = [Element::new(plausible)?, Element::new(slow)?];
     let sliding = SlidingFriction { static_force: 3.5, ..SlidingFriction::coulomb(3.0, 4.0) };
     let bank = [1.0, 2.0, 4.0].map(|k| SlipElement { stiffness: 300.0 * k, limit_force: 0.8 * k });
@@ -26,21 +36,27 @@ fn seals() -> Result<Vec<Seal>, ParamError> {
         sliding,
         curve: StribeckCurve::Rational,
     };
-    let dahl = DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+    let dahl =
+        DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
     Ok(vec![
         Element::new(plausible)?.into(),
         Seal::Ems(Stages::new(&two).expect("two")),
         Classical::Static(StaticFriction::new(sliding)?).into(),
         Classical::Dahl(Dahl::new(dahl)?).into(),
         Classical::LuGre(LuGre::new(lugre)?).into(),
-        Classical::Leuven(Leuven::new(&bank, LeuvenParams { sliding, exponent: 0.9, micro_damping: 1.0 })?).into(),
+        Classical::Leuven(Leuven::new(
+            &bank,
+            LeuvenParams { sliding, exponent: 0.9, micro_damping: 1.0 },
+        )?)
+        .into(),
         Classical::MaxwellSlip(MaxwellSlip::new(&bank, 2.0)?).into(),
         Classical::Gms(Gms::new(&[part(0.4), part(0.6)], sliding, SlipRate::Limited)?).into(),
     ])
 }
 
 fn profile() -> PositionProfile {
-    PositionProfile::new(-0.02, 0.03, OFFSET.as_slice(), GAIN.as_slice()).expect("two knots or more")
+    PositionProfile::new(-0.02, 0.03, OFFSET.as_slice(), GAIN.as_slice())
+        .expect("two knots or more")
 }
 
 /// A motion with reversals, from a few numbers.
@@ -100,7 +116,8 @@ proptest! {
     }
 }
 
-/// A Stribeck curve with an exponent below 1 falls at an infinite rate where the slip begins and ends.
+/// A Stribeck curve with an exponent below 1 falls at an infinite rate where the slip begins and
+/// ends.
 #[test]
 fn a_contact_that_lets_go_at_once_is_stored_like_any_other() {
     let sharp = SlidingFriction {
@@ -112,7 +129,8 @@ fn a_contact_that_lets_go_at_once_is_stored_like_any_other() {
     };
     for creep_velocity in [0.0, 1e-4] {
         let plausible = ElementParams::plausible_10_5_mm().unwrap();
-        let params = ElementParams { insertion: sharp, withdrawal: sharp, creep_velocity, ..plausible };
+        let params =
+            ElementParams { insertion: sharp, withdrawal: sharp, creep_velocity, ..plausible };
         let trocar = Trocar::of_seal(Element::new(params).unwrap());
         let (mut whole, mut cut) = (trocar.rest(0.0), trocar.rest(0.0));
         for (displacement, duration) in (0..40).flat_map(motion) {
@@ -158,7 +176,11 @@ fn each_parameter_turns_by_itself() {
             // A lag without creep, and a bank below the static force, are no models.
             let allowed = seal.tuned(&values);
             assert!(
-                allowed.is_ok() || matches!(tunable.id.quantity, Quantity::StaticRatio | Quantity::CoulombForce),
+                allowed.is_ok()
+                    || matches!(
+                        tunable.id.quantity,
+                        Quantity::StaticRatio | Quantity::CoulombForce
+                    ),
                 "{tunable:?}: {allowed:?}"
             );
         }
@@ -169,7 +191,9 @@ fn each_parameter_turns_by_itself() {
 #[test]
 fn a_turned_seal_slides_with_its_new_force() {
     let seal = seals().unwrap()[0];
-    let index = |name: &str| seal.tunables().position(|tunable| tunable.id.to_string() == name).expect("there is one");
+    let index = |name: &str| {
+        seal.tunables().position(|tunable| tunable.id.to_string() == name).expect("there is one")
+    };
     let mut values: Vec<f64> = seal.tunables().map(|tunable| tunable.value).collect();
     values[index("insertion_coulomb_force_n")] = 4.0;
     values[index("insertion_viscous_damping_n_s_m")] = 10.0;
@@ -177,7 +201,8 @@ fn a_turned_seal_slides_with_its_new_force() {
     values[index("half_width_m")] = 4e-3;
     let turned = seal.tuned(&values).unwrap();
     let mut state = turned.rest();
-    let mut slide = |velocity: f64| (0..1000).map(|_| turned.step(&mut state, 1e-3 * velocity, 1e-3)).last();
+    let mut slide =
+        |velocity: f64| (0..1000).map(|_| turned.step(&mut state, 1e-3 * velocity, 1e-3)).last();
     assert!((slide(0.05).unwrap() - (4.0 + 10.0 * 0.05)).abs() < 1e-9);
     assert!((slide(-0.05).unwrap() - (-1.5 - 5.0 * 0.05)).abs() < 1e-9);
 }
@@ -193,7 +218,8 @@ fn a_value_set_is_the_value_listed() {
             *tunable.1 *= 0.5;
         }
     }
-    let turned: Vec<f64> = seal.tuned(&values).unwrap().tunables().map(|tunable| tunable.value).collect();
+    let turned: Vec<f64> =
+        seal.tuned(&values).unwrap().tunables().map(|tunable| tunable.value).collect();
     for ((asked, found), tunable) in values.iter().zip(&turned).zip(seal.tunables()) {
         assert!((asked - found).abs() <= 1e-12 * asked.abs(), "{tunable:?}: {found}");
     }
@@ -204,7 +230,9 @@ fn a_value_set_is_the_value_listed() {
 fn a_profile_fades_outside_its_range() {
     let profile = profile();
     let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a}, expected {b}");
-    for (end, side, offset, level) in [(-0.02, -1.0, OFFSET[0], GAIN[0]), (0.03, 1.0, OFFSET[2], GAIN[2])] {
+    for (end, side, offset, level) in
+        [(-0.02, -1.0, OFFSET[0], GAIN[0]), (0.03, 1.0, OFFSET[2], GAIN[2])]
+    {
         for part in [0.0, 0.2, 0.5, 0.9, 1.0, 1.1, 1e3, 1e300] {
             let x = end + side * part * 0.0125;
             let left = (1.0_f64 - part).max(0.0);
@@ -239,7 +267,10 @@ fn inputs_that_are_no_motion_leave_all_as_it_was() {
             (1e-3, f64::INFINITY),
             (1e308, 1e-308),
         ] {
-            assert_eq!(trocar.step(&mut state, displacement, duration).to_bits(), before.force().to_bits());
+            assert_eq!(
+                trocar.step(&mut state, displacement, duration).to_bits(),
+                before.force().to_bits()
+            );
             trocar.step_to(&mut state, displacement * f64::NAN, duration);
             assert_eq!(state, before);
         }

@@ -3,8 +3,8 @@
 use crate::common::seals;
 use proptest::prelude::*;
 use trocar_model::{
-    DeformationForce, Element, ElementParams, Friction, Mode, ParamError, ParameterId, Quantity, Relaxation,
-    RelaxationArm, SealDamping, SlidingFriction, State,
+    DeformationForce, Element, ElementParams, Friction, Mode, ParamError, ParameterId, Quantity,
+    Relaxation, RelaxationArm, SealDamping, SlidingFriction, State,
 };
 
 const MILLISECOND: f64 = 1e-3;
@@ -57,8 +57,8 @@ fn free_motion(samples: usize) -> Vec<f64> {
 
 #[test]
 fn a_held_force_follows_the_closed_solution_of_the_creep_law() {
-    // F' = -K·v_c·r/√(1 - r²) with r = F/F_s (β·u is below 1 mN here): t(r) = (F_s/(K·v_c))·[G(r_0) - G(r)] with
-    // G(r) = √(1 - r²) - atanh(√(1 - r²)) = ∫ √(1 - r²)/r dr.
+    // F' = -K·v_c·r/√(1 - r²) with r = F/F_s (β·u is below 1 mN here): t(r) = (F_s/(K·v_c))·[G(r_0)
+    // - G(r)] with G(r) = √(1 - r²) - atanh(√(1 - r²)) = ∫ √(1 - r²)/r dr.
     let (force, stiffness, creep) = (3.0, 1000.0, 2e-4);
     let element = Element::new(spring(creep, Relaxation::NONE)).unwrap();
     let mut state = element.rest_at_force(2.4);
@@ -77,12 +77,14 @@ fn a_held_force_follows_the_closed_solution_of_the_creep_law() {
 fn creep_fades_out_with_its_velocity() {
     let displacements = free_motion(20_000);
     let forces = |creep| {
-        let params = ElementParams { creep_velocity: creep, ..ElementParams::plausible_10_5_mm().unwrap() };
+        let params =
+            ElementParams { creep_velocity: creep, ..ElementParams::plausible_10_5_mm().unwrap() };
         let element = Element::new(params).unwrap();
         run(&element, &mut element.rest_state(0.0), &displacements, 1)
     };
     let paper = forces(0.0);
-    let worst = |creep| forces(creep).iter().zip(&paper).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let worst =
+        |creep| forces(creep).iter().zip(&paper).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     let (coarse, fine) = (worst(1e-5), worst(1e-7));
     assert!(coarse > 1e-2, "{coarse} N");
     assert!(fine < 5e-3, "{fine} N");
@@ -99,7 +101,11 @@ fn steady_sliding_ignores_relaxation_and_shows_creep_to_second_order() {
         }
         let expected = 3.0 + 5.0 * 0.02;
         let tolerance = 3.0 * creep * creep / (2.0 * 0.02 * 0.02) + 1e-6;
-        assert!((state.force() - expected).abs() < tolerance, "{} N at v_c = {creep}", state.force());
+        assert!(
+            (state.force() - expected).abs() < tolerance,
+            "{} N at v_c = {creep}",
+            state.force()
+        );
         assert!(state.relaxing_force().abs() < 1e-6, "{} N", state.relaxing_force());
     }
 }
@@ -119,14 +125,18 @@ fn an_arm_takes_a_ramp_and_a_hold_exactly_in_steps_of_any_length() {
         for _ in 0..parts {
             element.step(&mut state, 0.0, 0.3 / f64::from(parts));
         }
-        assert!((state.relaxing_force() - ramp * f64::exp(-0.3 / time)).abs() < 1e-12, "{parts} parts");
+        assert!(
+            (state.relaxing_force() - ramp * f64::exp(-0.3 / time)).abs() < 1e-12,
+            "{parts} parts"
+        );
     }
 }
 
 /// All together, at 1 kHz against 64 parts of every sample.
 #[test]
 fn one_step_agrees_with_many_small_ones() {
-    /// N: largest where the velocity jumps by 0.1 to 0.5 m/s within one sample, as at the ends of the holds here.
+    /// N: largest where the velocity jumps by 0.1 to 0.5 m/s within one sample, as at the ends of
+    /// the holds here.
     const TOLERANCE: f64 = 8e-3;
     let plausible = ElementParams::plausible_10_5_mm().unwrap();
     let relaxation = Relaxation::single(120.0, 0.2);
@@ -137,7 +147,12 @@ fn one_step_agrees_with_many_small_ones() {
         ("both", ElementParams { creep_velocity: 2e-4, relaxation, ..plausible }),
         (
             "both, with damping",
-            ElementParams { creep_velocity: 2e-4, relaxation, damping: SealDamping::constant(2.5), ..plausible },
+            ElementParams {
+                creep_velocity: 2e-4,
+                relaxation,
+                damping: SealDamping::constant(2.5),
+                ..plausible
+            },
         ),
     ];
     let displacements = free_motion(20_000);
@@ -154,7 +169,11 @@ fn one_step_agrees_with_many_small_ones() {
 #[test]
 fn a_held_seal_loses_force_and_motion_brings_it_back() {
     let relaxation = Relaxation::single(120.0, 0.2);
-    let params = ElementParams { creep_velocity: 2e-4, relaxation, ..ElementParams::plausible_10_5_mm().unwrap() };
+    let params = ElementParams {
+        creep_velocity: 2e-4,
+        relaxation,
+        ..ElementParams::plausible_10_5_mm().unwrap()
+    };
     let element = Element::new(params).unwrap();
     let mut state = element.rest_state(0.0);
     for _ in 0..2000 {
@@ -174,7 +193,10 @@ fn a_held_seal_loses_force_and_motion_brings_it_back() {
 fn bad_values_are_named() {
     let refused = |params| Element::new(params).err();
     let creep = refused(spring(-1e-4, Relaxation::NONE));
-    assert_eq!(creep, Some(ParamError::OutOfRange { id: Quantity::CreepVelocity.id(), value: -1e-4 }));
+    assert_eq!(
+        creep,
+        Some(ParamError::OutOfRange { id: Quantity::CreepVelocity.id(), value: -1e-4 })
+    );
     let arm = refused(spring(0.0, Relaxation::single(100.0, 0.0)));
     assert_eq!(arm, Some(ParamError::OutOfRange { id: Quantity::RelaxationTime.id(), value: 0.0 }));
     let unknown = refused(spring(0.0, Relaxation::single(f64::NAN, 1.0)));
@@ -183,7 +205,10 @@ fn bad_values_are_named() {
 }
 
 fn slow_seals() -> impl Strategy<Value = ElementParams> {
-    let arm = || (0.0..300.0_f64, 0.02..5.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
+    let arm = || {
+        (0.0..300.0_f64, 0.02..5.0_f64)
+            .prop_map(|(stiffness, time)| RelaxationArm { stiffness, time })
+    };
     (seals(), 1e-6..5e-3_f64, [arm(), arm()], 0.0..5.0_f64, 0.0..0.3_f64).prop_map(
         |(seal, creep_velocity, arms, sigma, rise)| {
             let mut params = seal.params();
@@ -193,14 +218,22 @@ fn slow_seals() -> impl Strategy<Value = ElementParams> {
                 sliding.viscous_damping += 0.5;
             }
             let relaxation = Relaxation { arms };
-            ElementParams { creep_velocity, relaxation, damping: SealDamping::constant(sigma), ..params }
+            ElementParams {
+                creep_velocity,
+                relaxation,
+                damping: SealDamping::constant(sigma),
+                ..params
+            }
         },
     )
 }
 
 /// Moves of up to 4 mm in 1 to 200 ms, and rests.
 fn moves() -> impl Strategy<Value = Vec<(f64, u32)>> {
-    prop::collection::vec((prop_oneof![-4e-3..4e-3_f64, -5e-5..5e-5_f64, Just(0.0)], 1..200_u32), 1..30)
+    prop::collection::vec(
+        (prop_oneof![-4e-3..4e-3_f64, -5e-5..5e-5_f64, Just(0.0)], 1..200_u32),
+        1..30,
+    )
 }
 
 fn go(element: &Element, state: &mut State, moves: &[(f64, u32)]) -> f64 {
@@ -218,7 +251,8 @@ fn go(element: &Element, state: &mut State, moves: &[(f64, u32)]) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 200, ..ProptestConfig::default() })]
 
-    /// A motion repeated until the state repeats with it never yields work, whatever holds and reversals it has.
+    /// A motion repeated until the state repeats with it never yields work, whatever holds and
+    /// reversals it has.
     #[test]
     fn no_closed_cycle_yields_energy(params in slow_seals(), start in moves(), cycle in moves()) {
         let element = Element::new(params).unwrap();
@@ -266,7 +300,8 @@ proptest! {
         let (mut a, mut b) = (element.rest_state(0.0), element.rest_state(0.0));
         go(&element, &mut a, &one);
         go(&element, &mut b, &other);
-        // Twice the width by 50 µm steps, then on for ten relaxation times of the slowest arm at the same speed.
+        // Twice the width by 50 µm steps, then on for ten relaxation times of the slowest arm at
+        // the same speed.
         for _ in 0..60_000 {
             element.step(&mut a, 5e-5, MILLISECOND);
             element.step(&mut b, 5e-5, MILLISECOND);

@@ -1,6 +1,7 @@
 //! Trajectories of the comparison models from solvers of other authors.
 //!
-//! A row holds the state at the start of its interval, and the force there with the velocity of the interval.
+//! A row holds the state at the start of its interval, and the force there with the velocity of the
+//! interval.
 
 use crate::shared::shared_vector;
 use trocar_model::{Dahl, DahlParams, LuGre, LuGreParams, SlidingFriction, StribeckCurve};
@@ -20,18 +21,23 @@ struct Interval<const N: usize> {
     velocity: f64,
 }
 
-/// The named columns of a shared trajectory with the motion of each interval, or `None` with the reason printed when
-/// the folder is not there.
+/// The named columns of a shared trajectory with the motion of each interval, or `None` with the
+/// reason printed when the folder is not there.
 fn intervals<const N: usize>(file: &str, columns: [&str; N]) -> Option<Vec<Interval<N>>> {
     let text = shared_vector(file)?;
     let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
     let header = lines.next().unwrap();
     let index = |name: &str| header.iter().position(|word| *word == name).unwrap();
     let (at, places) = (index("x"), columns.map(index));
-    let rows: Vec<Vec<f64>> = lines.map(|line| line.iter().map(|word| word.parse().unwrap()).collect()).collect();
+    let rows: Vec<Vec<f64>> =
+        lines.map(|line| line.iter().map(|word| word.parse().unwrap()).collect()).collect();
     let interval = |(k, row): (usize, &Vec<f64>)| {
         let displacement = rows.get(k + 1).map_or(0.0, |next| next[at] - row[at]);
-        Interval { row: places.map(|place| row[place]), displacement, velocity: displacement / PERIOD }
+        Interval {
+            row: places.map(|place| row[place]),
+            displacement,
+            velocity: displacement / PERIOD,
+        }
     };
     Some(rows.iter().enumerate().map(interval).collect())
 }
@@ -48,7 +54,8 @@ const SLIDING: SlidingFriction = SlidingFriction {
 /// N/m.
 const STIFFNESS: f64 = 2000.0;
 
-/// Demands agreement with a LuGre trajectory to `tolerance`, N, in force and, times the stiffness, in deflection.
+/// Demands agreement with a LuGre trajectory to `tolerance`, N, in force and, times the stiffness,
+/// in deflection.
 fn lugre_matches(family: &str, curve: StribeckCurve, tolerance: f64) {
     let params = LuGreParams {
         stiffness: STIFFNESS,
@@ -59,7 +66,9 @@ fn lugre_matches(family: &str, curve: StribeckCurve, tolerance: f64) {
     };
     let model = LuGre::new(params).unwrap();
     for motion in MOTIONS {
-        let Some(intervals) = intervals(&format!("{family}_{motion}.csv"), ["z", "F"]) else { return };
+        let Some(intervals) = intervals(&format!("{family}_{motion}.csv"), ["z", "F"]) else {
+            return;
+        };
         let mut state = model.rest_state();
         let (mut force_apart, mut deflection_apart) = (0.0_f64, 0.0_f64);
         for Interval { row: [z, force], displacement, velocity } in &intervals {
@@ -68,14 +77,19 @@ fn lugre_matches(family: &str, curve: StribeckCurve, tolerance: f64) {
             model.step(&mut state, *displacement, PERIOD);
         }
         let rows = intervals.len();
-        println!("{family}_{motion}: F {force_apart:e} N, sigma0 z {deflection_apart:e} N over {rows} rows");
+        println!(
+            "{family}_{motion}: F {force_apart:e} N, sigma0 z {deflection_apart:e} N over {rows} rows"
+        );
         assert!(rows > 5000);
-        assert!(force_apart < tolerance && deflection_apart < tolerance, "{force_apart} {deflection_apart}");
+        assert!(
+            force_apart < tolerance && deflection_apart < tolerance,
+            "{force_apart} {deflection_apart}"
+        );
     }
 }
 
-/// MuJoCo integrates the bristles exactly over each interval and prints 15 digits: 1e-10 N leaves room for the rounding
-/// of the velocities (1e-16 m in 1 ms, times the dampers) to add up.
+/// MuJoCo integrates the bristles exactly over each interval and prints 15 digits: 1e-10 N leaves
+/// room for the rounding of the velocities (1e-16 m in 1 ms, times the dampers) to add up.
 #[test]
 fn lugre_matches_mujoco() {
     lugre_matches("mujoco_lugre_gauss", StribeckCurve::Exponential, 1e-10);
@@ -91,10 +105,17 @@ fn rational_lugre_matches_the_friction_library() {
 #[test]
 fn dahl_matches_mujoco() {
     const TOLERANCE: f64 = 1e-10;
-    let params = DahlParams { stiffness: STIFFNESS, coulomb_force: 1.5, exponent: 1.0, viscous_damping: 0.0 };
+    let params = DahlParams {
+        stiffness: STIFFNESS,
+        coulomb_force: 1.5,
+        exponent: 1.0,
+        viscous_damping: 0.0,
+    };
     let model = Dahl::new(params).unwrap();
     for motion in MOTIONS {
-        let Some(intervals) = intervals(&format!("mujoco_dahl_{motion}.csv"), ["z", "F"]) else { return };
+        let Some(intervals) = intervals(&format!("mujoco_dahl_{motion}.csv"), ["z", "F"]) else {
+            return;
+        };
         let mut state = model.rest_state();
         let mut apart = 0.0_f64;
         for Interval { row: [z, force], displacement, velocity } in &intervals {

@@ -1,7 +1,9 @@
 //! Maxwell-Slip, GMS and modified Leuven against trajectories of other programs.
 
 use crate::shared::shared_vector;
-use trocar_model::{Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate};
+use trocar_model::{
+    Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate,
+};
 
 /// N. Between three finite-element programs the spread is 1e-14 N.
 const MAXWELL_SLIP_TOLERANCE: f64 = 1e-10;
@@ -22,7 +24,8 @@ const ROUNDING: f64 = 1e-15;
 
 const STIFFNESS: [f64; 4] = [4000.0, 1500.0, 600.0, 250.0];
 
-/// Rows of numbers of a shared trajectory, or `None` with the reason printed when the folder is not there.
+/// Rows of numbers of a shared trajectory, or `None` with the reason printed when the folder is not
+/// there.
 fn rows(name: &str) -> Option<Vec<Vec<f64>>> {
     let text = shared_vector(name)?;
     let row = |line: &str| line.split(',').map(|word| word.parse().unwrap()).collect();
@@ -32,8 +35,11 @@ fn rows(name: &str) -> Option<Vec<Vec<f64>>> {
 fn maxwell_slip_matches(name: &str) {
     let Some(rows) = rows(name) else { return };
     let limits = [0.6, 0.5, 0.45, 0.4];
-    let elements: Vec<SlipElement> =
-        STIFFNESS.iter().zip(limits).map(|(&stiffness, limit_force)| SlipElement { stiffness, limit_force }).collect();
+    let elements: Vec<SlipElement> = STIFFNESS
+        .iter()
+        .zip(limits)
+        .map(|(&stiffness, limit_force)| SlipElement { stiffness, limit_force })
+        .collect();
     let model = MaxwellSlip::new(&elements, 0.0).unwrap();
     let mut state = model.rest_state();
     let mut worst = 0.0_f64;
@@ -55,11 +61,11 @@ fn maxwell_slip_matches_parallel_elastic_plastic_springs_on_the_triangle() {
     maxwell_slip_matches("opensees_ms4_tri.csv");
 }
 
-/// Row k holds the state at the start of interval k, its force and its slipping elements with the velocity of the
-/// interval: a reversal shows one row before it moves anything.
+/// Row k holds the state at the start of interval k, its force and its slipping elements with the
+/// velocity of the interval: a reversal shows one row before it moves anything.
 ///
-/// The counts of slipping elements are the same but for three rows of the triangle, where the last element is at its
-/// limit to the last bit.
+/// The counts of slipping elements are the same but for three rows of the triangle, where the last
+/// element is at its limit to the last bit.
 fn gms_matches(name: &str) {
     let Some(rows) = rows(name) else { return };
     let attraction = 50.0; // N/s, C of GMS
@@ -88,7 +94,8 @@ fn gms_matches(name: &str) {
         worst = worst.max((model.output(&state, velocity) - pair[0][3]).abs());
         let mut begun = state;
         model.step_velocity(&mut begun, velocity, MOMENT);
-        let (count, expected) = (begun.slipping().iter().filter(|slips| **slips).count(), pair[0][2] as usize);
+        let (count, expected) =
+            (begun.slipping().iter().filter(|slips| **slips).count(), pair[0][2] as usize);
         if count != expected {
             counts_apart += 1;
             // They begin to slip in their order: this is the one in question.
@@ -116,8 +123,8 @@ fn gms_matches_the_force_form_on_the_triangle() {
     gms_matches("gms_oracle_tri.csv");
 }
 
-/// Over a single spring that never yields, with n = 1, the modified Leuven model is LuGre; with F_s = F_c and no damping
-/// it is Dahl.
+/// Over a single spring that never yields, with n = 1, the modified Leuven model is LuGre; with F_s
+/// = F_c and no damping it is Dahl.
 fn leuven_matches(name: &str, static_force: f64, micro_damping: f64, viscous_damping: f64) {
     let Some(rows) = rows(name) else { return };
     let sliding = SlidingFriction {
@@ -128,7 +135,8 @@ fn leuven_matches(name: &str, static_force: f64, micro_damping: f64, viscous_dam
         viscous_damping,
     };
     let spring = SlipElement { stiffness: 2000.0, limit_force: 1e3 };
-    let model = Leuven::new(&[spring], LeuvenParams { sliding, exponent: 1.0, micro_damping }).unwrap();
+    let model =
+        Leuven::new(&[spring], LeuvenParams { sliding, exponent: 1.0, micro_damping }).unwrap();
     let mut state = model.rest_state();
     let (mut worst, mut worst_deflection) = (0.0_f64, 0.0_f64);
     for pair in rows.windows(2) {

@@ -1,8 +1,11 @@
-//! The worst step of each model: ten million adversarial steps, `cargo bench -p trocar-proof --bench worst_case`.
+//! The worst step of each model: ten million adversarial steps, `cargo bench -p trocar-proof
+//! --bench worst_case`.
 //!
-//! Each step is timed by itself with the cycle counter behind `Instant`, so the times hold the clock's own cost, which is
-//! printed. The same steps are run several times, the slowest many times, and each counts with its least time: what the
-//! machine interrupts, it interrupts at another step the next time. A number asks for as many steps, names for these models of `conformance/`.
+//! Each step is timed by itself with the cycle counter behind `Instant`, so the times hold the
+//! clock's own cost, which is printed. The same steps are run several times, the slowest many
+//! times, and each counts with its least time: what the machine interrupts, it interrupts at
+//! another step the next time. A number asks for as many steps, names for these models of
+//! `conformance/`.
 
 use std::fs;
 use std::hint::black_box;
@@ -18,13 +21,15 @@ const STEPS: usize = 10_000_000;
 /// Runs of the same steps; the least time of each step counts.
 const RUNS: usize = 2;
 
-/// One in so many steps, the slowest, is timed again from the same state: a long step is interrupted often.
+/// One in so many steps, the slowest, is timed again from the same state: a long step is
+/// interrupted often.
 const AGAIN: usize = 10_000;
 
 /// How often.
 const REPETITIONS: usize = 20;
 
-/// Displacement (m) and duration (s) of adversarial steps, from a seed: the same for every model and every run.
+/// Displacement (m) and duration (s) of adversarial steps, from a seed: the same for every model
+/// and every run.
 struct Adversary {
     random: u64,
     sign: f64,
@@ -43,7 +48,8 @@ impl Adversary {
         (self.random >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Even in its logarithm, from 2^`from` to 2^`to` within a part in a thousand or so: without a slow power.
+    /// Even in its logarithm, from 2^`from` to 2^`to` within a part in a thousand or so: without a
+    /// slow power.
     fn scale(&mut self, from: i32, to: i32) -> f64 {
         let exponent = from + (self.uniform() * f64::from(to - from)) as i32;
         f64::from_bits(((1023 + exponent) as u64) << 52) * (1.0 + self.uniform())
@@ -63,15 +69,19 @@ impl Adversary {
         }
     }
 
-    /// In turn, some hundred steps each: reversals at every step, creeping about one place, drives past the ends with a
-    /// short way back, holds of a second after jumps, and anything at all.
+    /// In turn, some hundred steps each: reversals at every step, creeping about one place, drives
+    /// past the ends with a short way back, holds of a second after jumps, and anything at all.
     fn next(&mut self) -> (f64, f64) {
         self.step += 1;
         if self.step.is_multiple_of(509) {
             return self.fault();
         }
         let phase = (self.step / 256) % 6;
-        self.sign = if matches!(phase, 0 | 1 | 5) || self.uniform() < 0.05 { -self.sign } else { self.sign };
+        self.sign = if matches!(phase, 0 | 1 | 5) || self.uniform() < 0.05 {
+            -self.sign
+        } else {
+            self.sign
+        };
         let (way, duration) = match phase {
             0 => (self.scale(-10, -6), 1e-3),
             1 => (self.scale(-30, -15), self.scale(-12, 0)),
@@ -117,7 +127,8 @@ fn least_times(trocar: &Trocar<&[f64]>, steps: usize) -> Vec<u32> {
 
 /// Nanoseconds that the clock itself takes: median and 99.9th percentile.
 fn clock() -> (u32, u32) {
-    let mut times: Vec<u32> = (0..1_000_000).map(|_| Instant::now().elapsed().as_nanos() as u32).collect();
+    let mut times: Vec<u32> =
+        (0..1_000_000).map(|_| Instant::now().elapsed().as_nanos() as u32).collect();
     times.sort_unstable();
     (times[times.len() / 2], times[times.len() / 1000 * 999])
 }
@@ -138,8 +149,14 @@ fn report(name: &str, trocar: &Trocar<&[f64]>, steps: usize) {
     let times = least_times(trocar, steps);
     let mut adversary = Adversary::new();
     let motions: Vec<(f64, f64)> = times.iter().map(|_| adversary.next()).collect();
-    let usual = times.iter().zip(&motions).filter(|(_, motion)| is_usual(**motion)).map(|(time, _)| *time).collect();
-    let slowest = times.iter().enumerate().max_by_key(|(_, time)| **time).map_or(0, |(step, _)| step);
+    let usual = times
+        .iter()
+        .zip(&motions)
+        .filter(|(_, motion)| is_usual(**motion))
+        .map(|(time, _)| *time)
+        .collect();
+    let slowest =
+        times.iter().enumerate().max_by_key(|(_, time)| **time).map_or(0, |(step, _)| step);
     let (way, duration) = motions[slowest];
     let [median, late, worst] = percentiles(times);
     let [_, usual_late, usual_worst] = percentiles(usual);
@@ -148,15 +165,25 @@ fn report(name: &str, trocar: &Trocar<&[f64]>, steps: usize) {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let arguments: Vec<String> = std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
-    let steps = arguments.iter().find_map(|argument| argument.parse().ok()).unwrap_or(STEPS).max(100_000);
-    let asked: Vec<&String> = arguments.iter().filter(|argument| argument.parse::<usize>().is_err()).collect();
+    let arguments: Vec<String> =
+        std::env::args().skip(1).filter(|argument| !argument.starts_with('-')).collect();
+    let steps =
+        arguments.iter().find_map(|argument| argument.parse().ok()).unwrap_or(STEPS).max(100_000);
+    let asked: Vec<&String> =
+        arguments.iter().filter(|argument| argument.parse::<usize>().is_err()).collect();
     let (median, late) = clock();
     println!("{steps} adversarial steps a model, ns each, the least of {} runs", RUNS + 1);
-    println!("the clock's own {median} ns (99.9 %: {late} ns) is in; usual: up to 1 mm and 2 m/s in 0.1 to 10 ms");
-    println!("{:16} {:>8} {:>8} {:>8}  {:>8} {:>8}", "", "median", "99.9 %", "worst", "usual 99.9 %", "worst");
+    println!(
+        "the clock's own {median} ns (99.9 %: {late} ns) is in; usual: up to 1 mm and 2 m/s in 0.1 to 10 ms"
+    );
+    println!(
+        "{:16} {:>8} {:>8} {:>8}  {:>8} {:>8}",
+        "", "median", "99.9 %", "worst", "usual 99.9 %", "worst"
+    );
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance/models");
-    let mut paths = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    let mut paths = fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<Vec<_>>>()?;
     paths.sort();
     for path in paths {
         let name = path.file_stem().unwrap_or_default().to_string_lossy();

@@ -20,8 +20,8 @@ fn count() {
     ALLOCATIONS.set(ALLOCATIONS.get() + 1);
 }
 
-// SAFETY: everything is passed on to the system's allocator as it came; counting touches a thread's own number, which
-// needs no allocation and no destructor.
+// SAFETY: everything is passed on to the system's allocator as it came; counting touches a thread's
+// own number, which needs no allocation and no destructor.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();

@@ -9,7 +9,17 @@ const MISSING: &str = "a_panic_is_possible";
 /// Builds one program of this crate with the profile that proves something, in a folder of its own.
 fn build(program: &str) -> Output {
     let mut command = Command::new(env!("CARGO"));
-    command.args(["build", "--locked", "--offline", "-p", "trocar-proof", "--profile", "proof", "--features", "link"]);
+    command.args([
+        "build",
+        "--locked",
+        "--offline",
+        "-p",
+        "trocar-proof",
+        "--profile",
+        "proof",
+        "--features",
+        "link",
+    ]);
     // Flags for other profiles would change what the optimiser sees.
     command.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
     command.arg("--target-dir").arg(Path::new(env!("CARGO_TARGET_TMPDIR")).join("proof"));
@@ -20,13 +30,20 @@ fn links(program: &str) -> bool {
     let output = build(program);
     let errors = String::from_utf8_lossy(&output.stderr);
     let misses = errors.contains(MISSING);
-    assert!(output.status.success() != misses, "{program}: neither linked nor refused for a panic\n{errors}");
+    assert!(
+        output.status.success() != misses,
+        "{program}: neither linked nor refused for a panic\n{errors}"
+    );
     !misses
 }
 
 #[test]
 fn a_step_cannot_panic() {
-    assert!(links("cannot_panic"), "a panic is possible; its function is named by: {:?}", build("cannot_panic"));
+    assert!(
+        links("cannot_panic"),
+        "a panic is possible; its function is named by: {:?}",
+        build("cannot_panic")
+    );
 }
 
 /// The proof proves something: an index and a sum that may fail are found behind the same step.

@@ -10,10 +10,12 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::work::{How, run};
 
-/// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors record it.
+/// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors
+/// record it.
 ///
-/// `protocol` is "steady", "dynamic", "validation", "step" or "surgeon"; `seal` a model of EMS elements, by default the
-/// made-up plausible one. `config` is TOML text as `bench_config()` gives it; keys left out keep their defaults.
+/// `protocol` is "steady", "dynamic", "validation", "step" or "surgeon"; `seal` a model of EMS
+/// elements, by default the made-up plausible one. `config` is TOML text as `bench_config()` gives
+/// it; keys left out keep their defaults.
 #[pyfunction]
 #[pyo3(signature = (protocol, *, seal=None, seed=1, config=None))]
 pub(crate) fn bench(
@@ -25,7 +27,8 @@ pub(crate) fn bench(
 ) -> PyResult<Recording> {
     let unknown = |error: UnknownProtocol| ParameterError::new_err(error.to_string());
     let protocol: Protocol = protocol.parse().map_err(unknown)?;
-    let config = config.map(BenchConfig::from_toml).transpose().map_err(Raise::raise)?.unwrap_or_default();
+    let config =
+        config.map(BenchConfig::from_toml).transpose().map_err(Raise::raise)?.unwrap_or_default();
     let file = match seal {
         Some(seal) => seal.get().file().clone(),
         None => trocar::model_file::ModelFile::plausible_10_5_mm().map_err(Raise::raise)?.into(),
@@ -36,7 +39,10 @@ pub(crate) fn bench(
         let events = run.events;
         let BenchRun { time, position, velocity, force, .. } = run;
         let readings = Readings { time, position, force, velocity: Some(velocity) };
-        Ok((Record::from_readings(protocol.name(), &readings, Some(config.force_sensor.range_n)), events))
+        Ok((
+            Record::from_readings(protocol.name(), &readings, Some(config.force_sensor.range_n)),
+            events,
+        ))
     })?;
     let (record, events) = record.map_err(|error: BenchError| error.raise())?;
     let mut record = record.map_err(Raise::raise)?;
@@ -45,7 +51,10 @@ pub(crate) fn bench(
         notes.push(format!("the carriage ran into a safety stop {} times", events.stop_hits));
     }
     if events.motor_limited_steps > 0 {
-        notes.push(format!("the motor was at its force limit in {} steps", events.motor_limited_steps));
+        notes.push(format!(
+            "the motor was at its force limit in {} steps",
+            events.motor_limited_steps
+        ));
     }
     Ok(Recording::new(record))
 }

@@ -46,11 +46,16 @@ pub(crate) fn compare(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Compared> {
     let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
-    let models = Choice::list(models).map_err(|why| ParameterError::new_err(format!("models: {why}")))?;
+    let models =
+        Choice::list(models).map_err(|why| ParameterError::new_err(format!("models: {why}")))?;
     let (training, validation) = (records(&recordings), records(&held_out));
     refuse_twice(training.iter().chain(&validation))?;
-    let identify =
-        IdentifyOptions { bootstrap: 0, seed, inertia_removed: moving_mass.mass > 0.0, ..Default::default() };
+    let identify = IdentifyOptions {
+        bootstrap: 0,
+        seed,
+        inertia_removed: moving_mass.mass > 0.0,
+        ..Default::default()
+    };
     let options = CompareOptions { models, identify, timing };
     let task = move |report: &crate::work::Report| {
         let corrected = |recordings: Vec<Record>| moving_mass.subtracted_from_all(recordings, 0.0);
@@ -63,8 +68,8 @@ pub(crate) fn compare(
         let comparison = trocar::compare::compare(&training, &validation, &options, &progress)?;
         Ok(Job { comparison, seed, held_out, moving_mass })
     };
-    let job =
-        run(py, How { progress, threads }, task)?.map_err(|error: trocar::compare::CompareError| error.raise())?;
+    let job = run(py, How { progress, threads }, task)?
+        .map_err(|error: trocar::compare::CompareError| error.raise())?;
     Ok(Compared(Arc::new(job)))
 }
 

@@ -35,7 +35,9 @@ impl TissueForce {
     fn __repr__(&self) -> String {
         let Self { tissue_force_n, trocar_force_n, std_n, fault, .. } = self;
         let fault = fault.map(|fault| format!(", {fault}")).unwrap_or_default();
-        format!("<trocar.TissueForce {tissue_force_n:.4} N ± {std_n:.4} N, trocar {trocar_force_n:.4} N{fault}>")
+        format!(
+            "<trocar.TissueForce {tissue_force_n:.4} N ± {std_n:.4} N, trocar {trocar_force_n:.4} N{fault}>"
+        )
     }
 }
 
@@ -53,7 +55,8 @@ fn name(fault: Fault) -> &'static str {
 
 /// Takes the force of the trocar out of live readings, sample by sample, without looking ahead.
 ///
-/// Whatever is None comes from the model. A step never fails: what cannot be right about a sample is named in its `fault`.
+/// Whatever is None comes from the model. A step never fails: what cannot be right about a sample
+/// is named in its `fault`.
 #[pyclass(module = "trocar")]
 pub(crate) struct Compensator {
     observer: Observer,
@@ -70,7 +73,14 @@ fn options(
     force_error_n: Option<f64>,
     adaptation: bool,
 ) -> CompensateOptions {
-    CompensateOptions { offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation }
+    CompensateOptions {
+        offset_n,
+        moving_mass_kg,
+        gravity_m_s2,
+        sensor_limit_n,
+        force_error_n,
+        adaptation,
+    }
 }
 
 #[pymethods]
@@ -87,16 +97,26 @@ impl Compensator {
         force_error_n: Option<f64>,
         adaptation: bool,
     ) -> PyResult<Self> {
-        let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+        let options = options(
+            offset_n,
+            moving_mass_kg,
+            gravity_m_s2,
+            sensor_limit_n,
+            force_error_n,
+            adaptation,
+        );
         let observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
         Ok(Self { observer, time: None })
     }
 
-    /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its duration.
+    /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its
+    /// duration.
     fn step(&mut self, position_m: f64, force_n: f64, duration_s: f64) -> TissueForce {
         let estimate = self.observer.step(position_m, force_n, duration_s);
-        self.time =
-            Some(self.time.unwrap_or(0.0) + if duration_s > 0.0 && duration_s.is_finite() { duration_s } else { 0.0 });
+        self.time = Some(
+            self.time.unwrap_or(0.0)
+                + if duration_s > 0.0 && duration_s.is_finite() { duration_s } else { 0.0 },
+        );
         TissueForce {
             trocar_force_n: estimate.trocar_force,
             tissue_force_n: estimate.tissue_force,
@@ -108,7 +128,8 @@ impl Compensator {
 
     /// Takes many samples; times are those of a clock that goes on from call to call.
     ///
-    /// Gives a `Compensation`. Positions and readings may be nan: that is a fault of the sample, not an error.
+    /// Gives a `Compensation`. Positions and readings may be nan: that is a fault of the sample,
+    /// not an error.
     fn run<'py>(
         &mut self,
         py: Python<'py>,
@@ -116,16 +137,24 @@ impl Compensator {
         position_m: &Bound<'py, PyAny>,
         force_n: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let columns = [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
+        let columns = [
+            column("time_s", time_s)?,
+            column("position_m", position_m)?,
+            column("force_n", force_n)?,
+        ];
         let (estimates, time) = along(py, &mut self.observer, self.time, &columns)?;
         self.time = time;
-        let result = py.import(intern!(py, "trocar.results"))?.getattr(intern!(py, "Compensation"))?;
+        let result =
+            py.import(intern!(py, "trocar.results"))?.getattr(intern!(py, "Compensation"))?;
         let [time, position, force] = columns;
-        result.call_method1(intern!(py, "_of"), ((&*time, &*position, &*force), estimates, self.drift()))
+        result.call_method1(
+            intern!(py, "_of"),
+            ((&*time, &*position, &*force), estimates, self.drift()),
+        )
     }
 
-    /// Friction and viscosity over those of the model, with standard deviations: (level, level_std, viscosity,
-    /// viscosity_std).
+    /// Friction and viscosity over those of the model, with standard deviations: (level, level_std,
+    /// viscosity, viscosity_std).
     #[getter]
     fn drift(&self) -> (f64, f64, f64, f64) {
         numbers(self.observer.drift())
@@ -148,11 +177,14 @@ impl Compensator {
 
     fn __repr__(&self) -> String {
         let Drift { level, viscosity, .. } = self.observer.drift();
-        format!("<trocar.Compensator: friction {level:.3}, viscosity {viscosity:.3} of the model's>")
+        format!(
+            "<trocar.Compensator: friction {level:.3}, viscosity {viscosity:.3} of the model's>"
+        )
     }
 }
 
-/// Trocar force, tissue force, standard deviation, adapting, fault (place in `faults`, -1 for none).
+/// Trocar force, tissue force, standard deviation, adapting, fault (place in `faults`, -1 for
+/// none).
 type Estimates<'py> = (
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
@@ -185,9 +217,11 @@ pub(crate) fn compensate<'py>(
     force_error_n: Option<f64>,
     adaptation: bool,
 ) -> PyResult<(Estimates<'py>, (f64, f64, f64, f64))> {
-    let options = options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+    let options =
+        options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
     let mut observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
-    let columns = [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
+    let columns =
+        [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
     let (estimates, _) = along(py, &mut observer, None, &columns)?;
     Ok((estimates, numbers(observer.drift())))
 }
@@ -218,7 +252,11 @@ fn along<'py>(
         let range = chunk..time.len().min(chunk + CHUNK);
         py.detach(|| {
             for i in range {
-                estimates.push(observer.step(position[i], force[i], before.map_or(0.0, |before| time[i] - before)));
+                estimates.push(observer.step(
+                    position[i],
+                    force[i],
+                    before.map_or(0.0, |before| time[i] - before),
+                ));
                 before = Some(time[i]);
             }
         });
@@ -240,7 +278,9 @@ fn check(time: &[f64], before: Option<f64>) -> PyResult<()> {
     let mut last = before;
     for (i, &t) in time.iter().enumerate() {
         if !t.is_finite() {
-            return Err(MotionError::new_err(format!("sample {i}: time_s is {t} s, expected a finite number")));
+            return Err(MotionError::new_err(format!(
+                "sample {i}: time_s is {t} s, expected a finite number"
+            )));
         }
         if let Some(from) = last.filter(|from| t < *from) {
             let text = format!(

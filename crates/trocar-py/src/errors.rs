@@ -1,26 +1,57 @@
-//! Errors of the library as Python exceptions, with their messages as they are but for the names of options.
+//! Errors of the library as Python exceptions, with their messages as they are but for the names of
+//! options.
 
 use std::io;
 
 use pyo3::PyErr;
 use pyo3::create_exception;
 use pyo3::exceptions::{
-    PyFileNotFoundError, PyIsADirectoryError, PyNotADirectoryError, PyOSError, PyPermissionError, PyRuntimeError,
-    PyValueError,
+    PyFileNotFoundError, PyIsADirectoryError, PyNotADirectoryError, PyOSError, PyPermissionError,
+    PyRuntimeError, PyValueError,
 };
 
-create_exception!(trocar, TrocarError, PyValueError, "Input that cannot be used; the base of all errors of trocar.");
-create_exception!(trocar, ArrayError, TrocarError, "An array of the wrong kind, shape or length, or one not writable.");
+create_exception!(
+    trocar,
+    TrocarError,
+    PyValueError,
+    "Input that cannot be used; the base of all errors of trocar."
+);
+create_exception!(
+    trocar,
+    ArrayError,
+    TrocarError,
+    "An array of the wrong kind, shape or length, or one not writable."
+);
 create_exception!(trocar, RecordingError, TrocarError, "A recording that cannot be used.");
 create_exception!(trocar, MotionError, TrocarError, "A motion that a model cannot follow.");
 create_exception!(trocar, ModelFileError, TrocarError, "A file or text that is no model.");
 create_exception!(trocar, ParameterError, TrocarError, "A parameter or option out of its range.");
-create_exception!(trocar, IdentifyError, TrocarError, "Recordings that no model can be identified from.");
-create_exception!(trocar, CompareError, TrocarError, "Recordings that models cannot be compared on.");
-create_exception!(trocar, NotConverged, CompareError, "A model that could not be fitted from any start.");
+create_exception!(
+    trocar,
+    IdentifyError,
+    TrocarError,
+    "Recordings that no model can be identified from."
+);
+create_exception!(
+    trocar,
+    CompareError,
+    TrocarError,
+    "Recordings that models cannot be compared on."
+);
+create_exception!(
+    trocar,
+    NotConverged,
+    CompareError,
+    "A model that could not be fitted from any start."
+);
 create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
 create_exception!(trocar, SweepError, TrocarError, "A sweep that cannot be made.");
-create_exception!(trocar, InternalError, PyRuntimeError, "A fault inside trocar; please report it.");
+create_exception!(
+    trocar,
+    InternalError,
+    PyRuntimeError,
+    "A fault inside trocar; please report it."
+);
 
 /// An error of the library on its way to Python.
 pub(crate) trait Raise {
@@ -45,7 +76,9 @@ impl Raise for trocar::model_file::ModelFileError {
         fn unreadable(error: &E) -> Option<&io::Error> {
             match error {
                 // Bytes that are no text are a fault of the contents.
-                E::Unreadable(source) if source.kind() != io::ErrorKind::InvalidData => Some(source),
+                E::Unreadable(source) if source.kind() != io::ErrorKind::InvalidData => {
+                    Some(source)
+                }
                 E::InFile { source, .. } => unreadable(source),
                 _ => None,
             }
@@ -162,7 +195,8 @@ pub(crate) fn os_error(source: &io::Error, text: String) -> PyErr {
     }
 }
 
-/// Options as they are called in Python: `--flip-force` is `flip_force=True`, `--columns a,b` is `columns="a,b"`.
+/// Options as they are called in Python: `--flip-force` is `flip_force=True`, `--columns a,b` is
+/// `columns="a,b"`.
 pub(crate) fn in_python(text: &str) -> String {
     let text = text
         .replace("`trocar sweep --print-config` prints", "trocar.sweep_config() gives")
@@ -175,7 +209,8 @@ pub(crate) fn in_python(text: &str) -> String {
             "--validate," => out.push("validate=...,".to_owned()),
             "--force-error-n" => out.push("force_error_n".to_owned()),
             "--out" => out.push("another path".to_owned()),
-            "--columns" => match words.next_if(|next| next.contains(',') || next.starts_with('\'')) {
+            "--columns" => match words.next_if(|next| next.contains(',') || next.starts_with('\''))
+            {
                 Some(first) if first.starts_with('\'') => {
                     let mut names = format!("columns={first}");
                     while !names.ends_with('\'')
@@ -197,5 +232,9 @@ pub(crate) fn in_python(text: &str) -> String {
 /// A number in a message: as a power of ten where it would fill the line with zeros.
 pub(crate) fn number(value: f64) -> String {
     let is_short = (1e-6..1e9).contains(&value.abs());
-    if value == 0.0 || !value.is_finite() || is_short { value.to_string() } else { format!("{value:e}") }
+    if value == 0.0 || !value.is_finite() || is_short {
+        value.to_string()
+    } else {
+        format!("{value:e}")
+    }
 }

@@ -1,4 +1,5 @@
-//! One recording to one row, and data sets whose recordings are identified elsewhere; `trocar.fleet` wraps it.
+//! One recording to one row, and data sets whose recordings are identified elsewhere;
+//! `trocar.fleet` wraps it.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -7,8 +8,8 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
 use trocar::fleet::{
-    Collector, Config, Dataset, DatasetError, Depth, FleetCell, FleetError, Input, Tally, columns, identify_one,
-    identify_source, journal_path,
+    Collector, Config, Dataset, DatasetError, Depth, FleetCell, FleetError, Input, Tally, columns,
+    identify_one, identify_source, journal_path,
 };
 use trocar::recording::{Choice, ReadOptions};
 use trocar::table::Kind;
@@ -50,7 +51,14 @@ impl FleetConfig {
         })?;
         check_limit(sensor_limit_n)?;
         let reading = ReadOptions {
-            choice: Choice { columns, topics, from: from_s, to: to_s, flip_force, ..Choice::default() },
+            choice: Choice {
+                columns,
+                topics,
+                from: from_s,
+                to: to_s,
+                flip_force,
+                ..Choice::default()
+            },
             sensor_limit: sensor_limit_n,
             most_samples,
             memory_limit: memory_limit_bytes,
@@ -79,7 +87,11 @@ pub(crate) fn fleet_columns() -> Vec<(String, &'static str)> {
 
 /// The row of a file.
 #[pyfunction]
-pub(crate) fn fleet_file(py: Python<'_>, path: PathBuf, config: &FleetConfig) -> PyResult<Vec<Py<PyAny>>> {
+pub(crate) fn fleet_file(
+    py: Python<'_>,
+    path: PathBuf,
+    config: &FleetConfig,
+) -> PyResult<Vec<Py<PyAny>>> {
     row(py, Input::File(path), config)
 }
 
@@ -91,7 +103,8 @@ pub(crate) fn fleet_frame(
     name: String,
     config: &FleetConfig,
 ) -> PyResult<Vec<Py<PyAny>>> {
-    let (readings, _) = readings_of_frame(frame, &name, config.0.reading.choice.columns.as_deref())?;
+    let (readings, _) =
+        readings_of_frame(frame, &name, config.0.reading.choice.columns.as_deref())?;
     row(py, Input::Columns { name, readings }, config)
 }
 
@@ -110,9 +123,14 @@ fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<Py
 
 /// The rows of one source of a data set, as text for [`FleetTable::add`].
 #[pyfunction]
-pub(crate) fn fleet_source(py: Python<'_>, order: String, config: &FleetConfig) -> PyResult<String> {
+pub(crate) fn fleet_source(
+    py: Python<'_>,
+    order: String,
+    config: &FleetConfig,
+) -> PyResult<String> {
     let config = config.0.clone();
-    let parts = run(py, How { progress: None, threads: 1 }, move |_| identify_source(&order, &config))?;
+    let parts =
+        run(py, How { progress: None, threads: 1 }, move |_| identify_source(&order, &config))?;
     parts.map_err(|error| ParameterError::new_err(format!("no order of a data set: {error}")))
 }
 
@@ -128,11 +146,18 @@ pub(crate) struct FleetTable {
 impl FleetTable {
     #[new]
     #[pyo3(signature = (dataset, out, config, *, group_by))]
-    fn new(dataset: PathBuf, out: PathBuf, config: &FleetConfig, group_by: Option<&str>) -> PyResult<Self> {
-        let found = Dataset::open(&dataset, group_by, &[out.clone(), journal_path(&out)]).map_err(of_dataset)?;
+    fn new(
+        dataset: PathBuf,
+        out: PathBuf,
+        config: &FleetConfig,
+        group_by: Option<&str>,
+    ) -> PyResult<Self> {
+        let found = Dataset::open(&dataset, group_by, &[out.clone(), journal_path(&out)])
+            .map_err(of_dataset)?;
         let names = found.sources.iter().map(|source| source.name.clone()).collect();
         let left_out = found.left_out.clone();
-        let collector = Collector::open(found, &config.0, &out).map_err(|error| of_fleet(error.into()))?;
+        let collector =
+            Collector::open(found, &config.0, &out).map_err(|error| of_fleet(error.into()))?;
         Ok(Self { collector: Mutex::new(Some(collector)), names, left_out })
     }
 
@@ -151,7 +176,8 @@ impl FleetTable {
     /// One for each unit of work, for `fleet_source`.
     fn orders(&self) -> PyResult<Vec<String>> {
         let orders = self.open().as_ref().map(Collector::orders).transpose();
-        let wrong = |error| ParameterError::new_err(format!("a path of the data set is no text: {error}"));
+        let wrong =
+            |error| ParameterError::new_err(format!("a path of the data set is no text: {error}"));
         Ok(orders.map_err(wrong)?.unwrap_or_default())
     }
 
@@ -171,7 +197,8 @@ impl FleetTable {
         let fleet = py.detach(|| collector.write()).map_err(of_fleet)?;
         let text = |cells: &trocar::fleet::Record, name: &str| cells.text(name).map(str::to_owned);
         let said = |record| {
-            let [path, status] = ["path", "status"].map(|name| text(record, name).unwrap_or_default());
+            let [path, status] =
+                ["path", "status"].map(|name| text(record, name).unwrap_or_default());
             (path, status, text(record, "reason"))
         };
         Ok(fleet.records.iter().map(said).collect())
@@ -188,7 +215,10 @@ impl FleetTable {
         self.collector.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn with(&self, take: impl FnOnce(&mut Collector) -> Result<Tally, FleetError>) -> PyResult<(usize, usize, usize)> {
+    fn with(
+        &self,
+        take: impl FnOnce(&mut Collector) -> Result<Tally, FleetError>,
+    ) -> PyResult<(usize, usize, usize)> {
         let tally = take(self.open().as_mut().ok_or_else(written)?).map_err(of_fleet)?;
         Ok((tally.done, tally.reused, tally.failed))
     }
@@ -200,7 +230,9 @@ fn written() -> PyErr {
 
 fn of_dataset(error: DatasetError) -> PyErr {
     match error {
-        DatasetError::Read { path, source } => PyOSError::new_err((source.raw_os_error(), source.to_string(), path)),
+        DatasetError::Read { path, source } => {
+            PyOSError::new_err((source.raw_os_error(), source.to_string(), path))
+        }
         other => ParameterError::new_err(other.to_string()),
     }
 }

@@ -53,7 +53,9 @@ pub(crate) fn identify(
 ) -> PyResult<Identified> {
     let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
     if let Some(offset) = offset_n.filter(|offset| !offset.is_finite()) {
-        return Err(ParameterError::new_err(format!("offset_n must be a finite number, got {offset}")));
+        return Err(ParameterError::new_err(format!(
+            "offset_n must be a finite number, got {offset}"
+        )));
     }
     let options = IdentifyOptions {
         bootstrap,
@@ -67,7 +69,9 @@ pub(crate) fn identify(
     };
     let (recordings, held_out) = (records(&recordings), records(&held_out));
     let task = move |report: &crate::work::Report| {
-        Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| report.tell(stage, part))
+        Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
+            report.tell(stage, part)
+        })
     };
     let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
     Ok(Identified(Arc::new(job)))
@@ -76,7 +80,9 @@ pub(crate) fn identify(
 fn term(name: &str) -> PyResult<Term> {
     let names = || Term::ALL.map(Term::name).join(", ");
     let found = Term::ALL.into_iter().find(|term| term.name() == name);
-    found.ok_or_else(|| ParameterError::new_err(format!("without {name:?}: expected one of {}", names())))
+    found.ok_or_else(|| {
+        ParameterError::new_err(format!("without {name:?}: expected one of {}", names()))
+    })
 }
 
 fn page(done: &Workflow) -> Document {

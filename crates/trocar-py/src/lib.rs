@@ -1,12 +1,13 @@
-//! The Python package `trocar`, its native part: thin types over the library, arrays in and out without a copy, long
-//! work off the interpreter's lock. The rest of the package is Python, in `python/trocar/`.
+//! The Python package `trocar`, its native part: thin types over the library, arrays in and out
+//! without a copy, long work off the interpreter's lock. The rest of the package is Python, in
+//! `python/trocar/`.
 //!
 //! ```text
 //! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Identified, Validated, Compared ─▶ Python results
 //!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep
 //! ```
-//! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception with the library's
-//! message; a panic becomes `InternalError` and never reaches the interpreter.
+//! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception
+//! with the library's message; a panic becomes `InternalError` and never reaches the interpreter.
 
 mod arrays;
 mod bench;
@@ -38,11 +39,13 @@ mod _core {
     use crate::compensate::{Compensator, TissueForce, compensate, faults};
     #[pymodule_export]
     use crate::errors::{
-        ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError, MotionError, NotConverged,
-        ParameterError, RecordingError, SweepError, TrocarError,
+        ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError,
+        MotionError, NotConverged, ParameterError, RecordingError, SweepError, TrocarError,
     };
     #[pymodule_export]
-    use crate::fleet::{FleetConfig, FleetTable, fleet_columns, fleet_file, fleet_frame, fleet_source};
+    use crate::fleet::{
+        FleetConfig, FleetTable, fleet_columns, fleet_file, fleet_frame, fleet_source,
+    };
     #[pymodule_export]
     use crate::identify::{Identified, identify};
     #[pymodule_export]

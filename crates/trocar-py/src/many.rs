@@ -1,4 +1,5 @@
-//! `simulate_many` and `squared_error_many`: many models along one motion; `trocar._many` wraps them.
+//! `simulate_many` and `squared_error_many`: many models along one motion; `trocar._many` wraps
+//! them.
 
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -14,7 +15,8 @@ use crate::model::{Model, Tunable, tunables, unknown};
 use crate::simulate::{check_motion, start};
 use crate::work::run_borrowing;
 
-/// Forces of models along a motion into `out`, a row for each: those listed, or one with columns of parameters.
+/// Forces of models along a motion into `out`, a row for each: those listed, or one with columns of
+/// parameters.
 #[pyfunction]
 #[pyo3(signature = (models, parameters, time_s, position_m, *, initial_force_n, initial_deflection_m, out, threads))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
@@ -38,7 +40,8 @@ pub(crate) fn simulate_many(
     let mut out = rows(out, models.count(), time.len())?;
     apart(&out, &models.read(&[time, position]))?;
     let out = out.as_slice_mut()?;
-    let done = run_borrowing(py, threads, || forces(&models, start, &Motion::new(time, position), out))?;
+    let done =
+        run_borrowing(py, threads, || forces(&models, start, &Motion::new(time, position), out))?;
     done.map_err(|refusal| raise(refusal, adjusted.as_ref()))
 }
 
@@ -78,12 +81,14 @@ pub(crate) fn squared_error_many(
 fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
     if force.len() != samples {
         let found = force.len();
-        return Err(MotionError::new_err(format!("force_n has {found} samples, expected {samples} as time_s has")));
+        return Err(MotionError::new_err(format!(
+            "force_n has {found} samples, expected {samples} as time_s has"
+        )));
     }
     match force.iter().position(|force| force.is_infinite()) {
-        None if samples > 0 && force.iter().all(|force| force.is_nan()) => {
-            Err(RecordingError::new_err("force_n holds no reading, all are nan: any model would do"))
-        }
+        None if samples > 0 && force.iter().all(|force| force.is_nan()) => Err(
+            RecordingError::new_err("force_n holds no reading, all are nan: any model would do"),
+        ),
         None => Ok(()),
         Some(i) => Err(RecordingError::new_err(format!(
             "sample {i}: force_n is {} N, expected a finite number, or nan where there is no reading",
@@ -100,19 +105,26 @@ enum Models<'a> {
 
 impl<'a> Models<'a> {
     /// The models, all of which can begin as `start` says.
-    fn new(models: &'a [Py<Model>], adjusted: Option<&'a Adjusted<'_>>, start: Start) -> PyResult<Self> {
+    fn new(
+        models: &'a [Py<Model>],
+        adjusted: Option<&'a Adjusted<'_>>,
+        start: Start,
+    ) -> PyResult<Self> {
         let Some(adjusted) = adjusted else {
             let models: Vec<&Model> = models.iter().map(Py::get).collect();
             let cannot = |model: &&Model| {
-                matches!(start, Start::Deflection(_)) && matches!(model.trocar().seal(), Seal::Classical(_))
+                matches!(start, Start::Deflection(_))
+                    && matches!(model.trocar().seal(), Seal::Classical(_))
             };
             return match models.iter().position(cannot) {
                 Some(index) => Err(raise(Refusal::NoDeflection { index }, None)),
                 None => Ok(Self::Listed(models)),
             };
         };
-        let columns = adjusted.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
-        let tuned = Tuned::new(base(models)?.trocar().borrowed(), columns.collect::<PyResult<_>>()?);
+        let columns =
+            adjusted.columns.iter().map(|column| Ok((column.place, column.values.as_slice()?)));
+        let tuned =
+            Tuned::new(base(models)?.trocar().borrowed(), columns.collect::<PyResult<_>>()?);
         Ok(Self::Tuned(Box::new(tuned.expect("every place was found among the tunables"))))
     }
 
@@ -146,7 +158,10 @@ impl Ensemble for Models<'_> {
 fn base(models: &[Py<Model>]) -> PyResult<&Model> {
     match models {
         [model] => Ok(model.get()),
-        _ => Err(PyTypeError::new_err(format!("parameters belong to one model, got {} models", models.len()))),
+        _ => Err(PyTypeError::new_err(format!(
+            "parameters belong to one model, got {} models",
+            models.len()
+        ))),
     }
 }
 
@@ -173,13 +188,18 @@ impl<'py> Adjusted<'py> {
             if columns.iter().any(|column| column.place == place) {
                 return Err(ParameterError::new_err(format!("parameters: {name} is there twice")));
             }
-            let column = Column { law: known.swap_remove(place), place, values: column(&name, &values)? };
+            let column =
+                Column { law: known.swap_remove(place), place, values: column(&name, &values)? };
             column.check(columns.first())?;
             columns.push(column);
         }
         if columns.is_empty() {
-            let names: Vec<String> = tunables(base.seal()).into_iter().map(|tunable| tunable.name).collect();
-            return Err(ParameterError::new_err(format!("parameters has no column; there are {}", names.join(", "))));
+            let names: Vec<String> =
+                tunables(base.seal()).into_iter().map(|tunable| tunable.name).collect();
+            return Err(ParameterError::new_err(format!(
+                "parameters has no column; there are {}",
+                names.join(", ")
+            )));
         }
         Ok(Self { columns })
     }
@@ -195,9 +215,12 @@ impl Column<'_> {
             && found != expected
         {
             let other = &first.law.name;
-            return Err(ArrayError::new_err(format!("{name} has {found} values, expected {expected} as {other} has")));
+            return Err(ArrayError::new_err(format!(
+                "{name} has {found} values, expected {expected} as {other} has"
+            )));
         }
-        let fits = |value: &f64| value.is_finite() && (value > least || (value == least && !above_least));
+        let fits =
+            |value: &f64| value.is_finite() && (value > least || (value == least && !above_least));
         let Some(model) = values.iter().position(|value| !fits(value)) else { return Ok(()) };
         let (wanted, unit) = (if *above_least { "above" } else { "at least" }, self.unit());
         Err(ParameterError::new_err(format!(

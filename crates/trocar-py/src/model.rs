@@ -23,7 +23,8 @@ const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fmu-library"));
 /// The reason if there is none.
 const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
 
-/// A model of the force between instrument and trocar: EMS elements, or one classical friction model.
+/// A model of the force between instrument and trocar: EMS elements, or one classical friction
+/// model.
 ///
 /// Models do not change: `tuned` gives another one. Two models are equal when their files would be.
 #[pyclass(module = "trocar", frozen)]
@@ -49,7 +50,8 @@ impl From<ModelFile> for Model {
 /// A number of a model that can be adjusted by itself.
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct Tunable {
-    /// Name, with its unit at the end; where a model has several elements, it begins with `element_1_` and so on.
+    /// Name, with its unit at the end; where a model has several elements, it begins with
+    /// `element_1_` and so on.
     pub(crate) name: String,
     /// Present value.
     value: f64,
@@ -105,7 +107,9 @@ impl Model {
     #[staticmethod]
     fn from_dict(values: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = values.py();
-        let text = py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "json_text"), (values,))?;
+        let text = py
+            .import(intern!(py, "trocar._arrays"))?
+            .call_method1(intern!(py, "json_text"), (values,))?;
         Self::from_json(&text.extract::<String>()?)
     }
 
@@ -125,22 +129,32 @@ impl Model {
         py.detach(|| store(&path, self.0.to_json().as_bytes())).map_err(Raise::raise)
     }
 
-    /// Writes the model as one C99 file of constants and a step function (`trocar export c`); it appears whole or not at all.
+    /// Writes the model as one C99 file of constants and a step function (`trocar export c`); it
+    /// appears whole or not at all.
     ///
-    /// All names in the file begin with `prefix`. Its first comment explains its use; docs/microcontroller.md has an example.
+    /// All names in the file begin with `prefix`. Its first comment explains its use;
+    /// docs/microcontroller.md has an example.
     #[pyo3(signature = (path, *, prefix=DEFAULT_PREFIX.to_owned()), text_signature = "($self, path, *, prefix='trocar')")]
     fn export_c(&self, py: Python<'_>, path: PathBuf, prefix: String) -> PyResult<()> {
         let text = from_text(&self.0.to_json(), "model.json", &prefix).map_err(Raise::raise)?;
         py.detach(|| store(&path, text.as_bytes())).map_err(Raise::raise)
     }
 
-    /// Writes the model as a functional mock-up unit (`trocar export fmu`); the file appears whole or not at all.
+    /// Writes the model as a functional mock-up unit (`trocar export fmu`); the file appears whole
+    /// or not at all.
     ///
-    /// `fmi` is the version of FMI, 2 or 3; `input` is what drives the model: "position" (m, at the end of a step) or "velocity"
-    /// (m/s, during it); `name` that of the model in the description. The FMU runs on this platform; the command line packs
-    /// libraries for others.
+    /// `fmi` is the version of FMI, 2 or 3; `input` is what drives the model: "position" (m, at the
+    /// end of a step) or "velocity" (m/s, during it); `name` that of the model in the description.
+    /// The FMU runs on this platform; the command line packs libraries for others.
     #[pyo3(signature = (path, *, fmi=2, input="position", name="model"))]
-    fn export_fmu(&self, py: Python<'_>, path: PathBuf, fmi: u32, input: &str, name: &str) -> PyResult<()> {
+    fn export_fmu(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        fmi: u32,
+        input: &str,
+        name: &str,
+    ) -> PyResult<()> {
         let version = match fmi {
             2 => Version::V2,
             3 => Version::V3,
@@ -149,16 +163,23 @@ impl Model {
         let input = match input {
             "position" => Input::Position,
             "velocity" => Input::Velocity,
-            _ => return Err(ParameterError::new_err(format!("input {input:?}: expected position or velocity"))),
+            _ => {
+                return Err(ParameterError::new_err(format!(
+                    "input {input:?}: expected position or velocity"
+                )));
+            }
         };
         let Some(platform) = Platform::native().filter(|_| !LIBRARY.is_empty()) else {
             let why = if REASON.is_empty() { "FMI has no name for this platform" } else { REASON };
-            return Err(TrocarError::new_err(format!("this trocar carries no library for FMUs: {why}")));
+            return Err(TrocarError::new_err(format!(
+                "this trocar carries no library for FMUs: {why}"
+            )));
         };
         let binaries = [Binary { platform, bytes: LIBRARY.to_vec() }];
         let (trocar, text) = (self.trocar().borrowed(), self.0.to_json());
         let contents = Contents { name, trocar, input, version, text: &text, binaries: &binaries };
-        let bytes = package(&contents).map_err(|error| ParameterError::new_err(error.to_string()))?;
+        let bytes =
+            package(&contents).map_err(|error| ParameterError::new_err(error.to_string()))?;
         py.detach(|| store(&path, &bytes)).map_err(Raise::raise)
     }
 
@@ -168,7 +189,8 @@ impl Model {
         self.trocar().seal().kind()
     }
 
-    /// Offset of the force sensor behind the model, N: no part of the seal's force; 0 if there was no sensor.
+    /// Offset of the force sensor behind the model, N: no part of the seal's force; 0 if there was
+    /// no sensor.
     #[getter]
     fn sensor_offset_n(&self) -> f64 {
         self.0.sensor.map_or(0.0, |sensor| sensor.offset_n)
@@ -204,10 +226,11 @@ impl Model {
         PyTuple::new(py, all.collect::<PyResult<Vec<_>>>()?)
     }
 
-    /// Another model with some numbers changed, as in `model.tuned(half_width_m=5e-3)`; see `tunables`.
+    /// Another model with some numbers changed, as in `model.tuned(half_width_m=5e-3)`; see
+    /// `tunables`.
     ///
-    /// A new force stretches the branches of the deformation with it. The new model keeps sensor and position profile, loses the
-    /// intervals, and says in its origin that it was made by hand.
+    /// A new force stretches the branches of the deformation with it. The new model keeps sensor
+    /// and position profile, loses the intervals, and says in its origin that it was made by hand.
     #[pyo3(signature = (**values), text_signature = "($self, **values)")]
     fn tuned(&self, values: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let old = tunables(self.trocar().seal());
@@ -215,16 +238,26 @@ impl Model {
         let mut note = "tuned:".to_owned();
         for (name, value) in values.into_iter().flat_map(|values| values.iter()) {
             let name: String = name.extract()?;
-            let place = old.iter().position(|tunable| tunable.name == name).ok_or_else(|| unknown(&name, &old))?;
+            let place = old
+                .iter()
+                .position(|tunable| tunable.name == name)
+                .ok_or_else(|| unknown(&name, &old))?;
             // Python and NumPy take a truth value for 0 or 1.
-            let read = if matches!(&*type_of(&value), "bool" | "bool_") { None } else { value.extract().ok() };
-            let wrong = || PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)));
+            let read = if matches!(&*type_of(&value), "bool" | "bool_") {
+                None
+            } else {
+                value.extract().ok()
+            };
+            let wrong = || {
+                PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)))
+            };
             new[place] = read.ok_or_else(wrong)?;
             // Writing to a string cannot fail.
             let _ = write!(note, " {name} = {}", number(new[place]));
         }
         let seal = self.trocar().seal().tuned(&new).map_err(Raise::raise)?;
-        let mut file = ModelFile::new(seal, Origin { note: Some(note), ..Origin::new(OriginKind::HandMade) });
+        let mut file =
+            ModelFile::new(seal, Origin { note: Some(note), ..Origin::new(OriginKind::HandMade) });
         (file.trocar, file.sensor) = (self.trocar().with_seal(seal), self.0.sensor);
         Ok(file.into())
     }
@@ -267,7 +300,10 @@ fn store(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
 
 pub(crate) fn unknown(name: &str, known: &[Tunable]) -> PyErr {
     let names: Vec<&str> = known.iter().map(|tunable| tunable.name.as_str()).collect();
-    ParameterError::new_err(format!("no parameter {name:?} to tune; there are {}", names.join(", ")))
+    ParameterError::new_err(format!(
+        "no parameter {name:?} to tune; there are {}",
+        names.join(", ")
+    ))
 }
 
 fn type_of(value: &Bound<'_, PyAny>) -> String {

@@ -11,7 +11,9 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyAny, PySlice, PyTuple, PyType};
 use trocar::output::AtomicFile;
-use trocar::recording::{self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns};
+use trocar::recording::{
+    self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns,
+};
 use trocar::report::recording::document;
 
 use crate::arrays::column;
@@ -22,8 +24,9 @@ use crate::work::{How, run};
 
 /// One recording in SI units: time, position and force of an instrument in a seal.
 ///
-/// Position grows on insertion; the force is that of the instrument on the seal. Arrays may be anything that NumPy turns
-/// into numbers. What is lost or doubtful about the data is in `warnings`, what was assumed in `notes`.
+/// Position grows on insertion; the force is that of the instrument on the seal. Arrays may be
+/// anything that NumPy turns into numbers. What is lost or doubtful about the data is in
+/// `warnings`, what was assumed in `notes`.
 #[pyclass(module = "trocar", frozen)]
 pub(crate) struct Recording {
     record: Arc<Record>,
@@ -69,7 +72,9 @@ fn recording_of(
     if flip_force {
         readings.force.iter_mut().for_each(|force| *force = -*force);
     }
-    let mut record = py.detach(|| Record::from_readings(name, &readings, sensor_limit_n)).map_err(Raise::raise)?;
+    let mut record = py
+        .detach(|| Record::from_readings(name, &readings, sensor_limit_n))
+        .map_err(Raise::raise)?;
     if flip_force {
         record.quality.notes.push("sign of the force reversed".to_owned());
     }
@@ -79,19 +84,22 @@ fn recording_of(
 /// `columns` as the library takes it: a text as it is, a mapping as `ours=theirs`.
 fn columns_in_words(columns: &Bound<'_, PyAny>) -> PyResult<String> {
     let py = columns.py();
-    py.import(intern!(py, "trocar._arrays"))?.call_method1(intern!(py, "columns_in_words"), (columns,))?.extract()
+    py.import(intern!(py, "trocar._arrays"))?
+        .call_method1(intern!(py, "columns_in_words"), (columns,))?
+        .extract()
 }
 
 pub(crate) fn check_limit(limit: Option<f64>) -> PyResult<()> {
     match limit {
-        Some(limit) if !(limit.is_finite() && limit > 0.0) => {
-            Err(ParameterError::new_err(format!("sensor_limit_n must be positive, got {} N", number(limit))))
-        }
+        Some(limit) if !(limit.is_finite() && limit > 0.0) => Err(ParameterError::new_err(
+            format!("sensor_limit_n must be positive, got {} N", number(limit)),
+        )),
         _ => Ok(()),
     }
 }
 
-/// The columns of a data frame in SI units, found by their names or as `columns` says, and what was assumed.
+/// The columns of a data frame in SI units, found by their names or as `columns` says, and what was
+/// assumed.
 ///
 /// Where no column is the time, the frame's index is.
 pub(crate) fn readings_of_frame(
@@ -119,7 +127,11 @@ pub(crate) fn readings_of_frame(
     let found = found.map_err(Raise::raise)?;
     let series = |index: usize| helpers.call_method1(intern!(py, "series"), (&table, index));
     let values = |TableColumn { index, per_si }: TableColumn| -> PyResult<Vec<f64>> {
-        Ok(column(&names[index], &series(index)?)?.as_slice()?.iter().map(|value| value / per_si).collect())
+        Ok(column(&names[index], &series(index)?)?
+            .as_slice()?
+            .iter()
+            .map(|value| value / per_si)
+            .collect())
     };
     let times = |time: TableColumn| -> PyResult<Vec<f64>> {
         let seconds = helpers.call_method1(intern!(py, "seconds"), (series(time.index)?,))?;
@@ -155,7 +167,8 @@ impl Recording {
         sensor_limit_n: Option<f64>,
         flip_force: bool,
     ) -> PyResult<Self> {
-        let values = |name, values| -> PyResult<Vec<f64>> { Ok(column(name, values)?.as_slice()?.to_vec()) };
+        let values =
+            |name, values| -> PyResult<Vec<f64>> { Ok(column(name, values)?.as_slice()?.to_vec()) };
         let readings = Readings {
             time: values("time_s", time_s)?,
             position: values("position_m", position_m)?,
@@ -165,11 +178,14 @@ impl Recording {
         Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, flip_force)?))
     }
 
-    /// A recording from a pandas or polars data frame, an xarray data set, or a dictionary of columns.
+    /// A recording from a pandas or polars data frame, an xarray data set, or a dictionary of
+    /// columns.
     ///
-    /// Columns are found by their names, units included, as in the header of a file: `time_s`, `Position (mm)`, `force_N`.
-    /// `columns` says instead which they are, by our names: `{"position_mm": "pos", "force_n": "fz"}`, or in order, `-` skips
-    /// one: `"time_s,position_mm,-,force_n"`. Times may be dates or durations, also those of the frame's index.
+    /// Columns are found by their names, units included, as in the header of a file: `time_s`,
+    /// `Position (mm)`, `force_N`. `columns` says instead which they are, by our names:
+    /// `{"position_mm": "pos", "force_n": "fz"}`, or in order, `-` skips one:
+    /// `"time_s,position_mm,-,force_n"`. Times may be dates or durations, also those of the frame's
+    /// index.
     #[classmethod]
     #[pyo3(signature = (frame, *, columns=None, name="frame".to_owned(), sensor_limit_n=None, flip_force=false),
         text_signature = "(frame, *, columns=None, name='frame', sensor_limit_n=None, flip_force=False)")]
@@ -246,7 +262,10 @@ impl Recording {
     /// Everything lost or doubtful about the data.
     #[getter]
     fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.record.quality.warnings.iter().map(|w| crate::errors::in_python(&w.to_string())))
+        PyTuple::new(
+            py,
+            self.record.quality.warnings.iter().map(|w| crate::errors::in_python(&w.to_string())),
+        )
     }
 
     /// What was assumed, such as which columns were taken.
@@ -261,7 +280,8 @@ impl Recording {
         py.import("json")?.call_method1("loads", (quality_json(&self.record.quality)?,))
     }
 
-    /// The samples from `from_s` on and before `to_s`, s after the first sample, as a recording of its own.
+    /// The samples from `from_s` on and before `to_s`, s after the first sample, as a recording of
+    /// its own.
     #[pyo3(signature = (from_s=None, to_s=None))]
     fn crop(&self, py: Python<'_>, from_s: Option<f64>, to_s: Option<f64>) -> PyResult<Self> {
         let time = &self.record.time;
@@ -271,12 +291,15 @@ impl Recording {
         }
         let (from, to) = (from_s.unwrap_or(0.0), to_s.unwrap_or(f64::MAX));
         if from >= to {
-            return Err(ParameterError::new_err(format!("from_s is {from} s, expected less than to_s, {to} s")));
+            return Err(ParameterError::new_err(format!(
+                "from_s is {from} s, expected less than to_s, {to} s"
+            )));
         }
         self.part(py, at(from)..at(to))
     }
 
-    /// Some samples in a row, as in `recording[1000:5000]`, as a recording of its own; `crop` takes times.
+    /// Some samples in a row, as in `recording[1000:5000]`, as a recording of its own; `crop` takes
+    /// times.
     fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<Self> {
         let wrong = || {
             let text = "a recording is sliced by samples, as in recording[1000:5000]; columns are recording.force_n and so on, and \
@@ -288,18 +311,23 @@ impl Recording {
         let indices = slice.indices(length).map_err(|_| wrong())?;
         if indices.step != 1 {
             let step = indices.step;
-            let text = format!("step {step}: a recording keeps its sampling, expected samples in a row");
+            let text =
+                format!("step {step}: a recording keeps its sampling, expected samples in a row");
             return Err(ParameterError::new_err(text));
         }
         let from = usize::try_from(indices.start)?;
         self.part(py, from..from + indices.slicelength)
     }
 
-    /// Force and position over time: matplotlib's axes, or a `Figure` (SVG) where matplotlib is not installed.
+    /// Force and position over time: matplotlib's axes, or a `Figure` (SVG) where matplotlib is not
+    /// installed.
     ///
     /// `ax` are two axes to draw the force and the position into, or one for the force alone.
     #[pyo3(signature = (ax=None))]
-    fn plot<'py>(slf: Bound<'py, Self>, ax: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
+    fn plot<'py>(
+        slf: Bound<'py, Self>,
+        ax: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let py = slf.py();
         py.import(intern!(py, "trocar._plot"))?.call_method1(intern!(py, "recording"), (slf, ax))
     }
@@ -327,14 +355,17 @@ impl Recording {
     }
 
     fn __repr__(&self) -> String {
-        let (name, samples, seconds) = (&self.record.name, self.record.len(), self.record.duration());
+        let (name, samples, seconds) =
+            (&self.record.name, self.record.len(), self.record.duration());
         let stroke = 1e3 * self.record.quality.stroke;
         let doubts = match self.record.quality.warnings.len() {
             0 => String::new(),
             1 => ", 1 warning".to_owned(),
             count => format!(", {count} warnings"),
         };
-        format!("<trocar.Recording {name:?}: {samples} samples, {seconds:.1} s, stroke {stroke:.1} mm{doubts}>")
+        format!(
+            "<trocar.Recording {name:?}: {samples} samples, {seconds:.1} s, stroke {stroke:.1} mm{doubts}>"
+        )
     }
 
     fn _repr_html_(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
@@ -342,11 +373,14 @@ impl Recording {
         py.import(intern!(py, "trocar._show"))?.call_method1(intern!(py, "recording"), (slf,))
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+    fn __reduce__<'py>(
+        slf: &Bound<'py, Self>,
+    ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let py = slf.py();
         let own = slf.get();
         let quality = quality_json(&own.record.quality)?;
-        let columns = (own.time_s(py)?, own.position_m(py)?, own.force_n(py)?, own.velocity_m_s(py)?);
+        let columns =
+            (own.time_s(py)?, own.position_m(py)?, own.force_n(py)?, own.velocity_m_s(py)?);
         let state = (columns.0, columns.1, columns.2, columns.3, own.name(), own.sha256(), quality);
         Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state.into_pyobject(py)?))
     }
@@ -363,12 +397,15 @@ impl Recording {
         quality: &str,
     ) -> PyResult<Self> {
         let py = time_s.py();
-        let mut own = Self::from_arrays(py, time_s, position_m, force_n, velocity_m_s, name, None, false)?;
+        let mut own =
+            Self::from_arrays(py, time_s, position_m, force_n, velocity_m_s, name, None, false)?;
         let length = column("time_s", time_s)?.as_slice()?.len();
-        let quality: Quality =
-            serde_json::from_str(quality).map_err(|error| InternalError::new_err(error.to_string()))?;
+        let quality: Quality = serde_json::from_str(quality)
+            .map_err(|error| InternalError::new_err(error.to_string()))?;
         if own.record.len() != length || quality.breaks.iter().any(|at| *at >= length) {
-            return Err(ArrayError::new_err("the columns of a pickled recording do not belong together"));
+            return Err(ArrayError::new_err(
+                "the columns of a pickled recording do not belong together",
+            ));
         }
         let record = Arc::make_mut(&mut own.record);
         (record.sha256, record.quality) = (sha256, quality);
@@ -382,11 +419,12 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
 
 /// Reads a recording from a file of any format that `trocar inspect` lists.
 ///
-/// Columns are found by their names, units included; `columns` says instead which they are, by our names:
-/// `{"position_mm": "x", "force_n": "-fz"}` or `"position_mm=x,force_n=-fz"`, where `-` reverses the sign, or in order, where `-`
-/// skips one: `"time_s,position_mm,-,force_n"`. `topics` are the tables or topics to look in.
-/// Rows before `from_s` and from `to_s` on (s after the first row) are left out. `flip_force` reverses the sign of the force;
-/// readings at `sensor_limit_n` count as saturated. `skip_rows` lines at the beginning of a text are skipped, and `rate_hz` is
+/// Columns are found by their names, units included; `columns` says instead which they are, by our
+/// names: `{"position_mm": "x", "force_n": "-fz"}` or `"position_mm=x,force_n=-fz"`, where `-`
+/// reverses the sign, or in order, where `-` skips one: `"time_s,position_mm,-,force_n"`. `topics`
+/// are the tables or topics to look in. Rows before `from_s` and from `to_s` on (s after the first
+/// row) are left out. `flip_force` reverses the sign of the force; readings at `sensor_limit_n`
+/// count as saturated. `skip_rows` lines at the beginning of a text are skipped, and `rate_hz` is
 /// the number of rows per second of a file without a column of times.
 #[pyfunction]
 #[pyo3(signature = (path, *, columns=None, topics=Vec::new(), from_s=None, to_s=None, flip_force=false,
@@ -407,8 +445,16 @@ pub(crate) fn read(
 ) -> PyResult<Recording> {
     check_limit(sensor_limit_n)?;
     let columns = columns.map(columns_in_words).transpose()?;
-    let choice =
-        Choice { columns, topics, from: from_s, to: to_s, flip_force, skip_rows, rate_hz, ..Choice::default() };
+    let choice = Choice {
+        columns,
+        topics,
+        from: from_s,
+        to: to_s,
+        flip_force,
+        skip_rows,
+        rate_hz,
+        ..Choice::default()
+    };
     let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };
     let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
     Ok(Recording::new(record.map_err(Raise::raise)?))

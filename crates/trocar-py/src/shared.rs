@@ -14,7 +14,8 @@ use crate::errors::{ParameterError, Raise};
 use crate::recording::Recording;
 use crate::work::{How, run};
 
-/// Recordings as they are worked on: copies without single glitches of the position, as the command line does it.
+/// Recordings as they are worked on: copies without single glitches of the position, as the command
+/// line does it.
 pub(crate) fn records(recordings: &[PyRef<'_, Recording>]) -> Vec<Record> {
     recordings.iter().map(|recording| recording.record().clone().without_glitches()).collect()
 }
@@ -27,13 +28,18 @@ pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
 }
 
 pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong = || ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)));
+    let wrong =
+        || ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)));
     value.is_finite().then_some(()).ok_or_else(wrong)
 }
 
 pub(crate) fn not_negative(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong =
-        || ParameterError::new_err(format!("{name} must be finite and not negative, got {} {unit}", number(value)));
+    let wrong = || {
+        ParameterError::new_err(format!(
+            "{name} must be finite and not negative, got {} {unit}",
+            number(value)
+        ))
+    };
     (value.is_finite() && value >= 0.0).then_some(()).ok_or_else(wrong)
 }
 
@@ -41,17 +47,24 @@ pub(crate) fn not_negative(name: &str, value: f64, unit: &str) -> PyResult<()> {
 pub(crate) type Picture = (String, String, String, String);
 
 /// The figures of a document, drawn off the lock.
-pub(crate) fn figures(py: Python<'_>, document: impl FnOnce() -> Document + Send + 'static) -> PyResult<Vec<Picture>> {
+pub(crate) fn figures(
+    py: Python<'_>,
+    document: impl FnOnce() -> Document + Send + 'static,
+) -> PyResult<Vec<Picture>> {
     let draw = move || {
         let document = document();
         let svgs = report::vectors(&document)?;
         let figures = document.sections.into_iter().flat_map(|section| section.figures);
-        Ok(figures.zip(svgs).map(|(figure, (id, svg))| (id, figure.title, figure.caption, svg)).collect())
+        Ok(figures
+            .zip(svgs)
+            .map(|(figure, (id, svg))| (id, figure.title, figure.caption, svg))
+            .collect())
     };
     run(py, How::default(), move |_| draw())?.map_err(|error: report::ReportError| error.raise())
 }
 
-/// Writes the page of a document to `path`, made off the lock; the file appears whole or not at all.
+/// Writes the page of a document to `path`, made off the lock; the file appears whole or not at
+/// all.
 pub(crate) fn write_page(
     py: Python<'_>,
     path: PathBuf,

@@ -20,11 +20,13 @@ const CHUNK: usize = 1 << 17;
 /// Samples whose durations are made at a time: what the first cache holds.
 const PART: usize = 1 << 10;
 
-/// Force of the model along a motion, N: that of the instrument on the seal, without any sensor offset.
+/// Force of the model along a motion, N: that of the instrument on the seal, without any sensor
+/// offset.
 ///
-/// The first sample is the start: at rest there, undeformed, or with `initial_force_n` or `initial_deflection_m`. Times may
-/// be uneven; a sample with the time and position of the one before changes nothing. `out` takes the result: a
-/// contiguous, writable array of float64. Other threads of Python run meanwhile.
+/// The first sample is the start: at rest there, undeformed, or with `initial_force_n` or
+/// `initial_deflection_m`. Times may be uneven; a sample with the time and position of the one
+/// before changes nothing. `out` takes the result: a contiguous, writable array of float64. Other
+/// threads of Python run meanwhile.
 #[pyfunction]
 #[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None, out=None))]
 pub(crate) fn simulate<'py>(
@@ -39,7 +41,8 @@ pub(crate) fn simulate<'py>(
     let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run = Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
+    let mut run =
+        Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let result = match out {
         Some(out) => out.clone(),
         None => PyArray1::<f64>::zeros(py, time.len(), false).into_any(),
@@ -64,11 +67,15 @@ pub(crate) fn simulate_full<'py>(
     position_m: &Bound<'py, PyAny>,
     initial_force_n: Option<f64>,
     initial_deflection_m: Option<f64>,
-) -> PyResult<(Bound<'py, PyArray1<f64>>, Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)>)> {
+) -> PyResult<(
+    Bound<'py, PyArray1<f64>>,
+    Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)>,
+)> {
     let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run = Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
+    let mut run =
+        Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
     let tells = run.state.deformation().is_some();
     let mut rows = vec![SimulatedSample::default(); time.len()];
     run.chunks(py, &mut rows, SimulatedSample::take)?;
@@ -97,7 +104,10 @@ impl SimulatedSample {
 }
 
 /// How the seal stands at the first sample.
-pub(crate) fn start(initial_force_n: Option<f64>, initial_deflection_m: Option<f64>) -> PyResult<Start> {
+pub(crate) fn start(
+    initial_force_n: Option<f64>,
+    initial_deflection_m: Option<f64>,
+) -> PyResult<Start> {
     match (initial_force_n, initial_deflection_m) {
         (None, None) => Ok(Start::Undeformed),
         (Some(force), None) => finite("initial_force_n", force, "N").map(|()| Start::Force(force)),
@@ -125,9 +135,12 @@ impl<'a> Run<'a> {
         start: Start,
     ) -> PyResult<Self> {
         check_motion(py, time, position)?;
-        let state = start.state(trocar, position.first().copied().unwrap_or(0.0)).ok_or_else(|| {
-            ParameterError::new_err("initial_deflection_m is for EMS elements; a classical model has no deflection")
-        })?;
+        let state =
+            start.state(trocar, position.first().copied().unwrap_or(0.0)).ok_or_else(|| {
+                ParameterError::new_err(
+                    "initial_deflection_m is for EMS elements; a classical model has no deflection",
+                )
+            })?;
         Ok(Self { trocar, time, position, state })
     }
 
@@ -135,7 +148,9 @@ impl<'a> Run<'a> {
     fn forces(&mut self, py: Python<'_>, forces: &mut [f64]) -> PyResult<()> {
         let Self { trocar, time, position, state } = self;
         let mut before = time.first().copied().unwrap_or(0.0);
-        for ((forces, time), position) in forces.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK)) {
+        for ((forces, time), position) in
+            forces.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK))
+        {
             py.detach(|| {
                 let mut durations = [0.0; PART];
                 for ((forces, time), position) in
@@ -163,7 +178,9 @@ impl<'a> Run<'a> {
     ) -> PyResult<()> {
         let Self { trocar, time, position, state } = self;
         let mut before = time.first().copied().unwrap_or(0.0);
-        for ((rows, time), position) in rows.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK)) {
+        for ((rows, time), position) in
+            rows.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK))
+        {
             py.detach(|| {
                 for ((row, &t), &x) in rows.iter_mut().zip(time).zip(position) {
                     // No time passes at the first sample and at repeated ones: the state stays.
@@ -182,7 +199,9 @@ impl<'a> Run<'a> {
 pub(crate) fn check_motion(py: Python<'_>, time: &[f64], position: &[f64]) -> PyResult<()> {
     if time.len() != position.len() {
         let (t, x) = (time.len(), position.len());
-        return Err(MotionError::new_err(format!("position_m has {x} samples, expected {t} as time_s has")));
+        return Err(MotionError::new_err(format!(
+            "position_m has {x} samples, expected {t} as time_s has"
+        )));
     }
     py.detach(|| check(time, position)).map_err(MotionError::new_err)
 }
@@ -194,14 +213,17 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
     }
     let follows = |t: &[f64], x: &[f64]| {
         let (duration, displacement) = (t[1] - t[0], x[1] - x[0]);
-        (duration > 0.0 && (displacement / duration).is_finite()) || (duration == 0.0 && displacement == 0.0)
+        (duration > 0.0 && (displacement / duration).is_finite())
+            || (duration == 0.0 && displacement == 0.0)
     };
     let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
     let mut pairs = time.windows(2).zip(position.windows(2));
     if !finite(time) || !finite(position) || !pairs.all(|(t, x)| follows(t, x)) {
         return Err(first_fault(time, position));
     }
-    let (low, high) = position.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let (low, high) = position
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let stroke = high - low;
     if stroke > LONGEST_STROKE {
         return Err(format!(
@@ -212,8 +234,9 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
     Ok(())
 }
 
-/// Whether nothing needs a closer look: all time advances, and all positions lie within a metre of the first. Without a
-/// branch in the loop, since it stands beside some nanoseconds of simulation per sample.
+/// Whether nothing needs a closer look: all time advances, and all positions lie within a metre of
+/// the first. Without a branch in the loop, since it stands beside some nanoseconds of simulation
+/// per sample.
 fn is_plain(time: &[f64], position: &[f64]) -> bool {
     /// Shortest duration, s, whose velocity over two metres is finite for sure.
     const SHORTEST: f64 = 1e-300;
@@ -240,7 +263,9 @@ fn first_fault(time: &[f64], position: &[f64]) -> String {
         let (from_t, from_x) = (time[before], position[before]);
         let [from_time, to_time] = [from_t, t].map(number);
         if t < from_t {
-            return format!("sample {i}: time_s goes back from {from_time} s to {to_time} s, expected it to advance");
+            return format!(
+                "sample {i}: time_s goes back from {from_time} s to {to_time} s, expected it to advance"
+            );
         }
         if x != from_x && !((x - from_x) / (t - from_t)).is_finite() {
             let [from, to] = [from_x, x].map(number);

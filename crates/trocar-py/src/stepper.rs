@@ -15,8 +15,9 @@ use crate::shared::finite;
 
 /// A model under way: feed it displacements or positions as they come, and it gives the force.
 ///
-/// Begins at rest at `position_m`, undeformed, or with `initial_force_n`. A step that is refused leaves the state as it was.
-/// Steppers can be copied and pickled; the copy goes on from the same state.
+/// Begins at rest at `position_m`, undeformed, or with `initial_force_n`. A step that is refused
+/// leaves the state as it was. Steppers can be copied and pickled; the copy goes on from the same
+/// state.
 #[pyclass(module = "trocar")]
 pub(crate) struct Stepper {
     model: Py<Model>,
@@ -27,7 +28,11 @@ pub(crate) struct Stepper {
 impl Stepper {
     #[new]
     #[pyo3(signature = (model, position_m=0.0, *, initial_force_n=None))]
-    fn new(model: &Bound<'_, Model>, position_m: f64, initial_force_n: Option<f64>) -> PyResult<Self> {
+    fn new(
+        model: &Bound<'_, Model>,
+        position_m: f64,
+        initial_force_n: Option<f64>,
+    ) -> PyResult<Self> {
         finite("position_m", position_m, "m")?;
         let trocar = model.get().trocar();
         let state = match initial_force_n {
@@ -40,14 +45,16 @@ impl Stepper {
         Ok(Self { model: model.clone().unbind(), state })
     }
 
-    /// Moves by `displacement_m` within `duration_s` at constant velocity; returns the force at the end, N.
+    /// Moves by `displacement_m` within `duration_s` at constant velocity; returns the force at the
+    /// end, N.
     fn step(&mut self, displacement_m: f64, duration_s: f64) -> PyResult<f64> {
         check("displacement_m", displacement_m, displacement_m, duration_s)?;
         finite("position_m", self.state.position() + displacement_m, "m")?;
         Ok(self.model.get().trocar().step(&mut self.state, displacement_m, duration_s))
     }
 
-    /// Moves to `position_m` within `duration_s` at constant velocity; returns the force at the end, N.
+    /// Moves to `position_m` within `duration_s` at constant velocity; returns the force at the
+    /// end, N.
     fn step_to(&mut self, position_m: f64, duration_s: f64) -> PyResult<f64> {
         check("position_m", position_m, position_m - self.state.position(), duration_s)?;
         Ok(self.model.get().trocar().step_to(&mut self.state, position_m, duration_s))
@@ -98,10 +105,14 @@ impl Stepper {
         let numbers = numbers.as_slice()?;
         if numbers.len() != STATE_NUMBERS {
             let found = numbers.len();
-            return Err(ArrayError::new_err(format!("state has {found} numbers, expected {STATE_NUMBERS}")));
+            return Err(ArrayError::new_err(format!(
+                "state has {found} numbers, expected {STATE_NUMBERS}"
+            )));
         }
         let read = self.model.get().trocar().state_from_numbers(numbers);
-        self.state = read.map_err(|error| ArrayError::new_err(format!("state is none of this model: {error}")))?;
+        self.state = read.map_err(|error| {
+            ArrayError::new_err(format!("state is none of this model: {error}"))
+        })?;
         Ok(())
     }
 
@@ -143,10 +154,17 @@ fn check(name: &str, given: f64, displacement: f64, duration: f64) -> PyResult<(
         return refuse(format!("{name} must be finite, got {} m", number(given)));
     }
     if !(duration.is_finite() && duration > 0.0) {
-        return refuse(format!("duration_s must be positive and finite, got {} s", number(duration)));
+        return refuse(format!(
+            "duration_s must be positive and finite, got {} s",
+            number(duration)
+        ));
     }
     if !(displacement / duration).is_finite() {
-        return refuse(format!("{} m within {} s is no finite velocity", number(displacement), number(duration)));
+        return refuse(format!(
+            "{} m within {} s is no finite velocity",
+            number(displacement),
+            number(duration)
+        ));
     }
     Ok(())
 }

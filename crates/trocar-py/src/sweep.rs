@@ -54,13 +54,18 @@ pub(crate) fn sweep<'py>(
         let tell = |done: u64| report.tell("sweep", done as f64 / rows);
         match &out {
             Some(out) => Ok((sweep.run(out, traces.as_deref(), tell)?, None)),
-            None => keep(&sweep, traces.as_deref(), tell).map(|(summary, table)| (summary, Some(table))),
+            None => {
+                keep(&sweep, traces.as_deref(), tell).map(|(summary, table)| (summary, Some(table)))
+            }
         }
     };
-    let (summary, table) = run(py, How { progress, threads }, work)?.map_err(|error: Fault| in_file(error, name))?;
+    let (summary, table) =
+        run(py, How { progress, threads }, work)?.map_err(|error: Fault| in_file(error, name))?;
     let Summary { rows, failed, first_failure } = summary;
     let array = |(name, column)| Ok((name, array(py, column)?));
-    let table = table.map(|table| table.into_iter().map(array).collect::<PyResult<Vec<_>>>()).transpose()?;
+    let table = table
+        .map(|table| table.into_iter().map(array).collect::<PyResult<Vec<_>>>())
+        .transpose()?;
     Ok((rows, failed, first_failure, table))
 }
 
@@ -86,14 +91,21 @@ fn keep(
     Ok((summary, table))
 }
 
-/// The error with the file that the document was read from before its message, where it is about the document.
+/// The error with the file that the document was read from before its message, where it is about
+/// the document.
 fn in_file(error: Fault, name: Option<String>) -> PyErr {
     let is_elsewhere = matches!(
         error,
-        Fault::Model(_) | Fault::Recording(_) | Fault::Output(_) | Fault::ReadRig { .. } | Fault::Rig { .. }
+        Fault::Model(_)
+            | Fault::Recording(_)
+            | Fault::Output(_)
+            | Fault::ReadRig { .. }
+            | Fault::Rig { .. }
     );
     match name {
-        Some(name) if !is_elsewhere => SweepError::new_err(crate::errors::in_python(&format!("{name}: {error}"))),
+        Some(name) if !is_elsewhere => {
+            SweepError::new_err(crate::errors::in_python(&format!("{name}: {error}")))
+        }
         _ => error.raise(),
     }
 }
@@ -102,8 +114,12 @@ fn array<'py>(py: Python<'py>, column: Column) -> PyResult<Bound<'py, PyAny>> {
     Ok(match column {
         Column::Number(cells) => PyArray1::from_vec(py, cells).into_any(),
         // All there: the number of the run and its seed.
-        Column::Integer(cells) => PyArray1::from_iter(py, cells.into_iter().map(Option::unwrap_or_default)).into_any(),
+        Column::Integer(cells) => {
+            PyArray1::from_iter(py, cells.into_iter().map(Option::unwrap_or_default)).into_any()
+        }
         Column::Boolean(cells) => PyList::new(py, cells)?.into_any(),
-        Column::Text(cells) => PyList::new(py, cells.iter().map(|cell| cell.as_deref()))?.into_any(),
+        Column::Text(cells) => {
+            PyList::new(py, cells.iter().map(|cell| cell.as_deref()))?.into_any()
+        }
     })
 }

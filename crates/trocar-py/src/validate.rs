@@ -28,8 +28,12 @@ struct Job {
     mass: f64,
 }
 
-type Forces<'py> =
-    (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>);
+type Forces<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
+);
 
 /// Compares a model with recordings; `trocar.validate` wraps it.
 #[pyfunction]
@@ -55,10 +59,13 @@ pub(crate) fn validate(
     let task = move |_: &crate::work::Report| {
         // The weight of the mass is part of the offset.
         let taken_out = MovingMass { mass, gravity: 0.0 };
-        let prepared = |recording| taken_out.subtracted_from(recording, 0.0)?.with_position_delay(lag);
-        let recordings: Vec<Record> = recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
+        let prepared =
+            |recording| taken_out.subtracted_from(recording, 0.0)?.with_position_delay(lag);
+        let recordings: Vec<Record> =
+            recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
         let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
-        let runs = recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
+        let runs =
+            recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
         Ok(Validated(Arc::new(Job { recordings, runs, validation, offset, mass })))
     };
     run(py, How { progress: None, threads }, task)?.map_err(|error: RecordingError| error.raise())
@@ -68,7 +75,8 @@ pub(crate) fn validate(
 impl Validated {
     /// The text that `trocar validate --json` prints.
     fn summary_json(&self) -> PyResult<String> {
-        serde_json::to_string(&self.0.validation).map_err(|error| InternalError::new_err(error.to_string()))
+        serde_json::to_string(&self.0.validation)
+            .map_err(|error| InternalError::new_err(error.to_string()))
     }
 
     /// Sensor offset and moving mass that were subtracted.
@@ -76,8 +84,8 @@ impl Validated {
         (self.0.offset, self.0.mass)
     }
 
-    /// Time, measured force less the offset, and the model's force along one recording; and whether the latter is independent
-    /// of the unknown state at the start.
+    /// Time, measured force less the offset, and the model's force along one recording; and whether
+    /// the latter is independent of the unknown state at the start.
     fn forces<'py>(&self, py: Python<'py>, index: usize) -> Forces<'py> {
         let (recording, run) = (&self.0.recordings[index], &self.0.runs[index]);
         let measured = recording.force.iter().map(|force| force - self.0.offset);
@@ -94,6 +102,8 @@ impl Validated {
     /// Measured and computed force of the first recordings.
     fn figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
         let job = self.0.clone();
-        figures(py, move || document(&job.recordings, &job.runs, &job.validation, job.offset, "Validation"))
+        figures(py, move || {
+            document(&job.recordings, &job.runs, &job.validation, job.offset, "Validation")
+        })
     }
 }

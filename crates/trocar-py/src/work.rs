@@ -1,4 +1,5 @@
-//! Work that lasts, on threads of its own: the interpreter stays free for others, and Ctrl-C arrives.
+//! Work that lasts, on threads of its own: the interpreter stays free for others, and Ctrl-C
+//! arrives.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -18,7 +19,8 @@ const POLL: Duration = Duration::from_millis(50);
 /// Stage and part done, if there is news.
 type News = Arc<Mutex<Option<(String, f64)>>>;
 
-/// Somebody in Python to tell how far the work is, and how many threads it may take (0: one for each processor).
+/// Somebody in Python to tell how far the work is, and how many threads it may take (0: one for
+/// each processor).
 #[derive(Default)]
 pub(crate) struct How {
     pub(crate) progress: Option<Py<PyAny>>,
@@ -36,8 +38,8 @@ impl Report {
 
 /// Does `work` without the interpreter's lock.
 ///
-/// An exception of a signal handler (`KeyboardInterrupt`) or of `progress` ends the wait at once; the work itself is
-/// cancelled and ends soon after, by itself.
+/// An exception of a signal handler (`KeyboardInterrupt`) or of `progress` ends the wait at once;
+/// the work itself is cancelled and ends soon after, by itself.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     how: How,
@@ -56,9 +58,13 @@ pub(crate) fn run<T: Send + 'static>(
     outcome(py, receiver, &cancel, how.progress.as_ref(), &news)
 }
 
-/// The same for work on memory of the caller, such as arrays of Python: an exception ends the wait once the work has ended, some
-/// ten milliseconds later.
-pub(crate) fn run_borrowing<T: Send>(py: Python<'_>, threads: usize, work: impl FnOnce() -> T + Send) -> PyResult<T> {
+/// The same for work on memory of the caller, such as arrays of Python: an exception ends the wait
+/// once the work has ended, some ten milliseconds later.
+pub(crate) fn run_borrowing<T: Send>(
+    py: Python<'_>,
+    threads: usize,
+    work: impl FnOnce() -> T + Send,
+) -> PyResult<T> {
     let cancel = Cancel::default();
     let (sender, receiver) = mpsc::channel();
     let flag = cancel.clone();
@@ -98,7 +104,9 @@ fn outcome<T: Send>(
             Ok(Ok(Ok(done))) => return Ok(done),
             Ok(Ok(Err(stopped))) => return Err(InternalError::new_err(stopped_in_words(&stopped))),
             Ok(Err(panic)) => return Err(InternalError::new_err(panic_in_words(panic.as_ref()))),
-            Err(RecvTimeoutError::Disconnected) => return Err(InternalError::new_err("the work was lost")),
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(InternalError::new_err("the work was lost"));
+            }
             Err(RecvTimeoutError::Timeout) => {
                 let told = py.check_signals().and_then(|()| tell(py, progress, news));
                 told.inspect_err(|_| cancel.cancel())?;
@@ -125,6 +133,9 @@ fn stopped_in_words(stopped: &Stopped) -> String {
 }
 
 fn panic_in_words(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<&str>().copied().or_else(|| panic.downcast_ref::<String>().map(String::as_str));
+    let text = panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str));
     format!("a fault inside trocar, please report it: {}", text.unwrap_or("without a message"))
 }

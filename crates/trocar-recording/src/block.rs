@@ -66,7 +66,9 @@ impl Block {
 
     /// A row of quantities.
     pub(crate) fn row(&self, row: usize) -> SampleRow {
-        let value = |quantity: Quantity| self.columns[quantity as usize].get(row).copied().unwrap_or(f64::NAN);
+        let value = |quantity: Quantity| {
+            self.columns[quantity as usize].get(row).copied().unwrap_or(f64::NAN)
+        };
         SampleRow { line: self.line(row), values: Quantity::ALL.map(value) }
     }
 
@@ -76,7 +78,10 @@ impl Block {
         for &(first, at) in &other.lines {
             self.count_from(rows + first, line + at);
         }
-        self.columns.iter_mut().zip(&other.columns).for_each(|(own, others)| own.extend_from_slice(others));
+        self.columns
+            .iter_mut()
+            .zip(&other.columns)
+            .for_each(|(own, others)| own.extend_from_slice(others));
     }
 
     /// Removes incomplete rows.

@@ -28,8 +28,8 @@ pub struct Choice {
     pub skip_rows: u64,
     /// Rows per second of a file without a column of times.
     pub rate_hz: Option<f64>,
-    /// Whether columns, topics, skipped lines and rate are those of another file of the same origin:
-    /// a file that cannot be read with them is read by its own header.
+    /// Whether columns, topics, skipped lines and rate are those of another file of the same
+    /// origin: a file that cannot be read with them is read by its own header.
     pub from_another_file: bool,
 }
 
@@ -41,20 +41,30 @@ impl Choice {
 
     /// The same, but by the file's own header; `None` if it is so already.
     pub(super) fn by_own_header(&self) -> Option<Self> {
-        let own = Self { from: self.from, to: self.to, flip_force: self.flip_force, ..Self::default() };
+        let own =
+            Self { from: self.from, to: self.to, flip_force: self.flip_force, ..Self::default() };
         self.from_another_file.then_some(own)
     }
 
     /// Rejects a rate that is none, or one beside a column of times.
     pub(super) fn check_rate(&self, file: &str) -> Result<(), RecordingError> {
         let Some(rate) = self.rate_hz else { return Ok(()) };
-        let bad = |problem: String| RecordingError::BadOption { file: file.to_owned(), option: "--rate-hz", problem };
+        let bad = |problem: String| RecordingError::BadOption {
+            file: file.to_owned(),
+            option: "--rate-hz",
+            problem,
+        };
         if !(rate.is_finite() && rate > 0.0) {
             return Err(bad(format!("is {rate}, expected a number above 0")));
         }
         let named = match self.columns.as_deref() {
-            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &[])?.has(Quantity::Time),
-            mapping => mapping.map_or(Ok(Vec::new()), Given::parse)?.iter().any(|own| own.quantity == Quantity::Time),
+            Some(mapping) if !mapping.contains('=') => {
+                Layout::from_mapping(mapping, &[])?.has(Quantity::Time)
+            }
+            mapping => mapping
+                .map_or(Ok(Vec::new()), Given::parse)?
+                .iter()
+                .any(|own| own.quantity == Quantity::Time),
         };
         if named {
             Err(bad("is given although --columns names the time, expected one of them".to_owned()))
@@ -65,7 +75,11 @@ impl Choice {
 
     /// Of the quantities `needed`, those that columns must have.
     pub(super) fn needed_columns(&self, needed: &[Quantity]) -> Vec<Quantity> {
-        needed.iter().copied().filter(|quantity| *quantity != Quantity::Time || self.rate_hz.is_none()).collect()
+        needed
+            .iter()
+            .copied()
+            .filter(|quantity| *quantity != Quantity::Time || self.rate_hz.is_none())
+            .collect()
     }
 }
 
@@ -104,18 +118,30 @@ pub(super) fn pick(
         found.retain(|(_, layout)| !layout.by_unit);
     }
     // Columns of the file itself take precedence over those of its groups.
-    if let Some(own) = found.iter().position(|(table, _)| tables[*table].name.is_empty()).filter(|_| found.len() > 1) {
+    if let Some(own) = found
+        .iter()
+        .position(|(table, _)| tables[*table].name.is_empty())
+        .filter(|_| found.len() > 1)
+    {
         let (table, mut layout) = found.swap_remove(own);
-        let others: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
-        layout.notes.push(format!("taken from the file itself, not from {}", columns::listed(&others)));
+        let others: Vec<String> =
+            found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+        layout
+            .notes
+            .push(format!("taken from the file itself, not from {}", columns::listed(&others)));
         found = vec![(table, layout)];
     }
     if found.len() > 1 {
-        let tables: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
-        return Err(RecordingError::AmbiguousTable { file: file.to_owned(), found: columns::listed(&tables) });
+        let tables: Vec<String> =
+            found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+        return Err(RecordingError::AmbiguousTable {
+            file: file.to_owned(),
+            found: columns::listed(&tables),
+        });
     }
     let Some((table, layout)) = found.pop() else {
-        return Err(refused.map_or_else(|| RecordingError::Empty { file: file.to_owned() }, |(_, error)| error));
+        return Err(refused
+            .map_or_else(|| RecordingError::Empty { file: file.to_owned() }, |(_, error)| error));
     };
     let read = layout.slots.iter().enumerate().filter(|(_, slot)| slot.is_some());
     let columns = read.map(|(k, _)| k).collect();
@@ -123,7 +149,11 @@ pub(super) fn pick(
 }
 
 /// The tables named by `topics`: by full name, or by the part after a slash.
-pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result<Vec<usize>, RecordingError> {
+pub(super) fn allowed(
+    file: &str,
+    tables: &[Table],
+    topics: &[String],
+) -> Result<Vec<usize>, RecordingError> {
     if topics.is_empty() {
         return Ok((0..tables.len()).collect());
     }
@@ -141,7 +171,11 @@ pub(super) fn allowed(file: &str, tables: &[Table], topics: &[String]) -> Result
         if own.len() != 1 {
             let names: Vec<String> = tables.iter().map(|table| table.name.clone()).collect();
             let nameless = names.iter().all(String::is_empty);
-            let expected = if nameless { "one table without a name".to_owned() } else { columns::listed(&names) };
+            let expected = if nameless {
+                "one table without a name".to_owned()
+            } else {
+                columns::listed(&names)
+            };
             let (file, topic) = (file.to_owned(), topic.clone());
             return Err(RecordingError::NoSuchTable { file, topic, found: own.len(), expected });
         }
@@ -163,7 +197,8 @@ pub fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
 /// Numbers of the first rows of a table, by column.
 fn first_rows(container: &dyn Container, table: usize) -> Vec<Vec<f64>> {
     let columns = &container.tables()[table].columns;
-    let numeric: Vec<usize> = (0..columns.len()).filter(|k| columns[*k].is_numeric).take(MOST_GUESSED).collect();
+    let numeric: Vec<usize> =
+        (0..columns.len()).filter(|k| columns[*k].is_numeric).take(MOST_GUESSED).collect();
     let mut rows = vec![Vec::new(); numeric.len()];
     let read = container.open(table, &numeric).and_then(|mut batches| batches.next(&mut rows));
     let mut all = vec![Vec::new(); columns.len()];
@@ -192,21 +227,37 @@ fn layout_of(
         Some(mapping) if !mapping.contains('=') => {
             let layout = Layout::from_mapping(mapping, needed)?;
             if layout.slots.len() != names.len() {
-                let problem = format!("for {} columns, but {file}{place} has {}", layout.slots.len(), names.len());
+                let problem = format!(
+                    "for {} columns, but {file}{place} has {}",
+                    layout.slots.len(),
+                    names.len()
+                );
                 return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
             }
             Layout { names, ..layout }
         }
         mapping => {
-            let units: Vec<String> = table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
+            let units: Vec<String> =
+                table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
             let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
             let (names, units) = (&names, &units);
-            let header = Header { file, place: &place, names, units, timestamps: &dates, first_rows: &first_rows };
+            let header = Header {
+                file,
+                place: &place,
+                names,
+                units,
+                timestamps: &dates,
+                first_rows: &first_rows,
+            };
             header.layout(&given, needed)?
         }
     };
     let layout = layout.at_rate(choice.rate_hz);
-    let read = table.columns.iter().zip(&layout.slots).find(|(column, slot)| slot.is_some() && !column.is_numeric);
+    let read = table
+        .columns
+        .iter()
+        .zip(&layout.slots)
+        .find(|(column, slot)| slot.is_some() && !column.is_numeric);
     if let Some((column, _)) = read {
         let problem = "a column without numbers".to_owned();
         return Err(RecordingError::BadColumns { entry: column.name.clone(), problem });

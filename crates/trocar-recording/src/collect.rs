@@ -36,7 +36,8 @@ impl Excerpts {
     /// the same probability.
     fn keeps(&self, number: u64) -> bool {
         let group = number >> self.level;
-        let chosen = (1..=self.level).rev().fold(group, |group, level| 2 * group + coin(group, level));
+        let chosen =
+            (1..=self.level).rev().fold(group, |group, level| 2 * group + coin(group, level));
         chosen == number
     }
 }
@@ -44,7 +45,8 @@ impl Excerpts {
 /// 0 or 1, without a pattern that could coincide with a periodic protocol: the finaliser of
 /// SplitMix64 [STEELE].
 fn coin(group: u64, level: u32) -> u64 {
-    let mut z = group.wrapping_mul(64).wrapping_add(u64::from(level)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z =
+        group.wrapping_mul(64).wrapping_add(u64::from(level)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     (z ^ (z >> 31)) & 1
@@ -84,7 +86,8 @@ impl Collector {
     pub(super) fn take(&mut self, block: &Block) {
         let wanted = [Quantity::Time, Quantity::Position, Quantity::Force, Quantity::Velocity];
         let columns = &wanted[..if self.columns.velocity.is_some() { 4 } else { 3 }];
-        let is_whole = |quantity: &Quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite());
+        let is_whole =
+            |quantity: &Quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite());
         let fits = self.excerpts.level == 0 && self.len() + block.len() <= self.excerpts.most;
         if !fits || !columns.iter().all(is_whole) {
             return (0..block.len()).for_each(|row| self.add(block.row(row)));
@@ -140,13 +143,17 @@ impl Collector {
         let all = std::mem::take(&mut self.excerpts.held);
         let kept: Vec<usize> = (0..all.len()).filter(|k| self.excerpts.keeps(all[*k])).collect();
         let held = self.len();
-        let ranges: Vec<Range<usize>> =
-            kept.iter().map(|k| k * EXCERPT..((k + 1) * EXCERPT).min(held)).filter(|range| !range.is_empty()).collect();
+        let ranges: Vec<Range<usize>> = kept
+            .iter()
+            .map(|k| k * EXCERPT..((k + 1) * EXCERPT).min(held))
+            .filter(|range| !range.is_empty())
+            .collect();
         self.excerpts.held = kept.iter().map(|k| all[*k]).collect();
         self.columns.lines.keep(&ranges);
         let columns = &mut self.columns;
-        for column in
-            [&mut columns.time, &mut columns.position, &mut columns.force].into_iter().chain(&mut columns.velocity)
+        for column in [&mut columns.time, &mut columns.position, &mut columns.force]
+            .into_iter()
+            .chain(&mut columns.velocity)
         {
             for (k, range) in ranges.iter().enumerate() {
                 column.copy_within(range.clone(), k * EXCERPT);
@@ -174,7 +181,8 @@ impl Collector {
                 self.excerpts.held.len()
             )
         });
-        let (columns, mut quality) = screen::screen(file, self.columns, self.non_finite, sensor_limit, &starts)?;
+        let (columns, mut quality) =
+            screen::screen(file, self.columns, self.non_finite, sensor_limit, &starts)?;
         quality.notes.extend(note);
         let Columns { time, position, force, velocity, .. } = columns;
         let choice = Choice::default();

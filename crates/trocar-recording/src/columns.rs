@@ -92,7 +92,9 @@ impl Quantity {
                 ("newton", 1.0),
                 ("newtons", 1.0),
             ],
-            Self::Velocity => &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6), ("in_s", PER_INCH)],
+            Self::Velocity => {
+                &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6), ("in_s", PER_INCH)]
+            }
         }
     }
 
@@ -150,7 +152,10 @@ const NOT_MEASURED: [&str; 14] = [
 
 /// Words of a name, in lower case.
 fn words_of(lower: &str) -> Vec<&str> {
-    lower.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty() && *word != "per").collect()
+    lower
+        .split(|c: char| !c.is_alphanumeric())
+        .filter(|word| !word.is_empty() && *word != "per")
+        .collect()
 }
 
 /// A name in lower case, with one sign for micro.
@@ -164,14 +169,18 @@ pub(crate) fn is_related(name: &str) -> bool {
 }
 
 /// Units of angles.
-const ANGLES: [&str; 13] =
-    ["deg", "degs", "degree", "degrees", "grad", "rad", "rads", "radian", "radians", "mrad", "rev", "revs", "turns"];
+const ANGLES: [&str; 13] = [
+    "deg", "degs", "degree", "degrees", "grad", "rad", "rads", "radian", "radians", "mrad", "rev",
+    "revs", "turns",
+];
 
 /// Whether the unit of a column, declared or at the end of its name, is that of an angle: no
 /// position along the instrument, whatever the name says.
 pub(crate) fn is_angle(name: &str, declared: &str) -> bool {
     let (own, declared) = (lower(name), lower(declared));
-    let has_unit = |text: &str| text.contains('°') || words_of(text).last().is_some_and(|word| ANGLES.contains(word));
+    let has_unit = |text: &str| {
+        text.contains('°') || words_of(text).last().is_some_and(|word| ANGLES.contains(word))
+    };
     // Without a unit in the name the declared one counts; `deg/s` and `N m/rad` are no angles.
     let unit_of_name = |text: &str| !text.contains(['/', '·', '^']) || text.contains('°');
     let is_alone = |text: &str| words_of(text).len() == 1 || text.contains('°');
@@ -198,7 +207,8 @@ pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> 
     if is_related(name) || words.iter().any(named) {
         return None;
     }
-    let bracket = lower.trim_end().strip_suffix([']', ')']).and_then(|front| front.rsplit_once(['[', '(']));
+    let bracket =
+        lower.trim_end().strip_suffix([']', ')']).and_then(|front| front.rsplit_once(['[', '(']));
     let unit = match bracket {
         Some((_, unit)) => words_of(unit).join("_"),
         None if !declared.is_empty() => words_of(&self::lower(declared)).join("_"),
@@ -206,16 +216,21 @@ pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> 
             let [front @ .., before, last] = &words[..] else { return None };
             // `n_mm` is a stiffness, `mm_s` a velocity; `s_mm` is the usual letter for a path, and
             // `in` a preposition.
-            let is_unit = units_named(before).next().is_some() || before.bytes().all(|b| b.is_ascii_digit());
+            let is_unit =
+                units_named(before).next().is_some() || before.bytes().all(|b| b.is_ascii_digit());
             let harmless = *before == "in" || (*before == "s" && front.is_empty());
             let front = lower.trim_end().strip_suffix(last).unwrap_or_default();
-            if (is_unit && !harmless) || WEAK_UNITS.contains(last) || !front.ends_with(['_', ' ', '/', ',']) {
+            if (is_unit && !harmless)
+                || WEAK_UNITS.contains(last)
+                || !front.ends_with(['_', ' ', '/', ','])
+            {
                 return None;
             }
             (*last).to_owned()
         }
     };
-    let mut found = units_named(&unit).filter(|_| !matches!(unit.as_str(), "g" | "kg" | "lb" | "lbs"));
+    let mut found =
+        units_named(&unit).filter(|_| !matches!(unit.as_str(), "g" | "kg" | "lb" | "lbs"));
     found.next().filter(|(quantity, _)| *quantity != Quantity::Velocity)
 }
 
@@ -256,7 +271,9 @@ pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> O
             let word = own.map_or("", |own| own.quantity.words()[0]);
             let other = recognise(&format!("{word} {unit}")).and_then(|declared| declared.per_si);
             if other != Some(per_si) {
-                notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
+                notes.push(format!(
+                    "column '{name}' is declared in {unit}: the unit in its name is taken"
+                ));
             }
             own
         }
@@ -347,7 +364,8 @@ impl Layout {
     pub(crate) fn words(&self) -> Vec<String> {
         let of = |quantity: Quantity| {
             let mut own = self.slots.iter().zip(&self.names);
-            let (slot, name) = own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
+            let (slot, name) =
+                own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
             entry(quantity, slot.per_si, name)
         };
         Quantity::ALL.into_iter().filter_map(of).collect()
@@ -366,8 +384,8 @@ impl Layout {
         self
     }
 
-    /// The value of `--columns` that reverses the sign of the position and leaves the rest as it was
-    /// chosen with `given`.
+    /// The value of `--columns` that reverses the sign of the position and leaves the rest as it
+    /// was chosen with `given`.
     pub(crate) fn reversed_position(&self, given: Option<&str>) -> Option<String> {
         let is_position = |word: &&str| {
             let quantity = recognise(word.split('=').next().unwrap_or_default());
@@ -383,7 +401,9 @@ impl Layout {
         }
         let mut turned = self.clone();
         let slots = turned.slots.iter_mut().flatten();
-        slots.filter(|slot| slot.is(Quantity::Position)).for_each(|slot| slot.per_si = -slot.per_si);
+        slots
+            .filter(|slot| slot.is(Quantity::Position))
+            .for_each(|slot| slot.per_si = -slot.per_si);
         let mut words = turned.words();
         if given.is_none() {
             words.retain(|word| is_position(&&**word));
@@ -451,7 +471,11 @@ impl TableColumns {
     ///
     /// # Errors
     /// [`RecordingError`] if a column or its unit is missing or ambiguous.
-    pub fn find(table: &str, names: &[String], mapping: Option<&str>) -> Result<Self, RecordingError> {
+    pub fn find(
+        table: &str,
+        names: &[String],
+        mapping: Option<&str>,
+    ) -> Result<Self, RecordingError> {
         Self::find_with_units(table, names, &[], &[], mapping)
     }
 
@@ -472,17 +496,29 @@ impl TableColumns {
             Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
             mapping => {
                 let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                let header = Header { file: table, place: "", names, units, timestamps, first_rows: &Vec::new };
+                let header = Header {
+                    file: table,
+                    place: "",
+                    names,
+                    units,
+                    timestamps,
+                    first_rows: &Vec::new,
+                };
                 header.layout(&given, &needed)?
             }
         };
         if layout.slots.len() != names.len() {
-            let problem = format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
-            return Err(RecordingError::BadColumns { entry: mapping.unwrap_or_default().to_owned(), problem });
+            let problem =
+                format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
+            return Err(RecordingError::BadColumns {
+                entry: mapping.unwrap_or_default().to_owned(),
+                problem,
+            });
         }
         let of = |quantity: Quantity| {
             let slots = layout.slots.iter().enumerate();
-            let mut own = slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.is(quantity))?)));
+            let mut own =
+                slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.is(quantity))?)));
             own.next().map(|(index, slot)| TableColumn { index, per_si: slot.per_si })
         };
         let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
@@ -500,13 +536,15 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
         None => (name, false),
     };
     if is_angle(name, "") {
-        return Err(bad(format!("an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}")));
+        return Err(bad(format!(
+            "an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}"
+        )));
     }
-    let reading =
-        recognise(name).ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
-    let per_si = reading
-        .per_si
-        .ok_or_else(|| bad(format!("without a unit, expected one of {}", reading.quantity.unit_list())))?;
+    let reading = recognise(name)
+        .ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
+    let per_si = reading.per_si.ok_or_else(|| {
+        bad(format!("without a unit, expected one of {}", reading.quantity.unit_list()))
+    })?;
     Ok(Some(Slot::of(reading.quantity, if reversed { -per_si } else { per_si })))
 }
 
@@ -520,7 +558,8 @@ fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
             '"' if quoted => quoted = !(rest.is_empty() || rest.starts_with(',')),
             '"' => {
                 let front = mapping[begin..at].split_once('=').map(|(_, front)| front);
-                quoted = front.is_some_and(|front| front.chars().all(|c| c == '-' || c.is_whitespace()));
+                quoted =
+                    front.is_some_and(|front| front.chars().all(|c| c == '-' || c.is_whitespace()));
             }
             ',' if !quoted => {
                 found.push(&mapping[begin..at]);
@@ -552,7 +591,8 @@ impl Given {
     /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may
     /// contain commas.
     pub(crate) fn parse(mapping: &str) -> Result<Vec<Self>, RecordingError> {
-        let given = entries(mapping)?.into_iter().map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
+        let given =
+            entries(mapping)?.into_iter().map(Self::parse_one).collect::<Result<Vec<_>, _>>()?;
         for (k, entry) in given.iter().enumerate() {
             if given[..k].iter().any(|other| other.quantity == entry.quantity) {
                 let problem = format!("naming {} more than once", entry.quantity.name());
@@ -563,11 +603,16 @@ impl Given {
     }
 
     fn parse_one(entry: &str) -> Result<Self, RecordingError> {
-        let bad = |problem: &str| RecordingError::BadColumns { entry: entry.to_owned(), problem: problem.to_owned() };
-        let (what, column) =
-            entry.split_once('=').ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
-        let reading = recognise(what)
-            .ok_or_else(|| bad("not understood, expected time, position, force or velocity in front of '='"))?;
+        let bad = |problem: &str| RecordingError::BadColumns {
+            entry: entry.to_owned(),
+            problem: problem.to_owned(),
+        };
+        let (what, column) = entry
+            .split_once('=')
+            .ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
+        let reading = recognise(what).ok_or_else(|| {
+            bad("not understood, expected time, position, force or velocity in front of '='")
+        })?;
         if reading.per_si.is_none() && !reading.exact {
             let units = reading.quantity.unit_list();
             return Err(bad(&format!("in a unit that is not understood, expected one of {units}")));
@@ -592,7 +637,8 @@ impl Given {
         match (like.next(), like.next()) {
             (Some(index), None) => Ok(index),
             _ => {
-                let problem = format!("a name that no column has, expected one of {}", listed(names));
+                let problem =
+                    format!("a name that no column has, expected one of {}", listed(names));
                 Err(RecordingError::BadColumns { entry: self.column.clone(), problem })
             }
         }
@@ -603,7 +649,8 @@ impl Given {
         if self.quantity != Quantity::Position || !is_angle(name, declared) {
             return Ok(());
         }
-        let problem = format!("an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}");
+        let problem =
+            format!("an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}");
         Err(RecordingError::BadColumns { entry: format!("position={name}"), problem })
     }
 
@@ -620,7 +667,10 @@ impl Given {
                 "{} without a unit, and the column's name has none either, expected one of {units}",
                 self.quantity.name()
             );
-            RecordingError::BadColumns { entry: format!("{}={}", self.quantity.name(), self.column), problem }
+            RecordingError::BadColumns {
+                entry: format!("{}={}", self.quantity.name(), self.column),
+                problem,
+            }
         })?;
         Ok(Slot::of(self.quantity, if self.reversed { -per_si } else { per_si }))
     }

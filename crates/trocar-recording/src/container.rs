@@ -85,7 +85,11 @@ pub trait Container {
     ///
     /// # Errors
     /// As for [`Container::open`] and [`Batches::next`].
-    fn read_whole(&self, _table: usize, _columns: &[usize]) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
+    fn read_whole(
+        &self,
+        _table: usize,
+        _columns: &[usize],
+    ) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
         Ok(None)
     }
 }

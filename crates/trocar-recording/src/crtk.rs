@@ -57,7 +57,9 @@ pub(crate) fn meaning(topic: &str, kind: &str, field: &str) -> Meaning {
     let verb = operation.split('_').next().unwrap_or(operation);
     let is_value = field != HEADER_STAMP && field != LOG_TIME;
     if is_value && COMMANDS.contains(&verb) {
-        return Meaning::Command(format!("{operation} is what was commanded, not what was measured"));
+        return Meaning::Command(format!(
+            "{operation} is what was commanded, not what was measured"
+        ));
     }
     let measured = verb == "measured";
     let found = match kind.rsplit('/').next().unwrap_or(kind) {
@@ -75,7 +77,8 @@ pub(crate) fn meaning(topic: &str, kind: &str, field: &str) -> Meaning {
 /// there is none.
 pub(crate) fn axis_of_travel(ranges: [f64; 3]) -> Option<usize> {
     let longest = (0..3).max_by(|&a, &b| ranges[a].total_cmp(&ranges[b]))?;
-    let is_alone = (0..3).filter(|&axis| axis != longest).all(|axis| ranges[axis] <= ACROSS * ranges[longest]);
+    let is_alone =
+        (0..3).filter(|&axis| axis != longest).all(|axis| ranges[axis] <= ACROSS * ranges[longest]);
     (ranges[longest] > 0.0 && is_alone).then_some(longest)
 }
 
@@ -99,7 +102,8 @@ fn time(field: &str) -> Candidate {
 /// `position[insertion]` and similar.
 fn joint(field: &str, measured: bool) -> Option<Candidate> {
     let (array, label) = field.strip_suffix(']')?.split_once('[')?;
-    let is_insertion = label.rsplit(['_', '/', '-']).next() == Some(INSERTION) || label.ends_with("insertion_joint");
+    let is_insertion = label.rsplit(['_', '/', '-']).next() == Some(INSERTION)
+        || label.ends_with("insertion_joint");
     let is_unnamed = label.bytes().all(|byte| byte.is_ascii_digit());
     if !is_insertion && !is_unnamed {
         return None;
@@ -139,14 +143,16 @@ fn pose(field: &str) -> Option<Candidate> {
     let (front, axis) = field.rsplit_once('.')?;
     let is_place = ["position", "pose.position", "transform.translation"].contains(&front);
     let why = "one coordinate of a place; along the instrument only if this axis carries nearly all of the travel";
-    (is_place && ["x", "y", "z"].contains(&axis)).then(|| candidate(Quantity::Position, "m", Certainty::Unclear, why))
+    (is_place && ["x", "y", "z"].contains(&axis))
+        .then(|| candidate(Quantity::Position, "m", Certainty::Unclear, why))
 }
 
 fn twist(field: &str) -> Option<Candidate> {
     let (front, axis) = field.rsplit_once('.')?;
     let is_speed = ["linear", "twist.linear"].contains(&front);
     let why = "one component of a velocity; along the instrument only if it moves along this axis";
-    (is_speed && ["x", "y", "z"].contains(&axis)).then(|| candidate(Quantity::Velocity, "m/s", Certainty::Unclear, why))
+    (is_speed && ["x", "y", "z"].contains(&axis))
+        .then(|| candidate(Quantity::Velocity, "m/s", Certainty::Unclear, why))
 }
 
 #[cfg(test)]
@@ -157,7 +163,9 @@ mod tests {
 
     fn found(topic: &str, kind: &str, field: &str) -> Option<(Quantity, &'static str, Certainty)> {
         match meaning(topic, kind, field) {
-            Meaning::Candidate(Candidate { quantity, unit, certainty, .. }) => Some((quantity, unit, certainty)),
+            Meaning::Candidate(Candidate { quantity, unit, certainty, .. }) => {
+                Some((quantity, unit, certainty))
+            }
             _ => None,
         }
     }
@@ -167,15 +175,45 @@ mod tests {
         use Certainty::*;
         for (topic, kind, field, expected) in [
             ("/psm1/measured_js", JOINTS, "position[insertion]", (Quantity::Position, "m", Clear)),
-            ("/PSM1/measured_js", JOINTS, "position[outer_insertion]", (Quantity::Position, "m", Clear)),
-            ("/psm1/measured_js", JOINTS, "velocity[insertion]", (Quantity::Velocity, "m/s", Clear)),
+            (
+                "/PSM1/measured_js",
+                JOINTS,
+                "position[outer_insertion]",
+                (Quantity::Position, "m", Clear),
+            ),
+            (
+                "/psm1/measured_js",
+                JOINTS,
+                "velocity[insertion]",
+                (Quantity::Velocity, "m/s", Clear),
+            ),
             ("/psm1/measured_js", JOINTS, "effort[insertion]", (Quantity::Force, "N", Indirect)),
             ("/psm1/measured_js", JOINTS, "position[2]", (Quantity::Position, "m", Unclear)),
             ("/joint_states", JOINTS, "position[arm_insertion]", (Quantity::Position, "m", Likely)),
-            ("/psm1/body/measured_cf", "geometry_msgs/WrenchStamped", "wrench.force.z", (Quantity::Force, "N", Clear)),
-            ("/ft/wrench", "geometry_msgs/msg/WrenchStamped", "wrench.force.z", (Quantity::Force, "N", Likely)),
-            ("measured_cp", "geometry_msgs/msg/PoseStamped", "pose.position.x", (Quantity::Position, "m", Unclear)),
-            ("measured_cv", "geometry_msgs/msg/TwistStamped", "twist.linear.z", (Quantity::Velocity, "m/s", Unclear)),
+            (
+                "/psm1/body/measured_cf",
+                "geometry_msgs/WrenchStamped",
+                "wrench.force.z",
+                (Quantity::Force, "N", Clear),
+            ),
+            (
+                "/ft/wrench",
+                "geometry_msgs/msg/WrenchStamped",
+                "wrench.force.z",
+                (Quantity::Force, "N", Likely),
+            ),
+            (
+                "measured_cp",
+                "geometry_msgs/msg/PoseStamped",
+                "pose.position.x",
+                (Quantity::Position, "m", Unclear),
+            ),
+            (
+                "measured_cv",
+                "geometry_msgs/msg/TwistStamped",
+                "twist.linear.z",
+                (Quantity::Velocity, "m/s", Unclear),
+            ),
             ("/psm1/measured_js", JOINTS, HEADER_STAMP, (Quantity::Time, "s", Clear)),
             ("/psm1/measured_js", JOINTS, LOG_TIME, (Quantity::Time, "s", Likely)),
         ] {
@@ -186,16 +224,30 @@ mod tests {
     #[test]
     fn what_turns_and_what_acts_across_is_nothing() {
         assert_eq!(found("/psm1/measured_js", JOINTS, "position[yaw]"), None);
-        assert_eq!(found("/psm1/measured_cf", "geometry_msgs/msg/WrenchStamped", "wrench.force.x"), None);
-        assert_eq!(found("/psm1/measured_cf", "geometry_msgs/msg/WrenchStamped", "wrench.torque.z"), None);
-        assert_eq!(found("/psm1/measured_cp", "geometry_msgs/msg/PoseStamped", "pose.orientation.z"), None);
+        assert_eq!(
+            found("/psm1/measured_cf", "geometry_msgs/msg/WrenchStamped", "wrench.force.x"),
+            None
+        );
+        assert_eq!(
+            found("/psm1/measured_cf", "geometry_msgs/msg/WrenchStamped", "wrench.torque.z"),
+            None
+        );
+        assert_eq!(
+            found("/psm1/measured_cp", "geometry_msgs/msg/PoseStamped", "pose.orientation.z"),
+            None
+        );
     }
 
     #[test]
     fn commands_are_never_measurements() {
-        for topic in ["/psm1/setpoint_js", "/psm1/servo_jp", "/psm1/move_jp", "/psm1/interpolate_jp"] {
+        for topic in
+            ["/psm1/setpoint_js", "/psm1/servo_jp", "/psm1/move_jp", "/psm1/interpolate_jp"]
+        {
             let meaning = meaning(topic, JOINTS, "position[insertion]");
-            assert!(matches!(&meaning, Meaning::Command(why) if why.contains("commanded")), "{meaning:?}");
+            assert!(
+                matches!(&meaning, Meaning::Command(why) if why.contains("commanded")),
+                "{meaning:?}"
+            );
         }
     }
 

@@ -1,5 +1,5 @@
-//! Streams that may be compressed or in UTF-16: gzip, zstd and byte order marks are detected by their
-//! first bytes.
+//! Streams that may be compressed or in UTF-16: gzip, zstd and byte order marks are detected by
+//! their first bytes.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read};
@@ -31,7 +31,8 @@ impl TextInput {
         let name = path.display().to_string();
         let failed = |source| RecordingError::Open { file: name.clone(), source };
         if name == "-" {
-            let text = decoded(decompressed(Box::new(io::stdin())).map_err(failed)?).map_err(failed)?;
+            let text =
+                decoded(decompressed(Box::new(io::stdin())).map_err(failed)?).map_err(failed)?;
             return Ok(Self { text, file: None });
         }
         let file = File::open(path).map_err(failed)?;

@@ -1,4 +1,5 @@
-//! Errors of reading: what failed, where, what was found, what was expected, and a remedy on a `hint:` line.
+//! Errors of reading: what failed, where, what was found, what was expected, and a remedy on a
+//! `hint:` line.
 
 use std::fmt;
 
@@ -122,7 +123,9 @@ pub enum RecordingError {
         example: String,
     },
     /// A stream where a file must be read more than once.
-    #[error("{file}: a stream, expected a file that can be read more than once\n\nhint: save it first")]
+    #[error(
+        "{file}: a stream, expected a file that can be read more than once\n\nhint: save it first"
+    )]
     IsStream {
         /// Name as given by the caller.
         file: String,
@@ -138,7 +141,9 @@ pub enum RecordingError {
         found: String,
     },
     /// No table, or more than one, has the requested name.
-    #[error("{file}: {found} topics or tables are named '{topic}', expected one\n\nhint: the file holds {expected}")]
+    #[error(
+        "{file}: {found} topics or tables are named '{topic}', expected one\n\nhint: the file holds {expected}"
+    )]
     NoSuchTable {
         /// File name as given by the caller.
         file: String,
@@ -170,7 +175,9 @@ pub enum RecordingError {
         problem: String,
     },
     /// A row has too few or too many fields.
-    #[error("{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}")]
+    #[error(
+        "{file} line {line}: found {found} fields, expected {expected} as in {reference}{hint}"
+    )]
     FieldCount {
         /// File name as given by the caller.
         file: String,

@@ -34,7 +34,15 @@ impl Format {
         let by_numbers = best(|format| score(format, rows));
         by_numbers
             .or_else(|| {
-                best(|format| (0, format.cells(lines.first().copied().unwrap_or_default()).len().saturating_sub(1)))
+                best(|format| {
+                    (
+                        0,
+                        format
+                            .cells(lines.first().copied().unwrap_or_default())
+                            .len()
+                            .saturating_sub(1),
+                    )
+                })
             })
             .unwrap_or(Format { separator: Separator::Byte(b','), decimal_comma: false })
     }
@@ -71,7 +79,8 @@ fn comma_number(cell: &[u8]) -> Option<f64> {
     digits.copy_from_slice(cell);
     let comma = cell.iter().position(|&b| b == b',')?;
     digits[comma] = b'.';
-    let whole = comma > 0 && cell[comma - 1].is_ascii_digit() && cell.get(comma + 1)?.is_ascii_digit();
+    let whole =
+        comma > 0 && cell[comma - 1].is_ascii_digit() && cell.get(comma + 1)?.is_ascii_digit();
     whole.then(|| fast_float2::parse(&*digits).ok()).flatten()
 }
 
@@ -83,10 +92,9 @@ fn score(format: Format, rows: &[&[u8]]) -> (usize, usize) {
         if cells.len() < 2 {
             continue;
         }
-        let unquoted = cells
-            .iter()
-            .map(|cell| cell.trim_ascii())
-            .map(|cell| cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell));
+        let unquoted = cells.iter().map(|cell| cell.trim_ascii()).map(|cell| {
+            cell.strip_prefix(b"\"").and_then(|cell| cell.strip_suffix(b"\"")).unwrap_or(cell)
+        });
         let numbers = unquoted.filter(|cell| format.number(cell).is_some()).count();
         score.0 += usize::from(numbers == cells.len());
         score.1 += numbers;

@@ -1,11 +1,12 @@
-//! Which column of a header, or of a table, holds which quantity: by name, by unit, or as the caller says.
+//! Which column of a header, or of a table, holds which quantity: by name, by unit, or as the
+//! caller says.
 //!
 //! Doubt is an error with all that is unclear at once, and with the option that settles it.
 
 use super::RecordingError;
 use super::columns::{
-    AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, entry, is_angle, is_related, listed, reading_with,
-    unit_alone,
+    AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, entry, is_angle, is_related,
+    listed, reading_with, unit_alone,
 };
 
 /// The names of the columns, and what else tells their meaning.
@@ -44,9 +45,10 @@ struct Proposed {
 /// Words for a quantity that are too weak to take a column by, but good enough for a proposal.
 fn weak_words(quantity: Quantity) -> &'static [&'static str] {
     match quantity {
-        Quantity::Time => {
-            &["zeit", "temps", "tiempo", "tempo", "ts", "clock", "date", "datetime", "ticks", "sec", "ms"]
-        }
+        Quantity::Time => &[
+            "zeit", "temps", "tiempo", "tempo", "ts", "clock", "date", "datetime", "ticks", "sec",
+            "ms",
+        ],
         Quantity::Position => &[
             "weg",
             "lage",
@@ -64,21 +66,29 @@ fn weak_words(quantity: Quantity) -> &'static [&'static str] {
             "posicion",
             "path",
         ],
-        Quantity::Force => {
-            &["kraft", "fz", "fy", "fx", "loadcell", "cell", "fuerza", "forza", "effort", "reibung", "n"]
-        }
+        Quantity::Force => &[
+            "kraft", "fz", "fy", "fx", "loadcell", "cell", "fuerza", "forza", "effort", "reibung",
+            "n",
+        ],
         Quantity::Velocity => &[],
     }
 }
 
 impl Header<'_> {
     /// The layout, with the columns named explicitly in `given`.
-    pub(crate) fn layout(&self, given: &[Given], needed: &[Quantity]) -> Result<Layout, RecordingError> {
+    pub(crate) fn layout(
+        &self,
+        given: &[Given],
+        needed: &[Quantity],
+    ) -> Result<Layout, RecordingError> {
         let names = self.names;
         let mut slots = vec![None; names.len()];
         let mut notes = Vec::new();
-        let mut readings: Vec<Option<Reading>> =
-            names.iter().enumerate().map(|(k, name)| reading_with(name, self.unit(k), &mut notes)).collect();
+        let mut readings: Vec<Option<Reading>> = names
+            .iter()
+            .enumerate()
+            .map(|(k, name)| reading_with(name, self.unit(k), &mut notes))
+            .collect();
         // An angle is no position, even if nothing else is.
         for (k, reading) in readings.iter_mut().enumerate() {
             reading.take_if(|own| own.quantity == Quantity::Position && self.is_angle(k));
@@ -97,33 +107,55 @@ impl Header<'_> {
             }
             let is_time = named.quantity == Quantity::Time && self.timestamps.contains(&index);
             let declared = reading_with(named.quantity.name(), self.unit(index), &mut notes);
-            slots[index] =
-                Some(if is_time { Slot::of(Quantity::Time, 1.0) } else { named.slot(readings[index].or(declared))? });
+            slots[index] = Some(if is_time {
+                Slot::of(Quantity::Time, 1.0)
+            } else {
+                named.slot(readings[index].or(declared))?
+            });
             readings[index] = None;
         }
         let mut doubts = Vec::new();
         let mut by_unit = false;
-        for quantity in Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q)) {
+        for quantity in
+            Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q))
+        {
             let needed = needed.contains(&quantity);
             match self.choose(quantity, &readings) {
                 Ok((index, slot)) => {
                     if readings[index].is_some_and(|reading| !reading.exact) {
-                        notes.push(format!("column '{}' taken as {}", names[index], quantity.name()));
+                        notes.push(format!(
+                            "column '{}' taken as {}",
+                            names[index],
+                            quantity.name()
+                        ));
                     }
                     slots[index] = Some(slot);
                 }
-                Err(Doubt::Missing) if needed => match self.by_unit(quantity, &readings, &slots)[..] {
-                    [(index, per_si)] => {
-                        let why = if self.timestamps.contains(&index) { "timestamps" } else { "unit" };
-                        notes.push(format!("column '{}' taken as {}, by its {why}", names[index], quantity.name()));
-                        slots[index] = Some(Slot::of(quantity, per_si));
-                        by_unit = true;
+                Err(Doubt::Missing) if needed => {
+                    match self.by_unit(quantity, &readings, &slots)[..] {
+                        [(index, per_si)] => {
+                            let why = if self.timestamps.contains(&index) {
+                                "timestamps"
+                            } else {
+                                "unit"
+                            };
+                            notes.push(format!(
+                                "column '{}' taken as {}, by its {why}",
+                                names[index],
+                                quantity.name()
+                            ));
+                            slots[index] = Some(Slot::of(quantity, per_si));
+                            by_unit = true;
+                        }
+                        [] => doubts.push((quantity, Doubt::Missing)),
+                        ref several => {
+                            doubts.push((
+                                quantity,
+                                Doubt::Several(several.iter().map(|(index, _)| *index).collect()),
+                            ));
+                        }
                     }
-                    [] => doubts.push((quantity, Doubt::Missing)),
-                    ref several => {
-                        doubts.push((quantity, Doubt::Several(several.iter().map(|(index, _)| *index).collect())));
-                    }
-                },
+                }
                 Err(doubt) if needed => doubts.push((quantity, doubt)),
                 Err(Doubt::Missing) => {}
                 Err(Doubt::Unit(index)) => notes.push(self.not_used(index, quantity)),
@@ -133,7 +165,14 @@ impl Header<'_> {
         if !doubts.is_empty() {
             return Err(self.unclear(&doubts, &readings, &slots));
         }
-        Ok(Layout { names: names.to_vec(), slots, source: "the header", notes, by_unit, ..Layout::default() })
+        Ok(Layout {
+            names: names.to_vec(),
+            slots,
+            source: "the header",
+            notes,
+            by_unit,
+            ..Layout::default()
+        })
     }
 
     fn is_angle(&self, column: usize) -> bool {
@@ -142,8 +181,9 @@ impl Header<'_> {
 
     /// A column of angles where a position is needed.
     fn angle(&self, doubts: &[(Quantity, Doubt)]) -> Option<usize> {
-        let lacks =
-            |(quantity, doubt): &(Quantity, Doubt)| *quantity == Quantity::Position && matches!(doubt, Doubt::Missing);
+        let lacks = |(quantity, doubt): &(Quantity, Doubt)| {
+            *quantity == Quantity::Position && matches!(doubt, Doubt::Missing)
+        };
         doubts.iter().any(lacks).then(|| (0..self.names.len()).find(|k| self.is_angle(*k)))?
     }
 
@@ -158,14 +198,20 @@ impl Header<'_> {
     }
 
     /// The one column whose name denotes the quantity: exactly, or else among other words.
-    fn choose(&self, quantity: Quantity, readings: &[Option<Reading>]) -> Result<(usize, Slot), Doubt> {
+    fn choose(
+        &self,
+        quantity: Quantity,
+        readings: &[Option<Reading>],
+    ) -> Result<(usize, Slot), Doubt> {
         let of = |exact: bool| {
             let matching = readings.iter().enumerate().filter(move |(_, reading)| {
-                reading.is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
+                reading
+                    .is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
             });
             matching.map(|(index, _)| index).collect::<Vec<_>>()
         };
-        let candidates = Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
+        let candidates =
+            Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
         match candidates[..] {
             [] => Err(Doubt::Missing),
             [index] => match readings[index].and_then(|reading| reading.per_si) {
@@ -176,9 +222,14 @@ impl Header<'_> {
         }
     }
 
-    /// Columns, with their units per SI unit, whose names denote no quantity but have a unit of this
-    /// one.
-    fn by_unit(&self, quantity: Quantity, readings: &[Option<Reading>], slots: &[Option<Slot>]) -> Vec<(usize, f64)> {
+    /// Columns, with their units per SI unit, whose names denote no quantity but have a unit of
+    /// this one.
+    fn by_unit(
+        &self,
+        quantity: Quantity,
+        readings: &[Option<Reading>],
+        slots: &[Option<Slot>],
+    ) -> Vec<(usize, f64)> {
         let free = (0..self.names.len()).filter(|k| readings[*k].is_none() && slots[*k].is_none());
         let own = |k: usize| match self.timestamps.contains(&k) {
             true => Some((Quantity::Time, 1.0)).filter(|_| quantity == Quantity::Time),
@@ -205,12 +256,18 @@ impl Header<'_> {
                     quantity.unit_list()
                 )),
                 Doubt::Several(several) => {
-                    let names: Vec<String> = several.iter().map(|k| format!("'{}'", self.names[*k])).collect();
-                    problems.push(format!("{} could be {}, expected one", quantity.name(), either(&names)));
+                    let names: Vec<String> =
+                        several.iter().map(|k| format!("'{}'", self.names[*k])).collect();
+                    problems.push(format!(
+                        "{} could be {}, expected one",
+                        quantity.name(),
+                        either(&names)
+                    ));
                 }
             }
         }
-        problems.extend(self.angle(doubts).map(|k| format!("column '{}' {AN_ANGLE}", self.names[k])));
+        problems
+            .extend(self.angle(doubts).map(|k| format!("column '{}' {AN_ANGLE}", self.names[k])));
         RecordingError::UnclearColumns {
             file: self.file.to_owned(),
             place: self.place.into(),
@@ -221,16 +278,25 @@ impl Header<'_> {
 
     /// All missing quantities in one sentence.
     fn missing(&self, doubts: &[(Quantity, Doubt)]) -> Option<String> {
-        let missing = doubts.iter().filter(|(_, doubt)| matches!(doubt, Doubt::Missing)).map(|(quantity, _)| *quantity);
+        let missing = doubts
+            .iter()
+            .filter(|(_, doubt)| matches!(doubt, Doubt::Missing))
+            .map(|(quantity, _)| *quantity);
         let (names, examples): (Vec<String>, Vec<&str>) =
             missing.map(|quantity| (quantity.name().to_owned(), quantity.example())).unzip();
         let expected = if examples.len() == 1 { "a name such as" } else { "names such as" };
         let (found, examples) = (listed(self.names), examples.join(", "));
-        (!names.is_empty())
-            .then(|| format!("no {} column among '{found}', expected {expected} {examples}", either(&names)))
+        (!names.is_empty()).then(|| {
+            format!("no {} column among '{found}', expected {expected} {examples}", either(&names))
+        })
     }
 
-    fn hint(&self, doubts: &[(Quantity, Doubt)], readings: &[Option<Reading>], slots: &[Option<Slot>]) -> String {
+    fn hint(
+        &self,
+        doubts: &[(Quantity, Doubt)],
+        readings: &[Option<Reading>],
+        slots: &[Option<Slot>],
+    ) -> String {
         let rows = (self.first_rows)();
         let proposed = self.propose(doubts, readings, slots, &rows);
         let entries: Vec<String> = proposed
@@ -238,24 +304,34 @@ impl Header<'_> {
             .iter()
             .filter_map(|(quantity, index, per_si)| entry(*quantity, *per_si, &self.names[*index]))
             .collect();
-        let has_no_column = |of: &Quantity| proposed.columns.iter().all(|(quantity, ..)| quantity != of);
-        let left_out: Vec<Quantity> = doubts.iter().map(|(quantity, _)| *quantity).filter(has_no_column).collect();
+        let has_no_column =
+            |of: &Quantity| proposed.columns.iter().all(|(quantity, ..)| quantity != of);
+        let left_out: Vec<Quantity> =
+            doubts.iter().map(|(quantity, _)| *quantity).filter(has_no_column).collect();
         let mut sentences = Vec::new();
         // An option that leaves something unclear would fail again; times may follow from a rate.
         if !entries.is_empty() && left_out.iter().all(|quantity| *quantity == Quantity::Time) {
             let option = in_shell(&entries.join(","));
             let caution = caution(&proposed, &rows);
-            sentences.push(format!("say which column is which, for example --columns {option}{caution}"));
+            sentences.push(format!(
+                "say which column is which, for example --columns {option}{caution}"
+            ));
         }
         if self.angle(doubts).is_some() {
             sentences.push(CONVERT_ANGLE.to_owned());
         }
         if !left_out.is_empty() {
-            let names: Vec<String> = left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
+            let names: Vec<String> =
+                left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
             sentences.push(format!("no column is left that could be {}", either(&names)));
         }
-        if doubts.iter().any(|(quantity, doubt)| *quantity == Quantity::Time && matches!(doubt, Doubt::Missing)) {
-            sentences.push("without a column of times, give the rows per second with --rate-hz".to_owned());
+        if doubts
+            .iter()
+            .any(|(quantity, doubt)| *quantity == Quantity::Time && matches!(doubt, Doubt::Missing))
+        {
+            sentences.push(
+                "without a column of times, give the rows per second with --rate-hz".to_owned(),
+            );
         }
         sentences.join("; ")
     }
@@ -278,15 +354,22 @@ impl Header<'_> {
             }
         }
         taken.extend(columns.iter().map(|(_, index)| *index));
-        let missing = doubts.iter().filter(|(_, doubt)| matches!(doubt, Doubt::Missing)).map(|(quantity, _)| *quantity);
+        let missing = doubts
+            .iter()
+            .filter(|(_, doubt)| matches!(doubt, Doubt::Missing))
+            .map(|(quantity, _)| *quantity);
         let missing: Vec<Quantity> = missing.collect();
         columns.extend(assign(&missing, &self.free(&taken, readings, rows), self.names, rows));
         columns.sort_by_key(|(quantity, _)| *quantity as usize);
         let mut guessed = false;
         let columns = columns.into_iter().map(|(quantity, index)| {
-            let own = readings[index].filter(|reading| reading.quantity == quantity).and_then(|reading| reading.per_si);
+            let own = readings[index]
+                .filter(|reading| reading.quantity == quantity)
+                .and_then(|reading| reading.per_si);
             let known = own.or_else(|| {
-                unit_alone(&self.names[index], self.unit(index)).filter(|(of, _)| *of == quantity).map(|(_, u)| u)
+                unit_alone(&self.names[index], self.unit(index))
+                    .filter(|(of, _)| *of == quantity)
+                    .map(|(_, u)| u)
             });
             guessed |= known.is_none();
             let numbers = rows.get(index).map_or(&[][..], Vec::as_slice);
@@ -301,7 +384,9 @@ impl Header<'_> {
         let numeric = |k: usize| !known || rows.get(k).is_some_and(|column| !column.is_empty());
         let named = |k: usize| !self.names[k].is_empty() && !is_related(&self.names[k]);
         let of_none = |k: usize| readings[k].is_none() && !self.is_angle(k);
-        (0..self.names.len()).filter(|k| !taken.contains(k) && of_none(*k) && named(*k) && numeric(*k)).collect()
+        (0..self.names.len())
+            .filter(|k| !taken.contains(k) && of_none(*k) && named(*k) && numeric(*k))
+            .collect()
     }
 }
 
@@ -318,14 +403,20 @@ pub(crate) fn in_order(rows: &[Vec<f64>]) -> String {
     words.join(",")
 }
 
-/// Assigns free columns to missing quantities: by weak words, then a column that rises throughout to
-/// time, then the smoother one to position.
-fn assign(missing: &[Quantity], free: &[usize], names: &[String], rows: &[Vec<f64>]) -> Vec<(Quantity, usize)> {
+/// Assigns free columns to missing quantities: by weak words, then a column that rises throughout
+/// to time, then the smoother one to position.
+fn assign(
+    missing: &[Quantity],
+    free: &[usize],
+    names: &[String],
+    rows: &[Vec<f64>],
+) -> Vec<(Quantity, usize)> {
     let mut free = free.to_vec();
     let mut assigned: Vec<(Quantity, usize)> = Vec::new();
     for quantity in missing {
-        let is_word =
-            |k: &usize| words_of(&names[*k]).iter().any(|word| weak_words(*quantity).contains(&word.as_str()));
+        let is_word = |k: &usize| {
+            words_of(&names[*k]).iter().any(|word| weak_words(*quantity).contains(&word.as_str()))
+        };
         if let Some(at) = free.iter().position(is_word) {
             assigned.push((*quantity, free.remove(at)));
         }
@@ -336,13 +427,16 @@ fn assign(missing: &[Quantity], free: &[usize], names: &[String], rows: &[Vec<f6
     };
     let numbers = |k: usize| rows.get(k).map_or(&[][..], Vec::as_slice);
     if open(&assigned).contains(&Quantity::Time) {
-        let rises = |k: &usize| numbers(*k).len() > 1 && numbers(*k).windows(2).all(|pair| pair[1] > pair[0]);
+        let rises = |k: &usize| {
+            numbers(*k).len() > 1 && numbers(*k).windows(2).all(|pair| pair[1] > pair[0])
+        };
         let unknown = free.iter().all(|k| numbers(*k).is_empty());
         if let Some(at) = free.iter().position(|k| unknown || rises(k)) {
             assigned.push((Quantity::Time, free.remove(at)));
         }
     }
-    let rest: Vec<Quantity> = open(&assigned).into_iter().filter(|quantity| *quantity != Quantity::Time).collect();
+    let rest: Vec<Quantity> =
+        open(&assigned).into_iter().filter(|quantity| *quantity != Quantity::Time).collect();
     if rest.contains(&Quantity::Position) && rest.contains(&Quantity::Force) {
         // The sort is stable: without numbers the order of the file remains.
         free.truncate(2);

@@ -71,18 +71,25 @@ pub(crate) struct Joined {
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be read, or a topic has no clock that advances.
-pub(crate) fn join(container: &dyn Container, picks: &[Pick], onto: usize) -> Result<Joined, RecordingError> {
-    let surveys = picks.iter().map(|pick| survey(container, pick)).collect::<Result<Vec<_>, _>>()?;
+pub(crate) fn join(
+    container: &dyn Container,
+    picks: &[Pick],
+    onto: usize,
+) -> Result<Joined, RecordingError> {
+    let surveys =
+        picks.iter().map(|pick| survey(container, pick)).collect::<Result<Vec<_>, _>>()?;
     let (clocks, mut notes) = choose(container, picks, &surveys)?;
     let mut warnings = Vec::new();
-    let uses_stamps = clocks.iter().zip(&surveys).all(|(clock, survey)| Some(*clock) == survey.stamp_column);
+    let uses_stamps =
+        clocks.iter().zip(&surveys).all(|(clock, survey)| Some(*clock) == survey.stamp_column);
     if uses_stamps {
         warnings.extend(shifts(container, picks, &surveys));
     }
     let mut lanes = Vec::new();
     for ((pick, survey), &clock) in picks.iter().zip(&surveys).zip(&clocks) {
         let pace = survey.pace(clock).expect("the clock chosen was surveyed");
-        let columns: Vec<usize> = std::iter::once(clock).chain(pick.values.iter().copied()).collect();
+        let columns: Vec<usize> =
+            std::iter::once(clock).chain(pick.values.iter().copied()).collect();
         let name = &container.tables()[pick.table].name;
         lanes.push(Lane::new(name, container.open(pick.table, &columns)?, columns.len(), pace));
     }
@@ -107,7 +114,8 @@ fn choose(
         return Ok((clocks, Vec::new()));
     }
     let name = |pick: &Pick| container.tables()[pick.table].name.clone();
-    let kind = |(pick, survey): (&Pick, &Survey)| Some(container.clock(pick.table, survey.stamp_column?));
+    let kind =
+        |(pick, survey): (&Pick, &Survey)| Some(container.clock(pick.table, survey.stamp_column?));
     let kinds: Vec<Option<usize>> = picks.iter().zip(surveys).map(kind).collect();
     let stands = |survey: &Survey| !survey.stamps.as_ref().is_some_and(Pace::advances);
     let unusable = surveys.iter().position(stands);
@@ -127,7 +135,10 @@ fn choose(
         match survey.log_column.filter(|_| survey.logs.as_ref().is_some_and(Pace::advances)) {
             Some(clock) => clocks.push(clock),
             None => {
-                let problem = format!("{} has no times that advance: {why}, and no log times either", name(pick));
+                let problem = format!(
+                    "{} has no times that advance: {why}, and no log times either",
+                    name(pick)
+                );
                 return Err(RecordingError::Log { file: container.format().to_owned(), problem });
             }
         }
@@ -140,7 +151,9 @@ fn shifts(container: &dyn Container, picks: &[Pick], surveys: &[Survey]) -> Vec<
     let mut warnings = Vec::new();
     for (a, one) in surveys.iter().enumerate() {
         for (b, two) in surveys.iter().enumerate().skip(a + 1) {
-            let (Some(first), Some(second)) = (one.lag.spread(), two.lag.spread()) else { continue };
+            let (Some(first), Some(second)) = (one.lag.spread(), two.lag.spread()) else {
+                continue;
+            };
             let apart = (first.median - second.median).abs();
             if apart > CLEARLY * first.width.max(second.width) && apart > SMALLEST_SHIFT {
                 let name = |k: usize| &container.tables()[picks[k].table].name;
@@ -182,10 +195,14 @@ impl Survey {
 
 fn survey(container: &dyn Container, pick: &Pick) -> Result<Survey, RecordingError> {
     let table: &Table = &container.tables()[pick.table];
-    let find = |name: &str| table.columns.iter().position(|column| column.name == name && column.is_numeric);
+    let find = |name: &str| {
+        table.columns.iter().position(|column| column.name == name && column.is_numeric)
+    };
     let (stamp_column, log_column) = (find(HEADER_STAMP), find(LOG_TIME));
-    let own_column = pick.clock.filter(|clock| Some(*clock) != stamp_column && Some(*clock) != log_column);
-    let columns: Vec<usize> = [stamp_column, log_column, own_column].into_iter().flatten().collect();
+    let own_column =
+        pick.clock.filter(|clock| Some(*clock) != stamp_column && Some(*clock) != log_column);
+    let columns: Vec<usize> =
+        [stamp_column, log_column, own_column].into_iter().flatten().collect();
     let mut paces = vec![Pace::default(); columns.len()];
     let mut lag = Lag::default();
     let mut batches = container.open(pick.table, &columns)?;
@@ -299,7 +316,9 @@ impl Lag {
     fn spread(&self) -> Option<Spread> {
         let mut sorted = self.kept.clone();
         sorted.sort_by(f64::total_cmp);
-        let at = |share: f64| sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied();
+        let at = |share: f64| {
+            sorted.get(((sorted.len() as f64 - 1.0) * share).round() as usize).copied()
+        };
         Some(Spread { median: at(0.5)?, width: at(0.95)? - at(0.05)? })
     }
 }
@@ -383,7 +402,8 @@ impl Lane {
         if clock.iter().all(|time| *time >= self.last) && clock.is_sorted() {
             return;
         }
-        let mut order: Vec<usize> = (0..clock.len()).filter(|&row| clock[row] >= self.last).collect();
+        let mut order: Vec<usize> =
+            (0..clock.len()).filter(|&row| clock[row] >= self.last).collect();
         self.left_out += (clock.len() - order.len()) as u64;
         order.sort_by(|&a, &b| clock[a].total_cmp(&clock[b]));
         for column in &mut self.rows {
@@ -410,8 +430,8 @@ impl Lane {
         row
     }
 
-    /// Adds the values at `time`, which never decreases, to `columns`; `false` if that is before the
-    /// first sample or after the last.
+    /// Adds the values at `time`, which never decreases, to `columns`; `false` if that is before
+    /// the first sample or after the last.
     fn at(&mut self, time: f64, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
         while self.head()?.is_some_and(|head| head <= time) {
             let sample = self.pop();
@@ -474,7 +494,10 @@ impl Batches for Join {
                 let columns = &mut values[from..from + lane.rows.len() - 1];
                 from += columns.len();
                 if place == self.onto {
-                    columns.iter_mut().zip(&row[1..]).for_each(|(column, value)| column.push(*value));
+                    columns
+                        .iter_mut()
+                        .zip(&row[1..])
+                        .for_each(|(column, value)| column.push(*value));
                 } else {
                     is_covered &= lane.at(time, columns)?;
                 }
@@ -488,7 +511,8 @@ impl Batches for Join {
     }
 
     fn notes(&self) -> Vec<String> {
-        let mut notes: Vec<String> = self.lanes.iter().flat_map(|lane| lane.batches.notes()).collect();
+        let mut notes: Vec<String> =
+            self.lanes.iter().flat_map(|lane| lane.batches.notes()).collect();
         for (_, lane) in self.lanes.iter().enumerate().filter(|(place, _)| *place != self.onto) {
             let main = &self.lanes[self.onto];
             let (name, rate, furthest) = (&lane.name, lane.rate, lane.furthest * 1e3);
@@ -501,18 +525,22 @@ impl Batches for Join {
                 notes.push(format!("{outside} rows before the first sample of {name} or after its last are left out"));
             }
             if in_gaps > 0 {
-                notes.push(format!("{name} has no value at {in_gaps} rows in gaps longer than {longest:.3} ms"));
+                notes.push(format!(
+                    "{name} has no value at {in_gaps} rows in gaps longer than {longest:.3} ms"
+                ));
             }
         }
         notes
     }
 
     fn warnings(&self) -> Vec<String> {
-        let mut warnings: Vec<String> = self.lanes.iter().flat_map(|lane| lane.batches.warnings()).collect();
+        let mut warnings: Vec<String> =
+            self.lanes.iter().flat_map(|lane| lane.batches.warnings()).collect();
         for lane in self.lanes.iter().filter(|lane| lane.left_out > 0) {
             let (name, count) = (&lane.name, lane.left_out);
-            warnings
-                .push(format!("{count} samples of {name} without a time, of a time twice or too late are left out"));
+            warnings.push(format!(
+                "{count} samples of {name} without a time, of a time twice or too late are left out"
+            ));
         }
         warnings
     }
@@ -525,7 +553,8 @@ mod tests {
     use super::*;
     use crate::Column;
 
-    /// Difference allowed between a line and its interpolation, in its own unit: rounding of numbers up to 10.
+    /// Difference allowed between a line and its interpolation, in its own unit: rounding of
+    /// numbers up to 10.
     const EXACT: f64 = 1e-11;
 
     /// Topics in memory, returned in pieces.
@@ -554,7 +583,11 @@ mod tests {
             let split = |(_, rows): &(&str, Vec<[f64; 3]>)| {
                 (0..3).map(|k| rows.iter().map(|row| row[k]).collect()).collect::<Vec<Vec<f64>>>()
             };
-            Self { tables: topics.iter().map(table).collect(), columns: topics.iter().map(split).collect(), piece }
+            Self {
+                tables: topics.iter().map(table).collect(),
+                columns: topics.iter().map(split).collect(),
+                piece,
+            }
         }
     }
 
@@ -567,8 +600,13 @@ mod tests {
             &self.tables
         }
 
-        fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-            let columns = columns.iter().map(|&column| self.columns[table][column].clone()).collect();
+        fn open(
+            &self,
+            table: usize,
+            columns: &[usize],
+        ) -> Result<Box<dyn Batches>, RecordingError> {
+            let columns =
+                columns.iter().map(|&column| self.columns[table][column].clone()).collect();
             Ok(Box::new(Pieces { columns, at: 0, piece: self.piece }))
         }
     }
@@ -674,7 +712,10 @@ mod tests {
     fn nothing_is_made_up_in_gaps() {
         let mut intervals = vec![2e-3; 60];
         intervals[30] = 20e-3;
-        let log = Log::new(16, &[("/a", line(2e-3 + 0.5e-3, &[1e-3; 145], 0.0)), ("/b", line(0.0, &intervals, 0.0))]);
+        let log = Log::new(
+            16,
+            &[("/a", line(2e-3 + 0.5e-3, &[1e-3; 145], 0.0)), ("/b", line(0.0, &intervals, 0.0))],
+        );
         let (columns, joined) = joined(&log);
         for (row, &time) in columns[0].iter().enumerate() {
             let is_inside = time > 60e-3 && time < 80e-3;
@@ -705,7 +746,11 @@ mod tests {
         let log = Log::new(16, &[("/a", line(0.0, &[1e-3; 100], 0.0)), ("/b", b)]);
         let (_, joined) = joined(&log);
         assert_eq!(joined.clock, LOG_TIME);
-        assert!(joined.notes[0].contains("header.stamp_s of /b does not advance"), "{:?}", joined.notes);
+        assert!(
+            joined.notes[0].contains("header.stamp_s of /b does not advance"),
+            "{:?}",
+            joined.notes
+        );
     }
 
     #[test]
@@ -715,7 +760,14 @@ mod tests {
         b[20][0] = f64::NAN;
         let log = Log::new(16, &[("/a", line(0.0, &[1e-3; 1000], 0.0)), ("/b", b)]);
         let (columns, joined) = joined(&log);
-        assert!(joined.batches.warnings()[0].starts_with("2 samples of /b"), "{:?}", joined.batches.warnings());
-        assert!((columns[2][10] - columns[1][10]).abs() < EXACT && (columns[2][20] - columns[1][20]).abs() < EXACT);
+        assert!(
+            joined.batches.warnings()[0].starts_with("2 samples of /b"),
+            "{:?}",
+            joined.batches.warnings()
+        );
+        assert!(
+            (columns[2][10] - columns[1][10]).abs() < EXACT
+                && (columns[2][20] - columns[1][20]).abs() < EXACT
+        );
     }
 }

@@ -76,8 +76,8 @@ const CONSTANT_FORCE: f64 = 1e-9;
 pub struct Recording {
     /// File name without its folder.
     pub name: String,
-    /// SHA-256 of the file's bytes (of its text in UTF-8 if it is compressed by gzip or zstd, or in UTF-16), or of the
-    /// columns when there is no file; lower-case hexadecimal.
+    /// SHA-256 of the file's bytes (of its text in UTF-8 if it is compressed by gzip or zstd, or in
+    /// UTF-16), or of the columns when there is no file; lower-case hexadecimal.
     pub sha256: String,
     /// Time in s.
     pub time: Vec<f64>,
@@ -111,7 +111,9 @@ impl Readings {
     pub fn sha256(&self) -> String {
         let Self { time, position, force, velocity } = self;
         let mut hash = Sha256::new();
-        for column in [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten() {
+        for column in
+            [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten()
+        {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
         text::hex(&hash.finalize())
@@ -158,16 +160,21 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         let name = name.into();
         let Readings { time, position, force, velocity } = readings;
-        let given = [("position", Some(position)), ("force", Some(force)), ("velocity", velocity.as_ref())];
-        for (column, values) in given.into_iter().filter_map(|(column, values)| Some((column, values?))) {
+        let given =
+            [("position", Some(position)), ("force", Some(force)), ("velocity", velocity.as_ref())];
+        for (column, values) in
+            given.into_iter().filter_map(|(column, values)| Some((column, values?)))
+        {
             if values.len() != time.len() {
                 let (file, found, expected) = (name, values.len(), time.len());
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
-        let mut collector = Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
+        let mut collector =
+            Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
         for k in 0..time.len() {
-            let values = [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
+            let values =
+                [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
             collector.add(SampleRow { line: k as u64, values });
         }
         collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
@@ -186,7 +193,8 @@ impl Recording {
         options: &ReadOptions,
         next: &mut dyn FnMut(&mut Block) -> Result<bool, RecordingError>,
     ) -> Result<Self, RecordingError> {
-        let mut collector = Collector::new(0, has_velocity, options.most_samples).counting(Count::Samples);
+        let mut collector =
+            Collector::new(0, has_velocity, options.most_samples).counting(Count::Samples);
         let mut crop = Crop::new(&options.choice);
         let mut hashes = vec![Sha256::new(); if has_velocity { 4 } else { 3 }];
         let mut block = Block::new(Quantity::ALL.len());
@@ -221,7 +229,10 @@ impl Recording {
     /// [`Quality::saturated`].
     pub fn is_clipped(&self, i: usize) -> bool {
         let force = self.force[i];
-        self.quality.saturated.iter().any(|s| if s.level < 0.0 { force <= s.level } else { force >= s.level })
+        self.quality
+            .saturated
+            .iter()
+            .any(|s| if s.level < 0.0 { force <= s.level } else { force >= s.level })
     }
 
     /// Ranges of samples without a gap or reset; no conclusion may be drawn across their ends.
@@ -231,27 +242,31 @@ impl Recording {
         starts.zip(ends).map(|(from, to)| from..to)
     }
 
-    /// The samples in `range` as a separate recording, with `what` appended to its name. It keeps the
-    /// notes, and the readings that are saturated in the whole recording are so in the part.
+    /// The samples in `range` as a separate recording, with `what` appended to its name. It keeps
+    /// the notes, and the readings that are saturated in the whole recording are so in the part.
     ///
     /// # Errors
     /// As for [`Recording::from_columns`].
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
         let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
         let (time, position, force) = (cut(&self.time), cut(&self.position), cut(&self.force));
-        let readings = Readings { time, position, force, velocity: self.velocity.as_ref().map(cut) };
+        let readings =
+            Readings { time, position, force, velocity: self.velocity.as_ref().map(cut) };
         let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, None)?;
         part.choice = self.choice.clone();
         part.quality.notes.extend(self.quality.notes.iter().cloned());
         for Saturation { level, .. } in self.quality.saturated.iter().copied() {
-            let is_stuck = |force: &&f64| if level < 0.0 { **force <= level } else { **force >= level };
+            let is_stuck =
+                |force: &&f64| if level < 0.0 { **force <= level } else { **force >= level };
             let count = part.force.iter().filter(is_stuck).count();
             let is_known = part.quality.saturated.iter().any(|found| found.level == level);
-            if let (Some(first), false) = (part.force.iter().position(|force| is_stuck(&force)), is_known) {
+            if let (Some(first), false) =
+                (part.force.iter().position(|force| is_stuck(&force)), is_known)
+            {
                 part.quality.saturated.push(Saturation { count, level, first_line: first as u64 });
-                part.quality
-                    .notes
-                    .push(format!("{count} readings at the limit of {level} N that the whole recording has"));
+                part.quality.notes.push(format!(
+                    "{count} readings at the limit of {level} N that the whole recording has"
+                ));
             }
         }
         Ok(part)
@@ -260,10 +275,10 @@ impl Recording {
     /// The recording with the inertia and weight of a moving mass removed from the force:
     /// `force - mass * (acceleration + gravity)`.
     ///
-    /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the insertion axis (0 when
-    /// the axis is horizontal; a constant weight may as well stay in the offset). The acceleration is
-    /// [`Recording::acceleration`]. A force that never changes is not that of a sensor which feels
-    /// the mass: it stays as it is.
+    /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the
+    /// insertion axis (0 when the axis is horizontal; a constant weight may as well stay in the
+    /// offset). The acceleration is [`Recording::acceleration`]. A force that never changes is not
+    /// that of a sensor which feels the mass: it stays as it is.
     ///
     /// # Errors
     /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
@@ -280,7 +295,9 @@ impl Recording {
         }
         let (low, high) = range(&self.force);
         if high - low <= CONSTANT_FORCE * low.abs().max(high.abs()) {
-            self.quality.notes.push(format!("the force is constant: inertia of {mass} kg not taken out"));
+            self.quality
+                .notes
+                .push(format!("the force is constant: inertia of {mass} kg not taken out"));
             return Ok(self);
         }
         let window = self.acceleration_window();
@@ -289,7 +306,9 @@ impl Recording {
             *force -= mass * (a + gravity);
         }
         let window_ms = 1e3 * window;
-        self.quality.notes.push(format!("inertia of {mass} kg subtracted, acceleration over {window_ms:.3} ms"));
+        self.quality
+            .notes
+            .push(format!("inertia of {mass} kg subtracted, acceleration over {window_ms:.3} ms"));
         Ok(self)
     }
 }
@@ -309,7 +328,10 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingEr
 ///
 /// # Errors
 /// As for [`read`].
-pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, Vec<String>), RecordingError> {
+pub fn read_in_words(
+    path: &Path,
+    options: &ReadOptions,
+) -> Result<(Recording, Vec<String>), RecordingError> {
     let file = path.display().to_string();
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut reader = Rows::open(path, &options.choice, &needed, true)?;
@@ -321,7 +343,8 @@ pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, V
     let kept = kept.min(rows::justified(path) / columns);
     // The estimate avoids copies of a growing column; a few percent allow for lines that become
     // shorter.
-    let mut collector = Collector::new((kept + kept / 32) as usize, has_velocity, options.most_samples);
+    let mut collector =
+        Collector::new((kept + kept / 32) as usize, has_velocity, options.most_samples);
     collector = collector.counting(reader.count());
     while let Some(block) = reader.next_block()? {
         collector.take(block);
@@ -332,8 +355,13 @@ pub fn read_in_words(path: &Path, options: &ReadOptions) -> Result<(Recording, V
     recording.quality.notes.extend(reader.notes());
     // The file's own names make an option that can be pasted.
     let given = options.choice.columns.as_deref();
-    let flip = if options.choice.flip_force { "leave out --flip-force" } else { "use --flip-force" };
-    let opposed = recording.quality.warnings.iter_mut().find(|warning| warning.kind == WarningKind::ForceSign);
+    let flip =
+        if options.choice.flip_force { "leave out --flip-force" } else { "use --flip-force" };
+    let opposed = recording
+        .quality
+        .warnings
+        .iter_mut()
+        .find(|warning| warning.kind == WarningKind::ForceSign);
     if let Some((warning, turned)) = opposed.zip(reader.layout().reversed_position(given)) {
         let turned = turned.replace('\'', r"'\''");
         warning.hint = Some(format!(
@@ -376,7 +404,12 @@ pub fn most_held(most: Option<usize>) -> u64 {
 ///
 /// # Errors
 /// [`RecordingError::TooLarge`].
-pub fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> Result<(), RecordingError> {
+pub fn check_memory(
+    file: &str,
+    rows: u64,
+    columns: u64,
+    limit: Option<u64>,
+) -> Result<(), RecordingError> {
     const MB: u64 = 1_000_000;
     let needed = rows.saturating_mul(columns * size_of::<f64>() as u64);
     match limit {
@@ -390,7 +423,8 @@ pub fn check_memory(file: &str, rows: u64, columns: u64, limit: Option<u64>) -> 
     }
 }
 
-/// Writes columns in SI units as `time_s,position_m,velocity_m_s,force_n`, the velocity only if it is given.
+/// Writes columns in SI units as `time_s,position_m,velocity_m_s,force_n`, the velocity only if it
+/// is given.
 ///
 /// Every number is the shortest that reads back as the same value.
 ///
@@ -403,8 +437,11 @@ pub fn write(
     velocity: Option<&[f64]>,
     force: &[f64],
 ) -> std::io::Result<()> {
-    let header =
-        if velocity.is_some() { "time_s,position_m,velocity_m_s,force_n" } else { "time_s,position_m,force_n" };
+    let header = if velocity.is_some() {
+        "time_s,position_m,velocity_m_s,force_n"
+    } else {
+        "time_s,position_m,force_n"
+    };
     writeln!(output, "{header}")?;
     let mut line = Line::default();
     for k in 0..time.len() {

@@ -60,7 +60,8 @@ impl Line {
             at -= 1;
             digits[at] = b'-';
         }
-        let zeros = digits[..POINT + 7].iter().rev().take_while(|&&digit| digit == b'0').count().min(5);
+        let zeros =
+            digits[..POINT + 7].iter().rev().take_while(|&&digit| digit == b'0').count().min(5);
         let length = self.bytes.len() + POINT + 7 - zeros - at;
         self.bytes.extend_from_slice(digits[at..].first_chunk::<WIDTH>().unwrap_or(&[b'0'; WIDTH]));
         self.bytes.truncate(length);
@@ -122,10 +123,16 @@ mod tests {
             4503599.627370496,
         ];
         for value in awkward {
-            assert_eq!(written(value).parse::<f64>().unwrap().to_bits(), value.to_bits(), "{value}");
+            assert_eq!(
+                written(value).parse::<f64>().unwrap().to_bits(),
+                value.to_bits(),
+                "{value}"
+            );
         }
         for k in -20_000..20_000 {
-            for value in [f64::from(k) * 1e-3, f64::from(k) * 4e-6, f64::from(k) / 1e6, f64::from(k) * 0.37] {
+            for value in
+                [f64::from(k) * 1e-3, f64::from(k) * 4e-6, f64::from(k) / 1e6, f64::from(k) * 0.37]
+            {
                 assert_eq!(written(value).parse::<f64>().unwrap(), value);
             }
         }

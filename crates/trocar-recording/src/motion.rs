@@ -6,8 +6,8 @@
 //! ```
 //! The window never crosses a gap or a reset, and is extended if it contains fewer than five
 //! samples. For even sampling the fit passes half of the power at 0.86 / window Hz for the
-//! acceleration and 0.58 / window Hz for the velocity. At the ends of an unbroken part the window is
-//! one-sided and the noise several times larger.
+//! acceleration and 0.58 / window Hz for the velocity. At the ends of an unbroken part the window
+//! is one-sided and the noise several times larger.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -67,7 +67,9 @@ impl Recording {
         let difference: Vec<f64> = narrow.iter().zip(&best).map(|(a, b)| a - b).collect();
         let noise = self.acceleration_variance(self.samples_in(window));
         let around = (self.samples_in(WIDER * window) / 2.0) as usize;
-        for ((a, d), energy) in best.iter_mut().zip(&difference).zip(mean_squares(&difference, around)) {
+        for ((a, d), energy) in
+            best.iter_mut().zip(&difference).zip(mean_squares(&difference, around))
+        {
             if energy > ABOVE_NOISE * noise {
                 *a += d * (1.0 - (ABOVE_NOISE * noise / energy).powi(2));
             }
@@ -81,7 +83,8 @@ impl Recording {
     /// of the samples in the window, and a second window determines its amount.
     fn left_by_blur(&self, acceleration: &[f64], window: f64) -> f64 {
         let third = window / 3.0;
-        let other = if self.samples_in(third) < self.samples_in(window) { third } else { 2.0 * window };
+        let other =
+            if self.samples_in(third) < self.samples_in(window) { third } else { 2.0 * window };
         let [n, m] = [window, other].map(|w| self.samples_in(w).powi(2));
         let other = local_acceleration(self, other);
         let of_pulses = match m < n {
@@ -102,9 +105,11 @@ impl Recording {
     fn acceleration_variance(&self, samples: f64) -> f64 {
         let interval = self.quality.median_interval;
         // Rounding to a step has the standard deviation of the step over the square root of twelve.
-        let noise = self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
+        let noise =
+            self.quality.position_noise.max(self.quality.position_resolution / 12_f64.sqrt());
         let squared = samples * samples;
-        720.0 * (noise / (interval * interval)).powi(2) / (samples * (squared - 1.0) * (squared - 4.0))
+        720.0 * (noise / (interval * interval)).powi(2)
+            / (samples * (squared - 1.0) * (squared - 4.0))
     }
 
     /// The window in s with the least error of the acceleration, averaged over the recording.
@@ -167,7 +172,8 @@ fn pulse_ratio(smooth: &[f64], sharp: &[f64]) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let large = 0.3 * sorted[(0.99 * (sorted.len() - 1) as f64) as usize];
     let pulses = smooth.iter().zip(sharp).filter(|(a, _)| a.abs() > large);
-    let (both, square) = pulses.fold((0.0, 0.0), |(both, square), (a, b)| (both + a * b, square + a * a));
+    let (both, square) =
+        pulses.fold((0.0, 0.0), |(both, square), (a, b)| (both + a * b, square + a * a));
     if square > 0.0 { both / square } else { 1.0 }
 }
 
@@ -269,7 +275,8 @@ impl Sums {
         self.products[2] += x * t * t;
     }
 
-    /// Slope and curvature at `time`, by orthogonal polynomials: 1, t - mean, and the quadratic orthogonal to both.
+    /// Slope and curvature at `time`, by orthogonal polynomials: 1, t - mean, and the quadratic
+    /// orthogonal to both.
     fn fit(&self, time: f64) -> Fit {
         let per_sample = 1.0 / self.powers[0];
         let [_, mean, s2, s3, s4] = self.powers.map(|sum| sum * per_sample);

@@ -30,14 +30,29 @@ impl Pieces {
     ///
     /// # Errors
     /// As for [`read`](super::read), as far as they are detected before the first row.
-    pub fn open(path: &Path, options: &ReadOptions, samples: usize) -> Result<Self, RecordingError> {
+    pub fn open(
+        path: &Path,
+        options: &ReadOptions,
+        samples: usize,
+    ) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
         let rows = Rows::open(path, &options.choice, &needed, false)?;
-        let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
+        let name =
+            path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
         let (samples, sensor_limit) = (samples.max(MIN_SAMPLES), options.sensor_limit);
-        let columns = Quantity::ALL.into_iter().filter(|quantity| rows.layout().has(*quantity)).collect();
-        Ok(Self { file, name, rows, columns, ahead: VecDeque::new(), samples, sensor_limit, found: 0 })
+        let columns =
+            Quantity::ALL.into_iter().filter(|quantity| rows.layout().has(*quantity)).collect();
+        Ok(Self {
+            file,
+            name,
+            rows,
+            columns,
+            ahead: VecDeque::new(),
+            samples,
+            sensor_limit,
+            found: 0,
+        })
     }
 
     /// Fraction of the file read so far, 0 to 1 (0 for a stream), and the number of rows.
@@ -52,7 +67,8 @@ impl Pieces {
     /// As for [`read`](super::read).
     pub fn next_piece(&mut self) -> Result<Option<Recording>, RecordingError> {
         let has_velocity = self.columns.contains(&Quantity::Velocity);
-        let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None).counting(self.rows.count());
+        let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None)
+            .counting(self.rows.count());
         let first = self.found == 0;
         loop {
             while self.ahead.len() < MIN_SAMPLES {
@@ -75,7 +91,8 @@ impl Pieces {
             return Ok(None);
         }
         let is_last = self.ahead.is_empty();
-        let mut piece = collector.finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)?;
+        let mut piece =
+            collector.finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)?;
         if first {
             piece.quality.notes.extend(self.rows.notes());
         }

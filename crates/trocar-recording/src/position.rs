@@ -22,8 +22,9 @@ fn median<const N: usize>(mut values: [f64; N]) -> f64 {
 /// Deviation of `x[i]` from the line through its neighbours, and their own median deviation, m. The
 /// line has the median slope (THEIL), so another glitch among the neighbours does not affect it.
 fn off_line(t: &[f64], x: &[f64], i: usize) -> (f64, f64) {
-    let near: [usize; 2 * NEIGHBOURS] =
-        std::array::from_fn(|k| if k < NEIGHBOURS { i - NEIGHBOURS + k } else { i + 1 + k - NEIGHBOURS });
+    let near: [usize; 2 * NEIGHBOURS] = std::array::from_fn(|k| {
+        if k < NEIGHBOURS { i - NEIGHBOURS + k } else { i + 1 + k - NEIGHBOURS }
+    });
     let mut slopes = [0.0; NEIGHBOURS * (2 * NEIGHBOURS - 1)];
     let pairs = (0..near.len()).flat_map(|b| (0..b).map(move |a| (near[a], near[b])));
     slopes.iter_mut().zip(pairs).for_each(|(slope, (a, b))| *slope = (x[b] - x[a]) / (t[b] - t[a]));
@@ -39,14 +40,17 @@ impl Recording {
     /// through at each of them.
     #[must_use]
     pub fn without_glitches(mut self) -> Self {
-        let least = (OVER_NOISE * self.quality.position_noise.max(self.quality.position_resolution)).max(FLOOR);
+        let least = (OVER_NOISE
+            * self.quality.position_noise.max(self.quality.position_resolution))
+        .max(FLOOR);
         let (t, x) = (&self.time, &self.position);
         let is_glitch = |i: &usize| {
             let (off, neighbours) = off_line(t, x, *i);
             off > least.max(OVER_NEIGHBOURS * neighbours)
         };
-        let inside =
-            |range: Range<usize>| (range.start + NEIGHBOURS..range.end.saturating_sub(NEIGHBOURS)).filter(is_glitch);
+        let inside = |range: Range<usize>| {
+            (range.start + NEIGHBOURS..range.end.saturating_sub(NEIGHBOURS)).filter(is_glitch)
+        };
         let glitches: Vec<usize> = self.unbroken().flat_map(inside).collect();
         for run in glitches.clone().chunk_by(|a, b| b - a == 1) {
             let (a, b) = (run[0] - 1, run[run.len() - 1] + 1);
@@ -56,9 +60,11 @@ impl Recording {
             }
         }
         if let (count @ 1.., Some(first)) = (glitches.len(), glitches.first()) {
-            let (what, at) = (if count == 1 { "position jumps" } else { "positions jump" }, self.time[*first]);
-            let note =
-                format!("{count} single {what} off and straight back, first at {at:.3} s: put between neighbours");
+            let (what, at) =
+                (if count == 1 { "position jumps" } else { "positions jump" }, self.time[*first]);
+            let note = format!(
+                "{count} single {what} off and straight back, first at {at:.3} s: put between neighbours"
+            );
             self.quality.notes.push(note);
         }
         self
@@ -75,15 +81,26 @@ impl Recording {
         if lag == 0.0 {
             return Ok(self.clone());
         }
-        let mut all =
-            Self { quality: self.quality.clone(), name: self.name.clone(), ..Self::empty(&self.sha256, &self.choice) };
+        let mut all = Self {
+            quality: self.quality.clone(),
+            name: self.name.clone(),
+            ..Self::empty(&self.sha256, &self.choice)
+        };
         let quality = &mut all.quality;
         quality.breaks.clear();
         for range in self.unbroken() {
             let (t, x) = (&self.time[range.clone()], &self.position[range.clone()]);
             let from = all.time.len();
-            quality.gaps.iter_mut().filter(|gap| gap.index == range.start).for_each(|gap| gap.index = from);
-            quality.resets.iter_mut().filter(|reset| reset.index == range.start).for_each(|reset| reset.index = from);
+            quality
+                .gaps
+                .iter_mut()
+                .filter(|gap| gap.index == range.start)
+                .for_each(|gap| gap.index = from);
+            quality
+                .resets
+                .iter_mut()
+                .filter(|reset| reset.index == range.start)
+                .for_each(|reset| reset.index = from);
             let mut k = 0;
             for i in 0..t.len() {
                 let later = t[i] + lag;

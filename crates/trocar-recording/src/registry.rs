@@ -54,7 +54,11 @@ pub fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
     (&file).take(HEAD as u64).read_to_end(&mut head).map_err(refused)?;
     let kind = Kind::of(&head).or_else(|| is_hdf5_after_text(&file, &head).then_some(Kind::Hdf5));
     let Some(kind) = kind else { return Ok(None) };
-    let format = if kind == Kind::Hdf5 && head.starts_with(b"MATLAB 7.") { "MATLAB 7.3" } else { kind.name() };
+    let format = if kind == Kind::Hdf5 && head.starts_with(b"MATLAB 7.") {
+        "MATLAB 7.3"
+    } else {
+        kind.name()
+    };
     let source = Source { file: name, format };
     kind.open(path, file, length, source).map(Some)
 }
@@ -100,7 +104,11 @@ impl Kind {
             _ if head.starts_with(b"\x89MCAP0\r\n") => Self::Mcap,
             _ if head.starts_with(b"#ROSBAG V") => Self::Ros1,
             _ if head.starts_with(b"SQLite format 3\0") => Self::Rosbag,
-            _ if head.starts_with(HDF5) || head.get(512..).is_some_and(|head| head.starts_with(HDF5)) => Self::Hdf5,
+            _ if head.starts_with(HDF5)
+                || head.get(512..).is_some_and(|head| head.starts_with(HDF5)) =>
+            {
+                Self::Hdf5
+            }
             _ if version == b"\x00\x01IM" || version == b"\x01\x00MI" => Self::Mat5,
             _ if head.starts_with(b"PK\x03\x04") => Self::Xlsx,
             _ if head.starts_with(&[0xff; 4]) && is_arrow_message(head) => Self::ArrowStream,
@@ -125,22 +133,42 @@ impl Kind {
     }
 
     /// Opens the file, or reports the feature that this build lacks for it.
-    #[cfg_attr(not(feature = "all-formats"), allow(unused_variables, reason = "every format takes its own"))]
-    fn open(self, path: &Path, file: File, length: u64, source: Source) -> Result<Box<dyn Container>, RecordingError> {
+    #[cfg_attr(
+        not(feature = "all-formats"),
+        allow(unused_variables, reason = "every format takes its own")
+    )]
+    fn open(
+        self,
+        path: &Path,
+        file: File,
+        length: u64,
+        source: Source,
+    ) -> Result<Box<dyn Container>, RecordingError> {
         #[cfg(not(feature = "all-formats"))]
-        let lacks =
-            |feature| Err(RecordingError::NoFeature { file: source.file.clone(), format: source.format, feature });
+        let lacks = |feature| {
+            Err(RecordingError::NoFeature {
+                file: source.file.clone(),
+                format: source.format,
+                feature,
+            })
+        };
         match self {
             #[cfg(feature = "parquet")]
-            Self::Parquet => Ok(Box::new(super::formats::parquet::Parquet::open(file, length, source)?)),
+            Self::Parquet => {
+                Ok(Box::new(super::formats::parquet::Parquet::open(file, length, source)?))
+            }
             #[cfg(feature = "arrow")]
             Self::Arrow => Ok(Box::new(super::formats::arrow::Arrow::open(file, length, source)?)),
             #[cfg(feature = "arrow")]
-            Self::ArrowStream => Ok(Box::new(super::formats::arrow::Arrow::stream(file, length, source)?)),
+            Self::ArrowStream => {
+                Ok(Box::new(super::formats::arrow::Arrow::stream(file, length, source)?))
+            }
             #[cfg(feature = "hdf5")]
             Self::Hdf5 => Ok(Box::new(super::formats::hdf5::Hdf5::open(path, length, source)?)),
             Self::Mat5 => Ok(Box::new(mat5::Mat5::open(file, length, source)?)),
-            Self::Mat4 => Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN)),
+            Self::Mat4 => {
+                Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN))
+            }
             #[cfg(feature = "mcap")]
             Self::Mcap => super::formats::mcap::open(path),
             #[cfg(feature = "rosbag")]
@@ -170,8 +198,8 @@ impl Kind {
 /// First bytes of an HDF5 file, or of what follows a block of the user's.
 const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 
-/// Whether HDF5 follows a block of text as MATLAB writes it, longer than its usual 512 bytes: by the
-/// definition of HDF5 any power of two.
+/// Whether HDF5 follows a block of text as MATLAB writes it, longer than its usual 512 bytes: by
+/// the definition of HDF5 any power of two.
 fn is_hdf5_after_text(file: &File, head: &[u8]) -> bool {
     let is_there = |at: u64| {
         let mut bytes = [0; HDF5.len()];
@@ -183,6 +211,7 @@ fn is_hdf5_after_text(file: &File, head: &[u8]) -> bool {
 /// Whether the bytes after the message marker can be the length of a schema, which begins every
 /// stream.
 fn is_arrow_message(head: &[u8]) -> bool {
-    let length = head.get(4..8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
+    let length =
+        head.get(4..8).and_then(|bytes| bytes.try_into().ok()).map_or(0, u32::from_le_bytes);
     (16..1 << 24).contains(&length) && length % 8 == 0
 }

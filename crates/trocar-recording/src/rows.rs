@@ -45,7 +45,12 @@ impl Rows<'static> {
     ///
     /// # Errors
     /// As for [`read`](crate::read), as far as they are detected before the first row.
-    pub fn open(path: &Path, choice: &Choice, needed: &[Quantity], hash: bool) -> Result<Self, RecordingError> {
+    pub fn open(
+        path: &Path,
+        choice: &Choice,
+        needed: &[Quantity],
+        hash: bool,
+    ) -> Result<Self, RecordingError> {
         let opened = Self::open_with(path, choice, needed, hash);
         let (Some(own), true) = (choice.by_own_header(), path.is_file()) else { return opened };
         opened.or_else(|_| {
@@ -56,14 +61,20 @@ impl Rows<'static> {
         })
     }
 
-    fn open_with(path: &Path, choice: &Choice, needed: &[Quantity], hash: bool) -> Result<Self, RecordingError> {
+    fn open_with(
+        path: &Path,
+        choice: &Choice,
+        needed: &[Quantity],
+        hash: bool,
+    ) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         if file != "-"
             && let Some(container) = registry::open(path)?
         {
             choice.check_rate(&file)?;
             if choice.skip_rows > 0 {
-                let problem = format!("is for text, and this is a file of the format {}", container.format());
+                let problem =
+                    format!("is for text, and this is a file of the format {}", container.format());
                 return Err(RecordingError::BadOption { file, option: "--skip-rows", problem });
             }
             let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
@@ -71,7 +82,8 @@ impl Rows<'static> {
             return Ok(Self::new(Source::Table(Box::new(table)), None, choice));
         }
         let input = TextInput::open(path)?;
-        let mut rows = Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
+        let mut rows =
+            Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
         rows.text_file = input.file;
         Ok(rows)
     }
@@ -92,14 +104,22 @@ impl<'a> Rows<'a> {
         hash: bool,
     ) -> Result<Self, RecordingError> {
         choice.check_rate(file)?;
-        let reader = TextReader::open(file, input, Wanted::Quantities(choice, needed), is_file, hash)?;
+        let reader =
+            TextReader::open(file, input, Wanted::Quantities(choice, needed), is_file, hash)?;
         check_topics(file, choice)?;
         Ok(Self::new(Source::Text(Box::new(reader)), None, choice))
     }
 
     fn new(source: Source<'a>, text_file: Option<(u64, Arc<AtomicU64>)>, choice: &Choice) -> Self {
         let crop = Crop::new(choice);
-        let mut rows = Self { source, text_file, crop, numbered: 0, block: Block::new(Quantity::ALL.len()), next: 0 };
+        let mut rows = Self {
+            source,
+            text_file,
+            crop,
+            numbered: 0,
+            block: Block::new(Quantity::ALL.len()),
+            next: 0,
+        };
         if choice.flip_force {
             rows.layout_mut().flip_force();
         }
@@ -137,7 +157,8 @@ impl<'a> Rows<'a> {
     pub(crate) fn expected(&self) -> Option<u64> {
         match &self.source {
             Source::Text(reader) => self.text_file.as_ref().map(|(size, read)| {
-                let decompressed = reader.bytes_read() as f64 / read.load(Ordering::Relaxed).max(1) as f64;
+                let decompressed =
+                    reader.bytes_read() as f64 / read.load(Ordering::Relaxed).max(1) as f64;
                 (*size as f64 * decompressed / reader.bytes_per_line()) as u64
             }),
             Source::Table(table) => table.rows,
@@ -180,7 +201,9 @@ impl<'a> Rows<'a> {
     pub(crate) fn warnings(&self) -> Vec<String> {
         match &self.source {
             Source::Text(reader) => reader.warnings(),
-            Source::Table(table) => table.warnings.iter().cloned().chain(table.batches.warnings()).collect(),
+            Source::Table(table) => {
+                table.warnings.iter().cloned().chain(table.batches.warnings()).collect()
+            }
         }
     }
 
@@ -304,15 +327,17 @@ pub fn digest_of(path: &Path) -> Result<String, RecordingError> {
 fn hash_files(path: &Path, hash: &mut Sha256) -> std::io::Result<()> {
     let mut files = vec![path.to_owned()];
     if path.is_dir() {
-        files = std::fs::read_dir(path)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+        files = std::fs::read_dir(path)?
+            .map(|entry| Ok(entry?.path()))
+            .collect::<std::io::Result<_>>()?;
         files.retain(|file| file.is_file());
         files.sort();
     }
     files.into_iter().try_for_each(|file| hash_stream(File::open(file)?, hash))
 }
 
-/// Numbers for which memory may be reserved before they are read: as many as the file at `path`, or the files in that folder, have
-/// bytes. A number of rows stated in a file proves nothing.
+/// Numbers for which memory may be reserved before they are read: as many as the file at `path`, or
+/// the files in that folder, have bytes. A number of rows stated in a file proves nothing.
 pub(crate) fn justified(path: &Path) -> u64 {
     let length = |path: &Path| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
     match std::fs::read_dir(path) {
@@ -352,7 +377,8 @@ impl Crop {
         self.first = self.first.or_else(|| time.iter().copied().find(|t| t.is_finite()));
         let first = self.first.unwrap_or(0.0);
         let (from, to) = (self.from.unwrap_or(f64::NEG_INFINITY), self.to.unwrap_or(f64::INFINITY));
-        let kept: Vec<usize> = (0..time.len()).filter(|k| (from..to).contains(&(time[*k] - first))).collect();
+        let kept: Vec<usize> =
+            (0..time.len()).filter(|k| (from..to).contains(&(time[*k] - first))).collect();
         (kept.len() < time.len()).then_some(kept)
     }
 
@@ -380,7 +406,8 @@ mod tests {
     #[test]
     fn the_hash_of_a_file_is_that_of_its_recording() {
         let folder = tempfile::tempdir().unwrap();
-        let text: String = (0..100).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+        let text: String =
+            (0..100).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
         let (plain, compressed) = (folder.path().join("a.csv"), folder.path().join("a.csv.gz"));
         std::fs::write(&plain, &text).unwrap();
         let file = File::create(&compressed).unwrap();

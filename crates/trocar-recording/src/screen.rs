@@ -10,8 +10,8 @@ use super::{LONGEST_STROKE, Location, MIN_SAMPLES, RecordingError};
 /// trocar.
 const DOUBTFUL_STROKE: f64 = 1e-3;
 
-/// Intervals in s, and forces in N, beyond which the unit is doubtful: no logger is so slow or fast,
-/// and no instrument or robot axis so strong.
+/// Intervals in s, and forces in N, beyond which the unit is doubtful: no logger is so slow or
+/// fast, and no instrument or robot axis so strong.
 const PLAUSIBLE_INTERVALS: Range<f64> = 1e-7..1e4;
 const PLAUSIBLE_FORCE: f64 = 200.0;
 
@@ -157,8 +157,11 @@ pub(super) fn screen(
         let (file, stroke) = (file.to_owned(), quality.stroke);
         return Err(RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE });
     }
-    let begins = |index: usize| excerpts.binary_search_by(|time| time.total_cmp(&columns.time[index])).is_ok();
-    let (cuts, gaps): (Vec<Gap>, Vec<Gap>) = quality.gaps.drain(..).partition(|gap| begins(gap.index));
+    let begins = |index: usize| {
+        excerpts.binary_search_by(|time| time.total_cmp(&columns.time[index])).is_ok()
+    };
+    let (cuts, gaps): (Vec<Gap>, Vec<Gap>) =
+        quality.gaps.drain(..).partition(|gap| begins(gap.index));
     quality.gaps = gaps;
     find_jumps(&columns, &mut quality);
     quality.resets.retain(|reset| !begins(reset.index));
@@ -175,13 +178,21 @@ pub(super) fn screen(
 
 fn check_length(file: &str, found: usize) -> Result<(), RecordingError> {
     if found < MIN_SAMPLES {
-        return Err(RecordingError::TooFewSamples { file: file.to_owned(), found, needed: MIN_SAMPLES });
+        return Err(RecordingError::TooFewSamples {
+            file: file.to_owned(),
+            found,
+            needed: MIN_SAMPLES,
+        });
     }
     Ok(())
 }
 
 /// Omits rows whose time does not increase, and rejects a clock that decreases or is constant.
-fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) -> Result<(), RecordingError> {
+fn drop_standing_time(
+    file: &str,
+    columns: &mut Columns,
+    quality: &mut Quality,
+) -> Result<(), RecordingError> {
     if columns.time.windows(2).all(|pair| pair[1] > pair[0]) {
         return Ok(());
     }
@@ -209,14 +220,20 @@ fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) 
             continue;
         }
         quality.repeated_rows.add(line);
-        if columns.position[k] != columns.position[kept] || columns.force[k] != columns.force[kept] {
+        if columns.position[k] != columns.position[kept] || columns.force[k] != columns.force[kept]
+        {
             first_coincident = if coincident == 0 { k } else { first_coincident };
             coincident += 1;
         }
     }
     if coincident as f64 > TOLERATED_COINCIDENT * samples as f64 {
         let place = columns.lines.place(first_coincident);
-        return Err(RecordingError::CoarseClock { file: file.to_owned(), place, found: coincident, samples });
+        return Err(RecordingError::CoarseClock {
+            file: file.to_owned(),
+            place,
+            found: coincident,
+            samples,
+        });
     }
     columns.truncate(kept + 1);
     columns.lines = lines;
@@ -226,12 +243,18 @@ fn drop_standing_time(file: &str, columns: &mut Columns, quality: &mut Quality) 
 fn never_advances(file: &str, columns: &Columns) -> RecordingError {
     let (file, time) = (file.to_owned(), &columns.time);
     match time.windows(2).position(|pair| pair[1] < pair[0]) {
-        Some(k) => {
-            RecordingError::TimeGoesBack { file, place: columns.lines.place(k + 1), from: time[k], to: time[k + 1] }
-        }
-        None => {
-            RecordingError::ConstantTime { file, place: columns.lines.place(0), value: time[0], samples: time.len() }
-        }
+        Some(k) => RecordingError::TimeGoesBack {
+            file,
+            place: columns.lines.place(k + 1),
+            from: time[k],
+            to: time[k + 1],
+        },
+        None => RecordingError::ConstantTime {
+            file,
+            place: columns.lines.place(0),
+            value: time[0],
+            samples: time.len(),
+        },
     }
 }
 
@@ -291,7 +314,9 @@ fn describe_values(columns: &Columns, quality: &mut Quality) {
 
 /// Least and greatest of `values`.
 pub fn range(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
+    values
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
 }
 
 /// The median; `None` without values.
@@ -342,7 +367,8 @@ pub(super) fn resolution(values: &[f64]) -> f64 {
         return 0.0;
     };
     let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
-    let mut divisors: Vec<u64> = whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
+    let mut divisors: Vec<u64> =
+        whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
     divisors.sort_unstable();
     let mut commonest: Option<&[u64]> = None;
     for run in divisors.chunk_by(|a, b| a == b) {
@@ -435,9 +461,14 @@ fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Optio
     let (low, high) = range(&columns.force);
     // If the sensor is saturated for most of the time, the readings as a whole appear to be free of
     // noise.
-    let inside = columns.time.iter().zip(&columns.force).filter(|(_, force)| low < **force && **force < high);
+    let inside = columns
+        .time
+        .iter()
+        .zip(&columns.force)
+        .filter(|(_, force)| low < **force && **force < high);
     let (time, force): (Vec<f64>, Vec<f64>) = inside.unzip();
-    let noisy = force.len() >= MIN_SAMPLES && noise(&time, &force, quality.force_resolution) > quality.force_resolution;
+    let noisy = force.len() >= MIN_SAMPLES
+        && noise(&time, &force, quality.force_resolution) > quality.force_resolution;
     for (level, sign) in [(high, 1.0), (low, -1.0)] {
         let limit = sensor_limit.filter(|limit| sign * level >= *limit);
         // Without noise any constant force repeats exactly, so repetition is no evidence.
@@ -446,12 +477,17 @@ fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Optio
         }
         let threshold = limit.unwrap_or(sign * level);
         let stuck = |force: &f64| sign * force >= threshold;
-        let longest = columns.force.chunk_by(|a, b| stuck(a) == stuck(b)).filter(|run| stuck(&run[0]));
+        let longest =
+            columns.force.chunk_by(|a, b| stuck(a) == stuck(b)).filter(|run| stuck(&run[0]));
         let longest = longest.map(<[f64]>::len).max().unwrap_or(0);
         if limit.is_some() || longest >= SATURATED_RUN {
             let count = columns.force.iter().filter(|&force| stuck(force)).count();
             let first = columns.force.iter().position(stuck).unwrap_or_default();
-            quality.saturated.push(Saturation { count, level, first_line: columns.lines.of(first) });
+            quality.saturated.push(Saturation {
+                count,
+                level,
+                first_line: columns.lines.of(first),
+            });
         }
     }
 }
@@ -508,26 +544,58 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         warnings.push(Warning { kind, message, hint: hint.map(str::to_owned) });
     };
     for (kind, rows, what) in [
-        (WarningKind::NonFiniteRows, &quality.non_finite_rows, "with an empty, NaN or infinite cell left out"),
-        (WarningKind::RepeatedRows, &quality.repeated_rows, "with the time of the row above left out"),
+        (
+            WarningKind::NonFiniteRows,
+            &quality.non_finite_rows,
+            "with an empty, NaN or infinite cell left out",
+        ),
+        (
+            WarningKind::RepeatedRows,
+            &quality.repeated_rows,
+            "with the time of the row above left out",
+        ),
         (WarningKind::UnorderedRows, &quality.unordered_rows, "out of order left out"),
-        (WarningKind::HeldRows, &quality.held_rows, "hold an old position in the middle of motion, kept as they are"),
+        (
+            WarningKind::HeldRows,
+            &quality.held_rows,
+            "hold an old position in the middle of motion, kept as they are",
+        ),
     ] {
         if rows.count > 0 {
-            warn(kind, format!("{} {what}: {}", counted(rows.count, "row"), rows.places(unit)), None);
+            warn(
+                kind,
+                format!("{} {what}: {}", counted(rows.count, "row"), rows.places(unit)),
+                None,
+            );
         }
     }
-    if let Some(gap) = quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from))) {
-        let (count, length, line) = (counted(quality.gaps.len(), "gap"), gap.to - gap.from, gap.line);
-        warn(WarningKind::Gaps, format!("{count} in time, the longest of {length:.3} s before {unit} {line}"), None);
+    if let Some(gap) =
+        quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from)))
+    {
+        let (count, length, line) =
+            (counted(quality.gaps.len(), "gap"), gap.to - gap.from, gap.line);
+        warn(
+            WarningKind::Gaps,
+            format!("{count} in time, the longest of {length:.3} s before {unit} {line}"),
+            None,
+        );
     }
     if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
         let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
-        warn(WarningKind::Jitter, format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"), None);
+        warn(
+            WarningKind::Jitter,
+            format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"),
+            None,
+        );
     }
     if let Some(reset) = quality.resets.first() {
-        let (count, jump, line) = (counted(quality.resets.len(), "position jump"), reset.jump * 1e3, reset.line);
-        warn(WarningKind::Resets, format!("{count}, the first of {jump:.3} mm at {unit} {line}"), None);
+        let (count, jump, line) =
+            (counted(quality.resets.len(), "position jump"), reset.jump * 1e3, reset.line);
+        warn(
+            WarningKind::Resets,
+            format!("{count}, the first of {jump:.3} mm at {unit} {line}"),
+            None,
+        );
     }
     for end in &quality.saturated {
         let (count, level, line) = (end.count, end.level, end.first_line);
@@ -561,7 +629,11 @@ pub const OPPOSED: &str = "use --flip-force if the sensor is mounted the other w
 
 /// Warnings about numbers that probably have another unit.
 fn doubtful_units(columns: &Columns, quality: &Quality) -> Vec<Warning> {
-    let doubt = |message: String, hint: String| Warning { kind: WarningKind::Units, message, hint: Some(hint) };
+    let doubt = |message: String, hint: String| Warning {
+        kind: WarningKind::Units,
+        message,
+        hint: Some(hint),
+    };
     let interval = quality.median_interval;
     let mut doubts = Vec::new();
     if !PLAUSIBLE_INTERVALS.contains(&interval) {
@@ -570,7 +642,9 @@ fn doubtful_units(columns: &Columns, quality: &Quality) -> Vec<Warning> {
             ..1e5 => ("microseconds", "time_us"),
             _ => ("nanoseconds", "time_ns"),
         };
-        let hint = format!("is the unit right? if the numbers are {numbers}, name the column {name} or use --columns");
+        let hint = format!(
+            "is the unit right? if the numbers are {numbers}, name the column {name} or use --columns"
+        );
         doubts.push(doubt(format!("the samples are {interval:.1e} s apart"), hint));
     }
     let (low, high) = range(&columns.force);

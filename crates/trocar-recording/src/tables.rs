@@ -25,7 +25,11 @@ pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
 ///
 /// # Errors
 /// As for [`tables`], and when the table or a column is missing or not numeric.
-pub fn read_columns(path: impl AsRef<Path>, table: &str, columns: &[&str]) -> Result<Vec<Vec<f64>>, RecordingError> {
+pub fn read_columns(
+    path: impl AsRef<Path>,
+    table: &str,
+    columns: &[&str],
+) -> Result<Vec<Vec<f64>>, RecordingError> {
     let path = path.as_ref();
     let container = registry::any(path)?;
     let (table, places) = find(path, container.as_ref(), table, columns)?;
@@ -59,10 +63,18 @@ fn find(
     };
     let tables = container.tables();
     let names = || tables.iter().map(|table| table.name.as_str()).collect();
-    let at = tables.iter().position(|known| known.name == table).ok_or_else(|| missing("table", table, names()))?;
+    let at = tables
+        .iter()
+        .position(|known| known.name == table)
+        .ok_or_else(|| missing("table", table, names()))?;
     // The first of several columns of the same name.
-    let known: HashMap<&str, usize> =
-        tables[at].columns.iter().enumerate().rev().map(|(place, column)| (column.name.as_str(), place)).collect();
+    let known: HashMap<&str, usize> = tables[at]
+        .columns
+        .iter()
+        .enumerate()
+        .rev()
+        .map(|(place, column)| (column.name.as_str(), place))
+        .collect();
     let place = |name: &&str| {
         let found = known.get(name).copied();
         let names = || tables[at].columns.iter().map(|column| column.name.as_str()).collect();

@@ -37,7 +37,8 @@ const LONGEST_PREAMBLE: usize = 256;
 const ROWS_AFTER_PREAMBLE: usize = 3;
 
 /// Remedy if nothing can be read below what looks like the header.
-const HEADER_BELOW: &str = "\n\nhint: if the header is further below, skip the lines before it with --skip-rows";
+const HEADER_BELOW: &str =
+    "\n\nhint: if the header is further below, skip the lines before it with --skip-rows";
 
 /// Most rows read to guess a unit.
 const GUESSED_ROWS: usize = 20_000;
@@ -90,7 +91,13 @@ pub(crate) struct TextReader<R> {
 
 impl<R: Read> TextReader<R> {
     /// Reads up to the first row of numbers.
-    pub(crate) fn open(file: &str, input: R, wanted: Wanted, greedy: bool, hash: bool) -> Result<Self, RecordingError> {
+    pub(crate) fn open(
+        file: &str,
+        input: R,
+        wanted: Wanted,
+        greedy: bool,
+        hash: bool,
+    ) -> Result<Self, RecordingError> {
         let mut reader = Self {
             file: file.to_owned(),
             input,
@@ -169,7 +176,8 @@ impl<R: Read> TextReader<R> {
         let (format, layout, header) = (self.format, &self.layout, &self.header[..]);
         let threads = rayon::current_num_threads();
         let pieces = cut(bytes, (bytes.len() / PIECE).min(4 * threads));
-        let parse = |piece: &&[u8]| Piece::parse(piece, format, layout, header, block.columns.len());
+        let parse =
+            |piece: &&[u8]| Piece::parse(piece, format, layout, header, block.columns.len());
         let parsed: Vec<Piece> = if pieces.len() < 2 {
             pieces.iter().map(parse).collect()
         } else {
@@ -219,7 +227,11 @@ impl<R: Read> TextReader<R> {
             let read = match self.input.read(&mut self.buffer[self.filled..space]) {
                 Err(error) if error.kind() == std::io::ErrorKind::Interrupted => continue,
                 Err(source) => {
-                    return Err(RecordingError::Read { file: self.file.clone(), line: self.line, source });
+                    return Err(RecordingError::Read {
+                        file: self.file.clone(),
+                        line: self.line,
+                        source,
+                    });
                 }
                 Ok(read) => read,
             };
@@ -273,21 +285,26 @@ impl<R: Read> TextReader<R> {
     /// Finds format and columns and leaves `start` at the first row of numbers.
     fn find_columns(&mut self, wanted: Wanted) -> Result<(), RecordingError> {
         if let Wanted::Quantities(choice, needed) = wanted
-            && let Some(mapping) = choice.columns.as_deref().filter(|mapping| !mapping.contains('='))
+            && let Some(mapping) =
+                choice.columns.as_deref().filter(|mapping| !mapping.contains('='))
         {
-            self.layout = Layout::from_mapping(mapping, &choice.needed_columns(needed))?.at_rate(choice.rate_hz);
+            self.layout = Layout::from_mapping(mapping, &choice.needed_columns(needed))?
+                .at_rate(choice.rate_hz);
         }
         let mut comment = self.skip_blank()?;
         if let Some(lines) = preamble(&self.buffer[self.start..self.complete]) {
             (0..lines).for_each(|_| self.skip_line());
             comment = self.skip_blank()?;
-            self.notes_of_text
-                .push(format!("{lines} {} before the header skipped", if lines == 1 { "line" } else { "lines" }));
+            self.notes_of_text.push(format!(
+                "{lines} {} before the header skipped",
+                if lines == 1 { "line" } else { "lines" }
+            ));
         }
         let Some(first) = self.peek_line(0).map(<[u8]>::to_vec) else {
             return Err(RecordingError::Empty { file: self.file.clone() });
         };
-        let lines: Vec<&[u8]> = (0..).map_while(|k| self.peek_line(k)).take(SNIFFED_LINES).collect();
+        let lines: Vec<&[u8]> =
+            (0..).map_while(|k| self.peek_line(k)).take(SNIFFED_LINES).collect();
         self.format = Format::sniff(&lines);
         let names = self.cells(&first);
         if self.is_header(&names) {
@@ -319,11 +336,17 @@ impl<R: Read> TextReader<R> {
 
     /// Names need not be recognised (`--columns` may define them), but they are not numbers.
     fn is_header(&self, cells: &[String]) -> bool {
-        let numeric = |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
-        cells.iter().any(|cell| columns::is_recognised(cell)) || cells.iter().filter(numeric).count() == 0
+        let numeric =
+            |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
+        cells.iter().any(|cell| columns::is_recognised(cell))
+            || cells.iter().filter(numeric).count() == 0
     }
 
-    fn take_header(&mut self, mut names: Vec<String>, wanted: Wanted) -> Result<(), RecordingError> {
+    fn take_header(
+        &mut self,
+        mut names: Vec<String>,
+        wanted: Wanted,
+    ) -> Result<(), RecordingError> {
         let line = self.line;
         self.skip_line();
         self.skip_blank()?;
@@ -336,10 +359,13 @@ impl<R: Read> TextReader<R> {
         }
         // A last column of comments is often empty in the rows, together with its separator.
         let first = self.peek_line(0).map_or(0, |line| self.cells(line).len());
-        if first + 1 == names.len() && names.last().is_some_and(|name| name.eq_ignore_ascii_case("comment")) {
+        if first + 1 == names.len()
+            && names.last().is_some_and(|name| name.eq_ignore_ascii_case("comment"))
+        {
             names.pop();
         }
-        self.header = [names.clone(), units.clone()].into_iter().filter(|cells| !cells.is_empty()).collect();
+        self.header =
+            [names.clone(), units.clone()].into_iter().filter(|cells| !cells.is_empty()).collect();
         if self.layout.slots.is_empty() {
             self.layout = self.layout_of(line, names, &units, wanted)?;
         }
@@ -363,7 +389,8 @@ impl<R: Read> TextReader<R> {
                 let (file, place) = (&self.file, &format!(" line {line}"));
                 let first_rows = || self.first_rows(names.len());
                 let (names, timestamps) = (&names, &self.timestamps());
-                let header = Header { file, place, names, units, timestamps, first_rows: &first_rows };
+                let header =
+                    Header { file, place, names, units, timestamps, first_rows: &first_rows };
                 Ok(header.layout(&given, &choice.needed_columns(needed))?.at_rate(choice.rate_hz))
             }
             Wanted::All(_) => {
@@ -372,7 +399,9 @@ impl<R: Read> TextReader<R> {
                     name.extend(units.get(k).map(|unit| format!(" {unit}")));
                 }
                 let cells = self.peek_line(0).map(|line| self.cells(line)).unwrap_or_default();
-                let is_text = |k: usize| cells.get(k).is_some_and(|cell| self.format.number(cell.as_bytes()).is_none());
+                let is_text = |k: usize| {
+                    cells.get(k).is_some_and(|cell| self.format.number(cell.as_bytes()).is_none())
+                };
                 let slots = layout.slots.iter_mut().enumerate();
                 slots.filter(|(k, _)| is_text(*k)).for_each(|(_, slot)| *slot = None);
                 Ok(layout)
@@ -389,7 +418,11 @@ impl<R: Read> TextReader<R> {
         for _ in 0..rows {
             if self.start == self.complete && !self.refill()? {
                 let problem = format!("{rows} leaves no line of {}", self.line - 1);
-                return Err(RecordingError::BadOption { file: self.file.clone(), option: "--skip-rows", problem });
+                return Err(RecordingError::BadOption {
+                    file: self.file.clone(),
+                    option: "--skip-rows",
+                    problem,
+                });
             }
             self.skip_line();
         }
@@ -404,12 +437,16 @@ impl<R: Read> TextReader<R> {
 
     /// If times are dates, they count from the first in the buffer.
     fn find_origin(&mut self) {
-        let is_time = |slot: &Option<Slot>| slot.is_some_and(|slot| slot.output == Quantity::Time as usize);
-        let Some(column) = self.layout.slots.iter().position(is_time).filter(|_| !self.layout.tolerates_text()) else {
+        let is_time =
+            |slot: &Option<Slot>| slot.is_some_and(|slot| slot.output == Quantity::Time as usize);
+        let Some(column) =
+            self.layout.slots.iter().position(is_time).filter(|_| !self.layout.tolerates_text())
+        else {
             return;
         };
         let mut lines = (0..SNIFFED_LINES).map_while(|k| self.peek_line(k));
-        let first = lines.find_map(|line| timestamp::parse(self.cells(line).get(column)?.as_bytes()));
+        let first =
+            lines.find_map(|line| timestamp::parse(self.cells(line).get(column)?.as_bytes()));
         if first.is_some() {
             self.layout.origin = first;
             self.layout.slots[column] = Some(Slot { output: Quantity::Time as usize, per_si: 1.0 });
@@ -420,7 +457,9 @@ impl<R: Read> TextReader<R> {
     pub(crate) fn warnings(&self) -> Vec<String> {
         let repeated = &self.repeated;
         let what = if repeated.count == 1 { "line that repeats" } else { "lines that repeat" };
-        let warning = || format!("{} {what} the header left out: {}", repeated.count, repeated.places("line"));
+        let warning = || {
+            format!("{} {what} the header left out: {}", repeated.count, repeated.places("line"))
+        };
         (repeated.count > 0).then(warning).into_iter().collect()
     }
 
@@ -429,7 +468,8 @@ impl<R: Read> TextReader<R> {
         let mut rows = vec![Vec::new(); columns];
         let mut is_text = vec![false; columns];
         let mut splitter = Splitter::new(self.format.separator);
-        for line in self.buffer[self.start..self.complete].split(|&b| b == b'\n').take(GUESSED_ROWS) {
+        for line in self.buffer[self.start..self.complete].split(|&b| b == b'\n').take(GUESSED_ROWS)
+        {
             if splitter.split(line) != columns || line.trim_ascii().first() == Some(&b'#') {
                 continue;
             }
@@ -441,7 +481,10 @@ impl<R: Read> TextReader<R> {
                 }
             }
         }
-        rows.iter_mut().zip(is_text).filter(|(_, is_text)| *is_text).for_each(|(column, _)| column.clear());
+        rows.iter_mut()
+            .zip(is_text)
+            .filter(|(_, is_text)| *is_text)
+            .for_each(|(column, _)| column.clear());
         rows
     }
 
@@ -507,13 +550,22 @@ impl<R: Read> TextReader<R> {
         self.skip_line();
         let last = self.start == self.complete && !self.refill()?;
         let hint = match self.layout.source {
-            _ if last => "\n\nhint: this is the last line; was the recording cut off while it was written?",
+            _ if last => {
+                "\n\nhint: this is the last line; was the recording cut off while it was written?"
+            }
             "the header" if line == self.first_row => HEADER_BELOW,
             "--columns" => "\n\nhint: --columns names every column in order, '-' skips one",
             _ => "",
         };
         let (file, expected) = (self.file.clone(), self.layout.slots.len());
-        Ok(RecordingError::FieldCount { file, line, found, expected, reference: self.layout.source, hint })
+        Ok(RecordingError::FieldCount {
+            file,
+            line,
+            found,
+            expected,
+            reference: self.layout.source,
+            hint,
+        })
     }
 }
 
@@ -551,10 +603,20 @@ impl TextTable {
     /// Opens the text after `skip_rows` lines.
     pub(super) fn open(path: &Path, skip_rows: u64) -> Result<Self, RecordingError> {
         let input = TextInput::open(path)?.text;
-        let reader = TextReader::open(&path.display().to_string(), input, Wanted::All(skip_rows), false, false)?;
+        let reader = TextReader::open(
+            &path.display().to_string(),
+            input,
+            Wanted::All(skip_rows),
+            false,
+            false,
+        )?;
         let described = reader.layout.names.iter().zip(&reader.layout.slots);
         let columns = described
-            .map(|(name, slot)| Column { name: name.clone(), unit: None, is_numeric: slot.is_some() })
+            .map(|(name, slot)| Column {
+                name: name.clone(),
+                unit: None,
+                is_numeric: slot.is_some(),
+            })
             .collect();
         Ok(Self {
             path: path.to_owned(),
@@ -583,7 +645,13 @@ impl Container for TextTable {
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let input = TextInput::open(&self.path)?;
         let file = self.path.display().to_string();
-        let mut reader = TextReader::open(&file, input.text, Wanted::All(self.skip_rows), input.file.is_some(), false)?;
+        let mut reader = TextReader::open(
+            &file,
+            input.text,
+            Wanted::All(self.skip_rows),
+            input.file.is_some(),
+            false,
+        )?;
         reader.layout.slots.fill(None);
         for (output, column) in columns.iter().enumerate().rev() {
             if let Some(slot) = reader.layout.slots.get_mut(*column) {
@@ -602,7 +670,10 @@ struct TextBatches {
 impl Batches for TextBatches {
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
         let more = self.reader.fill(&mut self.block)?;
-        columns.iter_mut().zip(&mut self.block.columns).for_each(|(own, read)| std::mem::swap(own, read));
+        columns
+            .iter_mut()
+            .zip(&mut self.block.columns)
+            .for_each(|(own, read)| std::mem::swap(own, read));
         Ok(more)
     }
 }
@@ -645,8 +716,15 @@ struct Piece {
 
 impl Piece {
     /// Parses up to the end of `bytes` or the first invalid line.
-    fn parse(bytes: &[u8], format: Format, layout: &Layout, header: &[Vec<String>], columns: usize) -> Self {
-        let mut piece = Self { rows: Block::new(columns), headers: Vec::new(), used: 0, lines: 0, fault: None };
+    fn parse(
+        bytes: &[u8],
+        format: Format,
+        layout: &Layout,
+        header: &[Vec<String>],
+        columns: usize,
+    ) -> Self {
+        let mut piece =
+            Self { rows: Block::new(columns), headers: Vec::new(), used: 0, lines: 0, fault: None };
         let mut splitter = Splitter::new(format.separator);
         let mut count = 0;
         while piece.used < bytes.len() {
@@ -658,7 +736,13 @@ impl Piece {
             } else {
                 piece.rows.truncate(count);
                 let length = rest.iter().position(|&b| b == b'\n').map_or(rest.len(), |at| at + 1);
-                match general_line(&rest[..length], format, layout, &mut splitter, &mut piece.rows.columns) {
+                match general_line(
+                    &rest[..length],
+                    format,
+                    layout,
+                    &mut splitter,
+                    &mut piece.rows.columns,
+                ) {
                     Ok(true) => {
                         piece.rows.count_from(count, piece.lines);
                         count += 1;
@@ -684,7 +768,8 @@ impl Piece {
 
 /// Whether the line just split is one of those of the header.
 fn is_again(header: &[Vec<String>], splitter: &Splitter) -> bool {
-    let is_cell = |k: usize, cell: &String| String::from_utf8_lossy(splitter.cell(k)).trim() == cell.as_str();
+    let is_cell =
+        |k: usize, cell: &String| String::from_utf8_lossy(splitter.cell(k)).trim() == cell.as_str();
     let is_line = |cells: &Vec<String>| cells.iter().enumerate().all(|(k, cell)| is_cell(k, cell));
     header.iter().any(|cells| cells.len() == splitter.count && is_line(cells))
 }
@@ -702,24 +787,33 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
     let mut splitter = Splitter::new(format.separator);
     let mut cells = |line: &[u8]| {
         let count = splitter.split(line);
-        (0..count).map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned()).collect::<Vec<_>>()
+        (0..count)
+            .map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned())
+            .collect::<Vec<_>>()
     };
-    let is_nothing = |line: &[u8]| line.trim_ascii().is_empty() || line.trim_ascii().starts_with(b"#");
+    let is_nothing =
+        |line: &[u8]| line.trim_ascii().is_empty() || line.trim_ascii().starts_with(b"#");
     let columns = cells(lines.iter().rfind(|line| !is_nothing(line))?).len();
     let mut is_row = |line: &[u8]| {
         let own = cells(line);
         let is_value = |cell: &&String| {
             !cell.is_empty()
-                && (format.number(cell.as_bytes()).is_some() || timestamp::parse(cell.as_bytes()).is_some())
+                && (format.number(cell.as_bytes()).is_some()
+                    || timestamp::parse(cell.as_bytes()).is_some())
         };
         // A key is text.
         own.len() == columns
             && own.first().is_some_and(|first| is_value(&first))
             && own.iter().filter(is_value).count() > 1
     };
-    let first_row = lines.iter().rposition(|line| !is_nothing(line) && !is_row(line)).map_or(0, |last| last + 1);
+    let first_row = lines
+        .iter()
+        .rposition(|line| !is_nothing(line) && !is_row(line))
+        .map_or(0, |last| last + 1);
     let rows = lines[first_row..].iter().filter(|line| !is_nothing(line)).count();
-    if rows < ROWS_AFTER_PREAMBLE || lines[..first_row].iter().any(|line| !is_nothing(line) && is_row(line)) {
+    if rows < ROWS_AFTER_PREAMBLE
+        || lines[..first_row].iter().any(|line| !is_nothing(line) && is_row(line))
+    {
         return None;
     }
     // From the first row up: units, names, and what is above them.
@@ -736,7 +830,8 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
     let is_text = |name: &String| !name.is_empty() && format.number(name.as_bytes()).is_none();
     // Keys and values are two; as many names as columns are a header.
     let is_header = first.len() == columns
-        && (first.iter().any(|name| columns::is_recognised(name)) || (columns > 2 && first.iter().all(is_text)));
+        && (first.iter().any(|name| columns::is_recognised(name))
+            || (columns > 2 && first.iter().all(is_text)));
     if header == 0 || is_header {
         return None;
     }
@@ -745,7 +840,12 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
 
 /// Parses one plain line into `columns`: numbers, single separators, no quotes. `None` leaves the
 /// line to the general path; a part of it may already have been appended.
-fn fast_line(bytes: &[u8], format: Format, layout: &Layout, columns: &mut [Vec<f64>]) -> Option<usize> {
+fn fast_line(
+    bytes: &[u8],
+    format: Format,
+    layout: &Layout,
+    columns: &mut [Vec<f64>],
+) -> Option<usize> {
     let Separator::Byte(separator) = format.separator else {
         return None;
     };
@@ -760,7 +860,9 @@ fn fast_line(bytes: &[u8], format: Format, layout: &Layout, columns: &mut [Vec<f
             columns[*output].push(number / per_si);
             at += used;
         } else {
-            at += bytes[at..].iter().position(|&b| b == separator || b == b'\n' || b == b'\r' || b == b'"')?;
+            at += bytes[at..]
+                .iter()
+                .position(|&b| b == separator || b == b'\n' || b == b'\r' || b == b'"')?;
         }
         match *bytes.get(at)? {
             b'\n' if k == last => {}
@@ -821,8 +923,10 @@ impl Splitter {
             Separator::Byte(byte) => byte,
             Separator::Whitespace => b' ',
         };
-        let reader =
-            csv_core::ReaderBuilder::new().delimiter(delimiter).terminator(csv_core::Terminator::Any(b'\n')).build();
+        let reader = csv_core::ReaderBuilder::new()
+            .delimiter(delimiter)
+            .terminator(csv_core::Terminator::Any(b'\n'))
+            .build();
         Self { separator, reader, text: Vec::new(), ends: Vec::new(), count: 0 }
     }
 
@@ -851,9 +955,14 @@ impl Splitter {
         self.reader.reset();
         self.text.resize(line.len() + 1, 0);
         self.ends.resize(line.len() + 2, 0);
-        let (_, read, written, ends) = self.reader.read_record(line, &mut self.text, &mut self.ends);
+        let (_, read, written, ends) =
+            self.reader.read_record(line, &mut self.text, &mut self.ends);
         // The end of input closes the last cell, even one with an unclosed quote.
-        let rest = self.reader.read_record(&line[read..], &mut self.text[written..], &mut self.ends[ends..]);
+        let rest = self.reader.read_record(
+            &line[read..],
+            &mut self.text[written..],
+            &mut self.ends[ends..],
+        );
         rest.3 + ends
     }
 

@@ -17,7 +17,11 @@ pub(crate) fn parse(cell: &[u8]) -> Option<i64> {
     let second = if take(&mut rest, b":").is_some() { number(&mut rest, 2)? } else { 0 };
     let fraction = if take(&mut rest, b".,").is_some() { nanoseconds(&mut rest)? } else { 0 };
     let zone = zone(rest.trim_ascii_start())?;
-    let possible = (1..=12).contains(&month) && (1..=31).contains(&day) && hour < 25 && minute < 60 && second < 61;
+    let possible = (1..=12).contains(&month)
+        && (1..=31).contains(&day)
+        && hour < 25
+        && minute < 60
+        && second < 61;
     let minutes = (days(year, month, day) * 24 + hour) * 60 + minute - zone;
     // 64 bits hold the years 1678 to 2262.
     let whole = (minutes * 60 + second).checked_mul(1_000_000_000).filter(|_| possible)?;
@@ -38,7 +42,9 @@ fn take(rest: &mut &[u8], any: &[u8]) -> Option<()> {
 fn number(rest: &mut &[u8], digits: usize) -> Option<i64> {
     let (own, others) = rest.split_at_checked(digits)?;
     *rest = others;
-    own.iter().try_fold(0, |number, digit| digit.is_ascii_digit().then(|| 10 * number + i64::from(digit - b'0')))
+    own.iter().try_fold(0, |number, digit| {
+        digit.is_ascii_digit().then(|| 10 * number + i64::from(digit - b'0'))
+    })
 }
 
 /// The digits of a fraction of a second; those beyond nanoseconds have no effect.
@@ -46,7 +52,8 @@ fn nanoseconds(rest: &mut &[u8]) -> Option<i64> {
     let count = rest.iter().take_while(|byte| byte.is_ascii_digit()).count();
     let (own, others) = rest.split_at(count);
     *rest = others;
-    let digits = own.iter().map(|digit| i64::from(digit - b'0')).chain(std::iter::repeat(0)).take(9);
+    let digits =
+        own.iter().map(|digit| i64::from(digit - b'0')).chain(std::iter::repeat(0)).take(9);
     (count > 0).then(|| digits.fold(0, |number, digit| 10 * number + digit))
 }
 
@@ -94,7 +101,11 @@ mod tests {
             ("2026-11-22t10:15", 1_795_342_500.0),
             ("1969-12-31T23:59:59", -1.0),
         ] {
-            assert_eq!(parse(text.as_bytes()), Some((seconds * 1e3_f64).round() as i64 * 1_000_000), "{text}");
+            assert_eq!(
+                parse(text.as_bytes()),
+                Some((seconds * 1e3_f64).round() as i64 * 1_000_000),
+                "{text}"
+            );
         }
         assert_eq!(parse(b"2026-11-22T10:15:00.000000001"), Some(1_795_342_500_000_000_001));
     }

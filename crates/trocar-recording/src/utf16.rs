@@ -25,7 +25,15 @@ pub(crate) struct Decoder<R> {
 impl<R: Read> Decoder<R> {
     pub(crate) fn new(input: R, is_little_endian: bool) -> Self {
         let from_bytes = if is_little_endian { u16::from_le_bytes } else { u16::from_be_bytes };
-        Self { input, from_bytes, raw: vec![0; PIECE], held: 0, text: Vec::new(), given: 0, begun: false }
+        Self {
+            input,
+            from_bytes,
+            raw: vec![0; PIECE],
+            held: 0,
+            text: Vec::new(),
+            given: 0,
+            begun: false,
+        }
     }
 
     /// Decodes the first `filled` bytes of `raw`; half a character is held for the next turn unless
@@ -33,8 +41,10 @@ impl<R: Read> Decoder<R> {
     fn decode(&mut self, filled: usize, at_end: bool) {
         (self.given, self.held) = (0, 0);
         self.text.clear();
-        let units: Vec<u16> =
-            self.raw[..filled].chunks_exact(2).map(|pair| (self.from_bytes)([pair[0], pair[1]])).collect();
+        let units: Vec<u16> = self.raw[..filled]
+            .chunks_exact(2)
+            .map(|pair| (self.from_bytes)([pair[0], pair[1]]))
+            .collect();
         let is_half = units.last().is_some_and(|unit| (0xd800..0xdc00).contains(unit)) && !at_end;
         let whole = units.len() - usize::from(is_half);
         for character in char::decode_utf16(units[..whole].iter().copied()) {

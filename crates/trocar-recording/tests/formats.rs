@@ -32,12 +32,21 @@ fn force(k: usize) -> f64 {
 }
 
 /// The column `name` of a table is `expected`, within `tolerance`, over `rows` rows.
-fn compare(file: &str, table: &str, name: &str, rows: usize, tolerance: f64, expected: impl Fn(usize) -> f64) {
-    let read = read_columns(fixture(file), table, &[name]).unwrap_or_else(|error| panic!("{error}"));
+fn compare(
+    file: &str,
+    table: &str,
+    name: &str,
+    rows: usize,
+    tolerance: f64,
+    expected: impl Fn(usize) -> f64,
+) {
+    let read =
+        read_columns(fixture(file), table, &[name]).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(read[0].len(), rows, "{file} {table} {name}");
     for (k, &number) in read[0].iter().enumerate() {
         let expected = expected(k);
-        let close = (number.is_nan() && expected.is_nan()) || (number - expected).abs() <= tolerance;
+        let close =
+            (number.is_nan() && expected.is_nan()) || (number - expected).abs() <= tolerance;
         assert!(close, "{file} {table} {name} row {k}: {number}, expected {expected}");
     }
 }
@@ -57,7 +66,10 @@ fn all_tables(file: &str) -> Vec<Table> {
 
 fn column_names(file: &str, table: &str) -> Vec<String> {
     let tables = all_tables(file);
-    let table = tables.iter().find(|known| known.name == table).unwrap_or_else(|| panic!("{file}: {tables:?}"));
+    let table = tables
+        .iter()
+        .find(|known| known.name == table)
+        .unwrap_or_else(|| panic!("{file}: {tables:?}"));
     table.columns.iter().map(|column| column.name.clone()).collect()
 }
 
@@ -116,13 +128,18 @@ fn parquet_of_pyarrow_pandas_and_polars() {
     compare("pyarrow_nested.parquet", "", "pose.x", ROWS, 0.0, |k| k as f64);
     signal("pandas_index.parquet", "");
     signal("polars.parquet", "");
-    let read = read_columns(fixture("pyarrow_brotli.parquet"), "", &["time_s"]).unwrap_err().to_string();
-    assert!(read.to_lowercase().contains("brotli") && read.contains("hint: write it again"), "{read}");
+    let read =
+        read_columns(fixture("pyarrow_brotli.parquet"), "", &["time_s"]).unwrap_err().to_string();
+    assert!(
+        read.to_lowercase().contains("brotli") && read.contains("hint: write it again"),
+        "{read}"
+    );
 }
 
 #[test]
 fn several_columns_come_in_the_order_asked_for() {
-    let read = read_columns(fixture("pyarrow_snappy.parquet"), "", &["last", "time_s", "gappy"]).unwrap();
+    let read =
+        read_columns(fixture("pyarrow_snappy.parquet"), "", &["last", "time_s", "gappy"]).unwrap();
     assert!(read.iter().all(|column| column.len() == ROWS));
     assert_eq!(read[1][7], 0.07);
     assert!(read[2][7].is_nan());
@@ -143,7 +160,10 @@ fn matlab_5_of_scipy() {
     for file in ["scipy_plain.mat", "scipy_compressed.mat"] {
         signal(file, "");
         signal(file, "run");
-        for class in ["int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "single", "double"] {
+        for class in [
+            "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "single",
+            "double",
+        ] {
             compare(file, "[100]", &format!("as_{class}"), 100, 0.0, |k| k as f64);
         }
         compare(file, "", "is_in", ROWS, 0.0, |k| f64::from(u8::from(k % 3 == 0)));
@@ -157,11 +177,17 @@ fn matlab_5_of_scipy() {
         compare(file, "samples(3)", "trace", 12, SINES, force);
         compare(file, "cell", "{1}", 20, SINES, force);
         let refused: Vec<String> = all_tables(file).into_iter().map(|table| table.kind).collect();
-        for reason in ["sparse (sparse; save full(x))", "complex (complex; save", "cube (of more than two dimensions)"]
-        {
+        for reason in [
+            "sparse (sparse; save full(x))",
+            "complex (complex; save",
+            "cube (of more than two dimensions)",
+        ] {
             assert!(refused.iter().any(|kind| kind.contains(reason)), "{reason}: {refused:?}");
         }
-        let text = all_tables(file).into_iter().flat_map(|table| table.columns).find(|column| column.name == "name");
+        let text = all_tables(file)
+            .into_iter()
+            .flat_map(|table| table.columns)
+            .find(|column| column.name == "name");
         assert!(!text.unwrap().is_numeric);
     }
     signal("scipy_column.mat", "");
@@ -180,7 +206,12 @@ fn hdf5_of_h5py() {
     compare(file, "", "force_n", 30, SINES, force);
     assert_eq!(unit(file, table, "time_s").as_deref(), Some("s"));
     assert_eq!(unit(file, table, "position").as_deref(), Some("mm"));
-    assert!(read_columns(fixture(file), table, &["note"]).unwrap_err().to_string().contains("holds no numbers"));
+    assert!(
+        read_columns(fixture(file), table, &["note"])
+            .unwrap_err()
+            .to_string()
+            .contains("holds no numbers")
+    );
     assert!(all_tables(file).iter().any(|table| table.kind.contains("pairs (a compound")));
     signal("h5py_v110.h5", "");
 }
@@ -202,7 +233,8 @@ fn matlab_7_3() {
     compare("mat73.mat", "run[1]", "fs_hz", 1, 0.0, |_| 100.0);
     let tables = all_tables("mat73.mat");
     assert!(tables[0].kind.contains("ts (an object; save its vectors"), "{tables:?}");
-    let text = tables.into_iter().flat_map(|table| table.columns).find(|column| column.name == "name");
+    let text =
+        tables.into_iter().flat_map(|table| table.columns).find(|column| column.name == "name");
     assert!(!text.unwrap().is_numeric);
 }
 
@@ -213,7 +245,10 @@ fn excel_sheets_of_openpyxl() {
         all_tables(file).iter().map(|table| table.name.as_str()).collect::<Vec<_>>(),
         ["Data", "Dates", "Fault"]
     );
-    assert_eq!(column_names(file, "Data"), ["Time", "Position", "Force", "gappy", "double", "note"]);
+    assert_eq!(
+        column_names(file, "Data"),
+        ["Time", "Position", "Force", "gappy", "double", "note"]
+    );
     assert_eq!(unit(file, "Data", "Position").as_deref(), Some("mm"));
     compare(file, "Data", "Time", ROWS, 0.0, time);
     compare(file, "Data", "Position", ROWS, SINES, position);
@@ -224,8 +259,14 @@ fn excel_sheets_of_openpyxl() {
     compare(file, "Dates", "Stamp", ROWS, DAYS, time);
     compare(file, "Dates", "iso", ROWS, 0.0, time);
     compare(file, "Fault", "force_n", ROWS, SINES, |k| if k == 7 { f64::NAN } else { force(k) });
-    let error = read_columns(fixture(file), "Fault", &["time_s", "position_mm"]).unwrap_err().to_string();
-    assert!(error.contains("sheet 'Fault' cell B17: found 'off' in column position_mm, expected a number"), "{error}");
+    let error =
+        read_columns(fixture(file), "Fault", &["time_s", "position_mm"]).unwrap_err().to_string();
+    assert!(
+        error.contains(
+            "sheet 'Fault' cell B17: found 'off' in column position_mm, expected a number"
+        ),
+        "{error}"
+    );
     assert!(error.contains("hint: correct the cell, or clear it"), "{error}");
     let error = read_columns(fixture(file), "Data", &["note"]).unwrap_err().to_string();
     assert!(error.contains("holds no numbers"), "{error}");
@@ -237,9 +278,10 @@ fn a_sheet_becomes_a_recording_as_a_text_file_does() {
         let choice = Choice { topics: vec![topic.to_owned()], ..Choice::default() };
         read(&fixture("openpyxl.xlsx"), &ReadOptions { choice, ..ReadOptions::default() }).unwrap()
     };
-    for (sheet, note) in
-        [("Data", "sheet 'Data': 2 lines before the header skipped"), ("Dates", "column 'Stamp' taken as time")]
-    {
+    for (sheet, note) in [
+        ("Data", "sheet 'Data': 2 lines before the header skipped"),
+        ("Dates", "column 'Stamp' taken as time"),
+    ] {
         let recording = of(sheet);
         assert_eq!(recording.len(), ROWS);
         for k in 0..ROWS {
@@ -247,7 +289,11 @@ fn a_sheet_becomes_a_recording_as_a_text_file_does() {
             assert!((recording.position[k] - 1e-3 * position(k)).abs() < 1e-15, "{sheet} row {k}");
             assert!((recording.force[k] - force(k)).abs() <= SINES, "{sheet} row {k}");
         }
-        assert!(recording.quality.notes.iter().any(|own| own.contains(note)), "{:?}", recording.quality.notes);
+        assert!(
+            recording.quality.notes.iter().any(|own| own.contains(note)),
+            "{:?}",
+            recording.quality.notes
+        );
     }
     let error = read(&fixture("openpyxl.xlsx"), &ReadOptions::default()).unwrap_err().to_string();
     assert!(error.contains("could come from Data, Fault") && error.contains("--topic"), "{error}");
@@ -266,7 +312,8 @@ fn an_archive_that_is_no_workbook_is_refused() {
 
 #[test]
 fn decimals_and_half_floats_of_parquet() {
-    // The first file holds decimals in whole numbers where they fit, the second in bytes of one length.
+    // The first file holds decimals in whole numbers where they fit, the second in bytes of one
+    // length.
     for file in ["pyarrow_decimal.parquet", "pyarrow_fixed_decimal.parquet"] {
         compare(file, "", "time_s", ROWS, 0.0, time);
         // 10 bits of fraction, of numbers up to 60.
@@ -281,7 +328,8 @@ fn decimals_and_half_floats_of_parquet() {
 fn numbers_of_another_byte_order_are_refused() {
     let error = refusal("big_endian.arrows");
     assert!(
-        error.contains("numbers in big-endian byte order, which is not read") && error.contains("hint: "),
+        error.contains("numbers in big-endian byte order, which is not read")
+            && error.contains("hint: "),
         "{error}"
     );
 }
@@ -303,7 +351,10 @@ fn the_bytes_decide_and_never_the_ending() {
     std::fs::write(&path, "time_s,force_n\n0,1\n0.1,2\n").unwrap();
     assert_eq!(read_columns(&path, "", &["force_n"]).unwrap(), [[1.0, 2.0]]);
     std::fs::copy(fixture("polars.parquet"), folder.path().join("recording.csv")).unwrap();
-    assert_eq!(read_columns(folder.path().join("recording.csv"), "", &["time_s"]).unwrap()[0][7], 0.07);
+    assert_eq!(
+        read_columns(folder.path().join("recording.csv"), "", &["time_s"]).unwrap()[0][7],
+        0.07
+    );
 }
 
 /// A custom generator (xorshift), so that the same bytes are damaged on every platform.
@@ -325,9 +376,15 @@ fn read_all(path: &Path) -> Vec<String> {
         Err(error) => faults.push(error.to_string()),
         Ok(tables) => {
             for table in tables {
-                let names = table.columns.iter().filter(|column| column.is_numeric).map(|column| column.name.as_str());
+                let names = table
+                    .columns
+                    .iter()
+                    .filter(|column| column.is_numeric)
+                    .map(|column| column.name.as_str());
                 let names: Vec<&str> = names.collect();
-                faults.extend(read_columns(path, &table.name, &names).err().map(|error| error.to_string()));
+                faults.extend(
+                    read_columns(path, &table.name, &names).err().map(|error| error.to_string()),
+                );
             }
         }
     }
@@ -372,7 +429,8 @@ fn a_column_of_a_log_is_one_quantity() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bags/plain.mcap");
     let same = "/psm1/measured_cf.wrench.force.z";
     let choice = Choice::columns(&format!("position_m={same},force_n={same}"));
-    let error = read(&path, &ReadOptions { choice, ..ReadOptions::default() }).unwrap_err().to_string();
+    let error =
+        read(&path, &ReadOptions { choice, ..ReadOptions::default() }).unwrap_err().to_string();
     assert!(error.contains("two quantities"), "{error}");
 }
 
@@ -380,7 +438,13 @@ fn a_column_of_a_log_is_one_quantity() {
 fn files_cut_off_say_so() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut");
-    for name in ["pyarrow_snappy.parquet", "pyarrow_lz4.feather", "scipy_plain.mat", "mat73.mat", "openpyxl.xlsx"] {
+    for name in [
+        "pyarrow_snappy.parquet",
+        "pyarrow_lz4.feather",
+        "scipy_plain.mat",
+        "mat73.mat",
+        "openpyxl.xlsx",
+    ] {
         let whole = std::fs::read(fixture(name)).unwrap();
         std::fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
         let faults = read_all(&path);

@@ -1,4 +1,5 @@
-//! Inputs that once made the readers panic, take all memory or never end (`./fuzz`, `tests/fuzz/make.py`).
+//! Inputs that once made the readers panic, take all memory or never end (`./fuzz`,
+//! `tests/fuzz/make.py`).
 
 // Only a part of the program is needed here.
 #[allow(dead_code)]
@@ -24,7 +25,8 @@ static MEMORY: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 #[test]
 fn inputs_that_once_failed_are_read_in_little_time_and_memory() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fuzz");
-    let kept: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let kept: Vec<_> =
+        std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     assert!(kept.len() > 7, "{} inputs", kept.len());
     kept.iter().for_each(|path| check(path));
     let folder = tempfile::tempdir().unwrap();
@@ -45,7 +47,8 @@ fn check(path: &Path) {
 /// An HDF5 file in which the stored length of a compressed chunk is overwritten.
 fn with_a_chunk_of_2_gb(folder: &Path) -> PathBuf {
     const LENGTH: Range<usize> = 20_616..20_620;
-    let mut bytes = std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats/h5py.h5")).unwrap();
+    let mut bytes =
+        std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/formats/h5py.h5")).unwrap();
     assert_eq!(bytes[LENGTH], 0x27c_u32.to_le_bytes());
     bytes[LENGTH].copy_from_slice(&0x8000_0000_u32.to_le_bytes());
     let path = folder.join("chunk.h5");
@@ -55,7 +58,8 @@ fn with_a_chunk_of_2_gb(folder: &Path) -> PathBuf {
 
 fn with_120_000_columns(folder: &Path) -> PathBuf {
     let path = folder.join("wide.tsv");
-    std::fs::write(&path, format!("time_s{}\n0{}\n", "\t".repeat(120_000), "\t1".repeat(120_000))).unwrap();
+    std::fs::write(&path, format!("time_s{}\n0{}\n", "\t".repeat(120_000), "\t1".repeat(120_000)))
+        .unwrap();
     path
 }
 

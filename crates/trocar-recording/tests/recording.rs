@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use trocar_recording::{
-    Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity, read, write,
+    Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity,
+    read, write,
 };
 
 /// Force noise in N of standard deviation 0.01, the same for every run.
@@ -14,7 +15,8 @@ fn noise(k: usize) -> f64 {
     0.035 * (scrambled - scrambled.floor() - 0.5)
 }
 
-/// Insertion and withdrawal over 20 mm at 1 kHz: position in m, force in N with the sign of the motion.
+/// Insertion and withdrawal over 20 mm at 1 kHz: position in m, force in N with the sign of the
+/// motion.
 fn cycle(k: usize) -> (f64, f64, f64) {
     let t = k as f64 * 1e-3;
     let phase = std::f64::consts::TAU * t;
@@ -97,12 +99,15 @@ fn a_clean_file_gives_its_numbers_and_no_warning() {
 #[test]
 fn the_same_recording_in_any_dress_gives_the_same_numbers() {
     let plain = read_text(text(HEADER, &rows(300)));
-    let swap = |separator: &str| rows(300).iter().map(|row| row.replace(',', separator)).collect::<Vec<_>>();
+    let swap = |separator: &str| {
+        rows(300).iter().map(|row| row.replace(',', separator)).collect::<Vec<_>>()
+    };
     let millimetres: Vec<String> = (0..300)
         .map(|k| (k, plain.position[k] * 1e3, plain.force[k] * 1e3))
         .map(|(k, x, f)| format!("{k};{x:.3};{f:.1};ok").replace('.', ","))
         .collect();
-    let quoted: Vec<String> = rows(300).iter().map(|row| format!("\"{}\"", row.replace(',', "\",\""))).collect();
+    let quoted: Vec<String> =
+        rows(300).iter().map(|row| format!("\"{}\"", row.replace(',', "\",\""))).collect();
     let dresses = [
         text("Time [s];Position (m);Force_N", &swap(";")),
         text("t_s\tx_m\tf_n", &swap("\t")),
@@ -121,9 +126,14 @@ fn the_same_recording_in_any_dress_gives_the_same_numbers() {
         let recording = read_text(&dress);
         let head: String = dress.chars().take(60).collect();
         assert_eq!(recording.time, plain.time, "{head}");
-        for (of, expected) in [(&recording.position, &plain.position), (&recording.force, &plain.force)] {
+        for (of, expected) in
+            [(&recording.position, &plain.position), (&recording.force, &plain.force)]
+        {
             // A number in mm is rounded once more than one in m.
-            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 2.0 * f64::EPSILON * b.abs()), "{head}");
+            assert!(
+                of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 2.0 * f64::EPSILON * b.abs()),
+                "{head}"
+            );
         }
     }
 }
@@ -134,7 +144,8 @@ fn columns_can_be_named_and_skipped() {
     let headerless = rows.join("\n");
     assert_says(&message(&headerless), &["rec.csv line 1", "no header", "--columns"]);
     let scratch = Scratch::new();
-    let recording = read(&scratch.file(&headerless), &columns("-,time_s,position_m,force_n")).unwrap();
+    let recording =
+        read(&scratch.file(&headerless), &columns("-,time_s,position_m,force_n")).unwrap();
     assert_eq!(recording.len(), 100);
     let with_names = text("a,b,c,d", &rows);
     assert_says(
@@ -146,7 +157,8 @@ fn columns_can_be_named_and_skipped() {
             "--columns 'time_s=b,position_m=c,force_n=d'",
         ],
     );
-    let named = read(&scratch.file(&with_names), &columns("skip,time_s,position_m,force_n")).unwrap();
+    let named =
+        read(&scratch.file(&with_names), &columns("skip,time_s,position_m,force_n")).unwrap();
     assert_eq!(named.force, recording.force);
 }
 
@@ -160,7 +172,8 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
     assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - 1e-3 * b).abs() < 1e-15));
     assert!(found.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
     // Columns that are not named are found automatically, and a declared unit need not be repeated.
-    let flipped = read(&scratch.file(text(HEADER, &rows(100))), &columns("force=-force_n")).unwrap();
+    let flipped =
+        read(&scratch.file(text(HEADER, &rows(100))), &columns("force=-force_n")).unwrap();
     assert!(flipped.force.iter().zip(&plain.force).all(|(a, b)| *a == -b));
     assert_eq!(flipped.position, plain.position);
     for (mapping, essentials) in [
@@ -170,17 +183,24 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
         ("force_n=force_n,force_mn=force_n", &["force more than once"]),
         ("position_m=position_m,force_n=position_m", &["'position_m'", "two quantities"]),
         ("force=time_s", &["force without a unit", "n, mn, kn"]),
-        ("position_ft=position_m", &["'position_ft=position_m'", "not understood", "m, mm, cm, um, in"]),
+        (
+            "position_ft=position_m",
+            &["'position_ft=position_m'", "not understood", "m, mm, cm, um, in"],
+        ),
     ] {
         assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
     }
-    assert_says(&message_with(rows(20).join("\n"), &columns("force_n=x")), &["no header", "--columns"]);
+    assert_says(
+        &message_with(rows(20).join("\n"), &columns("force_n=x")),
+        &["no header", "--columns"],
+    );
 }
 
 #[test]
 fn a_crop_counts_from_the_first_row() {
     let scratch = Scratch::new();
-    let later: Vec<String> = (0..200).map(cycle).map(|(t, x, f)| format!("{:.3},{x:.6},{f:.4}", t + 1e3)).collect();
+    let later: Vec<String> =
+        (0..200).map(cycle).map(|(t, x, f)| format!("{:.3},{x:.6},{f:.4}", t + 1e3)).collect();
     let path = scratch.file(text(HEADER, &later));
     let cropped = |from, to| {
         let choice = Choice { from, to, ..Choice::default() };
@@ -211,7 +231,10 @@ fn a_wrong_mapping_is_explained() {
 #[test]
 fn doubtful_headers_are_explained() {
     for (header, essentials) in [
-        ("time_s,position,force_n", &["line 1", "'position' has no unit", "m, mm", "--columns"][..]),
+        (
+            "time_s,position,force_n",
+            &["line 1", "'position' has no unit", "m, mm", "--columns"][..],
+        ),
         ("time_s,position_m,status", &["no force column", "force_n"]),
         ("force_n,position_m,force_mn", &["no time column"]),
     ] {
@@ -238,13 +261,23 @@ fn every_unit_gives_the_same_recording() {
         ("elapsed_s,x_m,force_ozf", [1.0, 1.0, lbf / 16.0]),
     ] {
         let row = |k: usize| {
-            format!("{},{},{}", plain.time[k] / per_time, plain.position[k] / per_position, plain.force[k] / per_force)
+            format!(
+                "{},{},{}",
+                plain.time[k] / per_time,
+                plain.position[k] / per_position,
+                plain.force[k] / per_force
+            )
         };
         let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
-        for (of, expected) in
-            [(&found.time, &plain.time), (&found.position, &plain.position), (&found.force, &plain.force)]
-        {
-            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()), "{header}");
+        for (of, expected) in [
+            (&found.time, &plain.time),
+            (&found.position, &plain.position),
+            (&found.force, &plain.force),
+        ] {
+            assert!(
+                of.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-15 * b.abs()),
+                "{header}"
+            );
         }
     }
 }
@@ -263,7 +296,8 @@ fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
 
 /// The value of `--columns` that a message proposes, as a shell passes it on.
 fn proposed(message: &str) -> String {
-    let quoted = message.split_once("--columns '").unwrap_or_else(|| panic!("no option in: {message}")).1;
+    let quoted =
+        message.split_once("--columns '").unwrap_or_else(|| panic!("no option in: {message}")).1;
     let value = quoted.replace(r"'\''", "\u{1}").split('\'').next().unwrap().replace('\u{1}', "'");
     println!("{message}\n");
     value
@@ -284,27 +318,39 @@ fn an_option_proposed_for_unclear_columns_works_as_it_is() {
         ("time_s,position,force_n", scaled(1.0, 1e3), "position_mm=position"),
         ("a;b;\"c, raw\"", scaled(1.0, 1e3), "time_s=a,position_mm=b,force_n=\"c, raw\""),
     ] {
-        let rows: Vec<String> =
-            if header.contains(';') { rows.iter().map(|row| row.replace(',', ";")).collect() } else { rows };
+        let rows: Vec<String> = if header.contains(';') {
+            rows.iter().map(|row| row.replace(',', ";")).collect()
+        } else {
+            rows
+        };
         let contents = text(header, &rows);
         let message = message(&contents);
         assert_eq!(proposed(&message), option, "{message}");
         assert_says(&message, &["(guessed from the first rows: check the units)"]);
-        let found = read(&Scratch::new().file(&contents), &columns(option)).unwrap_or_else(|e| panic!("{e}"));
-        for (of, expected) in
-            [(&found.time, &plain.time), (&found.position, &plain.position), (&found.force, &plain.force)]
-        {
+        let found = read(&Scratch::new().file(&contents), &columns(option))
+            .unwrap_or_else(|e| panic!("{e}"));
+        for (of, expected) in [
+            (&found.time, &plain.time),
+            (&found.position, &plain.position),
+            (&found.force, &plain.force),
+        ] {
             assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{header}");
         }
     }
     // A file without names gets the other form.
     let contents = scaled(1e3, 1e3).join("\n");
-    assert_says(&message(&contents), &["--columns time_ms,position_mm,force_n (guessed from the first rows"]);
+    assert_says(
+        &message(&contents),
+        &["--columns time_ms,position_mm,force_n (guessed from the first rows"],
+    );
 }
 
 #[test]
 fn all_that_is_unclear_is_said_at_once() {
-    let message = message(text("when,pos,Fz,Fy", &rows(50).iter().map(|row| format!("{row},1")).collect::<Vec<_>>()));
+    let message = message(text(
+        "when,pos,Fz,Fy",
+        &rows(50).iter().map(|row| format!("{row},1")).collect::<Vec<_>>(),
+    ));
     assert_says(
         &message,
         &[
@@ -318,21 +364,29 @@ fn all_that_is_unclear_is_said_at_once() {
 #[test]
 fn a_header_in_another_language_is_understood_by_its_units() {
     let plain = read_text(text(HEADER, &rows(300)));
-    let millimetres: Vec<String> =
-        (0..300).map(|k| format!("{};{};{}", plain.time[k], 1e3 * plain.position[k], plain.force[k])).collect();
-    for header in ["Zeit [s];Weg [mm];Kraft [N]", "Zeit/s;s/mm;Fz_n", "Temps;Course;Effort\ns;mm;N"] {
+    let millimetres: Vec<String> = (0..300)
+        .map(|k| format!("{};{};{}", plain.time[k], 1e3 * plain.position[k], plain.force[k]))
+        .collect();
+    for header in ["Zeit [s];Weg [mm];Kraft [N]", "Zeit/s;s/mm;Fz_n", "Temps;Course;Effort\ns;mm;N"]
+    {
         let found = read_text(text(header, &millimetres));
         assert_eq!(found.time, plain.time);
         assert_eq!(found.force, plain.force);
         assert!(found.position.iter().zip(&plain.position).all(|(a, b)| (a - b).abs() < 1e-15));
         assert_eq!(found.quality.notes.len(), 3, "{:?}", found.quality.notes);
-        assert_says(&found.quality.notes.join("; "), &["taken as time, by its unit", "taken as position, by its unit"]);
+        assert_says(
+            &found.quality.notes.join("; "),
+            &["taken as time, by its unit", "taken as position, by its unit"],
+        );
     }
     // Two of a kind are never decided.
     let two: Vec<String> = rows(300).iter().map(|row| format!("{row},0.5")).collect();
     let contents = text("t_s,x_m,Fz_n,Fx_n", &two);
     let message = message(&contents);
-    assert_says(&message, &["force could be 'Fz_n' or 'Fx_n', expected one", "--columns 'force_n=Fz_n'"]);
+    assert_says(
+        &message,
+        &["force could be 'Fz_n' or 'Fx_n', expected one", "--columns 'force_n=Fz_n'"],
+    );
     let found = read(&Scratch::new().file(&contents), &columns(&proposed(&message))).unwrap();
     assert_eq!(found.force, plain.force);
 }
@@ -342,11 +396,18 @@ fn files_without_a_recording_are_explained() {
     assert_says(&message(""), &["rec.csv", "empty"]);
     assert_says(&message("\n# nothing\n"), &["rec.csv", "empty"]);
     assert_says(&message(format!("{HEADER}\n")), &["rec.csv line 1", "header without any row"]);
-    assert_says(&message(text(HEADER, &rows(1))), &["rec.csv", "found 1 usable samples", "at least"]);
+    assert_says(
+        &message(text(HEADER, &rows(1))),
+        &["rec.csv", "found 1 usable samples", "at least"],
+    );
     assert_says(&message([0_u8, 1, 2, 3]), &["binary data", "CSV"]);
     assert_says(
         &message([0xff_u8, 0xfe, b't', 0]),
-        &["rec.csv line 1", "no position or force column", "hint: no column is left that could be position or force"],
+        &[
+            "rec.csv line 1",
+            "no position or force column",
+            "hint: no column is left that could be position or force",
+        ],
     );
     let missing = read(Path::new("no/such.csv"), &ReadOptions::default()).unwrap_err().to_string();
     assert_says(&missing, &["no/such.csv", "cannot open"]);
@@ -382,11 +443,17 @@ fn lines_before_the_header_are_skipped() {
     ] {
         let found = same_as(&plain, &contents, &ReadOptions::default());
         let plural = if lines == 1 { "line" } else { "lines" };
-        assert_says(&found.quality.notes.join("; "), &[&format!("{lines} {plural} before the header skipped")]);
+        assert_says(
+            &found.quality.notes.join("; "),
+            &[&format!("{lines} {plural} before the header skipped")],
+        );
     }
     // Columns in order need no header.
     let headerless = kept("Rig;3\nSensor;ATI\n") + &tabs.join("\n").replace('\t', ";");
-    assert_says(&message(&headerless), &["line 3: no header", "--columns time_s,position_m,force_n (guessed"]);
+    assert_says(
+        &message(&headerless),
+        &["line 3: no header", "--columns time_s,position_m,force_n (guessed"],
+    );
     same_as(&plain, &headerless, &columns("time_s,position_m,force_n"));
     // What looks like rows is skipped only if the caller says so.
     let odd = kept("1,2,3\n4,5,6\n") + &text(HEADER, &rows(300));
@@ -399,7 +466,10 @@ fn lines_before_the_header_are_skipped() {
     let titles = kept("time_s,operator,date\nA,B,C\n") + &text(HEADER, &rows(300));
     assert_says(&message(&titles), &["line 1", "no position or force column"]);
     let titles = kept("time_s,position_m,force_n\nA,B,C\n") + &text(HEADER, &rows(300));
-    assert_says(&message(&titles), &["line 2: found 'A'", "hint: if the header is further below", "--skip-rows"]);
+    assert_says(
+        &message(&titles),
+        &["line 2: found 'A'", "hint: if the header is further below", "--skip-rows"],
+    );
     same_as(&plain, &titles, &skipping(2));
     assert_says(&message_with(&odd, &skipping(500)), &["--skip-rows 500 leaves no line of 303"]);
 }
@@ -415,7 +485,10 @@ fn a_header_that_is_repeated_is_skipped_and_counted() {
         assert_eq!(kinds(&found), [WarningKind::Source]);
         let count = 2 * header.lines().count();
         let message = &found.quality.warnings[0].message;
-        assert_says(message, &[&format!("{count} lines that repeat the header left out: lines {}", at[0])]);
+        assert_says(
+            message,
+            &[&format!("{count} lines that repeat the header left out: lines {}", at[0])],
+        );
         assert_says(message, &[&at[1].to_string()]);
     }
 }
@@ -456,15 +529,23 @@ fn timestamps_are_seconds_from_the_first() {
     same_as(&plain, text("a,b,c", &rows), &columns("time_s=a,position_m=b,force_n=c"));
     let mut damaged = rows;
     damaged[50] = damaged[50].replacen("2026", "20x6", 1);
-    assert_says(&message(text("timestamp,position_m,force_n", &damaged)), &["line 52", "found '20x6-11-22T"]);
+    assert_says(
+        &message(text("timestamp,position_m,force_n", &damaged)),
+        &["line 52", "found '20x6-11-22T"],
+    );
 }
 
 #[test]
 fn a_file_without_times_is_read_at_its_rate() {
     let plain = read_text(text(HEADER, &rows(300)));
-    let untimed: Vec<String> = rows(300).iter().map(|row| row.split_once(',').unwrap().1.to_owned()).collect();
+    let untimed: Vec<String> =
+        rows(300).iter().map(|row| row.split_once(',').unwrap().1.to_owned()).collect();
     let at = |rate_hz: f64, columns: Option<&str>| {
-        let choice = Choice { rate_hz: Some(rate_hz), columns: columns.map(str::to_owned), ..Choice::default() };
+        let choice = Choice {
+            rate_hz: Some(rate_hz),
+            columns: columns.map(str::to_owned),
+            ..Choice::default()
+        };
         ReadOptions { choice, ..ReadOptions::default() }
     };
     let contents = text("position_m,force_n", &untimed);
@@ -477,14 +558,21 @@ fn a_file_without_times_is_read_at_its_rate() {
     // A column of times is then not used, unless it is named as well.
     let found = same_as(&plain, text(HEADER, &rows(300)), &at(1000.0, None));
     assert_says(&found.quality.notes[0], &["column 'time_s' not used"]);
-    let both = message_with(text(HEADER, &rows(300)), &at(1000.0, Some("time_s,position_m,force_n")));
+    let both =
+        message_with(text(HEADER, &rows(300)), &at(1000.0, Some("time_s,position_m,force_n")));
     assert_says(&both, &["--rate-hz is given although --columns names the time"]);
-    assert_says(&message_with(&contents, &at(0.0, None)), &["--rate-hz is 0, expected a number above 0"]);
+    assert_says(
+        &message_with(&contents, &at(0.0, None)),
+        &["--rate-hz is 0, expected a number above 0"],
+    );
 }
 
 #[test]
 fn wrong_cells_are_named_with_their_line() {
-    assert_says(&message(replaced(57, "0.055,abc,1.0")), &["rec.csv line 57", "found 'abc'", "position_m", "a number"]);
+    assert_says(
+        &message(replaced(57, "0.055,abc,1.0")),
+        &["rec.csv line 57", "found 'abc'", "position_m", "a number"],
+    );
     assert_says(&message(replaced(57, "0.055,0.1")), &["line 57", "found 2 fields, expected 3"]);
     assert_says(&message(replaced(57, "0.055,0.1,1.0,9")), &["line 57", "found 4 fields"]);
     assert_says(&message(replaced(201, "0.2,0.1")), &["line 201", "cut off"]);
@@ -497,11 +585,18 @@ fn a_clock_that_stands_or_runs_back_is_refused() {
         &["line 57", "goes back from 0.054", "0.01 s", "cut the file"],
     );
     let constant: Vec<String> = rows(50).iter().map(|row| format!("1.0{}", &row[5..])).collect();
-    assert_says(&message(text(HEADER, &constant)), &["line 2", "stays at 1 s in all 50 samples", "--columns"]);
-    let coarse: Vec<String> = (0..400).map(cycle).map(|(t, x, f)| format!("{:.2},{x},{f}", t)).collect();
+    assert_says(
+        &message(text(HEADER, &constant)),
+        &["line 2", "stays at 1 s in all 50 samples", "--columns"],
+    );
+    let coarse: Vec<String> =
+        (0..400).map(cycle).map(|(t, x, f)| format!("{:.2},{x},{f}", t)).collect();
     assert_says(&message(text(HEADER, &coarse)), &["line 3", "same time", "more digits"]);
     let backwards: Vec<String> = rows(50).into_iter().rev().collect();
-    assert_says(&message(text(HEADER, &backwards)), &["line 3", "goes back from 0.049 s to 0.048 s"]);
+    assert_says(
+        &message(text(HEADER, &backwards)),
+        &["line 3", "goes back from 0.049 s to 0.048 s"],
+    );
 }
 
 #[test]
@@ -514,12 +609,18 @@ fn rows_that_add_nothing_are_dropped_and_counted() {
     rows.swap(150, 151);
     let recording = read_text(text(HEADER, &rows));
     let quality = &recording.quality;
-    assert_eq!((quality.non_finite_rows.count, &quality.non_finite_rows.lines[..]), (3, &[12, 22, 32][..]));
+    assert_eq!(
+        (quality.non_finite_rows.count, &quality.non_finite_rows.lines[..]),
+        (3, &[12, 22, 32][..])
+    );
     assert_eq!(quality.repeated_rows.lines, [102]);
     assert_eq!(quality.unordered_rows.lines, [153]);
     assert_eq!(recording.len(), 201 - 5);
     assert!(recording.time.windows(2).all(|pair| pair[1] > pair[0]));
-    assert_eq!(kinds(&recording), [WarningKind::NonFiniteRows, WarningKind::RepeatedRows, WarningKind::UnorderedRows]);
+    assert_eq!(
+        kinds(&recording),
+        [WarningKind::NonFiniteRows, WarningKind::RepeatedRows, WarningKind::UnorderedRows]
+    );
     assert_says(&quality.warnings[0].message, &["3 rows", "lines 12, 22, 32"]);
 }
 
@@ -570,8 +671,16 @@ fn a_start_from_rest_is_no_reset() {
 #[test]
 fn rounding_of_a_position_at_rest_is_no_jump() {
     let rows: Vec<String> = (0..500)
-        .map(|k| (k as f64 * 0.01, if k % 100 == 57 { 0.1 + 1.4e-17 } else { 0.1 }, if k == 300 { 1e-17 } else { 0.0 }))
-        .map(|(t, x, more)| format!("{t},{:e},{}", if more > 0.0 { 0.1 + 2.8e-17 } else { x }, (t * 91.0).sin()))
+        .map(|k| {
+            (
+                k as f64 * 0.01,
+                if k % 100 == 57 { 0.1 + 1.4e-17 } else { 0.1 },
+                if k == 300 { 1e-17 } else { 0.0 },
+            )
+        })
+        .map(|(t, x, more)| {
+            format!("{t},{:e},{}", if more > 0.0 { 0.1 + 2.8e-17 } else { x }, (t * 91.0).sin())
+        })
         .collect();
     let recording = read_text(text(HEADER, &rows));
     assert_eq!(recording.quality.resets, []);
@@ -600,13 +709,17 @@ fn a_part_keeps_velocity_notes_and_sensor_limit() {
     let time: Vec<f64> = (0..400).map(|k| 1e-3 * f64::from(k)).collect();
     let velocity: Vec<f64> = time.iter().map(|t| 0.1 * (20.0 * t).cos()).collect();
     let position: Vec<f64> = time.iter().map(|t| 5e-3 * (20.0 * t).sin()).collect();
-    let force: Vec<f64> = velocity.iter().enumerate().map(|(k, v)| (40.0 * v + noise(k)).clamp(-3.0, 3.0)).collect();
+    let force: Vec<f64> =
+        velocity.iter().enumerate().map(|(k, v)| (40.0 * v + noise(k)).clamp(-3.0, 3.0)).collect();
     let readings = Readings { time, position, force, velocity: Some(velocity.clone()) };
     let mut whole = Recording::from_readings("whole", &readings, Some(3.0)).unwrap();
     whole.quality.notes.push("declared".to_owned());
     let part = whole.part(100..350, "middle").unwrap();
     assert_eq!(part.velocity.as_deref(), Some(&velocity[100..350]));
-    assert_eq!((part.name.as_str(), part.quality.notes.contains(&"declared".to_owned())), ("whole, middle", true));
+    assert_eq!(
+        (part.name.as_str(), part.quality.notes.contains(&"declared".to_owned())),
+        ("whole, middle", true)
+    );
     for range in [100..350, 0..40, 250..280] {
         let part = whole.part(range.clone(), "a part").unwrap();
         let clipped: Vec<bool> = (0..part.len()).map(|k| part.is_clipped(k)).collect();
@@ -616,8 +729,10 @@ fn a_part_keeps_velocity_notes_and_sensor_limit() {
 
 #[test]
 fn a_given_sensor_limit_finds_saturation_without_noise() {
-    let square: Vec<String> =
-        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{}", 5.0 * f.signum())).collect();
+    let square: Vec<String> = (0..2000)
+        .map(cycle)
+        .map(|(t, x, f)| format!("{t:.3},{x:.6},{}", 5.0 * f.signum()))
+        .collect();
     let square = text(HEADER, &square);
     assert_eq!(read_text(&square).quality.saturated, []);
     let options = ReadOptions { sensor_limit: Some(5.0), ..ReadOptions::default() };
@@ -638,8 +753,10 @@ fn an_angle_is_never_a_position() {
             ],
         );
         assert!(!message.contains("--columns 'position"), "{message}");
-        let forced =
-            message_with(text(&format!("time_s,{name},force_n"), &rows), &columns(&format!("position_mm={name}")));
+        let forced = message_with(
+            text(&format!("time_s,{name},force_n"), &rows),
+            &columns(&format!("position_mm={name}")),
+        );
         assert_says(&forced, &["an angle, expected a position in m"]);
     }
     let message = message_with(text(HEADER, &rows), &columns("time_s,position_deg,force_n"));
@@ -652,26 +769,45 @@ fn an_angle_is_never_a_position() {
 
 #[test]
 fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
-    let flipped: Vec<String> = (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", 0.7 - f)).collect();
+    let flipped: Vec<String> =
+        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{x:.6},{:.4}", 0.7 - f)).collect();
     let flipped = text(HEADER, &flipped);
     let recording = read_text(&flipped);
     assert_eq!(kinds(&recording), [WarningKind::ForceSign]);
     let (time, position) = (&recording.time, &recording.position);
     let hint = recording.quality.warnings[0].hint.as_deref().unwrap();
     // A reversed sensor and a reversed encoder look the same: both ways are offered, and both help.
-    assert_says(hint, &["use --flip-force if the sensor", "or use --columns 'position_m=-position_m' if the encoder"]);
+    assert_says(
+        hint,
+        &[
+            "use --flip-force if the sensor",
+            "or use --columns 'position_m=-position_m' if the encoder",
+        ],
+    );
     let turned = read(&Scratch::new().file(&flipped), &columns("position_m=-position_m")).unwrap();
     assert_eq!(turned.quality.warnings, []);
     assert_eq!((&turned.time, -turned.position[7]), (time, position[7]));
-    let rows: Vec<String> =
-        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3};{};{:.4}", 1e3 * x, 0.7 - f)).collect();
-    let own = read(&Scratch::new().file(text("Zeit [s];Weg, [mm];Kraft [N]", &rows)), &ReadOptions::default()).unwrap();
+    let rows: Vec<String> = (0..2000)
+        .map(cycle)
+        .map(|(t, x, f)| format!("{t:.3};{};{:.4}", 1e3 * x, 0.7 - f))
+        .collect();
+    let own = read(
+        &Scratch::new().file(text("Zeit [s];Weg, [mm];Kraft [N]", &rows)),
+        &ReadOptions::default(),
+    )
+    .unwrap();
     let hint = own.quality.warnings[0].hint.clone().unwrap();
-    let option = hint.split("--columns '").nth(1).and_then(|rest| rest.split("' if").next()).unwrap();
+    let option =
+        hint.split("--columns '").nth(1).and_then(|rest| rest.split("' if").next()).unwrap();
     assert_eq!(option, "position_mm=-\"Weg, [mm]\"");
-    let turned = read(&Scratch::new().file(text("Zeit [s];Weg, [mm];Kraft [N]", &rows)), &columns(option)).unwrap();
+    let turned =
+        read(&Scratch::new().file(text("Zeit [s];Weg, [mm];Kraft [N]", &rows)), &columns(option))
+            .unwrap();
     assert_eq!(turned.quality.warnings, []);
-    let options = ReadOptions { choice: Choice { flip_force: true, ..Choice::default() }, ..ReadOptions::default() };
+    let options = ReadOptions {
+        choice: Choice { flip_force: true, ..Choice::default() },
+        ..ReadOptions::default()
+    };
     let back = read(&Scratch::new().file(&flipped), &options).unwrap();
     assert_eq!(back.quality.warnings, []);
     assert_eq!(back.force[7], -recording.force[7]);
@@ -683,21 +819,47 @@ fn a_stroke_in_the_wrong_unit_is_noticed() {
     let metres = text.replace("position_m", "position_um");
     let recording = read_text(metres);
     assert_eq!(kinds(&recording), [WarningKind::Stroke]);
-    let rows: Vec<String> = (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{:.3},{f:.4}", x * 1e3)).collect();
-    assert_says(&message(self::text(HEADER, &rows)), &["rec.csv", "covers 20 m", "at most 2 m", "position_mm"]);
+    let rows: Vec<String> =
+        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{:.3},{f:.4}", x * 1e3)).collect();
+    assert_says(
+        &message(self::text(HEADER, &rows)),
+        &["rec.csv", "covers 20 m", "at most 2 m", "position_mm"],
+    );
 }
 
 #[test]
 fn sizes_that_make_a_unit_doubtful_are_questioned() {
     let plain = read_text(text(HEADER, &rows(300)));
     for (header, [per_time, per_force], essentials) in [
-        ("time_s,position_m,force_n", [1e9, 1.0], ["apart", "1.0e6 s", "nanoseconds, name the column time_ns"]),
-        ("time_ms,position_m,force_n", [2e10, 1.0], ["apart", "2.0e4 s", "microseconds, name the column time_us"]),
-        ("time_ns,position_m,force_n", [1.0, 1.0], ["apart", "1.0e-12 s", "seconds, name the column time_s"]),
-        ("time_s,position_m,force_n", [1.0, 1e3], ["the force reaches", "20", "millinewtons or grams"]),
+        (
+            "time_s,position_m,force_n",
+            [1e9, 1.0],
+            ["apart", "1.0e6 s", "nanoseconds, name the column time_ns"],
+        ),
+        (
+            "time_ms,position_m,force_n",
+            [2e10, 1.0],
+            ["apart", "2.0e4 s", "microseconds, name the column time_us"],
+        ),
+        (
+            "time_ns,position_m,force_n",
+            [1.0, 1.0],
+            ["apart", "1.0e-12 s", "seconds, name the column time_s"],
+        ),
+        (
+            "time_s,position_m,force_n",
+            [1.0, 1e3],
+            ["the force reaches", "20", "millinewtons or grams"],
+        ),
     ] {
-        let row =
-            |k: usize| format!("{},{},{}", plain.time[k] * per_time, plain.position[k], plain.force[k] * per_force);
+        let row = |k: usize| {
+            format!(
+                "{},{},{}",
+                plain.time[k] * per_time,
+                plain.position[k],
+                plain.force[k] * per_force
+            )
+        };
         let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
         assert_eq!(kinds(&found), [WarningKind::Units], "{:?}", found.quality.warnings);
         println!("{}\n", found.quality.warnings[0]);
@@ -705,7 +867,10 @@ fn sizes_that_make_a_unit_doubtful_are_questioned() {
     }
     let heavy = plain.clone().without_moving_mass(40.0, 0.0).unwrap();
     assert_eq!(kinds(&heavy), [WarningKind::Units]);
-    assert_says(&heavy.quality.warnings[0].to_string(), &["a moving mass of 40 kg", "in grams it would be 0.04 kg"]);
+    assert_says(
+        &heavy.quality.warnings[0].to_string(),
+        &["a moving mass of 40 kg", "in grams it would be 0.04 kg"],
+    );
     assert_eq!(plain.without_moving_mass(0.5, 0.0).unwrap().quality.warnings, []);
 }
 
@@ -765,11 +930,13 @@ fn moving(time: Vec<f64>, position: impl Fn(f64) -> f64) -> Recording {
 
 #[test]
 fn a_parabola_gives_its_acceleration_everywhere_under_uneven_sampling() {
-    let recording = moving(uneven(5000), |t| 0.3 + 0.02 * (t - 1002.0) - 0.05 * (t - 1002.0).powi(2));
+    let recording =
+        moving(uneven(5000), |t| 0.3 + 0.02 * (t - 1002.0) - 0.05 * (t - 1002.0).powi(2));
     for window in [1e-3, 10e-3, 0.2] {
         let acceleration = local_acceleration(&recording, window);
         let velocity = local_velocity(&recording, window);
-        // Position rounds at 1e-16 m, time at 1e-13 s; the shortest window of 4 ms divides by its square.
+        // Position rounds at 1e-16 m, time at 1e-13 s; the shortest window of 4 ms divides by its
+        // square.
         let tolerance = if window < 5e-3 { 1e-7 } else { 1e-8 };
         for k in 0..recording.len() {
             assert!((acceleration[k] + 0.1).abs() < tolerance, "{window} {k} {}", acceleration[k]);
@@ -797,15 +964,17 @@ fn a_moving_mass_leaves_the_friction_behind() {
     // of friction.
     let omega = std::f64::consts::TAU * 3.0;
     let time: Vec<f64> = (0..8000).map(|k| f64::from(k) * 1e-3).collect();
-    let position: Vec<f64> = time.iter().map(|t| (0.01 * (omega * t).sin() / 4e-6).round() * 4e-6).collect();
+    let position: Vec<f64> =
+        time.iter().map(|t| (0.01 * (omega * t).sin() / 4e-6).round() * 4e-6).collect();
     let friction = |t: f64| (20.0 * (omega * t).cos()).tanh();
-    let force = time
-        .iter()
-        .enumerate()
-        .map(|(k, &t)| friction(t) + 0.5 * (9.81 - 0.01 * omega * omega * (omega * t).sin()) + noise(k));
-    let recording = Recording::from_columns("made", time.clone(), position, force.collect()).unwrap();
+    let force = time.iter().enumerate().map(|(k, &t)| {
+        friction(t) + 0.5 * (9.81 - 0.01 * omega * omega * (omega * t).sin()) + noise(k)
+    });
+    let recording =
+        Recording::from_columns("made", time.clone(), position, force.collect()).unwrap();
     let corrected = recording.without_moving_mass(0.5, 9.81).unwrap();
-    let squares: f64 = corrected.force.iter().zip(&time).map(|(f, &t)| (f - friction(t)).powi(2)).sum();
+    let squares: f64 =
+        corrected.force.iter().zip(&time).map(|(f, &t)| (f - friction(t)).powi(2)).sum();
     let rms = (squares / time.len() as f64).sqrt();
     // The force noise alone has 0.01 N; the remainder is at the ends of the recording.
     assert!(rms < 0.03, "{rms}");
@@ -820,7 +989,10 @@ fn a_force_that_never_changes_feels_no_mass() {
     let recording = Recording::from_columns("made", time, position, force.clone()).unwrap();
     let corrected = recording.without_moving_mass(0.5, 0.0).unwrap();
     assert_eq!(corrected.force, force);
-    assert_says(&corrected.quality.notes.join("; "), &["the force is constant: inertia of 0.5 kg not taken out"]);
+    assert_says(
+        &corrected.quality.notes.join("; "),
+        &["the force is constant: inertia of 0.5 kg not taken out"],
+    );
 }
 
 #[test]
@@ -838,7 +1010,11 @@ fn shared() -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    assert!(std::env::var_os("TROCAR_REQUIRE_SHARED").is_none(), "{} is required", folder.display());
+    assert!(
+        std::env::var_os("TROCAR_REQUIRE_SHARED").is_none(),
+        "{} is required",
+        folder.display()
+    );
     println!("skipped: no {}", folder.display());
     None
 }

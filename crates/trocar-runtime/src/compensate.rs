@@ -27,9 +27,9 @@
 //! the parameters. spread is half the range of the forces of extreme initial states until the seal
 //! has slid. minor is half the difference between the softest and the stiffest law between the
 //! branches, as long as no recording contains partial reversals. doubt is the amount by which the
-//! last two strokes, one each way, contradict the present λ ([`bank`]). After a change of the friction,
-//! std does not cover it until a position is crossed in the direction opposite to its last
-//! crossing.
+//! last two strokes, one each way, contradict the present λ ([`bank`]). After a change of the
+//! friction, std does not cover it until a position is crossed in the direction opposite to its
+//! last crossing.
 //!
 //! # Faults
 //!
@@ -42,8 +42,8 @@
 //!   directions cannot be distinguished from friction by a sensor outside the body.
 
 use trocar_model::{
-    Deformation, DeformationForce, Element, Friction, Mode, ParameterId, PartialReversals, PositionProfile, Quantity,
-    Seal, SealState, Stages, Trocar,
+    Deformation, DeformationForce, Element, Friction, Mode, ParameterId, PartialReversals,
+    PositionProfile, Quantity, Seal, SealState, Stages, Trocar,
 };
 
 pub use adapt::Drift;
@@ -88,7 +88,8 @@ pub struct CompensateOptions {
     pub offset_n: Option<f64>,
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: Option<f64>,
-    /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
+    /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of
+    /// the offset.
     pub gravity_m_s2: f64,
     /// Largest force the sensor can read, N.
     pub sensor_limit_n: Option<f64>,
@@ -155,7 +156,13 @@ pub struct Estimate {
 
 impl Estimate {
     /// Before the first sample.
-    const NONE: Self = Self { trocar_force: 0.0, tissue_force: f64::NAN, std: f64::NAN, adapting: false, fault: None };
+    const NONE: Self = Self {
+        trocar_force: 0.0,
+        tissue_force: f64::NAN,
+        std: f64::NAN,
+        adapting: false,
+        fault: None,
+    };
 }
 
 /// Constants of the observer.
@@ -206,7 +213,8 @@ impl Compensator {
     /// An observer with the model of `file`; it starts with the first sample.
     ///
     /// # Errors
-    /// [`CompensateError`]: a model with too many elements or without a stated error, an option out of its range.
+    /// [`CompensateError`]: a model with too many elements or without a stated error, an option out
+    /// of its range.
     pub fn new(file: &ModelFile, options: &CompensateOptions) -> Result<Self, CompensateError> {
         Self::with_seal(file, *file.trocar.seal(), options)
     }
@@ -215,13 +223,19 @@ impl Compensator {
     ///
     /// # Errors
     /// As for [`Compensator::new`], except for the elements of the file.
-    pub fn with_seal(file: &ModelFile, seal: Seal, options: &CompensateOptions) -> Result<Self, CompensateError> {
+    pub fn with_seal(
+        file: &ModelFile,
+        seal: Seal,
+        options: &CompensateOptions,
+    ) -> Result<Self, CompensateError> {
         let sensor = file.sensor;
-        let offset = finite("offset_n", options.offset_n.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
+        let offset =
+            finite("offset_n", options.offset_n.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
         let mass = options.moving_mass_kg.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
         let mass = not_negative("moving_mass_kg", mass)?;
         let gravity = finite("gravity_m_s2", options.gravity_m_s2)?;
-        let limit = options.sensor_limit_n.map(|limit| positive("sensor_limit_n", limit)).transpose()?;
+        let limit =
+            options.sensor_limit_n.map(|limit| positive("sensor_limit_n", limit)).transpose()?;
         let error = match options.force_error_n {
             Some(std) => ForceError::everywhere(positive("force_error_n", std)?),
             None => {
@@ -236,7 +250,12 @@ impl Compensator {
         let of = |quantity: Quantity| if shown { 0.0 } else { relative_std(file, quantity) };
         let spread = [of(Quantity::CoulombForce), of(Quantity::ViscousDamping)];
         Ok(Self {
-            setup: Setup { trocar: file.trocar.with_seal(seal), offset, error, adaptation: options.adaptation },
+            setup: Setup {
+                trocar: file.trocar.with_seal(seal),
+                offset,
+                error,
+                adaptation: options.adaptation,
+            },
             state: seal.rest_at_force(0.0),
             extremes: None,
             position: None,
@@ -319,7 +338,8 @@ impl Compensator {
     /// uncertainty.
     fn start(&mut self, position: f64, force: f64) {
         let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
-        let own = self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
+        let own =
+            self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
         self.state = self.setup.seal().rest_at_force(own);
         self.follow_minor();
         self.bank.start(self.setup.seal(), own);
@@ -366,7 +386,8 @@ impl Compensator {
         }
         self.position = Some(position);
         self.speed = displacement / duration;
-        self.mean_speed += (1.0 - libm::exp(-duration / SPEED_TIME)) * (self.speed - self.mean_speed);
+        self.mean_speed +=
+            (1.0 - libm::exp(-duration / SPEED_TIME)) * (self.speed - self.mean_speed);
         self.time += duration;
         self.inertia.advance(self.time, position);
         self.adapter.pass(duration);
@@ -378,14 +399,16 @@ impl Compensator {
     fn estimate(&mut self, force: f64, fault: Option<Fault>) -> Estimate {
         let Some(position) = self.position else { return Estimate { fault, ..self.last } };
         let Drift { level, viscosity, level_std, viscosity_std } = self.adapter.drift();
-        let along = |seal: f64| self.setup.profile().map_or(seal, |profile| profile.apply(position, seal));
+        let along =
+            |seal: f64| self.setup.profile().map_or(seal, |profile| profile.apply(position, seal));
         let slope = self.setup.profile().map_or(1.0, |profile| profile.gain(position));
         let viscous = level * self.setup.seal().viscous_force(&self.state, self.speed / level);
         let dry = level * Seal::force(&self.state) - viscous;
         let trocar_force = along(dry + viscosity * viscous);
         let own = force - self.setup.offset - self.inertia.force();
         let reading = if fault.is_some_and(Fault::spoils_reading) { f64::NAN } else { own };
-        let spread = level * self.extremes.as_ref().map_or(0.0, |starts| spread(starts, &self.state));
+        let spread =
+            level * self.extremes.as_ref().map_or(0.0, |starts| spread(starts, &self.state));
         let sigma = self.setup.error.in_phase(self.phase()).max(LEAST_ERROR);
         let own_dry = dry / level;
         let parameters = (own_dry * level_std).powi(2)
@@ -396,7 +419,8 @@ impl Compensator {
         let of_seal = parameters.max(0.0) + spread * spread + minor * minor + doubt;
         let std = (sigma * sigma + slope * slope * of_seal).sqrt();
         if self.setup.adaptation && reading.is_finite() {
-            let seal = self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
+            let seal =
+                self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
             let variance = (sigma / slope).powi(2) + minor * minor;
             self.learn(position, Sliding { reading: seal, dry: own_dry, viscous }, variance);
         }
@@ -411,7 +435,12 @@ impl Compensator {
         }
         let Drift { level: present, viscosity, .. } = self.adapter.drift();
         if self.extremes.is_none() && self.speed != 0.0 {
-            self.bank.take(position, self.speed > 0.0, now.reading - (viscosity - 1.0) * now.viscous, variance);
+            self.bank.take(
+                position,
+                self.speed > 0.0,
+                now.reading - (viscosity - 1.0) * now.viscous,
+                variance,
+            );
         }
         if let Some((level, state)) = self.bank.better_than(present) {
             self.state = state;
@@ -428,7 +457,8 @@ impl Compensator {
     }
 
     fn phase(&self) -> Phase {
-        let deforms = matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
+        let deforms =
+            matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
         match (self.mean_speed.abs() < HOLD_SPEED, deforms) {
             (true, _) if self.has_turned => Phase::PartialHeld,
             (true, _) => Phase::Held,
@@ -440,7 +470,8 @@ impl Compensator {
 
     /// Direction of a slide once it is certain.
     fn settled(&mut self) -> Option<bool> {
-        let deforms = matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
+        let deforms =
+            matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
         let slides = self.extremes.is_none() && self.speed.abs() >= HOLD_SPEED && !deforms;
         self.adapter.settle(
             slides,
@@ -474,11 +505,13 @@ impl MinorLoops {
             let mut params = *element.params();
             let force = params.deformation;
             let c = force.half_width();
-            let at = |k: u32| force.half_gap(c * (2.0 * f64::from(k) / f64::from(Self::POINTS) - 1.0));
+            let at =
+                |k: u32| force.half_gap(c * (2.0 * f64::from(k) / f64::from(Self::POINTS) - 1.0));
             let gap = 2.0 * (0..=Self::POINTS).map(at).fold(0.0, f64::max);
             let stiffness = force.yield_stiffness().max(gap / (Self::CROSSING * c));
             params.deformation =
-                DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness)).ok()?;
+                DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness))
+                    .ok()?;
             Element::new(params).ok()
         };
         let elements = stages.elements().iter().map(stiff).collect::<Option<Vec<Element>>>()?;
@@ -532,7 +565,8 @@ fn extremes(seal: &Seal) -> [SealState; 2] {
 /// between.
 fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
     let forces = [Seal::force(&extremes[0]), Seal::force(&extremes[1]), Seal::force(state)];
-    let (low, high) = forces.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
+    let (low, high) =
+        forces.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
     0.5 * (high - low)
 }
 
@@ -541,10 +575,20 @@ fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
 fn relative_std(file: &ModelFile, quantity: Quantity) -> f64 {
     let of = |interval: &Interval| {
         let [Some(low), Some(high)] = interval.ci95 else { return 0.0 };
-        if interval.value == 0.0 { 0.0 } else { ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs() }
+        if interval.value == 0.0 {
+            0.0
+        } else {
+            ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs()
+        }
     };
-    let is_own = |key: &str| key.parse().is_ok_and(|id: ParameterId| id.quantity == quantity && id.element.is_none());
-    file.intervals.iter().filter(|(key, _)| is_own(key)).map(|(_, interval)| of(interval)).fold(0.0, f64::max)
+    let is_own = |key: &str| {
+        key.parse().is_ok_and(|id: ParameterId| id.quantity == quantity && id.element.is_none())
+    };
+    file.intervals
+        .iter()
+        .filter(|(key, _)| is_own(key))
+        .map(|(_, interval)| of(interval))
+        .fold(0.0, f64::max)
 }
 
 fn finite(name: &'static str, value: f64) -> Result<f64, CompensateError> {
@@ -559,6 +603,15 @@ fn positive(name: &'static str, value: f64) -> Result<f64, CompensateError> {
     check(name, value, value.is_finite() && value > 0.0, "above 0")
 }
 
-fn check(name: &'static str, value: f64, allowed: bool, range: &'static str) -> Result<f64, CompensateError> {
-    if allowed { Ok(value) } else { Err(CompensateError::OutOfRange { name, allowed: range, found: value }) }
+fn check(
+    name: &'static str,
+    value: f64,
+    allowed: bool,
+    range: &'static str,
+) -> Result<f64, CompensateError> {
+    if allowed {
+        Ok(value)
+    } else {
+        Err(CompensateError::OutOfRange { name, allowed: range, found: value })
+    }
 }

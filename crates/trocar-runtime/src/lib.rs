@@ -1,7 +1,9 @@
-//! Identified trocar models in a program that runs them: [`model_file`] reads and writes `model.json`, [`compensate`] takes the
-//! trocar's force out of a force sensor's readings in real time.
+//! Identified trocar models in a program that runs them: [`model_file`] reads and writes
+//! `model.json`, [`compensate`] takes the trocar's force out of a force sensor's readings in real
+//! time.
 //!
-//! Few dependencies on purpose: what identifies, records and draws is in the crate `trocar`, which exports these modules again.
+//! Few dependencies on purpose: what identifies, records and draws is in the crate `trocar`, which
+//! exports these modules again.
 
 pub mod compensate;
 pub mod model_file;

@@ -14,13 +14,16 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use thiserror::Error;
 use trocar_model::{
-    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError, ParameterId, Piece,
-    PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, Stages, Trocar,
+    Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError,
+    ParameterId, Piece, PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping,
+    SlidingFriction, Stages, Trocar,
 };
 
 use crate::profile::ProfileText;
 
-use friction::{DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText};
+use friction::{
+    DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText,
+};
 use object::{Object, members};
 
 mod friction;
@@ -47,7 +50,8 @@ pub struct ModelFile {
     pub origin: Origin,
     /// The sensor of the recordings used for the model; not part of the seal's force.
     pub sensor: Option<SensorInfo>,
-    /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be empty.
+    /// Intervals of identified parameters by name with unit, such as `coulomb_force_n`; may be
+    /// empty.
     pub intervals: BTreeMap<String, Interval>,
     /// Error of the model's force.
     pub force_error: Option<ForceError>,
@@ -88,7 +92,13 @@ impl ForceError {
     /// The same standard deviation `std_n`, N, in all phases, as stated by the user.
     pub fn everywhere(std_n: f64) -> Self {
         let std = Some(std_n);
-        Self { source: ErrorSource::Stated, deforming_n: std, partial_n: std, sliding_n: std, held_n: std }
+        Self {
+            source: ErrorSource::Stated,
+            deforming_n: std,
+            partial_n: std,
+            sliding_n: std,
+            held_n: std,
+        }
     }
 
     /// For each phase the larger error of both, with the given `source`. A phase unknown to one of
@@ -160,7 +170,10 @@ impl Origin {
     }
 
     /// Origin of a model estimated from `recordings`, with all random numbers from `seed`.
-    pub fn identified(seed: u64, recordings: impl IntoIterator<Item = impl Into<RecordingInfo>>) -> Self {
+    pub fn identified(
+        seed: u64,
+        recordings: impl IntoIterator<Item = impl Into<RecordingInfo>>,
+    ) -> Self {
         let recordings = recordings.into_iter().map(Into::into).collect();
         Self { seed: Some(seed), recordings, ..Self::new(OriginKind::Identified) }
     }
@@ -247,7 +260,9 @@ pub enum ModelFileError {
         found: String,
     },
     /// A file of a newer version.
-    #[error("written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar")]
+    #[error(
+        "written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar"
+    )]
     Newer {
         /// Version found.
         found: u64,
@@ -277,7 +292,9 @@ pub enum ModelFileError {
         what: String,
     },
     /// A classical model where EMS elements are required.
-    #[error("holds a {kind} model, expected EMS elements\n\nhint: trocar simulate and trocar validate take any model")]
+    #[error(
+        "holds a {kind} model, expected EMS elements\n\nhint: trocar simulate and trocar validate take any model"
+    )]
     NotEms {
         /// Kind of the model.
         kind: &'static str,
@@ -365,11 +382,12 @@ impl ModelFile {
     /// See [`ModelFileError`]: invalid JSON, another format, a newer version, invalid keys, values
     /// or parameters.
     pub fn from_json(text: &str) -> Result<Self, ModelFileError> {
-        let header: Value = serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
-            line: error.line(),
-            column: error.column(),
-            what: without_place(&error),
-        })?;
+        let header: Value =
+            serde_json::from_str(text).map_err(|error| ModelFileError::NotJson {
+                line: error.line(),
+                column: error.column(),
+                what: without_place(&error),
+            })?;
         check_header(&header)?;
         let Some(friction) = header.get("friction") else { return read::<StaticText>(text) };
         let kind = friction.get("kind");
@@ -381,29 +399,47 @@ impl ModelFile {
             Some(Classical::MAXWELL_SLIP) => read::<MaxwellSlipText>(text),
             Some(Classical::GMS) => read::<GmsText>(text),
             _ => {
-                let what = format!("must be one of {}, got {}", Classical::KINDS.join(", "), shown(kind));
+                let what =
+                    format!("must be one of {}, got {}", Classical::KINDS.join(", "), shown(kind));
                 Err(impossible("friction.kind", &what))
             }
         }
     }
 
-    /// The text of a model file: the same model gives the same text, and reading it gives the same model.
+    /// The text of a model file: the same model gives the same text, and reading it gives the same
+    /// model.
     pub fn to_json(&self) -> String {
         match self.trocar.seal() {
             Seal::Ems(stages) => {
-                let elements = stages.elements().iter().map(|element| ElementText::from(element.params())).collect();
+                let elements = stages
+                    .elements()
+                    .iter()
+                    .map(|element| ElementText::from(element.params()))
+                    .collect();
                 self.text(Some(elements), None::<StaticText>)
             }
-            Seal::Classical(Classical::Static(model)) => self.text(None, Some(StaticText::from(model))),
+            Seal::Classical(Classical::Static(model)) => {
+                self.text(None, Some(StaticText::from(model)))
+            }
             Seal::Classical(Classical::Dahl(model)) => self.text(None, Some(DahlText::from(model))),
-            Seal::Classical(Classical::LuGre(model)) => self.text(None, Some(LuGreText::from(model))),
-            Seal::Classical(Classical::Leuven(model)) => self.text(None, Some(LeuvenText::from(model))),
-            Seal::Classical(Classical::MaxwellSlip(model)) => self.text(None, Some(MaxwellSlipText::from(model))),
+            Seal::Classical(Classical::LuGre(model)) => {
+                self.text(None, Some(LuGreText::from(model)))
+            }
+            Seal::Classical(Classical::Leuven(model)) => {
+                self.text(None, Some(LeuvenText::from(model)))
+            }
+            Seal::Classical(Classical::MaxwellSlip(model)) => {
+                self.text(None, Some(MaxwellSlipText::from(model)))
+            }
             Seal::Classical(Classical::Gms(model)) => self.text(None, Some(GmsText::from(model))),
         }
     }
 
-    fn text<F: Serialize>(&self, elements: Option<Vec<ElementText>>, friction: Option<F>) -> String {
+    fn text<F: Serialize>(
+        &self,
+        elements: Option<Vec<ElementText>>,
+        friction: Option<F>,
+    ) -> String {
         let document = Document {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -446,7 +482,11 @@ fn shown(value: Option<&Value>) -> String {
 }
 
 fn wrong_key(error: serde_json::Error) -> ModelFileError {
-    ModelFileError::WrongKey { line: error.line(), column: error.column(), what: without_place(&error) }
+    ModelFileError::WrongKey {
+        line: error.line(),
+        column: error.column(),
+        what: without_place(&error),
+    }
 }
 
 /// The message of the parser without its " at line L column C".
@@ -522,9 +562,18 @@ impl<F: FrictionText> Document<F> {
         self.check_values()?;
         let seal = match (self.elements, self.friction) {
             (Some(elements), None) => Seal::Ems(read_elements(&elements)?),
-            (None, Some(friction)) => Seal::Classical(friction.model().map_err(parameter("friction"))?),
-            (Some(_), Some(_)) => return Err(impossible("friction", "a model holds elements or friction, got both")),
-            (None, None) => return Err(impossible("elements", "a model holds elements or friction, got neither")),
+            (None, Some(friction)) => {
+                Seal::Classical(friction.model().map_err(parameter("friction"))?)
+            }
+            (Some(_), Some(_)) => {
+                return Err(impossible("friction", "a model holds elements or friction, got both"));
+            }
+            (None, None) => {
+                return Err(impossible(
+                    "elements",
+                    "a model holds elements or friction, got neither",
+                ));
+            }
         };
         for (i, recording) in self.origin.recordings.iter().enumerate() {
             check_hash(&recording.sha256, &format!("origin.recordings[{i}].sha256"))?;
@@ -539,9 +588,11 @@ impl<F: FrictionText> Document<F> {
             check_interval(name, interval)?;
         }
         let Self { origin, position_profile, sensor, intervals, force_error, .. } = self;
-        let intervals = intervals.into_iter().map(|(name, interval)| (present_name(name), interval)).collect();
+        let intervals =
+            intervals.into_iter().map(|(name, interval)| (present_name(name), interval)).collect();
         let profile = position_profile.map(PositionProfile::try_from).transpose();
-        let profile = profile.map_err(|error| impossible("position_profile", &error.to_string()))?;
+        let profile =
+            profile.map_err(|error| impossible("position_profile", &error.to_string()))?;
         Ok(ModelFile { trocar: Trocar::new(seal, profile), origin, sensor, intervals, force_error })
     }
 
@@ -549,7 +600,10 @@ impl<F: FrictionText> Document<F> {
     fn check_values(&self) -> Result<(), ModelFileError> {
         let lag = self.sensor.map_or(0.0, |sensor| sensor.position_delay_s);
         if lag < 0.0 {
-            return Err(impossible("sensor.position_delay_s", &format!("must not be negative, got {lag} s")));
+            return Err(impossible(
+                "sensor.position_delay_s",
+                &format!("must not be negative, got {lag} s"),
+            ));
         }
         if self.position_profile.is_some() && self.friction.is_some() {
             return Err(impossible("position_profile", "is for elements, got a classical model"));
@@ -562,13 +616,20 @@ impl<F: FrictionText> Document<F> {
     }
 }
 
-/// The present name of a parameter; before version 8, directions, branches and elements were named otherwise.
+/// The present name of a parameter; before version 8, directions, branches and elements were named
+/// otherwise.
 fn present_name(name: String) -> String {
-    const STARTS: [(&str, &str); 4] =
-        [("rising_", "insertion_"), ("falling_", "withdrawal_"), ("second_", "element_2_"), ("hidden_", "unmodelled_")];
+    const STARTS: [(&str, &str); 4] = [
+        ("rising_", "insertion_"),
+        ("falling_", "withdrawal_"),
+        ("second_", "element_2_"),
+        ("hidden_", "unmodelled_"),
+    ];
     const ENDS: [(&str, &str); 2] = [("_positive", "insertion_"), ("_negative", "withdrawal_")];
-    let by_start = STARTS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_prefix(old)?)));
-    let by_end = ENDS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_suffix(old)?)));
+    let by_start =
+        STARTS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_prefix(old)?)));
+    let by_end =
+        ENDS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_suffix(old)?)));
     let by_number = name.rsplit_once('_').map(|(key, number)| format!("element_{number}_{key}"));
     let mut renamed = by_start.chain(by_end).chain(by_number);
     // The second relaxation keeps its name.
@@ -577,11 +638,13 @@ fn present_name(name: String) -> String {
 }
 
 fn read_elements(elements: &[ElementText]) -> Result<Stages, ModelFileError> {
-    let one = |(i, element): (usize, &ElementText)| read_element(element, &format!("elements[{i}]"));
+    let one =
+        |(i, element): (usize, &ElementText)| read_element(element, &format!("elements[{i}]"));
     let read: Vec<Element> = elements.iter().enumerate().map(one).collect::<Result<_, _>>()?;
     let count = read.len();
-    Stages::new(&read)
-        .ok_or_else(|| impossible("elements", &format!("a model has 1 to {MAX_STAGES} elements, got {count}")))
+    Stages::new(&read).ok_or_else(|| {
+        impossible("elements", &format!("a model has 1 to {MAX_STAGES} elements, got {count}"))
+    })
 }
 
 fn impossible(place: &str, what: &str) -> ModelFileError {
@@ -599,7 +662,8 @@ fn check_hash(hash: &str, place: &str) -> Result<(), ModelFileError> {
 
 fn check_interval(name: &str, interval: &Interval) -> Result<(), ModelFileError> {
     let [low, high] = interval.ci95;
-    let ordered = low.is_none_or(|low| low <= interval.value) && high.is_none_or(|high| interval.value <= high);
+    let ordered = low.is_none_or(|low| low <= interval.value)
+        && high.is_none_or(|high| interval.value <= high);
     if ordered {
         return Ok(());
     }
@@ -616,7 +680,13 @@ impl From<&ElementParams> for ElementText {
             insertion: BranchText::from(force.insertion()),
             withdrawal: BranchText::from(force.withdrawal()),
         };
-        let arms: Vec<_> = params.relaxation.arms.iter().filter(|arm| arm.stiffness > 0.0).map(Object::from).collect();
+        let arms: Vec<_> = params
+            .relaxation
+            .arms
+            .iter()
+            .filter(|arm| arm.stiffness > 0.0)
+            .map(Object::from)
+            .collect();
         let members = ElementMembers {
             deformation: Some(deformation),
             seal_damping: Some(Object::from(&params.damping)),
@@ -628,7 +698,10 @@ impl From<&ElementParams> for ElementText {
     }
 }
 
-fn read_relaxation(arms: &[Object<RelaxationArm>], place: &str) -> Result<Relaxation, ModelFileError> {
+fn read_relaxation(
+    arms: &[Object<RelaxationArm>],
+    place: &str,
+) -> Result<Relaxation, ModelFileError> {
     if arms.len() > MAX_ARMS {
         let what = format!("a seal has at most {MAX_ARMS} relaxing arms, got {}", arms.len());
         return Err(impossible(&format!("{place}.relaxation"), &what));
@@ -665,8 +738,8 @@ impl DeformationText {
     fn force(&self, place: &str) -> Result<DeformationForce, ModelFileError> {
         let insertion = self.insertion.branch(&format!("{place}.insertion"))?;
         let withdrawal = self.withdrawal.branch(&format!("{place}.withdrawal"))?;
-        let force =
-            DeformationForce::new(insertion, withdrawal, Some(self.yield_stiffness_n_m)).map_err(parameter(place))?;
+        let force = DeformationForce::new(insertion, withdrawal, Some(self.yield_stiffness_n_m))
+            .map_err(parameter(place))?;
         let (c, stated) = (force.half_width(), self.half_width_m);
         if (c - stated).abs() > INTERVAL_TOLERANCE * c {
             let what = format!("half_width_m is {stated}, but the pieces end at {c}");
@@ -693,7 +766,8 @@ impl BranchText {
     fn branch(&self, place: &str) -> Result<Branch, ModelFileError> {
         let piece = |i: usize| {
             let text = &self.pieces[i];
-            Piece::new(text.from_m, text.to_m, &text.legendre_n).map_err(parameter(&format!("{place}.pieces[{i}]")))
+            Piece::new(text.from_m, text.to_m, &text.legendre_n)
+                .map_err(parameter(&format!("{place}.pieces[{i}]")))
         };
         let branch = Branch::new(piece(0)?, piece(1)?).map_err(parameter(place))?;
         let (join, stated) = (branch.join(), self.join_m);

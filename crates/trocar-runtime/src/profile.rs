@@ -79,7 +79,11 @@ pub struct Departure {
 impl Departure {
     /// Distance by which a motion from `lowest` to `highest` (m) leaves the range of `profile`;
     /// `None` up to [`LEAST_DEPARTURE`] of it.
-    pub fn of<K: AsRef<[f64]>>(profile: &PositionProfile<K>, lowest: f64, highest: f64) -> Option<Self> {
+    pub fn of<K: AsRef<[f64]>>(
+        profile: &PositionProfile<K>,
+        lowest: f64,
+        highest: f64,
+    ) -> Option<Self> {
         let (from, to) = (profile.from(), profile.to());
         let outside = (from - lowest).max(highest - to);
         (outside > LEAST_DEPARTURE * (to - from)).then_some(Self { from, to, outside })
@@ -88,7 +92,8 @@ impl Departure {
 
 impl fmt::Display for Departure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [from, to, outside] = [self.from, self.to, self.outside].map(|m| (1e4 * m).round() / 10.0);
+        let [from, to, outside] =
+            [self.from, self.to, self.outside].map(|m| (1e4 * m).round() / 10.0);
         let fade = (1e4 * FADE * (self.to - self.from)).round() / 10.0;
         write!(
             f,

@@ -1,11 +1,12 @@
-//! `schema/model.schema.json` against the declared parameters: keys, ranges, and which are required.
+//! `schema/model.schema.json` against the declared parameters: keys, ranges, and which are
+//! required.
 
 use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
 use trocar_model::{
-    DahlParams, ElementParams, GmsElement, LeuvenParams, LuGreParams, Parameters, Range, RelaxationArm, SealDamping,
-    SlidingFriction, SlipElement,
+    DahlParams, ElementParams, GmsElement, LeuvenParams, LuGreParams, Parameters, Range,
+    RelaxationArm, SealDamping, SlidingFriction, SlipElement,
 };
 
 const SCHEMA: &str = include_str!("../../../schema/model.schema.json");
@@ -15,9 +16,17 @@ fn lists<T: Parameters>(schema: &Value, place: &str, required: bool) {
     let object = schema.pointer(place).unwrap_or_else(|| panic!("{place} is there"));
     let listed = object["properties"].as_object().expect("properties");
     let keys = |names: &Value| -> BTreeSet<String> {
-        names.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect()
+        names
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .map(str::to_owned)
+            .collect()
     };
-    let is_number = |value: &Value| keys(&json!([value["type"]])).contains("number") || value["type"].is_array();
+    let is_number = |value: &Value| {
+        keys(&json!([value["type"]])).contains("number") || value["type"].is_array()
+    };
     let numbers: BTreeSet<&str> =
         listed.iter().filter(|(_, value)| is_number(value)).map(|(key, _)| key.as_str()).collect();
     let declared: BTreeSet<&str> = T::FIELDS.iter().map(|field| field.key).collect();
@@ -34,7 +43,12 @@ fn lists<T: Parameters>(schema: &Value, place: &str, required: bool) {
         assert_eq!(found["type"], kind, "{place}/{}", field.key);
         assert_eq!(number(&found["minimum"]), number(&minimum), "{place}/{}", field.key);
         assert_eq!(number(&found["exclusiveMinimum"]), number(&above), "{place}/{}", field.key);
-        assert_eq!(keys(&object["required"]).contains(field.key), required, "{place}/{}", field.key);
+        assert_eq!(
+            keys(&object["required"]).contains(field.key),
+            required,
+            "{place}/{}",
+            field.key
+        );
     }
 }
 

@@ -1,10 +1,11 @@
-//! Runs a model along a motion in the WebAssembly module that reports carry, and prints one force (N) a row.
+//! Runs a model along a motion in the WebAssembly module that reports carry, and prints one force
+//! (N) a row.
 //!
 //! ```text
 //! cargo run --release -p trocar-web --example drive_module -- MODEL MOTION
 //! ```
-//! MODEL is a `model.json`, MOTION a CSV file with the columns `time_s,position_m`. The first row is where the seal is at
-//! rest; a row with the time of the one above changes nothing.
+//! MODEL is a `model.json`, MOTION a CSV file with the columns `time_s,position_m`. The first row
+//! is where the seal is at rest; a row with the time of the one above changes nothing.
 
 use std::error::Error;
 use std::path::Path;

@@ -1,6 +1,7 @@
 //! The models of `trocar-model` for a page: a WebAssembly module that knows numbers alone.
 //!
-//! The module has one model, its state, and three places in its memory that the page fills and reads:
+//! The module has one model, its state, and three places in its memory that the page fills and
+//! reads:
 //!
 //! ```text
 //! row      a model as trocar_model::flat writes it
@@ -17,8 +18,8 @@
 //! | `rest_at_force(x, f)` | at rest at x with f, N, or what of it the model can hold | force, N |
 //! | `run(n)` | the first n steps of the block | steps made |
 //!
-//! A call that fails changes nothing. Deflection and sliding of a model that knows none are NaN. The script `build`
-//! makes the module; the reports of the crate `trocar` carry it.
+//! A call that fails changes nothing. Deflection and sliding of a model that knows none are NaN.
+//! The script `build` makes the module; the reports of the crate `trocar` carry it.
 //!
 //! - **Invariant:** no step but [`Trocar::step_to`]: the forces are those of every other program, to the last bit.
 #![no_std]
@@ -50,7 +51,8 @@ pub struct Memory {
 
 impl Memory {
     /// All zero: apart from the model, so that the module need not carry it.
-    pub const ZERO: Self = Self { row: [0.0; ROW], values: [0.0; MAX_TUNABLES], block: [[0.0; BLOCK]; COLUMNS] };
+    pub const ZERO: Self =
+        Self { row: [0.0; ROW], values: [0.0; MAX_TUNABLES], block: [[0.0; BLOCK]; COLUMNS] };
 }
 
 /// The model of a page and its state.
@@ -82,10 +84,14 @@ impl Page {
         true
     }
 
-    /// Turns the tunables of the loaded model to the first `count` values; whether they make a model.
+    /// Turns the tunables of the loaded model to the first `count` values; whether they make a
+    /// model.
     pub fn tune(&mut self, memory: &Memory, count: usize) -> bool {
         let Running::Model { loaded, tuned, state } = &mut self.running else { return false };
-        let Some(new) = memory.values.get(..count).and_then(|values| loaded.tuned(values).ok()) else { return false };
+        let Some(new) = memory.values.get(..count).and_then(|values| loaded.tuned(values).ok())
+        else {
+            return false;
+        };
         *tuned = new;
         let (position, force) = (state.position(), state.force());
         self.rest_at_force(memory, position, force);
@@ -102,7 +108,11 @@ impl Page {
         self.begin(memory, |trocar| trocar.rest_at_force(position, force))
     }
 
-    fn begin(&mut self, memory: &Memory, at_rest: impl FnOnce(&Trocar<&[f64]>) -> TrocarState) -> f64 {
+    fn begin(
+        &mut self,
+        memory: &Memory,
+        at_rest: impl FnOnce(&Trocar<&[f64]>) -> TrocarState,
+    ) -> f64 {
         let Running::Model { tuned, state, .. } = &mut self.running else { return f64::NAN };
         let Some(trocar) = read(&memory.row, self.count) else { return f64::NAN };
         *state = at_rest(&trocar.with_seal(*tuned));
@@ -117,7 +127,9 @@ impl Page {
         let trocar = trocar.with_seal(*tuned);
         let [position, duration, force, deflection, sliding] = block;
         let steps = position.iter().zip(duration).take(count);
-        for (((x, duration), force), (z, slides)) in steps.zip(force).zip(deflection.iter_mut().zip(sliding)) {
+        for (((x, duration), force), (z, slides)) in
+            steps.zip(force).zip(deflection.iter_mut().zip(sliding))
+        {
             *force = trocar.step_to(state, *x, *duration);
             (*z, *slides) = state.deformation().map_or((f64::NAN, f64::NAN), |deformation| {
                 (deformation.deflection, f64::from(u8::from(deformation.mode == Mode::Sliding)))

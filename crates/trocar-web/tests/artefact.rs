@@ -40,7 +40,10 @@ fn host(trocar: &Trocar<&[f64]>, motion: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut all = vec![(state.force(), 0.0)];
     for pair in motion.windows(2) {
         let force = trocar.step_to(&mut state, pair[1].1, pair[1].0 - pair[0].0);
-        all.push((force, state.deformation().map_or(f64::NAN, |deformation| deformation.deflection)));
+        all.push((
+            force,
+            state.deformation().map_or(f64::NAN, |deformation| deformation.deflection),
+        ));
     }
     all
 }
@@ -60,7 +63,12 @@ fn assert_same(name: &str, ours: &[(f64, f64)], theirs: &[(f64, f64)]) {
 
 fn compare(file: &Path) -> Result<(), Box<dyn Error>> {
     let (models, motion) = (models()?, motion()?);
-    assert!(models.len() >= KINDS && motion.len() > 1000, "{} models, {} rows", models.len(), motion.len());
+    assert!(
+        models.len() >= KINDS && motion.len() > 1000,
+        "{} models, {} rows",
+        models.len(),
+        motion.len()
+    );
     let mut page = Page::start(file)?;
     for (name, model) in &models {
         let trocar = model.trocar.borrowed();
@@ -69,17 +77,23 @@ fn compare(file: &Path) -> Result<(), Box<dyn Error>> {
         // Every tunable by itself, and all at once.
         let tunables: Vec<_> = trocar.seal().tunables().collect();
         let turned = |k: usize| {
-            1.125 * tunables[k].value + if tunables[k].id.declaration().range.excludes_least() { 0.0 } else { 1e-3 }
+            1.125 * tunables[k].value
+                + if tunables[k].id.declaration().range.excludes_least() { 0.0 } else { 1e-3 }
         };
         let identified: Vec<f64> = tunables.iter().map(|tunable| tunable.value).collect();
         let some = &motion[..motion.len() / 8];
         for k in 0..=tunables.len() {
-            let chosen = |i: usize| if i == k || k == tunables.len() { turned(i) } else { identified[i] };
+            let chosen =
+                |i: usize| if i == k || k == tunables.len() { turned(i) } else { identified[i] };
             let values: Vec<f64> = (0..tunables.len()).map(chosen).collect();
             let seal = trocar.seal().tuned(&values);
             assert_eq!(page.tune(&values)?, seal.is_ok(), "{name}, tunable {k}: {seal:?}");
             if let Ok(seal) = seal {
-                assert_same(&format!("{name}, tunable {k}"), &host(&trocar.with_seal(seal), some), &page.drive(some)?);
+                assert_same(
+                    &format!("{name}, tunable {k}"),
+                    &host(&trocar.with_seal(seal), some),
+                    &page.drive(some)?,
+                );
             }
         }
         assert!(page.tune(&identified)?);
@@ -115,7 +129,11 @@ fn what_is_no_model_is_refused_and_changes_nothing() -> Result<(), Box<dyn Error
     assert_eq!(page.call::<u32, u32>("tune", u32::MAX)?, 0);
     page.load(&trocar)?;
     let length = page.call::<(), u32>("block_length", ())?;
-    assert_eq!(page.call::<u32, u32>("run", u32::MAX)?, length, "no more steps than there is room for");
+    assert_eq!(
+        page.call::<u32, u32>("run", u32::MAX)?,
+        length,
+        "no more steps than there is room for"
+    );
     assert_same("ems", &host(&trocar, &motion), &page.drive(&motion)?);
     Ok(())
 }
@@ -123,7 +141,8 @@ fn what_is_no_model_is_refused_and_changes_nothing() -> Result<(), Box<dyn Error
 #[test]
 fn turning_a_parameter_keeps_place_and_force() -> Result<(), Box<dyn Error>> {
     let (models, motion) = (models()?, motion()?);
-    let (_, model) = models.iter().find(|(name, _)| name == "ems_profile").ok_or("no model with a profile")?;
+    let (_, model) =
+        models.iter().find(|(name, _)| name == "ems_profile").ok_or("no model with a profile")?;
     let trocar = model.trocar.borrowed();
     let mut page = Page::start(&artefact())?;
     page.load(&trocar)?;
@@ -135,7 +154,10 @@ fn turning_a_parameter_keeps_place_and_force() -> Result<(), Box<dyn Error>> {
     let again = page.drive_on(&[(here.1, 1e-3)])?;
     let (state, seal) = (trocar.rest_at_force(here.1, force), trocar.seal().tuned(&values)?);
     let mut state = trocar.with_seal(seal).rest_at_force(state.position(), state.force());
-    assert_eq!(trocar.with_seal(seal).step_to(&mut state, here.1, 1e-3).to_bits(), again[0].0.to_bits());
+    assert_eq!(
+        trocar.with_seal(seal).step_to(&mut state, here.1, 1e-3).to_bits(),
+        again[0].0.to_bits()
+    );
     Ok(())
 }
 
@@ -143,12 +165,17 @@ fn turning_a_parameter_keeps_place_and_force() -> Result<(), Box<dyn Error>> {
 #[test]
 fn a_fresh_build_gives_the_same_forces() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("model.wasm");
-    let built = Command::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("build")).arg(&folder).output()?;
+    let built =
+        Command::new(Path::new(env!("CARGO_MANIFEST_DIR")).join("build")).arg(&folder).output()?;
     match built.status.code() {
         Some(0) => compare(&folder),
         Some(2) => {
             // Standard error itself: what a passing test prints is not shown.
-            writeln!(std::io::stderr(), "skipped: {}", String::from_utf8_lossy(&built.stderr).trim())?;
+            writeln!(
+                std::io::stderr(),
+                "skipped: {}",
+                String::from_utf8_lossy(&built.stderr).trim()
+            )?;
             Ok(())
         }
         _ => Err(String::from_utf8_lossy(&built.stderr).into()),

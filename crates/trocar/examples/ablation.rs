@@ -1,10 +1,12 @@
-//! The tables of docs/ablation.md: what each optional term of the fit is worth on recordings it has not seen.
+//! The tables of docs/ablation.md: what each optional term of the fit is worth on recordings it has
+//! not seen.
 //!
 //! ```text
 //! cargo run --release -p trocar --example ablation -- FOLDER > docs/ablation-tables.md
 //! ```
-//! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon). Identified from steady, dynamic and the first half of
-//! surgeon; scored on the second half of surgeon and on validation. Takes about half an hour.
+//! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon). Identified from steady, dynamic
+//! and the first half of surgeon; scored on the second half of surgeon and on validation. Takes
+//! about half an hour.
 
 use std::error::Error;
 use std::path::Path;
@@ -40,7 +42,8 @@ impl Row {
 
     fn text(&self) -> String {
         let [surgeon, strokes] = [0, 1].map(|i| self.scores.recordings[i].rms_n);
-        let scaled = self.found.fit.as_ref().map_or("–".to_owned(), |fit| format!("{:.4}", fit.rms_n));
+        let scaled =
+            self.found.fit.as_ref().map_or("–".to_owned(), |fit| format!("{:.4}", fit.rms_n));
         format!(
             "| {} | {} | {} | {:.4} | {scaled} | {surgeon:.4} | {strokes:.4} |",
             self.what,
@@ -52,9 +55,13 @@ impl Row {
 }
 
 /// Without the unmodelled mass and the delay of the positions that the identification found.
-fn as_scored(found: &Identification, recordings: &[Recording]) -> Result<Vec<Recording>, RecordingError> {
+fn as_scored(
+    found: &Identification,
+    recordings: &[Recording],
+) -> Result<Vec<Recording>, RecordingError> {
     let mass = found.model.unmodelled_mass.max(0.0);
-    let lighter: Result<_, _> = recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
+    let lighter: Result<_, _> =
+        recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
     found.without_delay(lighter?)
 }
 
@@ -88,7 +95,10 @@ fn halves(recording: &Recording) -> Result<[Recording; 2], RecordingError> {
 fn load(folder: &Path) -> Result<Data, RecordingError> {
     let load = |name: &str| read(&folder.join(format!("{name}.csv")), &ReadOptions::default());
     let [first, second] = halves(&load("surgeon")?)?;
-    Ok(Data { training: vec![load("steady")?, load("dynamic")?, first], validation: vec![second, load("validation")?] })
+    Ok(Data {
+        training: vec![load("steady")?, load("dynamic")?, first],
+        validation: vec![second, load("validation")?],
+    })
 }
 
 fn heading(title: &str) {
@@ -141,7 +151,8 @@ struct Makeup {
 fn makeup(row: &Row, recording: &Recording) -> Makeup {
     let offset = row.found.model.offset;
     let run = replay(&row.found.trocar(), recording, offset);
-    let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
+    let error: Vec<f64> =
+        recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let from = run.known.first().map_or(0, |known| known.start);
     let mean_square = |values: &mut dyn Iterator<Item = f64>| {
         let (sum, n) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v * v, n + 1.0));
@@ -157,7 +168,11 @@ fn makeup(row: &Row, recording: &Recording) -> Makeup {
     let known = || (from..error.len()).filter(|i| levels[*i].is_finite());
     let level = mean_square(&mut known().map(|i| levels[i]));
     let about_level = mean_square(&mut known().map(|i| error[i] - levels[i]));
-    Makeup { white: white.sqrt(), level: level.sqrt(), within: (about_level - white).max(0.0).sqrt() }
+    Makeup {
+        white: white.sqrt(),
+        level: level.sqrt(),
+        within: (about_level - white).max(0.0).sqrt(),
+    }
 }
 
 /// By phase of the motion, and by what the error is made of.
@@ -177,8 +192,12 @@ fn print_rest(data: &Data, rows: &[&Row]) -> Result<(), Box<dyn Error>> {
 }
 
 fn rest(row: &Row, recording: &Recording, scores: &RecordingValidation) -> String {
-    let part = |part: &PhaseError| if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) };
-    let phases = [&scores.by_phase.deformation, &scores.by_phase.sliding, &scores.by_phase.hold].map(part).join(" | ");
+    let part = |part: &PhaseError| {
+        if part.samples == 0 { "–".to_owned() } else { format!("{:.4}", part.rms_n) }
+    };
+    let phases = [&scores.by_phase.deformation, &scores.by_phase.sliding, &scores.by_phase.hold]
+        .map(part)
+        .join(" | ");
     let Makeup { white, level, within } = makeup(row, recording);
     format!(
         "| {} | {} | {:.4} | {phases} | {:.3} | {white:.4} | {level:.4} | {within:.4} |",
@@ -192,7 +211,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("<!-- made by: cargo run --release -p trocar --example ablation -- FOLDER -->");
     let two_steps = IdentifyOptions { paper: true, ..without(Vec::new()) };
     let paper = Row::new(&data, "the paper's two steps", &two_steps)?;
-    let bare = Row::new(&data, "the same element, fitted to all motion", &without(Term::ALL.to_vec()))?;
+    let bare =
+        Row::new(&data, "the same element, fitted to all motion", &without(Term::ALL.to_vec()))?;
     let all = Row::new(&data, "all terms on trial", &without(Vec::new()))?;
     heading("From the paper's element to all terms");
     [&paper, &bare, &all].iter().for_each(|row| println!("{}", row.text()));

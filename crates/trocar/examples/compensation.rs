@@ -1,13 +1,16 @@
-//! Error of the tissue force from a sensor outside the body, compensated in four ways, on the virtual bench.
+//! Error of the tissue force from a sensor outside the body, compensated in four ways, on the
+//! virtual bench.
 //!
 //! ```text
 //! cargo run --release -p trocar --example compensation [-- FOLDER]
 //! ```
-//! prints the tables of docs/compensation.md, and writes its drawing to `FOLDER/figures/compensation.svg`.
+//! prints the tables of docs/compensation.md, and writes its drawing to
+//! `FOLDER/figures/compensation.svg`.
 //!
-//! The bench identifies a seal from the steady and dynamic experiments and holds the validation back. Then a hand moves the
-//! instrument into tissue and out again, with a load on the tip for a while; half way through the seal is wetted. Every method
-//! gets the same readings; the truth is the bench's own.
+//! The bench identifies a seal from the steady and dynamic experiments and holds the validation
+//! back. Then a hand moves the instrument into tissue and out again, with a load on the tip for a
+//! while; half way through the seal is wetted. Every method gets the same readings; the truth is
+//! the bench's own.
 
 use std::error::Error;
 use std::hint::black_box;
@@ -23,7 +26,9 @@ use trocar::model_file::{ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::Recording;
 use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
 use trocar::validate::validate;
-use trocar_model::{BacklashFilter, BacklashState, Classical, Element, ElementParams, Seal, StaticFriction, Trocar};
+use trocar_model::{
+    BacklashFilter, BacklashState, Classical, Element, ElementParams, Seal, StaticFriction, Trocar,
+};
 
 /// Seeds of the runs scored.
 const SEEDS: [u64; 5] = [11, 12, 13, 14, 15];
@@ -44,7 +49,9 @@ const WET: f64 = 0.65;
 fn main() -> Result<(), Box<dyn Error>> {
     let seal = [Element::new(ElementParams::plausible_10_5_mm()?)?];
     let (ems, coulomb) = models(&seal)?;
-    for (title, kind) in [("Hunt-Crossley", TissueKind::HuntCrossley), ("Kelvin-Voigt", TissueKind::KelvinVoigt)] {
+    for (title, kind) in
+        [("Hunt-Crossley", TissueKind::HuntCrossley), ("Kelvin-Voigt", TissueKind::KelvinVoigt)]
+    {
         let mut scores = Scores::default();
         for seed in SEEDS {
             let record = run(&surgery(kind), Protocol::Surgeon, &seal, seed)?;
@@ -56,7 +63,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = std::env::args().nth(1) {
         let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, &seal, SEEDS[0])?;
         let section = Section::new("Compensation").figure(draw(&record, &ems)?);
-        let document = Document { title: "Compensation".into(), sections: vec![section], ..Document::default() };
+        let document = Document {
+            title: "Compensation".into(),
+            sections: vec![section],
+            ..Document::default()
+        };
         write_document(Path::new(&folder), &document)?;
     }
     Ok(())
@@ -87,19 +98,23 @@ fn draw(record: &BenchRun, ems: &ModelFile) -> Result<Figure, Box<dyn Error>> {
     let mut observer = Compensator::new(ems, &CompensateOptions::default())?;
     let mut said = Vec::new();
     for k in 0..record.time.len() {
-        let estimate = observer.step(record.position[k], record.force[k], if k == 0 { 0.0 } else { 1e-3 });
+        let estimate =
+            observer.step(record.position[k], record.force[k], if k == 0 { 0.0 } else { 1e-3 });
         said.push((estimate, observer.drift()));
     }
     let shown: Vec<usize> = (0..record.time.len()).step_by(20).collect();
     let of = |value: &dyn Fn(usize) -> f64| shown.iter().map(|k| value(*k)).collect::<Vec<f64>>();
     let time = of(&|k| record.time[k]);
-    let line = |name: &str, role, value: &dyn Fn(usize) -> f64| Series::line(name, role, time.clone(), of(value));
+    let line = |name: &str, role, value: &dyn Fn(usize) -> f64| {
+        Series::line(name, role, time.clone(), of(value))
+    };
     let band = |name: &str, low: &dyn Fn(usize) -> f64, high: &dyn Fn(usize) -> f64| {
         Series::band(name, Role::Model, time.clone(), of(low), of(high))
     };
     let panel = |name: &str, unit: &str| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
-    let position =
-        panel("position", "mm").series(line("position", Role::Measured, &|k| 1e3 * record.position[k])).aspect(0.16);
+    let position = panel("position", "mm")
+        .series(line("position", Role::Measured, &|k| 1e3 * record.position[k]))
+        .aspect(0.16);
     let reading = panel("force", "N")
         .series(line("reading", Role::Measured, &|k| record.force[k]))
         .series(line("trocar, computed", Role::Deflection, &|k| said[k].0.trocar_force))
@@ -107,46 +122,58 @@ fn draw(record: &BenchRun, ems: &ModelFile) -> Result<Figure, Box<dyn Error>> {
     // The band before the first slide would hide the rest.
     let std = |k: usize| BAND * said[k].0.std.min(1.0);
     let tissue = panel("tissue force", "N")
-        .series(band("95 % band", &|k| said[k].0.tissue_force - std(k), &|k| said[k].0.tissue_force + std(k)))
+        .series(band("95 % band", &|k| said[k].0.tissue_force - std(k), &|k| {
+            said[k].0.tissue_force + std(k)
+        }))
         .series(line("computed", Role::Model, &|k| said[k].0.tissue_force))
         .series(line("truth", Role::Reference, &|k| record.truth.tissue_force[k]))
         .aspect(0.3);
     let spread = |k: usize| BAND * said[k].1.level_std;
     let level = panel("friction scale", "1")
-        .series(band("95 % band", &|k| said[k].1.level - spread(k), &|k| said[k].1.level + spread(k)))
+        .series(band("95 % band", &|k| said[k].1.level - spread(k), &|k| {
+            said[k].1.level + spread(k)
+        }))
         .series(line("followed", Role::Model, &|k| said[k].1.level))
         .series(line("truth", Role::Reference, &|k| record.truth.wetting[k]))
         .aspect(0.2);
     let caption = "(a) A hand's motion on the virtual bench, with tissue from 90 mm on (Hunt and Crossley) and a load of 1 N on the tip from 30 to 45 s; \
                    (b) reading of the sensor outside the body and the trocar's force as computed from the motion; (c) what is left for the \
                    tissue, beside the truth; (d) the seal's friction over that of the model: from 60 to 65 s the seal is wetted.";
-    let figure = Figure::new("compensation", 1, "The tissue's force from a sensor outside the body");
+    let figure =
+        Figure::new("compensation", 1, "The tissue's force from a sensor outside the body");
     Ok(figure.panel(position).panel(reading).panel(tissue).panel(level).linked_x().caption(caption))
 }
 
-/// The EMS element from the bench's experiments, and Coulomb and viscous friction of the same sliding force.
+/// The EMS element from the bench's experiments, and Coulomb and viscous friction of the same
+/// sliding force.
 fn models(seal: &[Element]) -> Result<(ModelFile, ModelFile), Box<dyn Error>> {
     let config = BenchConfig::default();
     let record = |protocol| -> Result<Recording, Box<dyn Error>> {
         let made = run(&config, protocol, seal, 1)?.to_recording("bench")?;
         Ok(made.without_moving_mass(config.rod.mass_kg, 0.0)?)
     };
-    let found =
-        identify(&[record(Protocol::Steady)?, record(Protocol::Dynamic)?], &IdentifyOptions::default(), &|_, _| {})?;
-    let sensor =
-        Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: config.rod.mass_kg, position_delay_s: 0.0 });
+    let found = identify(
+        &[record(Protocol::Steady)?, record(Protocol::Dynamic)?],
+        &IdentifyOptions::default(),
+        &|_, _| {},
+    )?;
+    let sensor = Some(SensorInfo {
+        offset_n: found.model.offset,
+        moving_mass_kg: config.rod.mass_kg,
+        position_delay_s: 0.0,
+    });
     let held_out = [record(Protocol::Validation)?, record(Protocol::Surgeon)?];
     let file = |seal: Seal, error| ModelFile {
         sensor,
         force_error: Some(error),
         ..ModelFile::new(seal, Origin::new(OriginKind::Identified))
     };
-    let error =
-        validate(&Trocar::of_seal(found.stages), &held_out, found.model.offset).force_error(ErrorSource::Validation);
+    let error = validate(&Trocar::of_seal(found.stages), &held_out, found.model.offset)
+        .force_error(ErrorSource::Validation);
     let sliding = found.element().params().insertion;
     let coulomb = Classical::Static(StaticFriction::new(sliding)?);
-    let coarse =
-        validate(&Trocar::of_seal(coulomb), &held_out, found.model.offset).force_error(ErrorSource::Validation);
+    let coarse = validate(&Trocar::of_seal(coulomb), &held_out, found.model.offset)
+        .force_error(ErrorSource::Validation);
     Ok((file(found.stages.into(), error), file(coulomb.into(), coarse)))
 }
 
@@ -155,8 +182,10 @@ fn surgery(kind: TissueKind) -> BenchConfig {
     config.protocol.surgeon.duration_s = 120.0;
     config.tissue.kind = kind;
     config.tissue.surface_m = 0.09;
-    (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) = (1.0, 30.0, 45.0);
-    (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = (WET, ONSET, 5.0);
+    (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) =
+        (1.0, 30.0, 45.0);
+    (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) =
+        (WET, ONSET, 5.0);
     config
 }
 
@@ -196,17 +225,23 @@ fn after_reversals(position: &[f64]) -> Vec<bool> {
     marks
 }
 
-/// Squares by method, part of the run (dry, changing, wet) and whether after a reversal; covered samples by part.
+/// Squares by method, part of the run (dry, changing, wet) and whether after a reversal; covered
+/// samples by part.
 #[derive(Default)]
 struct Scores {
     errors: [[[Sum; 2]; 3]; 5],
     covered: [Sum; 3],
 }
 
-const METHODS: [&str; 5] = ["none", "Coulomb", "Coulomb after a backlash of 0.5 mm", "EMS", "EMS and adaptation"];
+const METHODS: [&str; 5] =
+    ["none", "Coulomb", "Coulomb after a backlash of 0.5 mm", "EMS", "EMS and adaptation"];
 
 /// Every method along one run.
-fn score(record: &BenchRun, [ems, coulomb]: [&ModelFile; 2], scores: &mut Scores) -> Result<(), Box<dyn Error>> {
+fn score(
+    record: &BenchRun,
+    [ems, coulomb]: [&ModelFile; 2],
+    scores: &mut Scores,
+) -> Result<(), Box<dyn Error>> {
     let fixed = CompensateOptions { adaptation: false, ..CompensateOptions::default() };
     let adapting = CompensateOptions::default();
     let mut sign = Compensator::new(coulomb, &fixed)?;
@@ -257,8 +292,13 @@ impl Scores {
         for (name, sum) in METHODS.into_iter().zip(&self.errors) {
             let whole = sum.iter().map(|part| rms(&[&part[0], &part[1]]));
             let behind = sum.iter().map(|part| part[1].rms());
-            let cells: Vec<String> = whole.chain(behind).map(|value| format!("{value:.3}")).collect();
-            println!("| {name} | {} | {:.3} |", cells.join(" | "), sum[0][1].rms() / self.errors[0][0][1].rms());
+            let cells: Vec<String> =
+                whole.chain(behind).map(|value| format!("{value:.3}")).collect();
+            println!(
+                "| {name} | {} | {:.3} |",
+                cells.join(" | "),
+                sum[0][1].rms() / self.errors[0][0][1].rms()
+            );
         }
         let [dry, change, wet] = self.covered.map(|sum| 100.0 * sum.squares / sum.count.max(1.0));
         println!(

@@ -1,14 +1,17 @@
-//! Coverage of the 95 % band of the compensator on seals that the program has never met, on the virtual bench.
+//! Coverage of the 95 % band of the compensator on seals that the program has never met, on the
+//! virtual bench.
 //!
 //! ```text
 //! cargo run --release -p trocar --example compensation_band [-- SEALS [FOLDER]]
 //! ```
-//! prints the table of docs/compensation.md. Every seal is drawn at random, with a law between its branches of its own, and
-//! identified from full strokes alone. Its model is validated on full strokes, or on a hand's motion as well. Then the
-//! compensator runs on other motions with other noise, dry and wetted on the way.
+//! prints the table of docs/compensation.md. Every seal is drawn at random, with a law between its
+//! branches of its own, and identified from full strokes alone. Its model is validated on full
+//! strokes, or on a hand's motion as well. Then the compensator runs on other motions with other
+//! noise, dry and wetted on the way.
 //!
-//! FOLDER holds recordings of another seal, without tissue: steady.csv, dynamic.csv, validation.csv and surgeon.csv of an
-//! instrument of 40 g. Its model is validated on full strokes, or on the first half of surgeon.csv as well; scored is the second.
+//! FOLDER holds recordings of another seal, without tissue: steady.csv, dynamic.csv, validation.csv
+//! and surgeon.csv of an instrument of 40 g. Its model is validated on full strokes, or on the
+//! first half of surgeon.csv as well; scored is the second.
 
 use std::error::Error;
 use std::path::Path;
@@ -33,7 +36,8 @@ const WET: (f64, f64, f64) = (0.7, 12.0, 5.0);
 const CHANGE: f64 = 15.0;
 /// Seals without an argument.
 const SEALS: u64 = 12;
-/// Stiffest law between the branches over the softest: seals are drawn between the two, evenly in proportion.
+/// Stiffest law between the branches over the softest: seals are drawn between the two, evenly in
+/// proportion.
 const STIFFEST: f64 = 10.0;
 
 type Failure = Box<dyn Error + Send + Sync>;
@@ -72,8 +76,10 @@ fn main() -> Result<(), Failure> {
                 let cell = |part: usize| {
                     let counts = found.iter().map(|counts| counts[m][k][a][part]);
                     let each: Vec<f64> = counts.clone().map(Count::percent).collect();
-                    let sum =
-                        counts.fold(Count::default(), |s, c| Count { inside: s.inside + c.inside, all: s.all + c.all });
+                    let sum = counts.fold(Count::default(), |s, c| Count {
+                        inside: s.inside + c.inside,
+                        all: s.all + c.all,
+                    });
                     let low = each.iter().copied().fold(f64::INFINITY, f64::min);
                     let high = each.iter().copied().fold(0.0, f64::max);
                     format!("{:.1} ({low:.0} to {high:.0})", sum.percent())
@@ -104,7 +110,8 @@ fn recorded(folder: &Path) -> Result<(), Failure> {
     let file = |name: &str| read(&folder.join(name), &ReadOptions::default());
     let lighter = |recording: Recording| recording.without_moving_mass(mass.mass, 0.0);
     let training = [lighter(file("steady.csv")?)?, lighter(file("dynamic.csv")?)?];
-    let options = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
     let (strokes, hand) = (file("validation.csv")?, file("surgeon.csv")?);
     let half = hand.len() / 2;
     let held_out = [lighter(strokes.clone())?, lighter(hand.part(0..half, "first half")?)?];
@@ -120,11 +127,13 @@ fn recorded(folder: &Path) -> Result<(), Failure> {
                 let mut observer = Compensator::new(&model, &options)?;
                 let (mut count, mut squares) = (Count::default(), 0.0);
                 for i in 0..recording.len() {
-                    let duration = if i == 0 { 0.0 } else { recording.time[i] - recording.time[i - 1] };
+                    let duration =
+                        if i == 0 { 0.0 } else { recording.time[i] - recording.time[i - 1] };
                     let said = observer.step(recording.position[i], recording.force[i], duration);
                     if recording.time[i] > recording.time[0] + START {
                         count.all += 1.0;
-                        count.inside += f64::from(u8::from(said.tissue_force.abs() <= BAND * said.std));
+                        count.inside +=
+                            f64::from(u8::from(said.tissue_force.abs() <= BAND * said.std));
                         squares += said.tissue_force.powi(2);
                     }
                 }
@@ -149,7 +158,8 @@ fn seal(seed: u64) -> Result<Element, Failure> {
     // A sequence that fills [0, 1) evenly.
     let part = (seed as f64 * 0.618_033_988_75).fract();
     let stiffness = force.yield_stiffness() * STIFFEST.powf(part);
-    params.deformation = DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness))?;
+    params.deformation =
+        DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness))?;
     Ok(Element::new(params)?)
 }
 
@@ -162,7 +172,8 @@ fn one(seed: u64) -> Result<Counts, Failure> {
         Ok(made.without_moving_mass(config.rod.mass_kg, 0.0)?)
     };
     let training = [record(Protocol::Steady, 1)?, record(Protocol::Dynamic, 2)?];
-    let options = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
     let found = identify(&training, &options, &|_, _| {})?;
     let strokes = record(Protocol::Validation, 3)?;
     let hand = record(Protocol::Surgeon, 4)?;
@@ -175,7 +186,11 @@ fn one(seed: u64) -> Result<Counts, Failure> {
             config.protocol.surgeon.duration_s = 60.0;
             (config.protocol.steady.stroke_m, config.protocol.steady.slowest_m_s) = (0.045, 0.02);
             if wet {
-                (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = WET;
+                (
+                    config.lubrication.level,
+                    config.lubrication.onset_s,
+                    config.lubrication.spread_s,
+                ) = WET;
             }
             let record = run(&config, protocol, &seal, 100 * seed + number)?;
             for (m, model) in models.iter().enumerate() {
@@ -183,7 +198,8 @@ fn one(seed: u64) -> Result<Counts, Failure> {
                     let options = CompensateOptions { adaptation, ..CompensateOptions::default() };
                     let mut observer = Compensator::new(model, &options)?;
                     for i in 0..record.time.len() {
-                        let duration = if i == 0 { 0.0 } else { record.time[i] - record.time[i - 1] };
+                        let duration =
+                            if i == 0 { 0.0 } else { record.time[i] - record.time[i - 1] };
                         let said = observer.step(record.position[i], record.force[i], duration);
                         let time = record.time[i];
                         if time < START {
@@ -191,7 +207,10 @@ fn one(seed: u64) -> Result<Counts, Failure> {
                         }
                         let error = said.tissue_force - record.truth.tissue_force[i];
                         let changes = (WET.1..WET.1 + CHANGE).contains(&time);
-                        for part in [Some(usize::from(wet)), (wet && changes).then_some(2)].into_iter().flatten() {
+                        for part in [Some(usize::from(wet)), (wet && changes).then_some(2)]
+                            .into_iter()
+                            .flatten()
+                        {
                             let count = &mut counts[m][k][a][part];
                             count.all += 1.0;
                             count.inside += f64::from(u8::from(error.abs() <= BAND * said.std));

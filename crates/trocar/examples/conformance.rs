@@ -3,8 +3,8 @@
 //! ```text
 //! cargo run --release -p trocar --example conformance FOLDER
 //! ```
-//! `conformance/` in the repository holds what it wrote: models that are made up, and a motion with slides, partial
-//! reversals, holds, uneven times, steps longer than the seal, and repeated rows.
+//! `conformance/` in the repository holds what it wrote: models that are made up, and a motion with
+//! slides, partial reversals, holds, uneven times, steps longer than the seal, and repeated rows.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -16,9 +16,9 @@ use rand::distr::{Distribution, Uniform};
 use rand_chacha::ChaCha8Rng;
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate,
-    Stages, StaticFriction, StribeckCurve, Trocar,
+    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams,
+    LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping,
+    SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
 };
 
 /// Rows of the motion.
@@ -44,8 +44,8 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
         stribeck_exponent: 1.3,
         viscous_damping: 6.0,
     };
-    let both =
-        Stages::new(&[Element::new(plausible)?, stribeck(plausible, [4.0, 30.0, 200.0])?]).ok_or("two elements")?;
+    let both = Stages::new(&[Element::new(plausible)?, stribeck(plausible, [4.0, 30.0, 200.0])?])
+        .ok_or("two elements")?;
     let mut made: Vec<(&str, Seal)> = vec![
         ("ems", (Element::new(plausible)?).into()),
         ("ems_stribeck", (stribeck(plausible, [12.0, 0.0, 0.0])?).into()),
@@ -53,8 +53,9 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
         ("ems_slow", (slow(plausible)?).into()),
         ("ems_stages", both.into()),
     ];
-    let bank: Vec<SlipElement> =
-        (1..=5).map(|k| SlipElement { stiffness: 400.0 / f64::from(k), limit_force: 0.2 * f64::from(k) }).collect();
+    let bank: Vec<SlipElement> = (1..=5)
+        .map(|k| SlipElement { stiffness: 400.0 / f64::from(k), limit_force: 0.2 * f64::from(k) })
+        .collect();
     let lugre = |curve, damping_velocity| LuGreParams {
         stiffness: 800.0,
         micro_damping: 9.0,
@@ -75,23 +76,33 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
         ),
         ("lugre", Classical::LuGre(LuGre::new(lugre(StribeckCurve::Exponential, f64::INFINITY))?)),
         ("lugre_rational", Classical::LuGre(LuGre::new(lugre(StribeckCurve::Rational, 0.02))?)),
-        ("leuven", Classical::Leuven(Leuven::new(&bank, LeuvenParams { sliding, exponent: 1.2, micro_damping: 4.0 })?)),
+        (
+            "leuven",
+            Classical::Leuven(Leuven::new(
+                &bank,
+                LeuvenParams { sliding, exponent: 1.2, micro_damping: 4.0 },
+            )?),
+        ),
         ("maxwell_slip", Classical::MaxwellSlip(MaxwellSlip::new(&bank, 5.0)?)),
         ("gms", Classical::Gms(gms(sliding, SlipRate::Limited)?)),
         ("gms_free", Classical::Gms(gms(sliding, SlipRate::Free)?)),
     ];
     made.extend(classical.map(|(name, model)| (name, model.into())));
-    let mut files: Vec<_> = made.into_iter().map(|(name, model)| (name, ModelFile::new(model, origin()))).collect();
+    let mut files: Vec<_> =
+        made.into_iter().map(|(name, model)| (name, ModelFile::new(model, origin()))).collect();
     let seal = stribeck(plausible, [3.0, 0.0, 0.0])?;
     let mut along = ModelFile::new(seal, origin());
-    let (offset, gain) = (vec![0.1, -0.05, 0.0, 0.02, -0.1, 0.03], vec![0.8, 1.1, 1.2, 0.95, 0.95, 1.0]);
-    along.trocar = Trocar::new(seal, Some(PositionProfile::new(0.05, 0.15, offset, mean_one(gain))?));
+    let (offset, gain) =
+        (vec![0.1, -0.05, 0.0, 0.02, -0.1, 0.03], vec![0.8, 1.1, 1.2, 0.95, 0.95, 1.0]);
+    along.trocar =
+        Trocar::new(seal, Some(PositionProfile::new(0.05, 0.15, offset, mean_one(gain))?));
     files.push(("ems_profile", along));
     Ok(files)
 }
 
 fn mean_one(gain: Vec<f64>) -> Vec<f64> {
-    let mean = gain.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>() / (gain.len() - 1) as f64;
+    let mean = gain.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>()
+        / (gain.len() - 1) as f64;
     gain.iter().map(|value| value / mean).collect()
 }
 
@@ -103,12 +114,18 @@ fn origin() -> Origin {
 
 /// The element with a static force above the sliding force.
 fn stribeck(params: ElementParams, damping: [f64; 3]) -> Result<Element, Box<dyn Error>> {
-    let mut values: Vec<f64> = Seal::from(Element::new(params)?).tunables().map(|tunable| tunable.value).collect();
+    let mut values: Vec<f64> =
+        Seal::from(Element::new(params)?).tunables().map(|tunable| tunable.value).collect();
     for (place, value) in [(2, 1.25), (3, 0.015), (6, 1.1), (7, 0.02)] {
         values[place] = value;
     }
-    let Seal::Ems(stages) = Seal::from(Element::new(params)?).tuned(&values)? else { unreachable!("stays EMS") };
-    let params = ElementParams { damping: SealDamping { coefficients: damping }, ..*stages.first().params() };
+    let Seal::Ems(stages) = Seal::from(Element::new(params)?).tuned(&values)? else {
+        unreachable!("stays EMS")
+    };
+    let params = ElementParams {
+        damping: SealDamping { coefficients: damping },
+        ..*stages.first().params()
+    };
     Ok(Element::new(params)?)
 }
 
@@ -123,7 +140,10 @@ fn velocity_weakening(params: ElementParams) -> Result<Element, Box<dyn Error>> 
 
 fn slow(params: ElementParams) -> Result<Element, Box<dyn Error>> {
     let own = *stribeck(params, [2.0, 0.0, 0.0])?.params();
-    let arms = [RelaxationArm { stiffness: 60.0, time: 0.4 }, RelaxationArm { stiffness: 30.0, time: 5.0 }];
+    let arms = [
+        RelaxationArm { stiffness: 60.0, time: 0.4 },
+        RelaxationArm { stiffness: 30.0, time: 5.0 },
+    ];
     let relaxation = Relaxation { arms };
     Ok(Element::new(ElementParams { creep_velocity: 2e-4, friction_lag: 0.02, relaxation, ..own })?)
 }
@@ -151,7 +171,8 @@ fn motion() -> Result<String, Box<dyn Error>> {
             velocity = [0.0, 1.0, -1.0][(3.0 * unit.sample(&mut random)) as usize % 3]
                 * 10f64.powf(-3.5 + 2.7 * unit.sample(&mut random));
             let towards = if position > 0.1 { -1.0 } else { 1.0 };
-            velocity = if (position - 0.1).abs() > 0.04 { towards * velocity.abs() } else { velocity };
+            velocity =
+                if (position - 0.1).abs() > 0.04 { towards * velocity.abs() } else { velocity };
         }
         left -= 1;
         let duration = match row % 100 {

@@ -1,10 +1,12 @@
-//! Runs a model file along a motion through the library: the driver that the other programs are compared with.
+//! Runs a model file along a motion through the library: the driver that the other programs are
+//! compared with.
 //!
 //! ```text
 //! cargo run -p trocar --example drive -- MODEL.json MOTION.csv
 //! ```
-//! prints one force (N) per row, in the shortest digits that read back as the same number. The first row is where the seal
-//! stands, undeformed; each further row is one step to its position in the time since the row above.
+//! prints one force (N) per row, in the shortest digits that read back as the same number. The
+//! first row is where the seal stands, undeformed; each further row is one step to its position in
+//! the time since the row above.
 
 use std::error::Error;
 use std::path::Path;
@@ -13,7 +15,9 @@ use trocar::model_file::ModelFile;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [model, motion] = &arguments[..] else { return Err("expected MODEL.json MOTION.csv".into()) };
+    let [model, motion] = &arguments[..] else {
+        return Err("expected MODEL.json MOTION.csv".into());
+    };
     let file = ModelFile::read(Path::new(model))?;
     let trocar = file.trocar.borrowed();
     let text = std::fs::read_to_string(motion)?;

@@ -5,9 +5,10 @@
 //! trocar fleet FOLDER --out TABLE.parquet --moving-mass-kg 0.04
 //! cargo run --release -p trocar --features parquet --example fleet_dataset -- check FOLDER TABLE.parquet
 //! ```
-//! Three made-up types of trocar, ten recordings a specimen, 40,000 samples each at 1 kHz on the virtual bench. The Coulomb force of
-//! a specimen is that of its type times a factor of its own (standard deviation 8 %) and falls by a thousandth with every
-//! insertion. The same count gives the same bytes.
+//! Three made-up types of trocar, ten recordings a specimen, 40,000 samples each at 1 kHz on the
+//! virtual bench. The Coulomb force of a specimen is that of its type times a factor of its own
+//! (standard deviation 8 %) and falls by a thousandth with every insertion. The same count gives
+//! the same bytes.
 
 use std::collections::HashMap;
 use std::error::Error;
@@ -47,7 +48,11 @@ struct Made {
 
 /// Normal deviate of a specimen: twelve golden-ratio steps.
 fn deviate(specimen: u64) -> f64 {
-    (1..=12).map(|k| ((specimen + 1) as f64 * 0.618_034 * k as f64 + 0.754_878 * (k * k) as f64).fract()).sum::<f64>()
+    (1..=12)
+        .map(|k| {
+            ((specimen + 1) as f64 * 0.618_034 * k as f64 + 0.754_878 * (k * k) as f64).fract()
+        })
+        .sum::<f64>()
         - 6.0
 }
 
@@ -68,19 +73,32 @@ fn make(folder: &Path, number: u64) -> Outcome<Made> {
     let seal = [Element::new(random_seal(&ranges, specimen))?];
     let run = run(&config, Protocol::Validation, &seal, number)?;
     let samples = SAMPLES.min(run.time.len());
-    let name = format!("trocar_type={kind}/specimen={kind}-{specimen:03}/insertion_count={insertions}");
+    let name =
+        format!("trocar_type={kind}/specimen={kind}-{specimen:03}/insertion_count={insertions}");
     fs::create_dir_all(folder.join(&name))?;
     let path = format!("{name}/strokes.csv");
     let file = BufWriter::new(File::create(folder.join(&path))?);
-    recording::write(file, &run.time[..samples], &run.position[..samples], None, &run.force[..samples])?;
+    recording::write(
+        file,
+        &run.time[..samples],
+        &run.position[..samples],
+        None,
+        &run.force[..samples],
+    )?;
     Ok(Made { path, truth: [force, viscous, width] })
 }
 
 fn make_all(folder: &Path, count: u64) -> Outcome<()> {
-    let made = (0..count).into_par_iter().map(|number| make(folder, number)).collect::<Outcome<Vec<Made>>>()?;
+    let made = (0..count)
+        .into_par_iter()
+        .map(|number| make(folder, number))
+        .collect::<Outcome<Vec<Made>>>()?;
     let line = |m: &Made| format!("{},{},{},{}\n", m.path, m.truth[0], m.truth[1], m.truth[2]);
     let lines: String = made.iter().map(line).collect();
-    fs::write(folder.join(TRUTH), format!("path,coulomb_force_n,viscous_damping_n_s_m,half_width_m\n{lines}"))?;
+    fs::write(
+        folder.join(TRUTH),
+        format!("path,coulomb_force_n,viscous_damping_n_s_m,half_width_m\n{lines}"),
+    )?;
     println!("{count} recordings of {SAMPLES} samples in {}", folder.display());
     Ok(())
 }
@@ -98,7 +116,9 @@ fn truths(folder: &Path) -> Outcome<HashMap<String, [f64; 3]>> {
 fn check(folder: &Path, table: &Path) -> Outcome<()> {
     let truths = truths(folder)?;
     let table = table::read(table)?;
-    let Some(Column::Text(paths)) = table.column("path") else { return Err("no column path".into()) };
+    let Some(Column::Text(paths)) = table.column("path") else {
+        return Err("no column path".into());
+    };
     let number = |name: &str| match table.column(name) {
         Some(Column::Number(cells)) => Ok(cells),
         _ => Err(format!("no column {name}")),
@@ -112,7 +132,10 @@ fn check(folder: &Path, table: &Path) -> Outcome<()> {
         let mut errors = Vec::new();
         let mut held = 0;
         for (row, path) in paths.iter().enumerate() {
-            let truth = path.as_ref().and_then(|path| truths.get(path.as_ref())).ok_or("a recording without truth")?[k];
+            let truth = path
+                .as_ref()
+                .and_then(|path| truths.get(path.as_ref()))
+                .ok_or("a recording without truth")?[k];
             if values[row].is_finite() {
                 errors.push((values[row] / truth - 1.0).abs());
                 held += usize::from(lower[row] <= truth && truth <= upper[row]);
@@ -120,9 +143,14 @@ fn check(folder: &Path, table: &Path) -> Outcome<()> {
         }
         errors.sort_by(f64::total_cmp);
         let part = 100.0 * held as f64 / errors.len().max(1) as f64;
-        let error = |at: usize| errors.get(at).map_or("–".to_owned(), |e| format!("{:.2} %", 100.0 * e));
+        let error =
+            |at: usize| errors.get(at).map_or("–".to_owned(), |e| format!("{:.2} %", 100.0 * e));
         let (middle, last) = (error(errors.len() / 2), error(errors.len().wrapping_sub(1)));
-        println!("| {name} | {} of {} | {part:.1} % | {middle} | {last} |", errors.len(), paths.len());
+        println!(
+            "| {name} | {} of {} | {part:.1} % | {middle} | {last} |",
+            errors.len(),
+            paths.len()
+        );
     }
     Ok(())
 }

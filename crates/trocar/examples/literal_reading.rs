@@ -1,8 +1,8 @@
 //! Where mode and branch by the sign of v_d (EMS as printed) go wrong, beside the default law; for
 //! `docs/literal-reading.md`.
 //!
-//! `cargo run --release -p trocar --example literal_reading -- FOLDER` prints the figures quoted there and writes the
-//! drawing to `FOLDER/figures/literal-reading.svg`.
+//! `cargo run --release -p trocar --example literal_reading -- FOLDER` prints the figures quoted
+//! there and writes the drawing to `FOLDER/figures/literal-reading.svg`.
 
 use std::path::Path;
 
@@ -39,7 +39,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let stop = compare(params, &braking())?;
     let decay = decaying(params, &stop);
     let last = stop.time.len() - 1;
-    println!("stop from 100 mm/s within 10 ms, 0.3 s later (F_s = {:.3} N)", params.insertion.static_force);
+    println!(
+        "stop from 100 mm/s within 10 ms, 0.3 s later (F_s = {:.3} N)",
+        params.insertion.static_force
+    );
     println!(
         "  literal {:.3} N, sgn 0 = 0 {:.3} N, default {:.3} N",
         stop.literal[last], decay[last], stop.element[last]
@@ -48,16 +51,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let hold = compare(params, &noisy_hold())?;
     let from = hold.time.iter().position(|&t| t >= 0.45).ok_or("the hold is longer than that")?;
     println!("hold with encoder noise, from 0.45 s on: peak to peak");
-    println!("  literal {:.3} N, default {:.3} N", span(&hold.literal[from..]), span(&hold.element[from..]));
+    println!(
+        "  literal {:.3} N, default {:.3} N",
+        span(&hold.literal[from..]),
+        span(&hold.element[from..])
+    );
 
     let figure = draw(&reversals, &stop, decay, &hold);
     let section = Section::new("Mode and branch by the sign of the velocity").figure(figure);
-    let document = Document { title: "The literal reading".into(), sections: vec![section], ..Document::default() };
+    let document = Document {
+        title: "The literal reading".into(),
+        sections: vec![section],
+        ..Document::default()
+    };
     Ok(write_document(Path::new(&folder), &document)?)
 }
 
 /// Runs both readings along positions at 1 kHz, from A seal deformed as after a withdrawal.
-fn compare(params: ElementParams, position: &[f64]) -> Result<Comparison, Box<dyn std::error::Error>> {
+fn compare(
+    params: ElementParams,
+    position: &[f64],
+) -> Result<Comparison, Box<dyn std::error::Error>> {
     let (element, literal) = (Element::new(params)?, PaperLiteral::new(params)?);
     let start = -params.deformation.half_width();
     let (mut state, mut literal_state) = (element.rest_state(start), LiteralState::new(start));
@@ -105,12 +119,15 @@ fn braking() -> Vec<f64> {
 fn noisy_hold() -> Vec<f64> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let clean = positions(&[(0.02, 0.4), (0.0, 0.4)]);
-    let mut read =
-        |x: f64| ((x + random.random_range(-ENCODER_COUNT..ENCODER_COUNT)) / ENCODER_COUNT).round() * ENCODER_COUNT;
+    let mut read = |x: f64| {
+        ((x + random.random_range(-ENCODER_COUNT..ENCODER_COUNT)) / ENCODER_COUNT).round()
+            * ENCODER_COUNT
+    };
     clean.into_iter().map(&mut read).collect()
 }
 
-/// What (14) does at rest if sgn 0 = 0 and the mode stays: β·dz/dt = -F_e(z), from the end of the braking on.
+/// What (14) does at rest if sgn 0 = 0 and the mode stays: β·dz/dt = -F_e(z), from the end of the
+/// braking on.
 fn decaying(params: ElementParams, stop: &Comparison) -> Vec<f64> {
     const PARTS: usize = 100;
     let mut force = stop.literal.clone();
@@ -122,7 +139,8 @@ fn decaying(params: ElementParams, stop: &Comparison) -> Vec<f64> {
     let mut deflection = params.deformation.half_width() + over / stiffness;
     for value in &mut force[rest..] {
         for _ in 0..PARTS {
-            deflection -= insertion.force(deflection) / params.insertion.viscous_damping * PERIOD / PARTS as f64;
+            deflection -= insertion.force(deflection) / params.insertion.viscous_damping * PERIOD
+                / PARTS as f64;
         }
         *value = insertion.force(deflection);
     }
@@ -141,12 +159,11 @@ fn draw(reversals: &Comparison, stop: &Comparison, decay: Vec<f64>, hold: &Compa
     let force = || Axis::new("force", "N");
     let time = || Axis::new("time", "s");
     let millimetres = reversals.position.iter().map(|x| 1e3 * x).collect();
-    let both =
-        |panel: Panel, run: &Comparison, x: Vec<f64>| {
-            panel
-                .series(Series::line("literal", Role::Alternative, x.clone(), run.literal.clone()))
-                .series(Series::line("default", Role::Model, x, run.element.clone()))
-        };
+    let both = |panel: Panel, run: &Comparison, x: Vec<f64>| {
+        panel
+            .series(Series::line("literal", Role::Alternative, x.clone(), run.literal.clone()))
+            .series(Series::line("default", Role::Model, x, run.element.clone()))
+    };
     let stopped = Panel::new(time(), force()).title("a quick stop").series(Series::line(
         "literal with sgn 0 = 0",
         Role::Reference,

@@ -1,7 +1,9 @@
-//! Writes a recording of any length: `cargo run --release -p trocar --example long_recording -- SAMPLES FILE.csv`.
+//! Writes a recording of any length: `cargo run --release -p trocar --example long_recording --
+//! SAMPLES FILE.csv`.
 //!
-//! Strokes of 80 mm at 1 kHz, each at a constant speed from 15 to 100 mm/s, there and back through the plausible 10.5 mm seal,
-//! with encoder counts of 4 um, a sensor offset of 50 mN and force noise of 25 mN rms. What `./benchmark --long` reads.
+//! Strokes of 80 mm at 1 kHz, each at a constant speed from 15 to 100 mm/s, there and back through
+//! the plausible 10.5 mm seal, with encoder counts of 4 um, a sensor offset of 50 mN and force
+//! noise of 25 mN rms. What `./benchmark --long` reads.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -23,7 +25,8 @@ fn speed(stroke: u64) -> f64 {
     0.015 + 0.005 * ((stroke / 2 * 7) % 18) as f64
 }
 
-/// Uniform numbers with the spread of the noise, from a linear congruential generator: no more is needed here.
+/// Uniform numbers with the spread of the noise, from a linear congruential generator: no more is
+/// needed here.
 fn noise(seed: &mut u64) -> f64 {
     *seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     NOISE * 12_f64.sqrt() * ((*seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)

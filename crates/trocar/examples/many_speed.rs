@@ -1,9 +1,10 @@
 //! Cost of many seals under one motion, per seal and sample (`docs/sweep.md`):
 //! `cargo run --release -p trocar --example many_speed [REPETITIONS]`.
 //!
-//! All numbers are medians of repetitions within one run, in which the kinds take turns. Time is that which the process had a
-//! processor, where the system tells (Linux): a machine that does other things as well then disturbs little. Two threads are
-//! compared by the clock on the wall, which needs two idle cores, and by processor time, which does not.
+//! All numbers are medians of repetitions within one run, in which the kinds take turns. Time is
+//! that which the process had a processor, where the system tells (Linux): a machine that does
+//! other things as well then disturbs little. Two threads are compared by the clock on the wall,
+//! which needs two idle cores, and by processor time, which does not.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -42,7 +43,8 @@ fn elements(count: usize, viscous: f64) -> Result<Vec<Element>, ParamError> {
     (0..count).map(element).collect()
 }
 
-/// The motion of `cargo bench -p trocar-model`: 40 mm strokes with holds, then 10 mm sub-movements with a tremor.
+/// The motion of `cargo bench -p trocar-model`: 40 mm strokes with holds, then 10 mm sub-movements
+/// with a tremor.
 fn motion(samples: usize) -> Vec<(f64, f64)> {
     let position = |k: usize| {
         let t = k as f64 * PERIOD;
@@ -84,7 +86,10 @@ fn median(values: &mut [f64]) -> f64 {
 }
 
 /// Medians of several kinds that take turns.
-fn medians<const N: usize>(repetitions: usize, mut kinds: [&mut dyn FnMut() -> f64; N]) -> [f64; N] {
+fn medians<const N: usize>(
+    repetitions: usize,
+    mut kinds: [&mut dyn FnMut() -> f64; N],
+) -> [f64; N] {
     let mut times = [const { Vec::new() }; N];
     for _ in 0..repetitions {
         kinds.iter_mut().zip(&mut times).for_each(|(kind, times)| times.push(kind()));
@@ -93,7 +98,12 @@ fn medians<const N: usize>(repetitions: usize, mut kinds: [&mut dyn FnMut() -> f
 }
 
 /// One thread, from rest, without the time to set up.
-fn along(elements: &[Element], motion: &[(f64, f64)], wide: bool, observer: &mut impl Observe) -> f64 {
+fn along(
+    elements: &[Element],
+    motion: &[(f64, f64)],
+    wide: bool,
+    observer: &mut impl Observe,
+) -> f64 {
     let mut states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
     let mut places = vec![Lanes::EMPTY; blocks(elements.len())];
     let mut batch = Batch::new(elements, &mut states, &mut places).expect("numbers match");
@@ -145,7 +155,8 @@ fn table(viscous: f64, repetitions: usize) -> Result<f64, ParamError> {
     Ok(last)
 }
 
-/// A copy of what the step keeps of each seal, where no cache holds it, and where the second does; ns a seal.
+/// A copy of what the step keeps of each seal, where no cache holds it, and where the second does;
+/// ns a seal.
 fn copies(repetitions: usize) -> [f64; 2] {
     let numbers = BEYOND_CACHES / 8;
     let (from, mut to) = (vec![1.0_f64; numbers], vec![0.0_f64; numbers]);
@@ -172,7 +183,8 @@ fn copies(repetitions: usize) -> [f64; 2] {
     )
 }
 
-/// Time on one thread over that on two, 4096 seals: of processors (1 if the second costs nothing more), and on the wall.
+/// Time on one thread over that on two, 4096 seals: of processors (1 if the second costs nothing
+/// more), and on the wall.
 fn scaling(repetitions: usize) -> Result<[f64; 2], Box<dyn std::error::Error>> {
     let (elements, motion) = (elements(4096, 0.0)?, motion(8192));
     let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
@@ -182,25 +194,36 @@ fn scaling(repetitions: usize) -> Result<[f64; 2], Box<dyn std::error::Error>> {
     let mut times = [const { [const { Vec::new() }; 2] }; 2];
     for _ in 0..repetitions {
         for (pool, times) in pools.iter().zip(&mut times) {
-            let work = || drop(black_box(pool.install(|| many::squares(&elements, &states, &motion, &measured))));
+            let work = || {
+                drop(black_box(
+                    pool.install(|| many::squares(&elements, &states, &motion, &measured)),
+                ))
+            };
             times.iter_mut().zip(both_times(1, work)).for_each(|(times, time)| times.push(time));
         }
     }
-    let [[one_cpu, one_wall], [two_cpu, two_wall]] = times.map(|times| times.map(|mut times| median(&mut times)));
+    let [[one_cpu, one_wall], [two_cpu, two_wall]] =
+        times.map(|times| times.map(|mut times| median(&mut times)));
     Ok([one_cpu / two_cpu, one_wall / two_wall])
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let repetitions = std::env::args().nth(1).map_or(Ok(9), |text| text.parse())?;
     let head = "seals    one by one  sums, SSE2  sums of squares   all forces";
-    println!("constant friction without viscous damping, ns per seal and sample on one core\n{head}");
+    println!(
+        "constant friction without viscous damping, ns per seal and sample on one core\n{head}"
+    );
     let squares = table(0.0, repetitions)?;
     println!("constant friction with viscous damping\n{head}");
     table(5.0, repetitions)?;
     let [far, near] = copies(repetitions);
-    println!("copy of the state of a seal (4 numbers), ns: {far:.2} beyond the caches, {near:.2} within");
+    println!(
+        "copy of the state of a seal (4 numbers), ns: {far:.2} beyond the caches, {near:.2} within"
+    );
     println!("sums of squares of 1024 seals over the copy beyond the caches: {:.2}", squares / far);
     let [processor, wall] = scaling(repetitions)?;
-    println!("one thread over two, 4096 seals: {wall:.2} on the wall, {processor:.2} of processor time");
+    println!(
+        "one thread over two, 4096 seals: {wall:.2} on the wall, {processor:.2} of processor time"
+    );
     Ok(())
 }

@@ -1,9 +1,11 @@
-//! The tables of docs/comparison.md: all friction models on recordings that are not part of this repository.
+//! The tables of docs/comparison.md: all friction models on recordings that are not part of this
+//! repository.
 //!
 //! ```text
 //! cargo run --release -p trocar --example published_comparison -- FOLDER > docs/comparison-tables.md
 //! ```
-//! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon) and `elastomer_seals` (one recording a seal, ZILLEN).
+//! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon) and `elastomer_seals` (one
+//! recording a seal, ZILLEN).
 
 use std::error::Error;
 use std::path::Path;
@@ -17,10 +19,16 @@ use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 const SHOWN: [usize; 4] = [1, 2, 4, 10];
 
 fn load(folder: &Path, names: &[&str]) -> Result<Vec<Recording>, RecordingError> {
-    names.iter().map(|name| read(&folder.join(format!("{name}.csv")), &ReadOptions::default())).collect()
+    names
+        .iter()
+        .map(|name| read(&folder.join(format!("{name}.csv")), &ReadOptions::default()))
+        .collect()
 }
 
-fn compared(training: &[Recording], validation: &[Recording]) -> Result<Comparison, Box<dyn Error>> {
+fn compared(
+    training: &[Recording],
+    validation: &[Recording],
+) -> Result<Comparison, Box<dyn Error>> {
     let options = CompareOptions {
         models: Choice::all(),
         identify: IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() },
@@ -48,9 +56,15 @@ fn print_table(title: &str, comparison: &Comparison) {
     println!("|{}", "---|".repeat(10 + if by_recording { names.len() } else { 0 }));
     for entry in comparison.entries.iter().filter(|e| is_shown(e)) {
         let s = &entry.scores;
-        let name =
-            if entry.choice.is_bank() { format!("{} {}", entry.name, entry.elements) } else { entry.name.to_owned() };
-        print!("| {name} | {} | {:.4} | {:.4} |", entry.parameters, s.train_rms_n, s.validate_rms_n);
+        let name = if entry.choice.is_bank() {
+            format!("{} {}", entry.name, entry.elements)
+        } else {
+            entry.name.to_owned()
+        };
+        print!(
+            "| {name} | {} | {:.4} | {:.4} |",
+            entry.parameters, s.train_rms_n, s.validate_rms_n
+        );
         if by_recording {
             s.by_recording_n.iter().for_each(|rms| print!(" {rms:.4} |"));
         }
@@ -75,8 +89,11 @@ fn print_table(title: &str, comparison: &Comparison) {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).ok_or("the folder of the recordings is missing")?;
-    let (seal, elastomers) = (Path::new(&folder).join("seal_a"), Path::new(&folder).join("elastomer_seals"));
-    println!("<!-- made by: cargo run --release -p trocar --example published_comparison -- FOLDER -->");
+    let (seal, elastomers) =
+        (Path::new(&folder).join("seal_a"), Path::new(&folder).join("elastomer_seals"));
+    println!(
+        "<!-- made by: cargo run --release -p trocar --example published_comparison -- FOLDER -->"
+    );
     let validation = load(&seal, &["validation", "surgeon"])?;
     let comparison = compared(&load(&seal, &["steady", "dynamic"])?, &validation)?;
     print_table("A simulated lip seal that is no EMS element", &comparison);
@@ -91,7 +108,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("pk_1bar", "Lip profile PK"),
     ] {
         let (training, validation) = split(&load(&elastomers, &[name])?)?;
-        print_table(&format!("{title}, validated on its last third"), &compared(&training, &validation)?);
+        print_table(
+            &format!("{title}, validated on its last third"),
+            &compared(&training, &validation)?,
+        );
     }
     Ok(())
 }

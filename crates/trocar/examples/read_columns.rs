@@ -1,6 +1,6 @@
-//! Reads columns over and over, beside other programs (`reference/reading`): `read_columns COLUMN...`, then files by name on
-//! standard input, one a line; answers each with seconds by the clock and of the processors (Linux), rows and the sum of the
-//! numbers.
+//! Reads columns over and over, beside other programs (`reference/reading`): `read_columns
+//! COLUMN...`, then files by name on standard input, one a line; answers each with seconds by the
+//! clock and of the processors (Linux), rows and the sum of the numbers.
 
 use std::io::{BufRead, Write};
 use std::time::Instant;

@@ -1,6 +1,7 @@
 //! Seconds to read a recording: `cargo run --release -p trocar --example reading_speed -- FILE`.
 //!
-//! Prints the wall time of [`trocar::recording::read`], which hashes the file and looks the samples over, too.
+//! Prints the wall time of [`trocar::recording::read`], which hashes the file and looks the samples
+//! over, too.
 
 use std::path::Path;
 use std::time::Instant;

@@ -1,10 +1,11 @@
-//! The Rust side of `python/benchmarks/simulate.py`: a model along arrays in memory, as often as it is asked.
+//! The Rust side of `python/benchmarks/simulate.py`: a model along arrays in memory, as often as it
+//! is asked.
 //!
 //! ```text
 //! simulate_arrays MODEL TIME POSITION
 //! ```
-//! TIME and POSITION are files of 64-bit floats in the order of this machine. For every line on standard input it
-//! simulates once and prints the seconds that took and the last force, N.
+//! TIME and POSITION are files of 64-bit floats in the order of this machine. For every line on
+//! standard input it simulates once and prints the seconds that took and the last force, N.
 
 use std::error::Error;
 use std::io::{Write, stdin, stdout};
@@ -15,7 +16,9 @@ use trocar::model_file::ModelFile;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [model, time, position] = arguments.as_slice() else { return Err("give MODEL TIME POSITION".into()) };
+    let [model, time, position] = arguments.as_slice() else {
+        return Err("give MODEL TIME POSITION".into());
+    };
     let (time, position) = (numbers(time)?, numbers(position)?);
     let file = ModelFile::read(Path::new(model))?;
     let trocar = file.trocar.borrowed();

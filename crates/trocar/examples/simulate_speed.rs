@@ -1,7 +1,8 @@
 //! What a replay spends its time on: `cargo run --release -p trocar --example simulate_speed`.
 //!
-//! One core, two million rows of text in memory, output to the null device. Time is what the processor spent on it
-//! where the system tells (Linux), so other work on the machine does not count.
+//! One core, two million rows of text in memory, output to the null device. Time is what the
+//! processor spent on it where the system tells (Linux), so other work on the machine does not
+//! count.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -19,7 +20,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let text = motion();
     let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm()?)?);
     // The least work a model can make, so that reading and printing remain.
-    let coulomb = Trocar::of_seal(Classical::Static(StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0))?));
+    let coulomb = Trocar::of_seal(Classical::Static(StaticFriction::new(
+        SlidingFriction::coulomb(3.0, 5.0),
+    )?));
     let parse = rate(|| {
         let mut positions = Positions::from_text("made", text.as_bytes(), &Choice::default())?;
         while let Some(step) = positions.advance()? {
@@ -48,7 +51,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     whole_recording(&text)
 }
 
-/// Reading into memory with hash and quality, as `identify` does it, from a file with three columns.
+/// Reading into memory with hash and quality, as `identify` does it, from a file with three
+/// columns.
 fn whole_recording(text: &str) -> Result<(), Box<dyn std::error::Error>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("motion.csv");
@@ -73,14 +77,17 @@ fn replay(text: &str, trocar: &Trocar) -> Result<(), Box<dyn std::error::Error>>
 }
 
 /// Millions of rows per second, the best of three.
-fn rate(mut run: impl FnMut() -> Result<(), Box<dyn std::error::Error>>) -> Result<f64, Box<dyn std::error::Error>> {
+fn rate(
+    mut run: impl FnMut() -> Result<(), Box<dyn std::error::Error>>,
+) -> Result<f64, Box<dyn std::error::Error>> {
     let mut best: f64 = 0.0;
     for _ in 0..3 {
         let start = Instant::now();
         let before = processor_seconds();
         run()?;
         let spent = processor_seconds().zip(before).map(|(after, before)| after - before);
-        best = best.max(f64::from(ROWS) / spent.unwrap_or_else(|| start.elapsed().as_secs_f64()) / 1e6);
+        best = best
+            .max(f64::from(ROWS) / spent.unwrap_or_else(|| start.elapsed().as_secs_f64()) / 1e6);
     }
     Ok(best)
 }

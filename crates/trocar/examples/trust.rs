@@ -1,13 +1,15 @@
-//! How often an identification states something wrong with confidence: hard benches with known truth.
+//! How often an identification states something wrong with confidence: hard benches with known
+//! truth.
 //!
 //! ```text
 //! cargo run --release -p trocar --example trust -- [--seeds N] [--kind NAME,...] [--coverage yes] [--json FILE] [--most-percent P]
 //! ```
-//! N seeds (default 3) of the kinds NAME, or of every kind whose name contains NAME; with --coverage only the table of how often
-//! intervals hold the truth, and the optional terms that were found where they are and where they are not; fails where more than P per
-//! cent of the parameters are confidently wrong. A parameter is right if it is
-//! determined by the data and its 95 % interval holds the truth; confidently wrong if the interval misses the truth and
-//! no warning calls the result doubtful; absent if the seal has it and the result does not list it.
+//! N seeds (default 3) of the kinds NAME, or of every kind whose name contains NAME; with
+//! --coverage only the table of how often intervals hold the truth, and the optional terms that
+//! were found where they are and where they are not; fails where more than P per cent of the
+//! parameters are confidently wrong. A parameter is right if it is determined by the data and its
+//! 95 % interval holds the truth; confidently wrong if the interval misses the truth and no warning
+//! calls the result doubtful; absent if the seal has it and the result does not list it.
 
 #[path = "../tests/trust/mod.rs"]
 mod trust;
@@ -27,7 +29,8 @@ struct Arguments {
 }
 
 fn arguments() -> Result<Arguments, AnyError> {
-    let mut all = Arguments { seeds: 3, kinds: Vec::new(), coverage: false, json: None, most_percent: 100.0 };
+    let mut all =
+        Arguments { seeds: 3, kinds: Vec::new(), coverage: false, json: None, most_percent: 100.0 };
     let mut given = std::env::args().skip(1);
     while let Some(key) = given.next() {
         let value = given.next().ok_or_else(|| format!("{key} needs a value"))?;
@@ -128,8 +131,10 @@ fn print_terms(outcomes: &[Outcome]) {
     println!("|---|---|---|---|---|");
     for term in Term::ALL {
         let share = |has: bool| {
-            let own: Vec<&Outcome> =
-                outcomes.iter().filter(|o| o.refused.is_none() && o.true_terms.contains(&term) == has).collect();
+            let own: Vec<&Outcome> = outcomes
+                .iter()
+                .filter(|o| o.refused.is_none() && o.true_terms.contains(&term) == has)
+                .collect();
             let found = own.iter().filter(|o| o.found_terms.contains(&term)).count();
             let percent = 1e2 * found as f64 / own.len() as f64;
             if own.is_empty() { "0 | ".to_owned() } else { format!("{} | {percent:.1}", own.len()) }
@@ -141,7 +146,8 @@ fn print_terms(outcomes: &[Outcome]) {
 
 /// Prints all counts; returns the percentage of parameters that are confidently wrong.
 fn print_total(outcomes: &[Outcome]) -> f64 {
-    let [right, confident, doubtful, undetermined, absent] = counts(outcomes.iter().flat_map(|o| &o.judged));
+    let [right, confident, doubtful, undetermined, absent] =
+        counts(outcomes.iter().flat_map(|o| &o.judged));
     let share = |n: usize, of: usize| 100.0 * n as f64 / of.max(1) as f64;
     let listed = right + confident + doubtful + undetermined;
     println!("{} identifications, {listed} parameters judged, {absent} absent", outcomes.len());
@@ -168,12 +174,16 @@ fn main() -> Result<(), AnyError> {
     let mut outcomes: Vec<Outcome> = Vec::new();
     let kinds = kinds();
     let is_name = |asked: &str| kinds.iter().any(|kind| kind.name == asked);
-    let is_meant = |name: &str, asked: &str| if is_name(asked) { name == asked } else { name.contains(asked) };
-    let asked_for = |name: &str| arguments.kinds.is_empty() || arguments.kinds.iter().any(|k| is_meant(name, k));
+    let is_meant =
+        |name: &str, asked: &str| if is_name(asked) { name == asked } else { name.contains(asked) };
+    let asked_for = |name: &str| {
+        arguments.kinds.is_empty() || arguments.kinds.iter().any(|k| is_meant(name, k))
+    };
     for kind in kinds.iter().filter(|kind| asked_for(kind.name)) {
         for seed in 1..=arguments.seeds {
             let bench = (kind.make)(seed)?;
-            let outcome = judge(kind.name, &bench, seed).map_err(|error| format!("{}: {error}", kind.name))?;
+            let outcome = judge(kind.name, &bench, seed)
+                .map_err(|error| format!("{}: {error}", kind.name))?;
             eprintln!(
                 "{} {seed}: {:.1} s, {} confidently wrong{}",
                 kind.name,
@@ -198,7 +208,11 @@ fn main() -> Result<(), AnyError> {
     }
     let percent = print_total(&outcomes);
     if percent > arguments.most_percent {
-        return Err(format!("{percent:.1} % confidently wrong, at most {} % expected", arguments.most_percent).into());
+        return Err(format!(
+            "{percent:.1} % confidently wrong, at most {} % expected",
+            arguments.most_percent
+        )
+        .into());
     }
     Ok(())
 }

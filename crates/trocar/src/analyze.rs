@@ -45,10 +45,11 @@ pub struct BranchPassage {
     /// Motion along the branch.
     #[serde(rename = "direction", serialize_with = "crate::segment::direction_as_word")]
     pub direction: Direction,
-    /// Where dF_e/dz <= 0, from the start of the motion on. (15) speaks of one such interval, but its proof asks only
-    /// that F_e rises outside all of them.
+    /// Where dF_e/dz <= 0, from the start of the motion on. (15) speaks of one such interval, but
+    /// its proof asks only that F_e rises outside all of them.
     pub softening: Vec<Interval>,
-    /// Highest force in the direction of the motion before the seal snaps through, N; `None` when the branch rises throughout.
+    /// Highest force in the direction of the motion before the seal snaps through, N; `None` when
+    /// the branch rises throughout.
     pub hump_force_n: Option<f64>,
     /// Lowest force after it, N.
     pub dip_force_n: Option<f64>,
@@ -146,7 +147,8 @@ pub fn analyze(stages: &Stages, seed: u64) -> Analysis {
     let random_cycles = RandomCycles::search(stages, cycles::CYCLES, seed);
     let step_error = StepError::of(stages);
     let whole = cycle_work.holds && random_cycles.holds && step_error.holds;
-    let propositions = |e: &ElementAnalysis| e.reaches_sliding.holds && e.steady_state.holds && e.stability.holds;
+    let propositions =
+        |e: &ElementAnalysis| e.reaches_sliding.holds && e.steady_state.holds && e.stability.holds;
     let holds = whole && each.iter().all(propositions);
     Analysis { elements: each, cycle_work, random_cycles, step_error, holds }
 }
@@ -159,8 +161,10 @@ fn analyze_element(element: &Element) -> ElementAnalysis {
 
 impl ReachesSliding {
     fn of(element: &Element) -> Self {
-        let branches: Vec<BranchPassage> =
-            Direction::BOTH.into_iter().map(|direction| BranchPassage::of(element, direction)).collect();
+        let branches: Vec<BranchPassage> = Direction::BOTH
+            .into_iter()
+            .map(|direction| BranchPassage::of(element, direction))
+            .collect();
         let partial = element.params().deformation.softening_interval();
         Self {
             holds: branches.iter().all(|branch| branch.holds),
@@ -176,7 +180,8 @@ impl BranchPassage {
         let branch = element.params().deformation.branch(direction);
         let friction = element.params().sliding(direction);
         let softening = softening(branch, c, direction);
-        // Seen along the motion: u runs from -c to c, the force counts in the direction of the motion.
+        // Seen along the motion: u runs from -c to c, the force counts in the direction of the
+        // motion.
         let force = |u: f64| direction.sign() * branch.force(direction.sign() * u);
         let along = |interval: &Interval| match direction {
             Direction::Insertion => (interval.from_m, interval.to_m),
@@ -185,9 +190,11 @@ impl BranchPassage {
         let hump = softening.iter().map(|i| force(along(i).0)).reduce(f64::max);
         let dip = softening.iter().map(|i| force(along(i).1)).reduce(f64::min);
         let snaps_through_first = hump.is_none_or(|hump| hump < friction.static_force);
-        let excess = |force: f64| (force - friction.coulomb_force).max(0.0) / friction.viscous_damping;
+        let excess =
+            |force: f64| (force - friction.coulomb_force).max(0.0) / friction.viscous_damping;
         let critical = hump.filter(|_| !snaps_through_first).map(excess);
-        let bistable = critical.zip(dip).map(|(to_m_s, dip)| SpeedRange { from_m_s: excess(dip), to_m_s });
+        let bistable =
+            critical.zip(dip).map(|(to_m_s, dip)| SpeedRange { from_m_s: excess(dip), to_m_s });
         let travel = longest_travel_to_sliding(element, direction);
         let holds = travel.is_some();
         let mut passage = Self {
@@ -213,10 +220,15 @@ impl BranchPassage {
         }
         let many = match self.softening.len() {
             0 | 1 => String::new(),
-            intervals => format!("; (15) holds with one interval around the {intervals} on which the branch softens"),
+            intervals => format!(
+                "; (15) holds with one interval around the {intervals} on which the branch softens"
+            ),
         };
         match (self.hump_force_n, self.critical_speed_m_s) {
-            (None, _) => "the branch rises throughout; the seal deforms until the instrument slides".to_owned(),
+            (None, _) => {
+                "the branch rises throughout; the seal deforms until the instrument slides"
+                    .to_owned()
+            }
             (Some(hump), None) => format!(
                 "the seal snaps through at {hump:.3} N, below F_s = {:.3} N, then slides{many}",
                 self.static_force_n
@@ -284,12 +296,16 @@ fn travel_to_sliding(element: &Element, start: f64, velocity: f64) -> Option<f64
 
 impl SteadyState {
     fn of(element: &Element) -> Self {
-        let velocities = Direction::BOTH.into_iter().flat_map(|direction| SPEEDS.map(|speed| (direction, speed)));
-        let table: Vec<SteadyPoint> =
-            velocities.map(|(direction, speed)| SteadyPoint::of(element, direction, speed)).collect();
+        let velocities = Direction::BOTH
+            .into_iter()
+            .flat_map(|direction| SPEEDS.map(|speed| (direction, speed)));
+        let table: Vec<SteadyPoint> = velocities
+            .map(|(direction, speed)| SteadyPoint::of(element, direction, speed))
+            .collect();
         let stable = table.iter().filter(|point| point.stable);
         let largest = stable.map(|point| point.simulated_difference_n.abs()).fold(0.0, f64::max);
-        let allowed = 1e-6 * element.params().insertion.static_force.max(element.params().withdrawal.static_force);
+        let allowed = 1e-6
+            * element.params().insertion.static_force.max(element.params().withdrawal.static_force);
         let holds = largest <= allowed;
         let verdict = if holds {
             "at constant velocity the simulated force comes to rest at g(V)·sgn V + β·V wherever this is stable"
@@ -340,7 +356,9 @@ fn settled(element: &Element, velocity: f64) -> State {
 fn is_exact(element: &Element) -> bool {
     let params = element.params();
     let unique = element.velocity_weakening() == (VelocityWeakening::None, VelocityWeakening::None);
-    let humps = Direction::BOTH.into_iter().all(|direction| BranchPassage::of(element, direction).snaps_through_first);
+    let humps = Direction::BOTH
+        .into_iter()
+        .all(|direction| BranchPassage::of(element, direction).snaps_through_first);
     let slow = params.creep_velocity > 0.0 || !params.relaxation.is_none();
     unique
         && humps
@@ -353,7 +371,9 @@ fn is_exact(element: &Element) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trocar_model::{DeformationForce, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction};
+    use trocar_model::{
+        DeformationForce, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction,
+    };
 
     fn plausible() -> ElementParams {
         ElementParams::plausible_10_5_mm().unwrap()
@@ -385,11 +405,17 @@ mod tests {
         let found = analyze(&Element::new(plausible()).unwrap().into(), 1);
         assert!(found.holds, "{found:#?}");
         let insertion = &found.elements[0].reaches_sliding.branches[0];
-        assert!(insertion.softening[0].from_m < -2.2e-3 && insertion.softening.last().unwrap().to_m < 2e-3);
+        assert!(
+            insertion.softening[0].from_m < -2.2e-3
+                && insertion.softening.last().unwrap().to_m < 2e-3
+        );
         assert!((insertion.hump_force_n.unwrap() - 1.15).abs() < 0.01, "{insertion:?}");
         assert!((insertion.dip_force_n.unwrap() - 0.64).abs() < 0.01, "{insertion:?}");
         let travel = insertion.longest_travel_to_sliding_m.unwrap();
-        assert!((0.016..0.017).contains(&travel), "one full snap-through of 2c = 16 mm, got {travel}");
+        assert!(
+            (0.016..0.017).contains(&travel),
+            "one full snap-through of 2c = 16 mm, got {travel}"
+        );
     }
 
     /// From an independent computation: at 15 mm/s the force oscillates between 2.22 and 3.00 N and
@@ -403,7 +429,9 @@ mod tests {
         assert!(range.from_m_s < 0.015 && 0.015 < range.to_m_s && range.to_m_s < 0.06, "{range:?}");
         assert!((stability.stick_slip[0].highest_force_n - 3.0).abs() < 0.01, "{stability:?}");
         assert!((stability.stick_slip[0].lowest_force_n - 2.22).abs() < 0.02, "{stability:?}");
-        let at = |v: f64| *found.elements[0].steady_state.table.iter().find(|p| p.velocity_m_s == v).unwrap();
+        let at = |v: f64| {
+            *found.elements[0].steady_state.table.iter().find(|p| p.velocity_m_s == v).unwrap()
+        };
         assert!(!at(0.015).stable && (at(0.015).force_n - 2.64).abs() < 0.01);
         assert!(at(0.08).stable && at(0.08).simulated_difference_n.abs() < 1e-6);
         assert!(found.elements[0].steady_state.holds);

@@ -48,11 +48,18 @@ impl Cancel {
     ///
     /// # Panics
     /// As `work` does.
-    pub fn run<T: Send>(&self, threads: usize, work: impl FnOnce() -> T + Send) -> Result<T, Stopped> {
+    pub fn run<T: Send>(
+        &self,
+        threads: usize,
+        work: impl FnOnce() -> T + Send,
+    ) -> Result<T, Stopped> {
         let flag = self.0.clone();
         let take_flag = move |_| FLAG.with(|own| drop(own.set(flag.clone())));
         let threads = threads.min(most_threads());
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).start_handler(take_flag).build()?;
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .start_handler(take_flag)
+            .build()?;
         let cancelled_or_panic = |why: Box<dyn Any + Send>| match why.downcast::<Unwinding>() {
             Ok(_) => Stopped::Cancelled,
             Err(panic) => resume_unwind(panic),

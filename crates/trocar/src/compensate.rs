@@ -1,4 +1,5 @@
-//! [`trocar_runtime::compensate`], and a recording or a live stream through its observer: row by row and in constant memory.
+//! [`trocar_runtime::compensate`], and a recording or a live stream through its observer: row by
+//! row and in constant memory.
 
 use std::path::Path;
 
@@ -88,9 +89,10 @@ pub fn compensate_file(
             on_fault(fault, row.line);
         }
         count.take(row.line, position, &estimate);
-        let numbers = [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
-        let [a, b, c, d, e, f] =
-            numbers.map(|number| TableCell::Number(if number.is_finite() { number } else { f64::NAN }));
+        let numbers =
+            [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
+        let [a, b, c, d, e, f] = numbers
+            .map(|number| TableCell::Number(if number.is_finite() { number } else { f64::NAN }));
         result.row(&[a, b, c, d, e, f, TableCell::Integer(i64::from(estimate.adapting))])?;
         if options.live {
             result.flush()?;
@@ -104,14 +106,21 @@ pub fn compensate_file(
 }
 
 /// Time since the row before, s; 0 for the first and for a repeated time.
-fn duration(file: &str, place: Location, before: Option<f64>, time: f64) -> Result<f64, RecordingError> {
+fn duration(
+    file: &str,
+    place: Location,
+    before: Option<f64>,
+    time: f64,
+) -> Result<f64, RecordingError> {
     let file = || file.to_owned();
     if !time.is_finite() {
         let found = if time.is_nan() { "empty or nan" } else { "infinite" };
         return Err(RecordingError::NonFinite { file: file(), place, quantity: "time", found });
     }
     match before {
-        Some(from) if time < from => Err(RecordingError::TimeGoesBack { file: file(), place, from, to: time }),
+        Some(from) if time < from => {
+            Err(RecordingError::TimeGoesBack { file: file(), place, from, to: time })
+        }
         Some(from) => Ok(time - from),
         None => Ok(0.0),
     }
@@ -119,7 +128,14 @@ fn duration(file: &str, place: Location, before: Option<f64>, time: f64) -> Resu
 
 /// The columns written.
 fn fields() -> Vec<Field> {
-    let numbers = ["time_s", "position_m", "force_n", "trocar_force_n", "tissue_force_n", "tissue_force_std_n"];
+    let numbers = [
+        "time_s",
+        "position_m",
+        "force_n",
+        "trocar_force_n",
+        "tissue_force_n",
+        "tissue_force_std_n",
+    ];
     let adapting = Field::new("adapting", Kind::Integer);
     numbers.into_iter().map(Field::number).chain([adapting]).collect()
 }
@@ -164,6 +180,12 @@ impl Counter {
         };
         let faults = Fault::ALL.into_iter().filter_map(found).collect();
         let (drift, departure) = (observer.drift(), observer.departure(self.lowest, self.highest));
-        Compensation { rows: self.rows, adapting_rows: self.adapting_rows, faults, drift, departure }
+        Compensation {
+            rows: self.rows,
+            adapting_rows: self.adapting_rows,
+            faults,
+            drift,
+            departure,
+        }
     }
 }

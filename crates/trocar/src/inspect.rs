@@ -133,10 +133,15 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
         return Err(RecordingError::IsStream { file: path.display().to_string() });
     }
     let container = registry::any_after(path, choice.skip_rows)?;
-    let tables = (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
+    let tables =
+        (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
     let read = recording::read_in_words(
         path,
-        &ReadOptions { choice: choice.clone(), most_samples: Some(SURVEYED), ..ReadOptions::default() },
+        &ReadOptions {
+            choice: choice.clone(),
+            most_samples: Some(SURVEYED),
+            ..ReadOptions::default()
+        },
     );
     Ok(Inspection {
         file: path.display().to_string(),
@@ -170,7 +175,8 @@ impl RecordingPreview {
 
 fn view(container: &dyn Container, index: usize) -> TableView {
     let table = &container.tables()[index];
-    let numeric: Vec<usize> = (0..table.columns.len()).filter(|k| table.columns[*k].is_numeric).collect();
+    let numeric: Vec<usize> =
+        (0..table.columns.len()).filter(|k| table.columns[*k].is_numeric).collect();
     let mut courses = vec![Course::default(); numeric.len()];
     let clock = clock_of(table, &numeric);
     let mut intervals = Intervals::default();
@@ -187,8 +193,10 @@ fn view(container: &dyn Container, index: usize) -> TableView {
         }
         Ok(())
     };
-    let damage = if numeric.is_empty() { None } else { look().err().map(|error| error.to_string()) };
-    let mut columns: Vec<ColumnView> = table.columns.iter().map(|column| Course::default().view(column)).collect();
+    let damage =
+        if numeric.is_empty() { None } else { look().err().map(|error| error.to_string()) };
+    let mut columns: Vec<ColumnView> =
+        table.columns.iter().map(|column| Course::default().view(column)).collect();
     for (course, k) in courses.into_iter().zip(&numeric) {
         columns[*k] = course.view(&table.columns[*k]);
     }
@@ -196,7 +204,9 @@ fn view(container: &dyn Container, index: usize) -> TableView {
         name: table.name.clone(),
         kind: table.kind.clone(),
         rows: if numeric.is_empty() { table.rows.unwrap_or(0) } else { rows },
-        clock: clock.filter(|_| rows > 1).map(|(own, per_s)| intervals.clock(&columns[numeric[own]].name, per_s)),
+        clock: clock
+            .filter(|_| rows > 1)
+            .map(|(own, per_s)| intervals.clock(&columns[numeric[own]].name, per_s)),
         columns,
         damage,
     }
@@ -231,7 +241,16 @@ struct Course {
 impl Default for Course {
     fn default() -> Self {
         let (lowest, highest, last) = (f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY);
-        Self { lowest, highest, not_finite: 0, last, rises: true, groups: Vec::new(), width: 1, filled: 1 }
+        Self {
+            lowest,
+            highest,
+            not_finite: 0,
+            last,
+            rises: true,
+            groups: Vec::new(),
+            width: 1,
+            filled: 1,
+        }
     }
 }
 
@@ -259,7 +278,11 @@ impl Course {
     /// Merges groups in pairs once there are too many.
     fn begin_group(&mut self) {
         if self.groups.len() == SPARK {
-            self.groups = self.groups.chunks(2).map(|pair| (pair[0].0 + pair[1].0, pair[0].1 + pair[1].1)).collect();
+            self.groups = self
+                .groups
+                .chunks(2)
+                .map(|pair| (pair[0].0 + pair[1].0, pair[0].1 + pair[1].1))
+                .collect();
             self.width *= 2;
         }
         self.groups.push((0.0, 0));
@@ -268,10 +291,14 @@ impl Course {
 
     fn view(self, column: &recording::Column) -> ColumnView {
         let seen = self.lowest <= self.highest;
-        let mean = |(sum, count): &(f64, u64)| if *count > 0 { sum / *count as f64 } else { f64::NAN };
+        let mean =
+            |(sum, count): &(f64, u64)| if *count > 0 { sum / *count as f64 } else { f64::NAN };
         ColumnView {
             name: column.name.clone(),
-            unit: column.unit.clone().or_else(|| recording::columns::unit_in(&column.name).map(str::to_owned)),
+            unit: column
+                .unit
+                .clone()
+                .or_else(|| recording::columns::unit_in(&column.name).map(str::to_owned)),
             lowest: seen.then_some(self.lowest),
             highest: seen.then_some(self.highest),
             not_finite: self.not_finite,
@@ -322,7 +349,8 @@ impl Intervals {
         self.kept.sort_by(f64::total_cmp);
         let usual = self.kept.get(self.kept.len() * 95 / 100).copied().unwrap_or(0.0);
         self.limit = Some(GAP_FACTOR * usual);
-        self.gaps = self.kept.iter().filter(|interval| **interval > GAP_FACTOR * usual).count() as u64;
+        self.gaps =
+            self.kept.iter().filter(|interval| **interval > GAP_FACTOR * usual).count() as u64;
     }
 
     fn clock(mut self, column: &str, per_s: Option<f64>) -> Clock {

@@ -86,20 +86,28 @@ impl Compiled for Along<'_, '_> {
     }
 }
 
-/// Σ(measured - F)², N², of each model along `motion` (displacement in m and duration in s of each sample) against `measured`
-/// (N, after each sample), on all threads.
-pub fn squares<M>(models: &[M], states: &[M::State], motion: &[(f64, f64)], measured: &[f64]) -> Vec<f64>
+/// Σ(measured - F)², N², of each model along `motion` (displacement in m and duration in s of each
+/// sample) against `measured` (N, after each sample), on all threads.
+pub fn squares<M>(
+    models: &[M],
+    states: &[M::State],
+    motion: &[(f64, f64)],
+    measured: &[f64],
+) -> Vec<f64>
 where
     M: Many + Sync,
     M::State: Send + Sync,
 {
     let mut sums = vec![0.0; models.len().min(states.len())];
     let tasks = models.par_chunks(TASK).zip(states.par_chunks(TASK)).zip(sums.par_chunks_mut(TASK));
-    tasks.for_each(|((models, states), sums)| alone(models, states, motion, &mut Squares::new(measured, sums)));
+    tasks.for_each(|((models, states), sums)| {
+        alone(models, states, motion, &mut Squares::new(measured, sums))
+    });
     sums
 }
 
-/// The force of each model after each sample, N: model i after sample k at `i * motion.len() + k`; on all threads.
+/// The force of each model after each sample, N: model i after sample k at `i * motion.len() + k`;
+/// on all threads.
 pub fn forces<M>(models: &[M], states: &[M::State], motion: &[(f64, f64)]) -> Vec<f64>
 where
     M: Many + Sync,
@@ -108,7 +116,10 @@ where
     let samples = motion.len();
     let mut forces = vec![0.0; models.len().min(states.len()) * samples];
     if samples > 0 {
-        let tasks = models.par_chunks(TASK).zip(states.par_chunks(TASK)).zip(forces.par_chunks_mut(TASK * samples));
+        let tasks = models
+            .par_chunks(TASK)
+            .zip(states.par_chunks(TASK))
+            .zip(forces.par_chunks_mut(TASK * samples));
         tasks.for_each(|((models, states), forces)| {
             alone(models, states, motion, &mut Traces { forces, samples, first: 0, count: 0 });
         });
@@ -117,7 +128,12 @@ where
 }
 
 /// Runs a batch of `models` from copies of `states` along the whole motion.
-pub(crate) fn alone<M: Many>(models: &[M], states: &[M::State], motion: &[(f64, f64)], observer: &mut impl Observe) {
+pub(crate) fn alone<M: Many>(
+    models: &[M],
+    states: &[M::State],
+    motion: &[(f64, f64)],
+    observer: &mut impl Observe,
+) {
     let mut states = states.to_vec();
     let mut places = vec![Lanes::EMPTY; blocks(models.len())];
     if let Some(mut batch) = Batch::new(models, &mut states, &mut places) {
@@ -162,7 +178,8 @@ mod tests {
             let viscous_damping = if k.is_multiple_of(3) { 0.0 } else { 0.2 * f64::from(k) };
             let insertion = SlidingFriction { viscous_damping, ..plausible.insertion };
             let creep_velocity = if k.is_multiple_of(17) { 1e-4 } else { 0.0 };
-            Element::new(ElementParams { insertion, creep_velocity, ..plausible }).expect("in range")
+            Element::new(ElementParams { insertion, creep_velocity, ..plausible })
+                .expect("in range")
         };
         (0..150).map(element).collect()
     }
@@ -171,7 +188,8 @@ mod tests {
     fn wide_vectors_and_threads_give_the_bits_of_the_scalar_step() {
         let elements = elements();
         let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
-        let motion: Vec<_> = (0..3000).map(|k| (4e-4 * f64::sin(f64::from(k) * 0.013), 1e-3)).collect();
+        let motion: Vec<_> =
+            (0..3000).map(|k| (4e-4 * f64::sin(f64::from(k) * 0.013), 1e-3)).collect();
         let forces = forces(&elements, &states, &motion);
         let measured: Vec<f64> = (0..3000).map(|k| f64::from(k % 7)).collect();
         let sums = squares(&elements, &states, &motion, &measured);
@@ -179,7 +197,11 @@ mod tests {
             let (mut state, mut sum) = (*start, 0.0);
             for (k, (displacement, duration)) in motion.iter().enumerate() {
                 let force = element.step(&mut state, *displacement, *duration);
-                assert_eq!(forces[i * motion.len() + k].to_bits(), force.to_bits(), "model {i}, sample {k}");
+                assert_eq!(
+                    forces[i * motion.len() + k].to_bits(),
+                    force.to_bits(),
+                    "model {i}, sample {k}"
+                );
                 sum += (measured[k] - force) * (measured[k] - force);
             }
             assert_eq!(sums[i].to_bits(), f64::to_bits(sum), "model {i}");

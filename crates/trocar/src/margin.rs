@@ -10,8 +10,8 @@ const FEWEST_STROKES: usize = 4;
 
 /// Comparison of the errors of two models over the same strokes.
 ///
-/// With d_k the difference of the mean squared errors over stroke k of K strokes, the standard error
-/// of their mean is s(d)/√K: strokes count as independent, samples within a stroke do not.
+/// With d_k the difference of the mean squared errors over stroke k of K strokes, the standard
+/// error of their mean is s(d)/√K: strokes count as independent, samples within a stroke do not.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Margin {
     /// Strokes compared.
@@ -57,14 +57,18 @@ mod tests {
     fn equal_models_have_no_margin_and_a_constant_one_is_certain() {
         let errors = [1.0, 2.0, 3.0, 4.0];
         assert_eq!(Margin::of(&errors, &errors).unwrap().standard_errors, 0.0);
-        assert_eq!(Margin::of(&errors, &errors.map(|e| e + 1.0)).unwrap().standard_errors, f64::INFINITY);
+        assert_eq!(
+            Margin::of(&errors, &errors.map(|e| e + 1.0)).unwrap().standard_errors,
+            f64::INFINITY
+        );
         assert_eq!(Margin::of(&errors[..3], &errors[..3]), None);
     }
 
     #[test]
     fn exchanged_models_change_the_sign() {
         let (first, second) = ([1.0, 2.0, 3.0, 5.0, 1.0], [2.0, 2.5, 3.0, 9.0, 0.5]);
-        let (there, back) = (Margin::of(&first, &second).unwrap(), Margin::of(&second, &first).unwrap());
+        let (there, back) =
+            (Margin::of(&first, &second).unwrap(), Margin::of(&second, &first).unwrap());
         assert!(there.standard_errors > 0.0);
         assert_eq!(there.standard_errors, -back.standard_errors);
         // Five strokes more of the same kind make the margin √(9/4) times as large.

@@ -72,7 +72,8 @@ impl AtomicFile {
     /// [`OutputError::Create`] when the folder is missing or not writable, or `path` is a folder.
     pub fn create(path: impl AsRef<Path>) -> Result<Self, OutputError> {
         let path = path.as_ref();
-        let target = Target::open(path).map_err(|source| OutputError::Create { path: path.to_owned(), source })?;
+        let target = Target::open(path)
+            .map_err(|source| OutputError::Create { path: path.to_owned(), source })?;
         Ok(Self { path: path.to_owned(), target })
     }
 
@@ -183,7 +184,8 @@ impl StagedFolder {
     /// computation.
     pub fn create(target: impl AsRef<Path>) -> Result<Self, OutputError> {
         let target = target.as_ref();
-        let staging = stage(target).map_err(|source| OutputError::Create { path: target.to_owned(), source })?;
+        let staging = stage(target)
+            .map_err(|source| OutputError::Create { path: target.to_owned(), source })?;
         let unfinished = Unfinished::new(staging.path());
         Ok(Self { target: target.to_owned(), staging, _unfinished: unfinished })
     }

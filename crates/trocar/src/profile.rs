@@ -58,7 +58,10 @@ mod banded;
 mod fit;
 
 /// Writes a profile in the form used in files.
-fn serialize<S: serde::Serializer>(profile: &PositionProfile<Vec<f64>>, serializer: S) -> Result<S::Ok, S::Error> {
+fn serialize<S: serde::Serializer>(
+    profile: &PositionProfile<Vec<f64>>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     ProfileText::from(profile).serialize(serializer)
 }
 
@@ -84,22 +87,29 @@ pub fn storage_length(element: &Element) -> f64 {
     let least = |s: &SlidingFriction| s.coulomb_force.min(s.static_force);
     let least_force = least(&params.insertion).min(least(&params.withdrawal));
     let c = deformation.half_width();
-    let points: Vec<(f64, f64)> =
-        (0..=CELLS).map(|k| c * (2.0 * k as f64 / CELLS as f64 - 1.0)).map(|z| (z, deformation.mid(z))).collect();
+    let points: Vec<(f64, f64)> = (0..=CELLS)
+        .map(|k| c * (2.0 * k as f64 / CELLS as f64 - 1.0))
+        .map(|z| (z, deformation.mid(z)))
+        .collect();
     let most_force = params.insertion.static_force.max(params.withdrawal.static_force);
     let is_reached = |z: f64, mid: f64| mid.abs() <= most_force + deformation.half_gap(z);
     let rest = points.partition_point(|(_, mid)| *mid <= 0.0).clamp(1, CELLS);
     let reached = |&&(z, mid): &&(f64, f64)| is_reached(z, mid);
     let last = rest + points[rest..].iter().take_while(reached).count().saturating_sub(1);
     let first = rest - points[..rest].iter().rev().take_while(reached).count();
-    let fall = |part: &[(f64, f64)]| part.windows(2).map(|pair| (pair[0].1 - pair[1].1).max(0.0)).sum::<f64>();
+    let fall = |part: &[(f64, f64)]| {
+        part.windows(2).map(|pair| (pair[0].1 - pair[1].1).max(0.0)).sum::<f64>()
+    };
     let (low, high) = deformation.end_stiffness();
     let side = |part: &[(f64, f64)], end: f64, stiffness: f64| {
         let fall = fall(part);
         // Rounding errors of the samples of a rising curve.
         let fall = if fall > 1e-9 * least_force { fall } else { 0.0 };
-        let reach =
-            ((end - points[rest].0).abs() / least_force).max(if stiffness > 0.0 { 1.0 / stiffness } else { 0.0 });
+        let reach = ((end - points[rest].0).abs() / least_force).max(if stiffness > 0.0 {
+            1.0 / stiffness
+        } else {
+            0.0
+        });
         fall * reach
     };
     let length = side(&points[first..=rest], -c, low).max(side(&points[rest..=last], c, high));

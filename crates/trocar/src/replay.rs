@@ -6,7 +6,9 @@
 
 use std::ops::Range;
 
-use trocar_model::{Deformation, Friction, Mode, PartialReversals, Seal, SealState, Trocar, TrocarState};
+use trocar_model::{
+    Deformation, Friction, Mode, PartialReversals, Seal, SealState, Trocar, TrocarState,
+};
 
 use crate::cancel;
 use crate::many::along;

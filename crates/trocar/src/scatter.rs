@@ -79,8 +79,8 @@ pub struct StrokeScatter {
     pub groups: usize,
     /// Strokes in them.
     pub strokes: usize,
-    /// Strokes less groups: degrees of freedom of the variance at one place. Neighbouring places are
-    /// not independent.
+    /// Strokes less groups: degrees of freedom of the variance at one place. Neighbouring places
+    /// are not independent.
     pub degrees_of_freedom: usize,
     /// Readings compared.
     pub samples: usize,
@@ -109,7 +109,8 @@ impl StrokeScatter {
     /// # Errors
     /// [`NoRepeats`] when no stroke has a repeat.
     pub fn of_strokes(recording: &Recording, strokes: &[Stroke]) -> Result<Self, NoRepeats> {
-        let groups: Vec<Group> = groups(recording, strokes).into_iter().filter(|g| g.tracks.len() > 1).collect();
+        let groups: Vec<Group> =
+            groups(recording, strokes).into_iter().filter(|g| g.tracks.len() > 1).collect();
         if groups.is_empty() {
             return Err(NoRepeats { strokes: strokes.len() });
         }
@@ -153,7 +154,8 @@ impl StrokeScatter {
 
 /// Square root of the mean of the finite values.
 fn root_mean(squares: impl Iterator<Item = f64>) -> Option<f64> {
-    let (sum, count) = squares.filter(|s| s.is_finite()).fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
+    let (sum, count) =
+        squares.filter(|s| s.is_finite()).fold((0.0, 0usize), |(sum, n), s| (sum + s, n + 1));
     (count > 0).then(|| (sum / count as f64).sqrt())
 }
 
@@ -173,7 +175,12 @@ fn by_direction(groups: &[Group], compared: &[Compared]) -> Vec<DirectionScatter
         let part: Vec<&Compared> = (0..groups.len()).filter(own).map(|k| &compared[k]).collect();
         let strokes = part.iter().map(|c| c.repeats).sum();
         let scatter_n = pooled(&part, Reading::square)?;
-        Some(DirectionScatter { direction, scatter_n, without_drift_n: without_drift(&part), strokes })
+        Some(DirectionScatter {
+            direction,
+            scatter_n,
+            without_drift_n: without_drift(&part),
+            strokes,
+        })
     };
     [Direction::Insertion, Direction::Withdrawal].into_iter().filter_map(of).collect()
 }
@@ -193,18 +200,34 @@ struct Track {
 }
 
 impl Track {
-    fn new(recording: &Recording, velocity: &[f64], strokes: &[Stroke], index: usize) -> Option<Self> {
+    fn new(
+        recording: &Recording,
+        velocity: &[f64],
+        strokes: &[Stroke],
+        index: usize,
+    ) -> Option<Self> {
         let stroke = strokes[index];
         let way = |i: usize| stroke.direction.sign() * recording.position[i];
         let inside = stroke.start..=stroke.end;
-        let mut points: Vec<(f64, f64)> =
-            inside.clone().filter(|i| !recording.is_clipped(*i)).map(|i| (way(i), recording.force[i])).collect();
+        let mut points: Vec<(f64, f64)> = inside
+            .clone()
+            .filter(|i| !recording.is_clipped(*i))
+            .map(|i| (way(i), recording.force[i]))
+            .collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut speeds: Vec<f64> = inside.map(|i| velocity[i].abs()).collect();
         speeds.sort_by(f64::total_cmp);
         let ends_at_reversal = strokes.get(index + 1).is_some_and(|next| next.start == stroke.end);
         let (start, end, speed) = (way(stroke.start), way(stroke.end), speeds[speeds.len() / 2]);
-        (points.len() > 1).then_some(Self { order: index as f64, stroke, ends_at_reversal, speed, start, end, points })
+        (points.len() > 1).then_some(Self {
+            order: index as f64,
+            stroke,
+            ends_at_reversal,
+            speed,
+            start,
+            end,
+            points,
+        })
     }
 
     fn repeats(&self, other: &Self) -> bool {
@@ -277,8 +300,8 @@ enum PlaceDefinition {
     ToReversal,
 }
 
-/// A sample with its distances from the start and to the end of its stroke, m, and the comparison at each kind of place:
-/// about the mean and about a line.
+/// A sample with its distances from the start and to the end of its stroke, m, and the comparison
+/// at each kind of place: about the mean and about a line.
 struct Candidate {
     sample: usize,
     distances: [f64; 2],
@@ -292,7 +315,8 @@ impl Group {
         let range = ranges[ranges.len() / 2];
         let candidates = self.candidates(recording, [0.0; 2]);
         let lengths = [0, 1].map(|side| length(&candidates, side, range));
-        let readings = self.candidates(recording, lengths).iter().filter_map(|c| c.reading(lengths)).collect();
+        let readings =
+            self.candidates(recording, lengths).iter().filter_map(|c| c.reading(lengths)).collect();
         Compared { readings, repeats: self.tracks.len(), lengths }
     }
 
@@ -302,11 +326,13 @@ impl Group {
         let of_track = |own: usize| {
             let track = &self.tracks[own];
             let longest = LENGTHS[LENGTHS.len() - 1] * (track.end - track.start);
-            let samples = (track.stroke.start..track.stroke.end).filter(|i| !recording.is_clipped(*i));
+            let samples =
+                (track.stroke.start..track.stroke.end).filter(|i| !recording.is_clipped(*i));
             samples.map(move |sample| {
                 let way = self.direction.sign() * recording.position[sample];
                 let distances = [way - track.start, track.end - way];
-                let at = |place| self.against_others(own, way, recording.force[sample], place, lengths);
+                let at =
+                    |place| self.against_others(own, way, recording.force[sample], place, lengths);
                 let since = track.stroke.starts_at_reversal && distances[0] <= longest;
                 let to = track.ends_at_reversal && distances[1] <= longest;
                 let by_place = [
@@ -320,7 +346,8 @@ impl Group {
         (0..self.tracks.len()).flat_map(of_track).collect()
     }
 
-    /// e²/(1 + leverage) about the mean of the others, and about a line over their order (NaN below three others).
+    /// e²/(1 + leverage) about the mean of the others, and about a line over their order (NaN below
+    /// three others).
     fn against_others(
         &self,
         own: usize,
@@ -331,14 +358,28 @@ impl Group {
     ) -> Option<[f64; 2]> {
         let track = &self.tracks[own];
         let every = (self.tracks.len() - 1).div_ceil(MOST_OTHERS);
-        let others = self.tracks.iter().enumerate().filter(|(k, _)| *k != own).map(|(_, t)| t).step_by(every);
+        let others = self
+            .tracks
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| *k != own)
+            .map(|(_, t)| t)
+            .step_by(every);
         let mut sums = OverOrder::default();
         for other in others {
             let there = match place {
-                PlaceDefinition::Position if way - other.start < behind || other.end - way < before => continue,
+                PlaceDefinition::Position
+                    if way - other.start < behind || other.end - way < before =>
+                {
+                    continue;
+                }
                 PlaceDefinition::Position => way,
-                PlaceDefinition::SinceReversal if other.stroke.starts_at_reversal => other.start + (way - track.start),
-                PlaceDefinition::ToReversal if other.ends_at_reversal => other.end - (track.end - way),
+                PlaceDefinition::SinceReversal if other.stroke.starts_at_reversal => {
+                    other.start + (way - track.start)
+                }
+                PlaceDefinition::ToReversal if other.ends_at_reversal => {
+                    other.end - (track.end - way)
+                }
                 _ => continue,
             };
             if let Some(reading) = other.reading(there) {
@@ -391,7 +432,8 @@ impl OverOrder {
             return None;
         }
         let away = order - self.order;
-        let line = if self.count < 3.0 { f64::NAN } else { self.mean + self.joint / self.spread * away };
+        let line =
+            if self.count < 3.0 { f64::NAN } else { self.mean + self.joint / self.spread * away };
         let leverage = 1.0 / self.count + away * away / self.spread;
         let about_mean = (reading - self.mean).powi(2) / (1.0 + 1.0 / self.count);
         Some([about_mean, (reading - line).powi(2) / (1.0 + leverage)])

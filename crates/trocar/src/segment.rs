@@ -1,17 +1,20 @@
 //! Segmentation of a recording: strokes between reversals and constant-velocity segments.
 //!
 //! A *stroke* is the motion from one reversal of the instrument to the next (EMS section IV: one
-//! insertion or one withdrawal). A *constant-velocity segment* is a part of a stroke with constant velocity; its mean
-//! force is one datum of the steady-state identification. The segmentation does not depend on the
-//! experiment: the two experiments of the paper are recordings like any other, and free motion is
-//! segmented in the same way.
+//! insertion or one withdrawal). A *constant-velocity segment* is a part of a stroke with constant
+//! velocity; its mean force is one datum of the steady-state identification. The segmentation does
+//! not depend on the experiment: the two experiments of the paper are recordings like any other,
+//! and free motion is segmented in the same way.
 
 pub use trocar_model::Direction;
 
 use crate::recording::{Recording, local_velocity};
 
 /// Writes a direction as a word.
-pub(crate) fn direction_as_word<S: serde::Serializer>(direction: &Direction, serializer: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn direction_as_word<S: serde::Serializer>(
+    direction: &Direction,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
     serializer.serialize_str(direction.name())
 }
 
@@ -29,8 +32,8 @@ pub struct Stroke {
     /// Whether the stroke starts at a reversal within the recording (not at its start or after a
     /// gap).
     pub starts_at_reversal: bool,
-    /// Number of the motion to which it belongs: a gap or a reset of the encoder splits a stroke, not
-    /// the motion.
+    /// Number of the motion to which it belongs: a gap or a reset of the encoder splits a stroke,
+    /// not the motion.
     pub motion: usize,
 }
 
@@ -83,7 +86,8 @@ pub fn reversal_threshold(recording: &Recording) -> f64 {
 /// Splits a recording into strokes; `threshold` is the smallest retreat, m, that counts as a
 /// reversal.
 ///
-/// The sample of the extreme position ends one stroke and starts the next. Gaps and resets end a stroke too.
+/// The sample of the extreme position ends one stroke and starts the next. Gaps and resets end a
+/// stroke too.
 pub fn strokes(recording: &Recording, threshold: f64) -> Vec<Stroke> {
     let mut found: Vec<Stroke> = Vec::new();
     for range in recording.unbroken() {
@@ -96,12 +100,24 @@ pub fn strokes(recording: &Recording, threshold: f64) -> Vec<Stroke> {
     found
 }
 
-fn strokes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, found: &mut Vec<Stroke>) {
+fn strokes_of_range(
+    position: &[f64],
+    from: usize,
+    to: usize,
+    threshold: f64,
+    found: &mut Vec<Stroke>,
+) {
     let (mut low, mut high, mut start) = (from, from, from);
     let mut heading = None;
     let mut push = |start: usize, end: usize, direction| {
         if end > start {
-            found.push(Stroke { start, end, direction, starts_at_reversal: start > from, motion: 0 });
+            found.push(Stroke {
+                start,
+                end,
+                direction,
+                starts_at_reversal: start > from,
+                motion: 0,
+            });
         }
     };
     for i in from..to {
@@ -142,9 +158,14 @@ fn strokes_of_range(position: &[f64], from: usize, to: usize, threshold: f64, fo
 
 /// Window, s, over which a local velocity is accurate to a quarter of the tolerance at `speed`.
 ///
-/// The slope of n positions with error e over the time T has the standard deviation e·√(12/n)/T; the encoder's
-/// rounding counts as an error of resolution/√12.
-fn velocity_window(recording: &Recording, speed: f64, stroke_duration: f64, options: &SegmentOptions) -> f64 {
+/// The slope of n positions with error e over the time T has the standard deviation e·√(12/n)/T;
+/// the encoder's rounding counts as an error of resolution/√12.
+fn velocity_window(
+    recording: &Recording,
+    speed: f64,
+    stroke_duration: f64,
+    options: &SegmentOptions,
+) -> f64 {
     let q = &recording.quality;
     let error = q.position_noise.hypot(q.position_resolution / 12f64.sqrt());
     let wanted = 0.25 * options.velocity_tolerance * speed;
@@ -158,13 +179,18 @@ fn velocity_window(recording: &Recording, speed: f64, stroke_duration: f64, opti
 /// It is searched for the speeds at which a motion dwells: a plateau contains at least
 /// `minimum_dwell` of the motion's time within `velocity_tolerance`. A motion may have several
 /// plateaus; each gives one or more segments of at least `minimum_duration`.
-pub fn steady_segments(recording: &Recording, strokes: &[Stroke], options: &SegmentOptions) -> Vec<SteadySegment> {
+pub fn steady_segments(
+    recording: &Recording,
+    strokes: &[Stroke],
+    options: &SegmentOptions,
+) -> Vec<SteadySegment> {
     let mut found = Vec::new();
     let mut cached: Option<(f64, Vec<f64>)> = None;
     let mut plateau = 0;
     for motion in strokes.chunk_by(|a, b| a.motion == b.motion) {
         let first = strokes.partition_point(|p| p.motion < motion[0].motion);
-        let duration: f64 = motion.iter().map(|p| recording.time[p.end] - recording.time[p.start]).sum();
+        let duration: f64 =
+            motion.iter().map(|p| recording.time[p.end] - recording.time[p.start]).sum();
         let travel: f64 = motion.iter().map(|p| travel(recording, p, p.end)).sum();
         if duration < 2.0 * options.minimum_duration || travel <= 0.0 {
             continue;
@@ -182,7 +208,14 @@ pub fn steady_segments(recording: &Recording, strokes: &[Stroke], options: &Segm
                 runs(recording, velocity, stroke, speed, options, |start, end| {
                     let (x, t) = (&recording.position, &recording.time);
                     let mean = (x[end - 1] - x[start]) / (t[end - 1] - t[start]);
-                    found.push(SteadySegment { start, end, stroke: first + k, plateau, dwell, velocity: mean });
+                    found.push(SteadySegment {
+                        start,
+                        end,
+                        stroke: first + k,
+                        plateau,
+                        dwell,
+                        velocity: mean,
+                    });
                 });
             }
             plateau += 1;
@@ -197,12 +230,17 @@ const DISTINCT: f64 = 0.25;
 
 /// Speeds, m/s, at which a motion dwells, with the fraction of its time, in descending order of
 /// time.
-fn plateau_speeds(velocity: &[f64], motion: &[Stroke], options: &SegmentOptions) -> Vec<(f64, f64)> {
+fn plateau_speeds(
+    velocity: &[f64],
+    motion: &[Stroke],
+    options: &SegmentOptions,
+) -> Vec<(f64, f64)> {
     const MOST_SAMPLES: usize = 4000;
     let sign = motion[0].direction.sign();
     let samples: usize = motion.iter().map(|p| p.end - p.start).sum();
     let every = samples.div_ceil(MOST_SAMPLES);
-    let along = motion.iter().flat_map(|p| (p.start..p.end).step_by(every)).map(|i| sign * velocity[i]);
+    let along =
+        motion.iter().flat_map(|p| (p.start..p.end).step_by(every)).map(|i| sign * velocity[i]);
     let mut speeds: Vec<f64> = along.collect();
     let all = speeds.len() as f64;
     speeds.retain(|v| *v > 0.0);
@@ -246,9 +284,11 @@ fn runs(
     let sign = stroke.direction.sign();
     let (x, t) = (&recording.position, &recording.time);
     let tolerance = options.velocity_tolerance;
-    let keeps_speed =
-        |from: usize, to: usize| (sign * (x[to] - x[from]) / (t[to] - t[from]) / speed - 1.0).abs() <= 2.0 * tolerance;
-    let within = (stroke.start..stroke.end).filter(|i| (sign * velocity[*i] / speed - 1.0).abs() <= tolerance);
+    let keeps_speed = |from: usize, to: usize| {
+        (sign * (x[to] - x[from]) / (t[to] - t[from]) / speed - 1.0).abs() <= 2.0 * tolerance
+    };
+    let within = (stroke.start..stroke.end)
+        .filter(|i| (sign * velocity[*i] / speed - 1.0).abs() <= tolerance);
     let mut run: Option<(usize, usize)> = None;
     let mut close = |run: Option<(usize, usize)>| {
         if let Some((start, last)) = run
@@ -286,7 +326,8 @@ pub fn after_start(
     let part = |segment: &SteadySegment| {
         let needed = needed(segment.velocity.abs());
         let stroke = &strokes[segment.stroke];
-        let start = (segment.start..segment.end).find(|i| travel(recording, stroke, *i) >= needed)?;
+        let start =
+            (segment.start..segment.end).find(|i| travel(recording, stroke, *i) >= needed)?;
         Some(SteadySegment { start, ..*segment })
     };
     steady_segments.iter().filter_map(part).collect()

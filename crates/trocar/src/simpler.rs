@@ -70,13 +70,19 @@ pub(crate) fn doubt(
 }
 
 /// Errors where the state of the identified element is known.
-fn errors<K: AsRef<[f64]>>(found: &Identification, recordings: &[Recording], model: &Trocar<K>, offset: f64) -> Errors {
+fn errors<K: AsRef<[f64]>>(
+    found: &Identification,
+    recordings: &[Recording],
+    model: &Trocar<K>,
+    offset: f64,
+) -> Errors {
     let (mut by_strokes, mut squares, mut samples) = (Vec::new(), 0.0, 0);
     for recording in recordings {
         let known = replay(&found.trocar(), recording, found.model.offset).known;
         let scored: Vec<usize> = known.into_iter().flatten().collect();
         let force = forces(model, recording, offset);
-        let errors: Vec<f64> = scored.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
+        let errors: Vec<f64> =
+            scored.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
         squares += errors.iter().map(|e| e * e).sum::<f64>();
         samples += errors.len();
         by_strokes.extend(by_stroke(recording, &scored, &errors));

@@ -59,12 +59,14 @@ impl<'a> Run<'a> {
     ) -> Result<(Self, Beginning), SimulateError> {
         let (state, reading) = match (options.initial_deflection, first.reading) {
             (Some(deflection), _) => (trocar.rest_at_deflection(first.position, deflection), None),
-            (None, Some(reading)) => {
-                (Some(trocar.rest_at_force(first.position, reading - options.offset)), Some(reading))
-            }
+            (None, Some(reading)) => (
+                Some(trocar.rest_at_force(first.position, reading - options.offset)),
+                Some(reading),
+            ),
             (None, None) => (Some(trocar.rest(first.position)), None),
         };
-        let state = state.ok_or_else(|| SimulateError::NoDeflection { kind: trocar.seal().kind() })?;
+        let state =
+            state.ok_or_else(|| SimulateError::NoDeflection { kind: trocar.seal().kind() })?;
         let filter = options.filter.map(|filter| {
             let mut state = BacklashState::default();
             filter.displacement(&mut state, 0.0);
@@ -136,7 +138,8 @@ pub fn simulate_file<K: AsRef<[f64]>>(
     progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
     let mut result = TableWriter::create(output, &fields(trocar.seal()))?;
-    let simulated = simulate(Positions::open(motion, choice)?, trocar, options, &mut result, progress)?;
+    let simulated =
+        simulate(Positions::open(motion, choice)?, trocar, options, &mut result, progress)?;
     result.commit()?;
     Ok(simulated)
 }
@@ -176,7 +179,13 @@ pub fn simulate<K: AsRef<[f64]>>(
         match run.state.deformation() {
             Some(Deformation { deflection, mode }) => {
                 let [time, position, force] = numbers;
-                output.row(&[time, position, force, TableCell::Number(deflection), TableCell::Text(word(mode))])?;
+                output.row(&[
+                    time,
+                    position,
+                    force,
+                    TableCell::Number(deflection),
+                    TableCell::Text(word(mode)),
+                ])?;
             }
             None => output.row(&numbers)?,
         }
@@ -240,7 +249,11 @@ impl<'a> Positions<'a> {
     ///
     /// # Errors
     /// As for [`Positions::open`].
-    pub fn from_text(file: &str, input: impl Read + Send + 'a, choice: &Choice) -> Result<Self, RecordingError> {
+    pub fn from_text(
+        file: &str,
+        input: impl Read + Send + 'a,
+        choice: &Choice,
+    ) -> Result<Self, RecordingError> {
         let rows = Rows::from_text(file, Box::new(input), false, choice, &NEEDED, false)?;
         Ok(Self::new(file.to_owned(), rows))
     }
@@ -287,7 +300,13 @@ impl<'a> Positions<'a> {
             return RecordingError::TimeGoesBack { file, place, from: self.time, to: time };
         }
         if time == self.time {
-            return RecordingError::NoDuration { file, place, time, from: self.position, to: position };
+            return RecordingError::NoDuration {
+                file,
+                place,
+                time,
+                from: self.position,
+                to: position,
+            };
         }
         let stroke = self.highest - self.lowest;
         RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE }

@@ -8,10 +8,12 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::identify::{
-    Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale, Parameter, Phase,
-    PositionDelay, SteadyFit, StickSlip, Subject, Warning,
+    Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale,
+    Parameter, Phase, PositionDelay, SteadyFit, StickSlip, Subject, Warning,
 };
-use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo};
+use crate::model_file::{
+    ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo,
+};
 use crate::profile::ProfileFit;
 use crate::recording::{Choice, Quality, Recording};
 use crate::validate::{Validation, validate};
@@ -68,11 +70,13 @@ pub struct BranchSummary {
 pub struct DeformationSummary<'a> {
     /// c of the two-step result.
     pub half_width_m: &'a Estimate,
-    /// Standard deviation of c over the full reversals, m: the error of the reconstructed deflection.
+    /// Standard deviation of c over the full reversals, m: the error of the reconstructed
+    /// deflection.
     pub half_width_spread_m: f64,
     /// p value of a dependence of c on speed; `None` with too few speeds.
     pub speed_dependence_p_value: Option<f64>,
-    /// Full reversals: strokes over which the measured force goes from one sliding limit to the other.
+    /// Full reversals: strokes over which the measured force goes from one sliding limit to the
+    /// other.
     pub full_reversals: usize,
     /// Branch of the insertion.
     pub insertion_branch: BranchSummary,
@@ -188,7 +192,8 @@ impl Workflow {
     /// The identified seal with its origin, sensor and intervals.
     pub fn model_file(&self) -> ModelFile {
         let found = &self.identification;
-        let mut origin = Origin::identified(self.options.seed, self.recordings.iter().map(origin_of));
+        let mut origin =
+            Origin::identified(self.options.seed, self.recordings.iter().map(origin_of));
         origin.note = found.deformation_note();
         let mut model = ModelFile::new(found.stages, origin);
         model.trocar = found.trocar().stored_as(<[f64]>::to_vec);
@@ -204,18 +209,26 @@ impl Workflow {
     /// larger of both.
     fn force_error(&self) -> ForceError {
         let found = &self.identification;
-        let without_hidden = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
+        let without_hidden =
+            |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
         let recordings: Vec<Recording> = match found.model.unmodelled_mass {
             0.0 => self.recordings.to_vec(),
             _ => self.recordings.iter().filter_map(without_hidden).collect(),
         };
-        let own = validate(&found.trocar(), &recordings, found.model.offset).force_error(ErrorSource::Identification);
-        let validated = self.validation.as_ref().map(|validation| validation.force_error(ErrorSource::Validation));
+        let own = validate(&found.trocar(), &recordings, found.model.offset)
+            .force_error(ErrorSource::Identification);
+        let validated = self
+            .validation
+            .as_ref()
+            .map(|validation| validation.force_error(ErrorSource::Validation));
         validated.map_or(own, |validated| own.worse(&validated, ErrorSource::Validation))
     }
 
     fn recording_summaries(&self) -> Vec<RecordingSummary<'_>> {
-        fn of<'a>(used_for: &'static str, recordings: &'a [Recording]) -> impl Iterator<Item = RecordingSummary<'a>> {
+        fn of<'a>(
+            used_for: &'static str,
+            recordings: &'a [Recording],
+        ) -> impl Iterator<Item = RecordingSummary<'a>> {
             recordings.iter().map(move |recording| RecordingSummary {
                 name: &recording.name,
                 sha256: &recording.sha256,
@@ -273,7 +286,15 @@ pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
 /// How to read another recording for a model; `None` if by its own header.
 pub fn choice_for(model: &ModelFile) -> Option<Choice> {
     let ReadWith { columns, topics, flip_force, skip_rows, rate_hz } = model.read_with()?.clone();
-    Some(Choice { columns, topics, flip_force, skip_rows, rate_hz, from_another_file: true, ..Choice::default() })
+    Some(Choice {
+        columns,
+        topics,
+        flip_force,
+        skip_rows,
+        rate_hz,
+        from_another_file: true,
+        ..Choice::default()
+    })
 }
 
 /// Estimates in the form used in a model file.
@@ -281,7 +302,9 @@ pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> 
     let bound = |bound: f64| bound.is_finite().then_some(bound);
     let interval = |parameter: &Parameter| {
         let Estimate { value, ci95, .. } = parameter.estimate;
-        value.is_finite().then(|| (parameter.id.to_string(), Interval { value, ci95: ci95.map(bound) }))
+        value
+            .is_finite()
+            .then(|| (parameter.id.to_string(), Interval { value, ci95: ci95.map(bound) }))
     };
     parameters.iter().filter_map(interval).collect()
 }

@@ -83,7 +83,9 @@ fn different(mut speeds: Vec<f64>) -> Vec<f64> {
 }
 
 fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
-    let all = |of: fn(&RecordingSurvey) -> &Vec<f64>| different(recordings.iter().flat_map(of).copied().collect());
+    let all = |of: fn(&RecordingSurvey) -> &Vec<f64>| {
+        different(recordings.iter().flat_map(of).copied().collect())
+    };
     let (insertion, withdrawal) = (all(|r| &r.insertion_speeds), all(|r| &r.withdrawal_speeds));
     let reversals: usize = recordings.iter().map(|r| r.reversals).sum();
     let mut found = Vec::new();
@@ -150,7 +152,10 @@ mod tests {
 
     #[test]
     fn speeds_are_counted_once_for_each_direction() {
-        let survey = Survey::new(&[saw(6, &[0.02, 0.02, 0.05, 0.05, 0.08, 0.08])], &SegmentOptions::default());
+        let survey = Survey::new(
+            &[saw(6, &[0.02, 0.02, 0.05, 0.05, 0.08, 0.08])],
+            &SegmentOptions::default(),
+        );
         let found = &survey.recordings[0];
         assert_eq!((found.strokes, found.reversals), (6, 5));
         assert_eq!((found.insertion_speeds.len(), found.withdrawal_speeds.len()), (3, 3));

@@ -6,9 +6,10 @@
 //! ```
 //! Only samples with a known state are scored: before the seal has slid once, its deflection is
 //! unknown. The set of these samples depends on the model, so two models may be scored on slightly
-//! different samples of one recording. The figure over all samples is reported as well. Slow strokes
-//! take most of the time, so the error is also given by speed and by phase. At 1 kHz residuals are
-//! never white; they are decimated to their correlation time before the Ljung-Box test.
+//! different samples of one recording. The figure over all samples is reported as well. Slow
+//! strokes take most of the time, so the error is also given by speed and by phase. At 1 kHz
+//! residuals are never white; they are decimated to their correlation time before the Ljung-Box
+//! test.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -34,8 +35,8 @@ const SEEN: f64 = 0.01;
 /// that is 10 % lower gives 6.6 times. An error within 3 times the noise is small, however small
 /// the identification error.
 const FAR: f64 = 3.0;
-/// Fit, %, below which a model explains little of a recording: its error is more than half of the readings' standard
-/// deviation.
+/// Fit, %, below which a model explains little of a recording: its error is more than half of the
+/// readings' standard deviation.
 const LEAST_FIT: f64 = 50.0;
 /// Ratio of the mean error to the rms above which the mean counts as its cause: with 0.9 it is 80 %
 /// of the squared error.
@@ -118,11 +119,13 @@ pub struct AgainstStrokes {
 
 impl AgainstStrokes {
     fn of(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Self> {
-        let scatter = StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
+        let scatter =
+            StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
         let mut is_scored = vec![false; recording.len()];
         scored.iter().for_each(|i| is_scored[*i] = true);
         let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
-        let rms_n = Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
+        let rms_n =
+            Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
         Some(Self {
             strokes: scatter.strokes,
             stroke_scatter_n,
@@ -255,13 +258,20 @@ impl Scored {
         let with_start = |r: &RecordingValidation| (r.samples + r.samples_before_known) as f64;
         let (p, q) = (with_start(&a), with_start(&b));
         let mut warnings = a.warnings;
-        warnings.extend(b.warnings.into_iter().filter(|warning| !warnings.contains(warning)).collect::<Vec<_>>());
+        warnings.extend(
+            b.warnings
+                .into_iter()
+                .filter(|warning| !warnings.contains(warning))
+                .collect::<Vec<_>>(),
+        );
         let result = RecordingValidation {
             rms_n: sums.rms(),
             fit_percent: sums.fit_percent(),
             bias_n: (n * a.bias_n + m * b.bias_n) / (n + m).max(1.0),
             worst_n: a.worst_n.max(b.worst_n),
-            rms_with_start_n: ((p * a.rms_with_start_n.powi(2) + q * b.rms_with_start_n.powi(2)) / (p + q)).sqrt(),
+            rms_with_start_n: ((p * a.rms_with_start_n.powi(2) + q * b.rms_with_start_n.powi(2))
+                / (p + q))
+                .sqrt(),
             samples: a.samples + b.samples,
             samples_before_known: a.samples_before_known + b.samples_before_known,
             by_speed: both_speeds(a.by_speed, &b.by_speed),
@@ -305,8 +315,10 @@ fn both_speeds(mut all: Vec<SpeedPart>, more: &[SpeedPart]) -> Vec<SpeedPart> {
     for part in more {
         match all.iter_mut().find(|own| own.speed_m_s == part.speed_m_s) {
             Some(own) => {
-                (own.rms_n, own.samples) =
-                    (both_rms((own.rms_n, own.samples), (part.rms_n, part.samples)), own.samples + part.samples);
+                (own.rms_n, own.samples) = (
+                    both_rms((own.rms_n, own.samples), (part.rms_n, part.samples)),
+                    own.samples + part.samples,
+                );
             }
             None => all.push(*part),
         }
@@ -331,13 +343,16 @@ impl Validation {
         }
     }
 
-    /// The error by phase over all recordings; a phase with less than 1 % of the samples is unknown.
+    /// The error by phase over all recordings; a phase with less than 1 % of the samples is
+    /// unknown.
     pub fn force_error(&self, source: ErrorSource) -> ForceError {
         let all: usize = self.recordings.iter().map(|recording| recording.samples).sum();
         let rms = |part: &dyn Fn(&Phases) -> (f64, usize)| {
             let parts = self.recordings.iter().map(|recording| part(&recording.by_phase));
-            let (squares, samples) = parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
-            (samples > 0 && samples as f64 >= SEEN * all as f64).then(|| (squares.max(0.0) / samples as f64).sqrt())
+            let (squares, samples) =
+                parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
+            (samples > 0 && samples as f64 >= SEEN * all as f64)
+                .then(|| (squares.max(0.0) / samples as f64).sqrt())
         };
         let sums = |part: PhaseError| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
         let without = |all: PhaseError, part: Option<PhaseError>| {
@@ -365,9 +380,15 @@ impl Validation {
     /// `identification_rms`, N. A recording gets a warning if its error is far above that or if the
     /// model explains it badly. `recordings` are those used for validation.
     #[must_use]
-    pub fn beside_identification(mut self, identification_rms: f64, recordings: &[Recording]) -> Self {
+    pub fn beside_identification(
+        mut self,
+        identification_rms: f64,
+        recordings: &[Recording],
+    ) -> Self {
         for (result, recording) in self.recordings.iter_mut().zip(recordings) {
-            result.warnings.extend(result.contradiction(identification_rms, recording.quality.force_noise));
+            result
+                .warnings
+                .extend(result.contradiction(identification_rms, recording.quality.force_noise));
         }
         self
     }
@@ -416,14 +437,25 @@ impl Sums {
 }
 
 /// Replays `trocar` over `recordings`, whose readings include the sensor offset `offset`, N.
-pub fn validate<K: AsRef<[f64]>>(trocar: &Trocar<K>, recordings: &[Recording], offset: f64) -> Validation {
-    Validation::of(recordings.iter().map(|recording| validate_one(trocar, recording, offset)).collect())
+pub fn validate<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    recordings: &[Recording],
+    offset: f64,
+) -> Validation {
+    Validation::of(
+        recordings.iter().map(|recording| validate_one(trocar, recording, offset)).collect(),
+    )
 }
 
 /// Validates one recording, or one piece of it; [`Scored::plus`] combines pieces.
-pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Scored {
+pub fn validate_one<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    recording: &Recording,
+    offset: f64,
+) -> Scored {
     let run = replay(trocar, recording, offset);
-    let error: Vec<f64> = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
+    let error: Vec<f64> =
+        recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
     let mut warnings = Vec::new();
     let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
     let scored = if known.is_empty() {
@@ -449,7 +481,9 @@ pub fn validate_one<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, 
         samples: scored.len(),
         samples_before_known: recording.len() - scored.len(),
         by_speed: by_speed(recording, &error, &scored),
-        by_phase: Phases::of(phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i]))),
+        by_phase: Phases::of(
+            phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i])),
+        ),
         whiteness: whiteness(recording, &error, &scored),
         strokes: AgainstStrokes::of(recording, &error, &scored),
         warnings,
@@ -483,7 +517,8 @@ fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
     let (x, t) = (&recording.position, &recording.time);
     let s = if x[to] < x[from] { -1.0 } else { 1.0 };
     let travel = s * (x[to] - x[from]);
-    let reached = |part: f64| (from..=to).find(|i| s * (x[*i] - x[from]) >= part * travel).unwrap_or(to);
+    let reached =
+        |part: f64| (from..=to).find(|i| s * (x[*i] - x[from]) >= part * travel).unwrap_or(to);
     let (a, b) = (reached(0.25), reached(0.75));
     if t[b] > t[a] { s * (x[b] - x[a]) / (t[b] - t[a]) } else { 0.0 }
 }
@@ -524,7 +559,8 @@ impl Phases {
         let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
         let parts = |phases: &Self| {
             let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
-            let [moving, partial, partial_hold] = [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
+            let [moving, partial, partial_hold] =
+                [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
             [deformation, sliding, moving, hold, partial, partial_hold]
         };
         let pairs = || parts(self).into_iter().zip(parts(other));
@@ -587,9 +623,10 @@ fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<W
         return None;
     }
     let own = autocovariance(&decimated, 0);
-    let statistic: f64 =
-        (1..=LAGS).map(|k| (autocovariance(&decimated, k) / own).powi(2) / (m - k) as f64).sum::<f64>()
-            * (m * (m + 2)) as f64;
+    let statistic: f64 = (1..=LAGS)
+        .map(|k| (autocovariance(&decimated, k) / own).powi(2) / (m - k) as f64)
+        .sum::<f64>()
+        * (m * (m + 2)) as f64;
     let law = ChiSquared::new(LAGS as f64).ok()?;
     Some(Whiteness {
         correlation_time_s: lag as f64 * recording.quality.median_interval,

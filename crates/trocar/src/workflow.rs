@@ -29,7 +29,11 @@ impl MovingMass {
     ///
     /// # Errors
     /// As for [`Recording::without_moving_mass`].
-    pub fn subtracted_from(self, recording: Recording, unmodelled: f64) -> Result<Recording, RecordingError> {
+    pub fn subtracted_from(
+        self,
+        recording: Recording,
+        unmodelled: f64,
+    ) -> Result<Recording, RecordingError> {
         let mass = self.mass + unmodelled;
         if mass == 0.0 {
             return Ok(recording);
@@ -41,7 +45,11 @@ impl MovingMass {
     ///
     /// # Errors
     /// The first error of a recording.
-    pub fn subtracted_from_all(self, all: Vec<Recording>, unmodelled: f64) -> Result<Vec<Recording>, RecordingError> {
+    pub fn subtracted_from_all(
+        self,
+        all: Vec<Recording>,
+        unmodelled: f64,
+    ) -> Result<Vec<Recording>, RecordingError> {
         all.into_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
     }
 }
@@ -94,7 +102,8 @@ impl Workflow {
         let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
         let mut identification = identify(&recordings, &options, progress)?;
         let recordings = identification.without_delay(recordings)?;
-        let held_out = moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
+        let held_out =
+            moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
         let held_out = identification.without_delay(held_out)?;
         progress("simpler models", 0.98);
         let doubt = simpler::doubt(&identification, &options, &recordings, &held_out)?;
@@ -114,6 +123,14 @@ impl Workflow {
             let scores = validate(&identification.trocar(), &held_out, identification.model.offset);
             scores.beside_identification(identification.residual_rms, &held_out)
         });
-        Self { identification, options, recordings, held_out, validation, moving_mass, command: None }
+        Self {
+            identification,
+            options,
+            recordings,
+            held_out,
+            validation,
+            moving_mass,
+            command: None,
+        }
     }
 }

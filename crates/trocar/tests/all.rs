@@ -1,5 +1,5 @@
-//! All tests of the library that can share one process: one program carries it, not thirty. Each file here is a module;
-//! `cancel.rs` is a program of its own, because its tests measure time.
+//! All tests of the library that can share one process: one program carries it, not thirty. Each
+//! file here is a module; `cancel.rs` is a program of its own, because its tests measure time.
 //!
 //! `cargo test -p trocar --test all recover::` runs the tests of one file.
 

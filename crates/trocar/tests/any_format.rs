@@ -30,7 +30,8 @@ fn choice(columns: &str, topics: &[&str]) -> Choice {
 }
 
 fn read_with(name: &str, choice: Choice) -> Result<Recording, String> {
-    read(&path(name), &ReadOptions { choice, ..ReadOptions::default() }).map_err(|error| error.to_string())
+    read(&path(name), &ReadOptions { choice, ..ReadOptions::default() })
+        .map_err(|error| error.to_string())
 }
 
 /// `formats/make.py`.
@@ -62,7 +63,8 @@ fn every_format_gives_the_same_recording() {
         ("formats/scipy_compressed.mat", "", &[]),
         ("formats/scipy_column.mat", "", &[]),
     ] {
-        let found = read_with(name, choice(columns, topics)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let found = read_with(name, choice(columns, topics))
+            .unwrap_or_else(|error| panic!("{name}: {error}"));
         assert_eq!(found.len(), ROWS, "{name}");
         for k in 0..ROWS {
             let (t, x, f) = signal(k);
@@ -88,15 +90,22 @@ fn crop_and_sign_work_in_every_format() {
 fn text_is_chosen_from_as_any_table() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("quoted.csv");
-    let rows: String = (0..50).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+    let rows: String =
+        (0..50).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
     std::fs::write(&file, format!("time_s,\"stage, filtered\",\"load (N), raw\"\n{rows}")).unwrap();
     let columns = "position_mm=\"stage, filtered\",force_n=-\"load (N), raw\"";
     let found = inspect(&file, &choice(columns, &[])).unwrap().recording.unwrap();
-    assert_eq!(found.columns[1..], columns.split_inclusive("\",").map(|c| c.trim_end_matches(',')).collect::<Vec<_>>());
+    assert_eq!(
+        found.columns[1..],
+        columns.split_inclusive("\",").map(|c| c.trim_end_matches(',')).collect::<Vec<_>>()
+    );
     let file = file.to_str().unwrap();
     assert_eq!(read_with(file, choice(columns, &[])).unwrap().force[3], -3.0);
     let refused = read_with(file, choice(columns, &["/load"])).unwrap_err();
-    assert!(refused.contains("named '/load'") && refused.contains("one table without a name"), "{refused}");
+    assert!(
+        refused.contains("named '/load'") && refused.contains("one table without a name"),
+        "{refused}"
+    );
 }
 
 /// The columns printed by `inspect` are accepted: names with commas, quotes, blanks and a minus.
@@ -110,14 +119,16 @@ fn odd_names_are_said_and_understood() {
         ("load, \"raw\" N", "\"load, \"raw\" N\""),
     ] {
         let file = folder.path().join("odd.csv");
-        let rows: String = (0..50).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+        let rows: String =
+            (0..50).map(|k| format!("{},{},{}\n", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
         let cell = name.replace('"', "\"\"");
         std::fs::write(&file, format!("time_s,x_mm,\"{cell}\"\n{rows}")).unwrap();
         let columns = format!("position_mm=x_mm,force_n={given}");
         let found = inspect(&file, &choice(&columns, &[])).unwrap().recording;
         let found = found.unwrap_or_else(|error| panic!("{given}: {error}"));
         let said = found.columns.join(",");
-        let again = read_with(file.to_str().unwrap(), choice(&said, &[])).unwrap_or_else(|e| panic!("{said}: {e}"));
+        let again = read_with(file.to_str().unwrap(), choice(&said, &[]))
+            .unwrap_or_else(|e| panic!("{said}: {e}"));
         assert_eq!(again.force[3], 3.0, "{said}");
     }
     let open = read_with("formats/polars.parquet", choice("force_n=\"load, raw", &[])).unwrap_err();
@@ -127,7 +138,8 @@ fn odd_names_are_said_and_understood() {
 #[test]
 fn places_in_tables_are_rows() {
     // The position is missing in the rows of `gappy`.
-    let found = read_with("formats/pyarrow_none.parquet", choice("position_mm=gappy", &[])).unwrap();
+    let found =
+        read_with("formats/pyarrow_none.parquet", choice("position_mm=gappy", &[])).unwrap();
     assert_eq!(found.quality.non_finite_rows.lines[..3], [3, 8, 13]);
     assert!(found.quality.warnings.iter().any(|warning| warning.message.contains("rows 3, 8, 13")));
 }
@@ -140,19 +152,42 @@ fn what_cannot_be_chosen_is_explained() {
             choice("", &[]),
             &["pyarrow_delta.parquet: no time, position or force column among 'count'"][..],
         ),
-        ("formats/pyarrow_none.parquet", choice("force_n=note", &[]), &["'note'", "without numbers"]),
+        (
+            "formats/pyarrow_none.parquet",
+            choice("force_n=note", &[]),
+            &["'note'", "without numbers"],
+        ),
         (
             "formats/h5py.h5",
             choice("", &["runs/second"]),
             &["0 topics or tables are named 'runs/second'", "runs/first"],
         ),
-        ("formats/polars.parquet", choice("", &["/load"]), &["named '/load'", "one table without a name"]),
-        ("bags/plain.mcap", choice("time_s,position_m,force_n", &[]), &["in order", "position_m=TOPIC.FIELD"]),
-        ("bags/plain.mcap", choice("", &["/load"]), &["no topic is clearly the position", "trocar inspect"]),
-        ("bags/plain.mcap", choice("force_n=/psm1/measured_cf.wrench.force.w", &[]), &["wrench.force.w", "one column"]),
+        (
+            "formats/polars.parquet",
+            choice("", &["/load"]),
+            &["named '/load'", "one table without a name"],
+        ),
+        (
+            "bags/plain.mcap",
+            choice("time_s,position_m,force_n", &[]),
+            &["in order", "position_m=TOPIC.FIELD"],
+        ),
+        (
+            "bags/plain.mcap",
+            choice("", &["/load"]),
+            &["no topic is clearly the position", "trocar inspect"],
+        ),
+        (
+            "bags/plain.mcap",
+            choice("force_n=/psm1/measured_cf.wrench.force.w", &[]),
+            &["wrench.force.w", "one column"],
+        ),
     ] {
         let message = read_with(name, choice).unwrap_err();
-        assert!(essentials.iter().all(|essential| message.contains(essential)), "{name}: {message}");
+        assert!(
+            essentials.iter().all(|essential| message.contains(essential)),
+            "{name}: {message}"
+        );
     }
 }
 
@@ -186,10 +221,14 @@ fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
         let log = "time_s=/psm1/measured_js.log_time_s";
         // The times are those of the stamps unless others are requested.
         for columns in [columns.clone(), format!("{columns},{log}")] {
-            let found = read_with(name, choice(&columns, &[])).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let found = read_with(name, choice(&columns, &[]))
+                .unwrap_or_else(|error| panic!("{name}: {error}"));
             assert!(found.len() > 20, "{name}: {} rows", found.len());
             let notes = found.quality.notes.join("\n");
-            assert!(notes.contains("interpolated linearly") && notes.contains("measured_cf"), "{name}: {notes}");
+            assert!(
+                notes.contains("interpolated linearly") && notes.contains("measured_cf"),
+                "{name}: {notes}"
+            );
         }
     }
 }
@@ -197,14 +236,21 @@ fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
 /// The side force of the fixtures is 0.25 N in every message.
 #[test]
 fn a_log_with_a_constant_force_is_refused_before_any_fit() {
-    let columns = "position_m=/psm1/measured_js.position[insertion],force_n=/psm1/measured_cf.wrench.force.x";
+    let columns =
+        "position_m=/psm1/measured_js.position[insertion],force_n=/psm1/measured_cf.wrench.force.x";
     for name in ["bags/plain.mcap", "bags/sqlite"] {
-        let found = read_with(name, choice(columns, &[])).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let found =
+            read_with(name, choice(columns, &[])).unwrap_or_else(|error| panic!("{name}: {error}"));
         for mass in [0.0, 0.5] {
             let moving_mass = MovingMass { mass, gravity: 0.0 };
             let no_stage = |stage: &str, _: f64| panic!("{name}: {stage}");
-            let refused =
-                Workflow::run(vec![found.clone()], vec![], moving_mass, IdentifyOptions::default(), &no_stage);
+            let refused = Workflow::run(
+                vec![found.clone()],
+                vec![],
+                moving_mass,
+                IdentifyOptions::default(),
+                &no_stage,
+            );
             let message = refused.map(|_| ()).unwrap_err().to_string();
             assert!(message.contains("the force is 0.25 N throughout"), "{name}: {message}");
         }
@@ -213,7 +259,9 @@ fn a_log_with_a_constant_force_is_refused_before_any_fit() {
 
 #[test]
 fn names_alone_choose_the_insertion_joint_and_the_wrench() {
-    let found = read_with("bags/plain.mcap", choice("", &["/psm1/measured_js", "/psm1/measured_cf"])).unwrap();
+    let found =
+        read_with("bags/plain.mcap", choice("", &["/psm1/measured_js", "/psm1/measured_cf"]))
+            .unwrap();
     assert!(found.velocity.is_some(), "the joint's own velocity");
     let notes = found.quality.notes.join("\n");
     for essential in [
@@ -229,7 +277,11 @@ fn names_alone_choose_the_insertion_joint_and_the_wrench() {
     // Times are relative to the first of the log, which is LATENCY after the first stamp.
     for k in 0..found.len() {
         assert!((found.position[k] - position(found.time[k] + 3e-4)).abs() < 1e-12, "row {k}");
-        assert!((found.force[k] - (20.0 * found.position[k] - 2.0)).abs() < STRAIGHT, "row {k}: {}", found.force[k]);
+        assert!(
+            (found.force[k] - (20.0 * found.position[k] - 2.0)).abs() < STRAIGHT,
+            "row {k}: {}",
+            found.force[k]
+        );
     }
     // Without the first and the last row, and those in the gap of eight wrenches.
     assert!((60..90).contains(&found.len()), "{}", found.len());
@@ -254,22 +306,32 @@ fn an_unfinished_log_is_read_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let cut = folder.path().join("cut.mcap");
     std::fs::write(&cut, &whole[..whole.len() * 3 / 4]).unwrap();
-    let choice = choice("position_m=position[insertion],force_n=effort[insertion]", &["measured_js"]);
+    let choice =
+        choice("position_m=position[insertion],force_n=effort[insertion]", &["measured_js"]);
     let found = read(&cut, &ReadOptions { choice, ..ReadOptions::default() }).unwrap();
     assert!(found.len() > 8 && found.len() <= 100);
-    assert!(found.quality.warnings.iter().any(|warning| warning.kind == WarningKind::Source), "{:?}", found.quality);
+    assert!(
+        found.quality.warnings.iter().any(|warning| warning.kind == WarningKind::Source),
+        "{:?}",
+        found.quality
+    );
 }
 
 #[test]
 fn inspect_tells_tables_clocks_and_words() {
-    let found = inspect(&path("bags/plain.mcap"), &choice("", &["/psm1/measured_js", "/psm1/measured_cf"])).unwrap();
+    let found =
+        inspect(&path("bags/plain.mcap"), &choice("", &["/psm1/measured_js", "/psm1/measured_cf"]))
+            .unwrap();
     let joints = found.tables.iter().find(|table| table.name == "/psm1/measured_js").unwrap();
     assert_eq!((joints.rows, joints.kind.as_str()), (100, "sensor_msgs/msg/JointState"));
-    let insertion = joints.columns.iter().find(|column| column.name == "position[insertion]").unwrap();
+    let insertion =
+        joints.columns.iter().find(|column| column.name == "position[insertion]").unwrap();
     assert!((insertion.lowest.unwrap() - 0.12).abs() < 1e-12 && insertion.not_finite == 0);
     let words = found.recording.unwrap().columns;
     let again = read_with("bags/plain.mcap", choice(&words.join(","), &[])).unwrap();
-    let first = read_with("bags/plain.mcap", choice("", &["/psm1/measured_js", "/psm1/measured_cf"])).unwrap();
+    let first =
+        read_with("bags/plain.mcap", choice("", &["/psm1/measured_js", "/psm1/measured_cf"]))
+            .unwrap();
     assert_eq!(again.force, first.force, "the words give the same recording: {words:?}");
     assert_eq!(again.time, first.time);
 
@@ -286,11 +348,21 @@ fn inspect_tells_tables_clocks_and_words() {
 fn words_for_columns_without_names_are_in_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("raw.txt");
-    let rows: Vec<String> = (0..100).map(|k| format!("{},{},{}", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
+    let rows: Vec<String> =
+        (0..100).map(|k| format!("{},{},{}", f64::from(k) * 1e-3, k % 30, k % 7)).collect();
     std::fs::write(&path, rows.join("\n")).unwrap();
-    let words = inspect(&path, &choice("time_s,position_mm,force_n", &[])).unwrap().recording.unwrap().columns;
+    let words = inspect(&path, &choice("time_s,position_mm,force_n", &[]))
+        .unwrap()
+        .recording
+        .unwrap()
+        .columns;
     assert_eq!(words, ["time_s,position_mm,force_n"]);
-    assert!(inspect(std::path::Path::new("-"), &Choice::default()).unwrap_err().to_string().contains("stream"));
+    assert!(
+        inspect(std::path::Path::new("-"), &Choice::default())
+            .unwrap_err()
+            .to_string()
+            .contains("stream")
+    );
 }
 
 #[test]

@@ -114,10 +114,13 @@ fn an_error_deep_in_a_file_names_its_line() {
     for line in [2, 131_072, 300_001, MANY + 1] {
         let mut lines: Vec<String> = plain(MANY).lines().map(str::to_owned).collect();
         lines[line - 1] = "1.0,two,3.0".into();
-        let message = read(&scratch.file("wrong.csv", &lines.join("\n")), &options(None)).unwrap_err().to_string();
+        let message = read(&scratch.file("wrong.csv", &lines.join("\n")), &options(None))
+            .unwrap_err()
+            .to_string();
         assert!(message.contains(&format!("wrong.csv line {line}: found 'two'")), "{message}");
         // All rows before the wrong one are returned first.
-        let mut positions = Positions::open(&scratch.0.path().join("wrong.csv"), &Choice::default()).unwrap();
+        let mut positions =
+            Positions::open(&scratch.0.path().join("wrong.csv"), &Choice::default()).unwrap();
         let before = (0..).take_while(|_| matches!(positions.advance(), Ok(Some(_)))).count();
         assert_eq!(before, line - 2);
     }
@@ -142,7 +145,10 @@ fn excerpts_are_contiguous_and_from_all_over_the_recording() {
     assert!(found.unbroken().count() > 1);
     for range in found.unbroken() {
         let length = found.time[range.end - 1] - found.time[range.start];
-        assert!((length - (range.len() - 1) as f64 * 1e-3).abs() < 1e-6, "no sample is missing inside");
+        assert!(
+            (length - (range.len() - 1) as f64 * 1e-3).abs() < 1e-6,
+            "no sample is missing inside"
+        );
     }
     let note = found.quality.notes.join("\n");
     assert!(note.contains("1600000 rows") && note.contains(&found.len().to_string()), "{note}");
@@ -156,16 +162,27 @@ fn the_beginning_of_a_longer_recording_is_thinned_alike() {
     let scratch = Scratch::new();
     let kept = |rows: usize| {
         let found = read(&scratch.file("long.csv", &plain(rows)), &options(Some(150_000))).unwrap();
-        found.time.iter().map(|t| (t * 1e3).round() as usize).collect::<std::collections::BTreeSet<_>>()
+        found
+            .time
+            .iter()
+            .map(|t| (t * 1e3).round() as usize)
+            .collect::<std::collections::BTreeSet<_>>()
     };
     // Both are decimated three times, so the selection of the longer one begins with that of the
     // shorter one.
     let (shorter, longer) = (kept(700_000), kept(760_000));
-    assert!(shorter.iter().filter(|row| !longer.contains(row)).count() == 0, "{} {}", shorter.len(), longer.len());
+    assert!(
+        shorter.iter().filter(|row| !longer.contains(row)).count() == 0,
+        "{} {}",
+        shorter.len(),
+        longer.len()
+    );
 }
 
 fn coulomb() -> Trocar {
-    Trocar::of_seal(Classical::Static(StaticFriction::new(SlidingFriction::coulomb(1.5, 0.0)).unwrap()))
+    Trocar::of_seal(Classical::Static(
+        StaticFriction::new(SlidingFriction::coulomb(1.5, 0.0)).unwrap(),
+    ))
 }
 
 fn by_pieces(path: &std::path::Path, samples: usize) -> Validation {
@@ -188,7 +205,9 @@ fn a_pause_longer_than_a_piece_is_not_scored() {
     let scratch = Scratch::new();
     let mut text = plain(ROWS);
     let (_, rest, force) = row(ROWS - 1);
-    (ROWS..2 * ROWS).for_each(|k| writeln!(text, "{:.3},{rest:.7},{:.5}", k as f64 * 1e-3, force + 0.5).unwrap());
+    (ROWS..2 * ROWS).for_each(|k| {
+        writeln!(text, "{:.3},{rest:.7},{:.5}", k as f64 * 1e-3, force + 0.5).unwrap()
+    });
     let strokes = by_pieces(&scratch.file("strokes.csv", &plain(ROWS)), ROWS);
     let both = by_pieces(&scratch.file("pause.csv", &text), ROWS);
     let (a, b) = (&both.recordings[0], &strokes.recordings[0]);
@@ -223,8 +242,10 @@ fn a_validation_by_pieces_is_that_of_the_whole() {
         assert!(b.samples - a.samples <= unknown, "{} of {}", a.samples, b.samples);
         assert!((a.rms_n / b.rms_n - 1.0).abs() < 0.05, "{} and {} N", a.rms_n, b.rms_n);
         assert!((a.bias_n - b.bias_n).abs() < 0.05 * b.rms_n);
-        let samples_by_phase =
-            [a.by_phase.hold, a.by_phase.moving.unwrap()].iter().map(|part| part.samples).sum::<usize>();
+        let samples_by_phase = [a.by_phase.hold, a.by_phase.moving.unwrap()]
+            .iter()
+            .map(|part| part.samples)
+            .sum::<usize>();
         assert_eq!(samples_by_phase, a.samples);
     }
 }

@@ -7,8 +7,11 @@ use std::path::{Path, PathBuf};
 /// All sources of the crates, without tests, examples and build scripts.
 fn sources() -> Vec<(String, String)> {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").canonicalize().unwrap();
-    let mut folders: Vec<PathBuf> =
-        fs::read_dir(&crates).unwrap().map(|entry| entry.unwrap().path().join("src")).filter(|p| p.is_dir()).collect();
+    let mut folders: Vec<PathBuf> = fs::read_dir(&crates)
+        .unwrap()
+        .map(|entry| entry.unwrap().path().join("src"))
+        .filter(|p| p.is_dir())
+        .collect();
     let mut found = Vec::new();
     while let Some(folder) = folders.pop() {
         for entry in fs::read_dir(folder).unwrap() {
@@ -28,7 +31,10 @@ fn sources() -> Vec<(String, String)> {
 /// The text without comments and unit tests.
 fn code(text: &str) -> String {
     let own = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
-    own.lines().filter(|line| !line.trim_start().starts_with("//")).map(|line| format!("{line}\n")).collect()
+    own.lines()
+        .filter(|line| !line.trim_start().starts_with("//"))
+        .map(|line| format!("{line}\n"))
+        .collect()
 }
 
 /// Files that contain one of `patterns` and whose names do not begin with an entry of `allowed`.
@@ -42,8 +48,15 @@ fn elsewhere(patterns: &[&str], allowed: &[&str]) -> BTreeSet<String> {
 
 #[track_caller]
 fn only_in(patterns: &[&str], allowed: &[&str]) {
-    assert_eq!(elsewhere(patterns, allowed), BTreeSet::new(), "{patterns:?} belongs to {allowed:?}");
-    assert!(!elsewhere(patterns, &[]).is_empty(), "{patterns:?} is nowhere: the test looks for the wrong thing");
+    assert_eq!(
+        elsewhere(patterns, allowed),
+        BTreeSet::new(),
+        "{patterns:?} belongs to {allowed:?}"
+    );
+    assert!(
+        !elsewhere(patterns, &[]).is_empty(),
+        "{patterns:?} is nowhere: the test looks for the wrong thing"
+    );
 }
 
 #[test]
@@ -56,7 +69,10 @@ fn only_the_command_line_prints_or_exits() {
 
 #[test]
 fn only_the_command_line_and_python_draw() {
-    only_in(&["trocar::report", "crate::report"], &["trocar-cli/", "trocar-py/", "trocar/src/report/"]);
+    only_in(
+        &["trocar::report", "crate::report"],
+        &["trocar-cli/", "trocar-py/", "trocar/src/report/"],
+    );
 }
 
 #[test]
@@ -69,23 +85,32 @@ fn only_the_reader_knows_formats() {
 /// for specific reasons.
 #[test]
 fn models_are_stepped_in_known_places() {
-    let parts =
-        ["stages.step(", "element.step", "seal.step(", "seal().step(", "step_parallel(", "step_beside(", "model.step("];
+    let parts = [
+        "stages.step(",
+        "element.step",
+        "seal.step(",
+        "seal().step(",
+        "step_parallel(",
+        "step_beside(",
+        "model.step(",
+    ];
     let allowed = [
         "trocar-model/",
-        "trocar/src/analyze",                    // propositions and energy of elements
-        "trocar/src/bench/rig.rs",               // a wetted seal under a motor
-        "trocar/src/identify/",                  // derivatives of the force
+        "trocar/src/analyze",      // propositions and energy of elements
+        "trocar/src/bench/rig.rs", // a wetted seal under a motor
+        "trocar/src/identify/",    // derivatives of the force
         "trocar/src/report/figures/deformation", // branches of the deformation force
-        "trocar/src/replay.rs",                  // extreme starts
-        "trocar-runtime/src/compensate",         // a seal whose friction has changed is driven by a scaled motion
+        "trocar/src/replay.rs",    // extreme starts
+        "trocar-runtime/src/compensate", // a seal whose friction has changed is driven by a scaled motion
     ];
     only_in(&parts, &allowed);
 }
 
 #[test]
 fn identification_and_bench_do_not_know_each_other() {
-    let of = |folder: &str| sources().into_iter().filter(move |(name, _)| name.starts_with(folder)).collect::<Vec<_>>();
+    let of = |folder: &str| {
+        sources().into_iter().filter(move |(name, _)| name.starts_with(folder)).collect::<Vec<_>>()
+    };
     let (identify, bench) = (of("trocar/src/identify"), of("trocar/src/bench"));
     assert!(identify.len() > 20 && bench.len() > 5);
     for (name, text) in identify {
@@ -98,11 +123,13 @@ fn identification_and_bench_do_not_know_each_other() {
 
 #[test]
 fn no_clock_in_results() {
-    let measured = ["trocar/src/compare/mod.rs", "trocar/src/fleet/journal.rs", "trocar-cli/src/verbs/"];
+    let measured =
+        ["trocar/src/compare/mod.rs", "trocar/src/fleet/journal.rs", "trocar-cli/src/verbs/"];
     only_in(&["Instant::now", "SystemTime"], &measured);
 }
 
-/// Where tests are modules of one program, each file is one, or a program of its own: none is left out.
+/// Where tests are modules of one program, each file is one, or a program of its own: none is left
+/// out.
 #[test]
 fn every_file_of_tests_is_run() {
     let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -118,7 +145,11 @@ fn every_file_of_tests_is_run() {
             if path.extension().is_some_and(|extension| extension == "rs") {
                 let is_module = all.lines().any(|line| line == format!("mod {name};"));
                 let is_program = manifest.contains(&format!("[[test]]\nname = \"{name}\""));
-                assert!(is_module != is_program, "{}: in tests/all.rs, or a [[test]]", path.display());
+                assert!(
+                    is_module != is_program,
+                    "{}: in tests/all.rs, or a [[test]]",
+                    path.display()
+                );
             }
         }
     }

@@ -2,9 +2,12 @@
 
 use trocar::bench::config::SpeedOrder;
 use trocar::bench::{
-    BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol, random_plausible_seal, random_seal, run,
+    BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol,
+    random_plausible_seal, random_seal, run,
 };
-use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{
+    DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction,
+};
 
 const ENCODER_COUNT: f64 = 4e-6;
 
@@ -57,7 +60,8 @@ fn strokes(reference: &[f64]) -> Vec<std::ops::Range<usize>> {
     let mut strokes = Vec::new();
     let mut begin = 0;
     for i in 1..=reference.len() {
-        let ends = i == reference.len() || (reference[i] != 0.0 && reference[i].signum() != reference[begin].signum());
+        let ends = i == reference.len()
+            || (reference[i] != 0.0 && reference[i].signum() != reference[begin].signum());
         if ends {
             strokes.push(begin..i);
             begin = i;
@@ -98,7 +102,10 @@ fn speeds_are_those_of_the_paper() {
 /// Reference speed of each stroke, negative on withdrawal.
 fn speeds_asked_for(reference: &[f64]) -> Vec<f64> {
     let strongest = |most: f64, v: &f64| if v.abs() > most.abs() { *v } else { most };
-    strokes(reference).into_iter().map(|stroke| reference[stroke].iter().fold(0.0, strongest)).collect()
+    strokes(reference)
+        .into_iter()
+        .map(|stroke| reference[stroke].iter().fold(0.0, strongest))
+        .collect()
 }
 
 #[test]
@@ -132,18 +139,23 @@ fn drift_looks_like_viscous_friction_only_in_ascending_order() {
         let mut config = ideal();
         config.protocol.steady.order = order;
         config.fluctuation.drift_fraction = drift_fraction;
-        config.fluctuation.drift_time_s = if order == SpeedOrder::UpAndDown { 200.0 } else { 100.0 };
+        config.fluctuation.drift_time_s =
+            if order == SpeedOrder::UpAndDown { 200.0 } else { 100.0 };
         let truth = go(&config, Protocol::Steady, &[plausible()], 4).truth;
-        let sliding = |i: &usize| truth.deflections[0][*i].abs() > 7.9e-3 && truth.velocity[*i].abs() > 0.01;
+        let sliding =
+            |i: &usize| truth.deflections[0][*i].abs() > 7.9e-3 && truth.velocity[*i].abs() > 0.01;
         let points: Vec<(f64, f64)> = strokes(&truth.reference_velocity)
             .into_iter()
             .map(|stroke| {
                 let settled: Vec<usize> = stroke.filter(sliding).collect();
-                let mean_of = |column: &[f64]| mean(&settled.iter().map(|i| column[*i].abs()).collect::<Vec<f64>>());
+                let mean_of = |column: &[f64]| {
+                    mean(&settled.iter().map(|i| column[*i].abs()).collect::<Vec<f64>>())
+                };
                 (mean_of(&truth.velocity), mean_of(&truth.seal_force))
             })
             .collect();
-        let centre = |of: fn(&(f64, f64)) -> f64| mean(&points.iter().map(of).collect::<Vec<f64>>());
+        let centre =
+            |of: fn(&(f64, f64)) -> f64| mean(&points.iter().map(of).collect::<Vec<f64>>());
         let (v, f) = (centre(|p| p.0), centre(|p| p.1));
         let product: f64 = points.iter().map(|p| (p.0 - v) * (p.1 - f)).sum();
         product / points.iter().map(|p| (p.0 - v).powi(2)).sum::<f64>()
@@ -153,7 +165,11 @@ fn drift_looks_like_viscous_friction_only_in_ascending_order() {
     }
     // 10 % of about 3.2 N while the speed rises by 85 mm/s: 3.8 N s/m on average.
     let excess = |order: SpeedOrder| slope(order, 0.1) - 5.0;
-    assert!((2.0..6.0).contains(&excess(SpeedOrder::Ascending)), "{}", excess(SpeedOrder::Ascending));
+    assert!(
+        (2.0..6.0).contains(&excess(SpeedOrder::Ascending)),
+        "{}",
+        excess(SpeedOrder::Ascending)
+    );
     assert!(excess(SpeedOrder::Shuffled).abs() < 1.5, "{}", excess(SpeedOrder::Shuffled));
     assert!(excess(SpeedOrder::UpAndDown).abs() < 0.5, "{}", excess(SpeedOrder::UpAndDown));
 }
@@ -169,7 +185,8 @@ fn force_drifts_by_the_declared_fraction_and_then_stays() {
     for stroke in strokes(&steady.reference_velocity) {
         // Near the end of the stroke, before the carriage slows down.
         let late = stroke.end - 250..stroke.end - 80;
-        let ratio = mean(&drifting.seal_force[late.clone()]) / mean(&steady.seal_force[late.clone()]);
+        let ratio =
+            mean(&drifting.seal_force[late.clone()]) / mean(&steady.seal_force[late.clone()]);
         let seconds = 1e-3 * 0.5 * (late.start + late.end) as f64;
         let expected = 1.0 - 0.2 * (seconds / 20.0).min(1.0);
         assert!((ratio - expected).abs() < 1e-3, "{seconds} s: {ratio} instead of {expected}");
@@ -188,7 +205,9 @@ fn reversals_scatter_as_declared() {
         let record = go(&config, Protocol::Validation, &[plausible()], seed);
         assert_eq!(record.events.stop_hits, 0);
         let position = &record.truth.position;
-        let ends = strokes(&record.truth.reference_velocity).into_iter().map(|stroke| position[stroke.end - 1]);
+        let ends = strokes(&record.truth.reference_velocity)
+            .into_iter()
+            .map(|stroke| position[stroke.end - 1]);
         ends.collect::<Vec<f64>>()
     };
     // The rig follows its reference within about a tenth of a millimetre.
@@ -244,7 +263,8 @@ fn a_closed_cycle_costs_work() {
     let record = go(&ideal(), Protocol::Steady, &[plausible()], 1);
     let truth = &record.truth;
     let steps = 1..truth.position.len();
-    let work: f64 = steps.map(|i| truth.seal_force[i] * (truth.position[i] - truth.position[i - 1])).sum();
+    let work: f64 =
+        steps.map(|i| truth.seal_force[i] * (truth.position[i] - truth.position[i - 1])).sum();
     // 18 cycles of twice 120 mm against 3 N and 5 N s/m at 57.5 mm/s on average, minus the savings
     // due to deformation.
     let sliding = 18.0 * 0.24 * (3.0 + 5.0 * 0.0575);
@@ -464,7 +484,8 @@ fn surgeon_has_tremor_holds_and_partial_reversals() {
     assert!(partial >= 5, "{partial} partial reversals");
 }
 
-/// Rms of the part of `position` (1 kHz) between two frequencies: Hann window and Fourier lines of blocks of 1.024 s.
+/// Rms of the part of `position` (1 kHz) between two frequencies: Hann window and Fourier lines of
+/// blocks of 1.024 s.
 fn tremor_rms(position: &[f64], low: f64, high: f64) -> f64 {
     let size = 1024;
     let blocks = position.chunks_exact(size);
@@ -568,7 +589,10 @@ fn weak_motor_is_reported() {
     config.motor.peak_force_n = 4.0;
     let record = go(&config, Protocol::Step, &[plausible()], 1);
     assert!(record.events.motor_limited_steps > 0);
-    assert_eq!(go(&BenchConfig::default(), Protocol::Step, &[plausible()], 1).events.motor_limited_steps, 0);
+    assert_eq!(
+        go(&BenchConfig::default(), Protocol::Step, &[plausible()], 1).events.motor_limited_steps,
+        0
+    );
 }
 
 #[test]
@@ -614,13 +638,25 @@ fn wrong_documents_are_explained() {
         ("[rig]\nsubsteps = 1.5", "line 2: rig.substeps must be a whole number, got a number"),
         ("rig = 3", "line 1: rig must be a section, got a whole number"),
         ("[rig]\nstart_m = ", "not a TOML document"),
-        ("# rig\n[motor]\nslider_mass_kg = -1", "line 3: motor.slider_mass_kg must be positive, got -1"),
+        (
+            "# rig\n[motor]\nslider_mass_kg = -1",
+            "line 3: motor.slider_mass_kg must be positive, got -1",
+        ),
         ("[encoder]\nnoise_m = nan", "line 2: encoder.noise_m must be zero or positive, got NaN"),
         ("[encoder]\nrounding = \"up\"", "line 2: encoder.rounding: unknown variant `up`"),
         ("[encoder]\nrounding = \"none\"", "line 2: encoder.rounding: unknown variant `none`"),
-        ("[protocol.validation]\norder = \"nearest\"", "line 2: protocol.validation.order: unknown variant `nearest`"),
-        ("[protocol.steady]\norder = \"down\"", "expected one of `ascending`, `shuffled`, `up_and_down`"),
-        ("[protocol.steady]\norder = 1", "line 2: protocol.steady.order must be a text, got a whole number"),
+        (
+            "[protocol.validation]\norder = \"nearest\"",
+            "line 2: protocol.validation.order: unknown variant `nearest`",
+        ),
+        (
+            "[protocol.steady]\norder = \"down\"",
+            "expected one of `ascending`, `shuffled`, `up_and_down`",
+        ),
+        (
+            "[protocol.steady]\norder = 1",
+            "line 2: protocol.steady.order must be a text, got a whole number",
+        ),
         (
             "[protocol.steady]\nturning_scatter_m = 0.03",
             "line 2: protocol.steady.turning_scatter_m must be between 0 and 0.02",
@@ -634,8 +670,14 @@ fn wrong_documents_are_explained() {
             "[protocol.validation]\nturning_scatter_m = 0.016",
             "line 2: protocol.validation.turning_scatter_m must be between 0 and 0.015",
         ),
-        ("[fluctuation]\ndrift_fraction = 3", "line 2: fluctuation.drift_fraction must be between -0.5 and 0.5, got 3"),
-        ("[fluctuation]\ndrift_time_s = 0", "line 2: fluctuation.drift_time_s must be positive, got 0"),
+        (
+            "[fluctuation]\ndrift_fraction = 3",
+            "line 2: fluctuation.drift_fraction must be between -0.5 and 0.5, got 3",
+        ),
+        (
+            "[fluctuation]\ndrift_time_s = 0",
+            "line 2: fluctuation.drift_time_s must be positive, got 0",
+        ),
         ("[rig]\nsubsteps = -3", "line 2: rig.substeps must be between 0"),
         ("[protocol.steady]\nstroke_m = 0.2", "line 2: protocol.steady.stroke_m must be between"),
         ("[protocol.step]\nstroke_m = 0.001", "protocol.step.stroke_m must be between 0.00125"),

@@ -15,7 +15,8 @@ const ENDS: Duration = Duration::from_secs(5);
 fn recordings() -> Vec<Recording> {
     let seal = ModelFile::plausible_10_5_mm().unwrap();
     let record = |protocol: Protocol| {
-        let run = run(&BenchConfig::default(), protocol, seal.stages().unwrap().elements(), 1).unwrap();
+        let run =
+            run(&BenchConfig::default(), protocol, seal.stages().unwrap().elements(), 1).unwrap();
         run.to_recording(protocol.name()).unwrap().without_moving_mass(0.04, 0.0).unwrap()
     };
     [Protocol::Steady, Protocol::Dynamic].map(record).to_vec()
@@ -42,7 +43,8 @@ fn work_that_nobody_calls_off_comes_to_the_same() {
     let recordings = recordings();
     let options = IdentifyOptions { bootstrap: 20, ..IdentifyOptions::default() };
     let plain = identify(&recordings, &options, &|_, _| ()).unwrap();
-    let watched = Cancel::default().run(3, || identify(&recordings, &options, &|_, _| ())).unwrap().unwrap();
+    let watched =
+        Cancel::default().run(3, || identify(&recordings, &options, &|_, _| ())).unwrap().unwrap();
     assert_eq!(plain.model, watched.model);
     assert_eq!(plain.parameters, watched.parameters);
 }
@@ -54,12 +56,16 @@ fn nobody_waits_for_a_million_threads() {
     assert!(clock.elapsed() < ENDS);
     assert_eq!(threads, most_threads());
     let processors = std::thread::available_parallelism().unwrap().get();
-    assert!(threads >= 64 && threads >= processors, "{threads} threads for {processors} processors");
+    assert!(
+        threads >= 64 && threads >= processors,
+        "{threads} threads for {processors} processors"
+    );
 }
 
 #[test]
 fn a_panic_stays_a_panic() {
-    let outcome = std::panic::catch_unwind(|| Cancel::default().run(1, || panic!("a fault of the work")));
+    let outcome =
+        std::panic::catch_unwind(|| Cancel::default().run(1, || panic!("a fault of the work")));
     let text = outcome.unwrap_err();
     assert_eq!(text.downcast_ref::<&str>(), Some(&"a fault of the work"));
 }

@@ -15,7 +15,8 @@ use trocar::recording::{ReadOptions, Recording, read};
 use trocar::validate::validate;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{
-    Classical, DeformationForce, Element, ElementParams, Seal, SlidingFriction, StaticFriction, Trocar,
+    Classical, DeformationForce, Element, ElementParams, Seal, SlidingFriction, StaticFriction,
+    Trocar,
 };
 
 /// Normal quantile of a band of 95 %.
@@ -41,12 +42,17 @@ static MODEL: LazyLock<ModelFile> = LazyLock::new(|| {
         recording.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
     };
     let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
-    let found = identify(&[record(Protocol::Steady), record(Protocol::Dynamic)], &options, &|_, _| {}).unwrap();
+    let found =
+        identify(&[record(Protocol::Steady), record(Protocol::Dynamic)], &options, &|_, _| {})
+            .unwrap();
     let held_out = [record(Protocol::Validation), record(Protocol::Surgeon)];
     let validation = validate(&Trocar::of_seal(found.stages), &held_out, found.model.offset);
     let mut file = ModelFile::new(found.stages, Origin::new(OriginKind::Identified));
-    file.sensor =
-        Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: config.rod.mass_kg, position_delay_s: 0.0 });
+    file.sensor = Some(SensorInfo {
+        offset_n: found.model.offset,
+        moving_mass_kg: config.rod.mass_kg,
+        position_delay_s: 0.0,
+    });
     file.force_error = Some(validation.force_error(ErrorSource::Validation));
     file
 });
@@ -57,7 +63,8 @@ fn observe(observer: &mut Compensator, run: &BenchRun) -> Vec<Estimate> {
 }
 
 fn observer(adaptation: bool) -> Compensator {
-    Compensator::new(&MODEL, &CompensateOptions { adaptation, ..CompensateOptions::default() }).unwrap()
+    Compensator::new(&MODEL, &CompensateOptions { adaptation, ..CompensateOptions::default() })
+        .unwrap()
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -86,7 +93,9 @@ fn the_tissue_force_is_found() {
             let known = (0..said.len()).filter(|k| record.time[*k] > 8.0);
             let error = rms(known.clone().map(|k| said[k].tissue_force - truth[k]));
             assert!(error < FOUND, "{kind:?} {adaptation}: {error}");
-            let covered = known.clone().filter(|k| (said[*k].tissue_force - truth[*k]).abs() < BAND * said[*k].std);
+            let covered = known
+                .clone()
+                .filter(|k| (said[*k].tissue_force - truth[*k]).abs() < BAND * said[*k].std);
             let coverage = covered.count() as f64 / known.count() as f64;
             assert!((0.92..=0.999).contains(&coverage), "{kind:?} {adaptation}: {coverage}");
         }
@@ -99,19 +108,28 @@ fn stranger(seed: u64) -> ([Element; 1], ModelFile) {
     let mut params = random_plausible_seal(1000 + seed);
     let force = params.deformation;
     let stiffness = force.yield_stiffness() * 10f64.powf((seed as f64 * 0.618).fract());
-    params.deformation = DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness)).unwrap();
+    params.deformation =
+        DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness)).unwrap();
     let seal = [Element::new(params).unwrap()];
     let config = BenchConfig::default();
     let record = |protocol, number| {
-        let recording = run(&config, protocol, &seal, 100 * seed + number).unwrap().to_recording("bench").unwrap();
+        let recording = run(&config, protocol, &seal, 100 * seed + number)
+            .unwrap()
+            .to_recording("bench")
+            .unwrap();
         recording.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
     };
-    let options = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
     let recordings = [record(Protocol::Steady, 1), record(Protocol::Dynamic, 2)];
     let found = identify(&recordings, &options, &|_, _| {}).unwrap();
     let held_out = [record(Protocol::Validation, 3)];
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
-    (seal, Workflow::of(found, options, recordings.to_vec(), held_out.to_vec(), moving_mass).model_file())
+    (
+        seal,
+        Workflow::of(found, options, recordings.to_vec(), held_out.to_vec(), moving_mass)
+            .model_file(),
+    )
 }
 
 /// Seals of other seeds, dry and wetted during the run, in full strokes and in hand-like motion
@@ -124,13 +142,18 @@ fn the_band_holds_on_independent_seals() {
             let (mut inside, mut all) = (0.0, 0.0);
             for (seed, (seal, model)) in (1..).zip(&strangers) {
                 let mut config = surgeon(50.0, |_| {});
-                (config.protocol.steady.stroke_m, config.protocol.steady.slowest_m_s) = (0.045, 0.02);
-                (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) =
-                    (level, 12.0, 5.0);
+                (config.protocol.steady.stroke_m, config.protocol.steady.slowest_m_s) =
+                    (0.045, 0.02);
+                (
+                    config.lubrication.level,
+                    config.lubrication.onset_s,
+                    config.lubrication.spread_s,
+                ) = (level, 12.0, 5.0);
                 let record = run(&config, protocol, seal, 7000 + seed).unwrap();
                 let mut observer = Compensator::new(model, &CompensateOptions::default()).unwrap();
                 let said = observe(&mut observer, &record);
-                for (k, estimate) in said.iter().enumerate().filter(|(k, _)| record.time[*k] > 5.0) {
+                for (k, estimate) in said.iter().enumerate().filter(|(k, _)| record.time[*k] > 5.0)
+                {
                     let error = estimate.tissue_force - record.truth.tissue_force[k];
                     inside += f64::from(u8::from(error.abs() <= BAND * estimate.std));
                     all += 1.0;
@@ -163,14 +186,19 @@ fn what_was_never_validated_has_a_wider_band() {
     let mut said = Vec::new();
     for speed in path {
         position += 1e-3 * speed;
-        said.push([&mut informed, &mut ignorant].map(|observer| observer.step(position, 0.0, 1e-3).std));
+        said.push(
+            [&mut informed, &mut ignorant].map(|observer| observer.step(position, 0.0, 1e-3).std),
+        );
     }
     let [known_sliding, sliding] = said[1400];
     assert_eq!(sliding, known_sliding);
     let largest = known.deforming_n.into_iter().chain(known.sliding_n).fold(0.0, f64::max);
     for (k, what) in [(1859, "partial reversal"), (2859, "rest")] {
         let [known, unknown] = said[k];
-        assert!(unknown >= 2.0 * largest && unknown > 1.5 * known, "{what}: {unknown} N, {known} N");
+        assert!(
+            unknown >= 2.0 * largest && unknown > 1.5 * known,
+            "{what}: {unknown} N, {known} N"
+        );
     }
     let rest = said[2859][1];
     let gap = file.stages().unwrap().first().params().deformation.half_gap(2e-3);
@@ -183,7 +211,8 @@ fn what_was_never_validated_has_a_wider_band() {
 fn a_constant_load_for_a_minute_is_never_learnt() {
     for (load, seed) in [(2.0, 31), (-1.0, 32), (0.5, 33), (0.2, 34)] {
         let config = surgeon(100.0, |config| {
-            (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) = (load, 30.0, 90.0);
+            (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) =
+                (load, 30.0, 90.0);
         });
         let record = run(&config, Protocol::Surgeon, &seal(), seed).unwrap();
         let mut observer = observer(true);
@@ -192,10 +221,12 @@ fn a_constant_load_for_a_minute_is_never_learnt() {
         assert!((drift.level - 1.0).abs() < 0.03, "{load} N: {drift:?}");
         assert!((drift.viscosity - 1.0).abs() < 0.35, "{load} N: {drift:?}");
         let held = (0..said.len()).filter(|k| (35.0..88.0).contains(&record.time[*k]));
-        let mean = held.clone().map(|k| said[k].tissue_force).sum::<f64>() / held.clone().count() as f64;
+        let mean =
+            held.clone().map(|k| said[k].tissue_force).sum::<f64>() / held.clone().count() as f64;
         assert!((mean - load).abs() < FOUND, "{load} N: {mean}");
         if load.abs() > 1.0 {
-            let followed = held.clone().filter(|k| said[*k].adapting).count() as f64 / held.count() as f64;
+            let followed =
+                held.clone().filter(|k| said[*k].adapting).count() as f64 / held.count() as f64;
             assert!(followed < 0.1, "frozen while touched: {followed}");
         }
     }
@@ -227,7 +258,8 @@ fn one_way_tells_nothing() {
 fn a_change_of_the_friction_is_followed() {
     for (wet, seed) in [(0.85, 41), (0.55, 42), (0.25, 43), (1.4, 44)] {
         let config = surgeon(110.0, |config| {
-            (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = (wet, 20.0, 3.0);
+            (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) =
+                (wet, 20.0, 3.0);
             config.tissue.kind = TissueKind::KelvinVoigt;
             config.tissue.surface_m = 0.1;
         });
@@ -241,7 +273,10 @@ fn a_change_of_the_friction_is_followed() {
         let error = rms(late.clone().map(|k| said[k].tissue_force - truth[k]));
         let fixed = observe(&mut self::observer(false), &record);
         let without = rms(late.map(|k| fixed[k].tissue_force - truth[k]));
-        assert!(error < 2.0 * FOUND && error < 0.5 * without, "{wet}: {error} N, {without} N without adaptation");
+        assert!(
+            error < 2.0 * FOUND && error < 0.5 * without,
+            "{wet}: {error} N, {without} N without adaptation"
+        );
     }
 }
 
@@ -250,14 +285,23 @@ fn a_change_of_the_friction_is_followed() {
 fn under_load(seed: u64, tissue: impl Fn(f64, f64) -> f64) -> (f64, f64, Drift) {
     let mut record = run(&surgeon(90.0, |_| {}), Protocol::Surgeon, &seal(), seed).unwrap();
     let truth: Vec<f64> = (0..record.time.len())
-        .map(|k| if record.time[k] > 20.0 { tissue(record.time[k], record.truth.velocity[k]) } else { 0.0 })
+        .map(|k| {
+            if record.time[k] > 20.0 {
+                tissue(record.time[k], record.truth.velocity[k])
+            } else {
+                0.0
+            }
+        })
         .collect();
     record.force.iter_mut().zip(&truth).for_each(|(reading, load)| *reading += load);
     let mut observer = observer(true);
     let said = observe(&mut observer, &record);
     let late: Vec<usize> = (0..said.len()).filter(|k| record.time[*k] > 30.0).collect();
     let error = rms(late.iter().map(|k| said[*k].tissue_force - truth[*k]));
-    let covered = late.iter().filter(|k| (said[**k].tissue_force - truth[**k]).abs() < BAND * said[**k].std).count();
+    let covered = late
+        .iter()
+        .filter(|k| (said[**k].tissue_force - truth[**k]).abs() < BAND * said[**k].std)
+        .count();
     (error, covered as f64 / late.len() as f64, observer.drift())
 }
 
@@ -269,21 +313,32 @@ fn no_tissue_is_learnt_as_friction() {
     for seed in [5, 71, 72] {
         for load in [0.1, 0.3, 0.6, -0.4, 2.0] {
             let (error, coverage, drift) = under_load(seed, |_, _| load);
-            assert!(error < FOUND && coverage > 0.9, "{load} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
+            assert!(
+                error < FOUND && coverage > 0.9,
+                "{load} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}"
+            );
         }
         for (size, rate) in [(1.0, 0.25), (2.0, 0.25), (4.0, 0.25), (1.0, 0.1), (0.5, 1.0)] {
-            let (error, coverage, drift) = under_load(seed, |t, _| size * libm::sin(turn * rate * t));
-            let what = format!("{size} N at {rate} Hz, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
+            let (error, coverage, drift) =
+                under_load(seed, |t, _| size * libm::sin(turn * rate * t));
+            let what = format!(
+                "{size} N at {rate} Hz, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}"
+            );
             assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "{what}");
         }
         for (out, back) in [(0.0, -1.5), (0.0, -2.5), (-1.0, 0.0), (-2.5, 0.0), (2.0, 0.0)] {
-            let (error, coverage, drift) = under_load(seed, |_, v| if v > 0.0 { out } else { back });
-            let what = format!("{out} and {back} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
+            let (error, coverage, drift) =
+                under_load(seed, |_, v| if v > 0.0 { out } else { back });
+            let what =
+                format!("{out} and {back} N, seed {seed}: {error:.3} N, {coverage:.3}, {drift:?}");
             assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "{what}");
         }
         let (error, coverage, drift) =
             under_load(seed, |t, _| if ((t / 3.0) as u32).is_multiple_of(2) { 3.0 } else { 0.0 });
-        assert!((drift.level - 1.0).abs() < 0.06 && error < 0.15, "on and off: {error:.3} N, {coverage:.3}, {drift:?}");
+        assert!(
+            (drift.level - 1.0).abs() < 0.06 && error < 0.15,
+            "on and off: {error:.3} N, {coverage:.3}, {drift:?}"
+        );
     }
 }
 
@@ -291,7 +346,8 @@ fn no_tissue_is_learnt_as_friction() {
 #[test]
 fn viscosity_is_followed() {
     let config = surgeon(120.0, |config| {
-        (config.lubrication.viscosity, config.lubrication.onset_s, config.lubrication.spread_s) = (2.0, 15.0, 5.0);
+        (config.lubrication.viscosity, config.lubrication.onset_s, config.lubrication.spread_s) =
+            (2.0, 15.0, 5.0);
         config.protocol.surgeon.fastest_m_s = 0.15;
     });
     let record = run(&config, Protocol::Surgeon, &seal(), 81).unwrap();
@@ -376,7 +432,11 @@ proptest! {
 /// Runs over a clean recording with one fault from 20 s on, and returns the estimates.
 fn with_fault(change: impl Fn(usize, &mut f64, &mut f64, &mut f64)) -> (BenchRun, Vec<Estimate>) {
     let record = run(&surgeon(40.0, |_| {}), Protocol::Surgeon, &seal(), 61).unwrap();
-    let options = CompensateOptions { sensor_limit_n: Some(15.0), adaptation: false, ..CompensateOptions::default() };
+    let options = CompensateOptions {
+        sensor_limit_n: Some(15.0),
+        adaptation: false,
+        ..CompensateOptions::default()
+    };
     let mut observer = Compensator::new(&MODEL, &options).unwrap();
     let mut said = Vec::new();
     for k in 0..record.time.len() {
@@ -428,7 +488,11 @@ fn saturation_tells_no_tissue_force() {
             *y = 15.0;
         }
     });
-    assert!(said[20_000..20_100].iter().all(|e| e.fault == Some(Fault::Saturated) && e.tissue_force.is_nan()));
+    assert!(
+        said[20_000..20_100]
+            .iter()
+            .all(|e| e.fault == Some(Fault::Saturated) && e.tissue_force.is_nan())
+    );
     assert!(clean_error(&said) < FOUND);
 }
 
@@ -444,7 +508,8 @@ fn an_encoder_jump_moves_nothing() {
             *x = -3.0;
         }
     });
-    let jumps: Vec<usize> = (0..said.len()).filter(|k| said[*k].fault == Some(Fault::Jump)).collect();
+    let jumps: Vec<usize> =
+        (0..said.len()).filter(|k| said[*k].fault == Some(Fault::Jump)).collect();
     assert_eq!(jumps, [20_000, 25_000, 25_001]);
     assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
 }
@@ -478,7 +543,8 @@ fn a_frozen_sensor_is_noticed_whatever_its_rate() {
             }
             *y = held.get();
         });
-        let frozen = said[from + 10_000..].iter().filter(|e| e.fault == Some(Fault::Frozen)).count();
+        let frozen =
+            said[from + 10_000..].iter().filter(|e| e.fault == Some(Fault::Frozen)).count();
         assert!(frozen > 9_000, "every {hold}th sample: {frozen}");
         let early = said[..from].iter().filter(|e| e.fault == Some(Fault::Frozen)).count();
         assert_eq!(early, 0, "every {hold}th sample");
@@ -494,7 +560,11 @@ fn one_fault_does_not_hide_another() {
             (*y, *duration) = (15.0, 0.0);
         }
     });
-    assert!(said[20_000..20_010].iter().all(|e| e.fault == Some(Fault::Saturated) && e.tissue_force.is_nan()));
+    assert!(
+        said[20_000..20_010]
+            .iter()
+            .all(|e| e.fault == Some(Fault::Saturated) && e.tissue_force.is_nan())
+    );
     let (_, said) = with_fault(|k, _, _, duration| match k % 8 {
         0 if k > 0 => *duration = 1e-6,
         1 => *duration = 2e-3 - 1e-6,
@@ -520,11 +590,15 @@ fn a_small_jump_opens_the_band() {
 #[test]
 fn the_band_is_narrow_again_after_wetting() {
     let config = surgeon(110.0, |config| {
-        (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) = (0.85, 20.0, 3.0);
+        (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) =
+            (0.85, 20.0, 3.0);
     });
     let record = run(&config, Protocol::Surgeon, &seal(), 41).unwrap();
     let said = observe(&mut observer(true), &record);
-    let (early, late) = (rms(said[15_000..20_000].iter().map(|e| e.std)), rms(said[90_000..].iter().map(|e| e.std)));
+    let (early, late) = (
+        rms(said[15_000..20_000].iter().map(|e| e.std)),
+        rms(said[90_000..].iter().map(|e| e.std)),
+    );
     assert!(late < 0.15 && late < 2.0 * early.max(0.05), "{early} N before, {late} N after");
 }
 
@@ -574,10 +648,14 @@ fn a_gap_opens_the_band() {
 #[test]
 fn what_cannot_compensate_is_refused() {
     let mut plausible = ModelFile::plausible_10_5_mm().unwrap();
-    let error =
-        |file: &ModelFile, options: CompensateOptions| Compensator::new(file, &options).unwrap_err().to_string();
+    let error = |file: &ModelFile, options: CompensateOptions| {
+        Compensator::new(file, &options).unwrap_err().to_string()
+    };
     let none = Compensator::new(&plausible, &CompensateOptions::default()).unwrap_err();
-    assert!(matches!(none, CompensateError::NoForceError) && none.to_string().contains("--force-error-n"));
+    assert!(
+        matches!(none, CompensateError::NoForceError)
+            && none.to_string().contains("--force-error-n")
+    );
     plausible.force_error = Some(ForceError::everywhere(0.1));
     for (options, expected) in [
         (
@@ -626,8 +704,10 @@ fn a_reset_observer_is_as_new() {
 #[test]
 fn a_classical_model_runs() {
     let sliding = SlidingFriction::coulomb(3.0, 5.0);
-    let mut file =
-        ModelFile::new(Classical::Static(StaticFriction::new(sliding).unwrap()), Origin::new(OriginKind::HandMade));
+    let mut file = ModelFile::new(
+        Classical::Static(StaticFriction::new(sliding).unwrap()),
+        Origin::new(OriginKind::HandMade),
+    );
     file.force_error = Some(ForceError::everywhere(0.05));
     let mut observer = Compensator::new(&file, &CompensateOptions::default()).unwrap();
     let (mut position, mut force) = (0.0, 0.0);
@@ -650,7 +730,8 @@ fn an_alien_seal_without_tissue() {
         println!("skipped: no recordings beside the checkout");
         return;
     }
-    let record = |name: &str| -> Recording { read(&folder.join(name), &ReadOptions::default()).unwrap() };
+    let record =
+        |name: &str| -> Recording { read(&folder.join(name), &ReadOptions::default()).unwrap() };
     let lighter = |r: Recording| r.without_moving_mass(0.04, 0.0).unwrap();
     let training = [lighter(record("steady.csv")), lighter(record("dynamic.csv"))];
     let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
@@ -660,7 +741,11 @@ fn an_alien_seal_without_tissue() {
     let held_out = lighter(surgeon.part(0..half, "first half").unwrap());
     let validation = validate(&Trocar::of_seal(found.stages), &[held_out], found.model.offset);
     let mut file = ModelFile::new(found.stages, Origin::new(OriginKind::Identified));
-    file.sensor = Some(SensorInfo { offset_n: found.model.offset, moving_mass_kg: 0.04, position_delay_s: 0.0 });
+    file.sensor = Some(SensorInfo {
+        offset_n: found.model.offset,
+        moving_mass_kg: 0.04,
+        position_delay_s: 0.0,
+    });
     file.force_error = Some(validation.force_error(ErrorSource::Validation));
     for adaptation in [false, true] {
         let options = CompensateOptions { adaptation, ..CompensateOptions::default() };
@@ -676,7 +761,10 @@ fn an_alien_seal_without_tissue() {
         }
         let (error, coverage) = (rms(errors.iter().copied()), covered as f64 / errors.len() as f64);
         let drift = observer.drift();
-        println!("adaptation {adaptation}: {error:.3} N rms, 95 % band holds {:.1} %, {drift:?}", 100.0 * coverage);
+        println!(
+            "adaptation {adaptation}: {error:.3} N rms, 95 % band holds {:.1} %, {drift:?}",
+            100.0 * coverage
+        );
         // The two steps of the paper leave 0.2 N on this seal in hand-like motion, more in this
         // half than in the other. So the band from the other half cannot contain all errors.
         assert!(error < 0.25, "{error}");

@@ -12,14 +12,16 @@ const CYCLES: u32 = 20;
 /// a multivalued law, creep, relaxing arms.
 fn elements() -> impl Strategy<Value = Element> {
     let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
-    let arm = (some(10.0..2000.0), 0.01..10.0_f64).prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
+    let arm = (some(10.0..2000.0), 0.01..10.0_f64)
+        .prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
     (general_elements(), 1.0..4.0_f64, some(1e-6..1e-3), [arm.clone(), arm]).prop_map(
         |(element, kappa, creep, arms)| {
             let mut params = *element.params();
             let deformation = &params.deformation;
             let kappa = Some(kappa * deformation.yield_stiffness());
             params.deformation =
-                DeformationForce::new(*deformation.insertion(), *deformation.withdrawal(), kappa).unwrap();
+                DeformationForce::new(*deformation.insertion(), *deformation.withdrawal(), kappa)
+                    .unwrap();
             params.creep_velocity = creep;
             params.relaxation = Relaxation { arms };
             Element::new(params).unwrap()

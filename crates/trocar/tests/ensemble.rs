@@ -13,8 +13,10 @@ use trocar_model::{ParamError, PositionProfile, Trocar};
 /// interfaces.
 fn conformance() -> (Vec<ModelFile>, Vec<f64>, Vec<f64>) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance");
-    let mut paths: Vec<_> =
-        std::fs::read_dir(folder.join("models")).unwrap().map(|file| file.unwrap().path()).collect();
+    let mut paths: Vec<_> = std::fs::read_dir(folder.join("models"))
+        .unwrap()
+        .map(|file| file.unwrap().path())
+        .collect();
     paths.sort();
     let models = paths.iter().map(|path| ModelFile::read(path).unwrap()).collect();
     let rows = std::fs::read_to_string(folder.join("motion.csv")).unwrap();
@@ -70,11 +72,14 @@ fn models_of_all_kinds_go_together() {
         let profile = PositionProfile::new(-0.02, 0.05, vec![0.0, 0.1, -0.1], gains).unwrap();
         model.trocar = Trocar::new(*model.trocar.seal(), Some(profile));
     }
-    let files: Vec<&ModelFile> = (0..120).map(|k| if k % 3 == 0 { &moved[k % 14] } else { &models[k % 14] }).collect();
+    let files: Vec<&ModelFile> =
+        (0..120).map(|k| if k % 3 == 0 { &moved[k % 14] } else { &models[k % 14] }).collect();
     let motion = Motion::new(&time, &position);
     for start in [Start::Undeformed, Start::Force(-1.0)] {
-        let expected: Vec<f64> =
-            files.iter().flat_map(|file| alone(&file.trocar.borrowed(), start, &time, &position)).collect();
+        let expected: Vec<f64> = files
+            .iter()
+            .flat_map(|file| alone(&file.trocar.borrowed(), start, &time, &position))
+            .collect();
         assert_same(&run(&Files(files.clone()), start, &motion), &expected, &format!("{start:?}"));
     }
 }
@@ -89,15 +94,23 @@ fn turned_parameters_are_those_of_each() {
         let first = base.seal().tunables().next().unwrap();
         let values: Vec<f64> = factors.iter().map(|factor| factor * first.value).collect();
         let seal = |value: &f64| base.with_seal(base.seal().tuned(&[*value]).unwrap());
-        let expected: Vec<f64> =
-            values.iter().flat_map(|value| alone(&seal(value), Start::Undeformed, &time, &position)).collect();
+        let expected: Vec<f64> = values
+            .iter()
+            .flat_map(|value| alone(&seal(value), Start::Undeformed, &time, &position))
+            .collect();
         let tuned = Tuned::new(base, vec![(0, &values)]).unwrap();
-        assert_same(&run(&tuned, Start::Undeformed, &motion), &expected, &format!("model {number}"));
-        let measured: Vec<f64> = (0..time.len()).map(|k| if k % 5 == 0 { f64::NAN } else { k as f64 % 3.0 }).collect();
+        assert_same(
+            &run(&tuned, Start::Undeformed, &motion),
+            &expected,
+            &format!("model {number}"),
+        );
+        let measured: Vec<f64> =
+            (0..time.len()).map(|k| if k % 5 == 0 { f64::NAN } else { k as f64 % 3.0 }).collect();
         let mut sums = vec![f64::NAN; values.len()];
         squared_errors(&tuned, Start::Undeformed, &motion, &measured, &mut sums).unwrap();
-        let square =
-            |(reading, force): (&f64, &f64)| if reading.is_nan() { 0.0 } else { (reading - force) * (reading - force) };
+        let square = |(reading, force): (&f64, &f64)| {
+            if reading.is_nan() { 0.0 } else { (reading - force) * (reading - force) }
+        };
         let sum = |forces: &[f64]| measured.iter().zip(forces).map(square).sum();
         let squares: Vec<f64> = expected.chunks(time.len()).map(sum).collect();
         assert_same(&sums, &squares, &format!("squares of model {number}"));
@@ -106,13 +119,21 @@ fn turned_parameters_are_those_of_each() {
 
 #[test]
 fn a_motion_that_cannot_be_followed_is_held() {
-    let (time, position) = ([0.0, 1.0, 1.0, 2.0, f64::NAN, 4.0, 5.0], [0.0, 0.01, 0.02, f64::NAN, 0.01, 0.03, 0.0]);
+    let (time, position) =
+        ([0.0, 1.0, 1.0, 2.0, f64::NAN, 4.0, 5.0], [0.0, 0.01, 0.02, f64::NAN, 0.01, 0.03, 0.0]);
     let model = ModelFile::plausible_10_5_mm().unwrap();
     let trocar = model.trocar.borrowed();
     let expected = alone(&trocar, Start::Undeformed, &time, &position);
-    let found = run(&Tuned::new(trocar, Vec::new()).unwrap(), Start::Undeformed, &Motion::new(&time, &position));
+    let found = run(
+        &Tuned::new(trocar, Vec::new()).unwrap(),
+        Start::Undeformed,
+        &Motion::new(&time, &position),
+    );
     assert_same(&found, &expected, "held");
-    assert!(run(&Tuned::new(trocar, Vec::new()).unwrap(), Start::Undeformed, &Motion::new(&[], &[])).is_empty());
+    assert!(
+        run(&Tuned::new(trocar, Vec::new()).unwrap(), Start::Undeformed, &Motion::new(&[], &[]))
+            .is_empty()
+    );
 }
 
 #[test]
@@ -120,13 +141,17 @@ fn the_first_that_cannot_be_run_is_told() {
     let (models, time, position) = conformance();
     let motion = Motion::new(&time, &position);
     let plausible = ModelFile::plausible_10_5_mm().unwrap();
-    let widths: Vec<f64> = (0..200).map(|k| if k == 77 || k == 150 { -1e-3 } else { 5e-3 }).collect();
+    let widths: Vec<f64> =
+        (0..200).map(|k| if k == 77 || k == 150 { -1e-3 } else { 5e-3 }).collect();
     let tuned = Tuned::new(plausible.trocar.borrowed(), vec![(0, &widths)]).unwrap();
     assert!(Tuned::new(plausible.trocar.borrowed(), vec![(99, &widths)]).is_none());
     let mut out = vec![0.0; 200];
     let refusal = squared_errors(&tuned, Start::Undeformed, &motion, &time, &mut out).unwrap_err();
     assert!(matches!(refusal, Refusal::Parameter { index: 77, .. }));
-    assert_eq!(refusal.to_string(), "model 77: half_width_m must be finite and above 0 m, got -0.001 m");
+    assert_eq!(
+        refusal.to_string(),
+        "model 77: half_width_m must be finite and above 0 m, got -0.001 m"
+    );
     let classical = models.iter().position(|model| model.stages().is_err()).unwrap();
     let files = Files(models.iter().collect());
     let mut out = vec![0.0; files.count() * motion.samples()];
@@ -141,11 +166,14 @@ fn work_that_is_cancelled_ends() {
     let position: Vec<f64> = time.iter().map(|t| 0.02 * t.sin()).collect();
     let widths = vec![5e-3; 100_000];
     let tuned = Tuned::new(model.trocar.borrowed(), vec![(0, &widths)]).unwrap();
-    let (motion, cancel, mut sums) = (Motion::new(&time, &position), Cancel::default(), vec![0.0; widths.len()]);
+    let (motion, cancel, mut sums) =
+        (Motion::new(&time, &position), Cancel::default(), vec![0.0; widths.len()]);
     let outcome = std::thread::scope(|scope| {
         let flag = cancel.clone();
         let (tuned, motion, time, sums) = (&tuned, &motion, &time, &mut sums);
-        let work = move || flag.run(2, || squared_errors(tuned, Start::Undeformed, motion, time, sums)).map(drop);
+        let work = move || {
+            flag.run(2, || squared_errors(tuned, Start::Undeformed, motion, time, sums)).map(drop)
+        };
         let worker = scope.spawn(work);
         std::thread::sleep(Duration::from_millis(200));
         cancel.cancel();

@@ -23,13 +23,19 @@ struct Case {
 fn components_and_means_are_those_of_statsmodels() {
     let cases: Vec<Case> = serde_json::from_str(include_str!("data/mixed_effects.json")).unwrap();
     for case in cases {
-        let observation =
-            |&(kind, specimen, value): &(usize, usize, f64)| Observation { kind, specimen, value, error: 0.0 };
+        let observation = |&(kind, specimen, value): &(usize, usize, f64)| Observation {
+            kind,
+            specimen,
+            value,
+            error: 0.0,
+        };
         let found = fit(&case.observations.iter().map(observation).collect::<Vec<_>>()).unwrap();
         let close = |a: f64, b: f64| assert!((a - b).abs() <= SAME * b.abs(), "{a} beside {b}");
         close(found.between, case.between);
         close(found.within, case.within);
-        for (mean, (expected, error)) in found.means.iter().zip(case.means.iter().zip(&case.standard_errors)) {
+        for (mean, (expected, error)) in
+            found.means.iter().zip(case.means.iter().zip(&case.standard_errors))
+        {
             close(mean.mean, *expected);
             close(mean.standard_error, *error);
         }
@@ -68,20 +74,27 @@ fn intervals_hold_the_truth_in_simulated_fleets() {
         for seed in 0..FLEETS {
             let found = drawn(seed, between, within).unwrap();
             let holds = |mean: &&trocar::fleet::mixed::TypeMean| {
-                mean.ci95.is_some_and(|[low, high]| low <= TRUTH[mean.kind] && TRUTH[mean.kind] <= high)
+                mean.ci95
+                    .is_some_and(|[low, high]| low <= TRUTH[mean.kind] && TRUTH[mean.kind] <= high)
             };
             held += found.means.iter().filter(holds).count() as f64 / TRUTH.len() as f64;
             squares[0] += found.between.powi(2) / FLEETS as f64;
             squares[1] += found.within.powi(2) / FLEETS as f64;
         }
         let part = held / FLEETS as f64;
-        println!("τ = {between}, σ = {within}: {part} held, τ² = {}, σ² = {}", squares[0], squares[1]);
+        println!(
+            "τ = {between}, σ = {within}: {part} held, τ² = {}, σ² = {}",
+            squares[0], squares[1]
+        );
         // 95 % of 800 means: standard deviation 0.8 %. With little variance between specimens, the
         // Student's t distribution with their number is too wide: 98.6 % were covered without any
         // variance.
         assert!((0.93..0.995).contains(&part), "{part}");
         // An estimate constrained to be ≥ 0 has a positive bias where the true value is zero.
-        assert!((squares[0] - between * between).abs() < 0.08 * between * between + 0.003, "{squares:?}");
+        assert!(
+            (squares[0] - between * between).abs() < 0.08 * between * between + 0.003,
+            "{squares:?}"
+        );
         assert!((squares[1] - within * within).abs() < 0.1 * within * within, "{squares:?}");
     }
 }
@@ -89,7 +102,12 @@ fn intervals_hold_the_truth_in_simulated_fleets() {
 #[test]
 fn too_few_specimens_are_told() {
     let of = |specimens: usize, repeats: usize| {
-        let one = |k: usize| Observation { kind: 0, specimen: k / repeats, value: (k * k % 7) as f64, error: 0.1 };
+        let one = |k: usize| Observation {
+            kind: 0,
+            specimen: k / repeats,
+            value: (k * k % 7) as f64,
+            error: 0.1,
+        };
         fit(&(0..specimens * repeats).map(one).collect::<Vec<_>>())
     };
     assert!(of(2, 20).unwrap_err().contains("too few"));

@@ -9,7 +9,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::TempDir;
 use trocar::cancel::Cancel;
-use trocar::fleet::{self, Collector, Config, Dataset, Fleet, FleetError, Input, identify_one, identify_source};
+use trocar::fleet::{
+    self, Collector, Config, Dataset, Fleet, FleetError, Input, identify_one, identify_source,
+};
 use trocar::recording::{Choice, ReadOptions};
 use trocar::table::{self, Column, Field, Kind, Table, TableWriter};
 
@@ -18,7 +20,10 @@ const OF_STORAGE: [&str; 2] = ["path", "recording"];
 
 /// A memory limit of one byte: every recording is a row with its name, and none is identified.
 fn names_alone() -> Config {
-    Config { reading: ReadOptions { memory_limit: Some(1), ..ReadOptions::default() }, ..Config::default() }
+    Config {
+        reading: ReadOptions { memory_limit: Some(1), ..ReadOptions::default() },
+        ..Config::default()
+    }
 }
 
 /// Coulomb forces of `partitioned/make.py`, N, and the accuracy of the paper's two steps at 100 Hz.
@@ -45,7 +50,9 @@ fn texts(table: &Table, name: &str) -> Vec<String> {
 fn numbers(table: &Table, name: &str) -> Vec<f64> {
     match table.column(name) {
         Some(Column::Number(cells)) => cells.clone(),
-        Some(Column::Integer(cells)) => cells.iter().map(|cell| cell.map_or(f64::NAN, |cell| cell as f64)).collect(),
+        Some(Column::Integer(cells)) => {
+            cells.iter().map(|cell| cell.map_or(f64::NAN, |cell| cell as f64)).collect()
+        }
         other => panic!("{name}: {other:?}"),
     }
 }
@@ -54,7 +61,8 @@ fn numbers(table: &Table, name: &str) -> Vec<f64> {
 /// differ.
 fn said(table: &Table, also: &[&str]) -> BTreeMap<String, String> {
     let named = table.fields.iter().zip(&table.columns);
-    let kept = named.filter(|(name, _)| !OF_STORAGE.contains(&name.as_str()) && !also.contains(&name.as_str()));
+    let kept = named
+        .filter(|(name, _)| !OF_STORAGE.contains(&name.as_str()) && !also.contains(&name.as_str()));
     kept.map(|(name, column)| (name.clone(), format!("{column:?}"))).collect()
 }
 
@@ -66,7 +74,8 @@ fn rows() -> Table {
 /// Some rows of a table, as a file.
 fn write(path: &Path, from: &Table, range: std::ops::Range<usize>, names: &[&str]) {
     fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let fields: Vec<Field> = names.iter().map(|n| Field::new(*n, from.column(n).unwrap().kind())).collect();
+    let fields: Vec<Field> =
+        names.iter().map(|n| Field::new(*n, from.column(n).unwrap().kind())).collect();
     let cut = |name: &&str| match from.column(name).unwrap() {
         Column::Number(cells) => Column::Number(cells[range.clone()].to_vec()),
         Column::Integer(cells) => Column::Integer(cells[range.clone()].to_vec()),
@@ -81,7 +90,12 @@ fn write(path: &Path, from: &Table, range: std::ops::Range<usize>, names: &[&str
 const ALL: [&str; 5] = ["recording", "lubricant", "time_s", "position_m", "force_n"];
 
 /// Five files that divide recordings, named `part-0` to `part-4` in the order of `order`.
-fn shards(folder: &Path, table: &Table, order: [usize; 5], names: impl Fn(usize) -> Vec<&'static str>) {
+fn shards(
+    folder: &Path,
+    table: &Table,
+    order: [usize; 5],
+    names: impl Fn(usize) -> Vec<&'static str>,
+) {
     let size = table.rows().div_ceil(5);
     for (k, file) in order.into_iter().enumerate() {
         let range = k * size..((k + 1) * size).min(table.rows());
@@ -94,19 +108,29 @@ fn shards(folder: &Path, table: &Table, order: [usize; 5], names: impl Fn(usize)
 #[test]
 fn every_layout_gives_the_same_rows() {
     let (_, one) = fleet_of(&fixture("one"), &Config::default());
-    assert_eq!(texts(&one, "path"), ["part-0.parquet#16", "part-0.parquet#17", "part-0.parquet#18"]);
-    let near = |found: &[f64]| found.iter().zip(TRUTH).all(|(found, truth)| (found - truth).abs() < NEAR);
+    assert_eq!(
+        texts(&one, "path"),
+        ["part-0.parquet#16", "part-0.parquet#17", "part-0.parquet#18"]
+    );
+    let near =
+        |found: &[f64]| found.iter().zip(TRUTH).all(|(found, truth)| (found - truth).abs() < NEAR);
     assert!(near(&numbers(&one, "coulomb_force_n")), "{:?}", numbers(&one, "coulomb_force_n"));
     assert_eq!(numbers(&one, "dataset_recording"), [16.0, 17.0, 18.0]);
     assert_eq!(texts(&one, "lubricant"), ["dry", "gel", "dry"]);
     let folders = ["recording=16", "recording=17", "recording=18"];
     let begins = ["part-0.parquet#16", "part-1.parquet#17", "part-2.parquet#18"];
-    for (layout, names) in [("blocks", begins), ("hive", folders), ("polars", folders), ("moments", begins)] {
+    for (layout, names) in
+        [("blocks", begins), ("hive", folders), ("polars", folders), ("moments", begins)]
+    {
         let (fleet, table) = fleet_of(&fixture(layout), &Config::default());
         assert_eq!(texts(&table, "path"), names, "{layout}");
         // This includes the hash, which is that of the columns.
         assert_eq!(said(&table, &[]), said(&one, &[]), "{layout}");
-        assert_eq!((fleet.tally.total, fleet.tally.done, fleet.tally.failed), (3, 3, 0), "{layout}");
+        assert_eq!(
+            (fleet.tally.total, fleet.tally.done, fleet.tally.failed),
+            (3, 3, 0),
+            "{layout}"
+        );
     }
 }
 
@@ -127,7 +151,9 @@ fn a_recording_belongs_to_the_first_file_with_rows_of_it() {
     ];
     assert_eq!(units.collect::<Vec<_>>(), expected);
     let alone = Dataset::open(&fixture("one"), None, &[]).unwrap();
-    assert!(alone.sources.iter().all(|source| source.parts.is_empty() && source.elsewhere.is_empty()));
+    assert!(
+        alone.sources.iter().all(|source| source.parts.is_empty() && source.elsewhere.is_empty())
+    );
 }
 
 /// Files are sorted by their times and columns are identified by their names, whatever the order of
@@ -144,7 +170,10 @@ fn neither_names_of_files_nor_places_of_columns_matter() {
     shards(&place.path().join("a"), &rows(), [4, 3, 1, 2, 0], turned);
     let (_, table) = fleet_of(&place.path().join("a"), &Config::default());
     // The first file by name is the last in time.
-    assert_eq!(texts(&table, "path"), ["part-0.parquet#18", "part-1.parquet#17", "part-3.parquet#16"]);
+    assert_eq!(
+        texts(&table, "path"),
+        ["part-0.parquet#18", "part-1.parquet#17", "part-3.parquet#16"]
+    );
     assert_eq!(numbers(&table, "dataset_recording"), [18.0, 17.0, 16.0]);
     let turned_back: Vec<f64> = numbers(&table, "coulomb_force_n").into_iter().rev().collect();
     assert_eq!(turned_back, numbers(&one, "coulomb_force_n"));
@@ -174,7 +203,9 @@ fn faults_are_rows() {
         to
     };
     let cut = |path: &Path| fs::write(path, &fs::read(path).unwrap()[..2000]).unwrap();
-    (0..5).for_each(|k| drop(copy(&format!("blocks/part-{k}.parquet"), &format!("a/part-{k}.parquet"))));
+    (0..5).for_each(|k| {
+        drop(copy(&format!("blocks/part-{k}.parquet"), &format!("a/part-{k}.parquet")))
+    });
     cut(&place.path().join("a/part-4.parquet"));
     let (fleet, table) = fleet_of(&place.path().join("a"), &Config::default());
     assert_eq!(texts(&table, "path")[3], "part-4.parquet");
@@ -190,7 +221,11 @@ fn faults_are_rows() {
     let (_, table) = fleet_of(&place.path().join("b"), &Config::default());
     assert_eq!(texts(&table, "path"), ["recording=16", "recording=17"]);
     assert_eq!(texts(&table, "reason_kind"), ["cannot_read", ""]);
-    assert!(texts(&table, "reason")[0].starts_with("recording=16/part-1.parquet: "), "{:?}", texts(&table, "reason"));
+    assert!(
+        texts(&table, "reason")[0].starts_with("recording=16/part-1.parquet: "),
+        "{:?}",
+        texts(&table, "reason")
+    );
     // Forces as text in the file shared by recordings 16 and 17.
     let mut words = rows();
     let force = words.fields.iter().position(|name| name == "force_n").unwrap();
@@ -201,7 +236,10 @@ fn faults_are_rows() {
     let (_, table) = fleet_of(&place.path().join("c"), &Config::default());
     assert_eq!(texts(&table, "reason_kind"), ["cannot_read", "cannot_read", ""]);
     let reason = &texts(&table, "reason")[0];
-    assert!(reason.contains("'force_n' holds numbers in part-0.parquet and text in part-1.parquet"), "{reason}");
+    assert!(
+        reason.contains("'force_n' holds numbers in part-0.parquet and text in part-1.parquet"),
+        "{reason}"
+    );
 }
 
 /// Subfolders of a recording may differ: their keys are then not metadata of it. A parallel folder
@@ -212,7 +250,12 @@ fn recordings_that_cross_folders() {
     let all = rows();
     // Midnight; `%3A` is a colon.
     for (day, range) in [("day=mon%3A1", 0..700), ("day=tue", 700..1029)] {
-        write(&place.path().join("a/recording=1").join(day).join("part.parquet"), &all, range, &ALL[2..]);
+        write(
+            &place.path().join("a/recording=1").join(day).join("part.parquet"),
+            &all,
+            range,
+            &ALL[2..],
+        );
     }
     let (_, table) = fleet_of(&place.path().join("a"), &Config::default());
     assert_eq!(texts(&table, "path"), ["recording=1"]);
@@ -224,15 +267,24 @@ fn recordings_that_cross_folders() {
         write(&place.path().join(format!("b/site={site}/part.parquet")), &all, 0..1029, &ALL);
     }
     let (fleet, table) = fleet_of(&place.path().join("b"), &Config::default());
-    assert_eq!((texts(&table, "site"), fleet.tally.failed), (vec!["a".to_owned(), "b".to_owned()], 0));
-    assert_eq!(texts(&table, "sha256"), [texts(&one, "sha256")[0].clone(), texts(&one, "sha256")[0].clone()]);
+    assert_eq!(
+        (texts(&table, "site"), fleet.tally.failed),
+        (vec!["a".to_owned(), "b".to_owned()], 0)
+    );
+    assert_eq!(
+        texts(&table, "sha256"),
+        [texts(&one, "sha256")[0].clone(), texts(&one, "sha256")[0].clone()]
+    );
     // Twice in one place: two recordings of the same name are detected.
     for part in 0..2 {
         write(&place.path().join(format!("d/part-{part}.parquet")), &all, 0..1029, &ALL);
     }
     let (_, table) = fleet_of(&place.path().join("d"), &Config::default());
     let reason = &texts(&table, "reason")[0];
-    assert!(reason.contains("rows in part-1.parquet begin at 0 s, before those in part-0.parquet end"), "{reason}");
+    assert!(
+        reason.contains("rows in part-1.parquet begin at 0 s, before those in part-0.parquet end"),
+        "{reason}"
+    );
     // A key above that of the recording is part of its name.
     for site in ["a", "b"] {
         for (part, range) in [(0, 0..500), (1, 500..1029)] {
@@ -242,7 +294,10 @@ fn recordings_that_cross_folders() {
     }
     let (fleet, table) = fleet_of(&place.path().join("c"), &Config::default());
     assert_eq!(texts(&table, "path"), ["site=a/recording=1", "site=b/recording=1"]);
-    assert_eq!((texts(&table, "site"), fleet.tally.failed), (vec!["a".to_owned(), "b".to_owned()], 0));
+    assert_eq!(
+        (texts(&table, "site"), fleet.tally.failed),
+        (vec!["a".to_owned(), "b".to_owned()], 0)
+    );
     assert_eq!(texts(&table, "sha256")[0], texts(&one, "sha256")[0]);
 }
 
@@ -273,32 +328,57 @@ fn options_mean_what_they_mean_for_files() {
         Choice { columns: Some(by_name.to_owned()), flip_force: true, ..Choice::default() },
         Choice { flip_force: true, ..Choice::default() },
     ] {
-        let config = Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
+        let config = Config {
+            reading: ReadOptions { choice, ..ReadOptions::default() },
+            ..Config::default()
+        };
         let alone = identify_one(&Input::File(first.clone()), &config);
-        let layouts = if config.reading.choice.from.is_some() { &["blocks", "hive"][..] } else { &["blocks"] };
+        let layouts = if config.reading.choice.from.is_some() {
+            &["blocks", "hive"][..]
+        } else {
+            &["blocks"]
+        };
         for layout in layouts.iter().copied() {
             let (_, table) = fleet_of(&fixture(layout), &config);
-            for name in ["samples", "coulomb_force_n", "half_width_m", "residual_rms_n", "duration_s"] {
+            for name in
+                ["samples", "coulomb_force_n", "half_width_m", "residual_rms_n", "duration_s"]
+            {
                 let expected = alone.number(name).unwrap_or(f64::NAN);
                 let found = numbers(&table, name)[0];
-                assert_eq!(found.to_bits(), expected.to_bits(), "{layout}, {name}, {:?}", config.reading.choice);
+                assert_eq!(
+                    found.to_bits(),
+                    expected.to_bits(),
+                    "{layout}, {name}, {:?}",
+                    config.reading.choice
+                );
             }
-            assert_eq!(texts(&table, "reason_kind")[0], alone.text("reason_kind").unwrap_or_default());
+            assert_eq!(
+                texts(&table, "reason_kind")[0],
+                alone.text("reason_kind").unwrap_or_default()
+            );
         }
     }
     // A table of rows has no topics, and neither has a file with one recording.
     let choice = Choice { topics: vec!["/force".to_owned()], ..Choice::default() };
-    let config = Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
+    let config =
+        Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
     let (_, table) = fleet_of(&fixture("blocks"), &config);
-    assert!(texts(&table, "reason").iter().all(|reason| reason.contains("one table without a name")));
+    assert!(
+        texts(&table, "reason").iter().all(|reason| reason.contains("one table without a name"))
+    );
     // In order, without the column that distinguishes recordings.
     let columns = Some("-,time_s,position_m,force_n".to_owned());
     let choice = Choice { columns, ..Choice::default() };
-    let config = Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
+    let config =
+        Config { reading: ReadOptions { choice, ..ReadOptions::default() }, ..Config::default() };
     let (_, one) = fleet_of(&fixture("one"), &Config::default());
     for layout in ["one", "blocks"] {
         let (_, table) = fleet_of(&fixture(layout), &config);
-        assert_eq!(numbers(&table, "coulomb_force_n"), numbers(&one, "coulomb_force_n"), "{layout}");
+        assert_eq!(
+            numbers(&table, "coulomb_force_n"),
+            numbers(&one, "coulomb_force_n"),
+            "{layout}"
+        );
     }
 }
 
@@ -333,8 +413,10 @@ fn long_recordings_are_thinned_and_bounded() {
     }
     // 1 MB for columns of 3.6 MB, or of 3.1 MB after decimation.
     for most_samples in [None, Some(1)] {
-        let reading = ReadOptions { most_samples, memory_limit: Some(6_000_000), ..ReadOptions::default() };
-        let (_, table) = fleet_of(&place.path().join("set"), &Config { reading, ..Config::default() });
+        let reading =
+            ReadOptions { most_samples, memory_limit: Some(6_000_000), ..ReadOptions::default() };
+        let (_, table) =
+            fleet_of(&place.path().join("set"), &Config { reading, ..Config::default() });
         assert_eq!(texts(&table, "reason_kind"), ["too_large_for_memory"]);
     }
     let reading = ReadOptions { memory_limit: Some(6_000_000), ..ReadOptions::default() };
@@ -403,14 +485,22 @@ fn numbers_and_words_tell_recordings_apart() {
         let Column::Integer(cells) = &all.columns[0] else { panic!("numbers of recordings") };
         let values: Vec<i64> = cells.iter().flatten().copied().collect();
         all.columns[0] = match kind {
-            Kind::Number => Column::Number(values.iter().map(|value| *value as f64 + 0.5).collect()),
-            Kind::Text => Column::Text(values.iter().map(|value| Some(format!("trial {value}").into())).collect()),
+            Kind::Number => {
+                Column::Number(values.iter().map(|value| *value as f64 + 0.5).collect())
+            }
+            Kind::Text => Column::Text(
+                values.iter().map(|value| Some(format!("trial {value}").into())).collect(),
+            ),
             _ => Column::Integer(values.into_iter().map(Some).collect()),
         };
         shards(&place.path().join(k.to_string()), &all, [0, 1, 2, 3, 4], |_| ALL.to_vec());
     }
-    let names = |k: usize| texts(&fleet_of(&place.path().join(k.to_string()), &names_alone()).1, "path");
+    let names =
+        |k: usize| texts(&fleet_of(&place.path().join(k.to_string()), &names_alone()).1, "path");
     assert_eq!(names(0), ["part-0.parquet#16.5", "part-1.parquet#17.5", "part-3.parquet#18.5"]);
-    assert_eq!(names(1), ["part-0.parquet#trial 16", "part-1.parquet#trial 17", "part-3.parquet#trial 18"]);
+    assert_eq!(
+        names(1),
+        ["part-0.parquet#trial 16", "part-1.parquet#trial 17", "part-3.parquet#trial 18"]
+    );
     assert_eq!(names(2), ["part-0.parquet#16", "part-1.parquet#17", "part-3.parquet#18"]);
 }

@@ -5,7 +5,9 @@ use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Term, identify};
 use trocar::recording::Recording;
 use trocar::validate::validate;
-use trocar_model::{DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction, Trocar};
+use trocar_model::{
+    DeformationForce, Element, ElementParams, Relaxation, SealDamping, SlidingFriction, Trocar,
+};
 
 /// Noise of the bench's force sensor, N rms.
 const NOISE: f64 = 0.025;
@@ -41,7 +43,11 @@ fn kept(found: &Identification, term: Term) -> bool {
 }
 
 fn seals(half_width: f64) -> PlausibleSeals {
-    let friction = PlausibleSeals { friction_asymmetry: 0.0, coulomb_force: (1.0, 3.0), ..PlausibleSeals::default() };
+    let friction = PlausibleSeals {
+        friction_asymmetry: 0.0,
+        coulomb_force: (1.0, 3.0),
+        ..PlausibleSeals::default()
+    };
     PlausibleSeals { half_width: (half_width, half_width), ..friction }
 }
 
@@ -49,7 +55,10 @@ fn seals(half_width: f64) -> PlausibleSeals {
 fn assert_near(found: &Identification, name: &str, truth: f64, part: f64) {
     let estimate = found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter"));
     assert!(estimate.determined, "{name}: {estimate:?}");
-    assert!((estimate.value / truth - 1.0).abs() < part, "{name}: {estimate:?} found, {truth} true");
+    assert!(
+        (estimate.value / truth - 1.0).abs() < part,
+        "{name}: {estimate:?} found, {truth} true"
+    );
 }
 
 #[test]
@@ -115,7 +124,10 @@ fn full_strokes_leave_the_terms_of_partial_reversals_untried() {
         assert!(fit.terms.iter().all(|trial| trial.term != term), "{term:?}");
     }
     assert!(
-        found.warnings.iter().any(|w| w.subject.to_string() == "optional terms" && w.message.contains("partial")),
+        found
+            .warnings
+            .iter()
+            .any(|w| w.subject.to_string() == "optional terms" && w.message.contains("partial")),
         "{:?}",
         found.warnings
     );
@@ -135,11 +147,15 @@ fn motion_that_takes_work_from_the_seal_is_refused() {
 fn swing(element: &Element, velocity: f64) -> ([f64; 2], f64) {
     const PERIOD: f64 = 1e-3;
     let mut state = element.rest_state(0.0);
-    let forces: Vec<f64> = (0..6000).map(|_| element.step(&mut state, velocity * PERIOD, PERIOD)).collect();
+    let forces: Vec<f64> =
+        (0..6000).map(|_| element.step(&mut state, velocity * PERIOD, PERIOD)).collect();
     let last = &forces[3000..];
     let low = last.iter().copied().fold(f64::INFINITY, f64::min);
     let high = last.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let slips = last.windows(2).filter(|pair| pair[0] > 0.5 * (low + high) && pair[1] <= 0.5 * (low + high)).count();
+    let slips = last
+        .windows(2)
+        .filter(|pair| pair[0] > 0.5 * (low + high) && pair[1] <= 0.5 * (low + high))
+        .count();
     ([low, high], slips as f64 / 3.0)
 }
 
@@ -153,12 +169,14 @@ fn a_seal_that_sticks_and_slips_is_found_to_do_so_between_the_same_forces() {
         stribeck_exponent: 2.0,
     };
     let mut seal = random_seal(&seals(3e-3), 6);
-    seal.deformation = DeformationForce::linear(sliding.static_force / 3e-3, 3e-3).expect("a spring");
+    seal.deformation =
+        DeformationForce::linear(sliding.static_force / 3e-3, 3e-3).expect("a spring");
     (seal.insertion, seal.withdrawal) = (sliding, sliding);
     let truth = Element::new(seal).expect("a model");
     let mut config = config(30.0);
     let steady = &mut config.protocol.steady;
-    (steady.slowest_m_s, steady.fastest_m_s, steady.increment_m_s, steady.stroke_m) = (0.003, 0.043, 0.01, 0.03);
+    (steady.slowest_m_s, steady.fastest_m_s, steady.increment_m_s, steady.stroke_m) =
+        (0.003, 0.043, 0.01, 0.03);
     let record = |protocol: Protocol, seed: u64| {
         let done = run(&config, protocol, &[truth], seed).expect("the rig runs");
         done.to_recording(protocol.name()).expect("finite columns")
@@ -172,17 +190,29 @@ fn a_seal_that_sticks_and_slips_is_found_to_do_so_between_the_same_forces() {
             found.warnings
         );
         let [slow, fast] = seen.speed_m_s;
-        assert!((slow - 3e-3).abs() < 3e-4 && fast < 1.4e-2, "{seen:?}: only the slowest speeds swing");
+        assert!(
+            (slow - 3e-3).abs() < 3e-4 && fast < 1.4e-2,
+            "{seen:?}: only the slowest speeds swing"
+        );
         let (force, frequency) = swing(&truth, slow);
         for (seen, truth) in seen.force_n.into_iter().zip(force) {
             assert!((seen - truth).abs() < 0.04, "{seen} N seen, {truth} N true");
         }
-        assert!((seen.frequency_hz[0] / frequency - 1.0).abs() < 0.15, "{seen:?}, {frequency} Hz true");
-        assert!((seen.force_n[1] - sliding.static_force).abs() < 0.02 * sliding.static_force, "{seen:?}");
+        assert!(
+            (seen.frequency_hz[0] / frequency - 1.0).abs() < 0.15,
+            "{seen:?}, {frequency} Hz true"
+        );
+        assert!(
+            (seen.force_n[1] - sliding.static_force).abs() < 0.02 * sliding.static_force,
+            "{seen:?}"
+        );
         for velocity in [2e-2, 4e-2] {
             let [found, true_swing] = [found.stages.elements(), &[truth]]
                 .map(|e| e.iter().map(|e| swing(e, velocity).0).map(|[l, h]| h - l).sum::<f64>());
-            assert!(true_swing < 1e-3 && found < 0.02, "{found} N found, {true_swing} N true at {velocity} m/s");
+            assert!(
+                true_swing < 1e-3 && found < 0.02,
+                "{found} N found, {true_swing} N true at {velocity} m/s"
+            );
         }
     }
 }
@@ -195,16 +225,22 @@ fn swings_of_the_rig_are_not_called_stick_slip() {
     let amplitude = 0.15 * seal[0].params().insertion.coulomb_force;
     let cogging = |x: f64, _: f64| amplitude * (std::f64::consts::TAU * x / 3e-3).sin();
     let hum = |_: f64, t: f64| amplitude * (std::f64::consts::TAU * 50.0 * t).sin();
-    for (subject, words, disturbance) in
-        [("ripple", "3.0 mm", &cogging as &dyn Fn(f64, f64) -> f64), ("interference", "50 Hz", &hum)]
-    {
+    for (subject, words, disturbance) in [
+        ("ripple", "3.0 mm", &cogging as &dyn Fn(f64, f64) -> f64),
+        ("interference", "50 Hz", &hum),
+    ] {
         let mut recording = plain.clone();
         for ((force, x), t) in recording.force.iter_mut().zip(&plain.position).zip(&plain.time) {
             *force += disturbance(*x, *t);
         }
         let found = found(&[recording]);
         assert!(found.stick_slip.is_none(), "{subject}: {:?}", found.stick_slip);
-        let warning = found.warnings.iter().find(|w| w.subject.to_string() == subject && w.doubtful);
-        assert!(warning.is_some_and(|w| w.message.contains(words)), "{subject}: {:?}", found.warnings);
+        let warning =
+            found.warnings.iter().find(|w| w.subject.to_string() == subject && w.doubtful);
+        assert!(
+            warning.is_some_and(|w| w.message.contains(words)),
+            "{subject}: {:?}",
+            found.warnings
+        );
     }
 }

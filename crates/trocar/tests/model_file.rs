@@ -4,14 +4,15 @@
 use serde_json::{Value, json};
 use trocar::bench::random_plausible_seal;
 use trocar::model_file::{
-    ErrorSource, ForceError, Interval, ModelFile, ModelFileError, Origin, OriginKind, ReadWith, RecordingInfo,
-    SensorInfo,
+    ErrorSource, ForceError, Interval, ModelFile, ModelFileError, Origin, OriginKind, ReadWith,
+    RecordingInfo, SensorInfo,
 };
 use trocar_model::Classical;
 use trocar_model::{
-    Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS,
-    MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate,
-    Stages, StaticFriction, StribeckCurve, Trocar,
+    Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre,
+    LuGreParams, MAX_ELEMENTS, MaxwellSlip, PositionProfile, Relaxation, RelaxationArm,
+    SealDamping, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve,
+    Trocar,
 };
 
 fn schema() -> jsonschema::Validator {
@@ -43,10 +44,15 @@ fn complete() -> ModelFile {
     origin.recordings = vec![RecordingInfo {
         name: "steady.csv".to_owned(),
         sha256: "0123456789abcdef".repeat(4),
-        read_with: Some(ReadWith { columns: Some("time_s=t".to_owned()), skip_rows: 3, ..ReadWith::default() }),
+        read_with: Some(ReadWith {
+            columns: Some("time_s=t".to_owned()),
+            skip_rows: 3,
+            ..ReadWith::default()
+        }),
     }];
     let mut model = ModelFile::new(stages(elements), origin);
-    model.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.0 });
+    model.sensor =
+        Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.0 });
     for (name, high) in [("coulomb_force_n", Some(3.1)), ("stribeck_velocity_m_s", None)] {
         let interval = Interval { value: 3.0, ci95: [Some(2.9), high] };
         model.intervals.insert(name.to_owned(), interval);
@@ -59,7 +65,12 @@ fn slow() -> ModelFile {
     let arm = |stiffness, time| RelaxationArm { stiffness, time };
     let plausible = ElementParams::plausible_10_5_mm().unwrap();
     let two = Relaxation { arms: [arm(1e3 / 7.0, 0.3), arm(50.0, 10.0 / 3.0)] };
-    let both = ElementParams { creep_velocity: 1e-3 / 7.0, friction_lag: 1.0 / 70.0, relaxation: two, ..plausible };
+    let both = ElementParams {
+        creep_velocity: 1e-3 / 7.0,
+        friction_lag: 1.0 / 70.0,
+        relaxation: two,
+        ..plausible
+    };
     let one = ElementParams { relaxation: Relaxation::single(120.0, 0.2), ..plausible };
     ModelFile { trocar: Trocar::new(stages([both, one, plausible]), None), ..complete() }
 }
@@ -67,28 +78,43 @@ fn slow() -> ModelFile {
 /// A model with position-dependent force, from a bench with a position delay.
 fn along() -> ModelFile {
     let mut file = complete();
-    let profile = PositionProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).unwrap();
+    let profile =
+        PositionProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).unwrap();
     file.trocar = Trocar::new(*file.trocar.seal(), Some(profile));
-    file.sensor = Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.05 });
+    file.sensor =
+        Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.05 });
     file
 }
 
 #[test]
 fn profiles_that_make_no_seal_are_refused() {
     let cases = [
-        ("/position_profile/gain/1", json!(-1.0), "position_profile: gain 1 is -1, expected a finite number above 0"),
-        ("/position_profile/gain/1", json!(1.6), "position_profile: the mean gain over the range is 1.2"),
+        (
+            "/position_profile/gain/1",
+            json!(-1.0),
+            "position_profile: gain 1 is -1, expected a finite number above 0",
+        ),
+        (
+            "/position_profile/gain/1",
+            json!(1.6),
+            "position_profile: the mean gain over the range is 1.2",
+        ),
         ("/position_profile/gain", json!([1.0, 1.0]), "3 values of the offset and 2 of the gain"),
         ("/position_profile/to_m", json!(-1.0), "no interval"),
         ("/position_profile/knots", json!(3), "unknown field `knots`"),
-        ("/sensor/position_delay_s", json!(-0.1), "sensor.position_delay_s: must not be negative, got -0.1 s"),
+        (
+            "/sensor/position_delay_s",
+            json!(-0.1),
+            "sensor.position_delay_s: must not be negative, got -0.1 s",
+        ),
     ];
     for (pointer, replacement, expected) in cases {
         let document = broken(&along(), pointer, Some(replacement));
         let error = ModelFile::from_json(&document.to_string()).unwrap_err().to_string();
         assert!(error.contains(expected), "{pointer}: {error}");
     }
-    let mut classical = ModelFile::new(classical_models().pop().unwrap(), Origin::new(OriginKind::HandMade));
+    let mut classical =
+        ModelFile::new(classical_models().pop().unwrap(), Origin::new(OriginKind::HandMade));
     classical.trocar = along().trocar.with_seal(*classical.trocar.seal());
     assert!(!schema().is_valid(&value(&classical.to_json())));
     let error = ModelFile::from_json(&classical.to_json()).unwrap_err().to_string();
@@ -143,22 +169,40 @@ fn classical_models() -> Vec<Classical> {
         Classical::Static(StaticFriction::new(SlidingFriction::coulomb(3.0, 0.0)).unwrap()),
         Classical::Static(StaticFriction::new(sliding).unwrap()),
     ];
-    let dahl = DahlParams { stiffness: 1e4 / 3.0, coulomb_force: 2.9, exponent: 1.1, viscous_damping: 0.0 };
+    let dahl = DahlParams {
+        stiffness: 1e4 / 3.0,
+        coulomb_force: 2.9,
+        exponent: 1.1,
+        viscous_damping: 0.0,
+    };
     models.push(Classical::Dahl(Dahl::new(dahl).unwrap()));
-    for (curve, damping_velocity) in [(StribeckCurve::Exponential, f64::INFINITY), (StribeckCurve::Rational, 0.07)] {
-        let params = LuGreParams { stiffness: 777.7, micro_damping: 1.0 / 3.0, damping_velocity, sliding, curve };
+    for (curve, damping_velocity) in
+        [(StribeckCurve::Exponential, f64::INFINITY), (StribeckCurve::Rational, 0.07)]
+    {
+        let params = LuGreParams {
+            stiffness: 777.7,
+            micro_damping: 1.0 / 3.0,
+            damping_velocity,
+            sliding,
+            curve,
+        };
         models.push(Classical::LuGre(LuGre::new(params).unwrap()));
     }
     for n in [1, MAX_ELEMENTS] {
         let part = 1.0 / n as f64;
-        let bank: Vec<SlipElement> =
-            (1..=n).map(|i| SlipElement { stiffness: 1e4 / (i as f64), limit_force: 3.0 * part }).collect();
+        let bank: Vec<SlipElement> = (1..=n)
+            .map(|i| SlipElement { stiffness: 1e4 / (i as f64), limit_force: 3.0 * part })
+            .collect();
         let params = LeuvenParams { sliding, exponent: 1.0 / 0.9, micro_damping: 0.3 };
         models.push(Classical::Leuven(Leuven::new(&bank, params).unwrap()));
         models.push(Classical::MaxwellSlip(MaxwellSlip::new(&bank, 0.7).unwrap()));
         for slip_rate in [SlipRate::Free, SlipRate::Limited] {
-            let element =
-                |i: usize| GmsElement { stiffness: 1e4 / i as f64, share: part, attraction: 0.1 / 3.0, damping: 0.2 };
+            let element = |i: usize| GmsElement {
+                stiffness: 1e4 / i as f64,
+                share: part,
+                attraction: 0.1 / 3.0,
+                damping: 0.2,
+            };
             let elements: Vec<GmsElement> = (1..=n).map(element).collect();
             models.push(Classical::Gms(Gms::new(&elements, sliding, slip_rate).unwrap()));
         }
@@ -186,11 +230,19 @@ fn every_kind_is_among_the_classical_models_tried() {
 fn files_of_older_versions_are_read() {
     for version in 1..=7 {
         for file in [complete(), slow(), with_error()].into_iter().chain(classical_files()) {
-            let text = file.to_json().replacen("\"version\": 8", &format!("\"version\": {version}"), 1);
-            let text = text.replace("\"position_profile\"", "\"travel\"").replace("\"gain\"", "\"level\"");
+            let text =
+                file.to_json().replacen("\"version\": 8", &format!("\"version\": {version}"), 1);
+            let text =
+                text.replace("\"position_profile\"", "\"travel\"").replace("\"gain\"", "\"level\"");
             let text = text.replace("\"position_delay_s\"", "\"position_lag_s\"");
-            let text = text.replace("\"insertion\": {\n          \"join_m\"", "\"rising\": {\n          \"join_m\"");
-            let text = text.replace("\"withdrawal\": {\n          \"join_m\"", "\"falling\": {\n          \"join_m\"");
+            let text = text.replace(
+                "\"insertion\": {\n          \"join_m\"",
+                "\"rising\": {\n          \"join_m\"",
+            );
+            let text = text.replace(
+                "\"withdrawal\": {\n          \"join_m\"",
+                "\"falling\": {\n          \"join_m\"",
+            );
             assert_eq!(text.contains("\"rising\""), file.stages().is_ok());
             assert_eq!(ModelFile::from_json(&text).unwrap(), file);
         }
@@ -213,7 +265,8 @@ fn intervals_of_older_versions_get_the_present_names() {
     let mut document = value(&complete().to_json());
     let interval = json!({"value": 1.0, "ci95": [0.5, 2.0]});
     document["version"] = json!(7);
-    document["intervals"] = names.iter().map(|(old, _)| ((*old).to_owned(), interval.clone())).collect();
+    document["intervals"] =
+        names.iter().map(|(old, _)| ((*old).to_owned(), interval.clone())).collect();
     let file = ModelFile::from_json(&document.to_string()).unwrap();
     let mut expected: Vec<&str> = names.iter().map(|(_, new)| *new).collect();
     expected.sort_unstable();
@@ -270,8 +323,9 @@ fn slow_parts_that_make_no_seal_are_refused() {
         ("/elements/0/creep_velocity_m_s", json!(-1e-4), "elements[0]: creep_velocity"),
     ];
     for (pointer, replacement, expected) in cases {
-        let error =
-            ModelFile::from_json(&broken(&good, pointer, Some(replacement)).to_string()).unwrap_err().to_string();
+        let error = ModelFile::from_json(&broken(&good, pointer, Some(replacement)).to_string())
+            .unwrap_err()
+            .to_string();
         assert!(error.starts_with(expected), "{error}");
     }
 }
@@ -285,13 +339,27 @@ fn plausible_model_says_so() {
 #[test]
 fn every_number_says_its_unit() {
     fn walk(key: &str, value: &Value) {
-        let units = ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg", "_hz"];
-        let pure = ["version", "seed", "stribeck_exponent", "exponent", "share", "value", "ci95", "gain", "skip_rows"];
+        let units =
+            ["_n", "_m", "_s", "_n_m", "_m_s", "_n_s_m", "_n_s2_m2", "_n_s3_m3", "_kg", "_hz"];
+        let pure = [
+            "version",
+            "seed",
+            "stribeck_exponent",
+            "exponent",
+            "share",
+            "value",
+            "ci95",
+            "gain",
+            "skip_rows",
+        ];
         match value {
             Value::Object(inner) => inner.iter().for_each(|(key, value)| walk(key, value)),
             Value::Array(inner) => inner.iter().for_each(|value| walk(key, value)),
             Value::Number(_) => {
-                assert!(pure.contains(&key) || units.iter().any(|unit| key.ends_with(unit)), "{key} has no unit")
+                assert!(
+                    pure.contains(&key) || units.iter().any(|unit| key.ends_with(unit)),
+                    "{key} has no unit"
+                )
             }
             _ => {}
         }
@@ -327,29 +395,53 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
     let cases = [
         ("/format", Some(json!("other")), "must be \"trocar-model\", got \"other\""),
         ("/format", None, "must be \"trocar-model\", got nothing"),
-        ("/version", Some(json!(9)), "written by a newer trocar: model version 9, this one reads 8"),
+        (
+            "/version",
+            Some(json!(9)),
+            "written by a newer trocar: model version 9, this one reads 8",
+        ),
         ("/version", Some(json!(0)), "\"version\" must be 1 to 8, got 0"),
         ("/version", Some(json!("1")), "\"version\" must be 1 to 8, got \"1\""),
         ("/version", None, "\"version\" must be 1 to 8, got nothing"),
         ("/origin", None, "missing field `origin`"),
         ("/origin/kind", Some(json!("measured")), "unknown variant `measured`"),
         ("/origin/seed", Some(json!(-1)), "invalid value: integer `-1`"),
-        ("/origin/recordings/0/sha256", Some(json!("abc")), "origin.recordings[0].sha256: must be 64"),
+        (
+            "/origin/recordings/0/sha256",
+            Some(json!("abc")),
+            "origin.recordings[0].sha256: must be 64",
+        ),
         ("/elements", None, "a model holds elements or friction, got neither"),
         ("/elements", Some(json!([])), "a model has 1 to 4 elements, got 0"),
         ("/elements", Some(json!({})), "expected a sequence"),
         ("/elements/0/stiffness", Some(json!(3)), "unknown field `stiffness`, expected one of"),
         ("/elements/1/insertion/coulomb_force_n", None, "missing field `coulomb_force_n`"),
-        ("/elements/1/insertion/coulomb_force_n", Some(json!("3 N")), "invalid type: string \"3 N\""),
+        (
+            "/elements/1/insertion/coulomb_force_n",
+            Some(json!("3 N")),
+            "invalid type: string \"3 N\"",
+        ),
         (
             "/elements/1/insertion/coulomb_force_n",
             Some(json!(-0.3)),
             "elements[1]: coulomb_force_n must be finite and above 0 N, got -0.3 N",
         ),
         ("/elements/0/withdrawal/viscous_damping_n_s_m", Some(json!(null)), "invalid type: null"),
-        ("/elements/0/withdrawal/viscous_damping_n_s_m", Some(json!(-1)), "elements[0]: viscous_damping"),
-        ("/elements/0/withdrawal/viscous_damping", Some(json!(1)), "unknown field `viscous_damping`"),
-        ("/elements/0/seal_damping/constant_n_s_m", Some(json!(-1.0)), "elements[0]: seal_damping_n_s_m must be"),
+        (
+            "/elements/0/withdrawal/viscous_damping_n_s_m",
+            Some(json!(-1)),
+            "elements[0]: viscous_damping",
+        ),
+        (
+            "/elements/0/withdrawal/viscous_damping",
+            Some(json!(1)),
+            "unknown field `viscous_damping`",
+        ),
+        (
+            "/elements/0/seal_damping/constant_n_s_m",
+            Some(json!(-1.0)),
+            "elements[0]: seal_damping_n_s_m must be",
+        ),
         ("/elements/0/deformation/insertion/pieces/0", None, "invalid length 1"),
         (
             "/elements/0/deformation/withdrawal/pieces/1/legendre_n",
@@ -357,7 +449,11 @@ fn files_of_another_form_are_refused_by_reader_and_schema() {
             "elements[0].deformation.withdrawal.pieces[1]: a piece needs 1 to 8 Legendre coefficients, got 0",
         ),
         ("/elements/0/deformation/half_width_m", Some(json!(-0.008)), "half_width_m is -0.008"),
-        ("/sensor/moving_mass_kg", Some(json!(-0.1)), "sensor.moving_mass_kg: must not be negative"),
+        (
+            "/sensor/moving_mass_kg",
+            Some(json!(-0.1)),
+            "sensor.moving_mass_kg: must not be negative",
+        ),
         ("/sensor/moving_mass_g", Some(json!(40)), "unknown field `moving_mass_g`"),
         ("/intervals/coulomb_force_n/ci95", Some(json!([1.0])), "invalid length 1"),
         ("/intervals/coulomb_force_n/value", None, "missing field `value`"),
@@ -384,16 +480,31 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
     let number = "invalid type: string \"3 N\"";
     let kinds = "friction.kind: must be one of static, dahl, lugre, leuven, maxwell-slip, gms, got";
     let cases = [
-        ("static", "/elements", Some(elements), "friction: a model holds elements or friction, got both".to_owned()),
+        (
+            "static",
+            "/elements",
+            Some(elements),
+            "friction: a model holds elements or friction, got both".to_owned(),
+        ),
         ("static", "/friction", Some(json!(null)), format!("{kinds} nothing")),
         ("static", "/friction", Some(json!([1])), format!("{kinds} nothing")),
         ("static", "/friction/kind", None, format!("{kinds} nothing")),
         ("static", "/friction/kind", Some(json!("coulomb")), format!("{kinds} \"coulomb\"")),
         ("static", "/friction/kind", Some(json!(7)), format!("{kinds} 7")),
-        ("static", "/friction/kind", Some(json!("dahl")), "unknown field `sliding`, expected one of".into()),
+        (
+            "static",
+            "/friction/kind",
+            Some(json!("dahl")),
+            "unknown field `sliding`, expected one of".into(),
+        ),
         ("static", "/friction/sliding", None, "missing field `sliding`".into()),
         ("static", "/friction/sliding/coulomb_force_n", Some(json!("3 N")), number.into()),
-        ("static", "/friction/sliding/coulomb_force", Some(json!(3)), "unknown field `coulomb_force`".into()),
+        (
+            "static",
+            "/friction/sliding/coulomb_force",
+            Some(json!(3)),
+            "unknown field `coulomb_force`".into(),
+        ),
         (
             "dahl",
             "/friction/coulomb_force_n",
@@ -401,12 +512,42 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
             "friction: coulomb_force_n must be finite and above 0 N".into(),
         ),
         ("dahl", "/friction/exponent", None, "missing field `exponent`".into()),
-        ("lugre", "/friction/damping_velocity_m_s", None, "missing field `damping_velocity_m_s`".into()),
-        ("lugre", "/friction/damping_velocity_m_s", Some(json!(0)), "damping_velocity_m_s must be above 0 m/s".into()),
-        ("lugre", "/friction/damping_velocity_m_s", Some(json!("inf")), "invalid type: string \"inf\"".into()),
-        ("lugre", "/friction/curve", Some(json!("gaussian")), "unknown variant `gaussian`, expected `exp".into()),
-        ("lugre", "/friction/mass_kg", Some(json!(1)), "unknown field `mass_kg`, expected one of `kind`".into()),
-        ("leuven", "/friction/elements", Some(json!([])), "friction: a model needs 1 to 16 elements, got 0".into()),
+        (
+            "lugre",
+            "/friction/damping_velocity_m_s",
+            None,
+            "missing field `damping_velocity_m_s`".into(),
+        ),
+        (
+            "lugre",
+            "/friction/damping_velocity_m_s",
+            Some(json!(0)),
+            "damping_velocity_m_s must be above 0 m/s".into(),
+        ),
+        (
+            "lugre",
+            "/friction/damping_velocity_m_s",
+            Some(json!("inf")),
+            "invalid type: string \"inf\"".into(),
+        ),
+        (
+            "lugre",
+            "/friction/curve",
+            Some(json!("gaussian")),
+            "unknown variant `gaussian`, expected `exp".into(),
+        ),
+        (
+            "lugre",
+            "/friction/mass_kg",
+            Some(json!(1)),
+            "unknown field `mass_kg`, expected one of `kind`".into(),
+        ),
+        (
+            "leuven",
+            "/friction/elements",
+            Some(json!([])),
+            "friction: a model needs 1 to 16 elements, got 0".into(),
+        ),
         (
             "leuven",
             "/friction/micro_damping_n_s_m",
@@ -414,11 +555,36 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
             "micro_damping_n_s_m must be finite and at least 0 N s/m".into(),
         ),
         ("maxwell-slip", "/friction/elements", Some(many), "1 to 16 elements, got 17".into()),
-        ("maxwell-slip", "/friction/elements/1/limit_force_n", Some(json!(0)), "element_2_limit_force_n must".into()),
-        ("maxwell-slip", "/friction/elements/1/share", Some(json!(0)), "unknown field `share`".into()),
-        ("gms", "/friction/slip_rate", Some(json!("bounded")), "unknown variant `bounded`, expected `free`".into()),
-        ("gms", "/friction/elements/0/attraction_m_s", None, "missing field `attraction_m_s`".into()),
-        ("gms", "/friction/elements/0/damping_n_s_m", Some(json!(-1)), "element_1_damping_n_s_m must be".into()),
+        (
+            "maxwell-slip",
+            "/friction/elements/1/limit_force_n",
+            Some(json!(0)),
+            "element_2_limit_force_n must".into(),
+        ),
+        (
+            "maxwell-slip",
+            "/friction/elements/1/share",
+            Some(json!(0)),
+            "unknown field `share`".into(),
+        ),
+        (
+            "gms",
+            "/friction/slip_rate",
+            Some(json!("bounded")),
+            "unknown variant `bounded`, expected `free`".into(),
+        ),
+        (
+            "gms",
+            "/friction/elements/0/attraction_m_s",
+            None,
+            "missing field `attraction_m_s`".into(),
+        ),
+        (
+            "gms",
+            "/friction/elements/0/damping_n_s_m",
+            Some(json!(-1)),
+            "element_1_damping_n_s_m must be".into(),
+        ),
     ];
     for (kind, pointer, replacement, message) in cases {
         let document = broken(&file_of(kind), pointer, replacement);
@@ -431,9 +597,24 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
 #[test]
 fn impossible_classical_models_are_refused_by_the_reader() {
     let cases = [
-        ("lugre", "/friction/sliding/static_force_n", json!(1.0), "friction: static_force_n must be at least"),
-        ("leuven", "/friction/sliding/static_force_n", json!(3.5), "friction: the limit forces of the elements"),
-        ("gms", "/friction/elements/0/share", json!(0.5), "friction: the shares of the elements must add up to 1"),
+        (
+            "lugre",
+            "/friction/sliding/static_force_n",
+            json!(1.0),
+            "friction: static_force_n must be at least",
+        ),
+        (
+            "leuven",
+            "/friction/sliding/static_force_n",
+            json!(3.5),
+            "friction: the limit forces of the elements",
+        ),
+        (
+            "gms",
+            "/friction/elements/0/share",
+            json!(0.5),
+            "friction: the shares of the elements must add up to 1",
+        ),
     ];
     for (kind, pointer, replacement, message) in cases {
         let document = broken(&file_of(kind), pointer, Some(replacement));
@@ -453,8 +634,16 @@ fn errors_in_classical_models_name_line_and_column() {
 #[test]
 fn impossible_seals_are_refused_by_the_reader() {
     let cases = [
-        ("/elements/0/deformation/insertion/join_m", json!(0.001), "insertion: join_m is 0.001, but the pieces meet"),
-        ("/elements/0/deformation/half_width_m", json!(8.0), "half_width_m is 8, but the pieces end at 0.008"),
+        (
+            "/elements/0/deformation/insertion/join_m",
+            json!(0.001),
+            "insertion: join_m is 0.001, but the pieces meet",
+        ),
+        (
+            "/elements/0/deformation/half_width_m",
+            json!(8.0),
+            "half_width_m is 8, but the pieces end at 0.008",
+        ),
         (
             "/elements/0/deformation/insertion/pieces/0/legendre_n/0",
             json!(1.5),
@@ -465,10 +654,18 @@ fn impossible_seals_are_refused_by_the_reader() {
             json!(-0.02),
             "insertion.pieces[1]: a piece must end right of its start",
         ),
-        ("/elements/0/deformation/yield_stiffness_n_m", json!(1.0), "yield_stiffness_n_m must be at least"),
+        (
+            "/elements/0/deformation/yield_stiffness_n_m",
+            json!(1.0),
+            "yield_stiffness_n_m must be at least",
+        ),
         ("/elements/0/insertion/static_force_n", json!(2.0), "static_force_n must be at least"),
         ("/elements/0/insertion/static_force_n", json!(3.5), "both branches must pass 3.5 N"),
-        ("/intervals/coulomb_force_n/value", json!(9.0), "intervals.coulomb_force_n: value 9 lies outside"),
+        (
+            "/intervals/coulomb_force_n/value",
+            json!(9.0),
+            "intervals.coulomb_force_n: value 9 lies outside",
+        ),
     ];
     for (pointer, replacement, message) in cases {
         let document = broken(&complete(), pointer, Some(replacement));
@@ -483,7 +680,10 @@ fn errors_name_line_and_column() {
     let cut = &good[..good.len() / 2];
     let lines = cut.lines().count();
     let error = ModelFile::from_json(cut).unwrap_err();
-    assert!(matches!(error, ModelFileError::NotJson { line, .. } if line.abs_diff(lines) <= 1), "{error}");
+    assert!(
+        matches!(error, ModelFileError::NotJson { line, .. } if line.abs_diff(lines) <= 1),
+        "{error}"
+    );
     let typo = good.replacen("coulomb_force_n\":", "coulomb_force\":", 1);
     let at = 1 + typo.lines().position(|l| l.contains("coulomb_force\":")).unwrap();
     let error = ModelFile::from_json(&typo).unwrap_err();

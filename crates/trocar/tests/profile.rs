@@ -5,11 +5,15 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::identify::{IdentifyOptions, identify};
-use trocar::profile::{Departure, NoProfile, ProfileSample, cycles, fit, is_passive, storage_length};
+use trocar::profile::{
+    Departure, NoProfile, ProfileSample, cycles, fit, is_passive, storage_length,
+};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::segment::{reversal_threshold, strokes};
 use trocar::validate::{Validation, validate, validate_one};
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, PositionProfile, ProfileError, Trocar};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, Piece, PositionProfile, ProfileError, Trocar,
+};
 
 /// Half width of the uniform noise of the simulated readings, N: standard deviation 0.058 N.
 const NOISE: f64 = 0.1;
@@ -31,7 +35,11 @@ fn element() -> Element {
 }
 
 /// Readings of strokes with this offset (N) and gain, and the force of the element alone.
-fn samples(offset: impl Fn(f64) -> f64, level: impl Fn(f64) -> f64, seed: u64) -> Vec<ProfileSample> {
+fn samples(
+    offset: impl Fn(f64) -> f64,
+    level: impl Fn(f64) -> f64,
+    seed: u64,
+) -> Vec<ProfileSample> {
     let (element, mut rng) = (element(), ChaCha8Rng::seed_from_u64(seed));
     let mut state = element.rest_state(0.0);
     let (mut samples, mut position) = (Vec::new(), ENDS[0]);
@@ -63,8 +71,8 @@ fn inside() -> impl Iterator<Item = f64> {
 fn a_known_profile_is_found() {
     let samples = samples(|x| 0.7 + 0.2 * wave(x + 0.004), |x| 1.0 + 0.1 * wave(x), 1);
     let found = fit(&samples, storage_length(&element())).expect("a clear profile");
-    let scale =
-        inside().map(|x| found.profile.gain(x)).sum::<f64>() / inside().map(|x| 1.0 + 0.1 * wave(x)).sum::<f64>();
+    let scale = inside().map(|x| found.profile.gain(x)).sum::<f64>()
+        / inside().map(|x| 1.0 + 0.1 * wave(x)).sum::<f64>();
     for x in inside() {
         let level = found.profile.gain(x) / scale - (1.0 + 0.1 * wave(x));
         assert!(level.abs() < LEVEL_TOLERANCE, "level at {x} m off by {level}");
@@ -74,7 +82,11 @@ fn a_known_profile_is_found() {
     // Uniform noise of ±a has the standard deviation a/√3; the error of an estimate from seven
     // cycles adds little.
     let floor = NOISE / 3f64.sqrt();
-    assert!(found.held_out_rms_n < 1.05 * floor, "{} N over a floor of {floor} N", found.held_out_rms_n);
+    assert!(
+        found.held_out_rms_n < 1.05 * floor,
+        "{} N over a floor of {floor} N",
+        found.held_out_rms_n
+    );
     assert!(found.constant_held_out_rms_n > 3.0 * floor);
     assert_eq!(found.better_folds, found.folds);
     assert!(found.effective_parameters <= (found.free_parameters() + 1) as f64);
@@ -105,7 +117,9 @@ fn a_profile_of_one_cycle_is_not_accepted() {
 fn the_gauge_is_kept() {
     let profile = fit(&samples(|x| 0.7 + 3.0 * x, |x| 1.2 + x, 2), 0.01).expect("a slope").profile;
     let n = 20_000;
-    let along = |k: i32| profile.from() + (profile.to() - profile.from()) * (f64::from(k) + 0.5) / f64::from(n);
+    let along = |k: i32| {
+        profile.from() + (profile.to() - profile.from()) * (f64::from(k) + 0.5) / f64::from(n)
+    };
     let mean = |of: &dyn Fn(f64) -> f64| (0..n).map(|k| of(along(k))).sum::<f64>() / f64::from(n);
     assert!((mean(&|x| profile.gain(x)) - 1.0).abs() < 1e-6);
     assert!(mean(&|x| profile.offset(x)).abs() < 1e-6);
@@ -126,13 +140,17 @@ fn a_level_too_steep_for_the_seal_is_refused() {
 #[test]
 fn values_are_checked() {
     use ProfileError::{Interval, Knots, Value};
-    let make =
-        |from, offset: &[f64], gain: &[f64]| PositionProfile::new(from, 0.1, offset.to_vec(), gain.to_vec()).err();
+    let make = |from, offset: &[f64], gain: &[f64]| {
+        PositionProfile::new(from, 0.1, offset.to_vec(), gain.to_vec()).err()
+    };
     assert_eq!(make(0.0, &[0.5, 0.6, 0.5], &[1.1, 0.9, 1.1]), None);
     assert_eq!(make(0.1, &[0.0; 2], &[1.0; 2]), Some(Interval { from: 0.1, to: 0.1 }));
     assert_eq!(make(0.0, &[0.0; 2], &[1.0; 3]), Some(Knots { offset: 2, gain: 3 }));
     assert_eq!(make(0.0, &[0.0], &[1.0]), Some(Knots { offset: 1, gain: 1 }));
-    assert_eq!(make(0.0, &[0.0; 2], &[1.0, -0.9]), Some(Value { name: "gain", knot: 1, value: -0.9 }));
+    assert_eq!(
+        make(0.0, &[0.0; 2], &[1.0, -0.9]),
+        Some(Value { name: "gain", knot: 1, value: -0.9 })
+    );
     let nan = make(0.0, &[0.0, f64::NAN], &[1.0; 2]);
     assert!(matches!(nan, Some(Value { name: "offset", knot: 1, .. })), "{nan:?}");
 }
@@ -193,14 +211,18 @@ proptest! {
     }
 }
 
-/// A seal that snaps through: the force rises to 1.2 times the sliding force at -c/2, falls to -0.4 of it at c/2, and rises.
+/// A seal that snaps through: the force rises to 1.2 times the sliding force at -c/2, falls to -0.4
+/// of it at c/2, and rises.
 fn snaps_through() -> Element {
     let plausible = *element().params();
     let (c, f) = (8e-3, plausible.insertion.static_force);
     let bend = |from: f64, to: f64, low: f64, high: f64, bent: f64| {
-        Piece::new(from, to, &[0.5 * (low + high) - bent, 0.5 * (high - low), bent]).expect("a piece")
+        Piece::new(from, to, &[0.5 * (low + high) - bent, 0.5 * (high - low), bent])
+            .expect("a piece")
     };
-    let branch = Branch::new(bend(-c, 0.0, -f, 0.4 * f, -0.6 * f), bend(0.0, c, 0.4 * f, f, 0.6 * f)).expect("joined");
+    let branch =
+        Branch::new(bend(-c, 0.0, -f, 0.4 * f, -0.6 * f), bend(0.0, c, 0.4 * f, f, 0.6 * f))
+            .expect("joined");
     let deformation = DeformationForce::new(branch, branch, None).expect("a seal");
     Element::new(ElementParams { deformation, ..plausible }).expect("a seal")
 }
@@ -226,12 +248,14 @@ proptest! {
 fn a_curve_that_rises_takes_any_level() {
     let c = 8e-3;
     let plausible = *element().params();
-    let deformation = DeformationForce::linear(plausible.insertion.static_force / c, c).expect("a spring");
+    let deformation =
+        DeformationForce::linear(plausible.insertion.static_force / c, c).expect("a spring");
     let element = Element::new(ElementParams { deformation, ..plausible }).expect("a spring");
     assert_eq!(storage_length(&element), 0.0);
     // Deform where the gain is low, slide by a tenth of c to where it is a hundred times higher,
     // then release.
-    let profile = PositionProfile::new(0.0, 0.1 * c, vec![0.0; 2], vec![0.02, 1.98]).expect("positive");
+    let profile =
+        PositionProfile::new(0.0, 0.1 * c, vec![0.0; 2], vec![0.02, 1.98]).expect("positive");
     assert!(is_passive(&profile, 0.0));
     let least = least_work(&profile, &element, &[(0.0, 0.01), (1.2 * c, 0.01), (0.2 * c, 0.01)]);
     assert!(least > -ENERGY_TOLERANCE, "{least} J");
@@ -239,7 +263,8 @@ fn a_curve_that_rises_takes_any_level() {
 
 #[test]
 fn the_fade_outside_the_range_counts_for_passivity() {
-    let profile = PositionProfile::new(0.0, 0.1, vec![0.0; 3], vec![1.1, 0.95, 1.0]).expect("mean 1");
+    let profile =
+        PositionProfile::new(0.0, 0.1, vec![0.0; 3], vec![1.1, 0.95, 1.0]).expect("mean 1");
     // Inside 0.15 over 50 mm, outside 0.1 over 25 mm, divided by the smallest gain of 0.95.
     assert!((profile.steepness() - 0.1 / 0.025 / 0.95).abs() < 1e-12);
     assert!(is_passive(&profile, 0.2) && !is_passive(&profile, 0.25));
@@ -247,7 +272,8 @@ fn the_fade_outside_the_range_counts_for_passivity() {
 
 #[test]
 fn motion_outside_the_range_is_reported_once() {
-    let profile = PositionProfile::new(0.02, 0.1, vec![0.0, 0.3, 0.1], vec![1.1, 0.9, 1.1]).expect("mean 1");
+    let profile =
+        PositionProfile::new(0.02, 0.1, vec![0.0, 0.3, 0.1], vec![1.1, 0.9, 1.1]).expect("mean 1");
     assert_eq!(Departure::of(&profile, 0.0195, 0.1005), None);
     let found = Departure::of(&profile, 0.01, 0.1353).expect("35.3 mm outside");
     assert_eq!(
@@ -260,9 +286,11 @@ fn motion_outside_the_range_is_reported_once() {
     let element = element();
     let piece = |to: f64| {
         let time: Vec<f64> = (0..4000).map(|k| 1e-3 * f64::from(k)).collect();
-        let position: Vec<f64> = time.iter().map(|t| 0.06 + (to - 0.06) * (3.0 * t).sin()).collect();
+        let position: Vec<f64> =
+            time.iter().map(|t| 0.06 + (to - 0.06) * (3.0 * t).sin()).collect();
         let force = vec![0.0; time.len()];
-        let recording = Recording::from_columns("piece", time, position, force).expect("a recording");
+        let recording =
+            Recording::from_columns("piece", time, position, force).expect("a recording");
         validate_one(&Trocar::new(element, Some(profile.clone())), &recording, 0.0)
     };
     let both = Validation::of(vec![piece(0.12).plus(piece(0.13)).plus(piece(0.09))]);
@@ -280,21 +308,29 @@ fn part(recording: &Recording, chosen: impl Fn(usize) -> bool) -> Recording {
     let cycle = cycles(recording, &strokes(recording, reversal_threshold(recording)));
     let kept = (0..recording.len()).filter(|i| chosen(cycle[*i]));
     let column = |values: &[f64]| kept.clone().map(|i| values[i]).collect();
-    let columns = [&recording.time, &recording.position, &recording.force].map(|values| column(values));
+    let columns =
+        [&recording.time, &recording.position, &recording.force].map(|values| column(values));
     let [time, position, force] = columns;
-    Recording::from_columns(recording.name.clone(), time, position, force).expect("columns of a recording")
+    Recording::from_columns(recording.name.clone(), time, position, force)
+        .expect("columns of a recording")
 }
 
 #[test]
 fn held_out_strokes_of_real_seals_come_near_their_scatter() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings/elastomer_seals");
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../../shared/recordings/elastomer_seals");
     if !folder.is_dir() {
-        assert!(std::env::var("TROCAR_REQUIRE_SHARED").is_err(), "no recordings in {}", folder.display());
+        assert!(
+            std::env::var("TROCAR_REQUIRE_SHARED").is_err(),
+            "no recordings in {}",
+            folder.display()
+        );
         println!("skipped: no recordings in {}", folder.display());
         return;
     }
     for name in ["pk_1bar", "o_ring_1bar"] {
-        let recording = read(&folder.join(format!("{name}.csv")), &ReadOptions::default()).expect("a recording");
+        let recording = read(&folder.join(format!("{name}.csv")), &ReadOptions::default())
+            .expect("a recording");
         let recording = recording.without_glitches();
         let [odd, even] = [1, 0].map(|rest| part(&recording, |stroke| stroke % 2 == rest));
         let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };

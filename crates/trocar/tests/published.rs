@@ -9,7 +9,8 @@ use trocar::validate::validate;
 
 /// The folder of the recordings next to the project; `None` and a message if there is none.
 fn shared(name: &str) -> Option<PathBuf> {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings").join(name);
+    let folder =
+        PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings").join(name);
     if folder.is_dir() {
         return Some(folder);
     }
@@ -19,7 +20,8 @@ fn shared(name: &str) -> Option<PathBuf> {
 }
 
 fn recording(folder: &std::path::Path, name: &str, mass: f64) -> Recording {
-    let recording = read(&folder.join(name), &ReadOptions::default()).expect("a readable recording");
+    let recording =
+        read(&folder.join(name), &ReadOptions::default()).expect("a readable recording");
     recording.without_glitches().without_moving_mass(mass, 0.0).expect("enough samples")
 }
 
@@ -38,7 +40,10 @@ const MASS: f64 = 95.11;
 fn emps_by_the_two_steps_gives_the_readmes_numbers() {
     let Some(folder) = shared("emps") else { return };
     let axis = [recording(&folder, "identification.csv", MASS)];
-    let found = found(&axis, IdentifyOptions { paper: true, inertia_removed: true, ..IdentifyOptions::default() });
+    let found = found(
+        &axis,
+        IdentifyOptions { paper: true, inertia_removed: true, ..IdentifyOptions::default() },
+    );
     // Value and interval as printed in docs/validation.md.
     for (name, [value, low, high], digit) in [
         ("coulomb_force_n", [20.49, 20.01, 20.97], 0.01),
@@ -48,8 +53,13 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
         ("offset_n", [-3.214, -3.416, -3.013], 0.001),
     ] {
         let estimate = parameter(&found, name);
-        for (got, printed) in [(estimate.value, value), (estimate.ci95[0], low), (estimate.ci95[1], high)] {
-            assert!((got - printed).abs() <= 0.501 * digit, "{name}: {got}, docs/validation.md prints {printed}");
+        for (got, printed) in
+            [(estimate.value, value), (estimate.ci95[0], low), (estimate.ci95[1], high)]
+        {
+            assert!(
+                (got - printed).abs() <= 0.501 * digit,
+                "{name}: {got}, docs/validation.md prints {printed}"
+            );
         }
     }
 }
@@ -58,9 +68,16 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
 fn emps_without_options_agrees_with_the_published_values() {
     let Some(folder) = shared("emps") else { return };
     let axis = [recording(&folder, "identification.csv", MASS)];
-    let found = found(&axis, IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() });
+    let found = found(
+        &axis,
+        IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() },
+    );
     // Published: 20.39 N and 203.5 N s/m common to both directions.
-    assert!(parameter(&found, "coulomb_force_n").covers(20.39), "{:?}", parameter(&found, "coulomb_force_n"));
+    assert!(
+        parameter(&found, "coulomb_force_n").covers(20.39),
+        "{:?}",
+        parameter(&found, "coulomb_force_n")
+    );
     assert!(
         parameter(&found, "viscous_damping_n_s_m").covers(203.5),
         "{:?}",
@@ -72,11 +89,19 @@ fn emps_without_options_agrees_with_the_published_values() {
 fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
     let Some(folder) = shared("seal_a") else { return };
     let training = ["steady.csv", "dynamic.csv"].map(|name| recording(&folder, name, 0.04));
-    let found = found(&training, IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() });
+    let found = found(
+        &training,
+        IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() },
+    );
     // As printed in docs/validation.md.
     for (name, printed) in [("validation.csv", 0.039), ("surgeon.csv", 0.100)] {
-        let held_out = found.without_delay(vec![recording(&folder, name, 0.04)]).expect("the same delay");
+        let held_out =
+            found.without_delay(vec![recording(&folder, name, 0.04)]).expect("the same delay");
         let score = validate(&found.trocar(), &held_out, found.model.offset);
-        assert!((score.rms_n - printed).abs() < 6e-4, "{name}: {} N, docs/validation.md prints {printed}", score.rms_n);
+        assert!(
+            (score.rms_n - printed).abs() < 6e-4,
+            "{name}: {} N, docs/validation.md prints {printed}",
+            score.rms_n
+        );
     }
 }

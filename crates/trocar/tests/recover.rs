@@ -11,7 +11,11 @@ use trocar_model::{Direction, Element, ElementParams, ParameterId, Quantity};
 /// Number of benches, and the range that contains a coverage of 0.95 in 95 of 100 tests of that
 /// size; `./test --statistics` uses the larger number.
 fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
-    if std::env::var_os("TROCAR_STATISTICS").is_some() { (200, 0.92..=0.98) } else { (40, 0.87..=1.0) }
+    if std::env::var_os("TROCAR_STATISTICS").is_some() {
+        (200, 0.92..=0.98)
+    } else {
+        (40, 0.87..=1.0)
+    }
 }
 
 /// Name, true value and estimate of the parameters known to a bench.
@@ -25,20 +29,29 @@ fn seal(seed: u64) -> ElementParams {
 fn recordings(truth: ElementParams, protocols: &[Protocol], seed: u64) -> Vec<Recording> {
     let element = [Element::new(truth).expect("a plausible seal is a model")];
     let config = BenchConfig::default();
-    let record = |p: &Protocol| run(&config, *p, &element, seed).expect("the rig runs").to_recording(p.name());
+    let record = |p: &Protocol| {
+        run(&config, *p, &element, seed).expect("the rig runs").to_recording(p.name())
+    };
     protocols.iter().map(|p| record(p).expect("finite columns")).collect()
 }
 
 fn found(recordings: &[Recording], seed: u64) -> Identification {
-    let options = IdentifyOptions { bootstrap: 0, seed, free_motion: false, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { bootstrap: 0, seed, free_motion: false, ..IdentifyOptions::default() };
     identify(recordings, &options, &|_, _| {}).expect("there is steady sliding")
 }
 
 fn known(truth: &ElementParams, found: &Identification) -> Known {
-    let estimate = |name: &str| found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter")).clone();
+    let estimate = |name: &str| {
+        found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter")).clone()
+    };
     [
         ("coulomb_force_n", truth.insertion.coulomb_force, estimate("coulomb_force_n")),
-        ("viscous_damping_n_s_m", truth.insertion.viscous_damping, estimate("viscous_damping_n_s_m")),
+        (
+            "viscous_damping_n_s_m",
+            truth.insertion.viscous_damping,
+            estimate("viscous_damping_n_s_m"),
+        ),
         ("half_width_m", truth.deformation.half_width(), estimate("half_width_m")),
     ]
 }
@@ -52,9 +65,13 @@ fn error_of_sliding_force(truth: &ElementParams, found: &Identification) -> f64 
         _ => 0.0,
     };
     let weights: Vec<f64> = covariance.parameters.iter().map(weight).collect();
-    let dot = |row: &Vec<f64>| row.iter().zip(&weights).map(|(entry, weight)| entry * weight).sum::<f64>();
-    let variance: f64 = covariance.rows.iter().zip(&weights).map(|(row, weight)| weight * dot(row)).sum();
-    let [force, damping, _] = known(truth, found).map(|(_, truth, estimate)| estimate.value - truth);
+    let dot = |row: &Vec<f64>| {
+        row.iter().zip(&weights).map(|(entry, weight)| entry * weight).sum::<f64>()
+    };
+    let variance: f64 =
+        covariance.rows.iter().zip(&weights).map(|(row, weight)| weight * dot(row)).sum();
+    let [force, damping, _] =
+        known(truth, found).map(|(_, truth, estimate)| estimate.value - truth);
     (force + 0.06 * damping) / variance.sqrt()
 }
 
@@ -66,16 +83,24 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
         (known(&truth, &found), error_of_sliding_force(&truth, &found).abs())
     };
     let (benches, band) = benches();
-    let (outcomes, errors): (Vec<Known>, Vec<f64>) = (1..=benches).into_par_iter().map(outcome).unzip();
+    let (outcomes, errors): (Vec<Known>, Vec<f64>) =
+        (1..=benches).into_par_iter().map(outcome).unzip();
     // Of a sum only the covariance tells the error: within 2.2 standard errors in 19 of 20 benches.
-    let within = |limit: f64| errors.iter().filter(|error| **error < limit).count() as f64 / benches as f64;
-    println!("sliding force: {:.3} within 2.2 standard errors, {:.3} within 0.3", within(2.2), within(0.3));
+    let within =
+        |limit: f64| errors.iter().filter(|error| **error < limit).count() as f64 / benches as f64;
+    println!(
+        "sliding force: {:.3} within 2.2 standard errors, {:.3} within 0.3",
+        within(2.2),
+        within(0.3)
+    );
     assert!(within(2.2) >= *band.start() && within(0.3) < 0.5, "{errors:?}");
     let mut outside = Vec::new();
     for k in 0..3 {
         let name = outcomes[0][k].0;
-        let covered = outcomes.iter().filter(|o| o[k].2.covers(o[k].1)).count() as f64 / benches as f64;
-        let mut errors: Vec<f64> = outcomes.iter().map(|o| (o[k].2.value / o[k].1 - 1.0).abs()).collect();
+        let covered =
+            outcomes.iter().filter(|o| o[k].2.covers(o[k].1)).count() as f64 / benches as f64;
+        let mut errors: Vec<f64> =
+            outcomes.iter().map(|o| (o[k].2.value / o[k].1 - 1.0).abs()).collect();
         errors.sort_by(f64::total_cmp);
         let (median, most) = (errors[errors.len() / 2], errors[errors.len() * 19 / 20]);
         println!(
@@ -104,7 +129,11 @@ fn the_branches_are_recovered_between_their_ends() {
         ] {
             // The force of the bench's seal varies by 1 % from stroke to stroke.
             let tolerance = 0.03 * truth.insertion.coulomb_force;
-            assert!((want - got).abs() < tolerance, "{name} at {:.2} mm: {want:.3} against {got:.3} N", 1e3 * z);
+            assert!(
+                (want - got).abs() < tolerance,
+                "{name} at {:.2} mm: {want:.3} against {got:.3} N",
+                1e3 * z
+            );
         }
     }
 }
@@ -115,7 +144,11 @@ fn the_rod_nobody_declared_is_found() {
     let found = found(&recordings(truth, &[Protocol::Steady, Protocol::Dynamic], 1), 1);
     let mass = found.parameter("unmodelled_mass_kg").expect("its inertia is in the readings");
     let declared = BenchConfig::default().rod.mass_kg;
-    assert!((mass.value / declared - 1.0).abs() < 0.15, "{} kg instead of {declared} kg", mass.value);
+    assert!(
+        (mass.value / declared - 1.0).abs() < 0.15,
+        "{} kg instead of {declared} kg",
+        mass.value
+    );
 }
 
 #[test]
@@ -125,11 +158,20 @@ fn one_speed_leaves_the_viscous_part_open() {
     // The first cycle: one speed in each direction.
     let until = all.time.partition_point(|t| *t < 17.0);
     let part = |column: &[f64]| column[..until].to_vec();
-    let one = Recording::from_columns("one_speed", part(&all.time), part(&all.position), part(&all.force)).unwrap();
+    let one = Recording::from_columns(
+        "one_speed",
+        part(&all.time),
+        part(&all.position),
+        part(&all.force),
+    )
+    .unwrap();
     let found = found(&[one], 2);
     for name in ["viscous_damping_n_s_m", "coulomb_force_n"] {
         let estimate = found.parameter(name).expect("listed all the same");
-        assert!(!estimate.determined && estimate.half_width().is_infinite(), "{name}: {estimate:?}");
+        assert!(
+            !estimate.determined && estimate.half_width().is_infinite(),
+            "{name}: {estimate:?}"
+        );
     }
     assert!(found.is_doubtful());
 }
@@ -140,7 +182,9 @@ fn one_direction_leaves_offset_and_deformation_open() {
     let all = recordings(truth, &[Protocol::Steady], 4).remove(0);
     let until = all.position.iter().position(|x| *x > 0.12).expect("the stroke is longer");
     let part = |column: &[f64]| column[..until].to_vec();
-    let one = Recording::from_columns("one_way", part(&all.time), part(&all.position), part(&all.force)).unwrap();
+    let one =
+        Recording::from_columns("one_way", part(&all.time), part(&all.position), part(&all.force))
+            .unwrap();
     let found = found(&[one], 4);
     assert!(found.deformation.is_err());
     for name in ["offset_n", "coulomb_force_n", "half_width_m"] {
@@ -157,14 +201,26 @@ fn uneven_sampling_changes_little() {
         .map(|r| {
             // Every third and every seventh sample removed: intervals of 1 to 3 ms.
             let keep = |i: &usize| !(i.is_multiple_of(3) || i.is_multiple_of(7));
-            let part = |column: &[f64]| (0..column.len()).filter(keep).map(|i| column[i]).collect::<Vec<f64>>();
-            Recording::from_columns(r.name.clone(), part(&r.time), part(&r.position), part(&r.force)).unwrap()
+            let part = |column: &[f64]| {
+                (0..column.len()).filter(keep).map(|i| column[i]).collect::<Vec<f64>>()
+            };
+            Recording::from_columns(
+                r.name.clone(),
+                part(&r.time),
+                part(&r.position),
+                part(&r.force),
+            )
+            .unwrap()
         })
         .collect();
     let found = found(&thinned, 5);
     for (name, truth, estimate) in known(&truth, &found) {
         let error = (estimate.value - truth).abs();
-        assert!(error < 2.0 * estimate.half_width(), "{name}: {} instead of {truth}", estimate.value);
+        assert!(
+            error < 2.0 * estimate.half_width(),
+            "{name}: {} instead of {truth}",
+            estimate.value
+        );
     }
 }
 
@@ -179,8 +235,9 @@ fn true_value(id: ParameterId, truth: &ElementParams, offset: f64) -> Option<f64
     }
 }
 
-/// Friction that differs by direction, in few samples and coarse forces: under one name, the fit, the
-/// paper's two steps and the plain least squares of `compare` report the same quantity, the true one.
+/// Friction that differs by direction, in few samples and coarse forces: under one name, the fit,
+/// the paper's two steps and the plain least squares of `compare` report the same quantity, the
+/// true one.
 #[test]
 fn a_name_means_the_same_in_every_fit() {
     // Its joins are plain to see.
@@ -191,11 +248,15 @@ fn a_name_means_the_same_in_every_fit() {
     config.force_sensor.tare_n = 0.7;
     config.rod.mass_kg = 0.0;
     for speeds in [&mut config.protocol.steady, &mut config.protocol.validation] {
-        (speeds.slowest_m_s, speeds.fastest_m_s, speeds.increment_m_s, speeds.stroke_m) = (0.01, 0.07, 0.02, 0.06);
+        (speeds.slowest_m_s, speeds.fastest_m_s, speeds.increment_m_s, speeds.stroke_m) =
+            (0.01, 0.07, 0.02, 0.06);
     }
     let element = [Element::new(truth).unwrap()];
     let record = |protocol: Protocol| {
-        run(&config, protocol, &element, 5).unwrap().to_recording(format!("{protocol}.csv")).unwrap()
+        run(&config, protocol, &element, 5)
+            .unwrap()
+            .to_recording(format!("{protocol}.csv"))
+            .unwrap()
     };
     let offset = config.force_sensor.tare_n
         + std::f64::consts::PI * (0.5 * config.rod.diameter_m).powi(2) * config.rod.gas_pressure_pa;
@@ -205,7 +266,8 @@ fn a_name_means_the_same_in_every_fit() {
         timing: false,
     };
     let training = [record(Protocol::Steady), record(Protocol::Dynamic)];
-    let compared = compare(&training, &[record(Protocol::Validation)], &options, &|_, _| {}).unwrap();
+    let compared =
+        compare(&training, &[record(Protocol::Validation)], &options, &|_, _| {}).unwrap();
     let fitted = compared.entries.iter().map(|entry| (entry.name, entry.estimates.as_slice()));
     let fits: Vec<(&str, &[Parameter])> =
         fitted.chain([("two steps", compared.ems.two_step_parameters.as_slice())]).collect();
@@ -226,11 +288,17 @@ fn a_name_means_the_same_in_every_fit() {
         }
         *seen.entry(p.id).or_default() += 1;
         let error = (p.estimate.value - value).abs() / scale(p.id, value).max(1e-9);
-        assert!(error < 0.12 || p.estimate.covers(value), "{name}: {}: {:?}, true {value}", p.id, p.estimate);
+        assert!(
+            error < 0.12 || p.estimate.covers(value),
+            "{name}: {}: {:?}, true {value}",
+            p.id,
+            p.estimate
+        );
     }
     let everywhere = [Quantity::CoulombForce.id(), Quantity::HalfWidth.id()];
     assert!(everywhere.iter().all(|id| seen.get(id) == Some(&3)), "{seen:?}");
     let by_direction = |quantity: Quantity| Direction::BOTH.map(|direction| quantity.of(direction));
-    let mut by_direction = [Quantity::ViscousDamping, Quantity::Join].into_iter().flat_map(by_direction);
+    let mut by_direction =
+        [Quantity::ViscousDamping, Quantity::Join].into_iter().flat_map(by_direction);
     assert!(by_direction.all(|id| seen.get(&id).is_some_and(|count| *count > 1)), "{seen:?}");
 }

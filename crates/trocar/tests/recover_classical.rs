@@ -12,8 +12,8 @@ use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::Classical;
 use trocar_model::friction::Friction;
 use trocar_model::{
-    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, SlidingFriction,
-    SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip,
+    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
 /// Number of benches of each model, and required coverage over all its parameters together. With
@@ -102,7 +102,9 @@ fn static_truth(kind: Kind, draw: &mut Draw) -> Truth {
     let exponent = draw.between(1.0, 2.5);
     let sliding = match kind {
         Kind::Coulomb => SlidingFriction::coulomb(draw.between(1.5, 3.0), 0.0),
-        Kind::CoulombViscous => SlidingFriction::coulomb(draw.between(1.5, 3.0), draw.between(2.0, 6.0)),
+        Kind::CoulombViscous => {
+            SlidingFriction::coulomb(draw.between(1.5, 3.0), draw.between(2.0, 6.0))
+        }
         _ => stribeck(draw, exponent),
     };
     let mut numbers = of_sliding(&sliding);
@@ -115,12 +117,17 @@ fn static_truth(kind: Kind, draw: &mut Draw) -> Truth {
 
 fn lugre_truth(kind: Kind, draw: &mut Draw) -> Truth {
     let sliding = stribeck(draw, 2.0);
-    let curve = if kind == Kind::LuGre { StribeckCurve::Exponential } else { StribeckCurve::Rational };
+    let curve =
+        if kind == Kind::LuGre { StribeckCurve::Exponential } else { StribeckCurve::Rational };
     let stiffness = sliding.coulomb_force / draw.between(0.8e-3, 2e-3);
     let micro_damping = draw.between(4.0, 10.0);
-    let params = LuGreParams { stiffness, micro_damping, damping_velocity: f64::INFINITY, sliding, curve };
+    let params =
+        LuGreParams { stiffness, micro_damping, damping_velocity: f64::INFINITY, sliding, curve };
     let mut numbers = of_sliding(&sliding);
-    numbers.extend([("stiffness_n_m".to_owned(), stiffness), ("micro_damping_n_s_m".to_owned(), micro_damping)]);
+    numbers.extend([
+        ("stiffness_n_m".to_owned(), stiffness),
+        ("micro_damping_n_s_m".to_owned(), micro_damping),
+    ]);
     Truth { model: Classical::LuGre(LuGre::new(params).expect("in range")), numbers }
 }
 
@@ -130,11 +137,20 @@ fn bank_truth(kind: Kind, draw: &mut Draw) -> Truth {
             let elements = bank(draw, &[0.3, 0.3, 0.4], &[0.2e-3, 0.8e-3, 3e-3]);
             let viscous = draw.between(2.0, 6.0);
             let mut numbers = of_bank(&elements);
-            numbers.extend([("coulomb_force_n".to_owned(), 2.0), ("viscous_damping_n_s_m".to_owned(), viscous)]);
-            Truth { model: Classical::MaxwellSlip(MaxwellSlip::new(&elements, viscous).expect("in range")), numbers }
+            numbers.extend([
+                ("coulomb_force_n".to_owned(), 2.0),
+                ("viscous_damping_n_s_m".to_owned(), viscous),
+            ]);
+            Truth {
+                model: Classical::MaxwellSlip(
+                    MaxwellSlip::new(&elements, viscous).expect("in range"),
+                ),
+                numbers,
+            }
         }
         Kind::Leuven(_) => {
-            let sliding = SlidingFriction { coulomb_force: 2.0, static_force: 2.6, ..stribeck(draw, 2.0) };
+            let sliding =
+                SlidingFriction { coulomb_force: 2.0, static_force: 2.6, ..stribeck(draw, 2.0) };
             let mut elements = bank(draw, &[0.4, 1.0], &[0.4e-3, 4e-3]);
             elements[1].limit_force = sliding.static_force;
             let (exponent, micro_damping) = (draw.between(1.5, 2.5), draw.between(4.0, 10.0));
@@ -143,22 +159,36 @@ fn bank_truth(kind: Kind, draw: &mut Draw) -> Truth {
             numbers.extend(of_bank(&elements).into_iter().take(3));
             numbers.push(("exponent".to_owned(), exponent));
             numbers.push(("micro_damping_n_s_m".to_owned(), micro_damping));
-            Truth { model: Classical::Leuven(Leuven::new(&elements, params).expect("in range")), numbers }
+            Truth {
+                model: Classical::Leuven(Leuven::new(&elements, params).expect("in range")),
+                numbers,
+            }
         }
         _ => {
-            let sliding = SlidingFriction { coulomb_force: 2.0, static_force: 2.6, ..stribeck(draw, 2.0) };
+            let sliding =
+                SlidingFriction { coulomb_force: 2.0, static_force: 2.6, ..stribeck(draw, 2.0) };
             let bank = bank(draw, &[0.4, 0.6], &[0.4e-3, 3e-3]);
             let (attraction, damping) = (draw.between(20.0, 60.0), draw.between(2.0, 5.0));
             let element = |e: &SlipElement| {
                 let share = e.limit_force / 2.0;
-                GmsElement { stiffness: e.stiffness, share, attraction: attraction * share / e.stiffness, damping }
+                GmsElement {
+                    stiffness: e.stiffness,
+                    share,
+                    attraction: attraction * share / e.stiffness,
+                    damping,
+                }
             };
             let elements: Vec<GmsElement> = bank.iter().map(element).collect();
             let mut numbers = of_sliding(&sliding);
             numbers.extend(of_bank(&bank));
             numbers.push(("attraction_n_s".to_owned(), attraction));
             numbers.extend((1..=2).map(|i| (format!("element_{i}_damping_n_s_m"), damping)));
-            Truth { model: Classical::Gms(Gms::new(&elements, sliding, SlipRate::Free).expect("in range")), numbers }
+            Truth {
+                model: Classical::Gms(
+                    Gms::new(&elements, sliding, SlipRate::Free).expect("in range"),
+                ),
+                numbers,
+            }
         }
     }
 }
@@ -246,7 +276,10 @@ fn fitted(kind: Kind, truth: &Truth, draw: &mut Draw) -> Entry {
         identify: IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() },
         timing: false,
     };
-    compare(&training, &validation, &options, &|_, _| {}).expect("there is steady sliding").entries.remove(0)
+    compare(&training, &validation, &options, &|_, _| {})
+        .expect("there is steady sliding")
+        .entries
+        .remove(0)
 }
 
 /// For each parameter: covered, determined, and relative error.
@@ -257,8 +290,14 @@ fn outcome(kind: Kind, seed: u64) -> (Vec<(String, bool, bool, f64)>, f64) {
     // Elements are returned in the order of their limits, as they were created.
     let numbers = truth.numbers.iter().map(|(name, value)| {
         let parameter = entry.estimates.iter().find(|p| p.id.to_string() == *name);
-        let estimate = &parameter.unwrap_or_else(|| panic!("{kind}: {name} is a parameter")).estimate;
-        (name.clone(), estimate.covers(*value), estimate.determined, (estimate.value / value - 1.0).abs())
+        let estimate =
+            &parameter.unwrap_or_else(|| panic!("{kind}: {name} is a parameter")).estimate;
+        (
+            name.clone(),
+            estimate.covers(*value),
+            estimate.determined,
+            (estimate.value / value - 1.0).abs(),
+        )
     });
     (numbers.collect(), entry.scores.validate_rms_n)
 }
@@ -288,7 +327,10 @@ fn recovered(kind: Kind) {
     rms.sort_by(f64::total_cmp);
     let coverage = covered as f64 / all as f64;
     let determined = all as f64 / (benches as usize * outcomes[0].0.len()) as f64;
-    assert!(determined > LEAST_DETERMINED, "{kind}: only {determined} of the numbers are determined");
+    assert!(
+        determined > LEAST_DETERMINED,
+        "{kind}: only {determined} of the numbers are determined"
+    );
     println!(
         "{kind:16} coverage {coverage:.3} of {all} determined; validation {:.4} N rms (median)",
         rms[rms.len() / 2]
@@ -355,17 +397,26 @@ fn larger_models_fit_no_worse() {
         identify: IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() },
         timing: false,
     };
-    let entries = compare(&training, &training, &options, &|_, _| {}).expect("there is steady sliding").entries;
+    let entries = compare(&training, &training, &options, &|_, _| {})
+        .expect("there is steady sliding")
+        .entries;
     let rms = |kind: Kind| {
-        let entry = entries.iter().find(|e| e.choice == Choice::Classical(kind)).expect("was asked for");
+        let entry =
+            entries.iter().find(|e| e.choice == Choice::Classical(kind)).expect("was asked for");
         entry.scores.train_rms_n
     };
     for n in 1..=4 {
         for special in [Kind::Gms(n).special(), Kind::Gms(n).smaller()].into_iter().flatten() {
-            assert!(rms(Kind::Gms(n)) <= (1.0 + TOGETHER) * rms(special), "gms:{n} against {special}");
+            assert!(
+                rms(Kind::Gms(n)) <= (1.0 + TOGETHER) * rms(special),
+                "gms:{n} against {special}"
+            );
         }
         if let Some(smaller) = Kind::MaxwellSlip(n).smaller() {
-            assert!(rms(Kind::MaxwellSlip(n)) <= (1.0 + TOGETHER) * rms(smaller), "{n} against {smaller}");
+            assert!(
+                rms(Kind::MaxwellSlip(n)) <= (1.0 + TOGETHER) * rms(smaller),
+                "{n} against {smaller}"
+            );
         }
     }
 }
@@ -376,13 +427,26 @@ fn larger_models_fit_no_worse() {
 fn a_seal_that_a_simpler_model_predicts_better_is_doubted() {
     let mut draw = Draw::new(5);
     let truth = truth(Kind::LuGre, &mut draw);
-    let [training, held_out] = [2, 1].map(|repetitions| record(&truth.model, &mut draw, repetitions));
-    for (held_out, whose) in [(vec![held_out], "the held-out recordings"), (vec![], "the recordings themselves")] {
+    let [training, held_out] =
+        [2, 1].map(|repetitions| record(&truth.model, &mut draw, repetitions));
+    for (held_out, whose) in
+        [(vec![held_out], "the held-out recordings"), (vec![], "the recordings themselves")]
+    {
         let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
-        let done = Workflow::run(vec![training.clone()], held_out, MovingMass::default(), options, &|_, _| {});
+        let done = Workflow::run(
+            vec![training.clone()],
+            held_out,
+            MovingMass::default(),
+            options,
+            &|_, _| {},
+        );
         let warnings = done.expect("there is steady sliding").identification.warnings;
-        let doubt = warnings.iter().find(|w| w.subject.to_string() == "simpler model" && w.doubtful);
+        let doubt =
+            warnings.iter().find(|w| w.subject.to_string() == "simpler model" && w.doubtful);
         let message = &doubt.unwrap_or_else(|| panic!("{warnings:?}")).message;
-        assert!(message.contains(&format!("LuGre with 6 parameters predicts {whose} better")), "{message}");
+        assert!(
+            message.contains(&format!("LuGre with 6 parameters predicts {whose} better")),
+            "{message}"
+        );
     }
 }

@@ -6,8 +6,9 @@ use trocar::replay::{forgotten_after, replay};
 use trocar::validate::validate;
 use trocar_model::Classical;
 use trocar_model::{
-    Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve, Trocar,
+    Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams,
+    LuGre, LuGreParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction,
+    StribeckCurve, Trocar,
 };
 
 /// Tolerance for forces from forgotten initial states, N: twice that of the replay, since it tests
@@ -55,7 +56,8 @@ fn forgetful_bank() -> [SlipElement; 3] {
 
 fn models() -> Vec<Classical> {
     let gms = |stiffness| GmsElement { stiffness, share: 0.5, attraction: 0.05, damping: 1.0 };
-    let dahl = DahlParams { stiffness: 2000.0, coulomb_force: 2.0, exponent: 1.0, viscous_damping: 1.0 };
+    let dahl =
+        DahlParams { stiffness: 2000.0, coulomb_force: 2.0, exponent: 1.0, viscous_damping: 1.0 };
     vec![
         Classical::Static(StaticFriction::new(SLIDING).unwrap()),
         Classical::Dahl(Dahl::new(dahl).unwrap()),
@@ -78,13 +80,15 @@ fn strokes(first: f64) -> Recording {
 #[test]
 fn known_forces_do_not_depend_on_the_start() {
     for model in models() {
-        let runs = [-9.0, 0.3, 9.0].map(|first| replay(&Trocar::of_seal(model), &strokes(first), 0.0));
+        let runs =
+            [-9.0, 0.3, 9.0].map(|first| replay(&Trocar::of_seal(model), &strokes(first), 0.0));
         let [known] = &runs[0].known[..] else { panic!("{} never forgets", model.kind()) };
         assert!(known.start < 6000 && known.end == 8000, "{} {known:?}", model.kind());
         for run in &runs {
             assert_eq!(run.known, runs[0].known);
             assert!(run.deflection.is_empty() && run.sliding.is_empty());
-            let apart = known.clone().map(|i| (run.force[i] - runs[0].force[i]).abs()).fold(0.0, f64::max);
+            let apart =
+                known.clone().map(|i| (run.force[i] - runs[0].force[i]).abs()).fold(0.0, f64::max);
             assert!(apart < FORGOTTEN, "{}: {apart} N", model.kind());
         }
     }
@@ -117,7 +121,11 @@ fn a_force_that_hides_the_state_does_not_count_as_forgotten() {
         speed = SLIDING.level(speed) / 40.0;
     }
     let hiding = std::iter::repeat_n((speed * 1e-4, 1e-4), 20);
-    assert_eq!(forgotten_after(&model.into(), hiding.clone()), Some(0), "all that this motion shows");
+    assert_eq!(
+        forgotten_after(&model.into(), hiding.clone()),
+        Some(0),
+        "all that this motion shows"
+    );
     let slower = std::iter::repeat_n((0.01 * 1e-3, 1e-3), 2000);
     let after = forgotten_after(&model.into(), hiding.chain(slower)).unwrap();
     assert!(after > 100, "{after}");
@@ -140,10 +148,15 @@ fn classical_models_are_scored_by_motion_and_hold_only() {
         let moving = part.by_phase.moving.unwrap();
         assert_eq!((part.by_phase.deformation.samples, part.by_phase.sliding.samples), (0, 0));
         assert_eq!(moving.samples + part.by_phase.hold.samples, part.samples);
-        assert!(moving.share_of_squares > 0.5 && !found.is_doubtful(), "{}: {part:?}", model.kind());
+        assert!(
+            moving.share_of_squares > 0.5 && !found.is_doubtful(),
+            "{}: {part:?}",
+            model.kind()
+        );
     }
     let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
-    let found = serde_json::to_value(validate(&Trocar::of_seal(element), &[recording], 0.0)).unwrap();
+    let found =
+        serde_json::to_value(validate(&Trocar::of_seal(element), &[recording], 0.0)).unwrap();
     let phases = found["recordings"][0]["by_phase"].as_object().unwrap();
     assert_eq!(phases.keys().collect::<Vec<_>>(), ["deformation", "hold", "sliding"], "as ever");
 }
@@ -157,7 +170,10 @@ fn models_that_never_forget_are_scored_throughout_and_say_so() {
     for model in [spring, leuven(&bank())] {
         let found = validate(&Trocar::of_seal(model), &[strokes(0.0)], 0.0);
         assert!(found.is_doubtful(), "{}", model.kind());
-        assert_eq!((found.recordings[0].samples, found.recordings[0].samples_before_known), (8000, 0));
+        assert_eq!(
+            (found.recordings[0].samples, found.recordings[0].samples_before_known),
+            (8000, 0)
+        );
         assert!(
             found.recordings[0].warnings[0].contains("unknown initial state"),
             "{:?}",

@@ -7,10 +7,12 @@ use rand::RngExt as _;
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use trocar::report::{
-    Axis, Cell, Document, Figure, Mark, Panel, ReportError, Role, Section, Series, Table, Tile, Width, write_document,
+    Axis, Cell, Document, Figure, Mark, Panel, ReportError, Role, Section, Series, Table, Tile,
+    Width, write_document,
 };
 
-const HOSTILE: &str = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)>&$a$\u{7}.csv";
+const HOSTILE: &str =
+    "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)>&$a$\u{7}.csv";
 
 /// Half the travel over which the seal deforms, in millimetres.
 const HALF_WIDTH: f64 = 8.0;
@@ -27,7 +29,8 @@ struct Demo {
 /// Force of the seal deformed by `z` mm in the direction of `sign`, with the hump of the reversal.
 fn deformation_force(z: f64, sign: f64) -> f64 {
     let u = z * sign / HALF_WIDTH;
-    let hump = 0.55 * (-((u + 0.25) / 0.22).powi(2)).exp() - 0.35 * (-((u - 0.3) / 0.2).powi(2)).exp();
+    let hump =
+        0.55 * (-((u + 0.25) / 0.22).powi(2)).exp() - 0.35 * (-((u - 0.3) / 0.2).powi(2)).exp();
     sign * (2.1 * u + hump * (1.0 - u * u))
 }
 
@@ -70,8 +73,18 @@ fn velocity_step() -> Figure {
     let shown: Vec<f64> = demo.time[from..].iter().map(|t| t - 1.0).collect();
     let count = shown.iter().filter(|&&t| t < 0.7).count();
     let panel = Panel::new(time(), force())
-        .series(Series::line("measured", Role::Measured, shown[..count].to_vec(), demo.force[from..][..count].to_vec()))
-        .series(Series::line("EMS model", Role::Model, shown[..count].to_vec(), demo.model[from..][..count].to_vec()))
+        .series(Series::line(
+            "measured",
+            Role::Measured,
+            shown[..count].to_vec(),
+            demo.force[from..][..count].to_vec(),
+        ))
+        .series(Series::line(
+            "EMS model",
+            Role::Model,
+            shown[..count].to_vec(),
+            demo.model[from..][..count].to_vec(),
+        ))
         .mark(Mark::x_range(0.0, 0.16, "T1"))
         .mark(Mark::x_range(0.25, 0.4, "T2"))
         .mark(Mark::x(0.4, "sliding"))
@@ -83,22 +96,32 @@ fn velocity_step() -> Figure {
 
 fn static_friction() -> Figure {
     let mut random = ChaCha8Rng::seed_from_u64(6);
-    let speeds: Vec<f64> = (3..=20).flat_map(|i| [5.0 * f64::from(i), -5.0 * f64::from(i)]).collect();
+    let speeds: Vec<f64> =
+        (3..=20).flat_map(|i| [5.0 * f64::from(i), -5.0 * f64::from(i)]).collect();
     let truth = |v: f64, f_c: f64, beta: f64| f_c * v.signum() + beta * v;
-    let y: Vec<f64> = speeds.iter().map(|&v| truth(v, 2.10, 0.004) + 0.03 * noise(&mut random)).collect();
+    let y: Vec<f64> =
+        speeds.iter().map(|&v| truth(v, 2.10, 0.004) + 0.03 * noise(&mut random)).collect();
     let edge = |offset: f64| y.iter().map(|y| y + offset).collect::<Vec<_>>();
     let grid: Vec<f64> = (-100..=100).map(f64::from).collect();
     let gap = |f: &dyn Fn(f64) -> f64| -> Vec<f64> {
         grid.iter().map(|&v| if v.abs() < 0.5 { f64::NAN } else { f(v) }).collect()
     };
     let width = |v: f64| 0.02 + 0.0004 * v.abs();
-    let (low, high) = (gap(&|v| truth(v, 2.1, 0.004) - width(v)), gap(&|v| truth(v, 2.1, 0.004) + width(v)));
+    let (low, high) =
+        (gap(&|v| truth(v, 2.1, 0.004) - width(v)), gap(&|v| truth(v, 2.1, 0.004) + width(v)));
     let panel = Panel::new(Axis::new("velocity v", "mm/s"), Axis::new("steady force F", "N"))
         .series(Series::band("95 % band", Role::Fit, grid.clone(), low.clone(), high.clone()))
         .series(Series::line("lower limit", Role::Lower, grid.clone(), low))
         .series(Series::line("upper limit", Role::Upper, grid.clone(), high))
         .series(Series::line("fit", Role::Fit, grid.clone(), gap(&|v| truth(v, 2.1, 0.004))))
-        .series(Series::error_bars("stroke means", Role::Measured, speeds, y.clone(), edge(-0.06), edge(0.06)))
+        .series(Series::error_bars(
+            "stroke means",
+            Role::Measured,
+            speeds,
+            y.clone(),
+            edge(-0.06),
+            edge(0.06),
+        ))
         .mark(Mark::y(2.1, "F_c"))
         .mark(Mark::y(-2.1, "−F_c"));
     Figure::new("static-friction", 6, "Static friction")
@@ -108,9 +131,10 @@ fn static_friction() -> Figure {
 
 fn deformation_velocity() -> Figure {
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut figure = Figure::new("deformation-velocity", 7, "Deformation force against deformation velocity")
-        .caption("No influence of the velocity at any of the four amplitudes.")
-        .columns(2);
+    let mut figure =
+        Figure::new("deformation-velocity", 7, "Deformation force against deformation velocity")
+            .caption("No influence of the velocity at any of the four amplitudes.")
+            .columns(2);
     for amplitude in [-5.0, -2.0, 2.0, 5.0] {
         let level = deformation_force(amplitude, 1.0);
         let x: Vec<f64> = (3..=20).map(|i| 5.0 * f64::from(i)).collect();
@@ -138,7 +162,9 @@ fn deformation() -> Figure {
         .series(Series::line("one polynomial of degree 7", Role::Alternative, grid, single))
         .mark(Mark::x(2.4, "join"))
         .mark(Mark::x(2.9, "join, falling"));
-    Figure::new("deformation-force", 8, "Deformation force").caption("Both branches with both fits.").panel(panel)
+    Figure::new("deformation-force", 8, "Deformation force")
+        .caption("Both branches with both fits.")
+        .panel(panel)
 }
 
 fn comparison() -> Figure {
@@ -173,34 +199,48 @@ fn residuals() -> Figure {
         .series(Series::line("residual", Role::Residual, demo.time, error))
         .mark(Mark::y_range(-0.05, 0.05, "±2σ"))
         .aspect(0.2);
-    Figure::new("residuals", 10, "Residuals over time").caption("160 s at 1 kHz.").panel(above).panel(below).linked_x()
+    Figure::new("residuals", 10, "Residuals over time")
+        .caption("160 s at 1 kHz.")
+        .panel(above)
+        .panel(below)
+        .linked_x()
 }
 
 fn error_by_speed() -> Figure {
     let speeds: Vec<f64> = (3..=20).map(|i| 5.0 * f64::from(i)).collect();
     let mut panel = Panel::new(Axis::new("speed", "mm/s"), Axis::new("RMS error", "N").with_zero());
     for n in 0..6 {
-        let y: Vec<f64> = speeds.iter().map(|v| 0.03 + 0.0002 * v * (1.0 + f64::from(n) * 0.4)).collect();
-        panel = panel.series(Series::line(format!("validation-{n}.csv"), Role::Category(n), speeds.clone(), y.clone()));
-        panel = panel.series(Series::points(format!("validation-{n}.csv"), Role::Category(n), speeds.clone(), y));
+        let y: Vec<f64> =
+            speeds.iter().map(|v| 0.03 + 0.0002 * v * (1.0 + f64::from(n) * 0.4)).collect();
+        panel = panel.series(Series::line(
+            format!("validation-{n}.csv"),
+            Role::Category(n),
+            speeds.clone(),
+            y.clone(),
+        ));
+        panel = panel.series(Series::points(
+            format!("validation-{n}.csv"),
+            Role::Category(n),
+            speeds.clone(),
+            y,
+        ));
     }
-    let panel = panel.series(Series::points(HOSTILE, Role::Reference, vec![50.0, f64::NAN], vec![0.08, 0.05]));
+    let panel = panel.series(Series::points(
+        HOSTILE,
+        Role::Reference,
+        vec![50.0, f64::NAN],
+        vec![0.08, 0.05],
+    ));
     Figure::new("error-by-speed", 11, "Error per speed").panel(panel).width(Width::Narrow)
 }
 
 fn awkward() -> Figure {
-    let nothing = Panel::new(Axis::new("x", ""), Axis::new("y", "")).title("no finite value").series(Series::line(
-        "nothing",
-        Role::Neutral,
-        vec![f64::NAN; 3],
-        vec![f64::INFINITY; 3],
-    ));
-    let constant = Panel::new(Axis::new("x", ""), Axis::new("y", "")).title("constant").series(Series::line(
-        "constant",
-        Role::Neutral,
-        vec![0.0, 1.0],
-        vec![2.0; 2],
-    ));
+    let nothing = Panel::new(Axis::new("x", ""), Axis::new("y", ""))
+        .title("no finite value")
+        .series(Series::line("nothing", Role::Neutral, vec![f64::NAN; 3], vec![f64::INFINITY; 3]));
+    let constant = Panel::new(Axis::new("x", ""), Axis::new("y", ""))
+        .title("constant")
+        .series(Series::line("constant", Role::Neutral, vec![0.0, 1.0], vec![2.0; 2]));
     Figure::new("awkward", 12, HOSTILE).caption(HOSTILE).panel(nothing).panel(constant).columns(2)
 }
 
@@ -227,7 +267,13 @@ fn parameters() -> Table {
         .row(row("Coulomb force", "F_c", 2.1034, [2.0891, 2.1177], "N"))
         .row(row("Viscous damping", "β", 4.02, [3.61, 4.43], "N·s/m"))
         .row(row("Half width of the deformation", "c", 8.01, [7.93, 8.09], "mm"))
-        .row(["Stribeck velocity".into(), "v_s".into(), undetermined, Cell::Undetermined, "mm/s".into()])
+        .row([
+            "Stribeck velocity".into(),
+            "v_s".into(),
+            undetermined,
+            Cell::Undetermined,
+            "mm/s".into(),
+        ])
 }
 
 fn document() -> Document {
@@ -259,20 +305,27 @@ fn document() -> Document {
             HOSTILE.into(),
         ],
         sections: vec![
-            Section::new("Parameters").paragraph("Estimates with their 95 % intervals.").table(parameters()),
+            Section::new("Parameters")
+                .paragraph("Estimates with their 95 % intervals.")
+                .table(parameters()),
             Section::new("Data").table(quality).figure(velocity_step()),
             Section::new("Identification")
                 .figure(static_friction())
                 .figure(deformation_velocity())
                 .figure(deformation()),
-            Section::new("Validation").figure(comparison()).figure(residuals()).figure(error_by_speed()),
-            Section::new("More").figure(awkward()).figure(loops("loop-slow", 13, 15.0)).figure(loops(
-                "loop-fast",
-                14,
-                90.0,
-            )),
+            Section::new("Validation")
+                .figure(comparison())
+                .figure(residuals())
+                .figure(error_by_speed()),
+            Section::new("More")
+                .figure(awkward())
+                .figure(loops("loop-slow", 13, 15.0))
+                .figure(loops("loop-fast", 14, 90.0)),
         ],
-        provenance: vec![("trocar".into(), "0.1.0".into()), ("steady.csv".into(), "9f86d081884c7d65".repeat(4))],
+        provenance: vec![
+            ("trocar".into(), "0.1.0".into()),
+            ("steady.csv".into(), "9f86d081884c7d65".repeat(4)),
+        ],
     }
 }
 
@@ -300,10 +353,17 @@ fn written(name: &str) -> (PathBuf, Option<tempfile::TempDir>) {
 }
 
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
-    let all = ["", "figures"].into_iter().flat_map(|part| std::fs::read_dir(folder.join(part)).expect("a folder"));
+    let all = ["", "figures"]
+        .into_iter()
+        .flat_map(|part| std::fs::read_dir(folder.join(part)).expect("a folder"));
     all.map(|entry| entry.expect("an entry").path())
         .filter(|path| path.is_file())
-        .map(|path| (path.strip_prefix(folder).expect("inside").to_owned(), std::fs::read(&path).expect("readable")))
+        .map(|path| {
+            (
+                path.strip_prefix(folder).expect("inside").to_owned(),
+                std::fs::read(&path).expect("readable"),
+            )
+        })
         .collect()
 }
 
@@ -331,7 +391,8 @@ fn the_page_asks_nobody_for_anything() {
     let page = page(&folder);
     // The licence text of the embedded library and the namespaces of SVG are text, not requests.
     let markup = between(&page, "<body>", "<!-- uPlot").next().expect("a body");
-    let text_free: String = markup.split('<').filter_map(|part| part.split_once('>')).map(|(tag, _)| tag).collect();
+    let text_free: String =
+        markup.split('<').filter_map(|part| part.split_once('>')).map(|(tag, _)| tag).collect();
     for attribute in [" src=", " srcset=", " data=", "url(", "http:", "https:", "iframe", " on"] {
         assert!(!text_free.contains(attribute), "{attribute} in a tag");
     }
@@ -358,7 +419,10 @@ fn hostile_names_stay_text() {
     assert!(!page.contains("<img"));
     assert!(page.contains("&lt;/script&gt;&lt;script&gt;alert(1)"));
     for (path, bytes) in files(&folder) {
-        assert!(!String::from_utf8_lossy(&bytes).contains('\u{7}') || path.extension().is_some_and(|e| e == "png"));
+        assert!(
+            !String::from_utf8_lossy(&bytes).contains('\u{7}')
+                || path.extension().is_some_and(|e| e == "png")
+        );
     }
 }
 
@@ -366,13 +430,17 @@ fn hostile_names_stay_text() {
 fn chart_data_is_json_even_where_values_are_missing() {
     let (folder, _guard) = written("json");
     let page = page(&folder);
-    let blocks: Vec<serde_json::Value> = between(&page, "<script type=\"application/json\">", "</script>")
-        .map(|json| serde_json::from_str(json).expect("JSON"))
-        .collect();
+    let blocks: Vec<serde_json::Value> =
+        between(&page, "<script type=\"application/json\">", "</script>")
+            .map(|json| serde_json::from_str(json).expect("JSON"))
+            .collect();
     assert_eq!(blocks.len(), 10);
     let awkward = blocks.iter().find(|block| block["id"] == "awkward").expect("the awkward figure");
     assert_eq!(awkward["panels"][0]["limits"], serde_json::json!([0.0, 1.0, 0.0, 1.0]));
-    let named = blocks.iter().find(|block| block["id"] == "error-by-speed").expect("the figure with a hostile name");
+    let named = blocks
+        .iter()
+        .find(|block| block["id"] == "error-by-speed")
+        .expect("the figure with a hostile name");
     let series = named["panels"][0]["series"].as_array().expect("series");
     assert!(series.iter().any(|series| series["name"] == HOSTILE));
 }
@@ -381,16 +449,23 @@ fn chart_data_is_json_even_where_values_are_missing() {
 fn pictures_are_well_formed_and_of_the_declared_size() {
     let (folder, _guard) = written("pictures");
     let all = files(&folder);
-    for (path, bytes) in all.iter().filter(|(path, _)| path.extension().is_some_and(|e| e == "svg")) {
+    for (path, bytes) in all.iter().filter(|(path, _)| path.extension().is_some_and(|e| e == "svg"))
+    {
         let svg = std::str::from_utf8(bytes).expect("UTF-8");
         assert_well_formed(path, svg);
         let view_box = between(svg, "viewBox=\"0 0 ", "\"").next().expect("a view box");
         let (width, height) = view_box.split_once(' ').expect("two numbers");
-        let [width, height] = [width, height].map(|number| number.parse::<f64>().expect("a number"));
+        let [width, height] =
+            [width, height].map(|number| number.parse::<f64>().expect("a number"));
         let png = &all[&path.with_extension("png")];
         assert_eq!(png[..8], *b"\x89PNG\r\n\x1a\n");
-        let number = |at: usize| u32::from_be_bytes([png[at], png[at + 1], png[at + 2], png[at + 3]]);
-        assert_eq!([number(16), number(20)], [(2.5 * width).ceil() as u32, (2.5 * height).ceil() as u32], "{path:?}");
+        let number =
+            |at: usize| u32::from_be_bytes([png[at], png[at + 1], png[at + 2], png[at + 3]]);
+        assert_eq!(
+            [number(16), number(20)],
+            [(2.5 * width).ceil() as u32, (2.5 * height).ceil() as u32],
+            "{path:?}"
+        );
         assert!(!svg.contains("NaN") && !svg.contains("\"inf"), "{path:?}");
     }
 }
@@ -402,7 +477,10 @@ fn assert_well_formed(path: &Path, svg: &str) {
     while let Some((text, tail)) = rest.split_once('<') {
         assert!(!text.contains('>'), "{path:?}: a bare > in {text:?}");
         for entity in text.split('&').skip(1) {
-            assert!(entity.split_once(';').is_some_and(|(name, _)| name.len() <= 5), "{path:?}: {entity:?}");
+            assert!(
+                entity.split_once(';').is_some_and(|(name, _)| name.len() <= 5),
+                "{path:?}: {entity:?}"
+            );
         }
         if let Some(comment) = tail.strip_prefix("!--") {
             rest = comment.split_once("-->").expect("a closed comment").1;
@@ -425,9 +503,12 @@ fn assert_well_formed(path: &Path, svg: &str) {
 fn what_the_data_do_not_pin_is_said_and_numbers_follow_their_interval() {
     let (folder, _guard) = written("table");
     let page = page(&folder);
-    let row = between(&page, "<th scope=\"row\">Stribeck velocity</th>", "</tr>").next().expect("the row");
+    let row = between(&page, "<th scope=\"row\">Stribeck velocity</th>", "</tr>")
+        .next()
+        .expect("the row");
     assert!(row.contains("not determined by the data") && !row.contains("inf"));
-    let row = between(&page, "<th scope=\"row\">Coulomb force</th>", "</tr>").next().expect("the row");
+    let row =
+        between(&page, "<th scope=\"row\">Coulomb force</th>", "</tr>").next().expect("the row");
     assert!(row.contains(">2.103<") && row.contains("[2.089, 2.118]"), "{row}");
 }
 
@@ -446,7 +527,8 @@ fn malformed_documents_are_refused_before_anything_is_written() {
     assert!(matches!(path, ReportError::InvalidId { .. }));
     let twice = refused(&|document| document.sections[1].figures[0].id = "comparison".into());
     assert!(matches!(twice, ReportError::DuplicateId { .. }));
-    let short = refused(&|document| document.sections[1].figures[0].panels[0].series[0].y.truncate(3));
+    let short =
+        refused(&|document| document.sections[1].figures[0].panels[0].series[0].y.truncate(3));
     assert!(matches!(short, ReportError::UnequalLengths { column: "y", found: 3, .. }));
     let ragged = refused(&|document| document.sections[0].tables[0].rows[1].truncate(2));
     assert!(matches!(ragged, ReportError::RaggedTable { row: 2, found: 2, expected: 5, .. }));
@@ -454,29 +536,49 @@ fn malformed_documents_are_refused_before_anything_is_written() {
 
 #[test]
 fn a_logarithmic_axis_takes_equal_ratios_for_equal_lengths_and_leaves_out_what_has_none() {
-    let axes = Panel::new(Axis::new("parameters", "").logarithmic(), Axis::new("error", "N").logarithmic());
-    let points = Series::points("found", Role::Model, vec![1.0, 10.0, 100.0, 5.0], vec![0.1, 1.0, 10.0, 0.0]);
+    let axes = Panel::new(
+        Axis::new("parameters", "").logarithmic(),
+        Axis::new("error", "N").logarithmic(),
+    );
+    let points = Series::points(
+        "found",
+        Role::Model,
+        vec![1.0, 10.0, 100.0, 5.0],
+        vec![0.1, 1.0, 10.0, 0.0],
+    );
     let text = Series::labelled("", Role::Fit, vec![3.0], vec![0.3], vec!["A & B".to_owned()]);
-    let figure =
-        Figure::new("ratios", 1, "Ratios").panel(axes.series(points).series(text).mark(Mark::y(-1.0, "no place")));
-    let mut document = Document { sections: vec![Section::new("Ratios").figure(figure)], ..Document::default() };
+    let figure = Figure::new("ratios", 1, "Ratios")
+        .panel(axes.series(points).series(text).mark(Mark::y(-1.0, "no place")));
+    let mut document =
+        Document { sections: vec![Section::new("Ratios").figure(figure)], ..Document::default() };
     let folder = tempfile::tempdir().expect("a temporary folder");
     write_document(folder.path(), &document).expect("a report");
-    let svg = std::fs::read_to_string(folder.path().join("figures/ratios.svg")).expect("the figure");
+    let svg =
+        std::fs::read_to_string(folder.path().join("figures/ratios.svg")).expect("the figure");
     assert!(!svg.contains("NaN") && !svg.contains("inf") && !svg.contains("no place"), "{svg}");
     assert!(svg.contains("A &amp; B"));
     let page = page(folder.path());
-    let json = between(&page, "<script type=\"application/json\">", "</script>").next().expect("chart data");
+    let json = between(&page, "<script type=\"application/json\">", "</script>")
+        .next()
+        .expect("chart data");
     let panel = &serde_json::from_str::<serde_json::Value>(json).expect("JSON")["panels"][0];
     assert_eq!(panel["logarithmic"], serde_json::json!([true, true]));
     assert_eq!(panel["series"][1]["labels"], serde_json::json!(["A & B"]));
     // 2 % of the decades on both sides.
     let limit = |k: usize| panel["limits"][k].as_f64().expect("a limit").log10();
-    assert!((limit(0) + 0.04).abs() < 1e-9 && (limit(1) - 2.04).abs() < 1e-9, "{}", panel["limits"]);
+    assert!(
+        (limit(0) + 0.04).abs() < 1e-9 && (limit(1) - 2.04).abs() < 1e-9,
+        "{}",
+        panel["limits"]
+    );
     document.sections[0].figures[0].panels[0].series[1] =
         Series::labelled("", Role::Fit, vec![3.0, 4.0], vec![0.3, 0.4], vec!["one".to_owned()]);
-    let error = write_document(&folder.path().join("other"), &document).expect_err("a text is missing");
-    assert!(matches!(error, ReportError::UnequalLengths { column: "labels", found: 1, .. }), "{error}");
+    let error =
+        write_document(&folder.path().join("other"), &document).expect_err("a text is missing");
+    assert!(
+        matches!(error, ReportError::UnequalLengths { column: "labels", found: 1, .. }),
+        "{error}"
+    );
 }
 
 #[test]
@@ -489,7 +591,8 @@ fn a_file_in_the_way_is_named() {
     assert!(error.to_string().contains("report"), "{error}");
 }
 
-/// `cargo test --release -p trocar --test all report:: -- --ignored --nocapture` prints both figures.
+/// `cargo test --release -p trocar --test all report:: -- --ignored --nocapture` prints both
+/// figures.
 #[test]
 #[ignore = "measures time and memory: run alone, in a release build"]
 fn ten_figures_take_less_than_half_a_second_and_little_memory() {

@@ -11,7 +11,9 @@ use trocar::identify::classical::Kind;
 use trocar::recording::Recording;
 use trocar::replay::forces;
 use trocar::report::comparison::document;
-use trocar::report::{Cell, Document, Family, Figure, Panel, Role, Section, Series, Table, write_document};
+use trocar::report::{
+    Cell, Document, Family, Figure, Panel, Role, Section, Series, Table, write_document,
+};
 use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams};
 
@@ -36,14 +38,19 @@ fn record(protocol: Protocol, seed: u64) -> Recording {
     let truth = [Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()];
     let mut config = BenchConfig::default();
     for speeds in [&mut config.protocol.steady, &mut config.protocol.validation] {
-        (speeds.slowest_m_s, speeds.fastest_m_s, speeds.increment_m_s, speeds.stroke_m) = (0.02, 0.08, 0.02, 0.06);
+        (speeds.slowest_m_s, speeds.fastest_m_s, speeds.increment_m_s, speeds.stroke_m) =
+            (0.02, 0.08, 0.02, 0.06);
     }
-    let record = run(&config, protocol, &truth, seed).unwrap().to_recording(format!("{protocol}.csv")).unwrap();
+    let record = run(&config, protocol, &truth, seed)
+        .unwrap()
+        .to_recording(format!("{protocol}.csv"))
+        .unwrap();
     record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
 }
 
 fn compared(models: Vec<Choice>, training: &[Recording], validation: &[Recording]) -> Comparison {
-    let identify = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let identify =
+        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
     let options = CompareOptions { models, identify, timing: false };
     compare(training, validation, &options, &|_, _| {}).unwrap()
 }
@@ -58,7 +65,10 @@ fn figures(document: &Document) -> Vec<&Figure> {
 }
 
 fn figure<'a>(document: &'a Document, id: &str) -> &'a Figure {
-    figures(document).into_iter().find(|figure| figure.id == id).unwrap_or_else(|| panic!("no figure {id}"))
+    figures(document)
+        .into_iter()
+        .find(|figure| figure.id == id)
+        .unwrap_or_else(|| panic!("no figure {id}"))
 }
 
 fn section<'a>(document: &'a Document, heading: &str) -> &'a Section {
@@ -67,13 +77,25 @@ fn section<'a>(document: &'a Document, heading: &str) -> &'a Section {
 }
 
 fn named<'a>(panel: &'a Panel, name: &str) -> &'a Series {
-    panel.series.iter().find(|series| series.name == name).unwrap_or_else(|| panic!("no series {name}"))
+    panel
+        .series
+        .iter()
+        .find(|series| series.name == name)
+        .unwrap_or_else(|| panic!("no series {name}"))
 }
 
 /// A number of a table by the text of its row's first cell.
 fn number(table: &Table, row: &str, column: &str) -> f64 {
-    let column = table.columns.iter().position(|name| name == column).unwrap_or_else(|| panic!("no column {column}"));
-    let row = table.rows.iter().find(|cells| cells[0] == Cell::from(row)).unwrap_or_else(|| panic!("no row {row}"));
+    let column = table
+        .columns
+        .iter()
+        .position(|name| name == column)
+        .unwrap_or_else(|| panic!("no column {column}"));
+    let row = table
+        .rows
+        .iter()
+        .find(|cells| cells[0] == Cell::from(row))
+        .unwrap_or_else(|| panic!("no row {row}"));
     match &row[column] {
         Cell::Number { value, .. } => *value,
         other => panic!("{other:?} is no number"),
@@ -89,7 +111,11 @@ fn figures_are_numbered_in_order_and_no_panel_is_empty() {
         assert_eq!(figure.number, number, "{}", figure.id);
         assert!(figure.caption.ends_with('.'), "{}", figure.caption);
         for series in figure.panels.iter().flat_map(|panel| &panel.series) {
-            assert!(series.x.iter().zip(&series.y).any(|(x, y)| x.is_finite() && y.is_finite()), "{}", series.name);
+            assert!(
+                series.x.iter().zip(&series.y).any(|(x, y)| x.is_finite() && y.is_finite()),
+                "{}",
+                series.name
+            );
             assert!(series.x.len() <= 4_000, "{} is not thinned", series.name);
         }
     }
@@ -101,12 +127,20 @@ fn every_family_has_a_panel_and_every_model_compared_a_line_over_the_same_measur
     for id in ["one-reversal", "one-cycle"] {
         let panels = &figure(&document, id).panels;
         let titles: Vec<&str> = panels.iter().map(|panel| panel.title.as_str()).collect();
-        let expected =
-            ["Static", "Dahl and LuGre", "Maxwell-Slip", "Generalized Maxwell-Slip", "Extended Maxwell-Slip"];
+        let expected = [
+            "Static",
+            "Dahl and LuGre",
+            "Maxwell-Slip",
+            "Generalized Maxwell-Slip",
+            "Extended Maxwell-Slip",
+        ];
         assert_eq!(titles, expected, "Leuven was not compared");
         let measured = named(&panels[0], "measured");
         assert!(panels.iter().all(|panel| named(panel, "measured") == measured));
-        assert!(panels.iter().all(|panel| panel.series[0].role == Role::Backdrop), "the measurement lies behind");
+        assert!(
+            panels.iter().all(|panel| panel.series[0].role == Role::Backdrop),
+            "the measurement lies behind"
+        );
         for (panel, names) in panels.iter().zip([
             vec!["Coulomb and viscous", "Coulomb"],
             vec!["Dahl", "LuGre"],
@@ -114,7 +148,8 @@ fn every_family_has_a_panel_and_every_model_compared_a_line_over_the_same_measur
             vec!["GMS 1"],
             vec!["EMS"],
         ]) {
-            let drawn: Vec<&str> = panel.series[1..].iter().map(|series| series.name.as_str()).collect();
+            let drawn: Vec<&str> =
+                panel.series[1..].iter().map(|series| series.name.as_str()).collect();
             assert_eq!(drawn, names);
         }
     }
@@ -124,11 +159,16 @@ fn every_family_has_a_panel_and_every_model_compared_a_line_over_the_same_measur
 fn lines_of_one_panel_look_different_and_those_of_one_family_share_a_colour() {
     let document = report(&COMPARISON, false);
     for panel in &figure(&document, "one-reversal").panels {
-        let looks: HashSet<String> = panel.series.iter().map(|series| format!("{:?}", series.role)).collect();
+        let looks: HashSet<String> =
+            panel.series.iter().map(|series| format!("{:?}", series.role)).collect();
         assert_eq!(looks.len(), panel.series.len(), "{}", panel.title);
     }
     let static_panel = &figure(&document, "one-reversal").panels[0];
-    assert!(static_panel.series[1..].iter().all(|s| matches!(s.role, Role::Friction(Family::Static, _))));
+    assert!(
+        static_panel.series[1..]
+            .iter()
+            .all(|s| matches!(s.role, Role::Friction(Family::Static, _)))
+    );
 }
 
 #[test]
@@ -178,12 +218,15 @@ fn tables_and_points_show_the_scores() {
     let criteria = &section(&document, "Criteria and cost").tables[0];
     let panel = &figure(&document, "error-by-parameters").panels[1];
     assert_eq!(errors.rows.len(), COMPARISON.entries.len());
-    for (name, title) in [("ems", "EMS"), ("coulomb", "Coulomb"), ("dahl", "Dahl"), ("gms", "GMS 1")] {
+    for (name, title) in
+        [("ems", "EMS"), ("coulomb", "Coulomb"), ("dahl", "Dahl"), ("gms", "GMS 1")]
+    {
         let entry = COMPARISON.entries.iter().find(|entry| entry.name == name).unwrap();
         assert_eq!(number(summary, title, "Validation (N)"), entry.scores.validate_rms_n);
         assert_eq!(number(errors, title, "Sliding"), entry.scores.by_phase.sliding.rms_n);
         assert_eq!(number(criteria, title, "Reversals (N)"), entry.scores.reversal_rms_n);
-        let point = |s: &&Series| s.y == [entry.scores.reversal_rms_n] && s.x == [entry.parameters as f64];
+        let point =
+            |s: &&Series| s.y == [entry.scores.reversal_rms_n] && s.x == [entry.parameters as f64];
         assert!(panel.series.iter().any(|s| point(&s)), "{name} is no point of the figure");
     }
     let bank = named(panel, "Maxwell-Slip, 1 to 4 elements");
@@ -194,7 +237,9 @@ fn tables_and_points_show_the_scores() {
 fn the_claim_is_tested_in_words_and_criteria_say_what_they_ignore() {
     let document = report(&COMPARISON, false);
     let claim = section(&document, "Error against number of parameters").paragraphs.join(" ");
-    for words in ["ten elements", "Maxwell-Slip does not match", "GMS does not match", "up to 4 elements"] {
+    for words in
+        ["ten elements", "Maxwell-Slip does not match", "GMS does not match", "up to 4 elements"]
+    {
         assert!(claim.contains(words), "no {words:?} in {claim}");
     }
     let criteria = section(&document, "Criteria and cost").paragraphs.join(" ");
@@ -211,7 +256,10 @@ fn parameters_of_small_banks_are_listed_with_symbols() {
     assert!(captions.contains(&"Maxwell-Slip") && captions.contains(&"EMS"), "{captions:?}");
     let bank = tables.iter().find(|table| table.caption == "Maxwell-Slip").unwrap();
     let symbols: Vec<&Cell> = bank.rows.iter().map(|row| &row[2]).collect();
-    assert!(symbols.contains(&&Cell::from("F_4")) && symbols.contains(&&Cell::from("k_1")), "{symbols:?}");
+    assert!(
+        symbols.contains(&&Cell::from("F_4")) && symbols.contains(&&Cell::from("k_1")),
+        "{symbols:?}"
+    );
 }
 
 #[test]
@@ -222,7 +270,11 @@ fn held_out_parts_and_a_missing_cycle_are_said_in_words() {
     let stroke = validation[0].part(0..validation[0].len() / 8, "one stroke").unwrap();
     validation = vec![stroke];
     let document = report(&compared(models, &training, &validation), true);
-    assert!(document.notes.iter().any(|warning| warning.contains("last third")), "{:?}", document.notes);
+    assert!(
+        document.notes.iter().any(|warning| warning.contains("last third")),
+        "{:?}",
+        document.notes
+    );
     assert!(document.subtitle.contains("one stroke"), "{}", document.subtitle);
     let ids: Vec<&str> = figures(&document).iter().map(|figure| figure.id.as_str()).collect();
     assert_eq!(ids, ["error-by-parameters"]);

@@ -5,11 +5,14 @@ use std::sync::LazyLock;
 
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::identify::{
-    FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions, StrokeFriction, Term, TermTrial, identify,
+    FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions, StrokeFriction, Term,
+    TermTrial, identify,
 };
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
-use trocar::report::{Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document};
+use trocar::report::{
+    Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document,
+};
 use trocar::validate::{Validation, validate};
 use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
@@ -29,7 +32,10 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
     let truth = [Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap()];
     let config = BenchConfig::default();
     let record = |protocol: Protocol| {
-        let record = run(&config, protocol, &truth, 7).unwrap().to_recording(format!("{protocol}.csv")).unwrap();
+        let record = run(&config, protocol, &truth, 7)
+            .unwrap()
+            .to_recording(format!("{protocol}.csv"))
+            .unwrap();
         record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
     };
     let training = vec![record(Protocol::Steady), record(Protocol::Dynamic)];
@@ -52,7 +58,10 @@ fn full_report(bench: &Bench) -> Document {
     })
 }
 
-fn plain_input<'a>(identification: &'a Identification, training: &'a [Recording]) -> IdentificationReport<'a> {
+fn plain_input<'a>(
+    identification: &'a Identification,
+    training: &'a [Recording],
+) -> IdentificationReport<'a> {
     IdentificationReport {
         identification,
         training,
@@ -93,7 +102,10 @@ fn figures(document: &Document) -> Vec<&Figure> {
 }
 
 fn figure<'a>(document: &'a Document, id: &str) -> &'a Figure {
-    figures(document).into_iter().find(|figure| figure.id == id).unwrap_or_else(|| panic!("no figure {id}"))
+    figures(document)
+        .into_iter()
+        .find(|figure| figure.id == id)
+        .unwrap_or_else(|| panic!("no figure {id}"))
 }
 
 fn section<'a>(document: &'a Document, heading: &str) -> &'a Section {
@@ -105,7 +117,11 @@ fn section<'a>(document: &'a Document, heading: &str) -> &'a Section {
 }
 
 fn series(panel: &Panel, role: Role) -> &Series {
-    panel.series.iter().find(|series| series.role == role).unwrap_or_else(|| panic!("no series of {role:?}"))
+    panel
+        .series
+        .iter()
+        .find(|series| series.role == role)
+        .unwrap_or_else(|| panic!("no series of {role:?}"))
 }
 
 fn table<'a>(section: &'a Section, column: &str) -> &'a Table {
@@ -116,7 +132,11 @@ fn table<'a>(section: &'a Section, column: &str) -> &'a Table {
 /// A number of a table by the text of its row's first cell.
 fn number(table: &Table, row: &str, column: &str) -> f64 {
     let column = table.columns.iter().position(|name| name == column).unwrap();
-    let row = table.rows.iter().find(|cells| cells[0] == Cell::from(row)).unwrap_or_else(|| panic!("no row {row}"));
+    let row = table
+        .rows
+        .iter()
+        .find(|cells| cells[0] == Cell::from(row))
+        .unwrap_or_else(|| panic!("no row {row}"));
     match &row[column] {
         Cell::Number { value, .. } | Cell::Estimate { value, .. } => *value,
         other => panic!("{other:?} is no number"),
@@ -143,9 +163,14 @@ fn assert_nothing_is_empty(document: &Document) {
     for figure in figures(document) {
         assert!(!figure.panels.is_empty(), "{}", figure.id);
         for panel in &figure.panels {
-            let drawn = |s: &Series| s.x.iter().zip(&s.y).any(|(x, y)| x.is_finite() && y.is_finite());
+            let drawn =
+                |s: &Series| s.x.iter().zip(&s.y).any(|(x, y)| x.is_finite() && y.is_finite());
             assert!(panel.series.iter().any(drawn), "{} has an empty panel", figure.id);
-            assert!(panel.series.iter().all(|s| s.x.len() <= 4_000), "{} is not thinned", figure.id);
+            assert!(
+                panel.series.iter().all(|s| s.x.len() <= 4_000),
+                "{} is not thinned",
+                figure.id
+            );
         }
     }
     for section in &document.sections {
@@ -190,7 +215,8 @@ fn the_fitted_line_of_static_friction_has_the_coefficients_of_the_table() {
         let line = coulomb + viscous * speed * 1e-3;
         assert!((at(fit, speed) - line).abs() < 1e-9, "{speed} mm/s");
         assert!((at(fit, -speed) + line).abs() < 1e-9, "{speed} mm/s");
-        let (low, high) = (at(series(panel, Role::Lower), speed), at(series(panel, Role::Upper), speed));
+        let (low, high) =
+            (at(series(panel, Role::Lower), speed), at(series(panel, Role::Upper), speed));
         assert!(low < line && line < high, "{low} {line} {high}");
     }
     // The bench is known, and its offset is subtracted from the points.
@@ -198,7 +224,10 @@ fn the_fitted_line_of_static_friction_has_the_coefficients_of_the_table() {
     let truth = &BENCH.truth[0].params().insertion;
     for (v, force) in means.x.iter().zip(&means.y) {
         let expected = truth.force(v.abs() * 1e-3) * v.signum();
-        assert!((force - expected).abs() < 0.05 * expected.abs(), "{force} N at {v} mm/s, expected {expected} N");
+        assert!(
+            (force - expected).abs() < 0.05 * expected.abs(),
+            "{force} N at {v} mm/s, expected {expected} N"
+        );
     }
 }
 
@@ -227,22 +256,37 @@ fn the_first_transient_ends_before_the_second_begins_and_the_force_dips_in_betwe
 fn branches_lie_on_the_truth_of_the_bench_and_joins_on_their_corners() {
     let document = full_report(&BENCH);
     let panel = &figure(&document, "deformation-force").panels[0];
-    let of = |role| panel.series.iter().filter(move |s| s.role == role && s.kind == Kind::Line).collect::<Vec<_>>();
+    let of = |role| {
+        panel
+            .series
+            .iter()
+            .filter(move |s| s.role == role && s.kind == Kind::Line)
+            .collect::<Vec<_>>()
+    };
     for (fit, truth) in of(Role::Fit).into_iter().zip(of(Role::Reference)) {
         for z in [-7.0, -4.0, -1.0, 0.0, 2.0, 6.0] {
             let difference = at(fit, z) - at(truth, z);
             assert!(difference.abs() < 0.1, "{difference} N at {z} mm");
         }
     }
-    let joins: Vec<f64> =
-        panel.marks.iter().filter_map(|m| if let Mark::X { at, .. } = m { Some(*at) } else { None }).collect();
+    let joins: Vec<f64> = panel
+        .marks
+        .iter()
+        .filter_map(|m| if let Mark::X { at, .. } = m { Some(*at) } else { None })
+        .collect();
     assert_eq!(joins.len(), 2);
     assert!((joins[0] + 2.2).abs() < 0.3 && (joins[1] - 2.2).abs() < 0.3, "{joins:?}");
     // The single polynomial does not fit the corner: its residual is larger.
     for panel in &figure(&document, "deformation-force").panels[1..] {
         let worst = |role| {
             let inner = series(panel, role);
-            inner.x.iter().zip(&inner.y).filter(|(z, _)| z.abs() < 6.0).map(|(_, r)| r.abs()).fold(0.0, f64::max)
+            inner
+                .x
+                .iter()
+                .zip(&inner.y)
+                .filter(|(z, _)| z.abs() < 6.0)
+                .map(|(_, r)| r.abs())
+                .fold(0.0, f64::max)
         };
         assert!(worst(Role::Alternative) > worst(Role::Fit), "{}", panel.title);
     }
@@ -263,7 +307,12 @@ fn truth_stands_beside_the_estimates_in_units_for_people() {
         assert!((value - truth).abs() < 0.15 * truth.abs(), "{name}: {value}");
     }
     let without = document(&plain_input(&BENCH.identification, &BENCH.training));
-    assert!(section(&without, "Parameters").tables.iter().all(|t| !t.columns.contains(&"Truth".to_owned())));
+    assert!(
+        section(&without, "Parameters")
+            .tables
+            .iter()
+            .all(|t| !t.columns.contains(&"Truth".to_owned()))
+    );
 }
 
 #[test]
@@ -282,7 +331,8 @@ fn cross_validation_shows_the_slowest_and_the_fastest_speed_without_offset() {
     }
     for panel in &figure.panels[2..] {
         let deflection = series(panel, Role::Deflection);
-        let (low, high) = deflection.y.iter().fold((0.0f64, 0.0f64), |(l, h), z| (l.min(*z), h.max(*z)));
+        let (low, high) =
+            deflection.y.iter().fold((0.0f64, 0.0f64), |(l, h), z| (l.min(*z), h.max(*z)));
         assert!(low < -7.5 && high > 7.5, "{low} to {high} mm");
     }
 }
@@ -298,15 +348,24 @@ fn the_live_model_is_the_identified_one_beside_an_excerpt_it_has_not_seen() {
     let trocar = Trocar::from_numbers(&live.row).unwrap();
     assert_eq!(*trocar.seal(), Seal::Ems(bench.identification.stages));
     let excerpt = live.excerpt.as_ref().expect("an excerpt");
-    assert!(excerpt.name.starts_with("validation.csv") && excerpt.name.contains("has not seen"), "{}", excerpt.name);
-    assert!((7.9..8.1).contains(&(excerpt.interval * excerpt.position.len() as f64)), "eight seconds");
-    let reach = excerpt.position.iter().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
+    assert!(
+        excerpt.name.starts_with("validation.csv") && excerpt.name.contains("has not seen"),
+        "{}",
+        excerpt.name
+    );
+    assert!(
+        (7.9..8.1).contains(&(excerpt.interval * excerpt.position.len() as f64)),
+        "eight seconds"
+    );
+    let reach =
+        excerpt.position.iter().fold([f64::MAX, f64::MIN], |[a, b], x| [a.min(*x), b.max(*x)]);
     assert!(live.way[0] < reach[0] && reach[1] < live.way[1]);
 
     // The sensor offset is subtracted from the readings, and from `known_from` on any initial state
     // gives the same force.
     let offset = bench.identification.model.offset;
-    let recorded: Vec<f64> = bench.validation[0].force.iter().map(|reading| reading - offset).collect();
+    let recorded: Vec<f64> =
+        bench.validation[0].force.iter().map(|reading| reading - offset).collect();
     let near = |force: &f64| recorded.iter().any(|own| (own - force).abs() < BETWEEN_SAMPLES);
     assert!(excerpt.force.iter().all(near));
     let run = |force: f64| {
@@ -332,19 +391,30 @@ fn every_parameter_can_be_turned_both_ways_from_the_value_identified() {
             assert_eq!(knob.name, "Lag of the Stribeck curve", "of use with creep only");
             continue;
         };
-        assert!(low <= knob.value && knob.value < high, "{}: {low} to {high}, value {}", knob.name, knob.value);
+        assert!(
+            low <= knob.value && knob.value < high,
+            "{}: {low} to {high}, value {}",
+            knob.name,
+            knob.value
+        );
         for end in [low, high] {
-            let turned: Vec<f64> = (0..values.len()).map(|i| if i == at { end } else { values[i] }).collect();
+            let turned: Vec<f64> =
+                (0..values.len()).map(|i| if i == at { end } else { values[i] }).collect();
             assert!(seal.tuned(&turned).is_ok(), "{} cannot be {end}", knob.name);
         }
     }
-    let named = |name: &str| live.knobs.iter().find(|knob| knob.name == name).unwrap_or_else(|| panic!("no {name}"));
+    let named = |name: &str| {
+        live.knobs.iter().find(|knob| knob.name == name).unwrap_or_else(|| panic!("no {name}"))
+    };
     let coulomb = named("Coulomb force, insertion");
     let estimate = bench.identification.parameter("coulomb_force_n").unwrap();
     assert_eq!((coulomb.interval, coulomb.unit.as_str()), (Some(estimate.ci95), "N"));
     assert_eq!(named("Coulomb force, withdrawal").follows, Some(1), "one value on either side");
     assert_eq!(
-        (named("Half width of the deformation").unit.as_str(), named("Half width of the deformation").scale),
+        (
+            named("Half width of the deformation").unit.as_str(),
+            named("Half width of the deformation").scale
+        ),
         ("mm", 1e3)
     );
 }
@@ -353,7 +423,10 @@ fn every_parameter_can_be_turned_both_ways_from_the_value_identified() {
 fn a_forgotten_mass_is_out_of_what_is_drawn() {
     let config = BenchConfig::default();
     let raw = |protocol: Protocol| {
-        run(&config, protocol, &BENCH.truth, 7).unwrap().to_recording(format!("{protocol}.csv")).unwrap()
+        run(&config, protocol, &BENCH.truth, 7)
+            .unwrap()
+            .to_recording(format!("{protocol}.csv"))
+            .unwrap()
     };
     let training = vec![raw(Protocol::Steady), raw(Protocol::Dynamic)];
     let mut identification = BENCH.identification.clone();
@@ -372,9 +445,16 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
     }
 }
 
-/// The bench's result as if it came from a fit to all motion, and its recordings with a hand-like one.
+/// The bench's result as if it came from a fit to all motion, and its recordings with a hand-like
+/// one.
 fn of_all_motion() -> (Identification, Vec<Recording>) {
-    let trial = |term, p_value, gain| TermTrial { term, kept: p_value < 1e-4, p_value, gain, why_not: None };
+    let trial = |term, p_value, gain| TermTrial {
+        term,
+        kept: p_value < 1e-4,
+        p_value,
+        gain,
+        why_not: None,
+    };
     let fit = FitSummary {
         terms: vec![
             trial(Term::SecondStage, 0.3, 0.002),
@@ -393,12 +473,24 @@ fn of_all_motion() -> (Identification, Vec<Recording>) {
         standard_error: 0.004,
         counted: true,
     };
-    let friction_scale =
-        FrictionScale { strokes: (0..20).map(stroke).collect(), scatter: 0.012, drift: 0.038, jumps: Vec::new() };
+    let friction_scale = FrictionScale {
+        strokes: (0..20).map(stroke).collect(),
+        scatter: 0.012,
+        drift: 0.038,
+        jumps: Vec::new(),
+    };
     let free_motion = FreeMotion { reversals: 94, partial_reversals: 9, held_s: 17.1 };
-    let identification = Identification { fit: Some(fit), friction_scale, free_motion, ..BENCH.identification.clone() };
+    let identification = Identification {
+        fit: Some(fit),
+        friction_scale,
+        free_motion,
+        ..BENCH.identification.clone()
+    };
     let config = BenchConfig::default();
-    let record = run(&config, Protocol::Surgeon, &BENCH.truth, 7).unwrap().to_recording("surgeon.csv").unwrap();
+    let record = run(&config, Protocol::Surgeon, &BENCH.truth, 7)
+        .unwrap()
+        .to_recording("surgeon.csv")
+        .unwrap();
     let surgeon = record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap();
     (identification, BENCH.training.iter().cloned().chain([surgeon]).collect())
 }
@@ -426,19 +518,35 @@ fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_strok
         assert_eq!(text(&cells[3]), if trial.kept { "yes" } else { "no" });
     }
     let drawn = figure(&document, "friction-scale");
-    let points: Vec<(f64, f64)> =
-        drawn.panels[0].series.iter().flat_map(|s| s.x.iter().copied().zip(s.y.iter().copied())).collect();
+    let points: Vec<(f64, f64)> = drawn.panels[0]
+        .series
+        .iter()
+        .flat_map(|s| s.x.iter().copied().zip(s.y.iter().copied()))
+        .collect();
     let strokes = &identification.friction_scale.strokes;
     assert_eq!(points.len(), strokes.len());
-    assert!(strokes.iter().zip(&points).all(|(stroke, (_, scale))| stroke.scale == *scale), "{points:?}");
-    // The strokes of the second recording follow those of the first.
     assert!(
-        points.iter().zip(strokes).all(|((x, _), s)| s.recording == 0 || *x >= training[0].duration()),
+        strokes.iter().zip(&points).all(|(stroke, (_, scale))| stroke.scale == *scale),
         "{points:?}"
     );
-    assert!(drawn.caption.contains("1.2 %") && drawn.caption.contains("3.8 %"), "{}", drawn.caption);
+    // The strokes of the second recording follow those of the first.
+    assert!(
+        points
+            .iter()
+            .zip(strokes)
+            .all(|((x, _), s)| s.recording == 0 || *x >= training[0].duration()),
+        "{points:?}"
+    );
+    assert!(
+        drawn.caption.contains("1.2 %") && drawn.caption.contains("3.8 %"),
+        "{}",
+        drawn.caption
+    );
     let words = section.paragraphs.join(" ");
-    assert!(words.contains("94 reversals, 9 of them partial") && words.contains("17.1 s at rest"), "{words}");
+    assert!(
+        words.contains("94 reversals, 9 of them partial") && words.contains("17.1 s at rest"),
+        "{words}"
+    );
     assert!(words.contains("0.062"), "{words}");
 }
 
@@ -446,7 +554,9 @@ fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_strok
 fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
     let (identification, training) = of_all_motion();
     let document = document(&plain_input(&identification, &training));
-    let [position, force, error] = &figure(&document, "small-motion").panels[..] else { panic!("three panels") };
+    let [position, force, error] = &figure(&document, "small-motion").panels[..] else {
+        panic!("three panels")
+    };
     let duration = position.series[0].x.iter().fold(0.0f64, |most, t| most.max(*t));
     assert!((4.9..5.1).contains(&duration), "{duration} s");
     for role in [Role::Model, Role::Alternative] {
@@ -457,7 +567,8 @@ fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
         }
     }
     // The bench's own recordings of full strokes contain no such part.
-    let words = section(&document_of_strokes(&identification), "Fit to all motion").paragraphs.join(" ");
+    let words =
+        section(&document_of_strokes(&identification), "Fit to all motion").paragraphs.join(" ");
     assert!(words.contains("no recording holds both"), "{words}");
 }
 
@@ -470,12 +581,19 @@ fn a_report_of_the_two_steps_alone_claims_no_fit() {
     let (identification, _) = of_all_motion();
     let fitted = document_of_strokes(&identification);
     let words = section(&fitted, "Parameters").paragraphs.join(" ");
-    assert!(words.contains("fit to all motion") && words.contains("two steps are shown for comparison"), "{words}");
+    assert!(
+        words.contains("fit to all motion") && words.contains("two steps are shown for comparison"),
+        "{words}"
+    );
     let plain = document_of_strokes(&BENCH.identification);
     let words = section(&plain, "Parameters").paragraphs.join(" ");
     assert!(words.contains("paper's two steps") && !words.contains("fit to all motion"), "{words}");
     assert!(plain.sections.iter().all(|section| section.heading != "Fit to all motion"));
-    assert!(figures(&plain).iter().all(|figure| figure.id != "friction-scale" && figure.id != "small-motion"));
+    assert!(
+        figures(&plain)
+            .iter()
+            .all(|figure| figure.id != "friction-scale" && figure.id != "small-motion")
+    );
 }
 
 #[test]
@@ -491,12 +609,15 @@ fn the_deformation_force_of_a_model_with_two_elements_is_that_of_both() {
     identification.stages = Stages::new(&[element; 2]).unwrap();
     // Limits from which deflections are measured.
     let sliding = &mut identification.two_step;
-    [&mut sliding.insertion, &mut sliding.withdrawal].into_iter().for_each(|s| s.static_force *= 2.0);
+    [&mut sliding.insertion, &mut sliding.withdrawal]
+        .into_iter()
+        .for_each(|s| s.static_force *= 2.0);
     let both = deformed(&identification);
     for z in [-6.0, -1.0, 3.0, 7.0] {
         assert!((at(&both, z) - 2.0 * at(&one, z)).abs() < 1e-6, "at {z} mm");
     }
-    let measured = figure(&document_of_strokes(&BENCH.identification), "deformation-force").panels[0].clone();
+    let measured =
+        figure(&document_of_strokes(&BENCH.identification), "deformation-force").panels[0].clone();
     let measured = series_of_line(&measured, Role::Measured);
     for z in [-6.0, 0.0, 6.0] {
         let difference = at(&one, z) - at(&measured, z);
@@ -532,7 +653,10 @@ fn an_unresolved_deformation_is_said_in_words_instead_of_drawn() {
     assert!(ids.contains(&"static-friction"));
     for heading in ["Velocity reversal", "Deformation"] {
         let words = &section(&document, heading).paragraphs;
-        assert!(!words.is_empty() && words.iter().all(|words| words.contains(why.as_str())), "{heading}: {words:?}");
+        assert!(
+            !words.is_empty() && words.iter().all(|words| words.contains(why.as_str())),
+            "{heading}: {words:?}"
+        );
     }
     assert!(
         document.warnings.iter().any(|w| w.starts_with("Half width of the deformation")),
@@ -573,7 +697,11 @@ fn equal_results_give_equal_documents_that_can_be_written() {
 fn real_recordings_give_reports_without_empty_panels() {
     let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings");
     if !shared.is_dir() {
-        assert!(std::env::var("TROCAR_REQUIRE_SHARED").is_err(), "no recordings in {}", shared.display());
+        assert!(
+            std::env::var("TROCAR_REQUIRE_SHARED").is_err(),
+            "no recordings in {}",
+            shared.display()
+        );
         println!("skipped: no recordings in {}", shared.display());
         return;
     }
@@ -610,13 +738,22 @@ fn levels_and_speeds_are_chosen() {
     check_choice(&input).unwrap();
     let document = document(&input);
     let velocity = figure(&document, "deformation-velocity");
-    let names: Vec<&str> =
-        velocity.panels[0].series.iter().map(|s| s.name.as_str()).filter(|n| !n.is_empty()).collect();
-    assert_eq!(names, ["z = \u{2212}6.000 mm", "z = \u{2212}6.000 mm", "z = 5.000 mm", "z = 5.000 mm"]);
+    let names: Vec<&str> = velocity.panels[0]
+        .series
+        .iter()
+        .map(|s| s.name.as_str())
+        .filter(|n| !n.is_empty())
+        .collect();
+    assert_eq!(
+        names,
+        ["z = \u{2212}6.000 mm", "z = \u{2212}6.000 mm", "z = 5.000 mm", "z = 5.000 mm"]
+    );
     assert!(velocity.caption.contains("at two deflections"), "{}", velocity.caption);
     // The force at the deflection on the branch of the measured deformations.
     let force = &bench.truth[0].params().deformation;
-    for (series, expected) in [(0, force.insertion().force(-6e-3)), (4, force.insertion().force(5e-3))] {
+    for (series, expected) in
+        [(0, force.insertion().force(-6e-3)), (4, force.insertion().force(5e-3))]
+    {
         let found = &velocity.panels[0].series[series];
         let mean = found.y.iter().sum::<f64>() / found.y.len() as f64;
         assert!((mean - expected).abs() < 0.15, "{mean} N, expected {expected} N");
@@ -639,10 +776,15 @@ fn levels_and_speeds_that_were_not_recorded_are_refused() {
         check_choice(&input).unwrap_err().to_string()
     };
     let outside = refused(&[0.0, 9e-3], &[]);
-    assert!(outside.starts_with("figure 7: the deflection 9 mm lies outside ±c = ±7.9"), "{outside}");
+    assert!(
+        outside.starts_with("figure 7: the deflection 9 mm lies outside ±c = ±7.9"),
+        "{outside}"
+    );
     let speed = refused(&[], &[0.05, 0.2]);
     assert!(
-        speed.starts_with("figure 9: no recorded stroke has a speed within 10 % of 200 mm/s; recorded are 15, 20,"),
+        speed.starts_with(
+            "figure 9: no recorded stroke has a speed within 10 % of 200 mm/s; recorded are 15, 20,"
+        ),
         "{speed}"
     );
     assert_eq!(refused(&[0.0; 7], &[]), "figure 7 shows at most 6 deflections, got 7");

@@ -13,7 +13,8 @@ const HOSTILE: &str = "</script><script>alert(1)</script>";
 
 /// The plausible seal with a recorded motion of two samples.
 fn model() -> LiveModel {
-    let trocar = Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap());
+    let trocar =
+        Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap());
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).unwrap();
     let knob = |tunable: trocar_model::Tunable| Knob {
@@ -34,12 +35,21 @@ fn model() -> LiveModel {
         force: vec![0.0, 0.25],
         known_from: 0,
     };
-    LiveModel { row, knobs: trocar.seal().tunables().map(knob).collect(), way: [0.0, 0.05], excerpt: Some(excerpt) }
+    LiveModel {
+        row,
+        knobs: trocar.seal().tunables().map(knob).collect(),
+        way: [0.0, 0.05],
+        excerpt: Some(excerpt),
+    }
 }
 
 fn document(models: impl IntoIterator<Item = LiveModel>) -> Document {
     let section = |live| Section { live: Some(live), ..Section::new("live") };
-    Document { title: "A seal".to_owned(), sections: models.into_iter().map(section).collect(), ..Document::default() }
+    Document {
+        title: "A seal".to_owned(),
+        sections: models.into_iter().map(section).collect(),
+        ..Document::default()
+    }
 }
 
 fn page(document: &Document) -> Result<String, ReportError> {
@@ -57,13 +67,15 @@ fn the_page_holds_the_module_and_the_row_to_the_bit() {
     let model = model();
     let page = page(&document([model.clone()])).unwrap();
     let live = &page[page.find("<div id=\"live\"").unwrap()..];
-    let compressed = STANDARD.decode(between(live, "<script type=\"application/gzip\">", "</script>")).unwrap();
+    let compressed =
+        STANDARD.decode(between(live, "<script type=\"application/gzip\">", "</script>")).unwrap();
     let mut module = Vec::new();
     GzDecoder::new(&compressed[..]).read_to_end(&mut module).unwrap();
     let artefact = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/assets/model.wasm");
     assert_eq!(module, std::fs::read(artefact).unwrap());
     let json: serde_json::Value =
-        serde_json::from_str(between(live, "<script type=\"application/json\">", "</script>")).unwrap();
+        serde_json::from_str(between(live, "<script type=\"application/json\">", "</script>"))
+            .unwrap();
     let row: Vec<u8> = STANDARD.decode(json["row"].as_str().unwrap()).unwrap();
     assert_eq!(row, model.row.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>());
     assert_eq!(json["knobs"][0]["name"], HOSTILE);
@@ -93,7 +105,9 @@ fn equal_documents_give_equal_bytes() {
 #[test]
 fn without_script_a_sentence_stands_in_its_place() {
     let page = page(&document([model()])).unwrap();
-    assert!(between(&page, "<p class=\"live-absent\">", "</p>").contains("JavaScript and WebAssembly"));
+    assert!(
+        between(&page, "<p class=\"live-absent\">", "</p>").contains("JavaScript and WebAssembly")
+    );
 }
 
 #[test]
@@ -109,5 +123,8 @@ fn numbers_that_do_not_belong_together_are_refused() {
     assert_eq!(refused(&|model| model.knobs.truncate(3)), knobs);
     let excerpt = "live model: its excerpt has not as many forces as positions, at least two";
     assert_eq!(refused(&|model| model.excerpt.as_mut().unwrap().force.push(1.0)), excerpt);
-    assert_eq!(page(&document([model(), model()])).unwrap_err().to_string(), "live model: a document can carry one");
+    assert_eq!(
+        page(&document([model(), model()])).unwrap_err().to_string(),
+        "live model: a document can carry one"
+    );
 }

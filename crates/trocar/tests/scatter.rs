@@ -28,7 +28,12 @@ fn recording(ends: f64, bumps: f64, drift: f64, speeds: &[f64]) -> Recording {
             let turned = 1.0 - 2.0 * (-travel / 0.5e-3).exp();
             t.push(time);
             x.push(place);
-            f.push(side * 4.0 * turned + bumps * (300.0 * place).sin() + drift * f64::from(stroke / 2) + noise);
+            f.push(
+                side * 4.0 * turned
+                    + bumps * (300.0 * place).sin()
+                    + drift * f64::from(stroke / 2)
+                    + noise,
+            );
             time += step.abs() / speeds[stroke as usize % speeds.len()];
         }
         from = to;
@@ -69,7 +74,8 @@ fn a_drift_is_scatter_and_is_shown() {
 
 #[test]
 fn other_speeds_are_no_repeats() {
-    let scatter = StrokeScatter::of(&recording(0.0, 1.0, 0.0, &[0.02, 0.02, 0.04, 0.04])).expect("repeats");
+    let scatter =
+        StrokeScatter::of(&recording(0.0, 1.0, 0.0, &[0.02, 0.02, 0.04, 0.04])).expect("repeats");
     assert_eq!((scatter.groups, scatter.strokes), (4, 20));
     let speeds: Vec<f64> = (0..20).map(|k| 0.001 * 1.3f64.powi(k)).collect();
     let none = StrokeScatter::of(&recording(0.0, 1.0, 0.0, &speeds)).expect_err("no two alike");

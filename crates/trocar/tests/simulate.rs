@@ -10,15 +10,20 @@ use trocar::recording::{ReadOptions, read};
 use trocar::recording::Choice;
 use trocar::simulate::{Positions, SimulateOptions, fields, simulate, simulate_file};
 use trocar::table::TableWriter;
-use trocar_model::{Classical, DeformationForce, Element, ElementParams, SlidingFriction, StaticFriction, Trocar};
+use trocar_model::{
+    Classical, DeformationForce, Element, ElementParams, SlidingFriction, StaticFriction, Trocar,
+};
 
-const OPTIONS: SimulateOptions = SimulateOptions { initial_deflection: None, offset: 0.0, filter: None };
+const OPTIONS: SimulateOptions =
+    SimulateOptions { initial_deflection: None, offset: 0.0, filter: None };
 
-/// A seal that is a spring of 1 kN/m up to its static force of 10 N, so that a row can be checked by hand.
+/// A seal that is a spring of 1 kN/m up to its static force of 10 N, so that a row can be checked
+/// by hand.
 fn spring() -> Trocar {
     let deformation = DeformationForce::linear(1e3, 0.01).unwrap();
     let friction = SlidingFriction::coulomb(10.0, 0.0);
-    let params = ElementParams { deformation, insertion: friction, withdrawal: friction, ..plausible() };
+    let params =
+        ElementParams { deformation, insertion: friction, withdrawal: friction, ..plausible() };
     Trocar::of_seal(Element::new(params).unwrap())
 }
 
@@ -44,7 +49,8 @@ impl Scratch {
 
     /// All files in the folder except the motion, including hidden ones.
     fn leftovers(&self) -> Vec<String> {
-        let names = std::fs::read_dir(self.0.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        let names =
+            std::fs::read_dir(self.0.path()).unwrap().map(|entry| entry.unwrap().file_name());
         names.map(|name| name.into_string().unwrap()).filter(|name| name != "motion.csv").collect()
     }
 }
@@ -53,7 +59,8 @@ impl Scratch {
 fn run(scratch: &Scratch, text: &str, columns: Option<&str>) -> Result<String, String> {
     let output = scratch.path("out.csv");
     let choice = Choice { columns: columns.map(str::to_owned), ..Choice::default() };
-    let outcome = simulate_file(&scratch.motion(text), &choice, &spring(), &OPTIONS, &output, |_, _| ());
+    let outcome =
+        simulate_file(&scratch.motion(text), &choice, &spring(), &OPTIONS, &output, |_, _| ());
     outcome.map(|_| std::fs::read_to_string(&output).unwrap()).map_err(|error| error.to_string())
 }
 
@@ -67,7 +74,9 @@ fn every_row_gives_one_row_with_the_named_columns() {
         0.6,0.025,5.0,0.005,deforming\n\
         0.7,0.032,10.0,0.01,sliding\n";
     let rounded: String = out.lines().fold(String::new(), |mut all, line| {
-        let cells = line.split(',').map(|cell| cell.parse::<f64>().map_or(cell.into(), |x| format!("{:?}", round(x))));
+        let cells = line
+            .split(',')
+            .map(|cell| cell.parse::<f64>().map_or(cell.into(), |x| format!("{:?}", round(x))));
         writeln!(all, "{}", cells.collect::<Vec<_>>().join(",")).unwrap();
         all
     });
@@ -83,12 +92,19 @@ fn a_classical_model_gives_its_force_alone_and_starts_with_the_first_reading() {
         let output = scratch.path("out.csv");
         let (trocar, choice) = (Trocar::of_seal(Classical::Static(model)), Choice::default());
         let options = SimulateOptions { offset: 0.5, ..OPTIONS };
-        simulate_file(&scratch.motion(text), &choice, &trocar, &options, &output, |_, _| ()).unwrap();
+        simulate_file(&scratch.motion(text), &choice, &trocar, &options, &output, |_, _| ())
+            .unwrap();
         std::fs::read_to_string(&output).unwrap()
     };
-    assert_eq!(out(text), "time_s,position_m,force_n\n0.0,0.0,1.0\n1.0,0.0,1.0\n2.0,0.05,3.25\n3.0,0.0,-3.25\n");
+    assert_eq!(
+        out(text),
+        "time_s,position_m,force_n\n0.0,0.0,1.0\n1.0,0.0,1.0\n2.0,0.05,3.25\n3.0,0.0,-3.25\n"
+    );
     let without_force = text.replace(",force_n", "").replace(",1.5", "").replace(",9", "");
-    assert!(out(&without_force).starts_with("time_s,position_m,force_n\n0.0,0.0,0.0\n1.0,0.0,0.0\n2.0,0.05,3.25"));
+    assert!(
+        out(&without_force)
+            .starts_with("time_s,position_m,force_n\n0.0,0.0,0.0\n1.0,0.0,0.0\n2.0,0.05,3.25")
+    );
 }
 
 fn round(x: f64) -> f64 {
@@ -105,7 +121,9 @@ fn the_output_is_a_recording_again() {
     run(&scratch, &motion, None).unwrap();
     let recording = read(&scratch.path("out.csv"), &ReadOptions::default()).unwrap();
     assert_eq!(recording.len(), 2000);
-    assert!(recording.position.iter().zip(&recording.force).all(|(x, f)| (f - 1e3 * x).abs() < 1e-9));
+    assert!(
+        recording.position.iter().zip(&recording.force).all(|(x, f)| (f - 1e3 * x).abs() < 1e-9)
+    );
 }
 
 #[test]
@@ -187,7 +205,8 @@ fn memory_does_not_grow_with_the_motion() {
         peak = peak.max(resident());
         reached = rows;
     };
-    let motion = Positions::from_text("made", input, &Choice::columns("time_ms,position_m")).unwrap();
+    let motion =
+        Positions::from_text("made", input, &Choice::columns("time_ms,position_m")).unwrap();
     let simulated = simulate(motion, &spring(), &OPTIONS, &mut output, progress).unwrap();
     assert_eq!(simulated.rows, ROWS);
     assert!(simulated.lowest <= simulated.highest);
@@ -203,7 +222,14 @@ fn a_full_disk_is_reported_with_the_path() {
     let mut motion = String::from("time_s,position_m\n");
     (0..20_000).for_each(|k| writeln!(motion, "{k},{}", f64::from(k) * 1e-6).unwrap());
     let motion = scratch.motion(&motion);
-    let outcome = simulate_file(&motion, &Choice::default(), &spring(), &OPTIONS, Path::new("/dev/full"), |_, _| ());
+    let outcome = simulate_file(
+        &motion,
+        &Choice::default(),
+        &spring(),
+        &OPTIONS,
+        Path::new("/dev/full"),
+        |_, _| (),
+    );
     let message = outcome.unwrap_err().to_string();
     assert!(message.contains("/dev/full: cannot write") && message.contains("space"), "{message}");
 }
@@ -213,9 +239,13 @@ fn a_place_that_cannot_be_written_is_named() {
     let scratch = Scratch::new();
     let motion = scratch.motion("time_s,position_m\n0,0\n1,0\n");
     let missing = scratch.path("no/such/out.csv");
-    let message = simulate_file(&motion, &Choice::default(), &spring(), &OPTIONS, &missing, |_, _| ());
+    let message =
+        simulate_file(&motion, &Choice::default(), &spring(), &OPTIONS, &missing, |_, _| ());
     let message = message.unwrap_err().to_string();
-    assert!(message.contains("no/such/out.csv: cannot create") && message.contains("hint: "), "{message}");
+    assert!(
+        message.contains("no/such/out.csv: cannot create") && message.contains("hint: "),
+        "{message}"
+    );
     let folder = AtomicFile::create(scratch.0.path()).unwrap_err().to_string();
     assert!(folder.contains("directory"), "{folder}");
     let below_a_file = StagedFolder::create(motion.join("out")).unwrap_err().to_string();
@@ -260,7 +290,8 @@ fn a_folder_appears_with_all_its_files_or_not_at_all() {
     again.commit().unwrap();
     assert_eq!(std::fs::read(target.join("model.json")).unwrap(), b"{1}");
     assert_eq!(std::fs::read(target.join("notes.txt")).unwrap(), b"mine");
-    let mut names: Vec<_> = std::fs::read_dir(&target).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    let mut names: Vec<_> =
+        std::fs::read_dir(&target).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     names.sort();
     assert_eq!(names, ["figures", "model.json", "notes.txt"]);
 }

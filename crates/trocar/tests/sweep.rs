@@ -62,7 +62,10 @@ fn draws_have_the_distribution_asked_for() {
     let about = |name: &str, mean: f64, deviation: f64| {
         let values = numbers(&table, name);
         let found = values.iter().sum::<f64>() / values.len() as f64;
-        assert!((found - mean).abs() < FAR * deviation / 4000_f64.sqrt(), "{name}: {found} for {mean}");
+        assert!(
+            (found - mean).abs() < FAR * deviation / 4000_f64.sqrt(),
+            "{name}: {found} for {mean}"
+        );
     };
     about("half_width_m", 0.005, 0.002 / 12_f64.sqrt());
     about("insertion_coulomb_force_n", 3.0, 0.2);
@@ -101,7 +104,10 @@ fn results_follow_the_parameters() {
         assert!(values[0] < values[1] && values[1] < values[2], "{name}: {values:?}");
     }
     let per_metre = numbers(&table, "work_per_metre_n");
-    assert!(per_metre[0] > 1.0 && per_metre[0] < 2.0, "never more than the sliding force: {per_metre:?}");
+    assert!(
+        per_metre[0] > 1.0 && per_metre[0] < 2.0,
+        "never more than the sliding force: {per_metre:?}"
+    );
     assert!(numbers(&table, "deforming_share").iter().all(|share| *share > 0.0 && *share < 1.0));
 }
 
@@ -124,14 +130,21 @@ fn a_run_without_a_model_is_a_row_with_its_reason() {
     assert!(failed > 0 && failed == summary.failed);
     let peaks = numbers(&table, "peak_force_n");
     assert!(failures.iter().zip(peaks).all(|(failure, peak)| failure.is_some() == peak.is_nan()));
-    assert!(summary.first_failure.is_some_and(|why| why.contains("half_width_m must be finite and above 0 m")));
+    assert!(
+        summary
+            .first_failure
+            .is_some_and(|why| why.contains("half_width_m must be finite and above 0 m"))
+    );
 }
 
 #[test]
 fn a_recording_is_compared_with_and_traces_are_written() {
     let folder = tempfile::tempdir().unwrap();
-    let rows: String = (0..400).map(|k| format!("{},{},1.5\n", f64::from(k) * 1e-3, f64::from(k) * 1e-4)).collect();
-    std::fs::write(folder.path().join("motion.csv"), format!("time_s,position_m,force_n\n{rows}")).unwrap();
+    let rows: String = (0..400)
+        .map(|k| format!("{},{},1.5\n", f64::from(k) * 1e-3, f64::from(k) * 1e-4))
+        .collect();
+    std::fs::write(folder.path().join("motion.csv"), format!("time_s,position_m,force_n\n{rows}"))
+        .unwrap();
     let document = "runs = 3\n[motion]\nfile = \"motion.csv\"\n[seal]\nhalf_width_m = { uniform = [0.004, 0.006] }\n";
     let sweep = Sweep::new(document, folder.path()).unwrap();
     let out = folder.path().join("table.parquet");
@@ -152,7 +165,8 @@ fn a_recording_is_compared_with_and_traces_are_written() {
 fn a_sweep_that_is_cancelled_writes_no_more_traces() {
     const THREADS: usize = 2;
     let shared = "runs = 100000\n[motion]\nprotocol = \"step\"\n[seal]\nhalf_width_m = { uniform = [0.004, 0.006] }\n";
-    let rigs = "runs = 100000\n[motion]\nprotocol = \"validation\"\n[rig]\n\"rod.mass_kg\" = 0.05\n";
+    let rigs =
+        "runs = 100000\n[motion]\nprotocol = \"validation\"\n[rig]\n\"rod.mass_kg\" = 0.05\n";
     for document in [shared, rigs] {
         let folder = tempfile::tempdir().unwrap();
         let count = || std::fs::read_dir(folder.path()).unwrap().count();
@@ -185,10 +199,19 @@ fn faults_are_told_with_their_place() {
     let seal = |line: &str| refusal(&format!("[motion]\nprotocol = \"step\"\n[seal]\n{line}\n"));
     let cases = [
         (seal("half_width_mm = 3"), "line 4: [seal] has no \"half_width_mm\""),
-        (seal("half_width_m = { uniform = [2, 1] }"), "line 4: half_width_m: expected the lower number first"),
-        (seal("half_width_m = { normal = [2, -1] }"), "line 4: half_width_m: expected a standard deviation"),
+        (
+            seal("half_width_m = { uniform = [2, 1] }"),
+            "line 4: half_width_m: expected the lower number first",
+        ),
+        (
+            seal("half_width_m = { normal = [2, -1] }"),
+            "line 4: half_width_m: expected a standard deviation",
+        ),
         (seal("half_width_m = { list = [] }"), "line 4: half_width_m: expected one number or more"),
-        (seal("half_width_m = { uniform = [nan, 1] }"), "line 4: half_width_m: expected finite numbers"),
+        (
+            seal("half_width_m = { uniform = [nan, 1] }"),
+            "line 4: half_width_m: expected finite numbers",
+        ),
         (seal("half_width_m = { gauss = [1, 1] }"), "unknown field `gauss`"),
         (seal("half_width_m = { relative = true }"), "expected one of uniform"),
         (seal("half_width_m = \"wide\""), "expected a number or a form"),
@@ -203,7 +226,10 @@ fn faults_are_told_with_their_place() {
             refusal("[motion]\nprotocol = \"step\"\n[rig]\n\"rod.mas_kg\" = 1\n"),
             "line 4: [rig] has no number \"rod.mas_kg\"",
         ),
-        (refusal("runs = 9000000000\n[motion]\nprotocol = \"step\"\n"), "more than 1000000000 rows"),
+        (
+            refusal("runs = 9000000000\n[motion]\nprotocol = \"step\"\n"),
+            "more than 1000000000 rows",
+        ),
     ];
     for (found, wanted) in cases {
         assert!(found.contains(wanted), "{found}\nwithout: {wanted}");

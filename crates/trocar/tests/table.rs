@@ -24,10 +24,16 @@ fn piece(k: usize) -> Vec<Column> {
     let rows = || k * ROWS..(k + 1) * ROWS;
     let sometimes = |row: usize| row % 7 != 3;
     vec![
-        Column::Number(rows().map(|row| if sometimes(row) { row as f64 / 3.0 } else { f64::NAN }).collect()),
-        Column::Integer(rows().map(|row| sometimes(row).then_some(row as i64 - (1 << 60))).collect()),
+        Column::Number(
+            rows().map(|row| if sometimes(row) { row as f64 / 3.0 } else { f64::NAN }).collect(),
+        ),
+        Column::Integer(
+            rows().map(|row| sometimes(row).then_some(row as i64 - (1 << 60))).collect(),
+        ),
         Column::Boolean(rows().map(|row| sometimes(row).then_some(row % 2 == 0)).collect()),
-        Column::Text(rows().map(|row| sometimes(row).then(|| format!("a, \"b\" {row}").into())).collect()),
+        Column::Text(
+            rows().map(|row| sometimes(row).then(|| format!("a, \"b\" {row}").into())).collect(),
+        ),
     ]
 }
 
@@ -75,7 +81,8 @@ fn cells(column: &Column) -> Vec<String> {
 fn compressed_text_is_the_plain_text() {
     let folder = tempfile::tempdir().unwrap();
     let plain = std::fs::read(written(folder.path(), "a.csv")).unwrap();
-    let head = b"force_n,count,is_good,warnings\n0.0,-1152921504606846976,true,\"a, \"\"b\"\" 0\"\n";
+    let head =
+        b"force_n,count,is_good,warnings\n0.0,-1152921504606846976,true,\"a, \"\"b\"\" 0\"\n";
     assert!(plain.starts_with(head));
     assert_eq!(plain.split(|&byte| byte == b'\n').nth(4).unwrap(), b",,,");
     let mut text = Vec::new();
@@ -133,7 +140,8 @@ fn pyarrow_reads_what_we_write() {
             return;
         }
     };
-    run(python.to_str().unwrap(), &[script.to_str().unwrap(), folder.path().to_str().unwrap()]).unwrap();
+    run(python.to_str().unwrap(), &[script.to_str().unwrap(), folder.path().to_str().unwrap()])
+        .unwrap();
 }
 
 /// A Python with pyarrow, in its own folder under `target`.
@@ -165,7 +173,11 @@ fn arrow_and_parquet_are_read_back_as_recordings_with_units() {
         let path = written(folder.path(), name);
         let read = trocar::recording::read_columns(&path, "", &["force_n"]).unwrap();
         let expected: Vec<u64> = (0..PIECES).flat_map(|k| bits(&piece(k)[0])).collect();
-        assert_eq!(read[0].iter().map(|cell| cell.to_bits()).collect::<Vec<_>>(), expected, "{name}");
+        assert_eq!(
+            read[0].iter().map(|cell| cell.to_bits()).collect::<Vec<_>>(),
+            expected,
+            "{name}"
+        );
         if !name.contains("csv") {
             let tables = trocar::recording::tables(&path).unwrap();
             assert_eq!(tables[0].columns[0].unit.as_deref(), Some("N"));

@@ -53,7 +53,11 @@ fn kinds_have_names_of_their_own_and_make_models() {
     assert_eq!(names.len(), kinds.len());
     for kind in &kinds {
         let truths = (kind.make)(1).expect("a seal and a rig").truths();
-        assert!(truths.values().all(|[low, high]| low <= high && low.is_finite() && high.is_finite()), "{}", kind.name);
+        assert!(
+            truths.values().all(|[low, high]| low <= high && low.is_finite() && high.is_finite()),
+            "{}",
+            kind.name
+        );
     }
 }
 
@@ -72,9 +76,18 @@ fn easy_benches_are_right() {
 fn an_unmodelled_mass_does_not_depend_on_the_noise_of_the_accelerations() {
     let outcomes = outcomes(&["scatter_5", "mass_0.3_unmodelled"], 4);
     for outcome in &outcomes {
-        let mass = outcome.judged.iter().find(|j| j.parameter == "unmodelled_mass_kg").expect("a mass is judged");
+        let mass = outcome
+            .judged
+            .iter()
+            .find(|j| j.parameter == "unmodelled_mass_kg")
+            .expect("a mass is judged");
         let ratio = mass.value.expect("it is found") / mass.truth[0];
-        assert!((0.94..1.06).contains(&ratio), "{} {}: {ratio} of the mass", outcome.kind, outcome.seed);
+        assert!(
+            (0.94..1.06).contains(&ratio),
+            "{} {}: {ratio} of the mass",
+            outcome.kind,
+            outcome.seed
+        );
     }
 }
 
@@ -82,23 +95,36 @@ fn an_unmodelled_mass_does_not_depend_on_the_noise_of_the_accelerations() {
 fn a_delay_is_told_from_a_contact_that_creeps() {
     for outcome in outcomes(&["creep_3_mm_s"], 3) {
         assert!(outcome.delay_s < 5e-4, "seed {}: {} s", outcome.seed, outcome.delay_s);
-        let creep = outcome.judged.iter().find(|j| j.parameter == "creep_velocity_m_s").expect("it creeps");
+        let creep =
+            outcome.judged.iter().find(|j| j.parameter == "creep_velocity_m_s").expect("it creeps");
         assert_eq!(creep.verdict, Verdict::Right, "{creep:?}");
     }
     for outcome in outcomes(&["positions_20_ms_late"], 2) {
-        assert!((outcome.delay_s - 0.02).abs() < 5e-4, "seed {}: {} s", outcome.seed, outcome.delay_s);
+        assert!(
+            (outcome.delay_s - 0.02).abs() < 5e-4,
+            "seed {}: {} s",
+            outcome.seed,
+            outcome.delay_s
+        );
     }
 }
 
 #[test]
 fn what_sampling_or_rounding_hide_is_doubtful_and_named() {
-    for (kind, subject) in [("coarse_sampling_100_hz", "unmodelled_mass_kg"), ("coarse_force_0.5_n", "")] {
+    for (kind, subject) in
+        [("coarse_sampling_100_hz", "unmodelled_mass_kg"), ("coarse_force_0.5_n", "")]
+    {
         for outcome in outcomes(&[kind], 2) {
             let named = |doubt: &String| match subject {
                 "" => doubt.contains("steps of 0.5 N"),
                 subject => doubt.starts_with(subject),
             };
-            assert!(outcome.doubts.iter().any(named), "{kind} {}: {:?}", outcome.seed, outcome.doubts);
+            assert!(
+                outcome.doubts.iter().any(named),
+                "{kind} {}: {:?}",
+                outcome.seed,
+                outcome.doubts
+            );
         }
     }
 }
@@ -124,7 +150,10 @@ fn a_force_without_friction_is_refused() {
         let Recording { name, time, position, force: measured, .. } = recordings[0].clone();
         let changed = measured.iter().enumerate().map(|(i, f)| force(i, *f)).collect();
         let changed = Recording::from_columns(name, time, position, changed).expect("a recording");
-        identify(&[changed], &IdentifyOptions::default(), &|_, _| {}).map(|_| ()).expect_err("no friction").to_string()
+        identify(&[changed], &IdentifyOptions::default(), &|_, _| {})
+            .map(|_| ())
+            .expect_err("no friction")
+            .to_string()
     };
     assert!(with_force(&|_, _| 1.234).contains("is 1.234 N throughout"));
     // Squares of integers times the golden ratio are evenly distributed.

@@ -16,8 +16,12 @@ fn record(protocol: Protocol, friction: f64, seed: u64) -> Recording {
     // The branches of the seal end at its sliding force, so a change of the friction is modelled as
     // wetting from the first sample on.
     let mut wetted = config.clone();
-    (wetted.lubrication.level, wetted.lubrication.onset_s, wetted.lubrication.spread_s) = (friction, 0.0, 0.0);
-    let made = run(&wetted, protocol, &[seal], seed).unwrap().to_recording(format!("{protocol}.csv")).unwrap();
+    (wetted.lubrication.level, wetted.lubrication.onset_s, wetted.lubrication.spread_s) =
+        (friction, 0.0, 0.0);
+    let made = run(&wetted, protocol, &[seal], seed)
+        .unwrap()
+        .to_recording(format!("{protocol}.csv"))
+        .unwrap();
     made.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
 }
 
@@ -30,7 +34,8 @@ struct Found {
 
 static FOUND: LazyLock<Found> = LazyLock::new(|| {
     let recordings = vec![record(Protocol::Steady, 1.0, 1), record(Protocol::Dynamic, 1.0, 1)];
-    let options = IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
     let identification = identify(&recordings, &options, &|_, _| {}).unwrap();
     Found { identification, options, recordings }
 });
@@ -63,11 +68,14 @@ fn phases_that_no_recording_shows_are_unknown() {
 #[test]
 fn the_worse_of_identification_and_validation_counts() {
     let own = error(&[]);
-    for held_out in
-        [record(Protocol::Validation, 1.0, 3), record(Protocol::Surgeon, 1.0, 3), record(Protocol::Step, 1.0, 3)]
-    {
+    for held_out in [
+        record(Protocol::Validation, 1.0, 3),
+        record(Protocol::Surgeon, 1.0, 3),
+        record(Protocol::Step, 1.0, 3),
+    ] {
         let both = error(std::slice::from_ref(&held_out));
-        for (worse, alone) in [(both.deforming_n, own.deforming_n), (both.sliding_n, own.sliding_n)] {
+        for (worse, alone) in [(both.deforming_n, own.deforming_n), (both.sliding_n, own.sliding_n)]
+        {
             assert!(worse >= alone, "{}: {both:?}, {own:?}", held_out.name);
         }
     }
@@ -86,7 +94,8 @@ fn by_phase_the_larger_error_is_the_worse() {
     };
     let one = of(Some(0.1), None, Some(0.4), None);
     let other = of(Some(0.2), Some(0.7), Some(0.3), None);
-    let worse = ForceError { source: ErrorSource::Validation, ..of(Some(0.2), Some(0.7), Some(0.4), None) };
+    let worse =
+        ForceError { source: ErrorSource::Validation, ..of(Some(0.2), Some(0.7), Some(0.4), None) };
     assert_eq!(one.worse(&other, ErrorSource::Validation), worse);
     assert_eq!(other.worse(&one, ErrorSource::Validation), worse);
     assert_eq!(one.largest(), Some(0.4));
@@ -99,8 +108,13 @@ fn a_validation_that_agrees_is_not_doubtful() {
     for protocol in [Protocol::Validation, Protocol::Step, Protocol::Surgeon] {
         let held_out = [record(protocol, 1.0, 4)];
         with_outcome(&held_out, |outcome| {
-            let times = outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
-            assert!(times < 2.0 && !outcome.is_doubtful(), "{protocol}: {times}, {:?}", outcome.summary().warnings);
+            let times =
+                outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
+            assert!(
+                times < 2.0 && !outcome.is_doubtful(),
+                "{protocol}: {times}, {:?}",
+                outcome.summary().warnings
+            );
         });
     }
 }
@@ -115,18 +129,24 @@ fn a_validation_that_contradicts_is_doubtful() {
             assert!(!outcome.identification.is_doubtful() && outcome.is_doubtful());
             let summary = outcome.summary();
             assert!(summary.doubtful);
-            let warning =
-                summary.warnings.iter().find(|w| w.subject.to_string() == "validation.csv").expect("a warning");
+            let warning = summary
+                .warnings
+                .iter()
+                .find(|w| w.subject.to_string() == "validation.csv")
+                .expect("a warning");
             assert!(warning.doubtful);
-            let times = outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
+            let times =
+                outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
             println!("friction {friction}: {times:.1} times: {}", warning.message);
             let said = format!(
                 "is {} times the identification error",
                 if times < 10.0 { format!("{times:.1}") } else { format!("{times:.0}") }
             );
-            for part in
-                ["validation error 0.", said.as_str(), "the model does not describe this motion; record such motion"]
-            {
+            for part in [
+                "validation error 0.",
+                said.as_str(),
+                "the model does not describe this motion; record such motion",
+            ] {
                 assert!(warning.message.contains(part), "{part}: {}", warning.message);
             }
         });
@@ -140,9 +160,14 @@ fn an_offset_is_named() {
     moved.force.iter_mut().for_each(|force| *force += 1.0);
     with_outcome(&[moved], |outcome| {
         let warnings = outcome.summary().warnings;
-        let message = &warnings.iter().find(|w| w.subject.to_string() == "validation.csv").expect("a warning").message;
+        let message = &warnings
+            .iter()
+            .find(|w| w.subject.to_string() == "validation.csv")
+            .expect("a warning")
+            .message;
         assert!(message.contains("check the sensor offset"), "{message}");
-        let named = message.split("is mostly an offset of ").nth(1).and_then(|rest| rest.split(' ').next());
+        let named =
+            message.split("is mostly an offset of ").nth(1).and_then(|rest| rest.split(' ').next());
         let named: f64 = named.expect("an offset is named").parse().expect("a number");
         // The force of 3 N of the bench's seal varies by 1 % from stroke to stroke, in both
         // recordings.

@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, RandomCycles, SteadyState, analyze};
+use trocar::analyze::{
+    Analysis, BranchPassage, ElementAnalysis, RandomCycles, SteadyState, analyze,
+};
 use trocar::model_file::ModelFile;
 use trocar::profile::{is_passive, storage_length};
 
@@ -13,10 +15,10 @@ use crate::table::{Table, number};
 
 /// Check the paper's propositions for a model, and what happens where they fail
 ///
-/// Compares with simulations: proposition III.1 (the seal reaches sliding), III.2 (steady force and deflection), III.3
-/// (stability), stick-slip and snap-through, the energy of closed motions, and the error of the 1 kHz step. A closed
-/// motion that yields work makes the model doubtful (exit code 3); the motion of least work is always printed. Applies to
-/// EMS elements only.
+/// Compares with simulations: proposition III.1 (the seal reaches sliding), III.2 (steady force and
+/// deflection), III.3 (stability), stick-slip and snap-through, the energy of closed motions, and
+/// the error of the 1 kHz step. A closed motion that yields work makes the model doubtful (exit
+/// code 3); the motion of least work is always printed. Applies to EMS elements only.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json)
@@ -33,7 +35,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let model = ModelFile::read(&args.model)?;
     let stages = model.stages().map_err(|error| error.in_file(&args.model))?;
     let analysis = analyze(stages, args.seed);
-    let text = if args.json { serde_json::to_string_pretty(&analysis)? + "\n" } else { text(&analysis) };
+    let text =
+        if args.json { serde_json::to_string_pretty(&analysis)? + "\n" } else { text(&analysis) };
     console::print(&text)?;
     let given_off = model.trocar.profile().is_some_and(|profile| {
         let length = stages.elements().iter().map(storage_length).fold(0.0, f64::max);
@@ -59,10 +62,17 @@ fn text(analysis: &Analysis) -> String {
         }
         element_text(&mut text, element);
     }
-    heading(&mut text, analysis.cycle_work.holds, "Energy of full cycles", &analysis.cycle_work.verdict);
+    heading(
+        &mut text,
+        analysis.cycle_work.holds,
+        "Energy of full cycles",
+        &analysis.cycle_work.verdict,
+    );
     let mut table = Table::headed(["speed mm/s", "work mJ", "sliding alone mJ"]);
     for cycle in &analysis.cycle_work.cycles {
-        table.row([1e3 * cycle.speed_m_s, 1e3 * cycle.work_j, 1e3 * cycle.sliding_work_j].map(number));
+        table.row(
+            [1e3 * cycle.speed_m_s, 1e3 * cycle.work_j, 1e3 * cycle.sliding_work_j].map(number),
+        );
     }
     let _ = writeln!(text, "{}", table.to_text());
     random_cycles_text(&mut text, &analysis.random_cycles);
@@ -107,7 +117,12 @@ fn is_doubtful(analysis: &Analysis) -> bool {
 
 fn element_text(text: &mut String, element: &ElementAnalysis) {
     let reaches = &element.reaches_sliding;
-    heading(text, reaches.holds, "Proposition III.1", "at constant velocity the seal reaches sliding");
+    heading(
+        text,
+        reaches.holds,
+        "Proposition III.1",
+        "at constant velocity the seal reaches sliding",
+    );
     for branch in &reaches.branches {
         branch_text(text, branch);
     }

@@ -18,15 +18,17 @@ const PIECE: usize = 1 << 16;
 
 /// Record an experiment on the virtual test bench
 ///
-/// A linear motor moves a rod through a seal; position and force are recorded through an encoder and a force sensor,
-/// as on a rig. Writes the columns time_s, position_m, velocity_m_s and force_n.
+/// A linear motor moves a rod through a seal; position and force are recorded through an encoder
+/// and a force sensor, as on a rig. Writes the columns time_s, position_m, velocity_m_s and
+/// force_n.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force), validation (40 mm
-    /// strokes), step (one reversal), surgeon (hand-like motion)
+    /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force),
+    /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion)
     #[arg(required_unless_present = "print_config")]
     protocol: Option<Protocol>,
-    /// Recording to write, '-' for standard output; the extension selects CSV, .parquet, .arrow, .csv.gz or .csv.zst
+    /// Recording to write, '-' for standard output; the extension selects CSV, .parquet, .arrow,
+    /// .csv.gz or .csv.zst
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
     out: Option<PathBuf>,
     /// Rig and protocol, TOML; keys left out keep their defaults (see --print-config)
@@ -67,7 +69,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
 
 fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {
     let name = || path.display().to_string();
-    let text = std::fs::read_to_string(path).with_context(|| format!("{}: cannot read the rig", name()))?;
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot read the rig", name()))?;
     BenchConfig::from_toml(&text).with_context(name)
 }
 
@@ -105,20 +108,30 @@ fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
         ("tissue_force_n", &truth.tissue_force),
         ("wetting", &truth.wetting),
     ];
-    let deflections =
-        truth.deflections.iter().enumerate().map(|(i, column)| (format!("deflection_{}_m", i + 1), column));
-    write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections))
+    let deflections = truth
+        .deflections
+        .iter()
+        .enumerate()
+        .map(|(i, column)| (format!("deflection_{}_m", i + 1), column));
+    write_columns(
+        path,
+        columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections),
+    )
 }
 
 /// Writes columns of equal length in the format selected by the extension.
-fn write_columns<'a>(path: &Path, columns: impl Iterator<Item = (String, &'a Vec<f64>)>) -> anyhow::Result<()> {
+fn write_columns<'a>(
+    path: &Path,
+    columns: impl Iterator<Item = (String, &'a Vec<f64>)>,
+) -> anyhow::Result<()> {
     let (names, columns): (Vec<String>, Vec<&Vec<f64>>) = columns.unzip();
     let fields: Vec<Field> = names.into_iter().map(Field::number).collect();
     let mut writer = TableWriter::create(path, &fields)?;
     let rows = columns.first().map_or(0, |column| column.len());
     for from in (0..rows).step_by(PIECE) {
         let to = rows.min(from + PIECE);
-        let piece: Vec<Column> = columns.iter().map(|column| Column::Number(column[from..to].to_vec())).collect();
+        let piece: Vec<Column> =
+            columns.iter().map(|column| Column::Number(column[from..to].to_vec())).collect();
         writer.write(&piece)?;
     }
     Ok(writer.commit()?)
@@ -128,13 +141,19 @@ fn write_columns<'a>(path: &Path, columns: impl Iterator<Item = (String, &'a Vec
 fn warn_of_events(console: &Console, run: &BenchRun) -> bool {
     let events = &run.events;
     if events.saturated_samples > 0 {
-        console.warn(&format!("the force sensor was saturated in {} samples", events.saturated_samples));
+        console.warn(&format!(
+            "the force sensor was saturated in {} samples",
+            events.saturated_samples
+        ));
     }
     if events.stop_hits > 0 {
         console.warn(&format!("the carriage ran into a safety stop {} times", events.stop_hits));
     }
     if events.motor_limited_steps > 0 {
-        console.remark(&format!("note: the motor was at its force limit in {} steps", events.motor_limited_steps));
+        console.remark(&format!(
+            "note: the motor was at its force limit in {} steps",
+            events.motor_limited_steps
+        ));
     }
     events.saturated_samples > 0 || events.stop_hits > 0
 }

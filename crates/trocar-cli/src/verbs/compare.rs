@@ -22,11 +22,13 @@ const MOST_NAMES: usize = 8;
 
 /// Compare friction models: fit them all to the same recordings, score them on the same others
 ///
-/// The EMS element and the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven, Maxwell-Slip and
-/// Generalized Maxwell-Slip. Fits each to the training recordings and simulates it along the validation recordings. Prints the best model of each family, least error first, and by how many standard errors over the strokes it wins; --all
-/// prints everything, and --out writes every model to a file. All models are scored on the samples at
-/// which the state of the EMS element is known. Exit code 3: a recording lost data, or the seal never slides in a
-/// validation recording. Parameters that the recordings do not determine are reported as such.
+/// The EMS element and the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven,
+/// Maxwell-Slip and Generalized Maxwell-Slip. Fits each to the training recordings and simulates it
+/// along the validation recordings. Prints the best model of each family, least error first, and by
+/// how many standard errors over the strokes it wins; --all prints everything, and --out writes
+/// every model to a file. All models are scored on the samples at which the state of the EMS
+/// element is known. Exit code 3: a recording lost data, or the seal never slides in a validation
+/// recording. Parameters that the recordings do not determine are reported as such.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to fit to: CSV with time, position and force columns, '-' for standard input
@@ -35,13 +37,14 @@ pub(crate) struct Args {
     /// Recordings to score on [default: the last third of each recording, which is then not fitted]
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
-    /// Models, separated by commas: ems, ems-output-error (EMS fitted by the criterion of the others), coulomb,
-    /// coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven, maxwell-slip, gms. The last three take a number or a
-    /// range of elements, as in gms:4 or gms:4-10 [default: 4 for leuven, 1 to 12 for the others]
+    /// Models, separated by commas: ems, ems-output-error (EMS fitted by the criterion of the
+    /// others), coulomb, coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven,
+    /// maxwell-slip, gms. The last three take a number or a range of elements, as in gms:4 or
+    /// gms:4-10 [default: 4 for leuven, 1 to 12 for the others]
     #[arg(long, default_value = "all", value_name = "LIST", value_parser = models)]
     models: Models,
-    /// Folder for compare.json, models (lugre.json, gms-4.json, for simulate and validate), report.html and figures; it
-    /// need not exist
+    /// Folder for compare.json, models (lugre.json, gms-4.json, for simulate and validate),
+    /// report.html and figures; it need not exist
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Print every model, criteria, times and warnings after the best of each family
@@ -84,9 +87,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         ..Default::default()
     };
     print_survey(console, &Survey::new(&training, &identify.segment));
-    let options = CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
+    let options =
+        CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
     let progress = Progress::new(console);
-    let comparison = compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;
+    let comparison =
+        compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;
     drop(progress);
     let outcome = Outcome { comparison: &comparison, seed: args.seed, held_out, moving_mass };
     let json = outcome.summary().to_json();
@@ -95,7 +100,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         for (path, model) in outcome.model_files() {
             staged.write(&path, model.to_json().as_bytes())?;
         }
-        report::stage_document(&staged, &report::comparison::document(&outcome, "Friction models compared"))?;
+        report::stage_document(
+            &staged,
+            &report::comparison::document(&outcome, "Friction models compared"),
+        )?;
         staged.commit()?;
     }
     let unknown = outcome.unknown_states();
@@ -106,10 +114,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         _ => answer(&comparison),
     })?;
     match &args.out {
-        Some(folder) => console.remark(&format!("report: {}", folder.join("report.html").display())),
-        None if !args.all => {
-            console.remark("every model, criteria and warnings: --all; report and model files: --out DIR")
+        Some(folder) => {
+            console.remark(&format!("report: {}", folder.join("report.html").display()))
         }
+        None if !args.all => console
+            .remark("every model, criteria and warnings: --all; report and model files: --out DIR"),
         None => {}
     }
     Ok(Completion::doubtful_if(lost || !unknown.is_empty()))
@@ -131,10 +140,19 @@ fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
 
 /// The best of each family, and who wins by how much.
 fn answer(comparison: &Comparison) -> String {
-    let columns = ["model", "parameters", "validate N", "fit %", "worst reversal N", "standard errors behind"];
+    let columns = [
+        "model",
+        "parameters",
+        "validate N",
+        "fit %",
+        "worst reversal N",
+        "standard errors behind",
+    ];
     let mut table = Table::headed(columns);
     let behind = |entry: &Entry| {
-        comparison.margin(entry).map_or_else(|| "-".to_owned(), |m| format!("{:.1}", m.standard_errors))
+        comparison
+            .margin(entry)
+            .map_or_else(|| "-".to_owned(), |m| format!("{:.1}", m.standard_errors))
     };
     for family in comparison.families() {
         let entry = best_of(&family);
@@ -208,8 +226,10 @@ fn table(entries: &[Entry]) -> Table {
 /// The warnings of a model; those about undetermined parameters are combined, and the JSON contains
 /// the reason of each.
 fn in_brief(entry: &Entry) -> Vec<String> {
-    let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) = entry.warnings.iter().partition(|w| w.undetermined);
-    let mut lines: Vec<String> = others.iter().map(|w| format!("{}: {}", w.subject, w.message)).collect();
+    let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
+        entry.warnings.iter().partition(|w| w.undetermined);
+    let mut lines: Vec<String> =
+        others.iter().map(|w| format!("{}: {}", w.subject, w.message)).collect();
     let names: Vec<String> = undetermined.iter().map(|w| w.subject.to_string()).collect();
     match names.len() {
         0 => {}

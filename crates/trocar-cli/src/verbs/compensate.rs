@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use trocar::compensate::{CompensateOptions, Compensation, Compensator, Fault, StreamOptions, compensate_file};
+use trocar::compensate::{
+    CompensateOptions, Compensation, Compensator, Fault, StreamOptions, compensate_file,
+};
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Completion;
@@ -12,12 +14,14 @@ use crate::models::read_model;
 use crate::progress::Progress;
 use crate::table::number;
 
-/// Estimate the tissue force: subtract the trocar force from the readings of a sensor outside the body
+/// Estimate the tissue force: subtract the trocar force from the readings of a sensor outside the
+/// body
 ///
-/// Simulates an identified model along the measured motion and writes time_s, position_m, force_n, trocar_force_n,
-/// tissue_force_n, tissue_force_std_n and adapting, one row per input row. Causal: with '-' as recording and output, each
-/// row is answered at once. Adapts to friction that has changed since the identification (wetting lowers it by 15 to 45 %)
-/// from strokes in both directions, never while tissue is touched. Where a reading gives no tissue force (missing,
+/// Simulates an identified model along the measured motion and writes time_s, position_m, force_n,
+/// trocar_force_n, tissue_force_n, tissue_force_std_n and adapting, one row per input row. Causal:
+/// with '-' as recording and output, each row is answered at once. Adapts to friction that has
+/// changed since the identification (wetting lowers it by 15 to 45 %) from strokes in both
+/// directions, never while tissue is touched. Where a reading gives no tissue force (missing,
 /// saturated, frozen), the value is nan and the exit code 3.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -25,17 +29,19 @@ pub(crate) struct Args {
     model: PathBuf,
     /// Recording: CSV with time, position and force columns, '-' for standard input
     recording: PathBuf,
-    /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow, .csv.gz, .csv.zst); '-' for CSV to
-    /// standard output
+    /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow,
+    /// .csv.gz, .csv.zst); '-' for CSV to standard output
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Reading of the sensor without any force, in N [default: that of the model file]
     #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
     offset_n: Option<f64>,
-    /// Mass between sensor and seal, in kg: its inertia is subtracted [default: that of the model file]
+    /// Mass between sensor and seal, in kg: its inertia is subtracted [default: that of the model
+    /// file]
     #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: Option<f64>,
-    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0 leaves the weight in the offset
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0
+    /// leaves the weight in the offset
     #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
     gravity_m_s2: f64,
     /// Largest force the sensor can read, in N: readings there count as saturated
@@ -77,7 +83,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let done = compensate_file(&args.recording, stream, &mut observer, &args.out, report, tell)?;
     drop(progress);
     say_outcome(console, args, &done);
-    let spoilt = done.faults.iter().any(|count| count.fault.spoils_reading() || count.fault == Fault::Gap);
+    let spoilt =
+        done.faults.iter().any(|count| count.fault.spoils_reading() || count.fault == Fault::Gap);
     Ok(Completion::doubtful_if(spoilt))
 }
 
@@ -102,7 +109,10 @@ fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
 fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
     for count in &done.faults {
         let (words, line, rows) = (count.fault.words(), count.first_line, count.rows);
-        console.warn(&format!("{}: {rows} rows, from line {line} on: {words}", args.recording.display()));
+        console.warn(&format!(
+            "{}: {rows} rows, from line {line} on: {words}",
+            args.recording.display()
+        ));
     }
     if let Some(departure) = done.departure {
         console.warn(&departure.to_string());

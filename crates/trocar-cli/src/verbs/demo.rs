@@ -26,8 +26,9 @@ const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol:
 
 /// Demonstrate the whole workflow on the virtual bench: record, identify, validate, report
 ///
-/// Records all five experiments with a plausible, made-up seal, identifies a model from two of them, validates it on
-/// the other three and compares it with the truth. The folder keeps the recordings and the true model.
+/// Records all five experiments with a plausible, made-up seal, identifies a model from two of
+/// them, validates it on the other three and compares it with the truth. The folder keeps the
+/// recordings and the true model.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder for the results; it need not exist
@@ -93,7 +94,12 @@ fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> St
     }
     let mut text = table.to_text();
     for r in found.validation.iter().flat_map(|validation| &validation.recordings) {
-        text.push_str(&format!("  error on {}: {} N rms, fit {:.2} %\n", r.path, number(r.rms_n), r.fit_percent));
+        text.push_str(&format!(
+            "  error on {}: {} N rms, fit {:.2} %\n",
+            r.path,
+            number(r.rms_n),
+            r.fit_percent
+        ));
     }
     text
 }

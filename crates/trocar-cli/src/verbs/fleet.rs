@@ -16,10 +16,10 @@ use crate::progress::Progress;
 
 /// Identify every recording of a data set separately, on all cores, and write one table
 ///
-/// DATASET is a folder of recordings (folders called key=value become columns), a manifest (CSV or Parquet with a column
-/// 'path' and further columns), or Parquet files whose rows belong to recordings distinguished by --group-by. A recording
-/// that fails is a row with its reason. After an interruption the same command continues. Exit code 3: some recordings
-/// failed.
+/// DATASET is a folder of recordings (folders called key=value become columns), a manifest (CSV or
+/// Parquet with a column 'path' and further columns), or Parquet files whose rows belong to
+/// recordings distinguished by --group-by. A recording that fails is a row with its reason. After
+/// an interruption the same command continues. Exit code 3: some recordings failed.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder of recordings, manifest, or Parquet file
@@ -31,7 +31,8 @@ pub(crate) struct Args {
     /// Depth of the identification
     #[arg(long, value_enum, default_value_t = Far::Quick)]
     depth: Far,
-    /// Column of Parquet files, or key of folders, that distinguishes recordings [default: recording, if present]
+    /// Column of Parquet files, or key of folders, that distinguishes recordings [default:
+    /// recording, if present]
     #[arg(long, value_name = "COLUMN")]
     group_by: Option<String>,
     /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
@@ -72,13 +73,22 @@ enum Far {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     if args.out == Path::new("-") {
-        return Err(BadArgument("--out - : the table needs a file, beside which its journal stands".into()).into());
+        return Err(BadArgument(
+            "--out - : the table needs a file, beside which its journal stands".into(),
+        )
+        .into());
     }
     let journal = journal_path(&args.out);
-    let dataset = Dataset::open(&args.dataset, args.group_by.as_deref(), &[args.out.clone(), journal.clone()])?;
+    let dataset = Dataset::open(
+        &args.dataset,
+        args.group_by.as_deref(),
+        &[args.out.clone(), journal.clone()],
+    )?;
     if let [first, ..] = dataset.left_out.as_slice() {
-        console
-            .remark(&format!("note: {} left out for their extension, such as {first}", files(dataset.left_out.len())));
+        console.remark(&format!(
+            "note: {} left out for their extension, such as {first}",
+            files(dataset.left_out.len())
+        ));
     }
     let threads = if args.threads > 0 {
         args.threads.min(most_threads())
@@ -95,20 +105,29 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         bootstrap: args.bootstrap,
         moving_mass: args.rod.moving_mass(),
     };
-    console::farewell(format!("the same command goes on where this one was stopped: {} is kept", journal.display()));
+    console::farewell(format!(
+        "the same command goes on where this one was stopped: {} is kept",
+        journal.display()
+    ));
     // A panic becomes a row with its message.
     std::panic::set_hook(Box::new(|_| ()));
     let progress = Progress::new(console);
     let started = std::time::Instant::now();
-    let fleet = run_fleet(&dataset, &config, &args.out, threads, &Cancel::default(), &mut |tally| {
-        let seconds = started.elapsed().as_secs_f64();
-        progress.report(&in_words(tally, seconds), tally.done as f64 / tally.total.max(1) as f64);
-    });
+    let fleet =
+        run_fleet(&dataset, &config, &args.out, threads, &Cancel::default(), &mut |tally| {
+            let seconds = started.elapsed().as_secs_f64();
+            progress
+                .report(&in_words(tally, seconds), tally.done as f64 / tally.total.max(1) as f64);
+        });
     drop(progress);
     let _ = std::panic::take_hook();
     let fleet = fleet?;
     console::farewell(String::new());
-    let roles = Roles { kind: args.kind.clone(), usage: args.usage.clone(), specimen: args.specimen.clone() };
+    let roles = Roles {
+        kind: args.kind.clone(),
+        usage: args.usage.clone(),
+        specimen: args.specimen.clone(),
+    };
     let report = args.report.clone().unwrap_or_else(|| report_beside(&args.out));
     let page = page(&fleet_report::document(&fleet, &config, &roles))?;
     let mut file = AtomicFile::create(&report)?;
@@ -120,7 +139,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
 }
 
 fn report_beside(table: &Path) -> PathBuf {
-    let name = table.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name =
+        table.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let stem = name.split('.').next().unwrap_or("fleet");
     table.with_file_name(format!("{stem}.html"))
 }
@@ -131,14 +151,16 @@ fn files(count: usize) -> String {
 
 fn in_words(tally: &Tally, seconds: f64) -> String {
     let rate = (tally.done - tally.reused) as f64 / seconds.max(1e-3);
-    let failed = if tally.failed > 0 { format!(", {} failed", tally.failed) } else { String::new() };
+    let failed =
+        if tally.failed > 0 { format!(", {} failed", tally.failed) } else { String::new() };
     format!("{} of {} recordings, {rate:.1}/s{failed}", tally.done, tally.total)
 }
 
 /// Times are printed only to standard error.
 fn say(console: &Console, fleet: &Fleet, seconds: f64) {
     let Tally { done, reused, failed, samples, .. } = fleet.tally;
-    let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
+    let count =
+        |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
     console.remark(&format!(
         "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {reused} reused from the journal",
         count("ok"),

@@ -18,12 +18,14 @@ use crate::table::{Table, interval, number};
 
 /// Identify a model from recordings, validate it on others, and write a report
 ///
-/// Takes recordings of any motion; the two experiments of the paper are the best start. Writes model.json, summary.json,
-/// report.html and figures into the folder given with --out. Exit code 3: the recordings lost data or do not determine
-/// every parameter, or a validation error is far above the identification error.
+/// Takes recordings of any motion; the two experiments of the paper are the best start. Writes
+/// model.json, summary.json, report.html and figures into the folder given with --out. Exit code 3:
+/// the recordings lost data or do not determine every parameter, or a validation error is far above
+/// the identification error.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recordings to identify from: CSV with time, position and force columns, '-' for standard input
+    /// Recordings to identify from: CSV with time, position and force columns, '-' for standard
+    /// input
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
     /// Recordings to validate on, held out of the identification
@@ -41,12 +43,12 @@ pub(crate) struct Args {
     /// Degrees of the two joined polynomials of each branch, 2 to 7
     #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees)]
     degrees: Degrees,
-    /// Do not try the optional terms that rests and partial reversals determine: creep, relaxation, second_relaxation,
-    /// minor_loops, second_stage
+    /// Do not try the optional terms that rests and partial reversals determine: creep, relaxation,
+    /// second_relaxation, minor_loops, second_stage
     #[arg(long)]
     no_free_motion: bool,
-    /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation, second_relaxation, unmodelled_mass,
-    /// asymmetry, second_stage
+    /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
+    /// second_relaxation, unmodelled_mass, asymmetry, second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = term)]
     without: Vec<Term>,
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
@@ -75,7 +77,8 @@ pub(crate) struct Args {
 struct Degrees([usize; 2]);
 
 fn degrees(text: &str) -> Result<Degrees, String> {
-    let degree = |text: &str| text.trim().parse().ok().filter(|degree| (2..=MAX_DEGREE).contains(degree));
+    let degree =
+        |text: &str| text.trim().parse().ok().filter(|degree| (2..=MAX_DEGREE).contains(degree));
     let wrong = || format!("expected two degrees between 2 and {MAX_DEGREE}, such as 4,4");
     let (left, right) = text.split_once(',').ok_or_else(wrong)?;
     Ok(Degrees([degree(left).ok_or_else(wrong)?, degree(right).ok_or_else(wrong)?]))
@@ -88,12 +91,18 @@ fn finite(text: &str) -> Result<f64, String> {
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    finite(text).ok().filter(|number| *number > 0.0).ok_or_else(|| "expected a number above 0".to_owned())
+    finite(text)
+        .ok()
+        .filter(|number| *number > 0.0)
+        .ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 fn term(text: &str) -> Result<Term, String> {
     let names = || Term::ALL.map(Term::name).join(", ");
-    Term::ALL.into_iter().find(|term| term.name() == text.trim()).ok_or_else(|| format!("expected one of {}", names()))
+    Term::ALL
+        .into_iter()
+        .find(|term| term.name() == text.trim())
+        .ok_or_else(|| format!("expected one of {}", names()))
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
@@ -103,7 +112,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let seen = |held: &&Recording| recordings.iter().any(|r| r.sha256 == held.sha256);
     let overlap: Vec<&str> = held_out.iter().filter(seen).map(|r| r.name.as_str()).collect();
     if !overlap.is_empty() {
-        console.warn(&format!("{}: validated on what it was identified from: no validation", overlap.join(", ")));
+        console.warn(&format!(
+            "{}: validated on what it was identified from: no validation",
+            overlap.join(", ")
+        ));
     }
     let overlaps = !overlap.is_empty();
     let moving_mass = args.rod.moving_mass();
@@ -122,7 +134,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let mut done = run_workflow(console, recordings, held_out, moving_mass, options)?;
     done.command = Some(command_line());
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
-    let (deflections, speeds) = (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
+    let (deflections, speeds) =
+        (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
     done.write(&staged, None, FigureChoice { deflections: &deflections, speeds: &speeds })?;
     staged.commit()?;
     let text = if args.json { done.summary().to_json() } else { in_brief(&done) };
@@ -202,7 +215,8 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// Whether a warning about a file was printed when it was read; remarks about files are in the report.
+/// Whether a warning about a file was printed when it was read; remarks about files are in the
+/// report.
 fn was_printed(done: &Workflow, warning: &Warning) -> bool {
     let Subject::Recording(_) = warning.subject else { return false };
     let mut at_reading = done.recordings.iter().flat_map(|recording| &recording.quality.warnings);
@@ -211,10 +225,12 @@ fn was_printed(done: &Workflow, warning: &Warning) -> bool {
 
 /// A common reason of several parameters is printed once.
 fn print_warnings(console: &Console, done: &Workflow) {
-    let mut left: Vec<&Warning> = done.identification.warnings.iter().filter(|w| !was_printed(done, w)).collect();
+    let mut left: Vec<&Warning> =
+        done.identification.warnings.iter().filter(|w| !was_printed(done, w)).collect();
     while let Some(&first) = left.first() {
-        let (same, others): (Vec<&Warning>, Vec<&Warning>) =
-            left.into_iter().partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
+        let (same, others): (Vec<&Warning>, Vec<&Warning>) = left
+            .into_iter()
+            .partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
         let subjects: Vec<String> = same.iter().map(|w| w.subject.to_string()).collect();
         let text = format!("{}: {}", subjects.join(", "), first.message);
         if first.doubtful {
@@ -238,20 +254,31 @@ fn in_brief(done: &Workflow) -> String {
     for Parameter { id, estimate } in main_parameters(&done.identification) {
         let Unit { scale, shown, .. } = id.unit();
         let bounds = estimate.ci95.map(|bound| scale * bound);
-        table.row([in_words(*id), number(scale * estimate.value), interval(bounds), shown.to_owned()]);
+        table.row([
+            in_words(*id),
+            number(scale * estimate.value),
+            interval(bounds),
+            shown.to_owned(),
+        ]);
     }
     let mut text = table.to_text();
     text.push_str(&format!(
         "\nerror over the recordings identified from: {} N rms\n",
         number(done.identification.residual_rms)
     ));
-    let names: Vec<&str> = done.recordings.iter().map(|recording| recording.name.as_str()).collect();
+    let names: Vec<&str> =
+        done.recordings.iter().map(|recording| recording.name.as_str()).collect();
     if let Some(words) = done.identification.friction_scale.in_words(&names) {
         text.push_str(&format!("{words}\n"));
     }
     text.push_str(&along_in_words(&done.identification));
     for r in done.validation.iter().flat_map(|validation| &validation.recordings) {
-        text.push_str(&format!("validation on {}: {} N rms, fit {:.2} %\n", r.path, number(r.rms_n), r.fit_percent));
+        text.push_str(&format!(
+            "validation on {}: {} N rms, fit {:.2} %\n",
+            r.path,
+            number(r.rms_n),
+            r.fit_percent
+        ));
         if let Some(strokes) = &r.strokes {
             text.push_str(&format!("  {}\n", strokes.words()));
         }
@@ -261,7 +288,9 @@ fn in_brief(done: &Workflow) -> String {
 
 /// Position delay and position profile, if strokes repeat.
 fn along_in_words(found: &Identification) -> String {
-    let lag = found.position_delay.map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
+    let lag = found
+        .position_delay
+        .map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
     let along = match (&found.position_profile, &found.no_position_profile) {
         (Some(fit), _) => Some(format!(
             "the force depends on the position: {} N rms on held-out cycles with a profile of {} knots, {} N without\n",

@@ -17,11 +17,13 @@ const WIDTH: usize = 32;
 /// Most columns shown of a large table.
 const SHOWN: usize = 40;
 
-/// Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be identified from it
+/// Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be
+/// identified from it
 ///
-/// Reads CSV and TSV (plain, gzip, zstd), Parquet, Arrow, MATLAB .mat, HDF5, Excel, MCAP, ROS 2 and ROS 1 bags. Prints which columns
-/// would be used as time, position, velocity and force, as options --columns and --topic. Exit code 3: the file cannot be
-/// read as a recording without further options.
+/// Reads CSV and TSV (plain, gzip, zstd), Parquet, Arrow, MATLAB .mat, HDF5, Excel, MCAP, ROS 2 and
+/// ROS 1 bags. Prints which columns would be used as time, position, velocity and force, as options
+/// --columns and --topic. Exit code 3: the file cannot be read as a recording without further
+/// options.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// File or bag folder
@@ -38,13 +40,20 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     if let Err(reason) = &found.recording {
         console.warn(reason);
     }
-    let text = if args.json { serde_json::to_string_pretty(&found)? + "\n" } else { in_words(&found, &args.choosing) };
+    let text = if args.json {
+        serde_json::to_string_pretty(&found)? + "\n"
+    } else {
+        in_words(&found, &args.choosing)
+    };
     console::print(&text)?;
-    Ok(Completion::doubtful_if(found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some())))
+    Ok(Completion::doubtful_if(
+        found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some()),
+    ))
 }
 
 fn in_words(found: &Inspection, choosing: &Choosing) -> String {
-    let mut text = format!("{}: {}, {:.3} MB\n", found.file, found.format, 1e-6 * found.bytes as f64);
+    let mut text =
+        format!("{}: {}, {:.3} MB\n", found.file, found.format, 1e-6 * found.bytes as f64);
     for table in &found.tables {
         text.push('\n');
         text.push_str(&table_in_words(table));
@@ -69,22 +78,27 @@ fn table_in_words(table: &TableView) -> String {
     }
     text.push_str(&lines.to_text());
     if table.columns.len() > SHOWN {
-        let _ = writeln!(text, "  and {} more columns (--json shows all)", table.columns.len() - SHOWN);
+        let _ =
+            writeln!(text, "  and {} more columns (--json shows all)", table.columns.len() - SHOWN);
     }
     text
 }
 
 fn rows_in_words(table: &TableView) -> String {
     let rows = format!("{} rows", table.rows);
-    let Some(Clock { per_s, duration, median_interval, gaps, longest_interval, not_later, column }) = &table.clock
+    let Some(Clock { per_s, duration, median_interval, gaps, longest_interval, not_later, column }) =
+        &table.clock
     else {
         return rows;
     };
     let Some(per_s) = per_s else {
         return format!("{rows}, {} in {column}, whose unit is not declared", number(*duration));
     };
-    let rate =
-        if *median_interval > 0.0 { format!(" at {} Hz", number(per_s / median_interval)) } else { String::new() };
+    let rate = if *median_interval > 0.0 {
+        format!(" at {} Hz", number(per_s / median_interval))
+    } else {
+        String::new()
+    };
     let mut words = format!("{rows}{rate}, {} s", number(duration / per_s));
     if *gaps > 0 {
         let _ = write!(words, ", {gaps} gaps, the longest {} s", number(longest_interval / per_s));
@@ -97,9 +111,14 @@ fn rows_in_words(table: &TableView) -> String {
 
 fn column_in_words(column: &ColumnView) -> [String; 6] {
     let shown = |value: Option<f64>| value.map_or("-".to_owned(), number);
-    let not_finite = if column.not_finite > 0 { column.not_finite.to_string() } else { "-".to_owned() };
+    let not_finite =
+        if column.not_finite > 0 { column.not_finite.to_string() } else { "-".to_owned() };
     let unit = column.unit.clone().unwrap_or_else(|| "-".to_owned());
-    let course = if column.lowest.is_some() { sparkline(&column.course) } else { format!("{:<WIDTH$}", "no numbers") };
+    let course = if column.lowest.is_some() {
+        sparkline(&column.course)
+    } else {
+        format!("{:<WIDTH$}", "no numbers")
+    };
     [column.name.clone(), unit, shown(column.lowest), shown(column.highest), not_finite, course]
 }
 

@@ -16,9 +16,10 @@ use crate::table::number;
 
 /// Run a model many times with drawn parameters: Monte Carlo and grids over seals, rigs and motions
 ///
-/// Writes one row per run: number, seed, parameters, peak force, RMS force, work, break-away force, fraction of time in
-/// which the seal deforms and, along a recording, the RMS error. The same document gives the same table on any number of
-/// cores. A run with invalid parameters is a row with its reason in the column failure (exit code 3).
+/// Writes one row per run: number, seed, parameters, peak force, RMS force, work, break-away force,
+/// fraction of time in which the seal deforms and, along a recording, the RMS error. The same
+/// document gives the same table on any number of cores. A run with invalid parameters is a row
+/// with its reason in the column failure (exit code 3).
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// What to vary, TOML (see --print-config)
@@ -47,7 +48,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(&parameters(model)?)?;
         return Ok(Completion::Clean);
     }
-    let (Some(document), Some(out)) = (&args.sweep, &args.out) else { return Ok(Completion::Clean) };
+    let (Some(document), Some(out)) = (&args.sweep, &args.out) else {
+        return Ok(Completion::Clean);
+    };
     let sweep = read(document)?;
     if let Some(folder) = &args.traces {
         let failed = || format!("{}: cannot make the folder for the traces", folder.display());
@@ -63,7 +66,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     drop(progress);
     let seconds = start.elapsed().as_secs_f64();
     let rate = number(rows as f64 / seconds.max(1e-3));
-    console.remark(&format!("{rows} runs in {} s, {rate} a second -> {}", number(seconds), out.display()));
+    console.remark(&format!(
+        "{rows} runs in {} s, {rate} a second -> {}",
+        number(seconds),
+        out.display()
+    ));
     if let Some(why) = &summary.first_failure {
         console.warn(&format!("{} of {rows} runs failed, the first: {why}", summary.failed));
     }
@@ -72,7 +79,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
 
 fn read(document: &Path) -> anyhow::Result<Sweep> {
     let name = || document.display().to_string();
-    let text = std::fs::read_to_string(document).with_context(|| format!("{}: cannot read the sweep", name()))?;
+    let text = std::fs::read_to_string(document)
+        .with_context(|| format!("{}: cannot read the sweep", name()))?;
     let folder = document.parent().unwrap_or(Path::new(""));
     Sweep::new(&text, folder).with_context(name)
 }

@@ -14,10 +14,11 @@ use crate::table::{Table, number};
 
 /// Compare a model with recordings it has not seen
 ///
-/// Runs the model along each recording's positions and prints the error of its force: root mean square in N, and the
-/// fit 100 (1 - rms(error) / rms(force - mean force)) in percent. Only samples are scored at which the state of the seal
-/// is known, that is after it has slid once in each recording. Classical models do not distinguish deforming from
-/// sliding: their table has one column for the motion. Where strokes repeat, their scatter is the repeatability of the
+/// Runs the model along each recording's positions and prints the error of its force: root mean
+/// square in N, and the fit 100 (1 - rms(error) / rms(force - mean force)) in percent. Only samples
+/// are scored at which the state of the seal is known, that is after it has slid once in each
+/// recording. Classical models do not distinguish deforming from sliding: their table has one
+/// column for the motion. Where strokes repeat, their scatter is the repeatability of the
 /// recording: no model of the motion can be more accurate.
 #[derive(clap::Args)]
 pub(crate) struct Args {
@@ -26,7 +27,8 @@ pub(crate) struct Args {
     /// Recordings: CSV with time, position and force columns, '-' for standard input
     #[arg(required = true, value_name = "RECORDING")]
     recordings: Vec<PathBuf>,
-    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default: the model's sensor, or 0]
+    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default:
+    /// the model's sensor, or 0]
     #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: Option<f64>,
     /// Reading at rest without any force of the seal, in N [default: the model's sensor, or 0]
@@ -42,7 +44,11 @@ pub(crate) struct Args {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = read_model(&args.model, &args.recordings)?;
     let choice = args.reading.choosing.choice_for(console, &model);
-    let sensor = model.sensor.unwrap_or(SensorInfo { offset_n: 0.0, moving_mass_kg: 0.0, position_delay_s: 0.0 });
+    let sensor = model.sensor.unwrap_or(SensorInfo {
+        offset_n: 0.0,
+        moving_mass_kg: 0.0,
+        position_delay_s: 0.0,
+    });
     let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
     let offset = args.offset_n.unwrap_or(sensor.offset_n);
     console.remark(&format!(
@@ -81,7 +87,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             console.remark(&format!("{}: {}", result.path, strokes.words()));
         }
     }
-    let text = if args.json { serde_json::to_string_pretty(&validation)? + "\n" } else { table(&validation) };
+    let text = if args.json {
+        serde_json::to_string_pretty(&validation)? + "\n"
+    } else {
+        table(&validation)
+    };
     console::print(&text)?;
     Ok(Completion::doubtful_if(lost || validation.is_doubtful()))
 }
@@ -89,21 +99,40 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
 /// One line per recording, and one for all.
 pub(crate) fn table(validation: &Validation) -> String {
     let classical = validation.recordings.iter().any(|r| r.by_phase.moving.is_some());
-    let phases = if classical { vec!["moving N", "hold N"] } else { vec!["deforming N", "sliding N", "hold N"] };
+    let phases = if classical {
+        vec!["moving N", "hold N"]
+    } else {
+        vec!["deforming N", "sliding N", "hold N"]
+    };
     let common = ["recording", "rms N", "fit %", "bias N", "worst N"];
     let repeats = validation.recordings.iter().any(|r| r.strokes.is_some());
     let floor = if repeats { vec!["repeatability N", "rms/repeatability"] } else { Vec::new() };
     let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]).chain(floor));
     for r in &validation.recordings {
         let Phases { deformation, sliding, moving, hold, .. } = r.by_phase;
-        let parts = if classical { vec![moving, Some(hold)] } else { [deformation, sliding, hold].map(Some).to_vec() };
-        let numbers = [number(r.rms_n), format!("{:.2}", r.fit_percent), number(r.bias_n), number(r.worst_n)];
-        let strokes = r.strokes.map(|s| [number(s.stroke_scatter_n), format!("{:.2}", s.rms_over_scatter)]);
+        let parts = if classical {
+            vec![moving, Some(hold)]
+        } else {
+            [deformation, sliding, hold].map(Some).to_vec()
+        };
+        let numbers =
+            [number(r.rms_n), format!("{:.2}", r.fit_percent), number(r.bias_n), number(r.worst_n)];
+        let strokes =
+            r.strokes.map(|s| [number(s.stroke_scatter_n), format!("{:.2}", s.rms_over_scatter)]);
         let strokes = strokes.into_iter().flatten();
         let common = [r.path.clone()].into_iter().chain(numbers);
-        table.row(common.chain(parts.into_iter().map(phase)).chain([r.samples.to_string()]).chain(strokes));
+        table.row(
+            common
+                .chain(parts.into_iter().map(phase))
+                .chain([r.samples.to_string()])
+                .chain(strokes),
+        );
     }
-    table.row(["all".to_owned(), number(validation.rms_n), format!("{:.2}", validation.fit_percent)]);
+    table.row([
+        "all".to_owned(),
+        number(validation.rms_n),
+        format!("{:.2}", validation.fit_percent),
+    ]);
     table.to_text()
 }
 

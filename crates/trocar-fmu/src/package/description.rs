@@ -95,7 +95,10 @@ impl Description<'_> {
             ("fmiVersion", number),
             ("modelName", self.name),
             (token, self.token),
-            ("description", "Force between a surgical instrument and the seal of its trocar. Not a medical device."),
+            (
+                "description",
+                "Force between a surgical instrument and the seal of its trocar. Not a medical device.",
+            ),
             ("license", "MIT OR Apache-2.0"),
             ("generationTool", concat!("trocar ", env!("CARGO_PKG_VERSION"))),
             ("variableNamingConvention", "structured"),
@@ -108,17 +111,24 @@ impl Description<'_> {
             }
             lines.within("LogCategories", "", categories);
             let experiment = [("startTime", 0.0), ("stopTime", 1.0), ("stepSize", STEP)];
-            let experiment: String =
-                experiment.iter().map(|(name, value)| attribute(name, &format!("{value}"))).collect();
+            let experiment: String = experiment
+                .iter()
+                .map(|(name, value)| attribute(name, &format!("{value}")))
+                .collect();
             lines.put(&format!("<DefaultExperiment{experiment}/>"));
-            lines.within("ModelVariables", "", |lines| self.variables.iter().for_each(|v| variable(lines, v, version)));
+            lines.within("ModelVariables", "", |lines| {
+                self.variables.iter().for_each(|v| variable(lines, v, version))
+            });
             lines.within("ModelStructure", "", |lines| self.structure(lines, version));
         });
         lines.text
     }
 
     fn abilities(&self, version: Version) -> String {
-        let common = [("modelIdentifier", self.identifier), ("canHandleVariableCommunicationStepSize", "true")];
+        let common = [
+            ("modelIdentifier", self.identifier),
+            ("canHandleVariableCommunicationStepSize", "true"),
+        ];
         let own: &[(&str, &str)] = match version {
             Version::V2 => &[
                 ("canInterpolateInputs", "false"),
@@ -147,7 +157,8 @@ impl Description<'_> {
     /// Outputs depend on the state only: between steps no input affects them. Initially they depend
     /// on all values that were set.
     fn structure(&self, lines: &mut Lines, version: Version) {
-        // FMI 2.0 counts variables from 1 in the order of the description, FMI 3.0 names value references.
+        // FMI 2.0 counts variables from 1 in the order of the description, FMI 3.0 names value
+        // references.
         let outputs: Vec<String> = self
             .variables
             .iter()
@@ -161,13 +172,17 @@ impl Description<'_> {
         match version {
             Version::V2 => {
                 let list = |lines: &mut Lines, rest: &str| {
-                    outputs.iter().for_each(|output| lines.put(&format!("<Unknown{output}{rest}/>")));
+                    outputs
+                        .iter()
+                        .for_each(|output| lines.put(&format!("<Unknown{output}{rest}/>")));
                 };
                 lines.within("Outputs", "", |lines| list(lines, " dependencies=\"\""));
                 lines.within("InitialUnknowns", "", |lines| list(lines, ""));
             }
             Version::V3 => {
-                outputs.iter().for_each(|output| lines.put(&format!("<Output{output} dependencies=\"\"/>")));
+                outputs
+                    .iter()
+                    .for_each(|output| lines.put(&format!("<Output{output} dependencies=\"\"/>")));
                 outputs.iter().for_each(|output| lines.put(&format!("<InitialUnknown{output}/>")));
             }
         }
@@ -176,9 +191,13 @@ impl Description<'_> {
 
 fn units(lines: &mut Lines) {
     for (name, exponents) in UNITS {
-        let parts = ["kg", "m", "s"].into_iter().zip(exponents).filter(|(_, exponent)| *exponent != 0);
-        let base: String = parts.map(|(base, exponent)| attribute(base, &exponent.to_string())).collect();
-        lines.within("Unit", &attribute("name", name), |lines| lines.put(&format!("<BaseUnit{base}/>")));
+        let parts =
+            ["kg", "m", "s"].into_iter().zip(exponents).filter(|(_, exponent)| *exponent != 0);
+        let base: String =
+            parts.map(|(base, exponent)| attribute(base, &exponent.to_string())).collect();
+        lines.within("Unit", &attribute("name", name), |lines| {
+            lines.put(&format!("<BaseUnit{base}/>"))
+        });
     }
 }
 
@@ -188,18 +207,26 @@ fn mode_type(lines: &mut Lines, version: Version) {
             ("Deforming", "1", "the seal deforms with the instrument"),
             ("Sliding", "2", "the instrument slides through the seal"),
         ] {
-            lines.put(&format!("<Item{}/>", attributes(&[("name", name), ("value", value), ("description", is)])));
+            lines.put(&format!(
+                "<Item{}/>",
+                attributes(&[("name", name), ("value", value), ("description", is)])
+            ));
         }
     };
     let name = attribute("name", "Mode");
     match version {
-        Version::V2 => lines.within("SimpleType", &name, |lines| lines.within("Enumeration", "", items)),
+        Version::V2 => {
+            lines.within("SimpleType", &name, |lines| lines.within("Enumeration", "", items))
+        }
         Version::V3 => lines.within("EnumerationType", &name, items),
     }
 }
 
 fn categories(lines: &mut Lines) {
-    for (name, is) in [(ERRORS, "Calls that were refused"), (WARNINGS, "Calls that were done differently than asked")] {
+    for (name, is) in [
+        (ERRORS, "Calls that were refused"),
+        (WARNINGS, "Calls that were done differently than asked"),
+    ] {
         let name = name.to_string_lossy();
         lines.put(&format!("<Category{}/>", attributes(&[("name", &name), ("description", is)])));
     }
@@ -210,13 +237,17 @@ pub(super) fn causality(role: Role) -> &'static str {
         Role::Time => "independent",
         Role::Input(_) => "input",
         Role::Force | Role::Deflection | Role::Mode | Role::Position => "output",
-        Role::InitialForce | Role::InitialDeflection | Role::InitialPosition | Role::Tunable(_) => "parameter",
+        Role::InitialForce | Role::InitialDeflection | Role::InitialPosition | Role::Tunable(_) => {
+            "parameter"
+        }
     }
 }
 
 pub(super) fn variability(role: Role) -> &'static str {
     match role {
-        Role::Time | Role::Input(_) | Role::Force | Role::Deflection | Role::Position => "continuous",
+        Role::Time | Role::Input(_) | Role::Force | Role::Deflection | Role::Position => {
+            "continuous"
+        }
         Role::Mode => "discrete",
         Role::InitialForce | Role::InitialDeflection | Role::InitialPosition => "fixed",
         Role::Tunable(_) => "tunable",
@@ -237,7 +268,11 @@ fn variable(lines: &mut Lines, variable: &Variable, version: Version) {
         "parameter" => common += &attribute("initial", "exact"),
         _ => {}
     }
-    let mut typed = if *role == Role::Mode { attribute("declaredType", "Mode") } else { attribute("unit", unit) };
+    let mut typed = if *role == Role::Mode {
+        attribute("declaredType", "Mode")
+    } else {
+        attribute("unit", unit)
+    };
     if let Some((least, _)) = least {
         typed += &attribute("min", &number(*least));
     }
@@ -245,8 +280,12 @@ fn variable(lines: &mut Lines, variable: &Variable, version: Version) {
         typed += &attribute("start", &number(*start));
     }
     match (version, *role == Role::Mode) {
-        (Version::V2, false) => lines.within("ScalarVariable", &common, |l| l.put(&format!("<Real{typed}/>"))),
-        (Version::V2, true) => lines.within("ScalarVariable", &common, |l| l.put(&format!("<Enumeration{typed}/>"))),
+        (Version::V2, false) => {
+            lines.within("ScalarVariable", &common, |l| l.put(&format!("<Real{typed}/>")))
+        }
+        (Version::V2, true) => {
+            lines.within("ScalarVariable", &common, |l| l.put(&format!("<Enumeration{typed}/>")))
+        }
         (Version::V3, false) => lines.put(&format!("<Float64{common}{typed}/>")),
         (Version::V3, true) => lines.put(&format!("<Enumeration{common}{typed}/>")),
     }

@@ -112,7 +112,10 @@ impl Platform {
     fn takes(self, bytes: &[u8]) -> bool {
         match self.system() {
             "windows" => bytes.starts_with(b"MZ"),
-            "darwin" => bytes.starts_with(&[0xcf, 0xfa, 0xed, 0xfe]) || bytes.starts_with(&[0xca, 0xfe, 0xba, 0xbe]),
+            "darwin" => {
+                bytes.starts_with(&[0xcf, 0xfa, 0xed, 0xfe])
+                    || bytes.starts_with(&[0xca, 0xfe, 0xba, 0xbe])
+            }
             _ => bytes.starts_with(b"\x7fELF"),
         }
     }
@@ -129,7 +132,8 @@ impl FromStr for Platform {
 
     /// Parses its name in FMI 3.0 or 2.0.
     fn from_str(name: &str) -> Result<Self, PackageError> {
-        let found = PLATFORMS.into_iter().find(|platform| name == platform.tuple || name == platform.short);
+        let found =
+            PLATFORMS.into_iter().find(|platform| name == platform.tuple || name == platform.short);
         found.ok_or_else(|| PackageError::Platform { name: name.to_owned() })
     }
 }
@@ -186,7 +190,13 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
     let variables = variables(&trocar, input);
     let has_mode = variables.iter().any(|variable| variable.role == Role::Mode);
     let token = token(&row, input);
-    let description = Description { name, identifier: IDENTIFIER, token: &token, variables: &variables, has_mode };
+    let description = Description {
+        name,
+        identifier: IDENTIFIER,
+        token: &token,
+        variables: &variables,
+        has_mode,
+    };
     let mut archive = Archive::default();
     archive.add("modelDescription.xml", description.to_xml(version).as_bytes())?;
     for (place, binary) in binaries.iter().enumerate() {

@@ -31,6 +31,7 @@ fn row(variable: &Variable) -> String {
         _ => causality(*role),
     };
     let start = start.map(|start| format!("{start:?}")).unwrap_or_default();
-    let cells = [name.as_str(), unit, causality, &start, description].map(|text| format!("<td>{}</td>", escaped(text)));
+    let cells = [name.as_str(), unit, causality, &start, description]
+        .map(|text| format!("<td>{}</td>", escaped(text)));
     format!("<tr>{}</tr>\n", cells.concat())
 }

@@ -59,7 +59,9 @@ impl Archive {
         self.bytes.append(&mut self.directory);
         self.bytes.extend(b"PK\x05\x06");
         // Disks, and number of files on this one and in total.
-        [0, 0, self.files, self.files].iter().for_each(|field| self.bytes.extend(field.to_le_bytes()));
+        [0, 0, self.files, self.files]
+            .iter()
+            .for_each(|field| self.bytes.extend(field.to_le_bytes()));
         [size, offset].iter().for_each(|field| self.bytes.extend(field.to_le_bytes()));
         self.bytes.extend(0u16.to_le_bytes());
         Ok(self.bytes)

@@ -1,8 +1,10 @@
-//! [`LANES`] elements side by side: the exact step of a confined element ([`Element::step`]) without branches by lane.
+//! [`LANES`] elements side by side: the exact step of a confined element ([`Element::step`])
+//! without branches by lane.
 //!
-//! Every lane computes what the scalar step computes, operation by operation and in the same order, so the bits are the same.
-//! What a lane cannot do without a branch (to come back from a slide within a step, a number beyond all bounds) it leaves
-//! untouched and reports; the scalar step does it.
+//! Every lane computes what the scalar step computes, operation by operation and in the same order,
+//! so the bits are the same. What a lane cannot do without a branch (to come back from a slide
+//! within a step, a number beyond all bounds) it leaves untouched and reports; the scalar step does
+//! it.
 
 use crate::ems::{Element, Mode, State};
 use crate::exponential::decay;
@@ -16,7 +18,8 @@ pub(crate) type Lane = [f64; LANES];
 
 const COUNT: usize = crate::elastic::COUNT;
 
-/// Parameters and states of [`LANES`] elements, number by number: 4.6 kB. The caller owns a slice of these.
+/// Parameters and states of [`LANES`] elements, number by number: 4.6 kB. The caller owns a slice
+/// of these.
 #[derive(Clone, Copy, Debug)]
 pub struct Lanes {
     half_width: Lane,
@@ -109,7 +112,9 @@ impl Lanes {
     pub(crate) fn can_run(element: &Element, state: &State) -> bool {
         let own = State::stuck(state.deflection, state.yield_force, state.force, [0.0; MAX_ARMS]);
         let own = State { slip_velocity: state.slip_velocity, mode: state.mode, ..own };
-        element.confined && *state == own && (state.slip_velocity != 0.0) == (state.mode == Mode::Sliding)
+        element.confined
+            && *state == own
+            && (state.slip_velocity != 0.0) == (state.mode == Mode::Sliding)
     }
 
     /// Puts `element` in `state` into `lane`.
@@ -140,7 +145,12 @@ impl Lanes {
 
     pub(crate) fn state(&self, lane: usize) -> State {
         let lane = lane % LANES;
-        let state = State::stuck(self.deflection[lane], self.yield_force[lane], self.force[lane], [0.0; MAX_ARMS]);
+        let state = State::stuck(
+            self.deflection[lane],
+            self.yield_force[lane],
+            self.force[lane],
+            [0.0; MAX_ARMS],
+        );
         let slip_velocity = self.slip[lane];
         let mode = if slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding };
         State { slip_velocity, mode, ..state }
@@ -166,9 +176,14 @@ impl Lanes {
         }
     }
 
-    /// Advances all lanes; `bring` is called for those that need another span. Returns the lanes it left untouched.
+    /// Advances all lanes; `bring` is called for those that need another span. Returns the lanes it
+    /// left untouched.
     #[inline(always)]
-    pub(crate) fn advance(&mut self, stride: Stride, bring: impl FnOnce(&mut Self, LaneSet)) -> LaneSet {
+    pub(crate) fn advance(
+        &mut self,
+        stride: Stride,
+        bring: impl FnOnce(&mut Self, LaneSet),
+    ) -> LaneSet {
         let survey = self.survey(stride);
         if survey.stale {
             let stale = self.stale(stride);
@@ -191,7 +206,11 @@ impl Lanes {
             stale[i] = if self.is_stale(i, stride) { 1.0 - slide[i] } else { 0.0 };
         }
         let sliding = sum(slide);
-        Survey { stale: sum(stale) > 0.0, some_bend: sliding < LANES as f64, some_slide: sliding > 0.0 }
+        Survey {
+            stale: sum(stale) > 0.0,
+            some_bend: sliding < LANES as f64,
+            some_slide: sliding > 0.0,
+        }
     }
 
     #[cold]
@@ -220,7 +239,10 @@ impl Lanes {
     }
 
     #[inline(always)]
-    fn pass<const VISCOUS: bool, const DEFORMS: bool, const SLIDE: bool>(&mut self, stride: Stride) -> LaneSet {
+    fn pass<const VISCOUS: bool, const DEFORMS: bool, const SLIDE: bool>(
+        &mut self,
+        stride: Stride,
+    ) -> LaneSet {
         // Apart from what is read, so that the compiler sees lanes that do not hang together.
         let mut new = [[0.0; LANES]; 4];
         let mut size = [0.0; LANES];
@@ -279,7 +301,13 @@ impl Lanes {
         if !VISCOUS {
             let (side, s) = if velocity > 0.0 { (1, 1.0) } else { (0, -1.0) };
             let force = s * self.end_force[side][i];
-            return Next { deflection: s * c, yield_force: 0.0, force, slip: velocity, unsound: 0.0 };
+            return Next {
+                deflection: s * c,
+                yield_force: 0.0,
+                force,
+                slip: velocity,
+                unsound: 0.0,
+            };
         }
         let target = self.target(i, stride);
         let beyond = (z > c) | (z < -c);
@@ -320,7 +348,8 @@ struct Next {
 }
 
 impl Next {
-    const NONE: Self = Self { deflection: 0.0, yield_force: 0.0, force: 0.0, slip: 0.0, unsound: 0.0 };
+    const NONE: Self =
+        Self { deflection: 0.0, yield_force: 0.0, force: 0.0, slip: 0.0, unsound: 0.0 };
 }
 
 /// Sum of all lanes, by halves.

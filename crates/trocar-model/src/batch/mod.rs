@@ -1,11 +1,13 @@
 //! Many seals under one motion: sweeps, ensembles of a fit, a fleet of what-ifs.
 //!
-//! A [`Batch`] steps N models by the same displacement and duration. Elements with constant sliding friction, no seal damping,
-//! no creep and no relaxation (those that [`crate::Element::step`] solves exactly) run [`LANES`] at a time as vectors; all other
-//! models run their own step, one after the other, at its speed. Any mix is allowed. **Every force and every state has the bits
-//! of the model's own step.**
+//! A [`Batch`] steps N models by the same displacement and duration. Elements with constant sliding
+//! friction, no seal damping, no creep and no relaxation (those that [`crate::Element::step`]
+//! solves exactly) run [`LANES`] at a time as vectors; all other models run their own step, one
+//! after the other, at its speed. Any mix is allowed. **Every force and every state has the bits of
+//! the model's own step.**
 //!
-//! The caller owns the memory: the models, a state for each, and [`blocks`] places of [`Lanes`]. Nothing allocates.
+//! The caller owns the memory: the models, a state for each, and [`blocks`] places of [`Lanes`].
+//! Nothing allocates.
 //!
 //! ```
 //! use trocar_model::batch::{Batch, Lanes, blocks};
@@ -31,9 +33,10 @@
 //!
 //! # Speed
 //!
-//! [`Batch::run`] takes a whole motion, block by block, so that a block stays in the processor's first cache. What the forces are
-//! wanted for is computed where they arise, [`Observe`]: written away, compared with a measured force, summed up. All of it is
-//! `#[inline(always)]`: a program that is compiled for, or chooses at run time, wider vectors gets them (and the same bits: no
+//! [`Batch::run`] takes a whole motion, block by block, so that a block stays in the processor's
+//! first cache. What the forces are wanted for is computed where they arise, [`Observe`]: written
+//! away, compared with a measured force, summed up. All of it is `#[inline(always)]`: a program
+//! that is compiled for, or chooses at run time, wider vectors gets them (and the same bits: no
 //! operation is fused or reordered).
 
 mod lanes;
@@ -84,10 +87,12 @@ impl Many for Element {
 impl Many for Seal {
     fn single<'a>(&'a self, state: &'a SealState) -> Option<(&'a Element, &'a State)> {
         match (self, state) {
-            (Self::Ems(stages), SealState::Ems(states)) => match (stages.elements(), states.states()) {
-                ([element], [state]) => Some((element, state)),
-                _ => None,
-            },
+            (Self::Ems(stages), SealState::Ems(states)) => {
+                match (stages.elements(), states.states()) {
+                    ([element], [state]) => Some((element, state)),
+                    _ => None,
+                }
+            }
             _ => None,
         }
     }
@@ -119,10 +124,15 @@ struct Block<'a, M: Many> {
 }
 
 impl<'a, M: Many> Batch<'a, M> {
-    /// `models`, each from its state in `states`, and [`blocks`] places to work in, whose content does not matter.
+    /// `models`, each from its state in `states`, and [`blocks`] places to work in, whose content
+    /// does not matter.
     ///
     /// `None` when the numbers of models, states and blocks do not match.
-    pub fn new(models: &'a [M], states: &'a mut [M::State], blocks: &'a mut [Lanes]) -> Option<Self> {
+    pub fn new(
+        models: &'a [M],
+        states: &'a mut [M::State],
+        blocks: &'a mut [Lanes],
+    ) -> Option<Self> {
         if models.len() != states.len() || blocks.len() != self::blocks(models.len()) {
             return None;
         }
@@ -148,23 +158,29 @@ impl<'a, M: Many> Batch<'a, M> {
 
     /// Advances all by `displacement` (m) within `duration` (s) at constant velocity.
     ///
-    /// A duration that is not positive, or a displacement, duration or velocity that is not finite, leaves all states
-    /// untouched. So does, for a single model, a number that would grow beyond all bounds.
+    /// A duration that is not positive, or a displacement, duration or velocity that is not finite,
+    /// leaves all states untouched. So does, for a single model, a number that would grow beyond
+    /// all bounds.
     #[inline(always)]
     pub fn step(&mut self, displacement: f64, duration: f64) {
         if let Some(velocity) = velocity(displacement, duration) {
             let stride = Stride { velocity, time: duration };
-            // No closures on the way to the lanes: one of its own would not be compiled for the caller's vectors.
+            // No closures on the way to the lanes: one of its own would not be compiled for the
+            // caller's vectors.
             for mut block in self.each() {
                 block.step(stride, displacement);
             }
         }
     }
 
-    /// Advances all through `motion`, pairs of displacement (m) and duration (s), block after block; `observer` sees every block
-    /// after every sample, also after those that change nothing.
+    /// Advances all through `motion`, pairs of displacement (m) and duration (s), block after
+    /// block; `observer` sees every block after every sample, also after those that change nothing.
     #[inline(always)]
-    pub fn run(&mut self, motion: impl Iterator<Item = (f64, f64)> + Clone, observer: &mut impl Observe) {
+    pub fn run(
+        &mut self,
+        motion: impl Iterator<Item = (f64, f64)> + Clone,
+        observer: &mut impl Observe,
+    ) {
         for (k, mut block) in self.each().enumerate() {
             let (first, count) = (k * LANES, block.models.len());
             observer.begin(first, count);
@@ -178,10 +194,14 @@ impl<'a, M: Many> Batch<'a, M> {
         }
     }
 
-    /// Force of model `index` after the last step, N: that of the instrument on the seal. NaN for a model that is not there.
+    /// Force of model `index` after the last step, N: that of the instrument on the seal. NaN for a
+    /// model that is not there.
     pub fn force(&self, index: usize) -> f64 {
         let lane = index % LANES;
-        self.blocks.get(index / LANES).filter(|_| index < self.len()).map_or(f64::NAN, |lanes| lanes.force[lane])
+        self.blocks
+            .get(index / LANES)
+            .filter(|_| index < self.len())
+            .map_or(f64::NAN, |lanes| lanes.force[lane])
     }
 
     /// State of model `index` after the last step.
@@ -194,8 +214,8 @@ impl<'a, M: Many> Batch<'a, M> {
         Some(state)
     }
 
-    /// The caller's states become those after the last step: until then they are those of before the first, for models that
-    /// run as vectors.
+    /// The caller's states become those after the last step: until then they are those of before
+    /// the first, for models that run as vectors.
     pub fn finish(mut self) {
         self.each().for_each(|mut block| block.unload());
     }
@@ -213,7 +233,11 @@ impl<'a, M: Many> Batch<'a, M> {
 
     #[inline(always)]
     fn each(&mut self) -> impl Iterator<Item = Block<'_, M>> {
-        let parts = self.models.chunks(LANES).zip(self.states.chunks_mut(LANES)).zip(self.blocks.iter_mut());
+        let parts = self
+            .models
+            .chunks(LANES)
+            .zip(self.states.chunks_mut(LANES))
+            .zip(self.blocks.iter_mut());
         parts.map(|((models, states), lanes)| Block { models, states, lanes })
     }
 }
@@ -223,9 +247,13 @@ impl<M: Many> Block<'_, M> {
     fn load(&mut self) {
         *self.lanes = Lanes::EMPTY;
         let pairs = || self.models.iter().zip(self.states.iter());
-        let singles = || pairs().map(|(model, state)| model.single(state).filter(|(e, s)| Lanes::can_run(e, s)));
-        let set: LaneSet =
-            singles().enumerate().filter(|(_, single)| single.is_some()).fold(0, |set, (i, _)| set | 1 << i);
+        let singles = || {
+            pairs().map(|(model, state)| model.single(state).filter(|(e, s)| Lanes::can_run(e, s)))
+        };
+        let set: LaneSet = singles()
+            .enumerate()
+            .filter(|(_, single)| single.is_some())
+            .fold(0, |set, (i, _)| set | 1 << i);
         if set.count_ones() >= FEWEST {
             if let Some((element, state)) = singles().flatten().next() {
                 (0..LANES).for_each(|lane| self.lanes.load(lane, element, state));
@@ -245,7 +273,9 @@ impl<M: Many> Block<'_, M> {
         let fast = self.lanes.fast;
         if fast != 0 {
             let (models, states) = (self.models, &*self.states);
-            let untouched = self.lanes.advance(stride, |lanes, stale| bring(models, states, lanes, stale, stride));
+            let untouched = self
+                .lanes
+                .advance(stride, |lanes, stale| bring(models, states, lanes, stale, stride));
             if untouched != 0 {
                 self.step_lanes(untouched, displacement, stride.time);
             }
@@ -269,7 +299,9 @@ impl<M: Many> Block<'_, M> {
             }
         }
         let first = first_of(fast);
-        (0..LANES).filter(|lane| set & !fast & (1 << lane) != 0).for_each(|lane| self.lanes.copy_state(lane, first));
+        (0..LANES)
+            .filter(|lane| set & !fast & (1 << lane) != 0)
+            .for_each(|lane| self.lanes.copy_state(lane, first));
     }
 
     /// The models that are not in lanes.
@@ -304,11 +336,18 @@ impl<M: Many> Block<'_, M> {
 
 /// Brings the span that they need into the lanes `stale`.
 #[cold]
-fn bring<M: Many>(models: &[M], states: &[M::State], lanes: &mut Lanes, stale: LaneSet, stride: Stride) {
+fn bring<M: Many>(
+    models: &[M],
+    states: &[M::State],
+    lanes: &mut Lanes,
+    stale: LaneSet,
+    stride: Stride,
+) {
     let fast = lanes.fast;
     for lane in (0..LANES).filter(|lane| stale & (1 << lane) != 0) {
         let own = if fast & (1 << lane) != 0 { lane } else { first_of(fast) };
-        if let Some((element, _)) = models.get(own).zip(states.get(own)).and_then(|(model, state)| model.single(state))
+        if let Some((element, _)) =
+            models.get(own).zip(states.get(own)).and_then(|(model, state)| model.single(state))
         {
             lanes.bring(lane, element, lanes.target(lane, stride));
         }

@@ -14,7 +14,8 @@ pub trait Observe {
     fn end(&mut self, first: usize, count: usize);
 }
 
-/// Writes all forces: model i after sample k at `forces[k * models + i]`, N. What does not fit is left out.
+/// Writes all forces: model i after sample k at `forces[k * models + i]`, N. What does not fit is
+/// left out.
 #[derive(Debug)]
 pub struct Forces<'a> {
     forces: &'a mut [f64],
@@ -55,7 +56,8 @@ pub struct Squares<'a> {
 }
 
 impl<'a> Squares<'a> {
-    /// Against the forces `measured` (N) after each sample, missing ones left out, into `sums`, N², one for each model.
+    /// Against the forces `measured` (N) after each sample, missing ones left out, into `sums`, N²,
+    /// one for each model.
     pub fn new(measured: &'a [f64], sums: &'a mut [f64]) -> Self {
         Self { measured, sums, own: [0.0; LANES] }
     }
@@ -77,6 +79,11 @@ impl Observe for Squares<'_> {
     }
 
     fn end(&mut self, first: usize, count: usize) {
-        self.sums.iter_mut().skip(first).zip(self.own).take(count).for_each(|(place, sum)| *place = sum);
+        self.sums
+            .iter_mut()
+            .skip(first)
+            .zip(self.own)
+            .take(count)
+            .for_each(|(place, sum)| *place = sum);
     }
 }

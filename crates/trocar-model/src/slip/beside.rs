@@ -1,4 +1,5 @@
-//! First-order differences between elements that differ little and one that leads: derivatives of the force, without steps of their own.
+//! First-order differences between elements that differ little and one that leads: derivatives of
+//! the force, without steps of their own.
 //!
 //! The step of the leader solves r(u; state, θ) = 0. Differentiated where it arrives,
 //!
@@ -6,9 +7,11 @@
 //! δu = -(∂r/∂state·δstate + δ_θ r)/(dr/du)        δ_θ: by the parameters at fixed state
 //! ```
 //!
-//! and the same at the start of a slide, where seal damping gives the slip speed a jump with the velocity. All that depends on the
-//! leader alone is found once a step ([`Course`]). Where it yields, turns or comes to rest, or differences are too large for the first
-//! order, a follower takes the step by itself. The weight θ of the step, which decides its order of accuracy, is the leader's.
+//! and the same at the start of a slide, where seal damping gives the slip speed a jump with the
+//! velocity. All that depends on the leader alone is found once a step ([`Course`]). Where it
+//! yields, turns or comes to rest, or differences are too large for the first order, a follower
+//! takes the step by itself. The weight θ of the step, which decides its order of accuracy, is the
+//! leader's.
 
 use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
@@ -68,7 +71,8 @@ impl Element {
     /// What `other` has more.
     pub(crate) fn difference(&self, other: &Self) -> Different {
         let (own, its) = (&self.params, &other.params);
-        let shape = (own.deformation != its.deformation).then(|| own.deformation.difference(&its.deformation));
+        let shape = (own.deformation != its.deformation)
+            .then(|| own.deformation.difference(&its.deformation));
         let mut different = Different {
             shape,
             damping: SealDamping::ZERO,
@@ -77,14 +81,17 @@ impl Element {
             creep_velocity: its.creep_velocity - own.creep_velocity,
             friction_lag: its.friction_lag - own.friction_lag,
             arms: [[0.0; 2]; MAX_ARMS],
-            is_another: self.creeps != other.creeps || (own.friction_lag > 0.0) != (its.friction_lag > 0.0),
+            is_another: self.creeps != other.creeps
+                || (own.friction_lag > 0.0) != (its.friction_lag > 0.0),
         };
         let coefficients = different.damping.coefficients.iter_mut();
         coefficients
             .zip(own.damping.coefficients)
             .zip(its.damping.coefficients)
             .for_each(|((more, a), b)| *more = b - a);
-        for ((more, a), b) in different.arms.iter_mut().zip(&own.relaxation.arms).zip(&its.relaxation.arms) {
+        for ((more, a), b) in
+            different.arms.iter_mut().zip(&own.relaxation.arms).zip(&its.relaxation.arms)
+        {
             *more = [b.stiffness - a.stiffness, b.time - a.time];
             different.is_another |= (a.stiffness > 0.0) != (b.stiffness > 0.0);
         }
@@ -93,8 +100,9 @@ impl Element {
 
     /// How `other` in `its` state differs from this element in `state`.
     pub(crate) fn apart(&self, state: &State, other: &Self, its: &State) -> Apart {
-        let elastic =
-            |e: &Self, s: &State| e.params.deformation.mid_and_gap(s.deflection).0 + s.yield_force + s.relaxing_force();
+        let elastic = |e: &Self, s: &State| {
+            e.params.deformation.mid_and_gap(s.deflection).0 + s.yield_force + s.relaxing_force()
+        };
         let mut arms = [0.0; MAX_ARMS];
         arms.iter_mut().zip(its.arms).zip(state.arms).for_each(|((more, b), a)| *more = b - a);
         Apart {
@@ -213,7 +221,13 @@ struct LagSlopes {
 
 impl Element {
     /// As [`Element::step`], part by part: after each `follow` may take others along.
-    pub(crate) fn lead(&self, state: &mut State, displacement: f64, duration: f64, mut follow: impl FnMut(&Lead)) {
+    pub(crate) fn lead(
+        &self,
+        state: &mut State,
+        displacement: f64,
+        duration: f64,
+        mut follow: impl FnMut(&Lead),
+    ) {
         let Some(velocity) = velocity(displacement, duration) else { return };
         let mut part = |time: f64| {
             let motion = Motion { velocity, time };
@@ -263,7 +277,8 @@ impl Element {
         } else {
             0.0
         };
-        let yield_slope = if follows == 0.0 { deformation.yield_stiffness() } else { follows * local.gap_slope };
+        let yield_slope =
+            if follows == 0.0 { deformation.yield_stiffness() } else { follows * local.gap_slope };
         let mut arm_slopes = [ArmSlopes::default(); MAX_ARMS];
         for (slopes, arm) in arm_slopes.iter_mut().zip(&self.params.relaxation.arms) {
             if arm.stiffness > 0.0 {
@@ -279,16 +294,32 @@ impl Element {
         }
         let arm_stiffness = arm_slopes.iter().map(|arm| arm.response).sum();
         let location = deformation.locate(after.deflection);
-        Deforming { location, travel, mid_slope: local.mid_slope, yield_slope, follows, arm_stiffness, arm_slopes }
+        Deforming {
+            location,
+            travel,
+            mid_slope: local.mid_slope,
+            yield_slope,
+            follows,
+            arm_stiffness,
+            arm_slopes,
+        }
     }
 
-    fn slid(&self, before: &State, after: &State, motion: Motion, speed: f64, theta: f64) -> Course {
+    fn slid(
+        &self,
+        before: &State,
+        after: &State,
+        motion: Motion,
+        speed: f64,
+        theta: f64,
+    ) -> Course {
         let (direction, lag) = (Direction::of(after.slip_velocity), self.params.friction_lag);
         let deforming = self.deforming(before, after, motion);
         let (start, start_contact) =
             self.contact_at(direction, motion.velocity, speed, Rise::at_start(before.rise, lag));
         let lagged = Rise::after(before.rise, lag, motion.time, || start.curve);
-        let (end, end_contact) = self.contact_at(direction, motion.velocity, after.slip_velocity.abs(), lagged);
+        let (end, end_contact) =
+            self.contact_at(direction, motion.velocity, after.slip_velocity.abs(), lagged);
         let steep = deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness;
         let slide = Slide {
             direction,
@@ -305,7 +336,13 @@ impl Element {
     }
 
     /// The contact at slip speed `u`, m/s, with the part of λ that `rise` tells.
-    fn contact_at(&self, direction: Direction, velocity: f64, u: f64, rise: Rise) -> (At, Resistance) {
+    fn contact_at(
+        &self,
+        direction: Direction,
+        velocity: f64,
+        u: f64,
+        rise: Rise,
+    ) -> (At, Resistance) {
         let (sliding, creep) = (self.sliding(direction), self.params.creep_velocity);
         let surplus = sliding.static_force - sliding.coulomb_force;
         let ratio = u / sliding.stribeck_velocity;
@@ -319,7 +356,10 @@ impl Element {
             creep,
             rise,
             u,
-            (sliding.coulomb_force + surplus * curve, if surplus > 0.0 { surplus * by_speed } else { 0.0 }),
+            (
+                sliding.coulomb_force + surplus * curve,
+                if surplus > 0.0 { surplus * by_speed } else { 0.0 },
+            ),
         );
         let risen = rise.kept + rise.now * curve;
         let level = sliding.coulomb_force + surplus * risen;
@@ -355,7 +395,8 @@ impl LagSlopes {
         let (left, mean) = decay_and_mean(duration / lag);
         let left_by_lag = left * duration / (lag * lag);
         let mean_by_lag = (mean - left) / lag;
-        let by_lag = rise * left_by_lag + (mean_by_lag - left_by_lag) * start.curve - mean_by_lag * end.curve;
+        let by_lag = rise * left_by_lag + (mean_by_lag - left_by_lag) * start.curve
+            - mean_by_lag * end.curve;
         Self { is_lagged: true, left, before: mean - left, now: 1.0 - mean, by_lag }
     }
 }
@@ -364,23 +405,37 @@ impl At {
     /// δe at fixed slip speed.
     #[inline(always)]
     fn curve_apart(&self, by: &SlidingFriction) -> f64 {
-        self.curve_by_velocity * by.stribeck_velocity + self.curve_by_exponent * by.stribeck_exponent
+        self.curve_by_velocity * by.stribeck_velocity
+            + self.curve_by_exponent * by.stribeck_exponent
     }
 
     /// Difference of the contact's force at fixed slip speed, where λ differs by `rise`, N.
     #[inline(always)]
     fn contact_apart(&self, different: &Different, by: &SlidingFriction, rise: f64) -> f64 {
-        let level = by.coulomb_force + self.rise * (by.static_force - by.coulomb_force) + self.surplus * rise;
-        self.part * level + self.by_creep * different.creep_velocity + by.viscous_damping * self.speed
+        let level = by.coulomb_force
+            + self.rise * (by.static_force - by.coulomb_force)
+            + self.surplus * rise;
+        self.part * level
+            + self.by_creep * different.creep_velocity
+            + by.viscous_damping * self.speed
     }
 }
 
 impl Deforming {
     /// The deformation where z⁺ differs by `deflection`, m; the slip is not yet in it.
     #[inline(always)]
-    fn apart(&self, leader: &Element, before: &State, different: &Different, apart: &Apart, deflection: f64) -> Apart {
+    fn apart(
+        &self,
+        leader: &Element,
+        before: &State,
+        different: &Different,
+        apart: &Apart,
+        deflection: f64,
+    ) -> Apart {
         let ((mid, gap), yield_stiffness) = match &different.shape {
-            Some(shape) => (leader.params.deformation.more_at(shape, &self.location), shape.yield_stiffness),
+            Some(shape) => {
+                (leader.params.deformation.more_at(shape, &self.location), shape.yield_stiffness)
+            }
             None => ((0.0, 0.0), 0.0),
         };
         let moved = deflection - apart.deflection;
@@ -390,13 +445,29 @@ impl Deforming {
             self.follows * gap + self.yield_slope * deflection
         };
         let mut arms = [0.0; MAX_ARMS];
-        let each = arms.iter_mut().zip(&self.arm_slopes).zip(&different.arms).zip(apart.arms).zip(before.arms);
+        let each = arms
+            .iter_mut()
+            .zip(&self.arm_slopes)
+            .zip(&different.arms)
+            .zip(apart.arms)
+            .zip(before.arms);
         for ((((more, arm), [stiffness, time]), own), force) in each {
             let response = arm.response_by_stiffness * stiffness + arm.response_by_time * time;
-            *more = arm.left * own + arm.left_by_time * time * force + response * self.travel + arm.response * moved;
+            *more = arm.left * own
+                + arm.left_by_time * time * force
+                + response * self.travel
+                + arm.response * moved;
         }
         let elastic = mid + self.mid_slope * deflection + yield_force + arms.iter().sum::<f64>();
-        Apart { deflection, yield_force, arms, elastic, slip_velocity: 0.0, rise: 0.0, force: elastic }
+        Apart {
+            deflection,
+            yield_force,
+            arms,
+            elastic,
+            slip_velocity: 0.0,
+            rise: 0.0,
+            force: elastic,
+        }
     }
 }
 
@@ -414,13 +485,20 @@ impl Lead<'_> {
 
     #[inline(always)]
     fn deforming(&self, deforming: &Deforming, different: &Different, apart: &Apart) -> Apart {
-        let mut next = deforming.apart(self.leader, &self.before, different, apart, apart.deflection);
+        let mut next =
+            deforming.apart(self.leader, &self.before, different, apart, apart.deflection);
         next.force += different.damping.force(self.motion.velocity);
         next
     }
 
     #[inline(always)]
-    fn slide(&self, deforming: &Deforming, slide: &Slide, different: &Different, apart: &Apart) -> Option<Apart> {
+    fn slide(
+        &self,
+        deforming: &Deforming,
+        slide: &Slide,
+        different: &Different,
+        apart: &Apart,
+    ) -> Option<Apart> {
         let Slide { direction, start, end, lag, .. } = slide;
         let s = direction.sign();
         let by = &different.sliding[usize::from(*direction == Direction::Insertion)];
@@ -438,8 +516,13 @@ impl Lead<'_> {
             // The last step ended with the sliding force of the last slip speed.
             s * apart.slip_velocity
         };
-        let mut next =
-            deforming.apart(self.leader, &self.before, different, apart, apart.deflection - slide.explicit * speed);
+        let mut next = deforming.apart(
+            self.leader,
+            &self.before,
+            different,
+            apart,
+            apart.deflection - slide.explicit * speed,
+        );
         let curve_before = curve + start.curve_by_speed * speed;
         let rise = lag.left * apart.rise
             + lag.before * curve_before
@@ -454,8 +537,12 @@ impl Lead<'_> {
         let shift = -slide.implicit * speed;
         next.deflection += shift;
         next.yield_force += deforming.yield_slope * shift;
-        next.arms.iter_mut().zip(&deforming.arm_slopes).for_each(|(a, arm)| *a += arm.response * shift);
-        next.elastic += (deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness) * shift;
+        next.arms
+            .iter_mut()
+            .zip(&deforming.arm_slopes)
+            .for_each(|(a, arm)| *a += arm.response * shift);
+        next.elastic +=
+            (deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness) * shift;
         next.slip_velocity = s * speed;
         next.rise = if lag.is_lagged { rise + lag.now * end.curve_by_speed * speed } else { 0.0 };
         next.force = next.elastic + damping - end.damping_slope * next.slip_velocity;

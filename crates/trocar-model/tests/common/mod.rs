@@ -1,11 +1,15 @@
-//! Random plausible seals, motions, and a slow reference integrator that shares nothing with the step of the library
-//! but the deformation force.
+//! Random plausible seals, motions, and a slow reference integrator that shares nothing with the
+//! step of the library but the deformation force.
 #![allow(dead_code)] // every test binary uses its own part
 
 use proptest::prelude::*;
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping,
+    SlidingFriction,
+};
 
-/// Legendre coefficients of a cubic on its own interval through `from` and `to` at the ends with bends `b`, `d`.
+/// Legendre coefficients of a cubic on its own interval through `from` and `to` at the ends with
+/// bends `b`, `d`.
 fn cubic(from: f64, to: f64, b: f64, d: f64) -> [f64; 4] {
     [0.5 * (from + to) - b, 0.5 * (to - from) - d, b, d]
 }
@@ -55,7 +59,8 @@ impl Seal {
     }
 }
 
-/// Seals of 3 to 15 mm and 0.25 to 8 N, as found in trocars; some soften inside, some are elastic in places.
+/// Seals of 3 to 15 mm and 0.25 to 8 N, as found in trocars; some soften inside, some are elastic
+/// in places.
 pub(crate) fn seals() -> impl Strategy<Value = Seal> {
     (
         3e-3..15e-3_f64,
@@ -96,7 +101,8 @@ pub(crate) fn general_elements() -> impl Strategy<Value = Element> {
     )
 }
 
-/// Position at time t of a trapezoidal stroke: `speed` and `acceleration` up and down over `stroke`, repeated.
+/// Position at time t of a trapezoidal stroke: `speed` and `acceleration` up and down over
+/// `stroke`, repeated.
 pub(crate) fn trapezoid(speed: f64, acceleration: f64, stroke: f64, t: f64) -> f64 {
     let ramp = speed / acceleration;
     let half = stroke / speed + ramp;
@@ -115,9 +121,14 @@ pub(crate) fn trapezoid(speed: f64, acceleration: f64, stroke: f64, t: f64) -> f
 /// Forces at the samples from an explicit integration of the natural law
 /// dz/dt = v - u, H(u) = |F|, with `parts` steps per sample and its own root search.
 ///
-/// Forward Euler in z with the slip speed found by bisection over H: first order, so the caller extrapolates or takes
-/// `parts` large. Knows nothing of return maps, θ or brackets.
-pub(crate) fn brute_force(params: &ElementParams, displacements: &[f64], period: f64, parts: usize) -> Vec<f64> {
+/// Forward Euler in z with the slip speed found by bisection over H: first order, so the caller
+/// extrapolates or takes `parts` large. Knows nothing of return maps, θ or brackets.
+pub(crate) fn brute_force(
+    params: &ElementParams,
+    displacements: &[f64],
+    period: f64,
+    parts: usize,
+) -> Vec<f64> {
     let deformation = &params.deformation;
     let kappa = deformation.yield_stiffness();
     let (mut z, mut q) = (0.0_f64, 0.0_f64);
@@ -143,7 +154,8 @@ pub(crate) fn brute_force(params: &ElementParams, displacements: &[f64], period:
 /// v - v_sl for which elastic + D(v - v_sl) lies on the sliding curve, or v in stick.
 fn deformation_velocity(params: &ElementParams, elastic: f64, v: f64) -> f64 {
     let trial = elastic + params.damping.force(v);
-    let (s, sliding) = if trial < 0.0 { (-1.0, &params.withdrawal) } else { (1.0, &params.insertion) };
+    let (s, sliding) =
+        if trial < 0.0 { (-1.0, &params.withdrawal) } else { (1.0, &params.insertion) };
     if s * trial <= sliding.static_force {
         return v;
     }
@@ -160,7 +172,8 @@ fn deformation_velocity(params: &ElementParams, elastic: f64, v: f64) -> f64 {
     v - s * 0.5 * (low + high)
 }
 
-/// A seal whose hump (1.3 N) lies above its sliding force (1 N): it may slide before it snaps through.
+/// A seal whose hump (1.3 N) lies above its sliding force (1 N): it may slide before it snaps
+/// through.
 pub(crate) fn humped(beta: f64) -> ElementParams {
     let branch = |join: f64, middle: f64, left: f64, right: f64| {
         let left = Piece::new(-8e-3, join, &cubic(-1.0, middle, left, 0.0)).unwrap();

@@ -14,7 +14,12 @@ fn step_to(trocar: &Trocar<&[f64]>, state: &mut TrocarState, position: f64, dura
 }
 
 #[inline(never)]
-fn step_velocity(trocar: &Trocar<&[f64]>, state: &mut TrocarState, velocity: f64, duration: f64) -> f64 {
+fn step_velocity(
+    trocar: &Trocar<&[f64]>,
+    state: &mut TrocarState,
+    velocity: f64,
+    duration: f64,
+) -> f64 {
     without_panic(|| trocar.step_velocity(state, velocity, duration))
 }
 

@@ -1,11 +1,13 @@
-//! Reads damaged recordings of every format: `./fuzz SECONDS [--seed N] [--only NAME] [--folder FOLDER]`, or `./fuzz FILE...` to read
-//! such files again.
+//! Reads damaged recordings of every format: `./fuzz SECONDS [--seed N] [--only NAME] [--folder
+//! FOLDER]`, or `./fuzz FILE...` to read such files again.
 //!
-//! Each input is a sample file with some changes, all drawn from the seed and the number of the input. Reading it may give an error. It
-//! must not panic, take longer than [`LONGEST`], hold more memory than [`allowance`] or end the process. An input that does is kept in
-//! FOLDER (`target/fuzz`), its path and seed are printed, and the exit code is 1.
+//! Each input is a sample file with some changes, all drawn from the seed and the number of the
+//! input. Reading it may give an error. It must not panic, take longer than [`LONGEST`], hold more
+//! memory than [`allowance`] or end the process. An input that does is kept in FOLDER
+//! (`target/fuzz`), its path and seed are printed, and the exit code is 1.
 //!
-//! The process that reads is a child of this one, which finds out when it is killed, for example by a stack overflow.
+//! The process that reads is a child of this one, which finds out when it is killed, for example by
+//! a stack overflow.
 
 mod mutate;
 mod reading;
@@ -27,9 +29,10 @@ static MEMORY: peak_alloc::PeakAlloc = peak_alloc::PeakAlloc;
 /// Longest time for one input. The longest without a defect is some tenths of a second.
 const LONGEST: Duration = Duration::from_secs(5);
 
-/// Most memory for an input of `bytes` bytes: the buffers of the readers (text and MATLAB pieces of some MB for each thread, 32 MB of
-/// decoded numbers of a Parquet file), and what a file of that length may hold. Compression and run lengths make more of a byte than
-/// 64 bytes of numbers, but not of the samples, whose rows are a few hundred.
+/// Most memory for an input of `bytes` bytes: the buffers of the readers (text and MATLAB pieces of
+/// some MB for each thread, 32 MB of decoded numbers of a Parquet file), and what a file of that
+/// length may hold. Compression and run lengths make more of a byte than 64 bytes of numbers, but
+/// not of the samples, whose rows are a few hundred.
 fn allowance(bytes: usize) -> usize {
     (64 << 20) + 64 * bytes
 }
@@ -46,14 +49,19 @@ struct Options {
 impl Options {
     fn parse(mut words: impl Iterator<Item = String>) -> Result<Self, String> {
         let folder = PathBuf::from("target/fuzz");
-        let mut options = Self { seconds: 0.0, seed: 1, only: String::new(), folder, files: Vec::new() };
+        let mut options =
+            Self { seconds: 0.0, seed: 1, only: String::new(), folder, files: Vec::new() };
         while let Some(word) = words.next() {
             let mut value = || words.next().ok_or(format!("{word} needs a value"));
             match word.as_str() {
-                "--seed" => options.seed = value()?.parse().map_err(|_| "--seed needs a whole number")?,
+                "--seed" => {
+                    options.seed = value()?.parse().map_err(|_| "--seed needs a whole number")?
+                }
                 "--only" => options.only = value()?,
                 "--folder" => options.folder = value()?.into(),
-                number if number.parse::<f64>().is_ok() => options.seconds = number.parse().unwrap_or(0.0),
+                number if number.parse::<f64>().is_ok() => {
+                    options.seconds = number.parse().unwrap_or(0.0)
+                }
                 file => options.files.push(file.into()),
             }
         }
@@ -105,7 +113,10 @@ fn current(folder: &Path) -> PathBuf {
 
 /// Reads changed samples in turn until the time is over or one fails.
 fn fuzz(options: &Options) -> bool {
-    let samples = samples().into_iter().filter(|sample| sample.name.contains(&options.only)).collect::<Vec<_>>();
+    let samples = samples()
+        .into_iter()
+        .filter(|sample| sample.name.contains(&options.only))
+        .collect::<Vec<_>>();
     assert!(!samples.is_empty(), "no sample is named {}", options.only);
     std::fs::create_dir_all(&options.folder).expect("the folder can be made");
     let watch = Watch::start();
@@ -116,7 +127,8 @@ fn fuzz(options: &Options) -> bool {
     while start.elapsed().as_secs_f64() < options.seconds {
         let input = input(&samples, options.seed, count);
         let path = input.write(&current(&options.folder));
-        let found = watch.over(|| reading::examine(&path, &mut Random::new(options.seed, count, 1)));
+        let found =
+            watch.over(|| reading::examine(&path, &mut Random::new(options.seed, count, 1)));
         let label = format!("{} number {count}", input.name);
         if let Some(problem) = problem(&found, input.len()) {
             return keep(options, &label, &input, &problem);
@@ -126,7 +138,11 @@ fn fuzz(options: &Options) -> bool {
         count += 1;
         read += u64::from(found.is_read);
     }
-    println!("{count} inputs from {} samples, {read} of them readable, seed {}", samples.len(), options.seed);
+    println!(
+        "{count} inputs from {} samples, {read} of them readable, seed {}",
+        samples.len(),
+        options.seed
+    );
     println!("longest {:.3} s ({})", slowest.0.as_secs_f64(), slowest.1);
     println!("most memory {:.1} MB ({})", most.0 as f64 / 1e6, most.1);
     true
@@ -150,7 +166,8 @@ fn problem(found: &Finding, bytes: usize) -> Option<String> {
         return Some(format!("{:.1} s", found.time.as_secs_f64()));
     }
     let allowed = allowance(bytes);
-    (found.memory > allowed).then(|| format!("{} bytes of memory for {bytes} of file, {allowed} allowed", found.memory))
+    (found.memory > allowed)
+        .then(|| format!("{} bytes of memory for {bytes} of file, {allowed} allowed", found.memory))
 }
 
 /// Keeps an input that fails, and says where.
@@ -167,7 +184,8 @@ fn replay(files: &[PathBuf]) -> bool {
     for path in files {
         let found = reading::examine(path, &mut Random::new(1, 0, 1));
         let bytes = samples::bytes_of(path);
-        let result = problem(&found, bytes).map_or("fine".to_owned(), |problem| format!("FAILED: {problem}"));
+        let result = problem(&found, bytes)
+            .map_or("fine".to_owned(), |problem| format!("FAILED: {problem}"));
         println!(
             "{}: {:.3} s, {:.1} MB, {result}",
             path.display(),

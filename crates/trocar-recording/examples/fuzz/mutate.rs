@@ -62,8 +62,11 @@ pub(crate) struct Random(u64);
 impl Random {
     /// The numbers of one `purpose` for one input.
     pub(crate) fn new(seed: u64, number: u64, purpose: u64) -> Self {
-        let mut random =
-            Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ number.rotate_left(24) ^ purpose.rotate_left(56));
+        let mut random = Self(
+            seed.wrapping_mul(0x9e37_79b9_7f4a_7c15)
+                ^ number.rotate_left(24)
+                ^ purpose.rotate_left(56),
+        );
         random.next();
         random
     }
@@ -154,7 +157,8 @@ fn change_bytes(bytes: &mut Vec<u8>, other: &[u8], random: &mut Random) {
     }
 }
 
-/// Overwrites a whole number of 1 to 8 bytes by an extreme one, by one near the length of the file, or by one near its own.
+/// Overwrites a whole number of 1 to 8 bytes by an extreme one, by one near the length of the file,
+/// or by one near its own.
 fn overwrite(bytes: &mut [u8], at: usize, random: &mut Random) {
     let size = random.one(&[1, 2, 4, 4, 8, 8]);
     let at = if random.below(2) == 0 { at } else { at / size * size };
@@ -207,6 +211,7 @@ fn cell(bytes: &[u8], at: usize) -> Range<usize> {
 /// The line at a place, with its end.
 fn line(bytes: &[u8], at: usize) -> Range<usize> {
     let start = bytes[..at].iter().rposition(|&byte| byte == b'\n').map_or(0, |end| end + 1);
-    let length = bytes[at..].iter().position(|&byte| byte == b'\n').map_or(bytes.len() - at, |end| end + 1);
+    let length =
+        bytes[at..].iter().position(|&byte| byte == b'\n').map_or(bytes.len() - at, |end| end + 1);
     start..at + length
 }

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use trocar_recording::formats::parquet::Parquet;
 use trocar_recording::formats::parquet::select::Selected;
 use trocar_recording::{
-    Choice, Pieces, ReadOptions, Recording, RecordingError, Table, digest_of, position_resolution, read, read_columns,
-    tables,
+    Choice, Pieces, ReadOptions, Recording, RecordingError, Table, digest_of, position_resolution,
+    read, read_columns, tables,
 };
 
 use crate::MEMORY;
@@ -48,7 +48,9 @@ pub(crate) fn examine(path: &Path, random: &mut Random) -> Finding {
         time: start.elapsed(),
         memory: MEMORY.peak_usage().saturating_sub(before),
         is_read: matches!(outcome, Ok(true)),
-        panic: outcome.is_err().then(|| PANIC.lock().map_or_else(|_| "unknown".to_owned(), |last| last.clone())),
+        panic: outcome
+            .is_err()
+            .then(|| PANIC.lock().map_or_else(|_| "unknown".to_owned(), |last| last.clone())),
     }
 }
 
@@ -56,7 +58,11 @@ pub(crate) fn examine(path: &Path, random: &mut Random) -> Finding {
 fn all_ways(path: &Path, random: &mut Random) -> bool {
     let tables = tables(path).unwrap_or_default();
     for table in tables.iter().take(8) {
-        let names = table.columns.iter().filter(|column| column.is_numeric).map(|column| column.name.as_str());
+        let names = table
+            .columns
+            .iter()
+            .filter(|column| column.is_numeric)
+            .map(|column| column.name.as_str());
         _ = read_columns(path, &table.name, &names.collect::<Vec<_>>());
     }
     _ = digest_of(path);
@@ -89,7 +95,11 @@ fn options(tables: &[Table], random: &mut Random) -> ReadOptions {
     ReadOptions {
         choice: Choice {
             columns: columns(tables, random),
-            topics: tables.get(random.below(4)).map(|table| table.name.clone()).into_iter().collect(),
+            topics: tables
+                .get(random.below(4))
+                .map(|table| table.name.clone())
+                .into_iter()
+                .collect(),
             from: odd(random),
             to: odd(random),
             flip_force: random.below(2) == 0,
@@ -107,8 +117,12 @@ fn options(tables: &[Table], random: &mut Random) -> ReadOptions {
 fn columns(tables: &[Table], random: &mut Random) -> Option<String> {
     let by_name = |tables: &[Table], random: &mut Random| {
         let table = tables.get(random.below(tables.len().max(1)))?;
-        let mut name =
-            || table.columns.get(random.below(table.columns.len().max(1))).map(|column| column.name.as_str());
+        let mut name = || {
+            table
+                .columns
+                .get(random.below(table.columns.len().max(1)))
+                .map(|column| column.name.as_str())
+        };
         Some(format!("time_s={},position_mm={},force_n=-{}", name()?, name()?, name()?))
     };
     match random.below(4) {

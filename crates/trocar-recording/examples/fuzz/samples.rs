@@ -46,8 +46,12 @@ impl Sample {
             *bytes = match self.kind {
                 Kind::Bytes | Kind::Text => continue,
                 Kind::Gzip => {
-                    let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
-                    encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("memory can be written to")
+                    let mut encoder =
+                        flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+                    encoder
+                        .write_all(bytes)
+                        .and_then(|()| encoder.finish())
+                        .expect("memory can be written to")
                 }
                 Kind::Zstd => zstd::encode_all(&bytes[..], 1).expect("memory can be written to"),
             };
@@ -89,8 +93,14 @@ fn stored(path: &Path) -> Option<Sample> {
         paths = std::fs::read_dir(path).ok()?.flatten().map(|entry| entry.path()).collect();
         paths.sort();
     }
-    let file = |path: PathBuf| Some((path.file_name()?.to_str()?.to_owned(), std::fs::read(&path).ok()?));
-    Some(Sample { name, files: paths.into_iter().filter_map(file).collect(), is_folder, kind: Kind::Bytes })
+    let file =
+        |path: PathBuf| Some((path.file_name()?.to_str()?.to_owned(), std::fs::read(&path).ok()?));
+    Some(Sample {
+        name,
+        files: paths.into_iter().filter_map(file).collect(),
+        is_folder,
+        kind: Kind::Bytes,
+    })
 }
 
 /// Recordings as text: headers with and without units, separators, quotes, comments, line ends.
@@ -99,17 +109,22 @@ fn texts() -> Vec<Sample> {
     let semicolons = text(60, ";", "\r\n", "time [s];position [mm];force [N]").replace('.', ",");
     let tabs = text(60, "\t", "\n", "time\tposition\tforce\ns\tmm\tN");
     let spaces = text(60, " ", "\n", "# made up\n# rig 7\ntime_s position_mm force_n");
-    let quoted = text(60, ",", "\n", "\"time, s\",\"position_mm\",\"force_n\"").replace("0.5", "\"0.5\"");
+    let quoted =
+        text(60, ",", "\n", "\"time, s\",\"position_mm\",\"force_n\"").replace("0.5", "\"0.5\"");
     let unnamed = text(60, ",", "\n", "0,0,0");
-    let marked = format!("\u{feff}{}", text(60, ",", "\r\n", "time_ms,velocity_mm_s,position_mm,force_mn"));
+    let marked =
+        format!("\u{feff}{}", text(60, ",", "\r\n", "time_ms,velocity_mm_s,position_mm,force_mn"));
     let gaps = plain.replace(",0.9", ",nan,").replace(",1.2", ",").replace(",1.3", ",-inf");
     let long = text(9000, ",", "\n", "time_s,position_mm,force_n");
-    let preamble =
-        format!("Writer\t2\nSamples\t10\t10\nX0\t0.0\t0.0\n{}", text(60, "\t", "\n", "Zeit [s]\tWeg [mm]\tKraft [N]"));
+    let preamble = format!(
+        "Writer\t2\nSamples\t10\t10\nX0\t0.0\t0.0\n{}",
+        text(60, "\t", "\n", "Zeit [s]\tWeg [mm]\tKraft [N]")
+    );
     let repeated = plain.repeat(3);
     let untimed = text(60, ";", "\n", "pos;Fz;Fx");
     let dated = plain.replace("\n0.", "\n2026-11-22T10:15:00.").replace("time_s", "timestamp");
-    let blanks = text(60, " ", "\n", "time position_mm force_n").replace("\n0.", "\n2026-11-22 10:15:00.");
+    let blanks =
+        text(60, " ", "\n", "time position_mm force_n").replace("\n0.", "\n2026-11-22 10:15:00.");
     let units = std::iter::once(0xfeff).chain(plain.encode_utf16());
     let utf16: Vec<u8> = units.flat_map(u16::to_le_bytes).collect();
     let of = |name: &str, text: &str, kind| {

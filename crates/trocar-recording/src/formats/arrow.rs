@@ -10,7 +10,9 @@ use std::fs::File;
 use std::io::Read;
 
 use arrow_ipc::convert::try_fb_to_schema;
-use arrow_ipc::{CompressionType, Endianness, MessageHeader, RecordBatch, root_as_footer, root_as_message};
+use arrow_ipc::{
+    CompressionType, Endianness, MessageHeader, RecordBatch, root_as_footer, root_as_message,
+};
 use arrow_schema::{DataType, Metadata, Schema, TimeUnit, UnionMode};
 
 use super::scale::Scale;
@@ -117,21 +119,29 @@ impl Arrow {
         let size = u64::from(u32::from_le_bytes([end[0], end[1], end[2], end[3]]));
         let from = at.checked_sub(size).ok_or_else(short)?;
         let mut bytes = vec![0; size as usize];
-        read_exact_at(&file, &mut bytes, from).map_err(|error| source.damaged("the footer", error))?;
+        read_exact_at(&file, &mut bytes, from)
+            .map_err(|error| source.damaged("the footer", error))?;
         let footer = root_as_footer(&bytes).map_err(|error| source.damaged("the footer", error))?;
         let schema = footer.schema().ok_or_else(|| source.damaged("the footer", "no schema"))?;
         check_byte_order(schema.endianness(), &source)?;
-        let schema = try_fb_to_schema(schema).map_err(|error| source.damaged("the footer", error))?;
+        let schema =
+            try_fb_to_schema(schema).map_err(|error| source.damaged("the footer", error))?;
         let mut blocks = Vec::new();
         for block in footer.recordBatches().iter().flatten() {
-            let parts = [block.offset(), i64::from(block.metaDataLength()), block.bodyLength()].map(u64::try_from);
+            let parts = [block.offset(), i64::from(block.metaDataLength()), block.bodyLength()]
+                .map(u64::try_from);
             let [Ok(at), Ok(message), Ok(body)] = parts else {
                 return Err(source.damaged("the footer", "a record batch of negative size"));
             };
-            if at.checked_add(message).and_then(|end| end.checked_add(body)).is_none_or(|end| end > length - MARK) {
-                return Err(
-                    source.damaged("the footer", format!("a record batch at byte {at} beyond the end of the file"))
-                );
+            if at
+                .checked_add(message)
+                .and_then(|end| end.checked_add(body))
+                .is_none_or(|end| end > length - MARK)
+            {
+                return Err(source.damaged(
+                    "the footer",
+                    format!("a record batch at byte {at} beyond the end of the file"),
+                ));
             }
             blocks.push(Block { at, message, body });
         }
@@ -155,7 +165,8 @@ impl Arrow {
                 break;
             }
             let block = Block { at, message: 8 + size, body: 0 };
-            let bytes = message(&file, block, length).map_err(|found| source.damaged(&place, found))?;
+            let bytes =
+                message(&file, block, length).map_err(|found| source.damaged(&place, found))?;
             let message = root_as_message(&bytes).map_err(|error| source.damaged(&place, error))?;
             let body = u64::try_from(message.bodyLength()).unwrap_or(u64::MAX);
             let end = (at + block.message).saturating_add(body);
@@ -178,7 +189,12 @@ impl Arrow {
         Self::of(file, blocks, &schema, source)
     }
 
-    fn of(file: File, blocks: Vec<Block>, schema: &Schema, source: Source) -> Result<Self, RecordingError> {
+    fn of(
+        file: File,
+        blocks: Vec<Block>,
+        schema: &Schema,
+        source: Source,
+    ) -> Result<Self, RecordingError> {
         let mut start = Extent::default();
         let mut fields = Vec::new();
         let mut columns = Vec::new();
@@ -186,7 +202,11 @@ impl Arrow {
             let kind = kind(field.data_type());
             columns.push(Column {
                 name: field.name().clone(),
-                unit: if is_time(field.data_type()) { Some("s".into()) } else { unit_of(field.metadata()) },
+                unit: if is_time(field.data_type()) {
+                    Some("s".into())
+                } else {
+                    unit_of(field.metadata())
+                },
                 is_numeric: kind.is_some(),
             });
             fields.push(Field { start, kind });
@@ -213,7 +233,8 @@ impl Arrow {
     }
 
     fn batch<'a>(&self, k: usize, bytes: &'a [u8]) -> Result<RecordBatch<'a>, RecordingError> {
-        let damaged = |found: &dyn std::fmt::Display| self.source.damaged(format!("record batch {k}"), found);
+        let damaged =
+            |found: &dyn std::fmt::Display| self.source.damaged(format!("record batch {k}"), found);
         let message = root_as_message(bytes).map_err(|error| damaged(&error))?;
         message.header_as_record_batch().ok_or_else(|| damaged(&"another message in its place"))
     }
@@ -291,7 +312,10 @@ pub(super) fn parts_of(unit: TimeUnit) -> f64 {
 }
 
 fn is_time(kind: &DataType) -> bool {
-    matches!(kind, DataType::Timestamp(..) | DataType::Duration(_) | DataType::Time32(_) | DataType::Time64(_))
+    matches!(
+        kind,
+        DataType::Timestamp(..) | DataType::Duration(_) | DataType::Time32(_) | DataType::Time64(_)
+    )
 }
 
 fn kind(kind: &DataType) -> Option<(Width, Scale)> {
@@ -307,8 +331,12 @@ fn kind(kind: &DataType) -> Option<(Width, Scale)> {
         DataType::UInt64 => (Width::U64, Scale::Unsigned),
         DataType::Float32 => (Width::F32, Scale::One),
         DataType::Float64 => (Width::F64, Scale::One),
-        DataType::Timestamp(unit, _) => (Width::I64, Scale::Since { origin: 0, per_second: parts_of(*unit) }),
-        DataType::Duration(unit) | DataType::Time64(unit) => (Width::I64, Scale::Part(parts_of(*unit))),
+        DataType::Timestamp(unit, _) => {
+            (Width::I64, Scale::Since { origin: 0, per_second: parts_of(*unit) })
+        }
+        DataType::Duration(unit) | DataType::Time64(unit) => {
+            (Width::I64, Scale::Part(parts_of(*unit)))
+        }
         DataType::Time32(unit) => (Width::I32, Scale::Part(parts_of(*unit))),
         _ => return None,
     })
@@ -316,7 +344,9 @@ fn kind(kind: &DataType) -> Option<(Width, Scale)> {
 
 /// Space of a column, including all nested ones.
 fn extent(kind: &DataType) -> Extent {
-    let all = |fields: &mut dyn Iterator<Item = &DataType>| fields.map(extent).fold(Extent::default(), Extent::and);
+    let all = |fields: &mut dyn Iterator<Item = &DataType>| {
+        fields.map(extent).fold(Extent::default(), Extent::and)
+    };
     let own = |buffers| Extent::new(1, buffers, 0);
     match kind {
         DataType::Null => own(0),
@@ -325,9 +355,13 @@ fn extent(kind: &DataType) -> Extent {
         DataType::List(item) | DataType::LargeList(item) | DataType::Map(item, _) => {
             own(2).and(extent(item.data_type()))
         }
-        DataType::ListView(item) | DataType::LargeListView(item) => own(3).and(extent(item.data_type())),
+        DataType::ListView(item) | DataType::LargeListView(item) => {
+            own(3).and(extent(item.data_type()))
+        }
         DataType::FixedSizeList(item, _) => own(1).and(extent(item.data_type())),
-        DataType::Struct(fields) => own(1).and(all(&mut fields.iter().map(|field| field.data_type()))),
+        DataType::Struct(fields) => {
+            own(1).and(all(&mut fields.iter().map(|field| field.data_type())))
+        }
         DataType::Union(fields, mode) => {
             let kinds = if *mode == UnionMode::Dense { 2 } else { 1 };
             own(kinds).and(all(&mut fields.iter().map(|(_, field)| field.data_type())))
@@ -381,7 +415,9 @@ impl Rows {
         let mut columns = Vec::with_capacity(self.wanted.len());
         for wanted in &mut self.wanted {
             let numbers = numbers(&self.arrow.file, block, &batch, wanted);
-            columns.push(numbers.map_err(|found| self.arrow.source.damaged(place(&wanted.name), found))?);
+            columns.push(
+                numbers.map_err(|found| self.arrow.source.damaged(place(&wanted.name), found))?,
+            );
         }
         let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
         for from in (0..rows).step_by(BATCH_ROWS) {
@@ -398,7 +434,12 @@ impl Rows {
 }
 
 /// One column of a record batch.
-fn numbers(file: &File, block: Block, batch: &RecordBatch<'_>, wanted: &mut Wanted) -> Result<Vec<f64>, String> {
+fn numbers(
+    file: &File,
+    block: Block,
+    batch: &RecordBatch<'_>,
+    wanted: &mut Wanted,
+) -> Result<Vec<f64>, String> {
     let nodes = batch.nodes().ok_or("no nodes")?;
     if wanted.start.nodes >= nodes.len() {
         return Err("fewer nodes than columns".into());
@@ -407,7 +448,9 @@ fn numbers(file: &File, block: Block, batch: &RecordBatch<'_>, wanted: &mut Want
     let rows = usize::try_from(node.length()).ok().filter(|&rows| rows <= MOST_ROWS);
     let rows = rows.ok_or_else(|| format!("{} rows", node.length()))?;
     let views = batch.variadicBufferCounts().into_iter().flatten().take(wanted.start.views);
-    let views = views.fold(0_usize, |all, count| all.saturating_add(usize::try_from(count).unwrap_or(usize::MAX)));
+    let views = views.fold(0_usize, |all, count| {
+        all.saturating_add(usize::try_from(count).unwrap_or(usize::MAX))
+    });
     let first = wanted.start.buffers.saturating_add(views);
     if node.length() != batch.length() {
         return Err(format!("{rows} rows, the batch has {}", batch.length()));
@@ -419,24 +462,40 @@ fn numbers(file: &File, block: Block, batch: &RecordBatch<'_>, wanted: &mut Want
     let is_valid = |row: usize| valid.get(row / 8).is_none_or(|byte| byte >> (row % 8) & 1 == 1);
     let bytes = buffer(file, block, batch, first.saturating_add(1), wanted.width.bytes(rows))?;
     if bytes.len() < wanted.width.bytes(rows) {
-        return Err(format!("{} bytes, {rows} rows need {}", bytes.len(), wanted.width.bytes(rows)));
+        return Err(format!(
+            "{} bytes, {rows} rows need {}",
+            bytes.len(),
+            wanted.width.bytes(rows)
+        ));
     }
     if let (Scale::Since { per_second, .. }, false) = (wanted.scale, wanted.anchored)
-        && let Some((_, first)) =
-            bytes.as_chunks::<8>().0.iter().enumerate().find(|&(row, _)| row < rows && is_valid(row))
+        && let Some((_, first)) = bytes
+            .as_chunks::<8>()
+            .0
+            .iter()
+            .enumerate()
+            .find(|&(row, _)| row < rows && is_valid(row))
     {
         wanted.scale = Scale::Since { origin: i64::from_le_bytes(*first), per_second };
         wanted.anchored = true;
     }
     let mut column = decoded(&bytes, wanted.width, wanted.scale, rows);
     if !valid.is_empty() {
-        column.iter_mut().enumerate().filter(|(row, _)| !is_valid(*row)).for_each(|(_, number)| *number = f64::NAN);
+        column
+            .iter_mut()
+            .enumerate()
+            .filter(|(row, _)| !is_valid(*row))
+            .for_each(|(_, number)| *number = f64::NAN);
     }
     Ok(column)
 }
 
 fn decoded(bytes: &[u8], width: Width, scale: Scale, rows: usize) -> Vec<f64> {
-    fn each<const N: usize>(bytes: &[u8], rows: usize, number: impl Fn([u8; N]) -> f64) -> Vec<f64> {
+    fn each<const N: usize>(
+        bytes: &[u8],
+        rows: usize,
+        number: impl Fn([u8; N]) -> f64,
+    ) -> Vec<f64> {
         bytes.as_chunks::<N>().0.iter().take(rows).map(|bytes| number(*bytes)).collect()
     }
     match width {
@@ -454,38 +513,54 @@ fn decoded(bytes: &[u8], width: Width, scale: Scale, rows: usize) -> Vec<f64> {
 }
 
 /// Buffer `index` of a record batch, decompressed; `most` bytes of it are needed.
-fn buffer(file: &File, block: Block, batch: &RecordBatch<'_>, index: usize, most: usize) -> Result<Vec<u8>, String> {
+fn buffer(
+    file: &File,
+    block: Block,
+    batch: &RecordBatch<'_>,
+    index: usize,
+    most: usize,
+) -> Result<Vec<u8>, String> {
     let buffers = batch.buffers().ok_or("no buffers")?;
     if index >= buffers.len() {
         return Err("fewer buffers than columns need".into());
     }
     let (from, length) = (buffers.get(index).offset(), buffers.get(index).length());
-    let (from, length) = (u64::try_from(from).unwrap_or(u64::MAX), u64::try_from(length).unwrap_or(u64::MAX));
+    let (from, length) =
+        (u64::try_from(from).unwrap_or(u64::MAX), u64::try_from(length).unwrap_or(u64::MAX));
     if from.checked_add(length).is_none_or(|end| end > block.body) {
         return Err("a buffer beyond its record batch".into());
     }
     let compression = batch.compression().map(|compression| compression.codec());
     let stored = if compression.is_some() { length } else { length.min(most as u64) };
     let mut bytes = vec![0; stored as usize];
-    read_exact_at(file, &mut bytes, block.at + block.message + from).map_err(|error| error.to_string())?;
+    read_exact_at(file, &mut bytes, block.at + block.message + from)
+        .map_err(|error| error.to_string())?;
     match (compression, bytes.split_first_chunk::<8>()) {
-        (Some(codec), Some((size, compressed))) => decompressed(codec, i64::from_le_bytes(*size), compressed, most),
+        (Some(codec), Some((size, compressed))) => {
+            decompressed(codec, i64::from_le_bytes(*size), compressed, most)
+        }
         _ => Ok(bytes),
     }
 }
 
 /// A length of -1 means that the bytes are not compressed.
-fn decompressed(codec: CompressionType, size: i64, compressed: &[u8], most: usize) -> Result<Vec<u8>, String> {
+fn decompressed(
+    codec: CompressionType,
+    size: i64,
+    compressed: &[u8],
+    most: usize,
+) -> Result<Vec<u8>, String> {
     if size == -1 {
         return Ok(compressed.to_vec());
     }
     let mut bytes = Vec::new();
     let most = most as u64;
     let outcome = match codec {
-        CompressionType::LZ4_FRAME => lz4_flex::frame::FrameDecoder::new(compressed).take(most).read_to_end(&mut bytes),
-        CompressionType::ZSTD => {
-            zstd::Decoder::with_buffer(compressed).and_then(|decoder| decoder.take(most).read_to_end(&mut bytes))
+        CompressionType::LZ4_FRAME => {
+            lz4_flex::frame::FrameDecoder::new(compressed).take(most).read_to_end(&mut bytes)
         }
+        CompressionType::ZSTD => zstd::Decoder::with_buffer(compressed)
+            .and_then(|decoder| decoder.take(most).read_to_end(&mut bytes)),
         _ => return Err("compressed in no known way".into()),
     };
     outcome.map_err(|error| error.to_string())?;

@@ -55,7 +55,12 @@ impl<'a> Cursor<'a> {
             Layout::Cdr => {
                 let (head, bytes) = payload.split_at_checked(4)?;
                 let big = head[..2] == CDR_BIG;
-                (big || head[..2] == CDR_LITTLE).then_some(Self { bytes, at: 0, big, aligned: true })
+                (big || head[..2] == CDR_LITTLE).then_some(Self {
+                    bytes,
+                    at: 0,
+                    big,
+                    aligned: true,
+                })
             }
         }
     }
@@ -108,8 +113,11 @@ impl<'a> Cursor<'a> {
     fn nanoseconds(&mut self) -> Option<i64> {
         let seconds: [u8; 4] = self.take()?;
         let nanoseconds = u32::from_le_bytes(self.take()?);
-        let seconds =
-            if self.aligned { i64::from(i32::from_le_bytes(seconds)) } else { i64::from(u32::from_le_bytes(seconds)) };
+        let seconds = if self.aligned {
+            i64::from(i32::from_le_bytes(seconds))
+        } else {
+            i64::from(u32::from_le_bytes(seconds))
+        };
         Some(seconds * 1_000_000_000 + i64::from(nanoseconds))
     }
 
@@ -281,11 +289,17 @@ type Wanted<'a> = (&'a [Step], usize);
 
 impl Plan {
     /// The plan for the numbers at `paths`, in the order of the row; stamps count from `epoch`, ns.
-    pub(crate) fn new(layout: Layout, message: &Struct, paths: &[(&[Step], usize)], epoch: i64) -> Self {
+    pub(crate) fn new(
+        layout: Layout,
+        message: &Struct,
+        paths: &[(&[Step], usize)],
+        epoch: i64,
+    ) -> Self {
         let mut registers: Vec<Register> = Vec::new();
         for (path, _) in paths {
             if let Some(Step::Named(name, field)) = path.last() {
-                let register = match registers.iter_mut().find(|register| register.field == *field) {
+                let register = match registers.iter_mut().find(|register| register.field == *field)
+                {
                     Some(register) => register,
                     None => {
                         registers.push(Register {
@@ -315,7 +329,12 @@ impl Plan {
 }
 
 /// The stamp at a path of fields, ns since the zero of its clock.
-pub(crate) fn stamp(layout: Layout, message: &Struct, path: &[Step], payload: &[u8]) -> Option<i64> {
+pub(crate) fn stamp(
+    layout: Layout,
+    message: &Struct,
+    path: &[Step],
+    payload: &[u8],
+) -> Option<i64> {
     let mut cursor = Cursor::new(layout, payload)?;
     let mut at = message;
     for step in path {
@@ -370,9 +389,12 @@ fn compile(
 
 fn enter(field: &Field, wanted: &[Wanted], at: &mut Vec<usize>, registers: &[Register]) -> Action {
     match (&field.kind, field.arity) {
-        (Kind::Struct(inner), Arity::One) => Action::Enter(compile(inner, wanted, at, registers, false)),
+        (Kind::Struct(inner), Arity::One) => {
+            Action::Enter(compile(inner, wanted, at, registers, false))
+        }
         (Kind::Struct(inner), arity) => {
-            let mut elements: Vec<usize> = wanted.iter().filter_map(|(path, _)| element(path)).collect();
+            let mut elements: Vec<usize> =
+                wanted.iter().filter_map(|(path, _)| element(path)).collect();
             elements.sort_unstable();
             elements.dedup();
             let enter = |k: usize| {
@@ -412,12 +434,20 @@ fn pick(step: &Step, registers: &[Register]) -> Option<Pick> {
     }
 }
 
-fn run(actions: &[Action], cursor: &mut Cursor, registers: &mut [Register], epoch: i64, row: &mut [f64]) -> Option<()> {
+fn run(
+    actions: &[Action],
+    cursor: &mut Cursor,
+    registers: &mut [Register],
+    epoch: i64,
+    row: &mut [f64],
+) -> Option<()> {
     for action in actions {
         match action {
             Action::Pass(field) => cursor.pass_field(field)?,
             Action::Take(kind, to) => row[*to] = value(kind, cursor, epoch)?,
-            Action::TakeSome(kind, arity, picks) => take_some(kind, *arity, picks, cursor, registers, epoch, row)?,
+            Action::TakeSome(kind, arity, picks) => {
+                take_some(kind, *arity, picks, cursor, registers, epoch, row)?
+            }
             Action::Enter(actions) => run(actions, cursor, registers, epoch, row)?,
             Action::Remember(arity, register) => registers[*register].read(cursor, *arity)?,
             Action::EnterSome(inner, arity, picks) => {

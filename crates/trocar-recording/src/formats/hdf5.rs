@@ -50,8 +50,10 @@ pub(crate) struct Hdf5 {
 impl Hdf5 {
     pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Self, RecordingError> {
         let (file, groups) = source.guard("its structure", || {
-            let file = File::open_streaming(path).map_err(|error| refused(&source, "the superblock", &error))?;
-            let mut listing = Listing { source: &source, file: &file, length, groups: Vec::new(), listed: 0 };
+            let file = File::open_streaming(path)
+                .map_err(|error| refused(&source, "the superblock", &error))?;
+            let mut listing =
+                Listing { source: &source, file: &file, length, groups: Vec::new(), listed: 0 };
             listing.group("", 0)?;
             let groups = listing.groups;
             Ok((file, groups))
@@ -75,7 +77,8 @@ impl Container for Hdf5 {
         let mut sources = Vec::with_capacity(columns.len());
         for &column in columns {
             let name = &self.tables[table].columns[column].name;
-            let place = self.places[table][column].as_ref().ok_or_else(|| self.source.not_numeric(name))?;
+            let place =
+                self.places[table][column].as_ref().ok_or_else(|| self.source.not_numeric(name))?;
             let known = arrays.iter().position(|array| array.path == place.path);
             let at = known.unwrap_or(arrays.len());
             if known.is_none() {
@@ -93,8 +96,10 @@ impl Hdf5 {
         let refused = |error| refused(&self.source, &place.path, &error);
         let dataset = self.file.dataset(&place.path).map_err(refused)?;
         // The reader reserves memory for the length that a chunk states.
-        let chunks = if dataset.is_chunked() { dataset.chunks().unwrap_or_default() } else { Vec::new() };
-        if chunks.iter().any(|chunk| chunk.address.saturating_add(chunk.storage_size) > self.length) {
+        let chunks =
+            if dataset.is_chunked() { dataset.chunks().unwrap_or_default() } else { Vec::new() };
+        if chunks.iter().any(|chunk| chunk.address.saturating_add(chunk.storage_size) > self.length)
+        {
             return Err(self.source.damaged(&place.path, "a chunk that ends after the file"));
         }
         Array::open(dataset, place).map_err(refused)
@@ -103,15 +108,25 @@ impl Hdf5 {
 
 /// Converts an error of the reader; for HDF5 2.0 files with the newest layout it includes a
 /// workaround.
-fn refused(source: &Source, place: impl std::fmt::Display, error: &hdf5_pure::Error) -> RecordingError {
+fn refused(
+    source: &Source,
+    place: impl std::fmt::Display,
+    error: &hdf5_pure::Error,
+) -> RecordingError {
     let text = error.to_string().replace("HDF5 format error: ", "");
     let newest = ["data layout version: 5", "superblock version: 4", "unsupported"];
     if newest[..2].iter().any(|what| text.contains(what)) {
         let hint = "write it with libver='v110' (h5py), or run h5repack --high=V110 OLD.h5 NEW.h5";
-        return source.unsupported(format!("{text} at {place}, as libver='latest' of HDF5 2.0 writes it"), hint);
+        return source.unsupported(
+            format!("{text} at {place}, as libver='latest' of HDF5 2.0 writes it"),
+            hint,
+        );
     }
     match text.to_lowercase().contains(newest[2]) {
-        true => source.unsupported(format!("{text} at {place}"), "run h5repack --filter=GZIP=4 OLD.h5 NEW.h5"),
+        true => source.unsupported(
+            format!("{text} at {place}"),
+            "run h5repack --filter=GZIP=4 OLD.h5 NEW.h5",
+        ),
         false => source.damaged(place, text),
     }
 }
@@ -128,7 +143,11 @@ impl Listing<'_> {
     fn group(&mut self, path: &str, depth: usize) -> Result<(), RecordingError> {
         let shown = if path.is_empty() { "/" } else { path };
         let failed = |error| refused(self.source, shown, &error);
-        let group = if path.is_empty() { self.file.root() } else { self.file.group(path).map_err(failed)? };
+        let group = if path.is_empty() {
+            self.file.root()
+        } else {
+            self.file.group(path).map_err(failed)?
+        };
         let mut listed = Group { name: path.to_owned(), columns: Vec::new(), refused: Vec::new() };
         for name in group.datasets().map_err(failed)? {
             self.count(shown)?;
@@ -136,7 +155,9 @@ impl Listing<'_> {
             match self.file.dataset(&full).and_then(|dataset| described(&dataset)) {
                 Ok(described) => self.dataset(&mut listed, &name, full, described),
                 // An array that cannot be read does not affect the others.
-                Err(error) => listed.refused.push(format!("{name} ({})", refused(self.source, &full, &error))),
+                Err(error) => {
+                    listed.refused.push(format!("{name} ({})", refused(self.source, &full, &error)))
+                }
             }
         }
         self.groups.push(listed);
@@ -147,7 +168,10 @@ impl Listing<'_> {
             }
             self.count(shown)?;
             if depth < DEEPEST {
-                self.group(&if path.is_empty() { name } else { format!("{path}/{name}") }, depth + 1)?;
+                self.group(
+                    &if path.is_empty() { name } else { format!("{path}/{name}") },
+                    depth + 1,
+                )?;
             }
         }
         Ok(())
@@ -161,7 +185,13 @@ impl Listing<'_> {
         }
     }
 
-    fn dataset(&self, group: &mut Group<ColumnLocation>, name: &str, path: String, described: Described) {
+    fn dataset(
+        &self,
+        group: &mut Group<ColumnLocation>,
+        name: &str,
+        path: String,
+        described: Described,
+    ) {
         let Described { shape, unit, is_numeric, size, compressed, reason } = described;
         if let Some(reason) = reason {
             group.refused.push(format!("{name} ({reason})"));
@@ -181,8 +211,11 @@ impl Listing<'_> {
             group.refused.push(format!("{name} (wider than {WIDEST} columns)"));
             return;
         }
-        if rows.saturating_mul(width).saturating_mul(size) > self.length.saturating_mul(compressed) {
-            group.refused.push(format!("{name} ({rows} x {width} numbers, more than the file has bytes for)"));
+        if rows.saturating_mul(width).saturating_mul(size) > self.length.saturating_mul(compressed)
+        {
+            group.refused.push(format!(
+                "{name} ({rows} x {width} numbers, more than the file has bytes for)"
+            ));
             return;
         }
         for column in 0..width {
@@ -209,11 +242,14 @@ fn described(dataset: &Dataset) -> Result<Described, hdf5_pure::Error> {
     let kind = dataset.dtype()?;
     let attributes = dataset.attrs().unwrap_or_default();
     let class = attributes.get("MATLAB_class").and_then(text);
-    let is_object = attributes.contains_key("MATLAB_object_decode") || class.as_deref().is_some_and(is_object_class);
+    let is_object = attributes.contains_key("MATLAB_object_decode")
+        || class.as_deref().is_some_and(is_object_class);
     let reason = match (&kind, class.as_deref()) {
         _ if is_object => Some("an object; save its vectors, as in t = x.Time; y = x.Data"),
         (DType::ObjectReference, Some("cell")) => Some("a cell; save its vectors as variables"),
-        (DType::ObjectReference, _) => Some("references to other arrays, as in an array of structs"),
+        (DType::ObjectReference, _) => {
+            Some("references to other arrays, as in an array of structs")
+        }
         (DType::Compound(_), _) => Some("a compound; save each field as an array"),
         _ if attributes.contains_key("MATLAB_sparse") => Some("sparse; save full(x)"),
         _ => None,
@@ -230,7 +266,10 @@ fn described(dataset: &Dataset) -> Result<Described, hdf5_pure::Error> {
 }
 
 fn is_object_class(class: &str) -> bool {
-    matches!(class, "timeseries" | "timetable" | "table" | "datetime" | "duration" | "string" | "categorical")
+    matches!(
+        class,
+        "timeseries" | "timetable" | "table" | "datetime" | "duration" | "string" | "categorical"
+    )
 }
 
 fn text(value: &AttrValue) -> Option<String> {
@@ -240,7 +279,9 @@ fn text(value: &AttrValue) -> Option<String> {
         Value::VarLenString(text) | Value::VarLenAsciiString(text) => text,
         Value::StringSized { value, .. } | Value::AsciiStringSized { value, .. } => value,
         Value::StringArray(all) | Value::AsciiStringArray(all) if all.len() == 1 => &all[0],
-        Value::VarLenStringArray(all) | Value::VarLenAsciiStringArray(all) if all.len() == 1 => &all[0],
+        Value::VarLenStringArray(all) | Value::VarLenAsciiStringArray(all) if all.len() == 1 => {
+            &all[0]
+        }
         _ => return None,
     };
     let text = text.trim_matches(['\0', ' ']);
@@ -274,12 +315,24 @@ impl Array {
     fn open(dataset: Dataset, place: &ColumnLocation) -> Result<Self, hdf5_pure::Error> {
         let kind = dataset.dtype()?;
         let whole = place.across.then(|| numbers(&dataset, &kind, 0, u64::MAX)).transpose()?;
-        Ok(Self { path: place.path.clone(), dataset, kind, width: place.width, whole, window: Vec::new() })
+        Ok(Self {
+            path: place.path.clone(),
+            dataset,
+            kind,
+            width: place.width,
+            whole,
+            window: Vec::new(),
+        })
     }
 }
 
 /// Rows of an array as numbers.
-fn numbers(dataset: &Dataset, kind: &DType, from: u64, rows: u64) -> Result<Vec<f64>, hdf5_pure::Error> {
+fn numbers(
+    dataset: &Dataset,
+    kind: &DType,
+    from: u64,
+    rows: u64,
+) -> Result<Vec<f64>, hdf5_pure::Error> {
     Ok(match kind {
         DType::Enum(_) => dataset.read_raw_rows(from, rows)?.into_iter().map(f64::from).collect(),
         _ => dataset.read_f64_rows(from, rows)?,
@@ -313,9 +366,9 @@ impl Batches for Rows {
             let array = &self.arrays[at];
             let (from, width) = (self.row as usize, array.width as usize);
             match &array.whole {
-                Some(all) => {
-                    column.extend(all.iter().skip(k as usize * self.rows as usize + from).take(count as usize))
-                }
+                Some(all) => column.extend(
+                    all.iter().skip(k as usize * self.rows as usize + from).take(count as usize),
+                ),
                 None => column.extend(array.window.iter().skip(k as usize).step_by(width)),
             }
             if column.len() as u64 != count {

@@ -26,13 +26,27 @@ pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
     let mut placed: Placed<L> = (Vec::new(), Vec::new());
     for group in groups {
         let first = placed.0.len();
-        let longest = group.columns.iter().filter(|(column, ..)| column.is_numeric).map(|&(_, rows, _)| rows).max();
+        let longest = group
+            .columns
+            .iter()
+            .filter(|(column, ..)| column.is_numeric)
+            .map(|&(_, rows, _)| rows)
+            .max();
         for (column, rows, place) in group.columns {
             let known = placed.0[first..].iter().position(|table| table.rows == Some(rows));
             let at = known.map_or(placed.0.len(), |at| first + at);
             if known.is_none() {
-                let name = if Some(rows) == longest { group.name.clone() } else { format!("{}[{rows}]", group.name) };
-                placed.0.push(Table { name, kind: String::new(), rows: Some(rows), columns: Vec::new() });
+                let name = if Some(rows) == longest {
+                    group.name.clone()
+                } else {
+                    format!("{}[{rows}]", group.name)
+                };
+                placed.0.push(Table {
+                    name,
+                    kind: String::new(),
+                    rows: Some(rows),
+                    columns: Vec::new(),
+                });
                 placed.1.push(Vec::new());
             }
             placed.1[at].push(column.is_numeric.then_some(place));
@@ -42,7 +56,12 @@ pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
             continue;
         }
         if placed.0.len() == first {
-            let empty = Table { name: group.name.clone(), kind: String::new(), rows: None, columns: Vec::new() };
+            let empty = Table {
+                name: group.name.clone(),
+                kind: String::new(),
+                rows: None,
+                columns: Vec::new(),
+            };
             placed.0.push(empty);
             placed.1.push(Vec::new());
         }

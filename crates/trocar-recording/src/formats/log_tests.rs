@@ -1,4 +1,5 @@
-//! Robot logs written by Python's mcap, mcap-ros2-support and rosbags (`tests/bags/make.py`): the motion in them is known.
+//! Robot logs written by Python's mcap, mcap-ros2-support and rosbags (`tests/bags/make.py`): the
+//! motion in them is known.
 
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -9,7 +10,8 @@ use crate::{RecordingError, Table};
 
 use super::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME, mcap, ros1, rosbag};
 
-/// Difference allowed between a value read and the one written, in its own unit: the last bits of a sine.
+/// Difference allowed between a value read and the one written, in its own unit: the last bits of a
+/// sine.
 const EXACT: f64 = 1e-12;
 
 /// As in `make.py`, ns.
@@ -50,20 +52,30 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
 }
 
 fn table<'a>(log: &'a dyn Container, topic: &str) -> (usize, &'a Table) {
-    log.tables().iter().enumerate().find(|(_, table)| table.name == topic).expect("a topic of the log")
+    log.tables()
+        .iter()
+        .enumerate()
+        .find(|(_, table)| table.name == topic)
+        .expect("a topic of the log")
 }
 
 /// Columns of a topic from its first row to its last, and the losses.
 fn read(log: &dyn Container, topic: &str, names: &[&str]) -> (Vec<Vec<f64>>, Vec<String>) {
     let (place, table) = table(log, topic);
-    let find = |name: &&str| table.columns.iter().position(|column| column.name == **name).expect("a column");
+    let find = |name: &&str| {
+        table.columns.iter().position(|column| column.name == **name).expect("a column")
+    };
     let columns: Vec<usize> = names.iter().map(find).collect();
     read_places(log, place, &columns).expect("a whole log")
 }
 
 type Columns = (Vec<Vec<f64>>, Vec<String>);
 
-fn read_places(log: &dyn Container, table: usize, columns: &[usize]) -> Result<Columns, RecordingError> {
+fn read_places(
+    log: &dyn Container,
+    table: usize,
+    columns: &[usize],
+) -> Result<Columns, RecordingError> {
     let mut batches = log.open(table, columns)?;
     let mut all = vec![Vec::new(); columns.len()];
     let mut batch = vec![Vec::new(); columns.len()];
@@ -102,8 +114,14 @@ fn joints_are_what_python_wrote() {
     for (name, has_all) in LOGS {
         let log = open(&fixture(name)).unwrap();
         assert_eq!(log.warnings(), [""; 0], "{name}");
-        let names =
-            [HEADER_STAMP, LOG_TIME, "position[insertion]", "effort[insertion]", "position[yaw]", "position[outer]"];
+        let names = [
+            HEADER_STAMP,
+            LOG_TIME,
+            "position[insertion]",
+            "effort[insertion]",
+            "position[yaw]",
+            "position[outer]",
+        ];
         let (columns, warnings) = read(&*log, "/psm1/measured_js", &names);
         assert_eq!(warnings, [""; 0], "{name}");
         let found = columns[0].len();
@@ -124,8 +142,10 @@ fn joints_are_what_python_wrote() {
 fn forces_keep_their_gap_and_arrays_their_places() {
     for (name, _) in LOGS.iter().filter(|(_, has_all)| *has_all) {
         let log = open(&fixture(name)).unwrap();
-        let (force, _) = read(&*log, "/psm1/measured_cf", &[HEADER_STAMP, "wrench.force.z", "wrench.force.x"]);
-        let samples: Vec<i64> = (0..2 * SAMPLES as i64 / 5).filter(|k| !(20..28).contains(k)).collect();
+        let (force, _) =
+            read(&*log, "/psm1/measured_cf", &[HEADER_STAMP, "wrench.force.z", "wrench.force.x"]);
+        let samples: Vec<i64> =
+            (0..2 * SAMPLES as i64 / 5).filter(|k| !(20..28).contains(k)).collect();
         assert_eq!(force[0].len(), samples.len(), "{name}");
         for (row, k) in samples.iter().enumerate() {
             let t = k * 5_000_000 + 1_000_000;
@@ -134,7 +154,10 @@ fn forces_keep_their_gap_and_arrays_their_places() {
             assert_near(force[2][row], 0.25, name);
         }
         let (levels, _) = read(&*log, "/levels", &["data[0]", "data[1]"]);
-        assert!((0..SAMPLES / 10).all(|k| levels[0][k] == k as f64 && levels[1][k] == k as f64 + 0.5), "{name}");
+        assert!(
+            (0..SAMPLES / 10).all(|k| levels[0][k] == k as f64 && levels[1][k] == k as f64 + 0.5),
+            "{name}"
+        );
         let (load, _) = read(&*log, "/load", &[LOG_TIME, "data"]);
         for (k, row) in rows(&load) {
             let log_time = k as i64 * 10_000_000 + latency(k);
@@ -160,7 +183,11 @@ fn columns_have_the_units_of_their_types() {
     assert_eq!(unit("/psm1/measured_cp", "pose.orientation.w"), None);
     assert_eq!(unit("/sim/measured_cv", "twist.linear.z").as_deref(), Some("m/s"));
     assert_eq!(unit("/sim/measured_cv", "twist.angular.z").as_deref(), Some("rad/s"));
-    assert_eq!(unit("/psm1/measured_js", "position[insertion]"), None, "m or rad: the message does not say");
+    assert_eq!(
+        unit("/psm1/measured_js", "position[insertion]"),
+        None,
+        "m or rad: the message does not say"
+    );
     let (_, joints) = table(&*log, "/psm1/measured_js");
     assert_eq!((&*joints.kind, joints.rows), ("sensor_msgs/msg/JointState", Some(SAMPLES as u64)));
 }
@@ -172,7 +199,10 @@ fn text_is_listed_and_refused() {
     let text = state.columns.iter().position(|column| column.name == "data").unwrap();
     assert!(!state.columns[text].is_numeric);
     let error = log.open(place, &[text]).err().expect("text is no number").to_string();
-    assert!(error.contains("column 'data of /state' of this ROS 2 bag (folder) file holds no numbers"), "{error}");
+    assert!(
+        error.contains("column 'data of /state' of this ROS 2 bag (folder) file holds no numbers"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -180,13 +210,18 @@ fn one_column_alone_is_the_same_as_among_all() {
     for name in ["plain.mcap", "sqlite", "json.mcap"] {
         let log = open(&fixture(name)).unwrap();
         for (place, table) in log.tables().iter().enumerate() {
-            let numeric: Vec<usize> = (0..table.columns.len()).filter(|&k| table.columns[k].is_numeric).collect();
+            let numeric: Vec<usize> =
+                (0..table.columns.len()).filter(|&k| table.columns[k].is_numeric).collect();
             let (all, _) = read_places(&*log, place, &numeric).unwrap();
             let backwards: Vec<usize> = numeric.iter().rev().copied().collect();
             let (turned, _) = read_places(&*log, place, &backwards).unwrap();
             for (at, column) in numeric.iter().enumerate() {
                 let (alone, _) = read_places(&*log, place, &[*column]).unwrap();
-                assert_eq!(alone[0], all[at], "{name} {} {}", table.name, table.columns[*column].name);
+                assert_eq!(
+                    alone[0], all[at],
+                    "{name} {} {}",
+                    table.name, table.columns[*column].name
+                );
                 assert_eq!(alone[0], turned[numeric.len() - 1 - at], "{name} {}", table.name);
             }
         }
@@ -197,12 +232,23 @@ fn one_column_alone_is_the_same_as_among_all() {
 fn every_kind_of_field_is_found_behind_every_other_in_both_byte_orders() {
     let log = open(&fixture("odd.mcap")).unwrap();
     for topic in ["/little", "/big"] {
-        let numbers = ["on", "small", "big", "bytes[2]", "ratio", "parts[1].size", "pair[1].flag", "span_s", "tip.y"];
+        let numbers = [
+            "on",
+            "small",
+            "big",
+            "bytes[2]",
+            "ratio",
+            "parts[1].size",
+            "pair[1].flag",
+            "span_s",
+            "tip.y",
+        ];
         let (columns, warnings) = read(&*log, topic, &numbers);
         assert_eq!(warnings, [""; 0]);
         for row in 0..20 {
             let k = row as f64;
-            let expected = [k % 2.0, -k, k * 1e10, k + 2.0, k / 4.0, k + 1.5, 20.0 + k, k + 0.5, -0.5 * k];
+            let expected =
+                [k % 2.0, -k, k * 1e10, k + 2.0, k / 4.0, k + 1.5, 20.0 + k, k + 0.5, -0.5 * k];
             let found: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             assert_eq!(found, expected, "{topic} {row}");
         }
@@ -220,22 +266,36 @@ fn every_kind_of_field_is_found_behind_every_other_in_both_byte_orders() {
 fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
     for name in ["zstd.mcap", "disordered.mcap", "sqlite"] {
         let log = open(&fixture(name)).unwrap();
-        let (columns, joined) =
-            joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/psm1/measured_cf", "wrench.force.z")]);
+        let (columns, joined) = joined(
+            &*log,
+            [("/psm1/measured_js", "position[insertion]"), ("/psm1/measured_cf", "wrench.force.z")],
+        );
         assert_eq!(joined.clock, HEADER_STAMP);
         // The first and the last row are outside of the times of the force.
-        assert_eq!((joined.warnings.len(), columns[0].len()), (0, SAMPLES - 2), "{name}: {:?}", joined.warnings);
+        assert_eq!(
+            (joined.warnings.len(), columns[0].len()),
+            (0, SAMPLES - 2),
+            "{name}: {:?}",
+            joined.warnings
+        );
         for (k, row) in rows(&columns) {
             let t = (k as i64 + 1) * 2_000_000;
             assert_near(row[0], since_first(t), name);
             assert_near(row[1], position(t), name);
             // Samples are at 1 ms + 5 ms k, of which 20 to 27 are missing.
-            let is_known = (1_000_000..=96_000_000).contains(&t) || (141_000_000..=196_000_000).contains(&t);
+            let is_known =
+                (1_000_000..=96_000_000).contains(&t) || (141_000_000..=196_000_000).contains(&t);
             assert_eq!(row[2].is_finite(), is_known, "{name}: {t} ns");
-            assert!(!is_known || (row[2] - (20.0 * position(t) - 2.0)).abs() < BENT, "{name}: {t} ns");
+            assert!(
+                !is_known || (row[2] - (20.0 * position(t) - 2.0)).abs() < BENT,
+                "{name}: {t} ns"
+            );
         }
         let notes = joined.batches.notes();
-        assert!(notes[1].starts_with("2 rows before the first sample of /psm1/measured_cf"), "{name}: {notes:?}");
+        assert!(
+            notes[1].starts_with("2 rows before the first sample of /psm1/measured_cf"),
+            "{name}: {notes:?}"
+        );
         assert!(notes[2].contains("at 22 rows in gaps"), "{name}: {notes:?}");
     }
 }
@@ -247,12 +307,15 @@ const BENT: f64 = 3.2e-5;
 #[test]
 fn topics_of_different_clocks_are_joined_on_the_logs_time() {
     let log = open(&fixture("zstd.mcap")).unwrap();
-    let (columns, joined) =
-        joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/sim/measured_cv", "twist.linear.z")]);
+    let (columns, joined) = joined(
+        &*log,
+        [("/psm1/measured_js", "position[insertion]"), ("/sim/measured_cv", "twist.linear.z")],
+    );
     assert_eq!(joined.clock, LOG_TIME);
     assert!(joined.notes[0].contains("of different clocks"), "{:?}", joined.notes);
     assert_near(columns[0][1], since_first(2_000_000 + latency(1)), "log time");
-    let (_, joined) = self::joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/load", "data")]);
+    let (_, joined) =
+        self::joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/load", "data")]);
     assert!(joined.notes[0].contains("/load has no header.stamp_s"), "{:?}", joined.notes);
 }
 
@@ -282,7 +345,11 @@ fn json_is_read_and_other_encodings_are_named() {
         assert_eq!((row[2], row[3]), (k as f64, 1.0));
     }
     assert_eq!(log.warnings().len(), 1);
-    assert!(log.warnings()[0].contains("topic /other: its messages are written in protobuf"), "{:?}", log.warnings());
+    assert!(
+        log.warnings()[0].contains("topic /other: its messages are written in protobuf"),
+        "{:?}",
+        log.warnings()
+    );
 }
 
 #[test]
@@ -294,12 +361,19 @@ fn stamps_of_another_clock_count_from_their_own_first() {
         assert_near(columns[1][1], since_first(20_000_000 + latency(1)), name);
         let clock = |topic: &str| {
             let (place, table) = table(&*log, topic);
-            log.clock(place, table.columns.iter().position(|column| column.name == HEADER_STAMP).unwrap())
+            log.clock(
+                place,
+                table.columns.iter().position(|column| column.name == HEADER_STAMP).unwrap(),
+            )
         };
         assert_ne!(clock("/sim/measured_cv"), clock("/psm1/measured_js"));
         let first = format!("times count from {} ns", START + LATENCY);
         assert!(log.notes().iter().any(|note| note.contains(&first)), "{:?}", log.notes());
-        assert!(log.notes().iter().any(|note| note.contains("/sim/measured_cv") && note.contains("5000000000 ns")));
+        assert!(
+            log.notes()
+                .iter()
+                .any(|note| note.contains("/sim/measured_cv") && note.contains("5000000000 ns"))
+        );
     }
 }
 
@@ -333,8 +407,10 @@ fn a_damaged_chunk_is_left_out_and_counted() {
     let (columns, warnings) = read(&*log, "/psm1/measured_js", &["position[insertion]"]);
     assert!(columns[0].len() < SAMPLES && columns[0].len() > SAMPLES / 2);
     assert!(warnings[0].starts_with("1 damaged chunk"), "{warnings:?}");
-    let counted =
-        format!("{} messages of /psm1/measured_js were found, and the file's index counts 100", columns[0].len());
+    let counted = format!(
+        "{} messages of /psm1/measured_js were found, and the file's index counts 100",
+        columns[0].len()
+    );
     assert!(warnings.contains(&counted), "{warnings:?}");
 }
 
@@ -344,8 +420,17 @@ fn a_damaged_chunk_is_left_out_and_counted() {
 fn no_damage_panics() {
     const VARIANTS: u64 = 200;
     let folder = tempfile::tempdir().unwrap();
-    let files = ["zstd.mcap", "lz4.mcap", "plain.mcap", "unchunked.mcap", "bare.mcap", "disordered.mcap", "json.mcap"];
-    let bases = ["sqlite/sqlite.db3", "old.db3", "compressed/compressed.db3", "big_endian/big_endian.db3"];
+    let files = [
+        "zstd.mcap",
+        "lz4.mcap",
+        "plain.mcap",
+        "unchunked.mcap",
+        "bare.mcap",
+        "disordered.mcap",
+        "json.mcap",
+    ];
+    let bases =
+        ["sqlite/sqlite.db3", "old.db3", "compressed/compressed.db3", "big_endian/big_endian.db3"];
     for name in files.into_iter().chain(bases).chain(["mcap/mcap.mcap"]) {
         let bytes = std::fs::read(fixture(name)).unwrap();
         let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
@@ -377,7 +462,8 @@ fn no_damage_panics() {
 fn look_at_everything(path: &Path) {
     let Ok(log) = open(path) else { return };
     for (place, table) in log.tables().iter().enumerate() {
-        let numeric: Vec<usize> = (0..table.columns.len()).filter(|&k| table.columns[k].is_numeric).collect();
+        let numeric: Vec<usize> =
+            (0..table.columns.len()).filter(|&k| table.columns[k].is_numeric).collect();
         if let Ok((columns, _)) = read_places(&*log, place, &numeric) {
             assert!(columns.iter().all(|column| column.len() == columns[0].len()));
         }
@@ -416,7 +502,8 @@ fn ros_1_bags_without_an_index_are_read_as_far_as_they_go() {
         std::fs::write(&path, bytes).unwrap();
         let log = open(&path).unwrap();
         assert!(log.warnings()[0].contains("no whole index"), "{:?}", log.warnings());
-        let (columns, warnings) = read(&*log, "/psm1/measured_js", &[HEADER_STAMP, "position[insertion]"]);
+        let (columns, warnings) =
+            read(&*log, "/psm1/measured_js", &[HEADER_STAMP, "position[insertion]"]);
         assert_eq!(warnings, [""; 0]);
         assert!(columns[0].len() >= least, "{} rows", columns[0].len());
         for (k, row) in rows(&columns) {
@@ -452,5 +539,8 @@ fn a_ros_1_bag_of_another_version_says_what_to_do() {
     std::fs::write(&path, b"#ROSBAG V1.2\n and more bytes").unwrap();
     let error = open(&path).err().unwrap().to_string();
     assert!(error.contains("begins with '#ROSBAG V1.2', expected '#ROSBAG V2.0'"), "{error}");
-    assert!(error.contains("hint: bring a bag of an older version up to date with rosbag fix"), "{error}");
+    assert!(
+        error.contains("hint: bring a bag of an older version up to date with rosbag fix"),
+        "{error}"
+    );
 }

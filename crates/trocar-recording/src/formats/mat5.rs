@@ -20,7 +20,8 @@ use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
 pub(crate) const SAVE_AGAIN: &str = "save it again with -v7 or -v7.3";
 
 /// Workaround for a time series, a timetable and other objects.
-const OBJECT: &str = "an object; save its vectors, as in t = x.Time; y = x.Data; save('run.mat', 't', 'y')";
+const OBJECT: &str =
+    "an object; save its vectors, as in t = x.Time; y = x.Data; save('run.mat', 't', 'y')";
 
 /// Text, an offset, the version and the byte order.
 const HEADER: u64 = 128;
@@ -35,7 +36,8 @@ const MOST: usize = 1 << 16;
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 
-/// Whether the first bytes are those of a file of MATLAB 4: type, rows, columns, complex or not, length of the name.
+/// Whether the first bytes are those of a file of MATLAB 4: type, rows, columns, complex or not,
+/// length of the name.
 pub(crate) fn is_version_4(head: &[u8]) -> bool {
     let field = |k: usize, big: bool| -> Option<u32> {
         let bytes: [u8; 4] = head.get(4 * k..4 * k + 4)?.try_into().ok()?;
@@ -43,11 +45,21 @@ pub(crate) fn is_version_4(head: &[u8]) -> bool {
     };
     let fits = |big: bool| -> Option<bool> {
         let (kind, name) = (field(0, big)?, field(4, big)? as usize);
-        let order = kind / 1000 == u32::from(big) && kind / 100 % 10 == 0 && kind / 10 % 10 <= 5 && kind % 10 <= 2;
+        let order = kind / 1000 == u32::from(big)
+            && kind / 100 % 10 == 0
+            && kind / 10 % 10 <= 5
+            && kind % 10 <= 2;
         let text = head.get(20..20 + name.checked_sub(1)?)?;
         let is_name = name > 1 && head.get(19 + name) == Some(&0);
         let word = text.iter().all(|byte| byte.is_ascii_alphanumeric() || *byte == b'_');
-        Some(order && field(3, big)? <= 1 && field(1, big)? > 0 && field(2, big)? > 0 && is_name && word)
+        Some(
+            order
+                && field(3, big)? <= 1
+                && field(1, big)? > 0
+                && field(2, big)? > 0
+                && is_name
+                && word,
+        )
     };
     fits(false) == Some(true) || fits(true) == Some(true)
 }
@@ -149,17 +161,22 @@ impl Mat5 {
     pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
         let file = Arc::new(file);
         let mut order = [0; 2];
-        super::read_exact_at(&file, &mut order, 126).map_err(|error| source.damaged("the header", error))?;
+        super::read_exact_at(&file, &mut order, 126)
+            .map_err(|error| source.damaged("the header", error))?;
         let big = &order == b"MI";
         let mut listing = Listing { source: &source, big, groups: vec![group("")], arrays: 0 };
         let mut at = HEADER;
         while at < length {
             let mut tag = [0; 8];
             let place = format!("byte {at}");
-            super::read_exact_at(&file, &mut tag, at).map_err(|error| source.damaged(&place, error))?;
+            super::read_exact_at(&file, &mut tag, at)
+                .map_err(|error| source.damaged(&place, error))?;
             let (kind, bytes) = (word(&tag[..4], big), u64::from(word(&tag[4..], big)));
             if at + 8 + bytes > length {
-                let found = format!("a data element of {bytes} bytes, the file has {} more", length - at - 8);
+                let found = format!(
+                    "a data element of {bytes} bytes, the file has {} more",
+                    length - at - 8
+                );
                 return Err(source.damaged(place, found));
             }
             if cfg!(not(feature = "gzip")) && kind == COMPRESSED {
@@ -169,7 +186,12 @@ impl Mat5 {
             let element = Element { at: at + 8, bytes, compressed: kind == COMPRESSED };
             match kind {
                 MATRIX | COMPRESSED => listing.element(&file, element)?,
-                _ => return Err(source.damaged(place, format!("a data element of type {kind}, expected 14 or 15"))),
+                _ => {
+                    return Err(source.damaged(
+                        place,
+                        format!("a data element of type {kind}, expected 14 or 15"),
+                    ));
+                }
             }
             // Elements are padded to 8 bytes; compressed ones are not.
             at += 8 + if kind == COMPRESSED { bytes } else { bytes.next_multiple_of(8) };
@@ -202,14 +224,21 @@ impl Container for Mat5 {
                 ColumnData::Held(numbers) => Cells::Held(numbers.clone()),
                 ColumnData::Stream { element, skip, storage, stride, rows } => {
                     let mut bytes = stream(&self.file, *element);
-                    pass(&mut bytes, *skip).map_err(|error| self.source.damaged(format!("variable {name}"), error))?;
+                    pass(&mut bytes, *skip)
+                        .map_err(|error| self.source.damaged(format!("variable {name}"), error))?;
                     Cells::Stream { bytes, storage: *storage, stride: *stride, left: *rows }
                 }
             };
             Ok((name.clone(), cells))
         };
         let cells = columns.iter().map(column).collect::<Result<Vec<_>, RecordingError>>()?;
-        Ok(Box::new(Rows { source: self.source.clone(), big: self.big, cells, row: 0, piece: Vec::new() }))
+        Ok(Box::new(Rows {
+            source: self.source.clone(),
+            big: self.big,
+            cells,
+            row: 0,
+            piece: Vec::new(),
+        }))
     }
 }
 
@@ -224,8 +253,10 @@ fn word(bytes: &[u8], big: bool) -> u32 {
 
 /// The bytes of a data element, decompressed.
 fn stream(file: &Arc<File>, element: Element) -> Box<dyn Read + Send> {
-    let part =
-        BufReader::with_capacity(1 << 16, FileSection { file: file.clone(), at: element.at, left: element.bytes });
+    let part = BufReader::with_capacity(
+        1 << 16,
+        FileSection { file: file.clone(), at: element.at, left: element.bytes },
+    );
     #[cfg(feature = "gzip")]
     if element.compressed {
         return Box::new(BufReader::new(flate2::bufread::ZlibDecoder::new(part)));
@@ -388,12 +419,17 @@ impl Listing<'_> {
 
     fn head(&self, walk: &mut Walk, end: u64) -> io::Result<Head> {
         let flags = self.data(walk, 8)?;
-        let flags = if flags.len() >= 4 { word(&flags, self.big) } else { return Err(invalid("no array flags")) };
+        let flags = if flags.len() >= 4 {
+            word(&flags, self.big)
+        } else {
+            return Err(invalid("no array flags"));
+        };
         let (class, complex) = ((flags & 0xff) as u8, flags & 0x800 != 0);
         let mut head = Head { class, complex, dimensions: Vec::new(), name: String::new(), end };
         if class != OPAQUE {
             let sides = self.data(walk, 4 * 32)?;
-            head.dimensions = sides.chunks_exact(4).map(|side| u64::from(word(side, self.big))).collect();
+            head.dimensions =
+                sides.chunks_exact(4).map(|side| u64::from(word(side, self.big))).collect();
         }
         head.name = String::from_utf8_lossy(&self.data(walk, 1 << 10)?).into_owned();
         Ok(head)
@@ -452,9 +488,12 @@ impl Listing<'_> {
             return Ok(());
         }
         let tag = self.tag(walk)?;
-        let storage = Storage::of(tag.kind).ok_or_else(|| invalid("numbers of no known storage type"))?;
+        let storage =
+            Storage::of(tag.kind).ok_or_else(|| invalid("numbers of no known storage type"))?;
         let count = head.count().ok_or_else(|| invalid("more numbers than there can be"))?;
-        if tag.bytes != count.saturating_mul(storage.size() as u64) || tag.from + tag.bytes > head.end {
+        if tag.bytes != count.saturating_mul(storage.size() as u64)
+            || tag.from + tag.bytes > head.end
+        {
             return Err(invalid("another number of values than the dimensions say"));
         }
         let [rows, columns] = match head.dimensions[..] {
@@ -550,14 +589,19 @@ impl Listing<'_> {
             for (field, numbers) in names.iter().zip(&mut held) {
                 let name = format!("{path}.{field}");
                 let before = self.groups[own].columns.len();
-                let single = self.single(walk, &Position { group: own, name: &name, depth: position.depth + 1 })?;
+                let single = self.single(
+                    walk,
+                    &Position { group: own, name: &name, depth: position.depth + 1 },
+                )?;
                 if single.is_some() {
                     self.groups[own].columns.truncate(before);
                 }
                 numbers.extend(single);
             }
         }
-        for (name, numbers) in names.iter().zip(held).filter(|(_, numbers)| numbers.len() as u64 == count) {
+        for (name, numbers) in
+            names.iter().zip(held).filter(|(_, numbers)| numbers.len() as u64 == count)
+        {
             let column = Column { name: name.clone(), unit: None, is_numeric: true };
             self.groups[group].columns.push((column, count, ColumnData::Held(numbers)));
         }
@@ -579,7 +623,8 @@ impl Listing<'_> {
         let mut data = vec![0; tag.bytes as usize];
         walk.bytes.read_exact(&mut data)?;
         walk.at = end;
-        let mut inner = Walk { bytes: Box::new(io::Cursor::new(data)), at: tag.from, element: walk.element };
+        let mut inner =
+            Walk { bytes: Box::new(io::Cursor::new(data)), at: tag.from, element: walk.element };
         let head = self.head(&mut inner, end)?;
         if head.count() == Some(1) && (DOUBLE..=UINT64).contains(&head.class) && !head.complex {
             let storage = self.tag(&mut inner)?;
@@ -593,7 +638,12 @@ impl Listing<'_> {
     }
 
     /// A short array that is not a single number, from the end of its header on.
-    fn short(&mut self, mut walk: Walk, head: &Head, position: &Position<'_>) -> io::Result<Option<f64>> {
+    fn short(
+        &mut self,
+        mut walk: Walk,
+        head: &Head,
+        position: &Position<'_>,
+    ) -> io::Result<Option<f64>> {
         match head.class {
             CELL => self.cells(&mut walk, head, position)?,
             STRUCT => self.structs(&mut walk, head, position)?,
@@ -646,7 +696,12 @@ impl Batches for Rows {
 }
 
 /// Reads up to a batch of numbers of one column.
-fn next_of(cells: &mut Cells, column: &mut Vec<f64>, piece: &mut Vec<u8>, big: bool) -> io::Result<()> {
+fn next_of(
+    cells: &mut Cells,
+    column: &mut Vec<f64>,
+    piece: &mut Vec<u8>,
+    big: bool,
+) -> io::Result<()> {
     match cells {
         Cells::Held(numbers) => {
             let rest = numbers.split_off(numbers.len().min(BATCH_ROWS));

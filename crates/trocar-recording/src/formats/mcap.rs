@@ -28,7 +28,8 @@ const RECORD_HEAD: usize = 9;
 const FOOTER: usize = RECORD_HEAD + 20;
 const MESSAGE_HEAD: usize = 22;
 
-/// Largest chunk and largest index accepted, in bytes: a damaged length must not ask for all memory.
+/// Largest chunk and largest index accepted, in bytes: a damaged length must not ask for all
+/// memory.
 const LARGEST: u64 = 1 << 30;
 
 /// Bytes of messages without chunks that are decoded at a time.
@@ -55,7 +56,9 @@ struct Piece {
 
 impl Piece {
     fn may_hold(&self, channels: &[u16]) -> bool {
-        self.channels.as_ref().is_none_or(|held| channels.iter().any(|channel| held.binary_search(channel).is_ok()))
+        self.channels
+            .as_ref()
+            .is_none_or(|held| channels.iter().any(|channel| held.binary_search(channel).is_ok()))
     }
 }
 
@@ -160,7 +163,8 @@ impl McapFile {
                 rows: counted,
                 has_publish_time: true,
             };
-            let (topic, problem) = Topic::new(&description, index.first.get(&group[0]).map(|first| &first[..]));
+            let (topic, problem) =
+                Topic::new(&description, index.first.get(&group[0]).map(|first| &first[..]));
             topics.push(topic);
             warnings.extend(problem);
         }
@@ -202,7 +206,8 @@ impl McapFile {
     /// The chunks that contain a topic, in sequence.
     pub(crate) fn blocks(&self, table: usize, extractor: Extractor) -> Box<dyn Blocks> {
         let channels = self.channels[table].clone();
-        let pieces = self.pieces.iter().filter(|piece| piece.may_hold(&channels)).cloned().collect();
+        let pieces =
+            self.pieces.iter().filter(|piece| piece.may_hold(&channels)).cloned().collect();
         Box::new(Chunks {
             path: self.path.clone(),
             channels,
@@ -258,9 +263,15 @@ fn read_index(input: &mut File, size: u64) -> std::io::Result<Option<Index>> {
     let mut footer = vec![0; tail as usize];
     input.read_exact(&mut footer)?;
     let (record, magic) = footer.split_at(FOOTER);
-    let Some(Record::Footer(footer)) = parse(record[0], &record[RECORD_HEAD..]) else { return Ok(None) };
+    let Some(Record::Footer(footer)) = parse(record[0], &record[RECORD_HEAD..]) else {
+        return Ok(None);
+    };
     let from = footer.summary_start;
-    if magic != MAGIC || from < MAGIC.len() as u64 || from > size - tail || size - tail - from > LARGEST {
+    if magic != MAGIC
+        || from < MAGIC.len() as u64
+        || from > size - tail
+        || size - tail - from > LARGEST
+    {
         return Ok(None);
     }
     input.seek(SeekFrom::Start(from))?;
@@ -297,8 +308,12 @@ fn parse_index(summary: &[u8], data_end: u64) -> Option<Index> {
         }
     }
     let statistics = statistics.filter(|found| found.chunk_count > 0 && found.message_count > 0)?;
-    let is_complete = index.pieces.len() == statistics.chunk_count as usize && !index.channels.is_empty();
-    let knows_schemas = index.channels.values().all(|c| c.schema_id == 0 || index.schemas.contains_key(&c.schema_id));
+    let is_complete =
+        index.pieces.len() == statistics.chunk_count as usize && !index.channels.is_empty();
+    let knows_schemas = index
+        .channels
+        .values()
+        .all(|c| c.schema_id == 0 || index.schemas.contains_key(&c.schema_id));
     index.counts = statistics.channel_message_counts;
     index.start = Some(statistics.message_start_time);
     (rest.is_empty() && is_complete && knows_schemas).then_some(index)
@@ -333,7 +348,8 @@ fn split_message(body: &[u8]) -> Option<(u16, u64, u64, &[u8])> {
     Some((u16::from_le_bytes([head[0], head[1]]), time(6)?, time(14)?, payload))
 }
 
-/// Parses a record. Its texts have to end within it: the parser reserves memory for the lengths that they state.
+/// Parses a record. Its texts have to end within it: the parser reserves memory for the lengths
+/// that they state.
 fn parse(code: u8, body: &[u8]) -> Option<Record<'_>> {
     match code {
         op::SCHEMA => after_text(after_text(body.get(2..)?)?).map(drop)?,
@@ -363,7 +379,11 @@ impl Index {
     fn learn(&mut self, code: u8, body: &[u8]) -> Option<()> {
         match parse(code, body)? {
             Record::Schema { header, data } => {
-                let schema = Schema { name: header.name, encoding: header.encoding, data: data.into_owned() };
+                let schema = Schema {
+                    name: header.name,
+                    encoding: header.encoding,
+                    data: data.into_owned(),
+                };
                 self.schemas.entry(header.id).or_insert(schema);
             }
             Record::Channel(channel) => {
@@ -403,7 +423,8 @@ fn walk(path: &Path, size: u64) -> std::io::Result<Index> {
         if length > rest || head[0] == 0 {
             break false;
         }
-        let is_wanted = matches!(head[0], op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK) && length <= LARGEST;
+        let is_wanted = matches!(head[0], op::SCHEMA | op::CHANNEL | op::MESSAGE | op::CHUNK)
+            && length <= LARGEST;
         if is_wanted {
             body.resize(length as usize, 0);
             input.read_exact(&mut body)?;
@@ -464,7 +485,15 @@ impl Walker {
         let mut records = Vec::new();
         decompress(body, LARGEST, &mut records)?;
         let (start, end, decompressed) = (u64::MAX, 0, records.len() as u64);
-        let mut piece = Piece { at, length, decompressed, start, end, channels: Some(Vec::new()), is_chunk: true };
+        let mut piece = Piece {
+            at,
+            length,
+            decompressed,
+            start,
+            end,
+            channels: Some(Vec::new()),
+            is_chunk: true,
+        };
         let mut rest = &records[..];
         while let Some((code, body, after)) = split_record(rest) {
             rest = after;
@@ -500,7 +529,9 @@ impl Piece {
     fn add(&mut self, (channel, log, ..): (u16, u64, u64, &[u8])) {
         self.start = self.start.min(log);
         self.end = self.end.max(log);
-        if let Some(Err(place)) = self.channels.as_ref().map(|channels| channels.binary_search(&channel)) {
+        if let Some(Err(place)) =
+            self.channels.as_ref().map(|channels| channels.binary_search(&channel))
+        {
             self.channels.get_or_insert_default().insert(place, channel);
         }
     }
@@ -509,14 +540,17 @@ impl Piece {
 fn damage(pieces: u64, bytes: u64) -> Option<String> {
     let megabytes = bytes as f64 / 1e6;
     let plural = if pieces == 1 { "" } else { "s" };
-    (pieces > 0).then(|| format!("{pieces} damaged chunk{plural} or record{plural} of {megabytes:.3} MB left out"))
+    (pieces > 0).then(|| {
+        format!("{pieces} damaged chunk{plural} or record{plural} of {megabytes:.3} MB left out")
+    })
 }
 
 /// Finds the first message of each channel for which it is unknown, in the first readable chunk.
 fn find_first(path: &Path, index: &mut Index) {
     let Ok(mut input) = File::open(path) else { return };
     let mut buffers = Buffers::default();
-    let wanted: Vec<u16> = index.channels.keys().copied().filter(|id| index.counts.get(id) != Some(&0)).collect();
+    let wanted: Vec<u16> =
+        index.channels.keys().copied().filter(|id| index.counts.get(id) != Some(&0)).collect();
     for id in wanted {
         for piece in index.pieces.iter().filter(|piece| piece.may_hold(&[id])) {
             if index.first.contains_key(&id) {
@@ -526,7 +560,9 @@ fn find_first(path: &Path, index: &mut Index) {
             let mut rest = records;
             while let Some((code, body, after)) = split_record(rest) {
                 rest = after;
-                if let Some((channel, _, _, payload)) = split_message(body).filter(|_| code == op::MESSAGE) {
+                if let Some((channel, _, _, payload)) =
+                    split_message(body).filter(|_| code == op::MESSAGE)
+                {
                     index.first.entry(channel).or_insert_with(|| payload.to_vec());
                 }
             }
@@ -534,10 +570,12 @@ fn find_first(path: &Path, index: &mut Index) {
     }
 }
 
-/// The records in the body of a chunk, of at most `most` bytes; `None` when they cannot be decompressed or their checksum differs.
+/// The records in the body of a chunk, of at most `most` bytes; `None` when they cannot be
+/// decompressed or their checksum differs.
 fn decompress(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
     let Some(Record::Chunk { header, data }) = parse(op::CHUNK, body) else { return None };
-    let size = usize::try_from(header.uncompressed_size).ok().filter(|&size| size as u64 <= most)?;
+    let size =
+        usize::try_from(header.uncompressed_size).ok().filter(|&size| size as u64 <= most)?;
     records.clear();
     match &*header.compression {
         "" => records.extend_from_slice(&data),
@@ -548,7 +586,8 @@ fn decompress(body: &[u8], most: u64, records: &mut Vec<u8>) -> Option<()> {
         }
         _ => return None,
     }
-    let is_right = header.uncompressed_crc == 0 || crc32fast::hash(records) == header.uncompressed_crc;
+    let is_right =
+        header.uncompressed_crc == 0 || crc32fast::hash(records) == header.uncompressed_crc;
     (records.len() == size && is_right).then_some(())
 }
 
@@ -572,7 +611,8 @@ impl Buffers {
             return Ok(Some(&self.compressed));
         }
         let Some((op::CHUNK, body, [])) = split_record(&self.compressed) else { return Ok(None) };
-        Ok(decompress(body, piece.decompressed.min(LARGEST), &mut self.decompressed).map(|()| &self.decompressed[..]))
+        Ok(decompress(body, piece.decompressed.min(LARGEST), &mut self.decompressed)
+            .map(|()| &self.decompressed[..]))
     }
 }
 
@@ -621,7 +661,8 @@ fn block(records: &[u8], channels: &[u16], extractor: &mut Extractor) -> Block {
     let mut rest = records;
     while let Some((code, body, after)) = split_record(rest) {
         rest = after;
-        let message = split_message(body).filter(|(channel, ..)| code == op::MESSAGE && channels.contains(channel));
+        let message = split_message(body)
+            .filter(|(channel, ..)| code == op::MESSAGE && channels.contains(channel));
         if let Some((_, log, publish, payload)) = message {
             extractor.add(log, publish, payload, &mut block);
         }

@@ -126,8 +126,14 @@ impl Topic {
                 let Some(mut cursor) = Cursor::new(layout, payload) else {
                     return Some("its messages are not plain CDR of version 1".into());
                 };
-                let mut lister = Lister { message: &message, names: Vec::new(), labels: None, found: Vec::new() };
-                let whole = cdr::visit(&message, &mut cursor, &mut Vec::new(), &mut lister).is_some();
+                let mut lister = Lister {
+                    message: &message,
+                    names: Vec::new(),
+                    labels: None,
+                    found: Vec::new(),
+                };
+                let whole =
+                    cdr::visit(&message, &mut cursor, &mut Vec::new(), &mut lister).is_some();
                 for (column, source) in lister.found {
                     self.add(column, source);
                 }
@@ -149,7 +155,9 @@ impl Topic {
     fn first_stamp(&self, payload: &[u8]) -> Option<i64> {
         let place = self.table.columns.iter().position(|column| column.name == HEADER_STAMP)?;
         match (&self.codec, &self.sources[place]) {
-            (Codec::Ros(layout, message), Source::Ros(path)) => cdr::stamp(*layout, message, path, payload),
+            (Codec::Ros(layout, message), Source::Ros(path)) => {
+                cdr::stamp(*layout, message, path, payload)
+            }
             (Codec::Json, Source::Json(path, true)) => {
                 json_stamp(json_at(&serde_json::from_slice(payload).ok()?, path)?)
             }
@@ -158,9 +166,12 @@ impl Topic {
     }
 
     fn list_json(&mut self, value: &Value, path: &mut Vec<Key>, name: &str) {
-        let dotted = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+        let dotted =
+            |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
         match value {
-            Value::Number(_) | Value::Bool(_) => self.add(column(name, None), Source::Json(path.clone(), false)),
+            Value::Number(_) | Value::Bool(_) => {
+                self.add(column(name, None), Source::Json(path.clone(), false))
+            }
             _ if json_stamp(value).is_some() => {
                 self.add(column(&format!("{name}_s"), Some("s")), Source::Json(path.clone(), true));
             }
@@ -209,23 +220,27 @@ impl Topic {
         let mut ros = Vec::new();
         let mut json = Vec::new();
         for column in columns {
-            outputs.push(match column.map_or(&Source::Unreadable, |column| &self.sources[column]) {
-                Source::Log => Output::Log,
-                Source::Publish => Output::Publish,
-                Source::Ros(path) => {
-                    ros.push((&path[..], ros.len()));
-                    Output::Field(ros.len() - 1)
-                }
-                Source::Json(path, is_stamp) => {
-                    json.push((path.clone(), *is_stamp));
-                    Output::Field(json.len() - 1)
-                }
-                Source::Unreadable => Output::Missing,
-            });
+            outputs.push(
+                match column.map_or(&Source::Unreadable, |column| &self.sources[column]) {
+                    Source::Log => Output::Log,
+                    Source::Publish => Output::Publish,
+                    Source::Ros(path) => {
+                        ros.push((&path[..], ros.len()));
+                        Output::Field(ros.len() - 1)
+                    }
+                    Source::Json(path, is_stamp) => {
+                        json.push((path.clone(), *is_stamp));
+                        Output::Field(json.len() - 1)
+                    }
+                    Source::Unreadable => Output::Missing,
+                },
+            );
         }
         let fields = ros.len().max(json.len());
         let decoder = match &self.codec {
-            Codec::Ros(layout, message) if fields > 0 => Decoder::Ros(Plan::new(*layout, message, &ros, stamps)),
+            Codec::Ros(layout, message) if fields > 0 => {
+                Decoder::Ros(Plan::new(*layout, message, &ros, stamps))
+            }
             Codec::Json if fields > 0 => Decoder::Json(json, stamps),
             _ => Decoder::None,
         };
@@ -236,28 +251,42 @@ impl Topic {
 /// Origins of the stamps of `topics`: the log's first time, and the first stamp of any clock other
 /// than the log's.
 pub(crate) fn epochs<'a>(topics: impl Iterator<Item = &'a Topic>, log: i64) -> Epochs {
-    let others = topics.filter(|topic| !topic.stamps_are_of_log(log)).filter_map(|topic| topic.stamp);
+    let others =
+        topics.filter(|topic| !topic.stamps_are_of_log(log)).filter_map(|topic| topic.stamp);
     Epochs { log, other: others.min().unwrap_or(log) }
 }
 
 /// Notes about the origins of the stamps.
-pub(crate) fn epoch_notes<'a>(topics: impl Iterator<Item = &'a Topic>, epochs: Epochs) -> Vec<String> {
+pub(crate) fn epoch_notes<'a>(
+    topics: impl Iterator<Item = &'a Topic>,
+    epochs: Epochs,
+) -> Vec<String> {
     let mut notes = vec![format!("times count from {} ns, the first time of the log", epochs.log)];
-    let others: Vec<&str> =
-        topics.filter(|topic| !topic.stamps_are_of_log(epochs.log)).map(|topic| &*topic.table.name).collect();
+    let others: Vec<&str> = topics
+        .filter(|topic| !topic.stamps_are_of_log(epochs.log))
+        .map(|topic| &*topic.table.name)
+        .collect();
     if !others.is_empty() {
         let (names, from) = (others.join(", "), epochs.other);
-        notes.push(format!("stamps of {names} are of another clock than the log's and count from {from} ns"));
+        notes.push(format!(
+            "stamps of {names} are of another clock than the log's and count from {from} ns"
+        ));
     }
     notes
 }
 
 /// Rejects columns that are not numeric.
-pub(crate) fn check(path: &Path, format: &'static str, table: &Table, columns: &[usize]) -> Result<(), RecordingError> {
+pub(crate) fn check(
+    path: &Path,
+    format: &'static str,
+    table: &Table,
+    columns: &[usize],
+) -> Result<(), RecordingError> {
     match columns.iter().map(|&column| &table.columns[column]).find(|column| !column.is_numeric) {
         None => Ok(()),
         Some(column) => {
-            let (file, column) = (path.display().to_string(), format!("{} of {}", column.name, table.name));
+            let (file, column) =
+                (path.display().to_string(), format!("{} of {}", column.name, table.name));
             Err(RecordingError::NotNumeric { file, format, column })
         }
     }
@@ -283,7 +312,10 @@ fn codec(description: &Description) -> Result<Codec, String> {
     if layout == Layout::Ros1 && description.definition.trim().is_empty() {
         return match rosmsg::parse(description.kind, "") {
             Ok(_) => Err("the file carries no definition of its type".to_owned()),
-            Err(_) => Ok(Codec::Ros(layout, Struct { name: description.kind.to_owned(), fields: Vec::new() })),
+            Err(_) => Ok(Codec::Ros(
+                layout,
+                Struct { name: description.kind.to_owned(), fields: Vec::new() },
+            )),
         };
     }
     match description.schema_encoding {
@@ -330,7 +362,9 @@ impl Extractor {
         let whole = match &mut self.decoder {
             Decoder::None => true,
             Decoder::Ros(plan) => plan.run(payload, &mut self.row).is_some(),
-            Decoder::Json(paths, epoch) => json_row(payload, paths, *epoch, &mut self.row).is_some(),
+            Decoder::Json(paths, epoch) => {
+                json_row(payload, paths, *epoch, &mut self.row).is_some()
+            }
         };
         if !whole {
             self.row.fill(f64::NAN);
@@ -353,7 +387,9 @@ fn json_row(payload: &[u8], paths: &[(Vec<Key>, bool)], epoch: i64, row: &mut [f
     let value: Value = serde_json::from_slice(payload).ok()?;
     for ((path, is_stamp), cell) in paths.iter().zip(row) {
         *cell = match json_at(&value, path) {
-            Some(value) if *is_stamp => json_stamp(value).map(|stamp| cdr::seconds(stamp.wrapping_sub(epoch))),
+            Some(value) if *is_stamp => {
+                json_stamp(value).map(|stamp| cdr::seconds(stamp.wrapping_sub(epoch)))
+            }
             Some(Value::Bool(truth)) => Some(f64::from(u8::from(*truth))),
             Some(value) => value.as_f64(),
             None => None,
@@ -391,7 +427,9 @@ struct Lister<'a> {
 impl Visitor for Lister<'_> {
     fn leaf(&mut self, path: &[Step], field: &Field, _parent: &Struct) {
         let mut path = path.to_vec();
-        if let (Some(Step::Element(place)), Some((names, labels))) = (path.last().cloned(), &self.labels) {
+        if let (Some(Step::Element(place)), Some((names, labels))) =
+            (path.last().cloned(), &self.labels)
+        {
             path.pop();
             path.push(Step::Named(labels[place].clone(), names.clone()));
         }
@@ -418,7 +456,10 @@ impl Visitor for Lister<'_> {
 
     fn names(&mut self, path: &[Step], field: &Field, names: Vec<String>) {
         let (name, _) = spell(self.message, path);
-        self.found.push((Column { name: format!("{name}[]"), unit: None, is_numeric: false }, Source::Unreadable));
+        self.found.push((
+            Column { name: format!("{name}[]"), unit: None, is_numeric: false },
+            Source::Unreadable,
+        ));
         let mut distinct: Vec<&String> = names.iter().filter(|name| !name.is_empty()).collect();
         distinct.sort_unstable();
         distinct.dedup();
@@ -456,15 +497,18 @@ fn spell(message: &Struct, path: &[Step]) -> (String, Option<String>) {
             Step::Element(place) => name.push_str(&format!("[{place}]")),
             Step::Named(label, _) => name.push_str(&format!("[{label}]")),
             Step::Field(place) => {
-                let Some((parent, field)) = at.and_then(|parent| Some((parent, parent.fields.get(*place)?))) else {
+                let Some((parent, field)) =
+                    at.and_then(|parent| Some((parent, parent.fields.get(*place)?)))
+                else {
                     break;
                 };
                 if !name.is_empty() {
                     name.push('.');
                 }
                 name.push_str(&field.name);
-                let known =
-                    |(kind, of, _): &&(&str, &str, &str)| *kind == parent.name && [&*field.name, ""].contains(of);
+                let known = |(kind, of, _): &&(&str, &str, &str)| {
+                    *kind == parent.name && [&*field.name, ""].contains(of)
+                };
                 unit = UNITS.iter().find(known).map(|(_, _, unit)| (*unit).to_owned()).or(unit);
                 at = match &field.kind {
                     Kind::Struct(inner) => Some(inner),

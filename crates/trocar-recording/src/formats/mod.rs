@@ -73,13 +73,19 @@ impl Source {
         read: impl FnOnce() -> Result<T, RecordingError>,
     ) -> Result<T, RecordingError> {
         let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-        outcome.unwrap_or_else(|_| Err(self.damaged(place, "nothing that its reader could make sense of")))
+        outcome.unwrap_or_else(|_| {
+            Err(self.damaged(place, "nothing that its reader could make sense of"))
+        })
     }
 
     /// A requested column is not numeric.
     #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5", feature = "xlsx"))]
     pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
-        RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column: column.to_owned() }
+        RecordingError::NotNumeric {
+            file: self.file.clone(),
+            format: self.format,
+            column: column.to_owned(),
+        }
     }
 }
 
@@ -111,8 +117,8 @@ pub(super) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut at: u64) -> i
     Ok(())
 }
 
-/// Replaces `out` by the zstd frames in `data`, of `size` bytes as they state. Memory is reserved for what is likely, and beyond
-/// that grows with what is found.
+/// Replaces `out` by the zstd frames in `data`, of `size` bytes as they state. Memory is reserved
+/// for what is likely, and beyond that grows with what is found.
 #[cfg(any(feature = "mcap", feature = "rosbag"))]
 fn decompress_zstd(data: &[u8], size: usize, out: &mut Vec<u8>) -> io::Result<()> {
     const LIKELY: usize = 256;
@@ -121,7 +127,8 @@ fn decompress_zstd(data: &[u8], size: usize, out: &mut Vec<u8>) -> io::Result<()
         out.reserve_exact(size);
         return zstd::bulk::Decompressor::new()?.decompress_to_buffer(data, out).map(drop);
     }
-    io::Read::read_to_end(&mut io::Read::take(zstd::Decoder::new(data)?, size as u64), out).map(drop)
+    io::Read::read_to_end(&mut io::Read::take(zstd::Decoder::new(data)?, size as u64), out)
+        .map(drop)
 }
 
 #[cfg(all(test, feature = "mcap", feature = "rosbag", feature = "ros1"))]

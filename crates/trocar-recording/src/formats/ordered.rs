@@ -63,7 +63,13 @@ pub(crate) struct Ordered<B> {
 
 impl<B: Blocks> Ordered<B> {
     /// The rows of `blocks`, of which there are `expected` if the file states it.
-    pub(crate) fn new(file: &str, topic: &str, blocks: B, width: usize, expected: Option<u64>) -> Self {
+    pub(crate) fn new(
+        file: &str,
+        topic: &str,
+        blocks: B,
+        width: usize,
+        expected: Option<u64>,
+    ) -> Self {
         Self {
             file: file.to_owned(),
             topic: topic.to_owned(),
@@ -88,7 +94,11 @@ impl<B: Blocks> Ordered<B> {
         };
         self.undecoded += block.undecoded;
         self.waiting.log.drain(..self.from);
-        let joins = self.waiting.log.last().is_none_or(|last| block.log.first().is_none_or(|first| last <= first));
+        let joins = self
+            .waiting
+            .log
+            .last()
+            .is_none_or(|last| block.log.first().is_none_or(|first| last <= first));
         self.is_sorted &= joins && block.log.is_sorted();
         self.waiting.log.append(&mut block.log);
         for (column, more) in self.waiting.columns.iter_mut().zip(&mut block.columns) {
@@ -157,14 +167,18 @@ impl<B: Blocks> Batches for Ordered<B> {
     fn warnings(&self) -> Vec<String> {
         let mut warnings = self.blocks.warnings();
         let is_at_end = self.has_ended && self.from == self.waiting.log.len();
-        if let Some(expected) = self.expected.filter(|&expected| is_at_end && expected != self.rows) {
+        if let Some(expected) = self.expected.filter(|&expected| is_at_end && expected != self.rows)
+        {
             let (rows, topic) = (self.rows, &self.topic);
-            warnings.push(format!("{rows} messages of {topic} were found, and the file's index counts {expected}"));
+            warnings.push(format!(
+                "{rows} messages of {topic} were found, and the file's index counts {expected}"
+            ));
         }
         if self.undecoded > 0 {
             let (count, topic) = (self.undecoded, &self.topic);
-            warnings
-                .push(format!("{count} messages of {topic} end before the fields asked for; they count as missing"));
+            warnings.push(format!(
+                "{count} messages of {topic} end before the fields asked for; they count as missing"
+            ));
         }
         warnings
     }

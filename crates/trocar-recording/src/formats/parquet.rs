@@ -12,7 +12,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use arrow_schema::{DataType, Schema};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use parquet::basic::{Compression, ConvertedType, LogicalType, TimeUnit as Parts, Type as Physical};
+use parquet::basic::{
+    Compression, ConvertedType, LogicalType, TimeUnit as Parts, Type as Physical,
+};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl, get_column_reader};
 use parquet::errors::{ParquetError, Result as Decoded};
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader};
@@ -76,7 +78,10 @@ impl ChunkReader for Input {
     fn get_bytes(&self, start: u64, length: usize) -> Decoded<bytes::Bytes> {
         // Before the allocation, since lengths come from the file.
         if start.checked_add(length as u64).is_none_or(|end| end > self.length) {
-            return Err(ParquetError::EOF(format!("{length} bytes at {start}, the file has {}", self.length)));
+            return Err(ParquetError::EOF(format!(
+                "{length} bytes at {start}, the file has {}",
+                self.length
+            )));
         }
         let mut bytes = vec![0; length];
         read_exact_at(&self.file, &mut bytes, start)?;
@@ -88,7 +93,8 @@ impl Input {
     /// Refuses a footer or page header with lists longer than the file.
     fn check(&self, header: &[u8]) -> Decoded<()> {
         let fits = thrift::lists_fit(header, self.length);
-        fits.then_some(()).ok_or_else(|| ParquetError::General("a list longer than the file".to_owned()))
+        fits.then_some(())
+            .ok_or_else(|| ParquetError::General("a list longer than the file".to_owned()))
     }
 
     fn check_footer(&self) -> Decoded<()> {
@@ -114,7 +120,10 @@ impl Read for PageReader {
     /// header does, since its lists are not checked otherwise.
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         if !self.is_header && bytes.len() == 1 && std::mem::replace(&mut self.has_begun, true) {
-            return Err(io::Error::new(io::ErrorKind::InvalidData, "no page header where one should begin"));
+            return Err(io::Error::new(
+                io::ErrorKind::InvalidData,
+                "no page header where one should begin",
+            ));
         }
         self.bytes.read(bytes)
     }
@@ -129,7 +138,8 @@ struct At {
 impl Read for At {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         let read = read_at(&self.file, bytes, self.at)?;
-        // The reader skips what is not there without noticing, once for each of a stated number of elements.
+        // The reader skips what is not there without noticing, once for each of a stated number of
+        // elements.
         if read == 0 && !bytes.is_empty() {
             return Err(io::ErrorKind::UnexpectedEof.into());
         }
@@ -152,7 +162,9 @@ impl Parquet {
     pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
         let input = Arc::new(Input { file: Arc::new(file), length });
         let metadata = source.guard("the footer", || {
-            let metadata = input.check_footer().and_then(|()| ParquetMetaDataReader::new().parse_and_finish(&*input));
+            let metadata = input
+                .check_footer()
+                .and_then(|()| ParquetMetaDataReader::new().parse_and_finish(&*input));
             metadata.map_err(|error| refused(&source, "the footer", error))
         })?;
         let metadata = Arc::new(metadata);
@@ -164,8 +176,8 @@ impl Parquet {
             let name = column.path().string();
             let field = arrow.get(&name);
             let scale = scale(column, field.map(|(kind, _)| kind));
-            let is_time =
-                matches!(scale, Some(Scale::Since { .. })) || is_duration(column, field.map(|(kind, _)| kind));
+            let is_time = matches!(scale, Some(Scale::Since { .. }))
+                || is_duration(column, field.map(|(kind, _)| kind));
             let unit = field.and_then(|(_, unit)| unit.clone());
             columns.push(Column {
                 name,
@@ -187,7 +199,8 @@ impl Parquet {
         let Scale::Since { per_second, .. } = scale else { return Ok(scale) };
         for group in 0..self.metadata.num_row_groups() {
             let first = self.cursor(group, column).and_then(|mut cursor| cursor.first_whole());
-            let first = first.map_err(|error| refused(&self.source, format!("column {name}"), error))?;
+            let first =
+                first.map_err(|error| refused(&self.source, format!("column {name}"), error))?;
             if let Some(origin) = first {
                 return Ok(Scale::Since { origin, per_second });
             }
@@ -196,12 +209,15 @@ impl Parquet {
     }
 
     fn check_packing(&self, column: usize) -> Result<(), RecordingError> {
-        let chunks = self.metadata.row_groups().iter().filter_map(|group| group.columns().get(column));
+        let chunks =
+            self.metadata.row_groups().iter().filter_map(|group| group.columns().get(column));
         let mut unread = chunks
             .map(|chunk| chunk.compression())
             .filter(|packing| matches!(packing, Compression::BROTLI(_) | Compression::LZO));
         match unread.next() {
-            Some(packing) => Err(self.source.unsupported(format!("{packing} compression"), WRITE_AGAIN)),
+            Some(packing) => {
+                Err(self.source.unsupported(format!("{packing} compression"), WRITE_AGAIN))
+            }
             None => Ok(()),
         }
     }
@@ -235,7 +251,8 @@ impl RowGroupColumn<'_> {
 impl Parquet {
     /// Rows of each row group, if the file is large enough for them: at most 64 per byte.
     fn group_rows(&self) -> Option<Vec<usize>> {
-        let rows = self.metadata.row_groups().iter().map(|group| usize::try_from(group.num_rows()).ok());
+        let rows =
+            self.metadata.row_groups().iter().map(|group| usize::try_from(group.num_rows()).ok());
         let rows: Vec<usize> = rows.collect::<Option<_>>()?;
         let all = rows.iter().try_fold(0_usize, |all, rows| all.checked_add(*rows))?;
         (all as u64 <= self.input.length.saturating_mul(64)).then_some(rows)
@@ -275,7 +292,11 @@ impl Container for Parquet {
         }))
     }
 
-    fn read_whole(&self, _table: usize, columns: &[usize]) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
+    fn read_whole(
+        &self,
+        _table: usize,
+        columns: &[usize],
+    ) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
         let Some(groups) = self.group_rows() else { return Ok(None) };
         let columns = self.scaled(columns)?;
         let rows = groups.iter().sum();
@@ -294,7 +315,8 @@ impl Container for Parquet {
             let place = format!("row group {}, column {name}", part.group);
             // The decoders may panic on damaged files.
             self.source.guard(place.clone(), || {
-                part.read(&self.input, &self.metadata).map_err(|error| refused(&self.source, place, error))
+                part.read(&self.input, &self.metadata)
+                    .map_err(|error| refused(&self.source, place, error))
             })
         })?;
         Ok(Some(all))
@@ -304,8 +326,10 @@ impl Container for Parquet {
 /// Kind and unit of each field, by its path, as recorded by Arrow's writers.
 fn arrow_schema(metadata: &ParquetMetaData) -> HashMap<String, (DataType, Option<String>)> {
     let pairs = metadata.file_metadata().key_value_metadata();
-    let text = pairs.and_then(|pairs| pairs.iter().find(|pair| pair.key == ARROW_SCHEMA)?.value.clone());
-    let schema = text.and_then(|text| STANDARD.decode(text).ok()).and_then(|bytes| schema_of(&bytes));
+    let text =
+        pairs.and_then(|pairs| pairs.iter().find(|pair| pair.key == ARROW_SCHEMA)?.value.clone());
+    let schema =
+        text.and_then(|text| STANDARD.decode(text).ok()).and_then(|bytes| schema_of(&bytes));
     let mut fields = HashMap::new();
     for field in schema.iter().flat_map(Schema::fields) {
         fields.insert(field.name().clone(), (field.data_type().clone(), unit_of(field.metadata())));
@@ -341,24 +365,31 @@ fn scale(column: &ColumnDescriptor, arrow: Option<&DataType>) -> Option<Scale> {
         (Physical::BOOLEAN | Physical::FLOAT | Physical::DOUBLE, _) => Some(Scale::One),
         (Physical::INT96, _) => Some(Scale::Since { origin: 0, per_second: 1e9 }),
         (Physical::FIXED_LEN_BYTE_ARRAY, Some(LogicalType::Float16)) => Some(Scale::Half),
-        (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, Some(LogicalType::Decimal(decimal))) => {
-            Some(Scale::Decimal(10_f64.powi(decimal.scale)))
-        }
+        (
+            Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY,
+            Some(LogicalType::Decimal(decimal)),
+        ) => Some(Scale::Decimal(10_f64.powi(decimal.scale))),
         (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, None)
             if column.converted_type() == ConvertedType::DECIMAL =>
         {
             Some(Scale::Decimal(10_f64.powi(column.type_scale())))
         }
         (Physical::BYTE_ARRAY | Physical::FIXED_LEN_BYTE_ARRAY, _) => None,
-        (_, Some(LogicalType::Timestamp(time))) => Some(Scale::Since { origin: 0, per_second: parts(&time.unit) }),
+        (_, Some(LogicalType::Timestamp(time))) => {
+            Some(Scale::Since { origin: 0, per_second: parts(&time.unit) })
+        }
         (_, Some(LogicalType::Time(time))) => Some(Scale::Part(parts(&time.unit))),
         (_, Some(LogicalType::Decimal(decimal))) => Some(Scale::Part(10_f64.powi(decimal.scale))),
         (_, Some(LogicalType::Integer(whole))) if !whole.is_signed => Some(Scale::Unsigned),
         (_, Some(LogicalType::Integer(_))) => Some(Scale::One),
         (_, Some(_)) => None,
         (_, None) => match (column.converted_type(), arrow) {
-            (ConvertedType::TIMESTAMP_MILLIS, _) => Some(Scale::Since { origin: 0, per_second: 1e3 }),
-            (ConvertedType::TIMESTAMP_MICROS, _) => Some(Scale::Since { origin: 0, per_second: 1e6 }),
+            (ConvertedType::TIMESTAMP_MILLIS, _) => {
+                Some(Scale::Since { origin: 0, per_second: 1e3 })
+            }
+            (ConvertedType::TIMESTAMP_MICROS, _) => {
+                Some(Scale::Since { origin: 0, per_second: 1e6 })
+            }
             (ConvertedType::TIME_MILLIS, _) => Some(Scale::Part(1e3)),
             (ConvertedType::TIME_MICROS, _) => Some(Scale::Part(1e6)),
             (ConvertedType::DECIMAL, _) => Some(Scale::Part(10_f64.powi(column.type_scale()))),
@@ -389,11 +420,19 @@ struct Cursor {
     levels: Vec<i16>,
 }
 
-fn cursor(input: &Arc<Input>, metadata: &ParquetMetaData, group: usize, column: usize) -> Decoded<Cursor> {
+fn cursor(
+    input: &Arc<Input>,
+    metadata: &ParquetMetaData,
+    group: usize,
+    column: usize,
+) -> Decoded<Cursor> {
     let group = metadata.row_group(group);
-    let rows =
-        usize::try_from(group.num_rows()).map_err(|_| ParquetError::General("a negative number of rows".into()))?;
-    let chunk = group.columns().get(column).ok_or_else(|| ParquetError::General("a missing column chunk".into()))?;
+    let rows = usize::try_from(group.num_rows())
+        .map_err(|_| ParquetError::General("a negative number of rows".into()))?;
+    let chunk = group
+        .columns()
+        .get(column)
+        .ok_or_else(|| ParquetError::General("a missing column chunk".into()))?;
     let descriptor = metadata.file_metadata().schema_descr().column(column);
     let present = descriptor.max_def_level();
     let pages = SerializedPageReader::new(input.clone(), chunk, rows, None)?;
@@ -407,28 +446,44 @@ impl Cursor {
         let (present, levels) = (self.present, &mut self.levels);
         numbers.clear();
         match &mut self.reader {
-            ColumnReader::DoubleColumnReader(reader) => fill(reader, rows, present, levels, numbers)?,
-            ColumnReader::FloatColumnReader(reader) => convert(reader, rows, present, levels, numbers, f64::from)?,
+            ColumnReader::DoubleColumnReader(reader) => {
+                fill(reader, rows, present, levels, numbers)?
+            }
+            ColumnReader::FloatColumnReader(reader) => {
+                convert(reader, rows, present, levels, numbers, f64::from)?
+            }
             ColumnReader::BoolColumnReader(reader) => {
-                convert(reader, rows, present, levels, numbers, |value| f64::from(u8::from(value)))?;
+                convert(reader, rows, present, levels, numbers, |value| {
+                    f64::from(u8::from(value))
+                })?;
             }
             ColumnReader::Int32ColumnReader(reader) if scale == Scale::Unsigned => {
                 convert(reader, rows, present, levels, numbers, |value| f64::from(value as u32))?;
             }
             ColumnReader::Int32ColumnReader(reader) => {
-                convert(reader, rows, present, levels, numbers, |value| scale.number(i64::from(value)))?;
+                convert(reader, rows, present, levels, numbers, |value| {
+                    scale.number(i64::from(value))
+                })?;
             }
             ColumnReader::Int64ColumnReader(reader) => {
                 convert(reader, rows, present, levels, numbers, |value| scale.number(value))?;
             }
             ColumnReader::Int96ColumnReader(reader) => {
-                convert(reader, rows, present, levels, numbers, |value| scale.number(value.to_nanos()))?;
+                convert(reader, rows, present, levels, numbers, |value| {
+                    scale.number(value.to_nanos())
+                })?;
             }
             ColumnReader::ByteArrayColumnReader(reader) if matches!(scale, Scale::Decimal(_)) => {
-                convert(reader, rows, present, levels, numbers, |value| scale.number_of(value.data()))?;
+                convert(reader, rows, present, levels, numbers, |value| {
+                    scale.number_of(value.data())
+                })?;
             }
-            ColumnReader::FixedLenByteArrayColumnReader(reader) if matches!(scale, Scale::Decimal(_) | Scale::Half) => {
-                convert(reader, rows, present, levels, numbers, |value| scale.number_of(value.data()))?;
+            ColumnReader::FixedLenByteArrayColumnReader(reader)
+                if matches!(scale, Scale::Decimal(_) | Scale::Half) =>
+            {
+                convert(reader, rows, present, levels, numbers, |value| {
+                    scale.number_of(value.data())
+                })?;
             }
             _ => return Err(ParquetError::General("bytes where numbers should be".into())),
         }
@@ -449,7 +504,9 @@ impl Cursor {
             let (present, levels) = (self.present, &mut self.levels);
             let mut found = Vec::new();
             match &mut self.reader {
-                ColumnReader::Int64ColumnReader(reader) => fill(reader, rows, present, levels, &mut found)?,
+                ColumnReader::Int64ColumnReader(reader) => {
+                    fill(reader, rows, present, levels, &mut found)?
+                }
                 ColumnReader::Int32ColumnReader(reader) => {
                     let mut values = Vec::new();
                     fill(reader, rows, present, levels, &mut values)?;
@@ -554,8 +611,10 @@ impl Groups {
         let ahead = (AHEAD / self.columns.len().max(1)).max(BATCH_ROWS);
         let mut groups = self.begin(ahead)?;
         let scales: Vec<Scale> = self.columns.iter().map(|&(_, scale)| scale).collect();
-        let tasks: Vec<(&mut Cursor, Scale)> =
-            groups.iter_mut().flat_map(|(_, cursors)| cursors.iter_mut().zip(scales.iter().copied())).collect();
+        let tasks: Vec<(&mut Cursor, Scale)> = groups
+            .iter_mut()
+            .flat_map(|(_, cursors)| cursors.iter_mut().zip(scales.iter().copied()))
+            .collect();
         let spare = &self.spare;
         let decode = |(cursor, scale)| pieces(cursor, scale, ahead, spare);
         let pieces: Vec<Pieces> = tasks.into_par_iter().map(decode).collect();
@@ -581,11 +640,13 @@ impl Groups {
         let mut rows = 0;
         while self.next_group < self.metadata.num_row_groups() {
             let index = self.next_group;
-            let size = usize::try_from(self.metadata.row_group(index).num_rows()).unwrap_or(usize::MAX);
+            let size =
+                usize::try_from(self.metadata.row_group(index).num_rows()).unwrap_or(usize::MAX);
             if !groups.is_empty() && size > ahead.saturating_sub(rows) {
                 break;
             }
-            let cursor = |&(column, _): &(usize, Scale)| cursor(&self.input, &self.metadata, index, column);
+            let cursor =
+                |&(column, _): &(usize, Scale)| cursor(&self.input, &self.metadata, index, column);
             let cursors: Decoded<Vec<Cursor>> = self.columns.iter().map(cursor).collect();
             groups.push((index, cursors.map_err(|error| self.fault(index, None, error))?));
             self.next_group += 1;
@@ -618,8 +679,13 @@ impl Groups {
 
     fn fault(&self, group: usize, column: Option<usize>, error: ParquetError) -> RecordingError {
         let schema = self.metadata.file_metadata().schema_descr();
-        let name = column.map(|column| format!(", column {}", schema.column(column).path().string()));
-        refused(&self.source, format!("row group {group}{}, rows from {}", name.unwrap_or_default(), self.rows), error)
+        let name =
+            column.map(|column| format!(", column {}", schema.column(column).path().string()));
+        refused(
+            &self.source,
+            format!("row group {group}{}, rows from {}", name.unwrap_or_default(), self.rows),
+            error,
+        )
     }
 }
 
@@ -654,11 +720,14 @@ fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize, spare: &Mutex<Vec<Vec
     let mut rows = 0;
     while cursor.left > 0 && rows < ahead {
         let batch = cursor.left.min(BATCH_ROWS);
-        let mut numbers = spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
+        let mut numbers =
+            spare.lock().unwrap_or_else(PoisonError::into_inner).pop().unwrap_or_default();
         // The decoders may panic on damaged files.
         let read = || cursor.read(batch, scale, &mut numbers);
         let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-        let panicked = |_| Err(ParquetError::General("a page that its decoder could not make sense of".into()));
+        let panicked = |_| {
+            Err(ParquetError::General("a page that its decoder could not make sense of".into()))
+        };
         if let Err(error) = read.unwrap_or_else(panicked) {
             cursor.left = 0;
             return (batches, Some(error));

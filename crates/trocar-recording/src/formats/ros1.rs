@@ -65,7 +65,8 @@ impl<'a> Fields<'a> {
         let mut rest = self.0;
         while let Some((field, after)) = prefixed(rest) {
             rest = after;
-            let value = field.strip_prefix(name.as_bytes()).and_then(|field| field.strip_prefix(b"="));
+            let value =
+                field.strip_prefix(name.as_bytes()).and_then(|field| field.strip_prefix(b"="));
             if value.is_some() {
                 return value;
             }
@@ -137,8 +138,11 @@ impl Connection {
     fn read(fields: Fields, data: &[u8]) -> Option<(u32, Self)> {
         let own = Fields(data);
         let topic = fields.text("topic").or_else(|| own.text("topic"))?;
-        let connection =
-            Self { topic, kind: own.text("type")?, definition: own.text("message_definition").unwrap_or_default() };
+        let connection = Self {
+            topic,
+            kind: own.text("type")?,
+            definition: own.text("message_definition").unwrap_or_default(),
+        };
         Some((fields.u32("conn")?, connection))
     }
 }
@@ -223,7 +227,9 @@ impl Bag {
     fn from_contents(path: &Path, contents: Contents) -> Self {
         let mut warnings = contents.warnings;
         let mut groups: Vec<(&Connection, Vec<u32>)> = Vec::new();
-        for (&id, connection) in contents.connections.iter().filter(|(id, _)| contents.first.contains_key(id)) {
+        for (&id, connection) in
+            contents.connections.iter().filter(|(id, _)| contents.first.contains_key(id))
+        {
             match groups.iter_mut().find(|(known, _)| *known == connection) {
                 Some((_, group)) => group.push(id),
                 None => groups.push((connection, vec![id])),
@@ -240,7 +246,8 @@ impl Bag {
                 rows: Some(group.iter().filter_map(|id| contents.counts.get(id)).sum()),
                 has_publish_time: false,
             };
-            let (topic, problem) = Topic::new(&description, contents.first.get(&group[0]).map(|first| &first[..]));
+            let (topic, problem) =
+                Topic::new(&description, contents.first.get(&group[0]).map(|first| &first[..]));
             topics.push(topic);
             warnings.extend(problem);
         }
@@ -318,10 +325,16 @@ fn read_index(file: &File, size: u64) -> Option<Contents> {
             CONNECTION => contents.learn(fields, data)?,
             CHUNK_INFO => {
                 let at = fields.u64("chunk_pos").filter(|at| *at < from)?;
-                let mut piece =
-                    Piece { at, length: None, start: fields.time("start_time")?, connections: BTreeSet::new() };
+                let mut piece = Piece {
+                    at,
+                    length: None,
+                    start: fields.time("start_time")?,
+                    connections: BTreeSet::new(),
+                };
                 for pair in data.as_chunks::<8>().0 {
-                    let word = |at: usize| pair[at..].first_chunk().map(|bytes| u32::from_le_bytes(*bytes));
+                    let word = |at: usize| {
+                        pair[at..].first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
+                    };
                     let (id, count) = (word(0)?, word(4)?);
                     piece.connections.insert(id);
                     *contents.counts.entry(id).or_default() += u64::from(count);
@@ -347,17 +360,23 @@ fn walk(file: &File, size: u64) -> Contents {
         let fields = Fields(&header);
         let op = fields.op();
         // A recorder that writes a chunk does not know its length yet: the messages follow.
-        if op == Some(CHUNK) && fields.get("compression") == Some(b"none") && (end > size || end == data) {
+        if op == Some(CHUNK)
+            && fields.get("compression") == Some(b"none")
+            && (end > size || end == data)
+        {
             at = data;
             continue;
         }
-        if end > size || !matches!(op, Some(MESSAGE | BAG | INDEX | CHUNK | CHUNK_INFO | CONNECTION)) {
+        if end > size
+            || !matches!(op, Some(MESSAGE | BAG | INDEX | CHUNK | CHUNK_INFO | CONNECTION))
+        {
             break;
         }
         match op {
             Some(CHUNK) => {
                 walker.end_run();
-                let piece = Piece { at, length: None, start: u64::MAX, connections: BTreeSet::new() };
+                let piece =
+                    Piece { at, length: None, start: u64::MAX, connections: BTreeSet::new() };
                 match buffers.load(file, size, &piece) {
                     Some(records) => walker.chunk(records, piece),
                     None => walker.damaged += 1,
@@ -366,7 +385,10 @@ fn walk(file: &File, size: u64) -> Contents {
             Some(op @ (MESSAGE | CONNECTION)) => {
                 let mut bytes = vec![0; (end - data).min(LARGEST) as usize];
                 let read = read_exact_at(file, &mut bytes, data).is_ok();
-                if !read || end - data > LARGEST || walker.record(op, fields, &bytes, at, end).is_none() {
+                if !read
+                    || end - data > LARGEST
+                    || walker.record(op, fields, &bytes, at, end).is_none()
+                {
                     walker.damaged += 1;
                 }
             }
@@ -463,8 +485,12 @@ fn damage(chunks: u64) -> Option<String> {
 /// Finds the first message of each connection for which it is unknown.
 fn find_first(file: &File, size: u64, contents: &mut Contents) {
     let mut buffers = Buffers::default();
-    let mut missing: BTreeSet<u32> =
-        contents.connections.keys().copied().filter(|id| !contents.first.contains_key(id)).collect();
+    let mut missing: BTreeSet<u32> = contents
+        .connections
+        .keys()
+        .copied()
+        .filter(|id| !contents.first.contains_key(id))
+        .collect();
     for piece in &contents.pieces {
         if missing.is_disjoint(&piece.connections) {
             continue;
@@ -472,7 +498,9 @@ fn find_first(file: &File, size: u64, contents: &mut Contents) {
         let Some(mut rest) = buffers.load(file, size, piece) else { continue };
         while let Some((fields, data, after)) = split_record(rest) {
             rest = after;
-            let id = fields.u32("conn").filter(|id| fields.op() == Some(MESSAGE) && missing.contains(id));
+            let id = fields
+                .u32("conn")
+                .filter(|id| fields.op() == Some(MESSAGE) && missing.contains(id));
             if let Some(id) = id {
                 missing.remove(&id);
                 contents.first.insert(id, data.to_vec());
@@ -540,14 +568,16 @@ struct Chunks {
 impl Chunks {
     /// Decodes the next few pieces.
     fn decode(&mut self) -> Result<(), RecordingError> {
-        let failed = |source| RecordingError::Open { file: self.path.display().to_string(), source };
+        let failed =
+            |source| RecordingError::Open { file: self.path.display().to_string(), source };
         let file = File::open(&self.path).map_err(failed)?;
         let size = file.metadata().map_err(failed)?.len();
         // Where the next piece begins bounds the length of one; its decompressed size is not known.
         let most = PER_CORE * rayon::current_num_threads();
         let mut bytes = 0;
         let few = self.pieces[self.at..].iter().take(most).take_while(|piece| {
-            let end = record_at(&file, size, piece.at).map_or(0, |(_, data, end)| end.saturating_sub(data));
+            let end = record_at(&file, size, piece.at)
+                .map_or(0, |(_, data, end)| end.saturating_sub(data));
             let fits = bytes == 0 || bytes + end <= MOST_AT_ONCE;
             bytes += end.min(LARGEST);
             fits
@@ -559,7 +589,9 @@ impl Chunks {
             .map_init(
                 || (Buffers::default(), extractor.clone()),
                 |(buffers, extractor), piece| {
-                    buffers.load(&file, size, piece).map(|records| block(records, connections, extractor))
+                    buffers
+                        .load(&file, size, piece)
+                        .map(|records| block(records, connections, extractor))
                 },
             )
             .collect();
@@ -574,7 +606,9 @@ fn block(records: &[u8], connections: &[u32], extractor: &mut Extractor) -> Bloc
     let mut rest = records;
     while let Some((fields, data, after)) = split_record(rest) {
         rest = after;
-        if fields.op() != Some(MESSAGE) || fields.u32("conn").is_none_or(|id| !connections.contains(&id)) {
+        if fields.op() != Some(MESSAGE)
+            || fields.u32("conn").is_none_or(|id| !connections.contains(&id))
+        {
             continue;
         }
         if let Some(time) = fields.time("time") {

@@ -1,4 +1,5 @@
-//! ROS 2 bags: SQLite files (`.db3`), and folders with a `metadata.yaml` that split a recording into several `.db3` or `.mcap` files.
+//! ROS 2 bags: SQLite files (`.db3`), and folders with a `metadata.yaml` that split a recording
+//! into several `.db3` or `.mcap` files.
 //!
 //! Messages of a SQLite file are read in the order in which they were written, a page at a time,
 //! and sorted by [`super::ordered`]. The parts of a folder are read in the order of their first
@@ -77,9 +78,15 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
     match probe(&connection) {
         Ok(_) => Ok(connection),
         Err(_) => {
-            let escaped = path.display().to_string().replace('%', "%25").replace('?', "%3f").replace('#', "%23");
+            let escaped = path
+                .display()
+                .to_string()
+                .replace('%', "%25")
+                .replace('?', "%3f")
+                .replace('#', "%23");
             let address = format!("file:{escaped}?immutable=1");
-            let connection = Connection::open_with_flags(address, flags | OpenFlags::SQLITE_OPEN_URI)?;
+            let connection =
+                Connection::open_with_flags(address, flags | OpenFlags::SQLITE_OPEN_URI)?;
             probe(&connection).map(|_| connection)
         }
     }
@@ -90,7 +97,8 @@ impl Db3 {
         use std::io::Read;
         let mut magic = [0; MAGIC.len()];
         let file = path.display().to_string();
-        let mut input = std::fs::File::open(path).map_err(|source| RecordingError::Open { file, source })?;
+        let mut input =
+            std::fs::File::open(path).map_err(|source| RecordingError::Open { file, source })?;
         if input.read_exact(&mut magic).is_err() || magic != *MAGIC {
             return Err(problem(path, "does not begin as a SQLite file does"));
         }
@@ -98,7 +106,9 @@ impl Db3 {
         let connection = connect(path).map_err(damaged)?;
         let listed = list(&connection).map_err(damaged)?;
         let definitions = definitions(&connection).unwrap_or_default();
-        let start = connection.query_row("SELECT min(timestamp) FROM messages", [], |row| row.get::<_, Option<i64>>(0));
+        let start = connection.query_row("SELECT min(timestamp) FROM messages", [], |row| {
+            row.get::<_, Option<i64>>(0)
+        });
         let mut warnings = Vec::new();
         let start = start.unwrap_or_else(|error| {
             warnings.push(format!("the file is damaged: {error}"));
@@ -124,7 +134,10 @@ impl Db3 {
             warnings.extend(problem);
         }
         if topics.is_empty() {
-            return Err(problem(path, warnings.first().map_or("holds no messages", |warning| warning)));
+            return Err(problem(
+                path,
+                warnings.first().map_or("holds no messages", |warning| warning),
+            ));
         }
         let mut file = Self {
             path: path.to_owned(),
@@ -142,21 +155,33 @@ impl Db3 {
         Ok(file)
     }
 
-    fn blocks(&self, table: usize, extractor: Extractor) -> Result<Box<dyn Blocks>, RecordingError> {
+    fn blocks(
+        &self,
+        table: usize,
+        extractor: Extractor,
+    ) -> Result<Box<dyn Blocks>, RecordingError> {
         let connection = connect(&self.path).map_err(|error| problem(&self.path, error))?;
-        Ok(Box::new(Pages { connection, topic: self.ids[table], after: i64::MIN, extractor, lost: None }))
+        Ok(Box::new(Pages {
+            connection,
+            topic: self.ids[table],
+            after: i64::MIN,
+            extractor,
+            lost: None,
+        }))
     }
 }
 
 fn list(connection: &Connection) -> rusqlite::Result<Vec<Listed>> {
-    let mut query = connection.prepare("SELECT id, name, type, serialization_format FROM topics ORDER BY id")?;
+    let mut query = connection
+        .prepare("SELECT id, name, type, serialization_format FROM topics ORDER BY id")?;
     let rows = query.query_map([], |row| {
         Ok(Listed { id: row.get(0)?, name: row.get(1)?, kind: row.get(2)?, encoding: row.get(3)? })
     })?;
     rows.collect()
 }
 
-/// Encoding and text of the definition of each type; bags before version 4 of their schema have none.
+/// Encoding and text of the definition of each type; bags before version 4 of their schema have
+/// none.
 fn definitions(connection: &Connection) -> rusqlite::Result<BTreeMap<String, (String, String)>> {
     let query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions";
     let mut query = connection.prepare(query)?;
@@ -165,7 +190,8 @@ fn definitions(connection: &Connection) -> rusqlite::Result<BTreeMap<String, (St
 }
 
 fn counts(connection: &Connection) -> rusqlite::Result<BTreeMap<i64, u64>> {
-    let mut query = connection.prepare("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")?;
+    let mut query =
+        connection.prepare("SELECT topic_id, count(*) FROM messages GROUP BY topic_id")?;
     let rows = query.query_map([], |row| Ok((row.get(0)?, row.get::<_, i64>(1)? as u64)))?;
     rows.collect()
 }
@@ -181,7 +207,8 @@ fn decompressed(data: &[u8]) -> Option<Vec<u8>> {
     if !data.starts_with(&ZSTD) {
         return None;
     }
-    let size = zstd::zstd_safe::get_frame_content_size(data).ok().flatten().unwrap_or(LARGEST as u64);
+    let size =
+        zstd::zstd_safe::get_frame_content_size(data).ok().flatten().unwrap_or(LARGEST as u64);
     let size = usize::try_from(size).ok().filter(|size| *size <= LARGEST)?;
     let mut message = Vec::new();
     super::decompress_zstd(data, size, &mut message).ok().map(|()| message)
@@ -205,7 +232,8 @@ impl Pages {
         while let Some(row) = rows.next()? {
             let id = row.get(0)?;
             if id <= self.after {
-                self.lost = Some(format!("the file is damaged after message {}: {id} is next", self.after));
+                self.lost =
+                    Some(format!("the file is damaged after message {}: {id} is next", self.after));
                 break;
             }
             self.after = id;
@@ -250,7 +278,10 @@ impl BagFile {
             #[cfg(feature = "mcap")]
             Some("mcap") => super::mcap::McapFile::open(path).map(Self::Mcap),
             #[cfg(not(feature = "mcap"))]
-            Some("mcap") => Err(problem(path, "MCAP files are read with the feature mcap, which this build lacks")),
+            Some("mcap") => Err(problem(
+                path,
+                "MCAP files are read with the feature mcap, which this build lacks",
+            )),
             _ => Db3::open(path).map(Self::Db3),
         }
     }
@@ -287,7 +318,11 @@ impl BagFile {
         }
     }
 
-    fn blocks(&self, table: usize, extractor: Extractor) -> Result<Box<dyn Blocks>, RecordingError> {
+    fn blocks(
+        &self,
+        table: usize,
+        extractor: Extractor,
+    ) -> Result<Box<dyn Blocks>, RecordingError> {
         match self {
             Self::Db3(file) => file.blocks(table, extractor),
             #[cfg(feature = "mcap")]
@@ -361,9 +396,13 @@ impl Folder {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
             Err(source) => return Err(RecordingError::Open { file: file(), source }),
         };
-        let entries = std::fs::read_dir(path).map_err(|source| RecordingError::Open { file: file(), source })?;
-        let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
-        paths.retain(|path| path.extension().is_some_and(|extension| extension == "db3" || extension == "mcap"));
+        let entries = std::fs::read_dir(path)
+            .map_err(|source| RecordingError::Open { file: file(), source })?;
+        let mut paths: Vec<PathBuf> =
+            entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+        paths.retain(|path| {
+            path.extension().is_some_and(|extension| extension == "db3" || extension == "mcap")
+        });
         paths.sort();
         let mut folder = Self {
             path: path.to_owned(),
@@ -389,7 +428,9 @@ impl Folder {
             }
         }
         if folder.parts.is_empty() {
-            let none = || problem(path, format!("holds no bag: expected {METADATA} and .db3 or .mcap files"));
+            let none = || {
+                problem(path, format!("holds no bag: expected {METADATA} and .db3 or .mcap files"))
+            };
             return Err(failed.unwrap_or_else(none));
         }
         folder.join();
@@ -404,10 +445,14 @@ impl Folder {
         self.epochs = message::epochs(topics(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
         for table in topics().map(|topic| &topic.table) {
-            match tables.iter_mut().find(|known| known.name == table.name && known.kind == table.kind) {
+            match tables
+                .iter_mut()
+                .find(|known| known.name == table.name && known.kind == table.kind)
+            {
                 Some(known) => {
                     known.rows = known.rows.zip(table.rows).map(|(rows, more)| rows + more);
-                    let more = table.columns.iter().filter(|column| !known.columns.contains(column));
+                    let more =
+                        table.columns.iter().filter(|column| !known.columns.contains(column));
                     let more: Vec<_> = more.cloned().collect();
                     known.columns.extend(more);
                 }
@@ -420,7 +465,8 @@ impl Folder {
         self.notes.push(format!("{} files in the order of their first times", self.parts.len()));
         for part in &self.parts {
             let name = part.path().file_name().unwrap_or_default().to_string_lossy();
-            self.warnings.extend(part.warnings().iter().map(|warning| format!("{name}: {warning}")));
+            self.warnings
+                .extend(part.warnings().iter().map(|warning| format!("{name}: {warning}")));
         }
     }
 }
@@ -443,8 +489,10 @@ impl Container for Folder {
     }
 
     fn clock(&self, table: usize, column: usize) -> usize {
-        let (table, mut topics) = (&self.tables[table], self.parts.iter().flat_map(BagFile::topics));
-        let same = |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
+        let (table, mut topics) =
+            (&self.tables[table], self.parts.iter().flat_map(BagFile::topics));
+        let same =
+            |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
         topics.find(same).map_or(0, |topic| topic.clock(column, self.epochs))
     }
 
@@ -453,10 +501,13 @@ impl Container for Folder {
         message::check(&self.path, self.format(), table, columns)?;
         let mut blocks = Vec::new();
         for part in &self.parts {
-            let same = |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
+            let same =
+                |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
             let Some(place) = part.topics().iter().position(|topic| same(&topic)) else { continue };
             let topic = &part.topics()[place];
-            let found = |&column: &usize| topic.table.columns.iter().position(|c| *c == table.columns[column]);
+            let found = |&column: &usize| {
+                topic.table.columns.iter().position(|c| *c == table.columns[column])
+            };
             let places: Vec<Option<usize>> = columns.iter().map(found).collect();
             blocks.push(part.blocks(place, topic.extractor_of(&places, self.epochs))?);
         }

@@ -118,7 +118,10 @@ pub(crate) fn parse(name: &str, text: &str) -> Result<Struct, String> {
     if !text.trim().is_empty() {
         sections.insert(name.clone(), Vec::new());
     } else if !sections.contains_key(&name) {
-        return Err("the file carries no definition of its type, and it is none of the standard ones".into());
+        return Err(
+            "the file carries no definition of its type, and it is none of the standard ones"
+                .into(),
+        );
     }
     for line in text.lines().map(str::trim) {
         if line.len() > 2 && line.bytes().all(|byte| byte == b'=') {
@@ -149,14 +152,16 @@ impl Line {
     fn read(line: &str) -> Option<Self> {
         let mut words = line.split_whitespace();
         let (kind, name) = (words.next()?, words.next()?);
-        let is_constant = name.contains('=') || words.next().is_some_and(|word| word.starts_with('='));
+        let is_constant =
+            name.contains('=') || words.next().is_some_and(|word| word.starts_with('='));
         if kind.starts_with('#') || name.starts_with('#') || is_constant {
             return None;
         }
         let (kind, arity) = match kind.split_once('[') {
             None => (kind, Arity::One),
             Some((kind, count)) => {
-                let count = count.trim_end_matches(']').parse().map_or(Arity::Counted, Arity::Fixed);
+                let count =
+                    count.trim_end_matches(']').parse().map_or(Arity::Counted, Arity::Fixed);
                 (kind, count)
             }
         };
@@ -172,7 +177,10 @@ struct Resolver<'a> {
 
 impl Resolver<'_> {
     fn resolve(&mut self, name: &str, depth: usize) -> Result<Struct, String> {
-        let lines = self.sections.get(name).ok_or_else(|| format!("the type {name} is not defined in the file"))?;
+        let lines = self
+            .sections
+            .get(name)
+            .ok_or_else(|| format!("the type {name} is not defined in the file"))?;
         self.fields += lines.len();
         if depth > DEEPEST || self.fields > MOST_FIELDS {
             return Err(format!("its definition nests without end, at {name}"));
@@ -203,7 +211,8 @@ impl Resolver<'_> {
     }
 }
 
-/// Messages of ROS 2's common interfaces, for bags that carry no definitions (rosbag2 before schema version 4).
+/// Messages of ROS 2's common interfaces, for bags that carry no definitions (rosbag2 before schema
+/// version 4).
 const STANDARD: &[(&str, &str)] = &[
     ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"),
     ("std_msgs/Float64", "float64 data"),
@@ -228,10 +237,10 @@ const STANDARD: &[(&str, &str)] = &[
     ("geometry_msgs/TransformStamped", TRANSFORM_STAMPED),
 ];
 
-const JOINT_STATE: &str =
-    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort";
+const JOINT_STATE: &str = "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort";
 
-const TRANSFORM_STAMPED: &str = "std_msgs/Header header\nstring child_frame_id\nTransform transform";
+const TRANSFORM_STAMPED: &str =
+    "std_msgs/Header header\nstring child_frame_id\nTransform transform";
 
 #[cfg(test)]
 mod tests {
@@ -256,7 +265,10 @@ mod tests {
         let names: Vec<&str> = message.fields.iter().map(|f| &*f.name).collect();
         assert_eq!(names, ["level", "tags", "cov", "inner", "outer"]);
         let arities: Vec<Arity> = message.fields.iter().map(|f| f.arity).collect();
-        assert_eq!(arities, [Arity::One, Arity::Counted, Arity::Fixed(9), Arity::One, Arity::Counted]);
+        assert_eq!(
+            arities,
+            [Arity::One, Arity::Counted, Arity::Fixed(9), Arity::One, Arity::Counted]
+        );
         let Kind::Struct(outer) = &message.fields[4].kind else { panic!("a struct") };
         assert_eq!(outer.fields[1].kind, Kind::Span);
     }

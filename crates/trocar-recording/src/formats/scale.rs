@@ -1,4 +1,5 @@
-//! Integers and bytes that represent other quantities: timestamps, durations, decimals, half floats.
+//! Integers and bytes that represent other quantities: timestamps, durations, decimals, half
+//! floats.
 
 /// Meaning of one unit of an integer, or of some bytes.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,8 +47,13 @@ impl Scale {
             (Self::Half, &[low, high]) => half(u16::from_le_bytes([low, high])),
             (Self::Decimal(parts), [first, rest @ ..]) => {
                 let whole = match rest.len() {
-                    ..16 => rest.iter().fold(i128::from(first.cast_signed()), |n, b| n << 8 | i128::from(*b)) as f64,
-                    _ => rest.iter().fold(f64::from(first.cast_signed()), |n, b| 256.0 * n + f64::from(*b)),
+                    ..16 => rest
+                        .iter()
+                        .fold(i128::from(first.cast_signed()), |n, b| n << 8 | i128::from(*b))
+                        as f64,
+                    _ => rest
+                        .iter()
+                        .fold(f64::from(first.cast_signed()), |n, b| 256.0 * n + f64::from(*b)),
                 };
                 whole / parts
             }

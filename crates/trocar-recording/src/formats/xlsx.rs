@@ -1,9 +1,9 @@
 //! Excel workbooks (`.xlsx`, `.xlsm`): each sheet is a table.
 //!
-//! The first rows of a sheet become lines of text with tabs, in which the reader of text files finds
-//! lines before the header, the names and the units. The rows below are read cell by cell: numbers,
-//! Booleans, texts that are numbers, and dates, which become seconds since the column's first. Of a
-//! formula the stored value counts. An empty cell and `#N/A` are missing numbers.
+//! The first rows of a sheet become lines of text with tabs, in which the reader of text files
+//! finds lines before the header, the names and the units. The rows below are read cell by cell:
+//! numbers, Booleans, texts that are numbers, and dates, which become seconds since the column's
+//! first. Of a formula the stored value counts. An empty cell and `#N/A` are missing numbers.
 //!
 //! Memory: the texts of the workbook and the columns asked for; a sheet has at most 1,048,576 rows.
 
@@ -118,7 +118,9 @@ impl Cell {
             Self::Text(text) => {
                 line.push('"');
                 let plain = text.chars().map(|c| if c.is_control() { ' ' } else { c });
-                plain.for_each(|c| line.extend(std::iter::repeat_n(c, if c == '"' { 2 } else { 1 })));
+                plain.for_each(|c| {
+                    line.extend(std::iter::repeat_n(c, if c == '"' { 2 } else { 1 }))
+                });
                 line.push('"');
             }
             Self::Missing => {}
@@ -147,7 +149,8 @@ impl Xlsx {
         };
         source.guard("its structure", || {
             let mut workbook = open_book(path, &source)?;
-            let sheets = workbook.sheets_metadata().iter().filter(|sheet| sheet.typ == SheetType::WorkSheet);
+            let sheets =
+                workbook.sheets_metadata().iter().filter(|sheet| sheet.typ == SheetType::WorkSheet);
             let names: Vec<String> = sheets.map(|sheet| sheet.name.clone()).collect();
             names.into_iter().try_for_each(|name| found.list(&mut workbook, name))
         })?;
@@ -178,20 +181,28 @@ impl Xlsx {
         // Rows that begin with a number sign are comments in both.
         let Some(&(first_row, _)) = rows.get(head.lines) else { return Ok(()) };
         let mut sheet = Sheet { name, first_row, columns: Vec::new(), format: head.format };
-        let mut table = Table { name: sheet.name.clone(), kind: String::new(), rows: None, columns: Vec::new() };
+        let mut table = Table {
+            name: sheet.name.clone(),
+            kind: String::new(),
+            rows: None,
+            columns: Vec::new(),
+        };
         for column in left..=right {
             let at = (column - left) as usize;
             let title = head.names.get(at).cloned().unwrap_or_default();
             let unit = head.units.get(at).filter(|unit| !unit.is_empty()).cloned();
             let cells = rows[head.lines..].iter().flat_map(|(_, cells)| cells);
-            let kinds: Vec<Kind> =
-                cells.filter(|(own, _)| *own == column).filter_map(|(_, cell)| cell.kind(head.format)).collect();
+            let kinds: Vec<Kind> = cells
+                .filter(|(own, _)| *own == column)
+                .filter_map(|(_, cell)| cell.kind(head.format))
+                .collect();
             let kind = match () {
                 () if kinds.is_empty() && title.is_empty() => continue,
                 () if kinds.contains(&Kind::Number) => Kind::Number,
                 () => kinds.first().copied().unwrap_or(Kind::Number),
             };
-            let is_other = kind == Kind::Date && is_recognised(&title) && time_unit(&title, None).is_none();
+            let is_other =
+                kind == Kind::Date && is_recognised(&title) && time_unit(&title, None).is_none();
             let is_numeric = kind != Kind::Text && !is_other;
             let unit = if kind == Kind::Date { Some("s".to_owned()) } else { unit };
             table.columns.push(Column { name: title, unit, is_numeric });
@@ -246,8 +257,9 @@ fn each_row(
     mut take: impl FnMut(u32, &[(u32, Cell)]) -> bool,
 ) -> Result<(), RecordingError> {
     let place = |row: u32| format!("sheet '{name}' row {}", row + 1);
-    let mut reader =
-        workbook.worksheet_cells_reader(name).map_err(|error| source.damaged(format!("sheet '{name}'"), error))?;
+    let mut reader = workbook
+        .worksheet_cells_reader(name)
+        .map_err(|error| source.damaged(format!("sheet '{name}'"), error))?;
     let mut row: (u32, Vec<(u32, Cell)>) = (0, Vec::new());
     loop {
         let next = reader.next_cell().map_err(|error| source.damaged(place(row.0), error))?;
@@ -261,7 +273,10 @@ fn each_row(
         let Some((cell, (at, column))) = next.zip(at) else { return Ok(()) };
         let is_in_order = at >= row.0 && row.1.last().is_none_or(|(last, _)| *last < column);
         if !is_in_order || at >= MOST_ROWS || column >= MOST_COLUMNS {
-            let found = format!("cell {}, which is out of order or outside of the sheet", cell_name(at, column));
+            let found = format!(
+                "cell {}, which is out of order or outside of the sheet",
+                cell_name(at, column)
+            );
             return Err(source.damaged(place(row.0), found));
         }
         row.0 = at;
@@ -292,8 +307,10 @@ impl Container for Xlsx {
         if let Some(text) = columns.iter().find(|&&column| !table.columns[column].is_numeric) {
             return Err(self.source.not_numeric(&table.columns[*text].name));
         }
-        let wanted: Vec<(u32, Kind, &str)> =
-            columns.iter().map(|&k| (sheet.columns[k].0, sheet.columns[k].1, &*table.columns[k].name)).collect();
+        let wanted: Vec<(u32, Kind, &str)> = columns
+            .iter()
+            .map(|&k| (sheet.columns[k].0, sheet.columns[k].1, &*table.columns[k].name))
+            .collect();
         let mut rows = Rows { columns: vec![Vec::new(); columns.len()], at: 0, problem: None };
         let mut origins = vec![None; columns.len()];
         let read = self.source.guard(format!("sheet '{}'", sheet.name), || {
@@ -330,13 +347,21 @@ fn number(cell: &Cell, kind: Kind, format: Format, origin: &mut Option<i64>) -> 
         (Cell::Missing, _) => Some(f64::NAN),
         (Cell::Number(number), Kind::Number) => Some(*number),
         (Cell::Text(text), Kind::Number) => format.number(text.as_bytes()),
-        (Cell::Date(date), Kind::Date) => Some(date.saturating_sub(*origin.get_or_insert(*date)) as f64 / 1e9),
+        (Cell::Date(date), Kind::Date) => {
+            Some(date.saturating_sub(*origin.get_or_insert(*date)) as f64 / 1e9)
+        }
         _ => None,
     }
 }
 
 impl Xlsx {
-    fn not_a_number(&self, sheet: &Sheet, (row, column): (u32, u32), name: &str, cell: &Cell) -> RecordingError {
+    fn not_a_number(
+        &self,
+        sheet: &Sheet,
+        (row, column): (u32, u32),
+        name: &str,
+        cell: &Cell,
+    ) -> RecordingError {
         let found = match cell {
             Cell::Number(number) => number.to_string(),
             Cell::Date(_) => "a date".to_owned(),
@@ -382,7 +407,9 @@ mod tests {
 
     #[test]
     fn cells_are_named_as_in_a_spreadsheet() {
-        for (row, column, name) in [(0, 0, "A1"), (16, 1, "B17"), (0, 25, "Z1"), (9, 26, "AA10"), (0, 16_383, "XFD1")] {
+        for (row, column, name) in
+            [(0, 0, "A1"), (16, 1, "B17"), (0, 25, "Z1"), (9, 26, "AA10"), (0, 16_383, "XFD1")]
+        {
             assert_eq!(cell_name(row, column), name);
         }
     }

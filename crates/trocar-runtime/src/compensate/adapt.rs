@@ -1,10 +1,10 @@
 //! Online estimation of the friction scale and the viscosity.
 //!
 //! A force sensor outside the body cannot separate friction from tissue force in a single sample.
-//! It can do so over a cycle (one stroke each way): at the same position x the friction reverses with the
-//! motion, whereas an elastic tissue force, a constant load or a weight does not. The track is
-//! therefore divided into cells of 1 mm. Whenever a cell is crossed in the direction opposite to
-//! its last crossing, both times while sliding, the pair gives
+//! It can do so over a cycle (one stroke each way): at the same position x the friction reverses
+//! with the motion, whereas an elastic tissue force, a constant load or a weight does not. The
+//! track is therefore divided into cells of 1 mm. Whenever a cell is crossed in the direction
+//! opposite to its last crossing, both times while sliding, the pair gives
 //!
 //! ```text
 //! y₊ − y₋     = λ·(f₊ − f₋) + ν·(b₊ − b₋) + noise          reverses: friction, used for the update
@@ -84,11 +84,19 @@ pub(super) struct Sliding {
 
 impl Sliding {
     fn plus(self, other: Self) -> Self {
-        Self { reading: self.reading + other.reading, dry: self.dry + other.dry, viscous: self.viscous + other.viscous }
+        Self {
+            reading: self.reading + other.reading,
+            dry: self.dry + other.dry,
+            viscous: self.viscous + other.viscous,
+        }
     }
 
     fn times(self, factor: f64) -> Self {
-        Self { reading: factor * self.reading, dry: factor * self.dry, viscous: factor * self.viscous }
+        Self {
+            reading: factor * self.reading,
+            dry: factor * self.dry,
+            viscous: factor * self.viscous,
+        }
     }
 }
 
@@ -222,7 +230,13 @@ impl Adapter {
 
     /// Tracks a slide; returns its direction once it has lasted for a fraction of the deformation
     /// `width`, m.
-    pub(super) fn settle(&mut self, slides: bool, inserts: bool, position: f64, width: f64) -> Option<bool> {
+    pub(super) fn settle(
+        &mut self,
+        slides: bool,
+        inserts: bool,
+        position: f64,
+        width: f64,
+    ) -> Option<bool> {
         if !slides {
             self.slide = None;
             self.finish_crossing();
@@ -237,11 +251,13 @@ impl Adapter {
     /// Adds a sample of a slide at `position`, m.
     pub(super) fn take(&mut self, position: f64, inserts: bool, now: Sliding) {
         let cell = (position / CELL).floor() as i64;
-        let same = self.current.filter(|current| current.cell == cell && current.inserts == inserts);
+        let same =
+            self.current.filter(|current| current.cell == cell && current.inserts == inserts);
         if same.is_none() {
             self.finish_crossing();
         }
-        let (sum, samples) = same.map_or((Sliding::default(), 0.0), |current| (current.sum, current.samples));
+        let (sum, samples) =
+            same.map_or((Sliding::default(), 0.0), |current| (current.sum, current.samples));
         self.current = Some(Current { cell, inserts, sum: sum.plus(now), samples: samples + 1.0 });
     }
 
@@ -249,7 +265,8 @@ impl Adapter {
         let Some(Current { cell, inserts, sum, samples }) = self.current.take() else { return };
         let mean = sum.times(1.0 / samples);
         let place = cell.rem_euclid(CELLS as i64) as usize;
-        let recent = |crossing: &Crossing| crossing.cell == cell && self.time - crossing.time < LONGEST_AGE;
+        let recent =
+            |crossing: &Crossing| crossing.cell == cell && self.time - crossing.time < LONGEST_AGE;
         let across = self.memory[usize::from(!inserts)][place].filter(recent);
         let along = self.memory[usize::from(inserts)][place].filter(recent);
         if let Some(across) = across {
@@ -268,7 +285,9 @@ impl Adapter {
     /// speeds.
     fn variance(&self, of: &Sliding) -> f64 {
         let [[level, both], [_, viscosity]] = self.covariance;
-        level * of.dry * of.dry + 2.0 * both * of.dry * of.viscous + viscosity * of.viscous * of.viscous
+        level * of.dry * of.dry
+            + 2.0 * both * of.dry * of.viscous
+            + viscosity * of.viscous * of.viscous
     }
 
     /// Updates the filter from a crossing, the opposite one before it, and the one in its own
@@ -276,7 +295,8 @@ impl Adapter {
     fn learn(&mut self, now: Sliding, across: Sliding, first: Option<Sliding>) {
         let mean = now.plus(across).times(0.5);
         let load = self.residual(&mean);
-        self.contact = load * load > CONTACT * CONTACT * (self.sigma * self.sigma + self.variance(&mean));
+        self.contact =
+            load * load > CONTACT * CONTACT * (self.sigma * self.sigma + self.variance(&mean));
         if self.contact {
             self.loaded = self.time;
         }
@@ -309,7 +329,8 @@ impl Adapter {
         self.learnt = self.time;
         for k in 0..2 {
             let [low, high] = BOUNDS[k];
-            self.estimate[k] = (self.estimate[k] + gain[k] * innovation / variance).clamp(low, high);
+            self.estimate[k] =
+                (self.estimate[k] + gain[k] * innovation / variance).clamp(low, high);
             for j in 0..2 {
                 self.covariance[k][j] -= gain[k] * gain[j] / variance;
             }

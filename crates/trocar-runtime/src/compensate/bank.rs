@@ -148,7 +148,14 @@ impl Bank {
         if self.current.is_some_and(|current| (current.cell, current.inserts) != (cell, inserts)) {
             self.finish_crossing();
         }
-        let fresh = Current { cell, inserts, samples: 0.0, reading: 0.0, variance: 0.0, forces: [0.0; COUNT] };
+        let fresh = Current {
+            cell,
+            inserts,
+            samples: 0.0,
+            reading: 0.0,
+            variance: 0.0,
+            forces: [0.0; COUNT],
+        };
         let current = self.current.get_or_insert(fresh);
         current.samples += 1.0;
         current.reading += reading;
@@ -159,13 +166,18 @@ impl Bank {
     }
 
     fn finish_crossing(&mut self) {
-        let Some(Current { cell, inserts, samples, reading, variance, forces }) = self.current.take() else { return };
+        let Some(Current { cell, inserts, samples, reading, variance, forces }) =
+            self.current.take()
+        else {
+            return;
+        };
         let (reading, variance) = (reading / samples, variance / samples);
         let forces = forces.map(|sum| sum / samples);
         let now = Crossing { cell, time: self.time, reading, variance, forces };
         let place = cell.rem_euclid(CELLS as i64) as usize;
         let across = self.memory[usize::from(!inserts)][place];
-        if let Some(before) = across.filter(|b| b.cell == cell && self.time - b.time < LONGEST_AGE) {
+        if let Some(before) = across.filter(|b| b.cell == cell && self.time - b.time < LONGEST_AGE)
+        {
             self.compare(&now, &before, inserts);
         }
         self.memory[usize::from(inserts)][place] = Some(now);
@@ -173,25 +185,37 @@ impl Bank {
 
     fn compare(&mut self, now: &Crossing, before: &Crossing, inserts: bool) {
         let turns: [f64; COUNT] = core::array::from_fn(|h| now.forces[h] - before.forces[h]);
-        let (low, high) = turns.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(*t), h.max(*t)));
+        let (low, high) = turns
+            .iter()
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(*t), h.max(*t)));
         if high - low < TELLING * self.sigma {
             return;
         }
         self.stroke += u64::from(inserts != self.inserted);
         self.inserted = inserts;
         let turn = now.reading - before.reading;
-        let load = |h: usize| 0.5 * (now.reading + before.reading - now.forces[h] - before.forces[h]);
+        let load =
+            |h: usize| 0.5 * (now.reading + before.reading - now.forces[h] - before.forces[h]);
         let between = (0..COUNT - 1).find(|h| (turns[*h] - turn) * (turns[h + 1] - turn) <= 0.0);
         let (level, load) = match between {
             Some(h) => {
                 let span = turns[h + 1] - turns[h];
                 let part = if span == 0.0 { 0.0 } else { (turn - turns[h]) / span };
-                (LEVELS[h] + part * (LEVELS[h + 1] - LEVELS[h]), load(h) + part * (load(h + 1) - load(h)))
+                (
+                    LEVELS[h] + part * (LEVELS[h + 1] - LEVELS[h]),
+                    load(h) + part * (load(h + 1) - load(h)),
+                )
             }
             None => (f64::NAN, f64::NAN),
         };
-        self.pairs[self.next] =
-            Some(Pair { level, load, turn, turns, variance: now.variance + before.variance, stroke: self.stroke });
+        self.pairs[self.next] = Some(Pair {
+            level,
+            load,
+            turn,
+            turns,
+            variance: now.variance + before.variance,
+            stroke: self.stroke,
+        });
         self.next = (self.next + 1) % PAIRS;
     }
 
@@ -205,8 +229,10 @@ impl Bank {
             error * error - NOISE * NOISE * pair.variance
         };
         let over = |number: usize| {
-            let last = (1..=number).filter_map(|back| self.pairs[(self.next + PAIRS - back) % PAIRS]);
-            let (squares, count) = last.fold((0.0, 0.0), |(s, n), pair| (s + beyond(pair), n + 1.0));
+            let last =
+                (1..=number).filter_map(|back| self.pairs[(self.next + PAIRS - back) % PAIRS]);
+            let (squares, count) =
+                last.fold((0.0, 0.0), |(s, n), pair| (s + beyond(pair), n + 1.0));
             if count > 0.0 { squares / count } else { 0.0 }
         };
         over(RECENT).max(over(NEWEST)).max(0.0)
@@ -227,7 +253,8 @@ impl Bank {
         }
         let pairs = self.pairs.iter().flatten();
         let agrees = |pair: &&Pair| {
-            (pair.level / middle).ln().abs() < APART && pair.load.abs() < CONTACT * self.sigma + APART * pair.turn.abs()
+            (pair.level / middle).ln().abs() < APART
+                && pair.load.abs() < CONTACT * self.sigma + APART * pair.turn.abs()
         };
         let first = pairs.clone().map(|pair| pair.stroke).min()?;
         let last = pairs.clone().map(|pair| pair.stroke).max()?;

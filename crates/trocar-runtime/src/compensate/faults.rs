@@ -43,8 +43,15 @@ pub enum Fault {
 
 impl Fault {
     /// All faults.
-    pub const ALL: [Self; 7] =
-        [Self::NoReading, Self::NoPosition, Self::NoDuration, Self::Saturated, Self::Frozen, Self::Jump, Self::Gap];
+    pub const ALL: [Self; 7] = [
+        Self::NoReading,
+        Self::NoPosition,
+        Self::NoDuration,
+        Self::Saturated,
+        Self::Frozen,
+        Self::Jump,
+        Self::Gap,
+    ];
 
     /// Whether the reading contains no information about the tissue.
     pub fn spoils_reading(self) -> bool {
@@ -58,11 +65,15 @@ impl Fault {
             Self::NoPosition => "no position: no tissue force, the model waits",
             Self::NoDuration => "time does not go on: the model waits",
             Self::Saturated => "the force reading is at the sensor's limit: no tissue force",
-            Self::Frozen => "the force reading is frozen while the force must have changed: no tissue force",
+            Self::Frozen => {
+                "the force reading is frozen while the force must have changed: no tissue force"
+            }
             Self::Jump => {
                 "the position jumps (over 1 m/s): a new zero of the encoder, not a motion; the seal's state is unknown until it has slid"
             }
-            Self::Gap => "more than 0.2 s without a sample: the seal's state is unknown until it has slid",
+            Self::Gap => {
+                "more than 0.2 s without a sample: the seal's state is unknown until it has slid"
+            }
         }
     }
 }
@@ -119,8 +130,17 @@ impl Watch {
     }
 
     /// Faults of a sample `duration`, s, after the last one at position `before`, m.
-    pub(super) fn look(&mut self, before: Option<f64>, position: f64, force: f64, duration: f64) -> SampleFaults {
-        SampleFaults { motion: motion(before, position, duration), reading: self.reading(force, duration) }
+    pub(super) fn look(
+        &mut self,
+        before: Option<f64>,
+        position: f64,
+        force: f64,
+        duration: f64,
+    ) -> SampleFaults {
+        SampleFaults {
+            motion: motion(before, position, duration),
+            reading: self.reading(force, duration),
+        }
     }
 
     fn reading(&mut self, force: f64, duration: f64) -> Option<Fault> {
@@ -143,13 +163,20 @@ impl Watch {
         };
         same.time += duration;
         same.samples += 1;
-        let long = same.time >= FROZEN_FOR.max(FROZEN_USUAL * self.usual) && same.samples >= FROZEN_SAMPLES;
+        let long = same.time >= FROZEN_FOR.max(FROZEN_USUAL * self.usual)
+            && same.samples >= FROZEN_SAMPLES;
         long && same.high - same.low > self.least_change
     }
 
     /// Records the model's force, N, that corresponds to a reading.
     pub(super) fn follow(&mut self, model: f64, force: f64) {
-        let same = self.same.get_or_insert(Same { reading: force, time: 0.0, samples: 1, low: model, high: model });
+        let same = self.same.get_or_insert(Same {
+            reading: force,
+            time: 0.0,
+            samples: 1,
+            low: model,
+            high: model,
+        });
         (same.low, same.high) = (same.low.min(model), same.high.max(model));
     }
 }

@@ -3,8 +3,8 @@
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
-    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
+    MaxwellSlip, ParamError, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
 };
 
 use super::object::{Object, found, members};
@@ -64,7 +64,10 @@ fn sliding(sliding: &SlidingFriction) -> Option<Object<SlidingFriction>> {
 
 impl From<&StaticFriction> for StaticText {
     fn from(model: &StaticFriction) -> Self {
-        Self::new(&(), StaticMembers { kind: kind(Classical::STATIC), sliding: sliding(model.params()) })
+        Self::new(
+            &(),
+            StaticMembers { kind: kind(Classical::STATIC), sliding: sliding(model.params()) },
+        )
     }
 }
 
@@ -113,7 +116,8 @@ impl From<&Leuven> for LeuvenText {
 impl FrictionText for LeuvenText {
     fn model(self) -> Result<Classical, ParamError> {
         let numbers = self.params();
-        let bank: Vec<SlipElement> = found(self.members.elements).iter().map(Object::params).collect();
+        let bank: Vec<SlipElement> =
+            found(self.members.elements).iter().map(Object::params).collect();
         let params = LeuvenParams { sliding: found(self.members.sliding).params(), ..numbers };
         Leuven::new(&bank, params).map(Classical::Leuven)
     }
@@ -122,15 +126,18 @@ impl FrictionText for LeuvenText {
 impl From<&MaxwellSlip> for MaxwellSlipText {
     fn from(model: &MaxwellSlip) -> Self {
         let elements = Some(model.elements().iter().map(Object::from).collect());
-        let (kind, viscous_damping_n_s_m) = (kind(Classical::MAXWELL_SLIP), Some(model.viscous_damping()));
+        let (kind, viscous_damping_n_s_m) =
+            (kind(Classical::MAXWELL_SLIP), Some(model.viscous_damping()));
         Self::new(&(), MaxwellSlipMembers { kind, viscous_damping_n_s_m, elements })
     }
 }
 
 impl FrictionText for MaxwellSlipText {
     fn model(self) -> Result<Classical, ParamError> {
-        let bank: Vec<SlipElement> = found(self.members.elements).iter().map(Object::params).collect();
-        MaxwellSlip::new(&bank, found(self.members.viscous_damping_n_s_m)).map(Classical::MaxwellSlip)
+        let bank: Vec<SlipElement> =
+            found(self.members.elements).iter().map(Object::params).collect();
+        MaxwellSlip::new(&bank, found(self.members.viscous_damping_n_s_m))
+            .map(Classical::MaxwellSlip)
     }
 }
 
@@ -138,14 +145,19 @@ impl From<&Gms> for GmsText {
     fn from(model: &Gms) -> Self {
         let elements = Some(model.elements().iter().map(Object::from).collect());
         let (kind, sliding) = (kind(Classical::GMS), sliding(model.sliding()));
-        Self::new(&(), GmsMembers { kind, slip_rate: Some(Rate(model.slip_rate())), sliding, elements })
+        Self::new(
+            &(),
+            GmsMembers { kind, slip_rate: Some(Rate(model.slip_rate())), sliding, elements },
+        )
     }
 }
 
 impl FrictionText for GmsText {
     fn model(self) -> Result<Classical, ParamError> {
-        let bank: Vec<GmsElement> = found(self.members.elements).iter().map(Object::params).collect();
-        let (sliding, rate) = (found(self.members.sliding).params(), found(self.members.slip_rate).0);
+        let bank: Vec<GmsElement> =
+            found(self.members.elements).iter().map(Object::params).collect();
+        let (sliding, rate) =
+            (found(self.members.sliding).params(), found(self.members.slip_rate).0);
         Gms::new(&bank, sliding, rate).map(Classical::Gms)
     }
 }

@@ -158,7 +158,8 @@ impl<'de, T: Parameters, M: Members> Visitor<'de> for Reader<T, M> {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
-        let mut object = Object { values: vec![None; T::FIELDS.len()], members: M::default(), of: PhantomData };
+        let mut object =
+            Object { values: vec![None; T::FIELDS.len()], members: M::default(), of: PhantomData };
         while let Some(key) = map.next_key::<String>()? {
             if M::KEYS.contains(&key.as_str()) {
                 object.members.read(&key, &mut map)?;
@@ -167,7 +168,10 @@ impl<'de, T: Parameters, M: Members> Visitor<'de> for Reader<T, M> {
             }
         }
         object.members.check()?;
-        let missing = T::FIELDS.iter().zip(&object.values).find(|(_, value)| M::ALL_NUMBERS && value.is_none());
+        let missing = T::FIELDS
+            .iter()
+            .zip(&object.values)
+            .find(|(_, value)| M::ALL_NUMBERS && value.is_none());
         match missing {
             Some((field, _)) => Err(A::Error::missing_field(field.key)),
             None => Ok(object),
@@ -176,11 +180,18 @@ impl<'de, T: Parameters, M: Members> Visitor<'de> for Reader<T, M> {
 }
 
 impl<T: Parameters, M: Members> Object<T, M> {
-    fn read_number<'de, A: MapAccess<'de>>(&mut self, key: &str, map: &mut A) -> Result<(), A::Error> {
+    fn read_number<'de, A: MapAccess<'de>>(
+        &mut self,
+        key: &str,
+        map: &mut A,
+    ) -> Result<(), A::Error> {
         let Some(place) = T::FIELDS.iter().position(|field| field.key == key) else {
             let keys = M::KEYS.iter().copied().chain(T::FIELDS.iter().map(|field| field.key));
             let expected: Vec<String> = keys.map(|key| format!("`{key}`")).collect();
-            return Err(A::Error::custom(format!("unknown field `{key}`, expected one of {}", expected.join(", "))));
+            return Err(A::Error::custom(format!(
+                "unknown field `{key}`, expected one of {}",
+                expected.join(", ")
+            )));
         };
         let field = &T::FIELDS[place];
         if self.values[place].is_some() {

@@ -36,7 +36,11 @@ impl Page {
     }
 
     /// Calls an export.
-    pub(crate) fn call<P: WasmParams, R: WasmResults>(&mut self, name: &str, with: P) -> Result<R, Box<dyn Error>> {
+    pub(crate) fn call<P: WasmParams, R: WasmResults>(
+        &mut self,
+        name: &str,
+        with: P,
+    ) -> Result<R, Box<dyn Error>> {
         let export: TypedFunc<P, R> = self.instance.get_typed_func(&self.store, name)?;
         Ok(export.call(&mut self.store, with)?)
     }
@@ -49,7 +53,10 @@ impl Page {
     fn read(&self, address: usize, count: usize) -> Result<Vec<f64>, Box<dyn Error>> {
         let mut bytes = vec![0; 8 * count];
         self.memory.read(&self.store, address, &mut bytes)?;
-        Ok(bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight"))).collect())
+        Ok(bytes
+            .chunks_exact(8)
+            .map(|b| f64::from_le_bytes(b.try_into().expect("eight")))
+            .collect())
     }
 
     /// Loads a row of numbers; whether they are a model.
@@ -63,7 +70,11 @@ impl Page {
     pub(crate) fn load(&mut self, trocar: &Trocar<&[f64]>) -> Result<(), Box<dyn Error>> {
         let mut row = vec![0.0; trocar.count_numbers()];
         trocar.write_numbers(&mut row)?;
-        if self.load_row(&row)? { Ok(()) } else { Err("the module reads no model from the row".into()) }
+        if self.load_row(&row)? {
+            Ok(())
+        } else {
+            Err("the module reads no model from the row".into())
+        }
     }
 
     /// Turns the tunables; whether they make a model.
@@ -73,17 +84,25 @@ impl Page {
         Ok(self.call::<u32, u32>("tune", values.len() as u32)? == 1)
     }
 
-    /// Force (N) and deflection (m) at every row of a motion, time (s) and position (m), from rest at the first.
-    pub(crate) fn drive(&mut self, motion: &[(f64, f64)]) -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
+    /// Force (N) and deflection (m) at every row of a motion, time (s) and position (m), from rest
+    /// at the first.
+    pub(crate) fn drive(
+        &mut self,
+        motion: &[(f64, f64)],
+    ) -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
         let Some(first) = motion.first() else { return Ok(Vec::new()) };
         let mut all = vec![(self.call("rest", first.1)?, 0.0)];
-        let steps: Vec<(f64, f64)> = motion.windows(2).map(|pair| (pair[1].1, pair[1].0 - pair[0].0)).collect();
+        let steps: Vec<(f64, f64)> =
+            motion.windows(2).map(|pair| (pair[1].1, pair[1].0 - pair[0].0)).collect();
         all.extend(self.drive_on(&steps)?);
         Ok(all)
     }
 
     /// The same for steps, position (m) and duration (s), from the present state.
-    pub(crate) fn drive_on(&mut self, steps: &[(f64, f64)]) -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
+    pub(crate) fn drive_on(
+        &mut self,
+        steps: &[(f64, f64)],
+    ) -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
         let mut all = Vec::new();
         let length = self.call::<(), u32>("block_length", ())? as usize;
         let block = self.call::<(), u32>("block", ())? as usize;

@@ -123,10 +123,16 @@ pub struct RandomCycles {
 impl RandomCycles {
     /// Tries `cycles` cycles (at least one) on one seal.
     pub fn search(stages: &Stages, cycles: u32, seed: u64) -> Self {
-        let static_force = |e: &Element| e.params().insertion.static_force.max(e.params().withdrawal.static_force);
-        let scale = Scale { half_width: stages.half_width(), force: stages.elements().iter().map(static_force).sum() };
+        let static_force =
+            |e: &Element| e.params().insertion.static_force.max(e.params().withdrawal.static_force);
+        let scale = Scale {
+            half_width: stages.half_width(),
+            force: stages.elements().iter().map(static_force).sum(),
+        };
         let seal = |random: &mut ChaCha8Rng| {
-            Run::at(stages, |element| element.params().deformation.half_width() * random.random_range(-1.0..1.0))
+            Run::at(stages, |element| {
+                element.params().deformation.half_width() * random.random_range(-1.0..1.0)
+            })
         };
         search(seal, scale, cycles, seed)
     }
@@ -212,11 +218,14 @@ impl RandomCycles {
         let giving_work = tried.iter().filter(|cycle| cycle.gives_work()).count() as u32;
         let unsettled = tried.iter().filter(|cycle| !cycle.is_settled()).count() as u32;
         let least = |cycle: &WorstCycle| cycle.work_j + cycle.stored_j;
-        let worst_cycle = tried.iter().copied().reduce(|a, b| if least(&b) < least(&a) { b } else { a });
+        let worst_cycle =
+            tried.iter().copied().reduce(|a, b| if least(&b) < least(&a) { b } else { a });
         let worst_cycle = worst_cycle.expect("at least one cycle is tried");
         let verdict = match giving_work {
             0 => format!("none of {cycles} random closed cycles gives work"),
-            _ => format!("{giving_work} of {cycles} random closed cycles give work: the seal is not passive"),
+            _ => format!(
+                "{giving_work} of {cycles} random closed cycles give work: the seal is not passive"
+            ),
         };
         let holds = giving_work == 0;
         Self { cycles, seed, giving_work, unsettled, worst_cycle, holds, verdict }
@@ -280,10 +289,12 @@ impl Motion {
     fn draw(scale: Scale, random: &mut ChaCha8Rng) -> Self {
         let largest = LARGEST * scale.half_width;
         let amplitude = between(SMALLEST.min(0.5 * largest), largest, random);
-        let steps = (STEPS_OF_WIDTH * amplitude / scale.half_width).clamp(FEWEST_STEPS, MOST_STEPS).round();
+        let steps =
+            (STEPS_OF_WIDTH * amplitude / scale.half_width).clamp(FEWEST_STEPS, MOST_STEPS).round();
         let targets = random.random_range(1..=MOST_TARGETS);
         let nested = random.random_range(0..2) == 0;
-        let (mut at, mut reach, mut side) = (0, 1.0, if random.random_range(0..2) == 0 { 1.0 } else { -1.0 });
+        let (mut at, mut reach, mut side) =
+            (0, 1.0, if random.random_range(0..2) == 0 { 1.0 } else { -1.0 });
         let mut legs = Vec::new();
         for k in 0..=targets {
             let target = if k == targets {
@@ -314,9 +325,15 @@ impl Motion {
         for leg in &self.legs {
             let step = self.step / fine;
             let count = (leg.steps.unsigned_abs() * fineness) as usize;
-            moves.extend(std::iter::repeat_n((f64::from(leg.steps.signum()) * step, step / leg.speed), count));
+            moves.extend(std::iter::repeat_n(
+                (f64::from(leg.steps.signum()) * step, step / leg.speed),
+                count,
+            ));
             let parts = if leg.rest > 0.0 { STEPS_OF_REST * fineness } else { 0 };
-            moves.extend(std::iter::repeat_n((0.0, leg.rest / f64::from(parts.max(1))), parts as usize));
+            moves.extend(std::iter::repeat_n(
+                (0.0, leg.rest / f64::from(parts.max(1))),
+                parts as usize,
+            ));
         }
         moves
     }
@@ -390,7 +407,9 @@ impl Repetition {
 
     /// Largest difference of force, N, over all samples, and of deflection, m, at the end.
     fn differs_from(&self, other: &Self) -> (f64, f64) {
-        let largest = |one: &[f64], two: &[f64]| one.iter().zip(two).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let largest = |one: &[f64], two: &[f64]| {
+            one.iter().zip(two).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
         (largest(&self.forces, &other.forces), largest(&self.deflections, &other.deflections))
     }
 
@@ -398,9 +417,14 @@ impl Repetition {
     /// spring between two deflections stores at most the highest force times their distance. An
     /// internal one, no softer than F_s/c, stores at most F·ΔF/(F_s/c).
     fn may_have_stored(&self, other: &Self, scale: Scale) -> f64 {
-        let highest = self.forces.iter().chain(&other.forces).fold(0.0_f64, |highest, force| highest.max(force.abs()));
+        let highest = self
+            .forces
+            .iter()
+            .chain(&other.forces)
+            .fold(0.0_f64, |highest, force| highest.max(force.abs()));
         let (force, deflection) = self.differs_from(other);
-        highest * (deflection * self.deflections.len() as f64 + force * scale.half_width / scale.force)
+        highest
+            * (deflection * self.deflections.len() as f64 + force * scale.half_width / scale.force)
     }
 }
 
@@ -486,7 +510,9 @@ mod tests {
 
     #[test]
     fn the_worst_cycle_is_the_first_one_of_its_own_seed() {
-        let stages = Stages::new(&[Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(); 2]).unwrap();
+        let stages =
+            Stages::new(&[Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap(); 2])
+                .unwrap();
         let found = RandomCycles::search(&stages, 50, 7);
         let alone = RandomCycles::search(&stages, 1, found.worst_cycle.seed);
         assert_eq!(alone.worst_cycle, found.worst_cycle);
@@ -495,17 +521,34 @@ mod tests {
 
     #[test]
     fn cycles_are_closed_and_cover_what_they_are_said_to() {
-        let motions: Vec<Motion> =
-            (0..2000).map(|seed| Motion::draw(SCALE, &mut ChaCha8Rng::seed_from_u64(seed))).collect();
-        assert!(motions.iter().all(|motion| motion.legs.iter().map(|leg| leg.steps).sum::<i32>() == 0));
+        let motions: Vec<Motion> = (0..2000)
+            .map(|seed| Motion::draw(SCALE, &mut ChaCha8Rng::seed_from_u64(seed)))
+            .collect();
+        assert!(
+            motions.iter().all(|motion| motion.legs.iter().map(|leg| leg.steps).sum::<i32>() == 0)
+        );
         let worst: Vec<WorstCycle> = motions
             .iter()
-            .map(|motion| motion.told(&repeat(&mut Ahead { position: 0.0, force: 0.0 }, &motion.moves(1)), 0.0, 1, 0))
+            .map(|motion| {
+                motion.told(
+                    &repeat(&mut Ahead { position: 0.0, force: 0.0 }, &motion.moves(1)),
+                    0.0,
+                    1,
+                    0,
+                )
+            })
             .collect();
-        assert!(worst.iter().all(|cycle| cycle.turning_points >= 2 && cycle.turning_points % 2 == 0));
+        assert!(
+            worst.iter().all(|cycle| cycle.turning_points >= 2 && cycle.turning_points % 2 == 0)
+        );
         let some = |what: &dyn Fn(&WorstCycle) -> bool| worst.iter().any(what);
-        assert!(some(&|cycle| cycle.amplitude_m < 30e-6) && some(&|cycle| cycle.amplitude_m > 3.0 * SCALE.half_width));
-        assert!(some(&|cycle| cycle.slowest_m_s < 1.2e-3) && some(&|cycle| cycle.fastest_m_s > 0.14));
+        assert!(
+            some(&|cycle| cycle.amplitude_m < 30e-6)
+                && some(&|cycle| cycle.amplitude_m > 3.0 * SCALE.half_width)
+        );
+        assert!(
+            some(&|cycle| cycle.slowest_m_s < 1.2e-3) && some(&|cycle| cycle.fastest_m_s > 0.14)
+        );
         assert!(some(&|cycle| cycle.turning_points >= 8) && some(&|cycle| cycle.rest_s > 1.0));
     }
 }

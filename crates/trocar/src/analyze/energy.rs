@@ -101,8 +101,11 @@ impl CycleWork {
     pub(super) fn of(stages: &Stages) -> Self {
         let cycles: Vec<Cycle> = CYCLE_SPEEDS.map(|speed| Cycle::of(stages, speed)).to_vec();
         let holds = cycles.iter().all(|cycle| cycle.work_j > 0.0);
-        let verdict =
-            if holds { "every full cycle dissipates work" } else { "a full cycle gives work: the seal is not passive" };
+        let verdict = if holds {
+            "every full cycle dissipates work"
+        } else {
+            "a full cycle gives work: the seal is not passive"
+        };
         Self { cycles, holds, verdict: verdict.to_owned() }
     }
 }
@@ -115,7 +118,9 @@ impl Cycle {
         let mut run = Run::new(stages);
         run.work(stroke(1.0).chain(stroke(-1.0)));
         let work_j = run.work(stroke(1.0).chain(stroke(-1.0)));
-        let sliding = |e: &Element| e.params().insertion.force(speed_m_s) + e.params().withdrawal.force(speed_m_s);
+        let sliding = |e: &Element| {
+            e.params().insertion.force(speed_m_s) + e.params().withdrawal.force(speed_m_s)
+        };
         let sliding_work_j = stroke_m * stages.elements().iter().map(sliding).sum::<f64>();
         Self { speed_m_s, stroke_m, work_j, sliding_work_j }
     }
@@ -133,7 +138,8 @@ impl StepError {
             }
             largest = largest.max((force - fine.force()).abs());
         }
-        let bound_n = if stages.elements().iter().all(is_exact) { EXACT_BOUND } else { GENERAL_BOUND };
+        let bound_n =
+            if stages.elements().iter().all(is_exact) { EXACT_BOUND } else { GENERAL_BOUND };
         let holds = largest <= bound_n;
         let verdict = format!(
             "at 1 kHz the force is within {:.3} mN of the converged solution (allowed: {:.1} mN)",
@@ -159,5 +165,7 @@ fn trapezoids() -> impl Iterator<Item = f64> {
     };
     let moves = (0..steps).map(move |k| place((k + 1) as f64 * SAMPLE) - place(k as f64 * SAMPLE));
     let moves: Vec<f64> = moves.collect();
-    [1.0, -1.0, 1.0, -1.0].into_iter().flat_map(move |s| moves.clone().into_iter().map(move |m| s * m))
+    [1.0, -1.0, 1.0, -1.0]
+        .into_iter()
+        .flat_map(move |s| moves.clone().into_iter().map(move |m| s * m))
 }

@@ -71,7 +71,10 @@ pub(super) fn rate(element: &Element, direction: Direction, speed: f64, deflecti
     } else if deflection <= -deformation.half_width() {
         negative
     } else {
-        deformation.insertion().stiffness(deflection).min(deformation.withdrawal().stiffness(deflection))
+        deformation
+            .insertion()
+            .stiffness(deflection)
+            .min(deformation.withdrawal().stiffness(deflection))
     };
     let drag = drag(element, direction, speed);
     Rate { eigenvalue: -stiffness / drag, stable: stiffness > 0.0 && drag >= 0.0 }
@@ -92,11 +95,15 @@ impl Stability {
     pub(super) fn of(element: &Element, table: &[SteadyPoint]) -> Self {
         let (insertion, withdrawal) = element.velocity_weakening();
         let velocity_weakening = [insertion, withdrawal].map(|weakening| match weakening {
-            VelocityWeakening::Between { from, to } => Some(SpeedRange { from_m_s: from, to_m_s: to }),
+            VelocityWeakening::Between { from, to } => {
+                Some(SpeedRange { from_m_s: from, to_m_s: to })
+            }
             VelocityWeakening::None => None,
         });
-        let stick_slip: Vec<StickSlip> =
-            Direction::BOTH.into_iter().filter_map(|direction| StickSlip::of(element, direction)).collect();
+        let stick_slip: Vec<StickSlip> = Direction::BOTH
+            .into_iter()
+            .filter_map(|direction| StickSlip::of(element, direction))
+            .collect();
         let stable = table.iter().filter(|point| point.stable);
         let longest = stable.map(|point| point.time_constant_s).fold(0.0, f64::max);
         let holds = stick_slip.is_empty() && table.iter().all(|point| point.stable);
@@ -114,7 +121,14 @@ impl Stability {
             ),
         };
         let unique_slip_speed = velocity_weakening.iter().all(Option::is_none);
-        Self { unique_slip_speed, velocity_weakening, longest_time_constant_s: longest, stick_slip, holds, verdict }
+        Self {
+            unique_slip_speed,
+            velocity_weakening,
+            longest_time_constant_s: longest,
+            stick_slip,
+            holds,
+            verdict,
+        }
     }
 }
 
@@ -126,15 +140,18 @@ impl StickSlip {
         let params = element.params();
         let c = params.deformation.half_width();
         let relaxed = params.deformation.end_stiffness();
-        // The seal is reloaded from F_c to F_s at this speed; ten such times and the way to the limit are enough to see.
+        // The seal is reloaded from F_c to F_s at this speed; ten such times and the way to the
+        // limit are enough to see.
         let friction = element.params().sliding(direction);
-        let reload = (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
+        let reload =
+            (friction.static_force - friction.coulomb_force) / (relaxed.0.min(relaxed.1) * speed);
         let step = STEP.min(reload / 500.0);
         let mut state = element.rest_state(0.0);
         let way = (10.0 * c / speed / step) as usize;
         let mut run = |steps: usize, mut see: Box<dyn FnMut(f64) + '_>| {
             for _ in 0..steps {
-                see(direction.sign() * element.step_velocity(&mut state, direction.sign() * speed, step));
+                see(direction.sign()
+                    * element.step_velocity(&mut state, direction.sign() * speed, step));
             }
         };
         run(way.min(2_000_000), Box::new(|_| ()));
@@ -151,7 +168,14 @@ impl StickSlip {
         let middle = 0.5 * (low + high);
         let rises = forces.windows(2).filter(|pair| pair[0] < middle && pair[1] >= middle).count();
         let frequency_hz = if rises > 1 { rises as f64 / (watched as f64 * step) } else { 0.0 };
-        Some(Self { direction, unstable, speed_m_s: speed, lowest_force_n: low, highest_force_n: high, frequency_hz })
+        Some(Self {
+            direction,
+            unstable,
+            speed_m_s: speed,
+            lowest_force_n: low,
+            highest_force_n: high,
+            frequency_hz,
+        })
     }
 }
 

@@ -1,4 +1,5 @@
-//! Rig and protocols as a TOML document. `data/bench.toml` is the default and describes every value.
+//! Rig and protocols as a TOML document. `data/bench.toml` is the default and describes every
+//! value.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -278,7 +279,9 @@ impl SpeedCycles {
         // A thousandth of an increment keeps the last speed when the quotient is just below a whole
         // number.
         let increments = (self.fastest_m_s - self.slowest_m_s) / self.increment_m_s + 1e-3;
-        (0..=increments as u32).map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s).collect()
+        (0..=increments as u32)
+            .map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s)
+            .collect()
     }
 }
 
@@ -414,7 +417,8 @@ const WORDS: [(&str, CheckWord); 4] = [
 /// The value of a key with its sections.
 fn value_of(document: &toml::Table, key: &str) -> Option<toml::Value> {
     let (sections, name) = key.rsplit_once('.')?;
-    let section = sections.split('.').try_fold(document, |table, section| table.get(section)?.as_table())?;
+    let section =
+        sections.split('.').try_fold(document, |table, section| table.get(section)?.as_table())?;
     section.get(name).cloned()
 }
 
@@ -620,7 +624,13 @@ impl BenchConfig {
     }
 
     /// A stroke must reach its speed and end before the safety stop.
-    fn stroke(&self, key: &str, stroke: f64, fastest: f64, acceleration: f64) -> Result<(), ConfigError> {
+    fn stroke(
+        &self,
+        key: &str,
+        stroke: f64,
+        fastest: f64,
+        acceleration: f64,
+    ) -> Result<(), ConfigError> {
         let room = self.rig.stroke_limit_m - self.rig.start_m;
         within(key, stroke, fastest * fastest / acceleration, room)
     }
@@ -708,7 +718,9 @@ fn overlay(
                 *default = toml::Value::Float(value as f64);
             }
             // All integers of a bench are counts.
-            (toml::Value::Integer(_), toml::Value::Integer(value)) if u32::try_from(value).is_err() => {
+            (toml::Value::Integer(_), toml::Value::Integer(value))
+                if u32::try_from(value).is_err() =>
+            {
                 return Err(ConfigError::OutOfRange {
                     line: Some(line),
                     key,

@@ -54,7 +54,8 @@ use sensors::{ForceReading, PositionSensor};
 pub enum Protocol {
     /// Cycles at constant speeds: steady-state identification, EMS section IV-A.
     Steady,
-    /// Cycles under constant motor force: identification of the deformation force, EMS section IV-B.
+    /// Cycles under constant motor force: identification of the deformation force, EMS section
+    /// IV-B.
     Dynamic,
     /// Short cycles at constant speed: cross-validation, EMS section IV-C.
     Validation,
@@ -66,7 +67,8 @@ pub enum Protocol {
 
 impl Protocol {
     /// All protocols, in the order in which an identification uses them.
-    pub const ALL: [Self; 5] = [Self::Steady, Self::Dynamic, Self::Validation, Self::Step, Self::Surgeon];
+    pub const ALL: [Self; 5] =
+        [Self::Steady, Self::Dynamic, Self::Validation, Self::Step, Self::Surgeon];
 
     /// Name in files and on the command line.
     pub const fn name(self) -> &'static str {
@@ -95,7 +97,10 @@ impl FromStr for Protocol {
     type Err = UnknownProtocol;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
-        Self::ALL.into_iter().find(|protocol| protocol.name() == name).ok_or_else(|| UnknownProtocol(name.to_owned()))
+        Self::ALL
+            .into_iter()
+            .find(|protocol| protocol.name() == name)
+            .ok_or_else(|| UnknownProtocol(name.to_owned()))
     }
 }
 
@@ -161,7 +166,8 @@ pub struct RigEvents {
     pub motor_limited_steps: usize,
     /// Number of times the carriage hit a safety stop.
     pub stop_hits: usize,
-    /// Motor force on insertion and on withdrawal of `dynamic`, N; both zero in the other protocols.
+    /// Motor force on insertion and on withdrawal of `dynamic`, N; both zero in the other
+    /// protocols.
     pub push: (f64, f64),
 }
 
@@ -196,7 +202,12 @@ pub enum BenchError {
 /// # Errors
 /// [`BenchError::Config`] when a value is out of range, [`BenchError::Stalled`] when the constant
 /// force does not move the instrument.
-pub fn run(config: &BenchConfig, protocol: Protocol, seal: &[Element], seed: u64) -> Result<BenchRun, BenchError> {
+pub fn run(
+    config: &BenchConfig,
+    protocol: Protocol,
+    seal: &[Element],
+    seed: u64,
+) -> Result<BenchRun, BenchError> {
     config.validate()?;
     let mut rig = RigState::new(config, seal, seed);
     rig.home();

@@ -25,7 +25,8 @@ impl Tremor {
     fn new(surgeon: &Surgeon, noise: &mut Noise) -> Self {
         let amplitude = surgeon.tremor_rms_m * libm::sqrt(2.0 / TREMOR_LINES as f64);
         Self(core::array::from_fn(|_| {
-            let rate = core::f64::consts::TAU * noise.uniform(surgeon.tremor_low_hz, surgeon.tremor_high_hz);
+            let rate = core::f64::consts::TAU
+                * noise.uniform(surgeon.tremor_low_hz, surgeon.tremor_high_hz);
             let phase = noise.uniform(0.0, core::f64::consts::TAU);
             (rate, amplitude * rate, phase)
         }))
@@ -34,7 +35,9 @@ impl Tremor {
     fn velocity(&self, time: f64) -> f64 {
         let fade = (time / TREMOR_FADE).min(1.0);
         let lines = self.0.iter();
-        fade * lines.map(|(rate, amplitude, phase)| amplitude * libm::cos(rate * time + phase)).sum::<f64>()
+        fade * lines
+            .map(|(rate, amplitude, phase)| amplitude * libm::cos(rate * time + phase))
+            .sum::<f64>()
     }
 }
 
@@ -160,7 +163,9 @@ impl Reference {
                 let s = (time - begin) / duration;
                 let movement = match piece {
                     Piece::Ramp { from, to } => from + (to - from) * s,
-                    Piece::MinimumJerk { distance } => 30.0 * distance / duration * s * s * (1.0 - s) * (1.0 - s),
+                    Piece::MinimumJerk { distance } => {
+                        30.0 * distance / duration * s * s * (1.0 - s) * (1.0 - s)
+                    }
                 };
                 return movement + self.tremor.as_ref().map_or(0.0, |t| t.velocity(time));
             }

@@ -62,7 +62,8 @@ impl Noise {
         }
     }
 
-    /// Normal with mean 0 and standard deviation 1 (Box-Muller; `libm`, so the same bits on every machine).
+    /// Normal with mean 0 and standard deviation 1 (Box-Muller; `libm`, so the same bits on every
+    /// machine).
     pub(crate) fn normal(&mut self) -> f64 {
         if let Some(spare) = self.spare.take() {
             return spare;

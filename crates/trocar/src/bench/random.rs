@@ -1,6 +1,8 @@
 //! Random plausible seals: known parameters for tests of the identification.
 
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SlidingFriction};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, ParamError, Piece, SlidingFriction,
+};
 
 use super::noise::{Noise, Source};
 
@@ -41,7 +43,8 @@ impl Default for PlausibleSeals {
     }
 }
 
-/// A random plausible seal from the default ranges of [`PlausibleSeals`]. The same seed gives the same seal.
+/// A random plausible seal from the default ranges of [`PlausibleSeals`]. The same seed gives the
+/// same seal.
 pub fn random_plausible_seal(seed: u64) -> ElementParams {
     random_seal(&PlausibleSeals::default(), seed)
 }
@@ -178,15 +181,24 @@ impl Quartic {
         let a3 = 0.25 * (m0 + m1) - 0.25 * (p1 - p0);
         let a4 = self.bulge;
         // t² = (P0 + 2 P2)/3, t³ = (3 P1 + 2 P3)/5, t⁴ = (7 P0 + 20 P2 + 8 P4)/35.
-        let legendre =
-            [a0 + a2 / 3.0 + a4 / 5.0, a1 + 0.6 * a3, 2.0 / 3.0 * a2 + 4.0 / 7.0 * a4, 0.4 * a3, 8.0 / 35.0 * a4];
+        let legendre = [
+            a0 + a2 / 3.0 + a4 / 5.0,
+            a1 + 0.6 * a3,
+            2.0 / 3.0 * a2 + 4.0 / 7.0 * a4,
+            0.4 * a3,
+            8.0 / 35.0 * a4,
+        ];
         Piece::new(self.from.0, self.to.0, &legendre)
     }
 }
 
 /// Branches with these static forces and shapes, insertion first; the shape of the withdrawal is
 /// reflected through the origin.
-fn deformation(c: f64, forces: [f64; 2], shapes: [&Shape; 2]) -> Result<DeformationForce, ParamError> {
+fn deformation(
+    c: f64,
+    forces: [f64; 2],
+    shapes: [&Shape; 2],
+) -> Result<DeformationForce, ParamError> {
     let (left, right) = shapes[0].pieces(c, (-forces[1], forces[0]))?;
     let (first, last) = shapes[1].pieces(c, (-forces[0], forces[1]))?;
     let withdrawal = Branch::new(turned(&last)?, turned(&first)?)?;

@@ -206,7 +206,11 @@ impl<'a> RigState<'a> {
             let mut samples = 0;
             while !arrived(self.position) {
                 if samples == longest_stroke {
-                    return Err(BenchError::Stalled { stroke: stroke + 1, position: self.position, push: force });
+                    return Err(BenchError::Stalled {
+                        stroke: stroke + 1,
+                        position: self.position,
+                        push: force,
+                    });
                 }
                 for _ in 0..rig.substeps {
                     self.step(force);
@@ -248,8 +252,14 @@ impl<'a> RigState<'a> {
         self.time += dt;
         let wetting = Wetting::at(&self.config.lubrication, self.time);
         let force = step_parallel(self.seal, &mut self.states, wetting.of_dry(displacement), dt);
-        let viscous = self.seal.iter().zip(&self.states).map(|(element, state)| element.viscous_force(state)).sum();
-        let fluctuation = self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
+        let viscous = self
+            .seal
+            .iter()
+            .zip(&self.states)
+            .map(|(element, state)| element.viscous_force(state))
+            .sum();
+        let fluctuation =
+            self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
         self.seal_force = wetting.of_wet(force, viscous) * fluctuation;
         self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
     }

@@ -49,7 +49,8 @@ pub(super) struct ForceReading {
 
 impl ForceReading {
     pub(super) fn new(sensor: &ForceSensor, sample_rate_hz: f64, seed: u64) -> Self {
-        let memory = libm::exp(-core::f64::consts::TAU * sensor.noise_bandwidth_hz / sample_rate_hz);
+        let memory =
+            libm::exp(-core::f64::consts::TAU * sensor.noise_bandwidth_hz / sample_rate_hz);
         let mut noise = Noise::new(seed, Source::ForceSensor);
         // Starts in its stationary distribution, so the first samples are as noisy as the rest.
         let coloured = noise.normal();
@@ -64,8 +65,11 @@ impl ForceReading {
         let range = self.sensor.range_n;
         let limited = analogue.clamp(-range, range);
         let resolution = self.sensor.resolution_n;
-        let reading =
-            if resolution > 0.0 { ((limited / resolution).round() * resolution).clamp(-range, range) } else { limited };
+        let reading = if resolution > 0.0 {
+            ((limited / resolution).round() * resolution).clamp(-range, range)
+        } else {
+            limited
+        };
         (reading, limited != analogue)
     }
 }

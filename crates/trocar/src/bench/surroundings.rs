@@ -45,8 +45,8 @@ impl Wetting {
     }
 }
 
-/// Force, N, of the tip on the tissue at `time` (s), `position` (m) and `velocity` (m/s); keys HUNTCROSSLEY and FUNG in
-/// SOURCES.md.
+/// Force, N, of the tip on the tissue at `time` (s), `position` (m) and `velocity` (m/s); keys
+/// HUNTCROSSLEY and FUNG in SOURCES.md.
 ///
 /// ```text
 /// Hunt and Crossley   F = k·p^n·(1 + a·v)         p = x − x_surface > 0
@@ -54,7 +54,8 @@ impl Wetting {
 /// ```
 /// Apart from the constant load neither pulls: F is at least 0.
 pub(super) fn tissue_force(tissue: &Tissue, time: f64, position: f64, velocity: f64) -> f64 {
-    let load = if (tissue.load_from_s..tissue.load_until_s).contains(&time) { tissue.load_n } else { 0.0 };
+    let load =
+        if (tissue.load_from_s..tissue.load_until_s).contains(&time) { tissue.load_n } else { 0.0 };
     let depth = (position - tissue.surface_m) / REFERENCE_DEPTH;
     if depth <= 0.0 {
         return load;
@@ -62,9 +63,13 @@ pub(super) fn tissue_force(tissue: &Tissue, time: f64, position: f64, velocity: 
     let contact = match tissue.kind {
         TissueKind::None => 0.0,
         TissueKind::HuntCrossley => {
-            tissue.force_at_10_mm_n * libm::pow(depth, tissue.exponent) * (1.0 + tissue.dissipation_s_m * velocity)
+            tissue.force_at_10_mm_n
+                * libm::pow(depth, tissue.exponent)
+                * (1.0 + tissue.dissipation_s_m * velocity)
         }
-        TissueKind::KelvinVoigt => tissue.force_at_10_mm_n * depth + tissue.damping_n_s_m * velocity,
+        TissueKind::KelvinVoigt => {
+            tissue.force_at_10_mm_n * depth + tissue.damping_n_s_m * velocity
+        }
     };
     load + contact.max(0.0)
 }
@@ -86,7 +91,8 @@ mod tests {
             let (mut work, steps) = (0.0, 10_000);
             for k in 0..steps {
                 let phase = core::f64::consts::TAU * f64::from(k) / f64::from(steps);
-                let (position, velocity) = (0.055 - 0.01 * libm::cos(phase), 0.06 * libm::sin(phase));
+                let (position, velocity) =
+                    (0.055 - 0.01 * libm::cos(phase), 0.06 * libm::sin(phase));
                 let force = tissue_force(&tissue, 1.0, position, velocity);
                 assert!(force >= 0.0);
                 work += force * velocity;
@@ -101,7 +107,8 @@ mod tests {
     #[test]
     fn wetting_sets_in_over_its_spread() {
         let wet = Lubrication { level: 0.6, viscosity: 1.0, onset_s: 10.0, spread_s: 4.0 };
-        let levels = [0.0, 10.0, 12.0, 14.0, 99.0, f64::NEG_INFINITY].map(|time| Wetting::at(&wet, time).level);
+        let levels = [0.0, 10.0, 12.0, 14.0, 99.0, f64::NEG_INFINITY]
+            .map(|time| Wetting::at(&wet, time).level);
         for (level, expected) in levels.into_iter().zip([1.0, 1.0, 0.8, 0.6, 0.6, 1.0]) {
             assert!((level - expected).abs() < 1e-12, "{levels:?}");
         }

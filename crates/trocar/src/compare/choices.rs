@@ -21,13 +21,15 @@ impl Choice {
     }
 }
 
-/// One item: `all`, a family with its usual numbers of elements, or a family with a number or a range of its own.
+/// One item: `all`, a family with its usual numbers of elements, or a family with a number or a
+/// range of its own.
 fn choices(item: &str) -> Result<Vec<Choice>, String> {
     let usual = Choice::all();
     if item == "all" {
         return Ok(usual);
     }
-    let (name, count) = item.split_once(':').map_or((item, None), |(name, count)| (name, Some(count)));
+    let (name, count) =
+        item.split_once(':').map_or((item, None), |(name, count)| (name, Some(count)));
     let own: Vec<Choice> = usual.iter().filter(|choice| choice.family() == name).copied().collect();
     let Some(first) = own.first() else { return Err(unknown(item, &usual)) };
     let Some(count) = count else { return Ok(own) };
@@ -37,7 +39,9 @@ fn choices(item: &str) -> Result<Vec<Choice>, String> {
     };
     let (low, high) = count.split_once('-').unwrap_or((count, count));
     let number = |text: &str| text.parse().ok().filter(|n| (1..=MAX_ELEMENTS).contains(n));
-    let wrong = || format!("expected {name}:N or {name}:A-B with 1 to {MAX_ELEMENTS} elements, found {item:?}");
+    let wrong = || {
+        format!("expected {name}:N or {name}:A-B with 1 to {MAX_ELEMENTS} elements, found {item:?}")
+    };
     let (low, high) = (number(low).ok_or_else(wrong)?, number(high).ok_or_else(wrong)?);
     if low > high {
         return Err(wrong());

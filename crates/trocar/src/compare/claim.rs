@@ -45,9 +45,11 @@ pub fn reversal_match(comparison: &Comparison, family: &'static str) -> Option<R
         return None;
     }
     let matched = own.iter().find(|e| e.scores.reversal_rms_n <= level);
-    let lost_again =
-        matched.is_some_and(|m| own.iter().any(|e| e.elements > m.elements && e.scores.reversal_rms_n > level));
-    let best = own.iter().min_by(|a, b| a.scores.reversal_rms_n.total_cmp(&b.scores.reversal_rms_n))?;
+    let lost_again = matched.is_some_and(|m| {
+        own.iter().any(|e| e.elements > m.elements && e.scores.reversal_rms_n > level)
+    });
+    let best =
+        own.iter().min_by(|a, b| a.scores.reversal_rms_n.total_cmp(&b.scores.reversal_rms_n))?;
     Some(ReversalMatch {
         name: family,
         title: own.last()?.choice.title(),
@@ -71,7 +73,8 @@ impl ReversalMatch {
         );
         match (self.elements, self.parameters) {
             (Some(elements), Some(parameters)) => {
-                let again = if self.lost_again { "; some larger numbers of elements do not" } else { "" };
+                let again =
+                    if self.lost_again { "; some larger numbers of elements do not" } else { "" };
                 let plural = if elements == 1 { "" } else { "s" };
                 format!(
                     "{} matches {ems} with {elements} element{plural} and {parameters} parameters{again}.",

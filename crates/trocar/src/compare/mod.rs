@@ -19,7 +19,8 @@ use trocar_model::Trocar;
 
 use crate::identify::classical::{ClassicalData, ClassicalFit, Kind, RelatedFits};
 use crate::identify::{
-    EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning, identify, refit,
+    EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning,
+    identify, refit,
 };
 use crate::margin::Margin;
 use crate::model_file::{ErrorSource, ForceError};
@@ -172,7 +173,8 @@ const CLEAR: f64 = 2.0;
 /// equals the least one within 1 %.
 pub fn best_of<'a>(family: &[&'a Entry]) -> &'a Entry {
     let least = family[0].scores.validate_rms_n;
-    let as_good = family.iter().filter(|entry| entry.scores.validate_rms_n <= (1.0 + NO_ODDS) * least);
+    let as_good =
+        family.iter().filter(|entry| entry.scores.validate_rms_n <= (1.0 + NO_ODDS) * least);
     as_good.min_by_key(|entry| entry.elements).unwrap_or(&family[0])
 }
 
@@ -251,10 +253,13 @@ impl Comparison {
         let families = self.families();
         let [first, second, ..] = &families[..] else { return String::new() };
         let (first, second) = (first[0], best_of(second));
-        let name = |entry: &Entry| format!("{} ({:.3} N)", entry.title(), entry.scores.validate_rms_n);
+        let name =
+            |entry: &Entry| format!("{} ({:.3} N)", entry.title(), entry.scores.validate_rms_n);
         let (first_name, second_name) = (name(first), name(second));
         match self.margin(second) {
-            None => format!("least error: {first_name}, next {second_name}; too few strokes for a standard error"),
+            None => format!(
+                "least error: {first_name}, next {second_name}; too few strokes for a standard error"
+            ),
             Some(Margin { strokes, standard_errors }) if standard_errors < CLEAR => format!(
                 "no clear winner: {first_name} and {second_name} differ by {standard_errors:.1} standard errors over \
                  {strokes} strokes"
@@ -311,7 +316,8 @@ pub fn compare(
     let alone = IdentifyOptions { along: false, ..options.identify.clone() };
     let ems = identify(training, &alone, &|stage, part| progress(stage, EMS_PART * part))?;
     let ems_s = clock.elapsed().as_secs_f64();
-    let without_unmodelled_mass = |r: &Recording| r.clone().without_moving_mass(ems.model.unmodelled_mass, 0.0);
+    let without_unmodelled_mass =
+        |r: &Recording| r.clone().without_moving_mass(ems.model.unmodelled_mass, 0.0);
     let prepared = |recordings: &[Recording]| {
         ems.without_delay(recordings.iter().map(without_unmodelled_mass).collect::<Result<_, _>>()?)
     };
@@ -331,13 +337,16 @@ pub fn compare(
     }
     let reversal_travel = reversal_travel(&ems, &training);
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
-    let raw: Vec<score::Raw> = models.par_iter().map(|m| grounds.raw(&m.trocar, m.offset)).collect();
+    let raw: Vec<score::Raw> =
+        models.par_iter().map(|m| grounds.raw(&m.trocar, m.offset)).collect();
     // From the same model for any selection of models, so that the criteria do not depend on the
     // selection.
     let reference = grounds.raw(&Trocar::of_seal(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
-    let times: Vec<Option<f64>> =
-        models.iter().map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0]))).collect();
+    let times: Vec<Option<f64>> = models
+        .iter()
+        .map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0])))
+        .collect();
     let entry = |((fitted, raw), ns): ((Fitted, &score::Raw), Option<f64>)| {
         let of_model = |recordings| validate(&fitted.trocar, recordings, fitted.offset);
         let own = of_model(&training).force_error(ErrorSource::Identification);
@@ -352,7 +361,15 @@ pub fn compare(
     let mut entries: Vec<Entry> = models.into_iter().zip(&raw).zip(times).map(entry).collect();
     entries.sort_by(|a, b| a.scores.validate_rms_n.total_cmp(&b.scores.validate_rms_n));
     let samples = grounds.training_samples();
-    Ok(Comparison { entries, ems, training, validation, samples, effective_samples, reversal_travel })
+    Ok(Comparison {
+        entries,
+        ems,
+        training,
+        validation,
+        samples,
+        effective_samples,
+        reversal_travel,
+    })
 }
 
 /// Three half widths: the deformation of 2c and the beginning of sliding. If the deformation is not
@@ -420,7 +437,8 @@ impl Fitted {
     fn into_entry(self, scored: Scored, ns_per_sample: Option<f64>, timing: bool) -> Entry {
         let Scored { scores, by_stroke, force_error } = scored;
         let stages = self.trocar.seal().stages();
-        let elements = stages.map_or_else(|| self.choice.elements(), |stages| stages.elements().len());
+        let elements =
+            stages.map_or_else(|| self.choice.elements(), |stages| stages.elements().len());
         Entry {
             choice: self.choice,
             name: self.choice.family(),
@@ -465,13 +483,19 @@ fn fit_all(
         let mut fits: Vec<(ClassicalFit, f64)> = Vec::new();
         for kind in *family {
             let clock = Instant::now();
-            let fitted = |wanted: Option<Kind>| fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted);
-            let kin = RelatedFits { smaller: fitted(kind.smaller()), special: fitted(kind.special()) };
+            let fitted = |wanted: Option<Kind>| {
+                fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted)
+            };
+            let kin =
+                RelatedFits { smaller: fitted(kind.smaller()), special: fitted(kind.special()) };
             let fit = crate::identify::classical::fit(*kind, data, kin)
                 .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
             fits.push((fit, clock.elapsed().as_secs_f64()));
             let part = done.fetch_add(work(kind), Ordering::Relaxed) + work(kind);
-            progress(&format!("fitted {kind}"), EMS_PART + (0.97 - EMS_PART) * part as f64 / total as f64);
+            progress(
+                &format!("fitted {kind}"),
+                EMS_PART + (0.97 - EMS_PART) * part as f64 / total as f64,
+            );
         }
         Ok(fits)
     };

@@ -42,9 +42,12 @@ impl<'a> Ground<'a> {
         let run = replay(&Trocar::of_seal(ems.stages), recording, ems.model.offset);
         let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
         let scored = if known.is_empty() { (0..recording.len()).collect() } else { known };
-        let reversed = strokes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
+        let reversed = strokes(recording, reversal_threshold(recording))
+            .into_iter()
+            .filter(|p| p.starts_at_reversal);
         let behind = |stroke: crate::segment::Stroke| {
-            let end = (stroke.start..stroke.end).find(|i| travel(recording, &stroke, *i) > reversal_travel);
+            let end = (stroke.start..stroke.end)
+                .find(|i| travel(recording, &stroke, *i) > reversal_travel);
             let from = scored.partition_point(|i| *i < stroke.start);
             from..scored.partition_point(|i| *i < end.unwrap_or(stroke.end))
         };
@@ -70,7 +73,9 @@ impl<'a> Grounds<'a> {
         validation: &'a [Recording],
         reversal_travel: f64,
     ) -> Self {
-        let grounds = |all: &'a [Recording]| all.iter().map(|r| Ground::new(ems, r, reversal_travel)).collect();
+        let grounds = |all: &'a [Recording]| {
+            all.iter().map(|r| Ground::new(ems, r, reversal_travel)).collect()
+        };
         Self { training: grounds(training), validation: grounds(validation) }
     }
 
@@ -92,23 +97,29 @@ impl<'a> Grounds<'a> {
         let thinned: Vec<f64> = reference.training.iter().step_by(every).copied().collect();
         let n = thinned.len() as f64;
         let power: f64 = thinned.iter().map(|e| e * e).sum();
-        let correlation =
-            |lag: usize| thinned.iter().zip(&thinned[lag..]).map(|(a, b)| a * b).sum::<f64>() / power.max(1e-300);
-        let positive: f64 = (1..thinned.len() / 4).map(correlation).take_while(|rho| *rho > 0.0).sum();
+        let correlation = |lag: usize| {
+            thinned.iter().zip(&thinned[lag..]).map(|(a, b)| a * b).sum::<f64>() / power.max(1e-300)
+        };
+        let positive: f64 =
+            (1..thinned.len() / 4).map(correlation).take_while(|rho| *rho > 0.0).sum();
         n / (1.0 + 2.0 * positive)
     }
 
     pub(super) fn scores(&self, raw: &Raw, parameters: usize, effective: f64) -> Scores {
         let n = raw.training.len().max(1) as f64;
         let mean_square = raw.training.iter().map(|e| e * e).sum::<f64>() / n;
-        let with_force = |(g, errors): (&Ground, &Vec<f64>)| Sums::of(errors.iter().copied().zip(g.readings()));
+        let with_force =
+            |(g, errors): (&Ground, &Vec<f64>)| Sums::of(errors.iter().copied().zip(g.readings()));
         let own: Vec<Sums> = self.validation.iter().zip(&raw.validation).map(with_force).collect();
         let all = own.iter().fold(Sums::default(), |a, b| a.plus(*b));
         let reversal = |(g, errors): (&'_ Ground, &Vec<f64>)| -> Vec<Sums> {
-            let sums = |range: &std::ops::Range<usize>| Sums::of(errors[range.clone()].iter().map(|e| (*e, 0.0)));
+            let sums = |range: &std::ops::Range<usize>| {
+                Sums::of(errors[range.clone()].iter().map(|e| (*e, 0.0)))
+            };
             g.reversals.iter().map(sums).collect()
         };
-        let reversals: Vec<Sums> = self.validation.iter().zip(&raw.validation).flat_map(reversal).collect();
+        let reversals: Vec<Sums> =
+            self.validation.iter().zip(&raw.validation).flat_map(reversal).collect();
         let with_reversals = |error: f64| if reversals.is_empty() { f64::NAN } else { error };
         // The offset and the residual variance are also estimated.
         let estimated = (parameters + 2) as f64;
@@ -119,7 +130,9 @@ impl<'a> Grounds<'a> {
             fit_percent: all.fit_percent(),
             aic: deviance + 2.0 * estimated,
             bic: deviance + estimated * effective.max(1.0).ln(),
-            reversal_rms_n: with_reversals(reversals.iter().fold(Sums::default(), |a, b| a.plus(*b)).rms()),
+            reversal_rms_n: with_reversals(
+                reversals.iter().fold(Sums::default(), |a, b| a.plus(*b)).rms(),
+            ),
             worst_reversal_n: with_reversals(reversals.iter().map(Sums::rms).fold(0.0, f64::max)),
             by_phase: self.by_phase(raw),
             by_recording_n: own.iter().map(Sums::rms).collect(),
@@ -134,6 +147,8 @@ impl<'a> Grounds<'a> {
 
     fn by_phase(&self, raw: &Raw) -> Phases {
         let errors = self.validation.iter().zip(&raw.validation);
-        Phases::of(errors.flat_map(|(g, errors)| g.phases.iter().copied().zip(errors.iter().copied())))
+        Phases::of(
+            errors.flat_map(|(g, errors)| g.phases.iter().copied().zip(errors.iter().copied())),
+        )
     }
 }

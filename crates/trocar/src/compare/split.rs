@@ -31,7 +31,9 @@ pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>
 /// First reversal after two thirds of the time; without one, the sample there.
 fn place(recording: &Recording) -> usize {
     let wanted = recording.time[0] + FITTED * recording.duration();
-    let reversals = strokes(recording, reversal_threshold(recording)).into_iter().filter(|p| p.starts_at_reversal);
+    let reversals = strokes(recording, reversal_threshold(recording))
+        .into_iter()
+        .filter(|p| p.starts_at_reversal);
     let behind = reversals.map(|p| p.start).find(|i| recording.time[*i] >= wanted);
     behind.unwrap_or_else(|| recording.time.partition_point(|t| *t < wanted))
 }

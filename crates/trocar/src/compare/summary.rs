@@ -88,8 +88,8 @@ pub struct ModelSummary<'a> {
     pub reversal_rms_n: f64,
     /// The same for the worst single reversal, N.
     pub worst_reversal_n: f64,
-    /// By how much the first model predicts the strokes of the validation better; `None` for too few
-    /// strokes.
+    /// By how much the first model predicts the strokes of the validation better; `None` for too
+    /// few strokes.
     pub behind_best: Option<Margin>,
     /// Error on the validation recordings by phase.
     pub by_phase: &'a Phases,
@@ -156,7 +156,9 @@ impl<'a> Outcome<'a> {
     pub fn unknown_states(&self) -> Vec<String> {
         let Identification { stages, model, .. } = &self.comparison.ems;
         let scores = validate(&Trocar::of_seal(*stages), &self.comparison.validation, model.offset);
-        let of = |r: &RecordingValidation| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>();
+        let of = |r: &RecordingValidation| {
+            r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>()
+        };
         scores.recordings.iter().flat_map(of).collect()
     }
 
@@ -170,7 +172,8 @@ impl<'a> Outcome<'a> {
             if entry.choice == Choice::Ems {
                 model.origin.note = comparison.ems.deformation_note();
             }
-            model.sensor = Some(moving_mass.sensor(entry.offset, comparison.ems.model.unmodelled_mass));
+            model.sensor =
+                Some(moving_mass.sensor(entry.offset, comparison.ems.model.unmodelled_mass));
             model.intervals = intervals(&entry.estimates);
             model.force_error = Some(entry.force_error);
             (format!("models/{}.json", entry.choice.file_stem()), model)
@@ -182,7 +185,8 @@ impl<'a> Outcome<'a> {
     pub fn summary(&self) -> Summary<'a> {
         let Self { comparison, seed, held_out, moving_mass } = *self;
         let claim = |result: ReversalMatch| ClaimSummary { sentence: result.sentence(), result };
-        let recordings = |used_for, all: &'a [Recording]| all.iter().map(move |r| recording(r, used_for));
+        let recordings =
+            |used_for, all: &'a [Recording]| all.iter().map(move |r| recording(r, used_for));
         Summary {
             program: PROGRAM,
             seed,
@@ -228,7 +232,9 @@ fn model<'a>(entry: &'a Entry, comparison: &'a Comparison) -> ModelSummary<'a> {
         worst_reversal_n: scores.worst_reversal_n,
         behind_best: comparison.margin(entry),
         by_phase: &scores.by_phase,
-        by_recording: errors.map(|(r, rms_n)| RecordingError { name: &r.name, rms_n: *rms_n }).collect(),
+        by_recording: errors
+            .map(|(r, rms_n)| RecordingError { name: &r.name, rms_n: *rms_n })
+            .collect(),
         ns_per_sample: entry.ns_per_sample,
         fit_s: entry.fit_s,
         offset_n: entry.offset,

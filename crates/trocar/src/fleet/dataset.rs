@@ -18,8 +18,8 @@ use crate::table::{self, Column, Table};
 
 /// Extensions of files that may be recordings.
 const EXTENSIONS: [&str; 18] = [
-    "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat", "h5", "hdf5", "mcap",
-    "db3", "bag", "log",
+    "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat",
+    "h5", "hdf5", "mcap", "db3", "bag", "log",
 ];
 
 /// Extensions of files that may hold rows of several recordings.
@@ -144,7 +144,11 @@ impl Dataset {
     ///
     /// # Errors
     /// [`DatasetError`] when there is nothing to identify, or a manifest is invalid.
-    pub fn open(path: &Path, group_by: Option<&str>, without: &[PathBuf]) -> Result<Self, DatasetError> {
+    pub fn open(
+        path: &Path,
+        group_by: Option<&str>,
+        without: &[PathBuf],
+    ) -> Result<Self, DatasetError> {
         let failed = |source| DatasetError::Read { path: path.to_owned(), source };
         if std::fs::metadata(path).map_err(failed)?.is_dir() {
             return Self::folder(path, group_by, without);
@@ -157,21 +161,33 @@ impl Dataset {
         }
         let group = group_by.unwrap_or(RECORDING);
         if is_parquet && names.iter().any(|name| name == group) {
-            let part = DataFile { name: file_name(path), path: path.to_owned(), metadata: Metadata::new() };
+            let part = DataFile {
+                name: file_name(path),
+                path: path.to_owned(),
+                metadata: Metadata::new(),
+            };
             return Ok(Self { sources: vec![Source::of(part, Some(group))], left_out: Vec::new() });
         }
         let found = names.join(", ");
         Err(DatasetError::NoDataset { path: path.to_owned(), group: group.to_owned(), found })
     }
 
-    fn folder(root: &Path, group_by: Option<&str>, without: &[PathBuf]) -> Result<Self, DatasetError> {
-        let without: Vec<PathBuf> = without.iter().filter_map(|path| path.canonicalize().ok()).collect();
+    fn folder(
+        root: &Path,
+        group_by: Option<&str>,
+        without: &[PathBuf],
+    ) -> Result<Self, DatasetError> {
+        let without: Vec<PathBuf> =
+            without.iter().filter_map(|path| path.canonicalize().ok()).collect();
         let mut files = Vec::new();
         walk(root, &mut files, &mut BTreeSet::new())?;
         files.retain(|file| file.canonicalize().map_or(true, |path| !without.contains(&path)));
         let name = |path: &Path| {
             let parts = path.strip_prefix(root).unwrap_or(path).components();
-            parts.map(|part| part.as_os_str().to_string_lossy().into_owned()).collect::<Vec<_>>().join("/")
+            parts
+                .map(|part| part.as_os_str().to_string_lossy().into_owned())
+                .collect::<Vec<_>>()
+                .join("/")
         };
         files.sort_by_key(|path| name(path));
         let (taken, left_out): (Vec<_>, Vec<_>) =
@@ -194,8 +210,10 @@ impl Dataset {
         let mut seen = BTreeMap::new();
         let mut files = Vec::with_capacity(table.rows());
         for row in 0..table.rows() {
-            let wrong = |problem| DatasetError::Row { path: path.to_owned(), row: row + 1, problem };
-            let mut metadata: Metadata = table.fields.iter().cloned().zip(cells(table, row)).collect();
+            let wrong =
+                |problem| DatasetError::Row { path: path.to_owned(), row: row + 1, problem };
+            let mut metadata: Metadata =
+                table.fields.iter().cloned().zip(cells(table, row)).collect();
             let Some(FleetCell::Text(name)) =
                 metadata.remove("path").filter(|c| c.as_text().is_some_and(|t| !t.is_empty()))
             else {
@@ -211,7 +229,10 @@ impl Dataset {
             return Err(DatasetError::Empty { path: path.to_owned() });
         }
         settle_kinds(&mut files);
-        Ok(Self { sources: files.into_iter().map(|file| Source::of(file, None)).collect(), left_out: Vec::new() })
+        Ok(Self {
+            sources: files.into_iter().map(|file| Source::of(file, None)).collect(),
+            left_out: Vec::new(),
+        })
     }
 }
 
@@ -231,7 +252,11 @@ fn is_bag(folder: &Path) -> bool {
 
 /// All files below `folder` except hidden ones; a bag folder counts as one. A folder that is
 /// reached twice, through a link, counts once.
-fn walk(folder: &Path, files: &mut Vec<PathBuf>, seen: &mut BTreeSet<PathBuf>) -> Result<(), DatasetError> {
+fn walk(
+    folder: &Path,
+    files: &mut Vec<PathBuf>,
+    seen: &mut BTreeSet<PathBuf>,
+) -> Result<(), DatasetError> {
     let failed = |source| DatasetError::Read { path: folder.to_owned(), source };
     if !seen.insert(folder.canonicalize().map_err(failed)?) {
         return Ok(());
@@ -270,24 +295,28 @@ fn sources(files: Vec<DataFile>, by: &str) -> Vec<Source> {
         match holds {
             Holds::PartOf(folder) => folders.entry(folder).or_default().push(k),
             // Rows without a value in different files are not the same recording.
-            Holds::Several(Some(values)) => values.iter().filter(|value| !value.is_empty()).for_each(|value| {
-                let first = *begun.entry((keys(&files[k].name), value)).or_insert(k);
-                if first != k {
-                    goes_on[first].extend([first, k]);
-                    elsewhere[k].push(value.clone());
-                }
-            }),
+            Holds::Several(Some(values)) => {
+                values.iter().filter(|value| !value.is_empty()).for_each(|value| {
+                    let first = *begun.entry((keys(&files[k].name), value)).or_insert(k);
+                    if first != k {
+                        goes_on[first].extend([first, k]);
+                        elsewhere[k].push(value.clone());
+                    }
+                })
+            }
             Holds::One | Holds::Several(None) => {}
         }
     }
     let mut sources = Vec::with_capacity(files.len());
     for (k, holds) in holds.iter().enumerate() {
-        let parts =
-            |of: &mut dyn Iterator<Item = &usize>| of.map(|part| files[*part].clone()).collect::<Vec<DataFile>>();
+        let parts = |of: &mut dyn Iterator<Item = &usize>| {
+            of.map(|part| files[*part].clone()).collect::<Vec<DataFile>>()
+        };
         match holds {
             Holds::Several(Some(values)) if values.len() == elsewhere[k].len() => {}
             Holds::Several(_) => {
-                let (parts, elsewhere) = (parts(&mut goes_on[k].iter()), std::mem::take(&mut elsewhere[k]));
+                let (parts, elsewhere) =
+                    (parts(&mut goes_on[k].iter()), std::mem::take(&mut elsewhere[k]));
                 sources.push(Source { parts, elsewhere, ..Source::of(files[k].clone(), Some(by)) });
             }
             Holds::PartOf(folder) if folders[folder.as_str()].len() > 1 => {
@@ -313,7 +342,9 @@ fn holds(file: &DataFile, by: &str) -> Holds {
         return Holds::Several(parts::values(file, by).ok());
     }
     let folders: Vec<&str> = file.name.split('/').collect();
-    let is_key = |folder: &&str| key_value(folder).is_some_and(|(key, value)| key == by && value != FleetCell::Empty);
+    let is_key = |folder: &&str| {
+        key_value(folder).is_some_and(|(key, value)| key == by && value != FleetCell::Empty)
+    };
     match folders[..folders.len() - 1].iter().position(is_key) {
         Some(at) => Holds::PartOf(folders[..=at].join("/")),
         None => Holds::One,
@@ -333,8 +364,11 @@ fn keys(name: &str) -> Vec<&str> {
 /// Key and value of a folder named `key=value`.
 fn key_value(folder: &str) -> Option<(String, FleetCell)> {
     let (key, value) = folder.split_once('=')?;
-    let cell =
-        if value == HIVE_NONE || value.is_empty() { FleetCell::Empty } else { FleetCell::text(unescaped(value)) };
+    let cell = if value == HIVE_NONE || value.is_empty() {
+        FleetCell::Empty
+    } else {
+        FleetCell::text(unescaped(value))
+    };
     Some((unescaped(key), cell))
 }
 
@@ -344,7 +378,10 @@ fn unescaped(text: &str) -> String {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();
     while let [first, others @ ..] = rest {
-        let escaped = others.get(..2).filter(|_| *first == b'%').and_then(|code| std::str::from_utf8(code).ok());
+        let escaped = others
+            .get(..2)
+            .filter(|_| *first == b'%')
+            .and_then(|code| std::str::from_utf8(code).ok());
         let byte = escaped.and_then(|code| u8::from_str_radix(code, 16).ok());
         bytes.push(byte.unwrap_or(*first));
         rest = if byte.is_some() { &others[2..] } else { others };
@@ -354,11 +391,14 @@ fn unescaped(text: &str) -> String {
 
 /// Converts text columns that contain only numbers to numbers.
 fn settle_kinds(files: &mut [DataFile]) {
-    let mut names: Vec<String> = files.iter().flat_map(|file| file.metadata.keys().cloned()).collect();
+    let mut names: Vec<String> =
+        files.iter().flat_map(|file| file.metadata.keys().cloned()).collect();
     names.sort_unstable();
     names.dedup();
     for name in names {
-        let texts = || files.iter().filter_map(|file| file.metadata.get(&name)).filter_map(FleetCell::as_text);
+        let texts = || {
+            files.iter().filter_map(|file| file.metadata.get(&name)).filter_map(FleetCell::as_text)
+        };
         let whole = texts().all(|text| text.parse::<i64>().is_ok());
         let number = texts().all(|text| text.parse::<f64>().is_ok_and(f64::is_finite));
         if !number {
@@ -386,7 +426,9 @@ fn cell(column: &Column, row: usize) -> FleetCell {
         Column::Number(cells) => FleetCell::number(cells[row]),
         Column::Integer(cells) => cells[row].map_or(FleetCell::Empty, FleetCell::Integer),
         Column::Boolean(cells) => cells[row].map_or(FleetCell::Empty, FleetCell::Boolean),
-        Column::Text(cells) => cells[row].as_ref().map_or(FleetCell::Empty, |text| FleetCell::text(text.clone())),
+        Column::Text(cells) => {
+            cells[row].as_ref().map_or(FleetCell::Empty, |text| FleetCell::text(text.clone()))
+        }
     }
 }
 
@@ -402,13 +444,16 @@ fn header(path: &Path) -> Result<Vec<String>, DatasetError> {
 
 /// A CSV file of strings; empty cells are missing values.
 fn text_table(path: &Path) -> Result<Table, DatasetError> {
-    let bytes = std::fs::read(path).map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
+    let bytes = std::fs::read(path)
+        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
     let mut lines = fields(&bytes).into_iter();
     let names = lines.next().unwrap_or_default();
-    let mut columns: Vec<Vec<Option<std::borrow::Cow<'static, str>>>> = vec![Vec::new(); names.len()];
+    let mut columns: Vec<Vec<Option<std::borrow::Cow<'static, str>>>> =
+        vec![Vec::new(); names.len()];
     for (row, line) in lines.enumerate() {
         if line.len() != names.len() {
-            let problem = format!("{} cells, expected {} as in the header", line.len(), names.len());
+            let problem =
+                format!("{} cells, expected {} as in the header", line.len(), names.len());
             return Err(DatasetError::Row { path: path.to_owned(), row: row + 1, problem });
         }
         let cells = line.into_iter().map(|cell| (!cell.is_empty()).then(|| cell.into()));
@@ -474,7 +519,9 @@ impl Source {
 }
 
 /// The metadata common to all of them, and the names of those that differ.
-pub(super) fn in_common<'a>(all: impl Iterator<Item = &'a Metadata>) -> (Metadata, BTreeSet<String>) {
+pub(super) fn in_common<'a>(
+    all: impl Iterator<Item = &'a Metadata>,
+) -> (Metadata, BTreeSet<String>) {
     let mut all = all.peekable();
     let mut common = all.peek().map_or_else(Metadata::new, |first| (*first).clone());
     let mut differing = BTreeSet::new();

@@ -56,9 +56,18 @@ impl Journal {
     ///
     /// # Errors
     /// [`OutputError`] when it cannot be written, or another process is writing it.
-    pub(super) fn open(path: &Path, config: &str) -> Result<(Self, HashMap<String, EntryLocation>), OutputError> {
+    pub(super) fn open(
+        path: &Path,
+        config: &str,
+    ) -> Result<(Self, HashMap<String, EntryLocation>), OutputError> {
         let create = |source| OutputError::Create { path: path.to_owned(), source };
-        let file = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(path).map_err(create)?;
+        let file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .read(true)
+            .write(true)
+            .open(path)
+            .map_err(create)?;
         lock(&file).map_err(create)?;
         let (places, end) = read(&file, config).map_err(create)?;
         file.set_len(end).map_err(create)?;
@@ -79,7 +88,8 @@ impl Journal {
         line.push(b'\n');
         self.file.seek(SeekFrom::Start(self.end))?;
         self.file.write_all(&line)?;
-        let place = EntryLocation { at: self.end, length: line.len(), sha256: entry.sha256.clone() };
+        let place =
+            EntryLocation { at: self.end, length: line.len(), sha256: entry.sha256.clone() };
         self.end += line.len() as u64;
         if self.synced.elapsed() >= SYNC {
             self.file.sync_data()?;
@@ -94,7 +104,8 @@ impl Journal {
     /// [`OutputError::Write`] when the file was modified externally.
     pub(super) fn row(&mut self, place: &EntryLocation) -> Result<FleetRow, OutputError> {
         let mut line = vec![0; place.length];
-        let read = self.file.seek(SeekFrom::Start(place.at)).and_then(|_| self.file.read_exact(&mut line));
+        let read =
+            self.file.seek(SeekFrom::Start(place.at)).and_then(|_| self.file.read_exact(&mut line));
         let entry = read.and_then(|()| Ok(serde_json::from_slice::<Entry>(&line)?));
         entry.map(|entry| entry.row).map_err(|source| self.failed(source))
     }

@@ -77,7 +77,8 @@ pub fn fit(observations: &[Observation]) -> Result<MixedEffects, String> {
     if most == 0.0 {
         return Err("all values are equal".to_owned());
     }
-    let deviance = |between: f64, within: f64| Solved::new(&blocks, kinds, between, within).deviance;
+    let deviance =
+        |between: f64, within: f64| Solved::new(&blocks, kinds, between, within).deviance;
     let best_within = |between: f64| least(|within| deviance(between, within), most);
     let between = least(|between| deviance(between, best_within(between)), most);
     let within = best_within(between);
@@ -94,7 +95,8 @@ struct Block {
 
 fn blocks(observations: &[Observation]) -> Result<Vec<Block>, String> {
     let count = observations.iter().map(|o| o.specimen).max().map_or(0, |most| most + 1);
-    let mut blocks: Vec<Block> = (0..count).map(|_| Block { kind: 0, values: Vec::new() }).collect();
+    let mut blocks: Vec<Block> =
+        (0..count).map(|_| Block { kind: 0, values: Vec::new() }).collect();
     for o in observations {
         blocks[o.specimen].kind = o.kind;
         blocks[o.specimen].values.push((o.value, o.error * o.error));
@@ -108,7 +110,10 @@ fn blocks(observations: &[Observation]) -> Result<Vec<Block>, String> {
         return Err(format!("{} specimens of {} types are too few", blocks.len(), kinds.len()));
     }
     if observations.len() < blocks.len() + 2 {
-        return Err("hardly a specimen was recorded twice: nothing tells specimens from recordings".to_owned());
+        return Err(
+            "hardly a specimen was recorded twice: nothing tells specimens from recordings"
+                .to_owned(),
+        );
     }
     Ok(blocks)
 }
@@ -116,7 +121,9 @@ fn blocks(observations: &[Observation]) -> Result<Vec<Block>, String> {
 /// A standard deviation above any plausible value of either component.
 fn spread(observations: &[Observation]) -> f64 {
     let mean = observations.iter().map(|o| o.value).sum::<f64>() / observations.len() as f64;
-    3.0 * (observations.iter().map(|o| (o.value - mean).powi(2)).sum::<f64>() / observations.len() as f64).sqrt()
+    3.0 * (observations.iter().map(|o| (o.value - mean).powi(2)).sum::<f64>()
+        / observations.len() as f64)
+        .sqrt()
 }
 
 /// Minimum of `of` between 0 and `most` by golden-section search, including the end points.
@@ -189,6 +196,13 @@ impl Solved {
         let half = t_quantile(specimens as f64 - 1.0) * standard_error;
         let ci95 = (specimens >= FEWEST_SPECIMENS).then_some([mean - half, mean + half]);
         let recordings = own().map(|block| block.values.len()).sum();
-        (information > 0.0).then_some(TypeMean { kind, mean, standard_error, ci95, specimens, recordings })
+        (information > 0.0).then_some(TypeMean {
+            kind,
+            mean,
+            standard_error,
+            ci95,
+            specimens,
+            recordings,
+        })
     }
 }

@@ -8,7 +8,12 @@ use crate::recording::{ReadOptions, RecordingError};
 pub(super) enum Group {}
 
 impl Group {
-    pub(super) fn input(&self, _: &str, _: &ReadOptions, _: &mut Metadata) -> Result<Input, RecordingError> {
+    pub(super) fn input(
+        &self,
+        _: &str,
+        _: &ReadOptions,
+        _: &mut Metadata,
+    ) -> Result<Input, RecordingError> {
         match *self {}
     }
 }

@@ -10,7 +10,9 @@ use sha2::{Digest, Sha256};
 
 use super::row::{DEGREES, FleetCell, FleetRow};
 use crate::cancel;
-use crate::identify::{Estimate, Identification, IdentifyError, IdentifyOptions, Subject, Warning, identify};
+use crate::identify::{
+    Estimate, Identification, IdentifyError, IdentifyOptions, Subject, Warning, identify,
+};
 use crate::recording::rows::Crop;
 use crate::recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
 use crate::summary::PROGRAM;
@@ -97,7 +99,10 @@ impl Config {
 
     /// Reading options for columns that may use one part in `parts` of the memory.
     fn reading_of_columns(&self, parts: u64) -> ReadOptions {
-        ReadOptions { memory_limit: self.reading.memory_limit.map(|bytes| bytes / parts), ..self.reading.clone() }
+        ReadOptions {
+            memory_limit: self.reading.memory_limit.map(|bytes| bytes / parts),
+            ..self.reading.clone()
+        }
     }
 
     fn options(&self) -> IdentifyOptions {
@@ -208,7 +213,10 @@ pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) 
 }
 
 fn words_of(panic: &(dyn Any + Send)) -> String {
-    let text = panic.downcast_ref::<String>().map(String::as_str).or_else(|| panic.downcast_ref::<&str>().copied());
+    let text = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied());
     format!("a fault of the program: {}", text.unwrap_or("no message"))
 }
 
@@ -227,9 +235,11 @@ fn describe(row: &mut FleetRow, input: &Input, config: &Config) {
 
 fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failure> {
     let recording = match input {
-        Input::File(path) => read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
-            row.set("sha256", sha256_of(path).map_or(FleetCell::Empty, FleetCell::Text));
-        })?,
+        Input::File(path) => {
+            read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
+                row.set("sha256", sha256_of(path).map_or(FleetCell::Empty, FleetCell::Text));
+            })?
+        }
         Input::Columns { name, readings } => {
             let chosen = cropped(flipped(readings, &config.reading), &config.reading);
             Recording::from_readings(name, &chosen, config.reading.sensor_limit)?
@@ -239,7 +249,8 @@ fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failur
     let recording = recording.without_glitches();
     data(row, &recording);
     let MovingMass { mass, gravity } = config.moving_mass;
-    let recording = if mass > 0.0 { recording.without_moving_mass(mass, gravity)? } else { recording };
+    let recording =
+        if mass > 0.0 { recording.without_moving_mass(mass, gravity)? } else { recording };
     let recordings = [recording];
     let (found, method) = identified(&recordings, config)?;
     result(row, &found, &recordings[0], method);
@@ -251,7 +262,10 @@ fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Reading
     if !reading.choice.flip_force {
         return Cow::Borrowed(readings);
     }
-    Cow::Owned(Readings { force: readings.force.iter().map(|force| -force).collect(), ..readings.clone() })
+    Cow::Owned(Readings {
+        force: readings.force.iter().map(|force| -force).collect(),
+        ..readings.clone()
+    })
 }
 
 /// The readings between the requested times, counted from the first.
@@ -270,7 +284,9 @@ fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Re
 pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
     match input {
         Input::File(path) => sha256_of(path),
-        Input::Columns { readings, .. } => Some(cropped(flipped(readings, &config.reading), &config.reading).sha256()),
+        Input::Columns { readings, .. } => {
+            Some(cropped(flipped(readings, &config.reading), &config.reading).sha256())
+        }
         Input::Recording(recording) => Some(recording.sha256.clone()),
     }
 }
@@ -281,7 +297,10 @@ fn sha256_of(path: &Path) -> Option<String> {
 }
 
 /// The identification, and the method used.
-fn identified(recordings: &[Recording], config: &Config) -> Result<(Identification, &'static str), IdentifyError> {
+fn identified(
+    recordings: &[Recording],
+    config: &Config,
+) -> Result<(Identification, &'static str), IdentifyError> {
     let options = config.options();
     let free_motion = options.free_motion && config.depth == Depth::Full;
     let found = identify(recordings, &IdentifyOptions { free_motion, ..options }, &|_, _| ())?;
@@ -328,7 +347,10 @@ fn rms(values: &[f64]) -> f64 {
 
 fn warnings(row: &mut FleetRow, all: Vec<String>) {
     row.set("warning_count", FleetCell::count(all.len()));
-    row.set("warnings", if all.is_empty() { FleetCell::Empty } else { FleetCell::text(all.join("\n")) });
+    row.set(
+        "warnings",
+        if all.is_empty() { FleetCell::Empty } else { FleetCell::text(all.join("\n")) },
+    );
 }
 
 /// Adds a warning that leaves the status unchanged.
@@ -369,7 +391,10 @@ fn result(row: &mut FleetRow, found: &Identification, recording: &Recording, met
     if let Some(fit) = &found.position_profile {
         row.set("position_profile_knots", FleetCell::count(fit.profile.gains().len()));
         row.set("position_profile_held_out_rms_n", FleetCell::number(fit.held_out_rms_n));
-        row.set("position_profile_constant_held_out_rms_n", FleetCell::number(fit.constant_held_out_rms_n));
+        row.set(
+            "position_profile_constant_held_out_rms_n",
+            FleetCell::number(fit.constant_held_out_rms_n),
+        );
     }
 }
 

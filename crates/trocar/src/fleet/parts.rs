@@ -144,7 +144,13 @@ pub(super) fn jobs(source: &Source) -> Result<Vec<Job>, RecordingError> {
         let (metadata, differing) = in_common(rows.iter().map(|rows| &rows.file.part.metadata));
         let name = if group_by.is_some() { format!("{name}#{value}") } else { name.clone() };
         let group = Some(Group { by: group_by.clone(), rows });
-        Job { name, path: path.clone(), metadata, warning: doubt(differing.into_iter().collect()), group }
+        Job {
+            name,
+            path: path.clone(),
+            metadata,
+            warning: doubt(differing.into_iter().collect()),
+            group,
+        }
     };
     Ok(found.into_iter().map(job).collect())
 }
@@ -152,7 +158,8 @@ pub(super) fn jobs(source: &Source) -> Result<Vec<Job>, RecordingError> {
 /// Warning if the folders differ.
 fn doubt(differing: Vec<String>) -> Option<String> {
     let names = differing.join(", ");
-    (!differing.is_empty()).then(|| format!("its rows lie in folders that differ in {names}: left out of the table"))
+    (!differing.is_empty())
+        .then(|| format!("its rows lie in folders that differ in {names}: left out of the table"))
 }
 
 /// A file of a recording, with the rows to read.
@@ -183,7 +190,8 @@ impl Group {
         let mut parts = Vec::with_capacity(self.rows.len());
         for Rows { file, ranges } in &self.rows {
             let parquet = file.parquet()?;
-            let (pieces, rows) = (parquet.plan(ranges), ranges.iter().map(|range| range.end - range.start).sum());
+            let (pieces, rows) =
+                (parquet.plan(ranges), ranges.iter().map(|range| range.end - range.start).sum());
             parts.push(Taken { name: &file.part.name, parquet, pieces, rows });
         }
         parts.retain(|part| part.rows > 0);
@@ -195,7 +203,9 @@ impl Group {
         let mut offered: Vec<&Joined> = Vec::new();
         for column in &columns {
             let constant = column.constant(&parts)?;
-            if (by_order || (constant.is_none() && column.is_numeric())) && self.by.as_ref() != Some(&column.name) {
+            if (by_order || (constant.is_none() && column.is_numeric()))
+                && self.by.as_ref() != Some(&column.name)
+            {
                 offered.push(column);
             }
             metadata.extend(constant.map(|cell| (column.name.clone(), cell)));

@@ -151,8 +151,12 @@ pub(super) fn parameters() -> Vec<ParameterId> {
 }
 
 /// Columns of a parameter: the ends of their names after its own, and their kinds.
-pub(super) const ENDS: [(&str, Kind); 4] =
-    [("", Kind::Number), ("_lower", Kind::Number), ("_upper", Kind::Number), ("_determined", Kind::Boolean)];
+pub(super) const ENDS: [(&str, Kind); 4] = [
+    ("", Kind::Number),
+    ("_lower", Kind::Number),
+    ("_upper", Kind::Number),
+    ("_determined", Kind::Boolean),
+];
 
 /// The columns of every [`FleetRow`], in order.
 pub fn columns() -> Vec<Field> {

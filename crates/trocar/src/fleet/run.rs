@@ -154,7 +154,8 @@ pub fn run(
     progress: &mut dyn FnMut(&Tally),
 ) -> Result<Fleet, FleetError> {
     let (mut journal, before) = Journal::open(&journal_path(table), &config.hash())?;
-    let threads = if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
+    let threads =
+        if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
     let queue = Queue::new(dataset);
     let mut gathered = Gathered::new(dataset.sources.len());
     let worker = |sender: Sender<Finished>| cancel.run(1, || queue.work(config, &before, &sender));
@@ -172,7 +173,8 @@ pub fn run(
             queue.stop();
         }
         drop(receiver);
-        let stopped = workers.into_iter().map(|worker| worker.join().unwrap_or(Err(Stopped::Cancelled)));
+        let stopped =
+            workers.into_iter().map(|worker| worker.join().unwrap_or(Err(Stopped::Cancelled)));
         let stopped: Vec<Result<(), Stopped>> = stopped.collect();
         outcome?;
         stopped.into_iter().collect::<Result<Vec<()>, Stopped>>().map_err(FleetError::from)
@@ -214,7 +216,12 @@ impl<'a> Queue<'a> {
     }
 
     /// Works until the queue is empty.
-    fn work(&self, config: &Config, before: &HashMap<String, EntryLocation>, sender: &Sender<Finished>) {
+    fn work(
+        &self,
+        config: &Config,
+        before: &HashMap<String, EntryLocation>,
+        sender: &Sender<Finished>,
+    ) {
         while let Some((order, job)) = self.next(config, sender) {
             cancel::check();
             let finished = finish(order, job, config, before);
@@ -240,12 +247,20 @@ impl<'a> Queue<'a> {
                 left = self.lock();
                 left.opening -= 1;
                 match jobs {
-                    Ok(jobs) => left.jobs.extend(jobs.into_iter().enumerate().map(|(k, job)| ((source, k), job))),
+                    Ok(jobs) => left
+                        .jobs
+                        .extend(jobs.into_iter().enumerate().map(|(k, job)| ((source, k), job))),
                     Err(error) => {
                         let job = opened.whole();
                         let row = refused(&opened.name, config, error);
                         // A closed receiver is noticed at the next recording.
-                        let _ = sender.send(Finished::now((source, 0), job.metadata, job.name, row, config));
+                        let _ = sender.send(Finished::now(
+                            (source, 0),
+                            job.metadata,
+                            job.name,
+                            row,
+                            config,
+                        ));
                     }
                 }
                 self.changed.notify_all();
@@ -267,7 +282,12 @@ impl Finished {
 }
 
 /// One recording: reused if it equals the one in the journal, otherwise identified.
-fn finish(order: Order, mut job: Job, config: &Config, before: &HashMap<String, EntryLocation>) -> Finished {
+fn finish(
+    order: Order,
+    mut job: Job,
+    config: &Config,
+    before: &HashMap<String, EntryLocation>,
+) -> Finished {
     let input = match job.input(&config.reading_ahead()) {
         Ok(input) => input,
         Err(error) => {
@@ -378,9 +398,17 @@ impl Gathered {
             let empty = FleetCell::Empty;
             let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
             let (first, rest) = row.cells.split_at(1);
-            first.iter().chain(cells).chain(rest).zip(&mut piece).for_each(|(cell, column)| push(column, cell));
+            first
+                .iter()
+                .chain(cells)
+                .chain(rest)
+                .zip(&mut piece)
+                .for_each(|(cell, column)| push(column, cell));
             let kept = KEPT.iter().filter_map(|name| Some((name.as_str(), row.get(name)?.clone())));
-            records.push(Record { cells: kept.filter(|(_, cell)| *cell != FleetCell::Empty).collect(), metadata: own });
+            records.push(Record {
+                cells: kept.filter(|(_, cell)| *cell != FleetCell::Empty).collect(),
+                metadata: own,
+            });
             if piece[0].len() == PIECE {
                 writer.write(&piece)?;
                 piece.iter_mut().for_each(Column::clear);
@@ -398,7 +426,9 @@ fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
     match (one, other) {
         (None, kind) | (kind, None) => kind,
         (Some(one), Some(other)) if one == other => Some(one),
-        (Some(Kind::Integer | Kind::Number), Some(Kind::Integer | Kind::Number)) => Some(Kind::Number),
+        (Some(Kind::Integer | Kind::Number), Some(Kind::Integer | Kind::Number)) => {
+            Some(Kind::Number)
+        }
         _ => Some(Kind::Text),
     }
 }
@@ -406,8 +436,14 @@ fn common(one: Option<Kind>, other: Option<Kind>) -> Option<Kind> {
 fn push(column: &mut Column, cell: &FleetCell) {
     match column {
         Column::Number(cells) => cells.push(cell.as_number().unwrap_or(f64::NAN)),
-        Column::Integer(cells) => cells.push(if let FleetCell::Integer(value) = cell { Some(*value) } else { None }),
-        Column::Boolean(cells) => cells.push(if let FleetCell::Boolean(value) = cell { Some(*value) } else { None }),
-        Column::Text(cells) => cells.push((*cell != FleetCell::Empty).then(|| cell.in_words().into())),
+        Column::Integer(cells) => {
+            cells.push(if let FleetCell::Integer(value) = cell { Some(*value) } else { None })
+        }
+        Column::Boolean(cells) => {
+            cells.push(if let FleetCell::Boolean(value) = cell { Some(*value) } else { None })
+        }
+        Column::Text(cells) => {
+            cells.push((*cell != FleetCell::Empty).then(|| cell.in_words().into()))
+        }
     }
 }

@@ -44,7 +44,8 @@ pub struct Trend {
 }
 
 impl Trend {
-    /// Least squares of (x, y, specimen); `None` with too few values or no spread in x within the specimens.
+    /// Least squares of (x, y, specimen); `None` with too few values or no spread in x within the
+    /// specimens.
     pub fn of(points: &[(f64, f64, usize)]) -> Option<Self> {
         let specimens = points.iter().map(|p| p.2).max()? + 1;
         let mut sums = vec![[0.0; 3]; specimens];
@@ -56,7 +57,8 @@ impl Trend {
             let [n, x, y] = sums[p.2];
             (p.0 - x / n, p.1 - y / n)
         };
-        let (xx, xy) = points.iter().map(own).fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + x * x, xy + x * y));
+        let (xx, xy) =
+            points.iter().map(own).fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + x * x, xy + x * y));
         let levels = sums.iter().filter(|sum| sum[0] > 0.0).count();
         let degrees = points.len() as f64 - levels as f64 - 1.0;
         if degrees < 1.0 || xx <= 0.0 {

@@ -67,13 +67,20 @@ impl Group {
         use Quantity as Q;
         let stribeck = matches!(id.quantity, Q::StribeckVelocity | Q::StribeckExponent);
         let sliding = stribeck
-            || matches!(id.quantity, Q::CoulombForce | Q::CoulombForceWithOffset | Q::StaticForce | Q::ViscousDamping);
+            || matches!(
+                id.quantity,
+                Q::CoulombForce | Q::CoulombForceWithOffset | Q::StaticForce | Q::ViscousDamping
+            );
         match self {
             Self::Sliding => sliding,
             Self::Speed => sliding && id.element.is_none(),
             Self::Stribeck => stribeck,
             Self::Shape => match id.quantity {
-                Q::HalfWidth | Q::Join | Q::JoinForce | Q::Coefficient { .. } | Q::YieldStiffness => true,
+                Q::HalfWidth
+                | Q::Join
+                | Q::JoinForce
+                | Q::Coefficient { .. }
+                | Q::YieldStiffness => true,
                 Q::SealDamping | Q::SecondRelaxationStiffness | Q::SecondRelaxationTime => true,
                 Q::CoulombForce => id.element.is_some(),
                 _ => false,
@@ -130,7 +137,8 @@ struct RecordingSums {
 
 /// Judges the model.
 pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
-    let seen: Vec<RecordingSums> = (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
+    let seen: Vec<RecordingSums> =
+        (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
     let mut undetermined = Vec::new();
     if model.has_shape {
         undetermined.extend(sliding_reversals(input, model, &seen));
@@ -141,12 +149,19 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     undetermined.extend(speeds.fast_enough(model.candidate));
     let phases = phases(input, model, &seen);
     let mut doubts: Vec<Warning> = phases.iter().filter_map(doubt).collect();
-    let swings = Swings::of(input.recordings, input.segments, input.two.candidate.offset).filter(|_| model.has_shape);
+    let swings = Swings::of(input.recordings, input.segments, input.two.candidate.offset)
+        .filter(|_| model.has_shape);
     doubts.extend(swings.iter().map(Swings::warning));
     let stick_slip = swings.and_then(Swings::stick_slip);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
-    Adequacy { phases, undetermined, doubts, stick_slip, residual_rms: (squares / samples.max(1) as f64).sqrt() }
+    Adequacy {
+        phases,
+        undetermined,
+        doubts,
+        stick_slip,
+        residual_rms: (squares / samples.max(1) as f64).sqrt(),
+    }
 }
 
 fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
@@ -158,13 +173,16 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = RecordingSums::default();
     let acceleration = &input.accelerations[index];
-    let reading = |i: usize| recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i];
+    let reading = |i: usize| {
+        recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i]
+    };
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
     for stroke in &segments.strokes {
         let scale = model.scale.at(index, recording.time[stroke.start] - recording.time[0]);
         let (mut slid, mut sums) = (0.0, Vec::new());
-        for i in (stroke.start + 1..=stroke.end).filter(|i| known[*i] && !recording.is_clipped(*i)) {
+        for i in (stroke.start + 1..=stroke.end).filter(|i| known[*i] && !recording.is_clipped(*i))
+        {
             let step = (x[i] - x[i - 1]).abs();
             let error = reading(i) - scale * run.force[i];
             let phase = usize::from(run.sliding[i]);
@@ -179,7 +197,8 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
             }
         }
         let slides = slid >= SHOWS_SLIDING * candidate.half_width;
-        let turned = slid_before.is_some_and(|d| d != stroke.direction.sign()) && stroke.starts_at_reversal;
+        let turned =
+            slid_before.is_some_and(|d| d != stroke.direction.sign()) && stroke.starts_at_reversal;
         seen.sliding_reversals += usize::from(slides && turned);
         slid_before = slides.then_some(stroke.direction.sign());
         if slides {
@@ -193,8 +212,8 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     seen
 }
 
-/// Checks that there are enough reversals with sliding before and after, and that the force is constant where the model
-/// slides.
+/// Checks that there are enough reversals with sliding before and after, and that the force is
+/// constant where the model slides.
 fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<(Group, String)> {
     let count: usize = seen.iter().map(|s| s.sliding_reversals).sum();
     let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
@@ -209,11 +228,15 @@ fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Ve
         all.push((Group::Shape, why));
         return all;
     }
-    let halves: Vec<f64> = seen.iter().flat_map(|s| &s.halves).map(|[a, b]| b - a).filter(|d| d.is_finite()).collect();
+    let halves: Vec<f64> =
+        seen.iter().flat_map(|s| &s.halves).map(|[a, b]| b - a).filter(|d| d.is_finite()).collect();
     let n = halves.len() as f64;
     let mean = halves.iter().sum::<f64>() / n.max(1.0);
-    let error = (halves.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0) / n.max(1.0)).sqrt();
-    let short = longest < 4.0 * SHOWS_SLIDING * model.candidate.half_width + 2.0 * model.candidate.half_width;
+    let error =
+        (halves.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0) / n.max(1.0))
+            .sqrt();
+    let short = longest
+        < 4.0 * SHOWS_SLIDING * model.candidate.half_width + 2.0 * model.candidate.half_width;
     let changes = mean.abs() > FLAT && t_p_value(mean / error, n - 1.0) < 0.01;
     if changes || (short && mean.abs() > 0.5 * FLAT) {
         let why = format!(
@@ -240,7 +263,8 @@ struct Speeds(Vec<(f64, f64)>);
 
 impl Speeds {
     fn new(seen: &[RecordingSums]) -> Self {
-        let mut speeds: Vec<(f64, f64)> = seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
+        let mut speeds: Vec<(f64, f64)> =
+            seen.iter().flat_map(|s| s.speeds.iter().copied()).collect();
         speeds.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self(speeds)
     }
@@ -308,7 +332,12 @@ fn phases(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<Phase> {
     let of = |(k, phase): (usize, &'static str)| {
         let samples: usize = seen.iter().map(|s| s.samples[k]).sum();
         let squares: f64 = seen.iter().map(|s| s.squares[k]).sum();
-        (samples > 0).then(|| Phase { phase, samples, rms_n: (squares / samples as f64).sqrt(), expected_n })
+        (samples > 0).then(|| Phase {
+            phase,
+            samples,
+            rms_n: (squares / samples as f64).sqrt(),
+            expected_n,
+        })
     };
     [(0, "deforming"), (1, "sliding")].into_iter().filter_map(of).collect()
 }

@@ -38,12 +38,17 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
     let recordings: Vec<Recording> = input.recordings.iter().map(without).collect();
     let without = Input { recordings: &recordings, ..*input };
     // A refit with a larger error than its start has failed.
-    let error = |input: &Input, f: &ElementFit| element::sampled_rms(input, &f.fitted.best.candidate);
+    let error =
+        |input: &Input, f: &ElementFit| element::sampled_rms(input, &f.fitted.best.candidate);
     let (constant, kept) = (error(input, &fit), error(&without, &fit));
     let again = element::again(&without, &fit).map(|again| (error(&without, &again), again));
-    let (along, again) = again.filter(|(along, _)| *along <= kept).map_or((kept, None), |(e, again)| (e, Some(again)));
+    let (along, again) = again
+        .filter(|(along, _)| *along <= kept)
+        .map_or((kept, None), |(e, again)| (e, Some(again)));
     if along > constant {
-        let why = format!("with a profile the whole motion is off by {along:.4} N rms, without by {constant:.4} N");
+        let why = format!(
+            "with a profile the whole motion is off by {along:.4} N rms, without by {constant:.4} N"
+        );
         return (Some(fit), Err(why));
     }
     (Some(again.unwrap_or(fit)), Ok(Some(profile)))
@@ -51,7 +56,9 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
 
 /// Whether any of the recordings consists of repeated strokes.
 pub(super) fn repeats(recordings: &[Recording]) -> bool {
-    recordings.iter().any(|recording| StrokeScatter::of(recording).is_ok_and(|scatter| scatter.rules(recording)))
+    recordings
+        .iter()
+        .any(|recording| StrokeScatter::of(recording).is_ok_and(|scatter| scatter.rules(recording)))
 }
 
 fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
@@ -82,7 +89,9 @@ impl Segments {
         let x = &recording.position;
         let ends = |of: fn(f64, f64) -> f64| {
             let all: Vec<f64> = self.strokes.iter().map(|p| of(x[p.start], x[p.end])).collect();
-            let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+            let (low, high) = all
+                .iter()
+                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
             high - low
         };
         self.strokes.len() >= 4 && ends(f64::min) + ends(f64::max) < 0.1 * recording.quality.stroke

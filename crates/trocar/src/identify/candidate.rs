@@ -3,8 +3,9 @@
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use trocar_model::{
-    Beside, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS, ParamError, ParameterId,
-    Parameters, Quantity, Relaxation, SealDamping, SlidingFriction, Stages, StagesState,
+    Beside, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS, ParamError,
+    ParameterId, Parameters, Quantity, Relaxation, SealDamping, SlidingFriction, Stages,
+    StagesState,
 };
 
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
@@ -73,8 +74,8 @@ impl Candidate {
         }
     }
 
-    /// The value of a parameter, SI; NaN for what the candidate does not have. Sliding and damping of
-    /// all stages together, in both directions on average, unless `id` names one of them.
+    /// The value of a parameter, SI; NaN for what the candidate does not have. Sliding and damping
+    /// of all stages together, in both directions on average, unless `id` names one of them.
     pub fn value(&self, id: ParameterId) -> f64 {
         use Quantity as Q;
         let ParameterId { element, direction, quantity } = id;
@@ -97,18 +98,24 @@ impl Candidate {
             }
             (None, Some(direction), Q::Join) => Some(self.branch(direction).join * self.half_width),
             (None, Some(direction), Q::JoinForce) => Some(self.branch(direction).join_force),
-            (None, Some(direction), Q::Coefficient { piece, power }) => self.coefficient(direction, piece, power),
+            (None, Some(direction), Q::Coefficient { piece, power }) => {
+                self.coefficient(direction, piece, power)
+            }
             (None, Some(direction), _) => all_stages(self.sliding(direction)),
             (None, None, Q::Offset) => Some(self.offset),
             (None, None, Q::UnmodelledMass) => Some(self.unmodelled_mass),
             (None, None, Q::HalfWidth) => Some(self.half_width),
             (None, None, Q::SealDamping) => Some(self.stage_factor() * self.seal_damping),
-            (None, None, Q::YieldStiffness) => self.params().ok().map(|params| params.deformation.yield_stiffness()),
+            (None, None, Q::YieldStiffness) => {
+                self.params().ok().map(|params| params.deformation.yield_stiffness())
+            }
             (None, None, Q::CreepVelocity) => Some(self.creep_velocity),
             (None, None, Q::FrictionLag) => Some(self.friction_lag),
             (None, None, Q::SecondRelaxationStiffness) => Some(second.stiffness),
             (None, None, Q::SecondRelaxationTime) => Some(second.time),
-            (None, None, Q::StribeckVelocity | Q::StribeckExponent | Q::StaticRatio) => self.insertion.value(quantity),
+            (None, None, Q::StribeckVelocity | Q::StribeckExponent | Q::StaticRatio) => {
+                self.insertion.value(quantity)
+            }
             (None, None, _) => first.number(quantity).or_else(|| {
                 let both = self.insertion.value(quantity)? + self.withdrawal.value(quantity)?;
                 Some(0.5 * self.stage_factor() * both)
@@ -134,7 +141,8 @@ impl Candidate {
         let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, end_forces)?;
         let softest = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
         let deformation = if self.yield_ratio > Self::DEFAULT_YIELD_RATIO {
-            let stiffness = softest.yield_stiffness() * self.yield_ratio / Self::DEFAULT_YIELD_RATIO;
+            let stiffness =
+                softest.yield_stiffness() * self.yield_ratio / Self::DEFAULT_YIELD_RATIO;
             DeformationForce::new(insertion_branch, withdrawal_branch, Some(stiffness))?
         } else {
             softest
@@ -299,7 +307,8 @@ impl Layout {
             sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
         }
         let width = candidate.half_width;
-        let sliding = candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
+        let sliding =
+            candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
         let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
         if self.shape {
             let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
@@ -322,7 +331,8 @@ impl Layout {
             on_log(&mut candidate.friction_lag, LAG_RANGE, &mut on);
         }
         // A trial may hold impossible values: the range must remain valid.
-        let stiffest = (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
+        let stiffest =
+            (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
             on_log(&mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
             on_log(&mut arm.time, TIME_RANGE, &mut on);
@@ -359,7 +369,12 @@ impl Layout {
         self.replaced(candidate, values, |value, _, _| value)
     }
 
-    fn replaced(self, candidate: &Candidate, values: &[f64], held: impl Fn(f64, f64, f64) -> f64) -> Candidate {
+    fn replaced(
+        self,
+        candidate: &Candidate,
+        values: &[f64],
+        held: impl Fn(f64, f64, f64) -> f64,
+    ) -> Candidate {
         let mut replaced = candidate.clone();
         let mut values = values.iter();
         self.visit(&mut replaced, |value, Span { low, high, .. }| {
@@ -405,9 +420,17 @@ impl EmsTrial {
         self.layout.free(&self.candidate).len()
     }
 
-    fn replaced(&self, values: &[f64], with: impl Fn(Layout, &Candidate, &[f64]) -> Candidate) -> Self {
+    fn replaced(
+        &self,
+        values: &[f64],
+        with: impl Fn(Layout, &Candidate, &[f64]) -> Candidate,
+    ) -> Self {
         let (own, drift) = values.split_at(values.len() - self.drift.len());
-        Self { candidate: with(self.layout, &self.candidate, own), layout: self.layout, drift: drift.to_vec() }
+        Self {
+            candidate: with(self.layout, &self.candidate, own),
+            layout: self.layout,
+            drift: drift.to_vec(),
+        }
     }
 }
 
@@ -453,7 +476,12 @@ impl Trial for EmsTrial {
     }
 
     /// The first model comes first in each part.
-    fn forces(models: &[Stages], states: &mut [StagesState], lanes: Lanes, steps: &[Step]) -> Vec<Vec<f64>> {
+    fn forces(
+        models: &[Stages],
+        states: &mut [StagesState],
+        lanes: Lanes,
+        steps: &[Step],
+    ) -> Vec<Vec<f64>> {
         let Lanes { close, parts } = lanes;
         let (models, alone) = models.split_at(close);
         let (states, own_of_alone) = states.split_at_mut(close);
@@ -471,10 +499,12 @@ impl Trial for EmsTrial {
             let mut beside: Vec<Beside> =
                 others.iter().zip(own.iter()).map(|(o, s)| leading.beside(&led, o, *s)).collect();
             let mut forces = vec![Vec::with_capacity(steps.len()); 1 + others.len()];
-            let mut before: Vec<f64> =
-                std::iter::once(Stages::force(&led)).chain(beside.iter().map(Beside::force)).collect();
+            let mut before: Vec<f64> = std::iter::once(Stages::force(&led))
+                .chain(beside.iter().map(Beside::force))
+                .collect();
             for step in steps {
-                let first = leading.step_beside(&mut led, &mut beside, step.displacement, step.duration);
+                let first =
+                    leading.step_beside(&mut led, &mut beside, step.displacement, step.duration);
                 let after = std::iter::once(first).chain(beside.iter().map(Beside::force));
                 for ((forces, before), after) in forces.iter_mut().zip(&mut before).zip(after) {
                     forces.push(step.at_centre(*before, after));

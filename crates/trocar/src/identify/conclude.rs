@@ -35,7 +35,8 @@ pub(super) fn conclude(
         Ok(found) => (found, None),
         Err(why) => (None, Some(why)),
     };
-    let mut model = fit.as_ref().map_or_else(|| two.candidate.clone(), |f| f.fitted.best.candidate.clone());
+    let mut model =
+        fit.as_ref().map_or_else(|| two.candidate.clone(), |f| f.fitted.best.candidate.clone());
     if let Some(fit) = &position_profile {
         model.offset = fit.offset_n;
     }
@@ -46,7 +47,10 @@ pub(super) fn conclude(
         input,
         &Model {
             candidate: &model,
-            trocar: Trocar::new(stages, position_profile.as_ref().map(|t| t.profile.stored_as(|knots| knots))),
+            trocar: Trocar::new(
+                stages,
+                position_profile.as_ref().map(|t| t.profile.stored_as(|knots| knots)),
+            ),
             scale: &scale,
             has_shape,
         },
@@ -60,7 +64,9 @@ pub(super) fn conclude(
     let warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
     let layout_parameters = fit.as_ref().map_or(3, |f| {
         let layout = f.fitted.best.layout;
-        f.fitted.best.free_numbers() - usize::from(layout.offset) - usize::from(layout.unmodelled_mass)
+        f.fitted.best.free_numbers()
+            - usize::from(layout.offset)
+            - usize::from(layout.unmodelled_mass)
     });
     let of_profile = position_profile.as_ref().map_or(0, |t| t.free_parameters());
     Ok(Identification {
@@ -98,7 +104,8 @@ fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale)
     let layout = fit.fitted.best.layout;
     all.extend(fit.left.damping.clone().map(|most| Parameter::new(Quantity::SealDamping, most)));
     for p in &mut all {
-        let why = judged.undetermined.iter().find(|(group, _)| group.holds(p.id)).map(|(_, why)| why);
+        let why =
+            judged.undetermined.iter().find(|(group, _)| group.holds(p.id)).map(|(_, why)| why);
         if let (Some(why), true) = (why, p.estimate.determined) {
             p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why.clone());
         }
@@ -119,11 +126,15 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
     let is_sum = p.id.quantity == Quantity::CoulombForceWithOffset;
     if Group::Sliding.holds(p.id) && !is_sum && p.estimate.determined {
         let value = p.estimate.value;
-        p.estimate.ci95 =
-            [p.estimate.ci95[0] + (low - 1.0) * value.abs(), p.estimate.ci95[1] + (high - 1.0) * value.abs()];
+        p.estimate.ci95 = [
+            p.estimate.ci95[0] + (low - 1.0) * value.abs(),
+            p.estimate.ci95[1] + (high - 1.0) * value.abs(),
+        ];
         p.estimate.standard_error = None;
-        p.estimate.note =
-            Some("friction changed during the recordings: the interval holds all values that it had".to_owned());
+        p.estimate.note = Some(
+            "friction changed during the recordings: the interval holds all values that it had"
+                .to_owned(),
+        );
     }
 }
 
@@ -306,8 +317,7 @@ fn of_fit(fit: &ElementFit) -> Vec<Warning> {
         all.push(Warning::remark(trial.term.words(), message));
     }
     if !fit.trials.iter().any(|t| t.term == Term::MinorLoops && t.kept) {
-        let message =
-            "the minor-loop stiffness is the default (1.01 times the steepest change of the gap between the branches)";
+        let message = "the minor-loop stiffness is the default (1.01 times the steepest change of the gap between the branches)";
         all.push(Warning::remark(Quantity::YieldStiffness, message.to_owned()));
     }
     all

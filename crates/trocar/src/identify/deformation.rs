@@ -1,5 +1,5 @@
-//! Dynamics: switching instants, deflection, the two branches and the influence of the deformation velocity
-//! (EMS section IV-B).
+//! Dynamics: switching instants, deflection, the two branches and the influence of the deformation
+//! velocity (EMS section IV-B).
 //!
 //! # Equations (key EMS in SOURCES.md)
 //! ```text
@@ -7,10 +7,10 @@
 //! z(t_i) = x(t_i) − x(t_0) + z(t_0)      from positions, not from velocities  (24)
 //! F_def(z) = two joined polynomials per direction, least squares              (25), (26)
 //! ```
-//! A full reversal runs from the crossing of −F_s after a reversal to the first crossing of +F_s: the
-//! seal has snapped through from −c to +c. Its travel is 2c. The spread of c over full reversals is the
-//! error of the reconstructed deflection. EMS (24) sums velocities; the encoder positions give the
-//! same result without accumulated error.
+//! A full reversal runs from the crossing of −F_s after a reversal to the first crossing of +F_s:
+//! the seal has snapped through from −c to +c. Its travel is 2c. The spread of c over full
+//! reversals is the error of the reconstructed deflection. EMS (24) sums velocities; the encoder
+//! positions give the same result without accumulated error.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -30,7 +30,8 @@ const FEWEST_SAMPLES: usize = 5;
 const FEWEST_REVERSALS: usize = 3;
 /// Largest relative spread of c over full reversals at which the deformation counts as resolved.
 const LARGEST_SPREAD: f64 = 0.45;
-/// Largest scatter of the force between full reversals, as a fraction of the range between the limits.
+/// Largest scatter of the force between full reversals, as a fraction of the range between the
+/// limits.
 const LARGEST_SCATTER: f64 = 0.15;
 /// Fewest samples per half width of a full reversal that determine the half width.
 pub(super) const COARSEST: f64 = 5.0;
@@ -81,15 +82,17 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Drops full reversals whose travel is an outlier of their direction: a switching instant caused by a
-/// disturbance.
+/// Drops full reversals whose travel is an outlier of their direction: a switching instant caused
+/// by a disturbance.
 fn without_outliers(mut full_reversals: Vec<FullReversal>) -> Vec<FullReversal> {
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own = || full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
+        let own =
+            || full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
         let middle = median(own().collect());
         let spread = 1.4826 * median(own().map(|c| (c - middle).abs()).collect());
         let limit = (5.0 * spread).max(0.05 * middle);
-        full_reversals.retain(|t| t.direction != direction || (t.half_travel - middle).abs() <= limit);
+        full_reversals
+            .retain(|t| t.direction != direction || (t.half_travel - middle).abs() <= limit);
     }
     full_reversals
 }
@@ -98,14 +101,19 @@ fn without_outliers(mut full_reversals: Vec<FullReversal>) -> Vec<FullReversal> 
 fn spread_of(full_reversals: &[FullReversal]) -> f64 {
     let mut squares = 0.0;
     for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own: Vec<f64> = full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.half_travel).collect();
+        let own: Vec<f64> = full_reversals
+            .iter()
+            .filter(|t| t.direction == direction)
+            .map(|t| t.half_travel)
+            .collect();
         let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
         squares += own.iter().map(|c| (c - mean).powi(2)).sum::<f64>();
     }
     (squares / (full_reversals.len() as f64 - 2.0).max(1.0)).sqrt()
 }
 
-/// A full reversal: after a reversal of the motion the seal deforms from one sliding limit to the other.
+/// A full reversal: after a reversal of the motion the seal deforms from one sliding limit to the
+/// other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FullReversal {
     /// Index of the recording.
@@ -200,10 +208,10 @@ pub fn bin_centres() -> impl Iterator<Item = f64> {
 /// Finds the full reversals of one recording; `level` gives the ratio of the sliding force of a
 /// stroke to the common limits.
 ///
-/// The friction scale of a seal varies by about a percent from stroke to stroke. Switching instants are
-/// therefore taken at the limits of each stroke, and its curve is scaled to the common ones. With
-/// common limits, a weak stroke would switch late or never while a strong one would switch hardly
-/// earlier, which would overestimate c.
+/// The friction scale of a seal varies by about a percent from stroke to stroke. Switching instants
+/// are therefore taken at the limits of each stroke, and its curve is scaled to the common ones.
+/// With common limits, a weak stroke would switch late or never while a strong one would switch
+/// hardly earlier, which would overestimate c.
 pub(super) fn full_reversals(
     index: usize,
     recording: &Recording,
@@ -215,15 +223,25 @@ pub(super) fn full_reversals(
     let mut slid_before: Option<(Direction, f64)> = None;
     for (number, stroke) in strokes.iter().enumerate() {
         let own = level(number);
-        let before = slid_before.filter(|(d, _)| *d != stroke.direction && stroke.starts_at_reversal);
+        let before =
+            slid_before.filter(|(d, _)| *d != stroke.direction && stroke.starts_at_reversal);
         let start = before.map_or(own, |(_, level)| level) * limits.against(stroke.direction);
-        let crossing = crossings(recording, stroke, limits.offset, start, own * limits.of(stroke.direction));
+        let crossing =
+            crossings(recording, stroke, limits.offset, start, own * limits.of(stroke.direction));
         if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
             let levels = match stroke.direction {
                 Direction::Insertion => [level_before, own],
                 Direction::Withdrawal => [own, level_before],
             };
-            found.extend(full_reversal(index, recording, stroke.direction, from, to, limits.offset, levels));
+            found.extend(full_reversal(
+                index,
+                recording,
+                stroke.direction,
+                from,
+                to,
+                limits.offset,
+                levels,
+            ));
         }
         // A stroke that never reaches its limit leaves the seal part way: the next one is no full
         // snap-through.
@@ -234,12 +252,19 @@ pub(super) fn full_reversals(
 
 /// Mean of the force over a few samples around `i`, to reduce noise.
 fn smoothed(recording: &Recording, i: usize, from: usize, to: usize) -> f64 {
-    let window = &recording.force[i.saturating_sub(SMOOTHING / 2).max(from)..=(i + SMOOTHING / 2).min(to)];
+    let window =
+        &recording.force[i.saturating_sub(SMOOTHING / 2).max(from)..=(i + SMOOTHING / 2).min(to)];
     window.iter().sum::<f64>() / window.len() as f64
 }
 
 /// First sample inside the limits after the reversal, and first sample at this direction's limit.
-fn crossings(recording: &Recording, stroke: &Stroke, offset: f64, start: f64, limit: f64) -> Option<(usize, usize)> {
+fn crossings(
+    recording: &Recording,
+    stroke: &Stroke,
+    offset: f64,
+    start: f64,
+    limit: f64,
+) -> Option<(usize, usize)> {
     let s = stroke.direction.sign();
     let along = |i: usize| s * (smoothed(recording, i, stroke.start, stroke.end) - offset);
     let from = (stroke.start..stroke.end).find(|i| along(*i) > -start)?;
@@ -284,7 +309,16 @@ fn full_reversal(
         *force /= levels[0] + (levels[1] - levels[0]) * part;
     }
     let speed = total / (t[t.len() - 1] - t[0]).max(f64::MIN_POSITIVE);
-    Some(FullReversal { recording: index, direction, from, to, half_travel: 0.5 * total, speed, curve, velocity })
+    Some(FullReversal {
+        recording: index,
+        direction,
+        from,
+        to,
+        half_travel: 0.5 * total,
+        speed,
+        curve,
+        velocity,
+    })
 }
 
 /// Values at the bin centres along the motion: the mean of the samples in a bin, or interpolated
@@ -295,8 +329,12 @@ fn resampled(u: &[f64], values: &[f64]) -> Vec<f64> {
         let bin = ((0.5 * (u + 1.0) * BINS as f64) as usize).min(BINS - 1);
         sums[bin] = (sums[bin].0 + value, sums[bin].1 + 1.0);
     }
-    let known: Vec<(usize, f64)> =
-        sums.iter().enumerate().filter(|(_, (_, n))| *n > 0.0).map(|(k, (sum, n))| (k, sum / n)).collect();
+    let known: Vec<(usize, f64)> = sums
+        .iter()
+        .enumerate()
+        .filter(|(_, (_, n))| *n > 0.0)
+        .map(|(k, (sum, n))| (k, sum / n))
+        .collect();
     let between = |k: usize| {
         let after = known.partition_point(|(j, _)| *j < k);
         match (after.checked_sub(1).map(|i| known[i]), known.get(after)) {
@@ -319,12 +357,17 @@ pub(super) struct Sensors {
 }
 
 /// Least slope, N/m, at which the deformation force meets the sliding limits.
-pub(super) fn end_stiffness(insertion_branch: &BranchFit, withdrawal_branch: &BranchFit, half_width: f64) -> f64 {
+pub(super) fn end_stiffness(
+    insertion_branch: &BranchFit,
+    withdrawal_branch: &BranchFit,
+    half_width: f64,
+) -> f64 {
     let end = |curve: &[f64], high: bool| {
         let (a, b) = if high { (BINS - 11, BINS - 1) } else { (0, 10) };
         (curve[b] - curve[a]) / (10.0 * 2.0 * half_width / BINS as f64)
     };
-    let least = end(&insertion_branch.mean_curve, true).min(end(&withdrawal_branch.mean_curve, false));
+    let least =
+        end(&insertion_branch.mean_curve, true).min(end(&withdrawal_branch.mean_curve, false));
     // A flat end is as uncertain as its slope: never less than a twentieth of the slope at the
     // other end.
     least.max(0.05 * end(&insertion_branch.mean_curve, false).abs()).max(1.0)
@@ -369,9 +412,11 @@ pub(super) fn fit(
     };
     // A switch is detected when the smoothed noise first reaches the limit: an error common to all
     // full reversals.
-    let switching =
-        sensors.force_noise / (SMOOTHING as f64).sqrt() / end_stiffness(&insertion_branch, &withdrawal_branch, mean);
-    let scatter = mean_square(&insertion_branch.scatter).max(mean_square(&withdrawal_branch.scatter)).sqrt();
+    let switching = sensors.force_noise
+        / (SMOOTHING as f64).sqrt()
+        / end_stiffness(&insertion_branch, &withdrawal_branch, mean);
+    let scatter =
+        mean_square(&insertion_branch.scatter).max(mean_square(&withdrawal_branch.scatter)).sqrt();
     let swing = limits.insertion + limits.withdrawal;
     if scatter > LARGEST_SCATTER * swing {
         return Err(format!(
@@ -382,7 +427,9 @@ pub(super) fn fit(
     let damping = damping_test(&full_reversals, spread, mean);
     let samples = median(full_reversals.iter().map(|t| 0.5 * (t.to - t.from) as f64).collect());
     let half_width = if samples < COARSEST {
-        let why = format!("sampled too coarsely: {samples:.1} samples per half width, at least {COARSEST} are needed");
+        let why = format!(
+            "sampled too coarsely: {samples:.1} samples per half width, at least {COARSEST} are needed"
+        );
         Estimate::undetermined(mean, "m", why)
     } else {
         Estimate::from_standard_error(mean, (spread / n.sqrt()).hypot(switching), n - 2.0, "m")
@@ -406,7 +453,10 @@ pub(super) fn curves_of(full_reversals: &[FullReversal], direction: Direction) -
 /// Points (z/c, mean force over curves).
 pub(super) fn mean_points(curves: &[&[f64]]) -> Vec<(f64, f64)> {
     let n = curves.len() as f64;
-    bin_centres().enumerate().map(|(k, u)| (u, curves.iter().map(|c| c[k]).sum::<f64>() / n)).collect()
+    bin_centres()
+        .enumerate()
+        .map(|(k, u)| (u, curves.iter().map(|c| c[k]).sum::<f64>() / n))
+        .collect()
 }
 
 fn mean_square(values: &[f64]) -> f64 {
@@ -451,7 +501,8 @@ fn speed_dependence(full_reversals: &[FullReversal]) -> Option<f64> {
     let n = full_reversals.len();
     let design = DMatrix::from_fn(n, 2, |i, j| if j == 0 { 1.0 } else { full_reversals[i].speed });
     let data = DVector::from_fn(n, |i, _| full_reversals[i].half_travel);
-    let fit = LinearFit::new(&design, &data, &DVector::from_element(n, 1.0)).filter(|f| f.degrees >= 3.0)?;
+    let fit = LinearFit::new(&design, &data, &DVector::from_element(n, 1.0))
+        .filter(|f| f.degrees >= 3.0)?;
     Some(t_p_value(fit.coefficients[1] / fit.covariance[(1, 1)].sqrt(), fit.degrees))
 }
 
@@ -460,13 +511,18 @@ fn speed_dependence(full_reversals: &[FullReversal]) -> Option<f64> {
 ///
 /// δ_p is the error of the reconstructed deflection of the full reversal (sd from the spread of c),
 /// common to its deflections. It represents the gray rectangles of figure 7 as a covariance.
-fn damping_test(full_reversals: &[FullReversal], deflection_error: f64, half_width: f64) -> Option<DampingTest> {
+fn damping_test(
+    full_reversals: &[FullReversal],
+    deflection_error: f64,
+    half_width: f64,
+) -> Option<DampingTest> {
     let speeds = full_reversals.iter().map(|t| t.speed);
     let (slow, fast) = speeds.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
     if fast < 1.2 * slow {
         return None;
     }
-    let bins: Vec<usize> = LEVELS.iter().map(|u| (0.5 * (u + 1.0) * BINS as f64) as usize).collect();
+    let bins: Vec<usize> =
+        LEVELS.iter().map(|u| (0.5 * (u + 1.0) * BINS as f64) as usize).collect();
     let levels = LEVELS.len();
     let columns = 2 * levels + 1;
     let mut design = DMatrix::zeros(levels * full_reversals.len(), columns);

@@ -36,10 +36,13 @@ pub(super) fn fitted(
 ) -> Result<(InTime, Option<ElementFit>), IdentifyError> {
     let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
     let later = |lag: Option<PositionDelay>, more: Option<PositionDelay>| {
-        let more = more.filter(|more| more.delay_s.abs() >= PositionDelay::NEGLIGIBLE * interval)?;
+        let more =
+            more.filter(|more| more.delay_s.abs() >= PositionDelay::NEGLIGIBLE * interval)?;
         let lag = (more.is_clear() || lag.is_some() && more.p_value < PositionDelay::CORRECTED)
             .then(|| more.added_to(lag))?;
-        (lag.delay_s > -PositionDelay::NEGLIGIBLE * interval && lag.delay_s < PositionDelay::LONGEST).then_some(lag)
+        (lag.delay_s > -PositionDelay::NEGLIGIBLE * interval
+            && lag.delay_s < PositionDelay::LONGEST)
+            .then_some(lag)
     };
     let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
     for _ in 0..PositionDelay::MOST {
@@ -48,7 +51,9 @@ pub(super) fn fitted(
         let Ok(shifted) = shifted(recordings, lag) else { break };
         (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
     }
-    let finish = |found: &InTime, begun: Option<Begun>| element::finish(&found.input(options), begun?, progress);
+    let finish = |found: &InTime, begun: Option<Begun>| {
+        element::finish(&found.input(options), begun?, progress)
+    };
     let mut fit = finish(&found, begun);
     for _ in 0..PositionDelay::MOST_AFTER {
         let left = fit.as_ref().map(|fit| &fit.left);
@@ -57,7 +62,8 @@ pub(super) fn fitted(
         let Ok(shifted) = shifted(recordings, lag) else { break };
         let (other, begun) = InTime::of(shifted, Some(lag), options, progress)?;
         let other_fit = finish(&other, begun);
-        let error = |fit: &Option<ElementFit>| fit.as_ref().map_or(f64::INFINITY, |f| f.fitted.rms[1]);
+        let error =
+            |fit: &Option<ElementFit>| fit.as_ref().map_or(f64::INFINITY, |f| f.fitted.rms[1]);
         if error(&other_fit) >= error(&fit) {
             break;
         }
@@ -67,7 +73,10 @@ pub(super) fn fitted(
     Ok((found, fit))
 }
 
-fn shifted(recordings: &[Recording], lag: PositionDelay) -> Result<Vec<Recording>, crate::recording::RecordingError> {
+fn shifted(
+    recordings: &[Recording],
+    lag: PositionDelay,
+) -> Result<Vec<Recording>, crate::recording::RecordingError> {
     recordings.iter().map(|r| r.with_position_delay(lag.delay_s.max(0.0))).collect()
 }
 
@@ -78,11 +87,13 @@ impl InTime {
         options: &IdentifyOptions,
         progress: Progress,
     ) -> Result<(Self, Option<Begun>), IdentifyError> {
-        let segments: Vec<Segments> = recordings.iter().map(|r| segment(r, &options.segment)).collect();
+        let segments: Vec<Segments> =
+            recordings.iter().map(|r| segment(r, &options.segment)).collect();
         let two = two_steps::two_steps(&recordings, &segments, options)?;
         let accelerations = recordings.iter().map(Recording::acceleration).collect();
         let found = Self { recordings, lag, segments, accelerations, two };
-        let begun = if options.paper { None } else { element::begin(&found.input(options), progress) };
+        let begun =
+            if options.paper { None } else { element::begin(&found.input(options), progress) };
         Ok((found, begun))
     }
 

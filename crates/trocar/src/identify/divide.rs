@@ -1,5 +1,5 @@
-//! Candidates with the force of another over full strokes: at another half width, or divided into two
-//! stages. Starts of fits.
+//! Candidates with the force of another over full strokes: at another half width, or divided into
+//! two stages. Starts of fits.
 
 use trocar_model::SlidingFriction;
 
@@ -72,7 +72,11 @@ impl Candidate {
         let degrees = self.insertion_branch.degrees();
         let [insertion_branch, withdrawal_branch] =
             Direction::BOTH.map(|d| fitted(degrees, ends, d, |travel| force(d, travel)));
-        Some(Candidate { insertion_branch: insertion_branch?, withdrawal_branch: withdrawal_branch?, ..whole })
+        Some(Candidate {
+            insertion_branch: insertion_branch?,
+            withdrawal_branch: withdrawal_branch?,
+            ..whole
+        })
     }
 
     /// The candidate with another half width, m, and the same force over full strokes.
@@ -92,13 +96,16 @@ impl Candidate {
             insertion_branch: straight.clone(),
             withdrawal_branch: straight,
         };
-        let smaller =
-            self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| self.first_upon_stroke(d, travel))?;
+        let smaller = self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| {
+            self.first_upon_stroke(d, travel)
+        })?;
         let end_forces = second.end_forces(&smaller.insertion, &smaller.withdrawal);
         second.insertion_branch.join_force = 0.5 * (end_forces.low + end_forces.high);
         second.withdrawal_branch.join_force = second.insertion_branch.join_force;
         let with = Candidate { second: Some(second), ..smaller };
-        let first_alone = |d, travel| Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?);
+        let first_alone = |d, travel| {
+            Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?)
+        };
         let rest = self.rebuilt(1.0 - share_of_force, self.half_width, first_alone)?;
         Some(Candidate { second: with.second.clone(), ..rest })
     }

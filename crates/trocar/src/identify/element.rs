@@ -88,7 +88,8 @@ pub(super) struct Begun {
 /// strokes.
 pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     let starts = starts(input);
-    let widest = starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
+    let widest =
+        starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
     let plain = training(input, &widest.candidate)?;
     progress("fitting the element", 0.02);
     let best = unresolved(best_of(&plain, &starts, is_assumed(input))?, input);
@@ -109,7 +110,8 @@ const TRUE_GAIN: f64 = 0.05;
 
 /// The best of fits from other half widths, with all terms kept.
 fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
-    let fits = other_widths(&found.best).filter_map(|start| likelihood::fit(training, &start, NEXT));
+    let fits =
+        other_widths(&found.best).filter_map(|start| likelihood::fit(training, &start, NEXT));
     fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
@@ -130,14 +132,17 @@ const FEW_STEPS: usize = 5000;
 /// The best of fits from near `found`. It must be better over the steps and over all single
 /// samples, whose noise a step averages out.
 fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
-    if !found.best.layout.shape || training.runs.iter().map(|run| run.steps.len()).sum::<usize>() > FEW_STEPS {
+    if !found.best.layout.shape
+        || training.runs.iter().map(|run| run.steps.len()).sum::<usize>() > FEW_STEPS
+    {
         return found;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(input.options.seed);
     let mut error = sampled_rms(input, &found.best.candidate);
     for _ in 0..RESTARTS {
         let start = found.best.shaken(&mut rng);
-        let again = likelihood::fit(training, &start, NEXT).filter(|again| again.cost() < found.cost());
+        let again =
+            likelihood::fit(training, &start, NEXT).filter(|again| again.cost() < found.cost());
         let Some(again) = again else { continue };
         let error_again = sampled_rms(input, &again.best.candidate);
         if error_again < error {
@@ -157,7 +162,12 @@ pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
         let known = run.known.iter().cloned().flatten();
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
     };
-    let sums = input.recordings.iter().zip(input.accelerations).map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let sums = input
+        .recordings
+        .iter()
+        .zip(input.accelerations)
+        .map(of)
+        .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
@@ -182,7 +192,9 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
     if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may fit better.
         let other = other_width(&training, &chosen.fitted);
-        if let Some(other) = other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost()) {
+        if let Some(other) =
+            other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost())
+        {
             chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
     }
@@ -196,7 +208,8 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
 impl Scaled {
     /// Adds the trials of the terms and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
-        let scale = FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
+        let scale =
+            FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
         let left = UnexplainedEffects::by(input.recordings, &self.training, &self.fitted);
         ElementFit { fitted: self.fitted, trials, scale, paper_rms, left }
     }
@@ -267,8 +280,10 @@ fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> 
     let own = start.free_numbers();
     let flat = Stop { iterations: 0, fall: 0.0, promise: 0.0 };
     let with_drift = likelihood::fit(&training, &start, flat)?;
-    let of_drift: Vec<(usize, f64)> = relative.iter().enumerate().map(|(k, b)| (own + k, *b)).collect();
-    let ScaleVariance { scatter, drift } = with_drift.normal.scale_variance(&training, sigma2, &of_drift);
+    let of_drift: Vec<(usize, f64)> =
+        relative.iter().enumerate().map(|(k, b)| (own + k, *b)).collect();
+    let ScaleVariance { scatter, drift } =
+        with_drift.normal.scale_variance(&training, sigma2, &of_drift);
     let scatter = scatter.min(within_directions(&training, &with_drift));
     training.scale.lambda = sigma2 / scatter.max(1e-12);
     // A drift below 1e-4 is neglected.
@@ -295,7 +310,8 @@ fn within_directions(training: &Training, fitted: &Fitted<EmsTrial>) -> f64 {
                     && fitted.normal.scales[*g].information > 0.0
                     && !training.scale.is_unconstrained(*g)
             };
-            let own: Vec<f64> = (0..strokes.len()).filter(counts).map(|g| fitted.normal.scales[g].own).collect();
+            let own: Vec<f64> =
+                (0..strokes.len()).filter(counts).map(|g| fitted.normal.scales[g].own).collect();
             let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
             squares += own.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
             degrees += own.len().saturating_sub(1) as f64;
@@ -316,12 +332,16 @@ fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
     let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
     let mut all = Vec::new();
     for recording in 0..recordings {
-        let own: Vec<usize> = (0..strokes.len()).filter(|g| strokes[*g].recording == recording).collect();
+        let own: Vec<usize> =
+            (0..strokes.len()).filter(|g| strokes[*g].recording == recording).collect();
         let (Some(first), Some(last)) = (own.first(), own.last()) else { continue };
         let (from, to) = (strokes[*first].time, strokes[*last].time);
         for k in 1..=COSINES.min(own.len() / STROKES_PER_COSINE) {
-            let phase = |g: usize| PI * k as f64 * (strokes[g].time - from) / (to - from).max(f64::MIN_POSITIVE);
-            let value = |g: usize| if strokes[g].recording == recording { phase(g).cos() } else { 0.0 };
+            let phase = |g: usize| {
+                PI * k as f64 * (strokes[g].time - from) / (to - from).max(f64::MIN_POSITIVE)
+            };
+            let value =
+                |g: usize| if strokes[g].recording == recording { phase(g).cos() } else { 0.0 };
             all.push((training.centred(value), 2.0 / (PI * k as f64).powi(2)));
         }
         if recording > 0 && !own.iter().all(|g| training.scale.is_unconstrained(*g)) {
@@ -348,16 +368,22 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
     let mut speeds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
     for (recording, segments) in input.segments.iter().enumerate() {
         for segment in segments.steady_segments.iter().filter(|s| s.dwell >= IMPOSED) {
-            let stroke = strokes.partition_point(|s| (s.recording, s.start) <= (recording, segment.start));
+            let stroke =
+                strokes.partition_point(|s| (s.recording, s.start) <= (recording, segment.start));
             imposed[stroke.saturating_sub(1)] = true;
             speeds[usize::from(segment.velocity > 0.0)].push(segment.velocity.abs());
         }
     }
     let separated = |own: &Vec<f64>| {
-        let (low, high) = own.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) =
+            own.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
         own.len() >= 3 && high > 1.5 * low
     };
-    if speeds.iter().all(separated) { imposed.iter().map(|i| !i).collect() } else { vec![false; strokes.len()] }
+    if speeds.iter().all(separated) {
+        imposed.iter().map(|i| !i).collect()
+    } else {
+        vec![false; strokes.len()]
+    }
 }
 
 /// Terms that are not tried.
@@ -365,7 +391,10 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     let Input { recordings, options, .. } = input;
     let mut excluded = options.without.clone();
     // With a declared mass, a small remainder is the error of that mass.
-    if !options.estimate_unmodelled_mass || options.inertia_removed || !acceleration_is_resolved(recordings) {
+    if !options.estimate_unmodelled_mass
+        || options.inertia_removed
+        || !acceleration_is_resolved(recordings)
+    {
         excluded.push(Term::UnmodelledMass);
     }
     if !options.free_motion {
@@ -411,14 +440,16 @@ fn slowest_creep(recordings: &[Recording]) -> f64 {
 /// All samples; those of settled sliding are averaged into longer steps.
 fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
     let Input { recordings, segments, accelerations, two, .. } = input;
-    let segmented = |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
-        let settled = match &two.deformation {
-            Ok(found) => settled_segments(recording, segments, &two.steady, found),
-            Err(_) => Vec::new(),
+    let segmented =
+        |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
+            let settled = match &two.deformation {
+                Ok(found) => settled_segments(recording, segments, &two.steady, found),
+                Err(_) => Vec::new(),
+            };
+            Segmented { recording, strokes: &segments.strokes, settled, acceleration }
         };
-        Segmented { recording, strokes: &segments.strokes, settled, acceleration }
-    };
-    let data: Vec<Segmented> = recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
+    let data: Vec<Segmented> =
+        recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
     training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
     let stages = of.stages().ok()?;
@@ -437,7 +468,8 @@ fn swing(recordings: &[Recording]) -> f64 {
     if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
         return f64::INFINITY;
     }
-    let ends: Vec<f64> = recordings.iter().map(|r| range(&r.force)).flat_map(|(low, high)| [low, high]).collect();
+    let ends: Vec<f64> =
+        recordings.iter().map(|r| range(&r.force)).flat_map(|(low, high)| [low, high]).collect();
     let (low, high) = range(&ends);
     high - low
 }
@@ -449,7 +481,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let mut candidate = two.candidate.clone();
     let steady = &two.steady;
     let is_wanted = |term: Term| !options.without.contains(&term);
-    let own_slopes = is_wanted(Term::Asymmetry) && steady.symmetry_p_value.is_some_and(|p| p < SURE);
+    let own_slopes =
+        is_wanted(Term::Asymmetry) && steady.symmetry_p_value.is_some_and(|p| p < SURE);
     let layout = Layout {
         offset: options.offset.is_none(),
         own_slopes,
@@ -466,7 +499,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         candidate.offset = offset;
     }
     candidate.seal_damping = 0.0;
-    let candidate = layout.with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
+    let candidate = layout
+        .with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
     if !is_assumed(input) {
         // The spring of a drive is no seal: only its friction is requested, and the two steps give
@@ -477,7 +511,8 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     if options.inertia_removed && !steady.means.is_empty() {
         return Vec::new();
     }
-    let mut widths = WIDTHS.map(|part| (part * ASSUMED_WIDTH * longest).max(layout.narrowest)).to_vec();
+    let mut widths =
+        WIDTHS.map(|part| (part * ASSUMED_WIDTH * longest).max(layout.narrowest)).to_vec();
     widths.dedup();
     let both = |half_width: f64| {
         let degrees = degrees(input, half_width);
@@ -520,7 +555,8 @@ fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
     let force = end_forces.high.min(-end_forces.low) / end;
     let fitted = |branch: &Branch| {
         let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
-        let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
+        let points: Vec<(f64, f64)> =
+            (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
         BranchShape::fit(degrees, end_forces, &points).map(|found| found.0)
     };
     Some(Candidate {
@@ -557,7 +593,10 @@ fn degrees(input: &Input, half_width: f64) -> [usize; 2] {
 /// The trial with a straight spring of the least width in place of an unresolved deformation.
 fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
     let narrowest = narrowest(input);
-    if trial.candidate.half_width > UNRESOLVED * narrowest || !trial.layout.shape || !is_assumed(input) {
+    if trial.candidate.half_width > UNRESOLVED * narrowest
+        || !trial.layout.shape
+        || !is_assumed(input)
+    {
         return trial;
     }
     let layout = Layout { shape: false, ..trial.layout };
@@ -567,8 +606,16 @@ fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
 /// The candidate with straight branches of polynomials of `degrees`.
 pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
     let end_forces = candidate.end_forces();
-    let branch = BranchShape { join_force: 0.5 * (end_forces.low + end_forces.high), ..BranchShape::straight(degrees) };
-    Candidate { half_width, insertion_branch: branch.clone(), withdrawal_branch: branch, ..candidate.clone() }
+    let branch = BranchShape {
+        join_force: 0.5 * (end_forces.low + end_forces.high),
+        ..BranchShape::straight(degrees)
+    };
+    Candidate {
+        half_width,
+        insertion_branch: branch.clone(),
+        withdrawal_branch: branch,
+        ..candidate.clone()
+    }
 }
 
 /// The start with the best fit: a short fit of all, a longer one of the best two.
@@ -587,13 +634,18 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
         fits.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
         fits.into_iter().map(|fitted| fitted.best).take(count).collect::<Vec<_>>()
     };
-    let shaped = |shape: bool| move |t: EmsTrial| EmsTrial { layout: Layout { shape, ..t.layout }, ..t };
+    let shaped =
+        |shape: bool| move |t: EmsTrial| EmsTrial { layout: Layout { shape, ..t.layout }, ..t };
     // Forces and creep first, since a shape could mimic them.
-    let level: Vec<EmsTrial> = carried(starts.iter().cloned().map(shaped(false)).collect(), SHORT, STARTS);
-    let best_two = carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
+    let level: Vec<EmsTrial> =
+        carried(starts.iter().cloned().map(shaped(false)).collect(), SHORT, STARTS);
+    let best_two =
+        carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
     // A wide element may mimic a narrower one.
     let best = best_two.first()?;
-    carried(carried(other_widths(best).chain([best.clone()]).collect(), SHORT, 2), NEXT, 1).into_iter().next()
+    carried(carried(other_widths(best).chain([best.clone()]).collect(), SHORT, 2), NEXT, 1)
+        .into_iter()
+        .next()
 }
 
 /// The same terms fitted to other readings of the same motion.

@@ -33,13 +33,25 @@ impl Estimate {
     ///
     /// Without a degree of freedom, or with a standard error that is not finite, the interval is
     /// infinite.
-    pub fn from_standard_error(value: f64, standard_error: f64, degrees: f64, unit: &'static str) -> Self {
+    pub fn from_standard_error(
+        value: f64,
+        standard_error: f64,
+        degrees: f64,
+        unit: &'static str,
+    ) -> Self {
         let half = t_quantile(degrees) * standard_error;
         if !half.is_finite() {
             return Self::undetermined(value, unit, "too few independent data for an interval");
         }
         let ci95 = [value - half, value + half];
-        Self { value, ci95, unit, determined: true, standard_error: Some(standard_error), note: None }
+        Self {
+            value,
+            ci95,
+            unit,
+            determined: true,
+            standard_error: Some(standard_error),
+            note: None,
+        }
     }
 
     /// Estimate with given bounds, widened if necessary to contain the value.
@@ -95,7 +107,8 @@ pub(crate) fn f_p_value(statistic: f64, numerator: f64, denominator: f64) -> f64
     }
 }
 
-/// Weighted linear least squares: coefficients, their covariance and the weighted residual sum of squares.
+/// Weighted linear least squares: coefficients, their covariance and the weighted residual sum of
+/// squares.
 #[derive(Debug, Clone)]
 pub(crate) struct LinearFit {
     pub coefficients: DVector<f64>,
@@ -108,7 +121,11 @@ pub(crate) struct LinearFit {
 
 impl LinearFit {
     /// `None` when the columns are not independent or there are fewer rows than columns.
-    pub(crate) fn new(design: &DMatrix<f64>, data: &DVector<f64>, weights: &DVector<f64>) -> Option<Self> {
+    pub(crate) fn new(
+        design: &DMatrix<f64>,
+        data: &DVector<f64>,
+        weights: &DVector<f64>,
+    ) -> Option<Self> {
         let (rows, columns) = design.shape();
         if rows < columns {
             return None;
@@ -116,7 +133,8 @@ impl LinearFit {
         let root = weights.map(f64::sqrt);
         let weighted = DMatrix::from_fn(rows, columns, |i, j| root[i] * design[(i, j)]);
         // Scale columns to unit length: independence is then judged regardless of units.
-        let scale: Vec<f64> = (0..columns).map(|j| weighted.column(j).norm().max(f64::MIN_POSITIVE)).collect();
+        let scale: Vec<f64> =
+            (0..columns).map(|j| weighted.column(j).norm().max(f64::MIN_POSITIVE)).collect();
         let scaled = DMatrix::from_fn(rows, columns, |i, j| weighted[(i, j)] / scale[j]);
         let qr = scaled.qr();
         let r = qr.r();
@@ -125,13 +143,19 @@ impl LinearFit {
         }
         let rhs = qr.q().transpose() * data.component_mul(&root);
         let inverse = r.try_inverse()?;
-        let coefficients = DVector::from_iterator(columns, (&inverse * rhs).iter().zip(&scale).map(|(y, s)| y / s));
+        let coefficients = DVector::from_iterator(
+            columns,
+            (&inverse * rhs).iter().zip(&scale).map(|(y, s)| y / s),
+        );
         let residuals = data - design * &coefficients;
-        let weighted_rss = residuals.iter().zip(weights.iter()).map(|(e, w)| w * e * e).sum::<f64>();
+        let weighted_rss =
+            residuals.iter().zip(weights.iter()).map(|(e, w)| w * e * e).sum::<f64>();
         let degrees = (rows - columns) as f64;
         let variance = if degrees > 0.0 { weighted_rss / degrees } else { f64::INFINITY };
         let normal = &inverse * inverse.transpose();
-        let covariance = DMatrix::from_fn(columns, columns, |i, j| variance * normal[(i, j)] / (scale[i] * scale[j]));
+        let covariance = DMatrix::from_fn(columns, columns, |i, j| {
+            variance * normal[(i, j)] / (scale[i] * scale[j])
+        });
         Some(Self { coefficients, covariance, residuals, weighted_rss, degrees })
     }
 
@@ -157,7 +181,8 @@ impl LinearFit {
 mod tests {
     use super::*;
 
-    /// NIST StRD, data set Norris: certified coefficients and standard deviations of a straight line.
+    /// NIST StRD, data set Norris: certified coefficients and standard deviations of a straight
+    /// line.
     #[test]
     fn straight_line_agrees_with_the_certified_values_of_nist_norris() {
         // (y, x)
@@ -206,7 +231,11 @@ mod tests {
             &DVector::from_element(36, 1.0),
         )
         .expect("two independent columns");
-        assert!((fit.coefficients[0] - -0.262323073774029).abs() < 1e-10, "{}", fit.coefficients[0]);
+        assert!(
+            (fit.coefficients[0] - -0.262323073774029).abs() < 1e-10,
+            "{}",
+            fit.coefficients[0]
+        );
         assert!((fit.coefficients[1] - 1.00211681802045).abs() < 1e-12, "{}", fit.coefficients[1]);
         assert!((fit.covariance[(0, 0)].sqrt() - 0.232818234301152).abs() < 1e-10);
         assert!((fit.covariance[(1, 1)].sqrt() - 0.429796848199937e-3).abs() < 1e-12);
@@ -215,7 +244,10 @@ mod tests {
     #[test]
     fn dependent_columns_are_refused() {
         let design = DMatrix::from_fn(5, 2, |i, j| (i as f64 + 1.0) * (j as f64 + 1.0));
-        assert!(LinearFit::new(&design, &DVector::from_element(5, 1.0), &DVector::from_element(5, 1.0)).is_none());
+        assert!(
+            LinearFit::new(&design, &DVector::from_element(5, 1.0), &DVector::from_element(5, 1.0))
+                .is_none()
+        );
     }
 
     #[test]

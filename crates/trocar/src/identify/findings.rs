@@ -51,7 +51,9 @@ pub enum IdentifyError {
         what: String,
     },
     /// The same recording was given twice.
-    #[error("{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow")]
+    #[error(
+        "{first} and {second} hold the same bytes: counted twice, they would make every interval too narrow"
+    )]
     SameRecording {
         /// Name of the first.
         first: String,
@@ -116,7 +118,8 @@ impl IdentifyError {
     pub(super) fn force_sign(coulomb_force: f64, recordings: &[Recording]) -> Self {
         let warnings = recordings.iter().flat_map(|recording| &recording.quality.warnings);
         let mut own = warnings.filter(|warning| warning.kind == WarningKind::ForceSign);
-        let way_out = own.find_map(|warning| warning.hint.clone()).unwrap_or_else(|| OPPOSED.to_owned());
+        let way_out =
+            own.find_map(|warning| warning.hint.clone()).unwrap_or_else(|| OPPOSED.to_owned());
         Self::ForceSign { coulomb_force, way_out }
     }
 }
@@ -169,7 +172,8 @@ impl Parameter {
         Self { id: id.into(), estimate }
     }
 
-    /// Whether it is a coefficient of a branch (EMS (25)): determined together with the others only.
+    /// Whether it is a coefficient of a branch (EMS (25)): determined together with the others
+    /// only.
     pub fn is_coefficient(&self) -> bool {
         matches!(self.id.quantity, Quantity::Coefficient { .. })
     }

@@ -25,7 +25,9 @@ impl FreeMotion {
             // From one reversal to the next, without a gap.
             let partial = |pair: &&[Stroke]| {
                 let (stroke, next) = (&pair[0], &pair[1]);
-                let whole = stroke.starts_at_reversal && next.starts_at_reversal && next.start == stroke.end;
+                let whole = stroke.starts_at_reversal
+                    && next.starts_at_reversal
+                    && next.start == stroke.end;
                 whole && (x[stroke.end] - x[stroke.start]).abs() < 2.0 * half_width
             };
             all.partial_reversals += segments.strokes.windows(2).filter(partial).count();
@@ -44,7 +46,10 @@ fn held(recording: &Recording, reach: f64) -> f64 {
     for range in recording.unbroken() {
         let mut from = range.start;
         while from + 1 < range.end {
-            let until = (from + 1..range.end).find(|i| (x[*i] - x[from]).abs() > reach).unwrap_or(range.end) - 1;
+            let until = (from + 1..range.end)
+                .find(|i| (x[*i] - x[from]).abs() > reach)
+                .unwrap_or(range.end)
+                - 1;
             let rest = t[until] - t[from];
             total += if rest >= SHORTEST { rest } else { 0.0 };
             from = if rest >= SHORTEST { until + 1 } else { from + 1 };

@@ -99,7 +99,12 @@ pub(crate) trait Trial: Clone + Send + Sync {
         &[]
     }
     /// Force of each model at the centres of the steps, N, starting from its state.
-    fn forces(models: &[Self::Model], states: &mut [StateOf<Self>], _lanes: Lanes, steps: &[Step]) -> Vec<Vec<f64>> {
+    fn forces(
+        models: &[Self::Model],
+        states: &mut [StateOf<Self>],
+        _lanes: Lanes,
+        steps: &[Step],
+    ) -> Vec<Vec<f64>> {
         each_alone(models, states, steps)
     }
 }
@@ -109,7 +114,9 @@ pub(super) fn each_alone<M>(models: &[M], states: &mut [M::State], steps: &[Step
 where
     M: Friction<State: Send + Sync> + Send + Sync,
 {
-    let of = |(model, state): (&M, &mut M::State)| steps.iter().map(|step| seal_force(model, state, step)).collect();
+    let of = |(model, state): (&M, &mut M::State)| {
+        steps.iter().map(|step| seal_force(model, state, step)).collect()
+    };
     models.par_iter().zip(states).map(of).collect()
 }
 
@@ -190,11 +197,15 @@ impl Scatter {
     /// `sums` start with the empty sums of the stroke before; `first` is the number of the first of
     /// the others.
     fn new(sums: &[ScaleSums], first: usize, scale: &Scale, lambda: f64) -> Self {
-        let mut factored =
-            Self { pivots: Vec::with_capacity(sums.len()), below: vec![0.0; sums.len()], determinant: 0.0 };
+        let mut factored = Self {
+            pivots: Vec::with_capacity(sums.len()),
+            below: vec![0.0; sums.len()],
+            determinant: 0.0,
+        };
         for k in 0..sums.len() {
             let square = sums[k].own + sums.get(k + 1).map_or(0.0, |next| next.before);
-            let is_unconstrained = (first + k).checked_sub(1).is_some_and(|g| scale.is_unconstrained(g));
+            let is_unconstrained =
+                (first + k).checked_sub(1).is_some_and(|g| scale.is_unconstrained(g));
             let held = if is_unconstrained { UNCONSTRAINED * square } else { lambda };
             let mut pivot = if square + held > 0.0 { square + held } else { 1.0 };
             if k > 0 {
@@ -223,7 +234,8 @@ impl Scatter {
 /// Z' times a vector, from the contributions of each stroke to itself (`own`) and to the one before
 /// (`before`); the first element belongs to the stroke before all.
 fn gathered(count: usize, own: impl Fn(usize) -> f64, before: impl Fn(usize) -> f64) -> Vec<f64> {
-    let of = |k: usize| if k > 0 { own(k - 1) } else { 0.0 } + if k < count { before(k) } else { 0.0 };
+    let of =
+        |k: usize| if k > 0 { own(k - 1) } else { 0.0 } + if k < count { before(k) } else { 0.0 };
     (0..=count).map(of).collect()
 }
 
@@ -274,7 +286,8 @@ pub(crate) struct Normal {
 impl Normal {
     /// C(θ, o, m, d).
     fn cost(&self) -> f64 {
-        self.data_cost() + self.prior.iter().map(|(off, precision)| precision * off * off).sum::<f64>()
+        self.data_cost()
+            + self.prior.iter().map(|(off, precision)| precision * off * off).sum::<f64>()
     }
 
     fn data_cost(&self) -> f64 {
@@ -321,7 +334,12 @@ struct Predictor<'a> {
 
 impl<'a> Predictor<'a> {
     fn new<T: Trial>(training: &'a Training, trial: &T) -> Self {
-        Self { training, drift: drifts(training, trial), offset: trial.offset(), mass: trial.unmodelled_mass() }
+        Self {
+            training,
+            drift: drifts(training, trial),
+            offset: trial.offset(),
+            mass: trial.unmodelled_mass(),
+        }
     }
 
     /// w_i·x_g + (1 − w_i)·x_(g−1).
@@ -369,7 +387,8 @@ fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
         return Some(squares);
     }
     let strokes: Vec<ScaleSums> = by_run.into_iter().flat_map(|run| run.1).collect();
-    let of = |range: Range<usize>| taken_away(&strokes[range.clone()], range.start, &training.scale);
+    let of =
+        |range: Range<usize>| taken_away(&strokes[range.clone()], range.start, &training.scale);
     Some(squares - training.cluster_strokes().map(of).sum::<f64>())
 }
 
@@ -460,12 +479,20 @@ fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
         Column::Drift(k) => training.scale.expected[k],
         _ => free.expected,
     };
-    trial.free().iter().map(|free| (free.value, training.variance / expected(free).powi(2))).collect()
+    trial
+        .free()
+        .iter()
+        .map(|free| (free.value, training.variance / expected(free).powi(2)))
+        .collect()
 }
 
 /// The normal equations at a trial: columns for its free parameters, by difference quotients over
 /// their steps, followed by columns for `extra`.
-fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]) -> Option<Normal> {
+fn normal_equations<T: Trial>(
+    training: &Training,
+    trial: &T,
+    extra: &[Extra<T>],
+) -> Option<Normal> {
     let Simulations { trials, models, close, sources } = Simulations::new(trial, extra)?;
     let p = sources.len();
     let predictor = Predictor::new(training, trial);
@@ -474,7 +501,8 @@ fn normal_equations<T: Trial>(training: &Training, trial: &T, extra: &[Extra<T>]
     let total: usize = training.runs.iter().map(|run| run.steps.len()).sum();
     let of_run = |(run, strokes): (&Run, &mut [StrokeSums])| {
         let parts = (threads * run.steps.len() as f64 / total as f64).round().max(1.0) as usize;
-        let mut states: Vec<StateOf<T>> = models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
+        let mut states: Vec<StateOf<T>> =
+            models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
         let mut before = 0.0;
         for block in run.steps.chunks(BLOCK) {
             cancel::check();
@@ -530,7 +558,9 @@ fn accumulate(
         })
         .collect();
     let sums = strokes.par_iter_mut().zip(of_strokes);
-    sums.for_each(|(sums, range)| accumulate_stroke(predictor, block, range, lanes, sources, before, sums));
+    sums.for_each(|(sums, range)| {
+        accumulate_stroke(predictor, block, range, lanes, sources, before, sums)
+    });
 }
 
 /// The steps `range` of a block, all within one stroke.
@@ -581,7 +611,12 @@ fn accumulate_stroke(
 
 impl Training {
     /// The normal equations with the scatter of the strokes eliminated, summed by cluster.
-    fn eliminated(&self, mut strokes: Vec<StrokeSums>, drift: &[f64], prior: Vec<(f64, f64)>) -> Normal {
+    fn eliminated(
+        &self,
+        mut strokes: Vec<StrokeSums>,
+        drift: &[f64],
+        prior: Vec<(f64, f64)>,
+    ) -> Normal {
         let p = strokes.first().map_or(0, |s| s.score.len());
         strokes.iter_mut().for_each(|s| s.hessian.fill_upper_triangle_with_lower_triangle());
         let mut normal = Normal {
@@ -594,12 +629,22 @@ impl Training {
             strokes: Vec::new(),
         };
         for range in self.cluster_strokes() {
-            let cluster = Cluster::new(&strokes[range.clone()], range.start, p, &self.scale, self.scale.lambda);
+            let cluster = Cluster::new(
+                &strokes[range.clone()],
+                range.start,
+                p,
+                &self.scale,
+                self.scale.lambda,
+            );
             for (index, scatter) in range.zip(cluster.scatter) {
                 let sums = strokes[index].scale;
                 let own = if sums.own > 0.0 { sums.moment / sums.own } else { 0.0 };
                 let value = if self.scale.is_free { drift[index] + scatter } else { 0.0 };
-                normal.scales.push(StrokeScale { value, own: drift[index] + own, information: sums.own });
+                normal.scales.push(StrokeScale {
+                    value,
+                    own: drift[index] + own,
+                    information: sums.own,
+                });
             }
             normal.hessians.push(cluster.hessian);
             normal.scores.push(cluster.score);
@@ -634,11 +679,18 @@ impl Cluster {
         if !scale.is_free {
             return cluster;
         }
-        let factored = Scatter::new(&with_stroke_before(strokes.iter().map(|s| s.scale)), first, scale, lambda);
-        let moments = gathered(count, |k| strokes[k].scale.moment, |k| strokes[k].scale.moment_before);
+        let factored = Scatter::new(
+            &with_stroke_before(strokes.iter().map(|s| s.scale)),
+            first,
+            scale,
+            lambda,
+        );
+        let moments =
+            gathered(count, |k| strokes[k].scale.moment, |k| strokes[k].scale.moment_before);
         let scatter = factored.solve(moments.clone());
-        let cross: Vec<Vec<f64>> =
-            (0..p).map(|j| gathered(count, |k| strokes[k].cross[0][j], |k| strokes[k].cross[1][j])).collect();
+        let cross: Vec<Vec<f64>> = (0..p)
+            .map(|j| gathered(count, |k| strokes[k].cross[0][j], |k| strokes[k].cross[1][j]))
+            .collect();
         let solved: Vec<Vec<f64>> = cross.iter().map(|c| factored.solve(c.clone())).collect();
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         for (i, own) in cross.iter().enumerate() {
@@ -666,7 +718,8 @@ pub(crate) fn damped_step(
 ) -> Option<DVector<f64>> {
     let p = score.len();
     let moves = |j: usize| hessian[(j, j)] > 0.0 && !held[j];
-    let scale = DVector::from_fn(p, |j, _| if moves(j) { hessian[(j, j)].sqrt() } else { f64::INFINITY });
+    let scale =
+        DVector::from_fn(p, |j, _| if moves(j) { hessian[(j, j)].sqrt() } else { f64::INFINITY });
     let scaled = DMatrix::from_fn(p, p, |i, j| {
         let own = if i == j { 1.0 + lambda } else { 0.0 };
         if i == j { own } else { hessian[(i, j)] / (scale[i] * scale[j]) }
@@ -716,7 +769,8 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         let (mut accepted, mut is_first) = (None, true);
         while accepted.is_none() && lambda < HIGHEST_DAMPING {
             let tried = step_within(&sums, &free, lambda, &mut held).map(|delta| {
-                let moved: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
+                let moved: Vec<f64> =
+                    free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
                 best.with(&moved)
             });
             let total = |t: &T| cost(training, t);
@@ -750,7 +804,13 @@ fn promised(normal: &Normal, free: &[Free]) -> f64 {
     let sums = normal.sums();
     let mut held = Vec::new();
     let fall = step_within(&sums, free, 1e-12, &mut held).map_or(0.0, |delta| {
-        delta.iter().zip(sums.1.iter()).zip(&held).filter(|(_, held)| !**held).map(|((d, s), _)| d * s).sum::<f64>()
+        delta
+            .iter()
+            .zip(sums.1.iter())
+            .zip(&held)
+            .filter(|(_, held)| !**held)
+            .map(|((d, s), _)| d * s)
+            .sum::<f64>()
     });
     fall / normal.cost().max(f64::MIN_POSITIVE)
 }
@@ -764,14 +824,19 @@ impl<T: Trial> Fitted<T> {
     /// Sums of the normal equations, without the gradient of parameters held at a bound.
     pub(crate) fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
         let (hessian, mut score) = self.normal.sums();
-        self.held.iter().zip(score.iter_mut()).filter(|(held, _)| **held).for_each(|(_, s)| *s = 0.0);
+        self.held
+            .iter()
+            .zip(score.iter_mut())
+            .filter(|(held, _)| **held)
+            .for_each(|(_, s)| *s = 0.0);
         (hessian, score)
     }
 
     /// The remaining undamped step: the distance to the minimum, to first order.
     pub(crate) fn remaining(&self) -> DVector<f64> {
         let (hessian, score) = self.sums();
-        damped_step(&hessian, &score, 1e-6, &self.held).unwrap_or_else(|| DVector::zeros(score.len()))
+        damped_step(&hessian, &score, 1e-6, &self.held)
+            .unwrap_or_else(|| DVector::zeros(score.len()))
     }
 
     /// Fraction of C that this step would remove if the model were linear.
@@ -788,11 +853,22 @@ impl<T: Trial> Fitted<T> {
         let (mut hessian, score) = self.sums();
         let p = score.len();
         let variance = self.normal.data_cost() / self.normal.steps.max(f64::MIN_POSITIVE);
-        widths.iter().enumerate().for_each(|(j, width)| hessian[(j, j)] += variance / (width * width));
-        let used = self.normal.hessians.iter().zip(&self.normal.scores).filter(|(h, _)| h.diagonal().sum() > 0.0);
-        let left_out = used.filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &self.held));
+        widths
+            .iter()
+            .enumerate()
+            .for_each(|(j, width)| hessian[(j, j)] += variance / (width * width));
+        let used = self
+            .normal
+            .hessians
+            .iter()
+            .zip(&self.normal.scores)
+            .filter(|(h, _)| h.diagonal().sum() > 0.0);
+        let left_out = used
+            .filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &self.held));
         let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { variance } else { 0.0 });
-        let column = |j: usize| damped_step(&hessian, &unit(j), 1e-12, &self.held).unwrap_or_else(|| DVector::zeros(p));
+        let column = |j: usize| {
+            damped_step(&hessian, &unit(j), 1e-12, &self.held).unwrap_or_else(|| DVector::zeros(p))
+        };
         (left_out.collect(), DMatrix::from_columns(&(0..p).map(column).collect::<Vec<_>>()))
     }
 
@@ -833,7 +909,13 @@ impl Normal {
     /// The variance of the amplitude is that of the jackknife, which a few strokes may dominate,
     /// moderated by that of the model: (ν·s²_jackknife + ν_0·s²_model)/(ν + ν_0) with ν_0 =
     /// [`MODEL_DEGREES`] (as for the variances of many small samples, SMYTH).
-    pub(crate) fn one_step(&self, held: &[bool], beside: &[usize], column: usize, sigma2: f64) -> Option<OneStep> {
+    pub(crate) fn one_step(
+        &self,
+        held: &[bool],
+        beside: &[usize],
+        column: usize,
+        sigma2: f64,
+    ) -> Option<OneStep> {
         let (hessian, mut score) = self.sums();
         let own = held.len();
         let mut fixed = vec![true; score.len()];
@@ -844,7 +926,8 @@ impl Normal {
         let mut without = fixed.clone();
         without[column] = true;
         let before = damped_step(&hessian, &score, 1e-9, &without)?;
-        let used = self.hessians.iter().zip(&self.scores).filter(|(h, _)| h[(column, column)] > 0.0);
+        let used =
+            self.hessians.iter().zip(&self.scores).filter(|(h, _)| h[(column, column)] > 0.0);
         let left_out = |(h, s): (&DMatrix<f64>, &DVector<f64>)| {
             damped_step(&(&hessian - h), &(&score - s), 1e-9, &fixed).map(|d| d[column])
         };
@@ -854,9 +937,11 @@ impl Normal {
         let variance = (g - 1.0) / g * all.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
         let unit = DVector::from_fn(score.len(), |i, _| f64::from(i == column));
         let direction = damped_step(&hessian, &unit, 1e-9, &fixed)?;
-        let shares: Vec<f64> = self.hessians.iter().map(|h| direction.dot(&(h * &direction)).max(0.0)).collect();
+        let shares: Vec<f64> =
+            self.hessians.iter().map(|h| direction.dot(&(h * &direction)).max(0.0)).collect();
         let squares: f64 = shares.iter().map(|s| s * s).sum();
-        let degrees = (shares.iter().sum::<f64>().powi(2) / squares.max(f64::MIN_POSITIVE) - 1.0).max(0.0);
+        let degrees =
+            (shares.iter().sum::<f64>().powi(2) / squares.max(f64::MIN_POSITIVE) - 1.0).max(0.0);
         let by_model = sigma2 * direction[column];
         let moderated = (degrees * variance + MODEL_DEGREES * by_model) / (degrees + MODEL_DEGREES);
         Some(OneStep {
@@ -891,15 +976,25 @@ impl Normal {
     /// −2 log L = C_min/σ² + Σ_g ln(1 + τ²·z'z/σ²) + ln|H/σ²| + Σ_k ln(ω²·b_k)      H with 1/(ω²·b_k) on the drift's diagonal
     /// ```
     /// `relative` holds b_k, the variance of each drift column over ω², and its column.
-    pub(crate) fn scale_variance(&self, training: &Training, sigma2: f64, relative: &[(usize, f64)]) -> ScaleVariance {
+    pub(crate) fn scale_variance(
+        &self,
+        training: &Training,
+        sigma2: f64,
+        relative: &[(usize, f64)],
+    ) -> ScaleVariance {
         let ratio: f64 = SCATTER_RANGE[1] / SCATTER_RANGE[0];
         let scatter = |k: usize| SCATTER_RANGE[0] * ratio.powf(k as f64 / (SCATTERS - 1) as f64);
         let drifts: &[f64] = if relative.is_empty() { &DRIFTS[..1] } else { &DRIFTS };
-        let tried: Vec<(f64, f64)> =
-            (0..SCATTERS).flat_map(|k| drifts.iter().map(move |d| (scatter(k).powi(2), d * d))).collect();
-        let criterion = |(tau2, omega2): &(f64, f64)| self.criterion(training, sigma2, (*tau2, *omega2), relative);
-        let values: Vec<f64> =
-            tried.par_iter().map(|t| criterion(t) + 2.0 * (t.0.sqrt() + t.1.sqrt()) / USUAL_SCATTER).collect();
+        let tried: Vec<(f64, f64)> = (0..SCATTERS)
+            .flat_map(|k| drifts.iter().map(move |d| (scatter(k).powi(2), d * d)))
+            .collect();
+        let criterion = |(tau2, omega2): &(f64, f64)| {
+            self.criterion(training, sigma2, (*tau2, *omega2), relative)
+        };
+        let values: Vec<f64> = tried
+            .par_iter()
+            .map(|t| criterion(t) + 2.0 * (t.0.sqrt() + t.1.sqrt()) / USUAL_SCATTER)
+            .collect();
         let least = values.iter().copied().fold(f64::INFINITY, f64::min);
         let mut found = ScaleVariance { scatter: 0.0, drift: 0.0 };
         let mut total = 0.0;
@@ -927,7 +1022,8 @@ impl Normal {
         let (mut cost, mut determinants) = (0.0, 0.0);
         let lambda = sigma2 / tau2;
         for range in training.cluster_strokes() {
-            let cluster = Cluster::new(&self.strokes[range.clone()], range.start, p, &training.scale, lambda);
+            let cluster =
+                Cluster::new(&self.strokes[range.clone()], range.start, p, &training.scale, lambda);
             hessian += cluster.hessian;
             score += cluster.score;
             cost += cluster.cost;

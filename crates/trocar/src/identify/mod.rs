@@ -20,7 +20,9 @@ use crate::segment::{reversal_threshold, strokes};
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
-pub use deformation::{BINS, BranchFit, DampingTest, DeformationFit, FullReversal, Limits, bin_centres, legendre};
+pub use deformation::{
+    BINS, BranchFit, DampingTest, DeformationFit, FullReversal, Limits, bin_centres, legendre,
+};
 pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use findings::{Covariance, IdentifyError, Parameter, Progress, Subject, Warning};
@@ -87,12 +89,17 @@ pub fn identify(
     if recordings.is_empty() {
         return Err(IdentifyError::NoRecording);
     }
-    if let Some(degree) = options.degrees.into_iter().find(|d| !(2..=trocar_model::MAX_DEGREE).contains(d)) {
+    if let Some(degree) =
+        options.degrees.into_iter().find(|d| !(2..=trocar_model::MAX_DEGREE).contains(d))
+    {
         return Err(IdentifyError::Degree(degree));
     }
     for (i, second) in recordings.iter().enumerate() {
         if let Some(first) = recordings[..i].iter().find(|r| r.sha256 == second.sha256) {
-            return Err(IdentifyError::SameRecording { first: first.name.clone(), second: second.name.clone() });
+            return Err(IdentifyError::SameRecording {
+                first: first.name.clone(),
+                second: second.name.clone(),
+            });
         }
     }
     recordings.iter().try_for_each(shows_force)?;
@@ -121,7 +128,8 @@ const LARGEST_FORCE: f64 = 1e6;
 
 /// Rejects a recording whose force contains no friction.
 fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
-    let no_force = |what: String| Err(IdentifyError::NoForce { name: recording.name.clone(), what });
+    let no_force =
+        |what: String| Err(IdentifyError::NoForce { name: recording.name.clone(), what });
     let (low, high) = range(&recording.force);
     let noise = recording.quality.force_noise;
     let largest = low.abs().max(high.abs());

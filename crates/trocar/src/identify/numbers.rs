@@ -14,7 +14,10 @@ use super::spread::{Reported, Spread};
 pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
     let of_branch = |direction: Direction| {
         let coefficients = Quantity::coefficients(candidate.branch(direction).degrees());
-        [Quantity::Join, Quantity::JoinForce].into_iter().chain(coefficients).map(move |q| q.of(direction))
+        [Quantity::Join, Quantity::JoinForce]
+            .into_iter()
+            .chain(coefficients)
+            .map(move |q| q.of(direction))
     };
     Direction::BOTH.into_iter().flat_map(of_branch).collect()
 }
@@ -22,11 +25,18 @@ pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
 /// All parameters that an identification may report, in the order of tables; branches of `degrees`.
 pub fn reported(degrees: [usize; 2]) -> Vec<ParameterId> {
     let branches = |all: Vec<Quantity>| {
-        Direction::BOTH.into_iter().flat_map(move |direction| all.clone().into_iter().map(move |q| q.of(direction)))
+        Direction::BOTH
+            .into_iter()
+            .flat_map(move |direction| all.clone().into_iter().map(move |q| q.of(direction)))
     };
     let joins = branches(vec![Quantity::Join, Quantity::JoinForce]);
     let coefficients = branches(Quantity::coefficients(degrees).collect());
-    quantities(Layout::EVERY).into_iter().map(|(id, _)| id).chain(joins).chain(coefficients).collect()
+    quantities(Layout::EVERY)
+        .into_iter()
+        .map(|(id, _)| id)
+        .chain(joins)
+        .chain(coefficients)
+        .collect()
 }
 
 /// A parameter of a fit, and whether its interval is taken on the logarithm.
@@ -72,7 +82,8 @@ fn shortest_lag(found: &Estimate) -> Estimate {
         return found.clone();
     }
     let longest = if found.determined { found.ci95[1].max(SHORTEST) } else { SHORTEST };
-    Estimate::from_bounds(found.value, 0.0, longest, found.unit).with_note("too short to be distinguished from zero")
+    Estimate::from_bounds(found.value, 0.0, longest, found.unit)
+        .with_note("too short to be distinguished from zero")
 }
 
 /// Factors on the standard errors of forces and of the shape. To first order the intervals of F_c
@@ -108,7 +119,12 @@ fn scale_of(best: &Candidate, id: ParameterId) -> f64 {
 }
 
 /// A parameter of the best candidate with its interval; `factor` multiplies its standard error.
-pub(super) fn parameter(spread: &Spread<EmsTrial>, best: &Candidate, (id, log): OnLogarithm, factor: f64) -> Parameter {
+pub(super) fn parameter(
+    spread: &Spread<EmsTrial>,
+    best: &Candidate,
+    (id, log): OnLogarithm,
+    factor: f64,
+) -> Parameter {
     let (scale, least) = (scale_of(best, id), id.declaration().range.least());
     let how = Reported { unit: id.unit().si, log, scale, least, factor };
     Parameter::new(id, spread.estimate(how, &|t| t.candidate.value(id)))
@@ -152,11 +168,13 @@ pub(super) fn are_determined(fitted: &Fitted<EmsTrial>, ids: &[ParameterId]) -> 
 pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) -> Covariance {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
-    let of_fit = quantities(*layout).into_iter().chain(branch_ids(best).into_iter().map(|id| (id, false)));
+    let of_fit =
+        quantities(*layout).into_iter().chain(branch_ids(best).into_iter().map(|id| (id, false)));
     let logs: BTreeMap<ParameterId, bool> = of_fit.collect();
     let is_known = |p: &&Parameter| p.estimate.standard_error.is_some() && logs.contains_key(&p.id);
     let ids: Vec<ParameterId> = parameters.iter().filter(is_known).map(|p| p.id).collect();
-    let gradient = |id: &ParameterId| spread.gradient(logs[id], factor_of(*id), &|t| t.candidate.value(*id));
+    let gradient =
+        |id: &ParameterId| spread.gradient(logs[id], factor_of(*id), &|t| t.candidate.value(*id));
     let rows = spread.covariance(&ids.iter().map(gradient).collect::<Vec<_>>());
     Covariance { parameters: ids.iter().map(ToString::to_string).collect(), rows }
 }
@@ -165,12 +183,18 @@ pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) ->
 pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
-    let mut all: Vec<Parameter> =
-        quantities(*layout).into_iter().map(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0))).collect();
+    let mut all: Vec<Parameter> = quantities(*layout)
+        .into_iter()
+        .map(|q| parameter_or_held(fitted, &spread, q, factor_of(q.0)))
+        .collect();
     let of_lag = |p: &&mut Parameter| p.id.quantity == Quantity::FrictionLag;
     all.iter_mut().filter(of_lag).for_each(|p| p.estimate = shortest_lag(&p.estimate));
     if layout.shape {
-        all.extend(branch_ids(best).into_iter().map(|id| parameter(&spread, best, (id, false), factor_of(id))));
+        all.extend(
+            branch_ids(best)
+                .into_iter()
+                .map(|id| parameter(&spread, best, (id, false), factor_of(id))),
+        );
     }
     all
 }

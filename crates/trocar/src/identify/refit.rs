@@ -40,7 +40,11 @@ pub struct EmsRefit {
 ///
 /// # Errors
 /// A message when no start gives a model that runs.
-pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usize; 2]) -> Result<EmsRefit, String> {
+pub(crate) fn refit(
+    data: &ClassicalData,
+    found: &Identification,
+    degrees: [usize; 2],
+) -> Result<EmsRefit, String> {
     let layout = Layout {
         own_slopes: found.model.insertion != found.model.withdrawal,
         stribeck: found.model.insertion.static_force > found.model.insertion.coulomb_force,
@@ -50,12 +54,17 @@ pub(crate) fn refit(data: &ClassicalData, found: &Identification, degrees: [usiz
     let candidate = Candidate { unmodelled_mass: 0.0, ..found.model.clone() };
     let candidates = match &found.deformation {
         Ok(_) => vec![candidate],
-        Err(_) => WIDTHS.map(|part| straight(&candidate, part * data.scales.half_width, degrees)).to_vec(),
+        Err(_) => {
+            WIDTHS.map(|part| straight(&candidate, part * data.scales.half_width, degrees)).to_vec()
+        }
     };
     let trials = candidates.into_iter().map(|candidate| EmsTrial::new(candidate, layout));
     let short = trials.filter_map(|trial| likelihood::fit(&data.training, &trial, SHORT));
-    let best = short.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
-    let fitted = likelihood::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
+    let best = short
+        .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
+        .ok_or("no start gave a model that runs")?;
+    let fitted =
+        likelihood::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
     let model = fitted.best.candidate.clone();
     let stages = model.stages().map_err(|error| error.to_string())?;
     let parameters = parameters(&fitted);
@@ -75,7 +84,9 @@ fn quantities(layout: Layout) -> Vec<OnLogarithm> {
     let mut all = vec![(Q::Offset.id(), false), (Q::CoulombForce.id(), true)];
     all.extend(damping.into_iter().map(|id| (id, false)));
     all.push((Q::HalfWidth.id(), true));
-    all.extend([Q::SealDamping.id(), Q::Join.of(insertion), Q::Join.of(withdrawal)].map(|id| (id, false)));
+    all.extend(
+        [Q::SealDamping.id(), Q::Join.of(insertion), Q::Join.of(withdrawal)].map(|id| (id, false)),
+    );
     if layout.stribeck {
         all.extend([Q::StaticForce, Q::StribeckVelocity].map(|quantity| (quantity.id(), true)));
     }
@@ -84,5 +95,8 @@ fn quantities(layout: Layout) -> Vec<OnLogarithm> {
 
 fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
     let spread = Spread::new(fitted);
-    quantities(fitted.best.layout).into_iter().map(|q| parameter_or_held(fitted, &spread, q, 1.0)).collect()
+    quantities(fitted.best.layout)
+        .into_iter()
+        .map(|q| parameter_or_held(fitted, &spread, q, 1.0))
+        .collect()
 }

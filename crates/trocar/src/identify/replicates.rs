@@ -14,7 +14,12 @@ pub(crate) enum Replicates<T> {
 
 impl<T> Replicates<T> {
     /// A parameter of the best fit with its 95 % interval.
-    pub(crate) fn estimate(&self, best: &T, unit: &'static str, of: &dyn Fn(&T) -> f64) -> Estimate {
+    pub(crate) fn estimate(
+        &self,
+        best: &T,
+        unit: &'static str,
+        of: &dyn Fn(&T) -> f64,
+    ) -> Estimate {
         let value = of(best);
         let (Self::Jackknife(all) | Self::Bootstrap(all)) = self;
         if all.iter().all(|c| of(c) == value) {
@@ -31,10 +36,17 @@ impl<T> Replicates<T> {
             }
             Self::Bootstrap(resampled) if resampled.len() >= 20 => {
                 let mut values = Data::new(resampled.iter().map(of).collect::<Vec<f64>>());
-                let own = Estimate::from_bounds(value, values.quantile(0.025), values.quantile(0.975), unit);
+                let own = Estimate::from_bounds(
+                    value,
+                    values.quantile(0.025),
+                    values.quantile(0.975),
+                    unit,
+                );
                 Estimate { standard_error: values.std_dev(), ..own }
             }
-            Self::Bootstrap(_) => Estimate::undetermined(value, unit, "too few resamples for an interval"),
+            Self::Bootstrap(_) => {
+                Estimate::undetermined(value, unit, "too few resamples for an interval")
+            }
         }
     }
 }

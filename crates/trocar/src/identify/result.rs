@@ -98,7 +98,8 @@ impl Identification {
 
     /// The model, with its position profile.
     pub fn trocar(&self) -> Trocar<&[f64]> {
-        let profile = self.position_profile.as_ref().map(|fit| fit.profile.stored_as(|knots| knots));
+        let profile =
+            self.position_profile.as_ref().map(|fit| fit.profile.stored_as(|knots| knots));
         Trocar::new(self.stages, profile)
     }
 
@@ -106,8 +107,13 @@ impl Identification {
     ///
     /// # Errors
     /// As for [`Recording::with_position_delay`].
-    pub fn without_delay(&self, recordings: Vec<Recording>) -> Result<Vec<Recording>, RecordingError> {
-        let Some(PositionDelay { delay_s, .. }) = self.position_delay else { return Ok(recordings) };
+    pub fn without_delay(
+        &self,
+        recordings: Vec<Recording>,
+    ) -> Result<Vec<Recording>, RecordingError> {
+        let Some(PositionDelay { delay_s, .. }) = self.position_delay else {
+            return Ok(recordings);
+        };
         recordings.iter().map(|recording| recording.with_position_delay(delay_s)).collect()
     }
 

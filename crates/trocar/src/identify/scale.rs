@@ -56,33 +56,49 @@ const WORTH_A_LINE: f64 = 0.02;
 pub(super) const TOO_FAR: f64 = 0.15;
 
 impl FrictionScale {
-    pub(super) fn new(training: &Training, fitted: &Fitted<EmsTrial>, recordings: &[Recording], scatter: f64) -> Self {
+    pub(super) fn new(
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+        recordings: &[Recording],
+        scatter: f64,
+    ) -> Self {
         let sigma2 = fitted.rms[1].powi(2);
         let used = || fitted.normal.scales.iter().zip(&training.strokes).enumerate();
-        let stroke =
-            |(g, (scale, stroke)): (usize, (&super::likelihood::StrokeScale, &super::training::ScaledStroke))| {
-                let origin = recordings[stroke.recording].time[0];
-                StrokeFriction {
-                    recording: stroke.recording,
-                    time_s: stroke.time - origin,
-                    scale: 1.0 + scale.own,
-                    standard_error: (sigma2 / scale.information.max(f64::MIN_POSITIVE)).sqrt(),
-                    counted: !training.scale.is_unconstrained(g),
-                }
-            };
-        let seen = |(_, (scale, _)): &(usize, (&super::likelihood::StrokeScale, _))| scale.information > 0.0;
+        let stroke = |(g, (scale, stroke)): (
+            usize,
+            (&super::likelihood::StrokeScale, &super::training::ScaledStroke),
+        )| {
+            let origin = recordings[stroke.recording].time[0];
+            StrokeFriction {
+                recording: stroke.recording,
+                time_s: stroke.time - origin,
+                scale: 1.0 + scale.own,
+                standard_error: (sigma2 / scale.information.max(f64::MIN_POSITIVE)).sqrt(),
+                counted: !training.scale.is_unconstrained(g),
+            }
+        };
+        let seen = |(_, (scale, _)): &(usize, (&super::likelihood::StrokeScale, _))| {
+            scale.information > 0.0
+        };
         let strokes = used().filter(seen).map(stroke).collect();
         let basis = &training.scale.basis;
-        let slow = |g: usize| -> f64 { fitted.best.drift.iter().zip(basis).map(|(d, phi)| d * phi[g]).sum() };
+        let slow = |g: usize| -> f64 {
+            fitted.best.drift.iter().zip(basis).map(|(d, phi)| d * phi[g]).sum()
+        };
         let counted = (0..training.strokes.len()).filter(|g| !training.scale.is_unconstrained(*g));
-        let (low, high) = counted.map(slow).fold((0.0f64, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
+        let (low, high) =
+            counted.map(slow).fold((0.0f64, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
         let jumps = Jump::find(training, fitted);
         Self { strokes, scatter, drift: high - low, jumps }
     }
 
     /// u at `time_s` of a recording: that of the current stroke.
     pub(super) fn at(&self, recording: usize, time_s: f64) -> f64 {
-        let own = self.strokes.iter().rev().find(|s| s.recording == recording && s.time_s <= time_s && s.counted);
+        let own = self
+            .strokes
+            .iter()
+            .rev()
+            .find(|s| s.recording == recording && s.time_s <= time_s && s.counted);
         own.map_or(1.0, |s| s.scale)
     }
 
@@ -133,7 +149,8 @@ impl Jump {
             };
             let own: Vec<usize> = (0..strokes.len()).filter(counted).collect();
             let value = |g: usize| fitted.normal.scales[g].own;
-            let mean = |part: &[usize]| part.iter().map(|g| value(*g)).sum::<f64>() / part.len() as f64;
+            let mean =
+                |part: &[usize]| part.iter().map(|g| value(*g)).sum::<f64>() / part.len() as f64;
             let squares = |part: &[usize]| {
                 let mean = mean(part);
                 part.iter().map(|g| (value(*g) - mean).powi(2)).sum::<f64>()
@@ -144,7 +161,8 @@ impl Jump {
             let best = splits.min_by(|a, b| left(a).total_cmp(&left(b)))?;
             let (before, after) = (mean(&own[..best]), mean(&own[best..]));
             let change = (1.0 + after) / (1.0 + before);
-            let error = (left(&best) / (n as f64 - 2.0) * n as f64 / (best * (n - best)) as f64).sqrt();
+            let error =
+                (left(&best) / (n as f64 - 2.0) * n as f64 / (best * (n - best)) as f64).sqrt();
             let clear = (after - before).abs() > 2.0 * t_quantile(n as f64 - 2.0) * error;
             // A drift leaves a trend on both sides; a jump does not.
             let sudden = left(&best) < 0.15 * squares(&own);

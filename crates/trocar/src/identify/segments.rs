@@ -1,7 +1,9 @@
 //! A recording divided into strokes and constant-velocity segments.
 
 use crate::recording::Recording;
-use crate::segment::{SegmentOptions, SteadySegment, Stroke, reversal_threshold, steady_segments, strokes};
+use crate::segment::{
+    SegmentOptions, SteadySegment, Stroke, reversal_threshold, steady_segments, strokes,
+};
 
 /// Strokes and constant-velocity segments of one recording.
 pub(super) struct Segments {

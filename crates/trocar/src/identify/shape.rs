@@ -47,7 +47,8 @@ pub struct EndForces {
     pub high: f64,
 }
 
-/// Legendre polynomials of order 2 and up at `t`, each minus the chord between its end values: 0 at t = ±1.
+/// Legendre polynomials of order 2 and up at `t`, each minus the chord between its end values: 0 at
+/// t = ±1.
 fn bent_legendre(t: f64, values: &mut [f64]) {
     let (mut before, mut now) = (1.0, t);
     for (k, value) in values.iter_mut().enumerate() {
@@ -89,7 +90,12 @@ impl BranchShape {
     /// Visits every free parameter. `force` (N) is the step of forces, `sliding` (N) the sliding
     /// force, of which ten times bounds their range, and `bend` (N) the prior standard deviation of
     /// the curvature terms.
-    pub(super) fn visit(&mut self, force: f64, [sliding, bend]: [f64; 2], on: &mut impl FnMut(&mut f64, Span)) {
+    pub(super) fn visit(
+        &mut self,
+        force: f64,
+        [sliding, bend]: [f64; 2],
+        on: &mut impl FnMut(&mut f64, Span),
+    ) {
         on(&mut self.join, Span::new(1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
         let of_force = Span::new(force, -10.0 * sliding, 10.0 * sliding);
         on(&mut self.join_force, of_force);
@@ -130,7 +136,12 @@ impl BranchShape {
     /// Least squares for a given join (EMS (26)): the shape and the mean square residual, N².
     ///
     /// The basis is so well conditioned that the normal equations lose no accuracy.
-    fn fit_at(join: f64, degrees: [usize; 2], end_forces: EndForces, points: &[(f64, f64)]) -> Option<(Self, f64)> {
+    fn fit_at(
+        join: f64,
+        degrees: [usize; 2],
+        end_forces: EndForces,
+        points: &[(f64, f64)],
+    ) -> Option<(Self, f64)> {
         let columns = degrees[0] + degrees[1] - 1;
         let mut normal = DMatrix::<f64>::zeros(columns, columns);
         let mut moment = DVector::<f64>::zeros(columns);
@@ -160,10 +171,16 @@ impl BranchShape {
     /// section in the best cell.
     ///
     /// `points` are (z/c, force in N). Returns the shape and its root mean square residual, N.
-    pub fn fit(degrees: [usize; 2], end_forces: EndForces, points: &[(f64, f64)]) -> Option<(Self, f64)> {
+    pub fn fit(
+        degrees: [usize; 2],
+        end_forces: EndForces,
+        points: &[(f64, f64)],
+    ) -> Option<(Self, f64)> {
         const CELLS: usize = 56;
         let join_at = |k: usize| Self::JOIN_RANGE * (2.0 * k as f64 / CELLS as f64 - 1.0);
-        let cost = |join: f64| Self::fit_at(join, degrees, end_forces, points).map_or(f64::INFINITY, |f| f.1);
+        let cost = |join: f64| {
+            Self::fit_at(join, degrees, end_forces, points).map_or(f64::INFINITY, |f| f.1)
+        };
         let costs: Vec<f64> = (0..=CELLS).map(|k| cost(join_at(k))).collect();
         let best = (0..=CELLS).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
         let (mut low, mut high) = (join_at(best.saturating_sub(1)), join_at((best + 1).min(CELLS)));
@@ -172,7 +189,9 @@ impl BranchShape {
             let (a, b) = (high - golden * (high - low), low + golden * (high - low));
             if cost(a) < cost(b) { high = b } else { low = a }
         }
-        let join = [0.5 * (low + high), join_at(best)].into_iter().min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
+        let join = [0.5 * (low + high), join_at(best)]
+            .into_iter()
+            .min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
         let (shape, mean_square) = Self::fit_at(join, degrees, end_forces, points)?;
         Some((shape, mean_square.sqrt()))
     }
@@ -184,8 +203,12 @@ mod tests {
 
     #[test]
     fn a_branch_meets_its_end_forces_and_is_continuous_for_any_numbers() {
-        let shape =
-            BranchShape { join: -0.3, join_force: 1.3, left: vec![0.7, -0.2, 0.4], right: vec![-0.5, 0.1, 0.9] };
+        let shape = BranchShape {
+            join: -0.3,
+            join_force: 1.3,
+            left: vec![0.7, -0.2, 0.4],
+            right: vec![-0.5, 0.1, 0.9],
+        };
         let end_forces = EndForces { low: -2.0, high: 2.5 };
         let branch = shape.branch(8e-3, end_forces).expect("finite numbers");
         assert!((branch.force(-8e-3) - -2.0).abs() < 1e-12);
@@ -196,11 +219,16 @@ mod tests {
 
     #[test]
     fn a_branch_of_its_own_kind_is_recovered_with_its_join() {
-        let truth =
-            BranchShape { join: -0.275, join_force: 1.0, left: vec![-1.2, 0.5, 0.2], right: vec![0.6, -0.3, 0.1] };
+        let truth = BranchShape {
+            join: -0.275,
+            join_force: 1.0,
+            left: vec![-1.2, 0.5, 0.2],
+            right: vec![0.6, -0.3, 0.1],
+        };
         let end_forces = EndForces { low: -3.0, high: 3.0 };
         let branch = truth.branch(1.0, end_forces).expect("finite numbers");
-        let points: Vec<_> = (0..200).map(|k| -1.0 + 2.0 * k as f64 / 199.0).map(|u| (u, branch.force(u))).collect();
+        let points: Vec<_> =
+            (0..200).map(|k| -1.0 + 2.0 * k as f64 / 199.0).map(|u| (u, branch.force(u))).collect();
         let (found, rms) = BranchShape::fit([4, 4], end_forces, &points).expect("enough points");
         assert!(rms < 1e-4, "{rms}");
         assert!((found.join - truth.join).abs() < 1e-3, "{}", found.join);

@@ -97,7 +97,8 @@ impl<'a, T: Trial> Spread<'a, T> {
         let variance = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
         let precisions = self.found.prior_precisions();
         // The direction already contains σ².
-        precisions.iter().zip(direction.iter()).map(|(p, d)| p * d * d).sum::<f64>() / variance * self.inflation
+        precisions.iter().zip(direction.iter()).map(|(p, d)| p * d * d).sum::<f64>() / variance
+            * self.inflation
     }
 
     /// Variance by the jackknife over clusters.
@@ -113,7 +114,8 @@ impl<'a, T: Trial> Spread<'a, T> {
     /// strokes, such as F_s by the slow ones, has few.
     fn degrees(&self, direction: &DVector<f64>) -> f64 {
         let shares = self.found.information(direction);
-        let (sum, squares) = shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));
+        let (sum, squares) =
+            shares.iter().fold((0.0, 0.0), |(sum, squares), s| (sum + s, squares + s * s));
         sum * sum / f64::max(squares, f64::MIN_POSITIVE) - 1.0
     }
 
@@ -126,7 +128,9 @@ impl<'a, T: Trial> Spread<'a, T> {
         let plain = |u: f64| if log { u.exp() } else { u };
         let direction = &self.covariance * &gradient;
         let remaining = gradient.dot(&self.found.remaining());
-        let error = factor * (self.jackknife(&gradient) + self.beforehand(&direction) + remaining * remaining).sqrt();
+        let error = factor
+            * (self.jackknife(&gradient) + self.beforehand(&direction) + remaining * remaining)
+                .sqrt();
         let own = Estimate::from_standard_error(value, error, self.degrees(&direction), unit);
         if !own.determined {
             return Estimate { value: plain(value), ..own };
@@ -140,7 +144,12 @@ impl<'a, T: Trial> Spread<'a, T> {
             return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));
         }
         let standard_error = Some(if log { plain(value) * error } else { error });
-        Estimate { value: plain(value), ci95: own.ci95.map(|bound| plain(bound).max(least)), standard_error, ..own }
+        Estimate {
+            value: plain(value),
+            ci95: own.ci95.map(|bound| plain(bound).max(least)),
+            standard_error,
+            ..own
+        }
     }
 
     /// Gradient of a quantity times the factor on its standard error; from its logarithm if its
@@ -163,7 +172,8 @@ impl<'a, T: Trial> Spread<'a, T> {
             let clusters = values.into_iter().map(|v| ((g - 1.0) / g).sqrt() * (v - mean));
             let direction = &self.covariance * gradient;
             let scale = (self.inflation / variance).sqrt();
-            let beforehand = precisions.iter().zip(direction.iter()).map(|(p, d)| scale * p.sqrt() * d);
+            let beforehand =
+                precisions.iter().zip(direction.iter()).map(|(p, d)| scale * p.sqrt() * d);
             let all = clusters.chain(beforehand).chain([gradient.dot(&remaining)]);
             DVector::from_vec(all.collect())
         };
@@ -175,9 +185,13 @@ impl<'a, T: Trial> Spread<'a, T> {
 fn known_no_better(half: f64, log: bool, unit: &str) -> String {
     match log {
         true if half > 1e3_f64.ln() => {
-            "not identifiable from these data (95 % interval wider than a factor of 1000)".to_owned()
+            "not identifiable from these data (95 % interval wider than a factor of 1000)"
+                .to_owned()
         }
-        true => format!("not identifiable from these data (95 % interval: a factor of {:.0} either way)", half.exp()),
+        true => format!(
+            "not identifiable from these data (95 % interval: a factor of {:.0} either way)",
+            half.exp()
+        ),
         false => format!("not identifiable from these data (95 % interval ±{half:.1e} {unit})"),
     }
 }

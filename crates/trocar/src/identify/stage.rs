@@ -35,7 +35,11 @@ impl SecondStage {
     }
 
     /// Forces at the ends of its branches beside a first stage that slides so.
-    pub(super) fn end_forces(&self, insertion: &SlidingFriction, withdrawal: &SlidingFriction) -> EndForces {
+    pub(super) fn end_forces(
+        &self,
+        insertion: &SlidingFriction,
+        withdrawal: &SlidingFriction,
+    ) -> EndForces {
         let force = |own: &SlidingFriction| self.sliding(own).static_force;
         EndForces { low: -force(withdrawal), high: force(insertion) }
     }
@@ -51,10 +55,11 @@ impl SecondStage {
     /// Its parameters beside the first element.
     pub(super) fn params(&self, first: &ElementParams) -> Result<ElementParams, ParamError> {
         let end_forces = self.end_forces(&first.insertion, &first.withdrawal);
-        let [insertion_branch, withdrawal_branch] =
-            Direction::BOTH.map(|direction| self.branch(direction).branch(self.half_width, end_forces));
+        let [insertion_branch, withdrawal_branch] = Direction::BOTH
+            .map(|direction| self.branch(direction).branch(self.half_width, end_forces));
         let deformation = DeformationForce::new(insertion_branch?, withdrawal_branch?, None)?;
-        let [insertion, withdrawal] = [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
+        let [insertion, withdrawal] =
+            [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
         let damping = self.share * first.damping.coefficients[0];
         Ok(ElementParams {
             damping: SealDamping { coefficients: [damping, 0.0, 0.0] },

@@ -6,10 +6,10 @@
 //! F = F_0 + F_c·sgn(v) + β·v                                        (23) with a sensor offset F_0
 //! F = F_0 + (F_c + (F_s − F_c)·exp(−(|v|/v_s)^δ))·sgn(v) + β·v      (11)
 //! ```
-//! The samples of one stroke are not independent: differences between strokes (lubrication, position
-//! along the stroke) do not average out within a stroke. So one stroke gives one datum, weighted by
-//! 1/(τ² + s²/n_eff) with the scatter between strokes τ estimated from the data. Intervals use
-//! Student's t on the number of strokes.
+//! The samples of one stroke are not independent: differences between strokes (lubrication,
+//! position along the stroke) do not average out within a stroke. So one stroke gives one datum,
+//! weighted by 1/(τ² + s²/n_eff) with the scatter between strokes τ estimated from the data.
+//! Intervals use Student's t on the number of strokes.
 //!
 //! A sensor offset and a difference of the Coulomb force between the directions shift the two lines
 //! alike, so the data cannot separate them. The test is therefore whether the slopes differ.
@@ -127,7 +127,9 @@ impl SteadyFit {
             let rise = s.static_force_n.value - self.coulomb_force_n.value;
             rise * (-(v.abs() / s.stribeck_velocity_m_s.value).powf(s.stribeck_exponent)).exp()
         });
-        self.offset_n.value + (self.coulomb_force_n.value + bump) * sign(v) + self.viscous_damping_n_s_m.value * v
+        self.offset_n.value
+            + (self.coulomb_force_n.value + bump) * sign(v)
+            + self.viscous_damping_n_s_m.value * v
     }
 }
 
@@ -142,8 +144,8 @@ pub(super) fn sign(v: f64) -> f64 {
     }
 }
 
-/// Means over the steady part of each stroke: samples of its constant-velocity segments that lie at least
-/// `settled(|v|)` metres after the reversal.
+/// Means over the steady part of each stroke: samples of its constant-velocity segments that lie at
+/// least `settled(|v|)` metres after the reversal.
 ///
 /// The segments of one plateau form one datum.
 pub(super) fn stroke_means(
@@ -175,7 +177,10 @@ pub(super) fn stroke_means(
 ///
 /// A friction that changes along the stroke then affects all speeds equally. Otherwise slow
 /// strokes, whose plateaus are longer, would include the ends of the stroke.
-fn over_common_positions(recording: &Recording, steady_segments: Vec<SteadySegment>) -> Vec<SteadySegment> {
+fn over_common_positions(
+    recording: &Recording,
+    steady_segments: Vec<SteadySegment>,
+) -> Vec<SteadySegment> {
     let x = &recording.position;
     // Ends of the plateaus: a plateau may be split into several segments.
     let mut plateaus: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
@@ -219,10 +224,18 @@ fn merged(a: &StrokeMean, b: &StrokeMean) -> StrokeMean {
 }
 
 /// Mean over a segment; its error from the scatter of ten batch means, which includes slow ripple.
-fn mean_of(index: usize, rec: &Recording, segment: &SteadySegment, direction: Direction) -> Option<StrokeMean> {
+fn mean_of(
+    index: usize,
+    rec: &Recording,
+    segment: &SteadySegment,
+    direction: Direction,
+) -> Option<StrokeMean> {
     let SteadySegment { start, end, .. } = *segment;
     let n = end.saturating_sub(start);
-    if n < 5 || rec.time[end - 1] - rec.time[start] < 0.04 || (start..end).any(|i| rec.is_clipped(i)) {
+    if n < 5
+        || rec.time[end - 1] - rec.time[start] < 0.04
+        || (start..end).any(|i| rec.is_clipped(i))
+    {
         return None;
     }
     let force = &rec.force[start..end];
@@ -232,9 +245,11 @@ fn mean_of(index: usize, rec: &Recording, segment: &SteadySegment, direction: Di
         let part = &force[k * n / batches..(k + 1) * n / batches];
         part.iter().sum::<f64>() / part.len() as f64
     };
-    let variance = (0..batches).map(|k| (batch_mean(k) - mean).powi(2)).sum::<f64>() / (batches - 1) as f64;
+    let variance =
+        (0..batches).map(|k| (batch_mean(k) - mean).powi(2)).sum::<f64>() / (batches - 1) as f64;
     let rounding = rec.quality.force_resolution / 12f64.sqrt();
-    let velocity = (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
+    let velocity =
+        (rec.position[end - 1] - rec.position[start]) / (rec.time[end - 1] - rec.time[start]);
     Some(StrokeMean {
         recording: index,
         plateau: segment.plateau,
@@ -243,7 +258,10 @@ fn mean_of(index: usize, rec: &Recording, segment: &SteadySegment, direction: Di
         direction,
         velocity_m_s: velocity,
         force_n: mean,
-        standard_error_n: (variance / batches as f64).sqrt().max(rounding / (n as f64).sqrt()).max(1e-9),
+        standard_error_n: (variance / batches as f64)
+            .sqrt()
+            .max(rounding / (n as f64).sqrt())
+            .max(1e-9),
         scatter_n: (force.iter().map(|f| (f - mean).powi(2)).sum::<f64>() / n as f64).sqrt(),
         samples: n,
     })
@@ -251,13 +269,14 @@ fn mean_of(index: usize, rec: &Recording, segment: &SteadySegment, direction: Di
 
 /// The means of motions whose speed was imposed, if they determine the line; else all.
 ///
-/// Under a constant push the speed responds to the friction of the stroke, so its scatter is an error
-/// of the regressor, not of the force. A motion that keeps one speed for half of its time was
+/// Under a constant push the speed responds to the friction of the stroke, so its scatter is an
+/// error of the regressor, not of the force. A motion that keeps one speed for half of its time was
 /// driven at that speed.
 pub(super) fn imposed(means: Vec<StrokeMean>) -> Vec<StrokeMean> {
     const IMPOSED: f64 = 0.5;
     let own: Vec<StrokeMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
-    let determined = [Direction::Insertion, Direction::Withdrawal].into_iter().all(|d| speeds_differ(&own, d));
+    let determined =
+        [Direction::Insertion, Direction::Withdrawal].into_iter().all(|d| speeds_differ(&own, d));
     if determined && own.len() >= 6 { own } else { means }
 }
 
@@ -276,7 +295,8 @@ pub(super) fn moving_means(
     let mut means = Vec::new();
     for (number, stroke) in strokes.iter().enumerate() {
         let sign = stroke.direction.sign();
-        let moving: Vec<usize> = (stroke.start..stroke.end).filter(|i| sign * velocity[*i] > slowest).collect();
+        let moving: Vec<usize> =
+            (stroke.start..stroke.end).filter(|i| sign * velocity[*i] > slowest).collect();
         let samples = ((duration / recording.quality.median_interval) as usize).max(5);
         for block in moving.chunks_exact(samples) {
             let n = samples as f64;
@@ -337,7 +357,9 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
     let (low, high) = (quantile(0.05), quantile(0.95));
     let (offset, coulomb) = (0.5 * (low + high), 0.5 * (high - low));
     let work = |r: &Recording| -> f64 {
-        let one = |i: usize| (0.5 * (r.force[i] + r.force[i - 1]) - offset) * (r.position[i] - r.position[i - 1]);
+        let one = |i: usize| {
+            (0.5 * (r.force[i] + r.force[i - 1]) - offset) * (r.position[i] - r.position[i - 1])
+        };
         r.unbroken().flat_map(|range| range.start + 1..range.end).map(one).sum()
     };
     let path = |r: &Recording| -> f64 { r.position.windows(2).map(|x| (x[1] - x[0]).abs()).sum() };
@@ -347,7 +369,8 @@ pub(super) fn from_levels(recordings: &[Recording]) -> Result<SteadyFit, Identif
     }
     let none = |value, unit| Estimate::undetermined(value, unit, NO_STEADY_SEGMENT);
     let mut levels = blank(none(coulomb, "N"), none(0.0, "N s/m"), none(offset, "N"));
-    let mut speeds: Vec<f64> = recordings.iter().flat_map(|r| local_velocity(r, 0.05)).map(f64::abs).collect();
+    let mut speeds: Vec<f64> =
+        recordings.iter().flat_map(|r| local_velocity(r, 0.05)).map(f64::abs).collect();
     speeds.sort_by(f64::total_cmp);
     let fast = speeds[(0.95 * (speeds.len() - 1) as f64) as usize].max(1e-3);
     levels.speed_range_m_s = [0.1 * fast, fast];
@@ -390,7 +413,8 @@ fn has(means: &[StrokeMean], direction: Direction) -> bool {
 /// F = F_0 + F_c·sgn(v) + β·v, or as much of it as the means determine.
 fn common_line(means: &[StrokeMean]) -> SteadyFit {
     let both = has(means, Direction::Insertion) && has(means, Direction::Withdrawal);
-    let slope = speeds_differ(means, Direction::Insertion) || speeds_differ(means, Direction::Withdrawal);
+    let slope =
+        speeds_differ(means, Direction::Insertion) || speeds_differ(means, Direction::Withdrawal);
     if means.is_empty() {
         let none = |unit| Estimate::undetermined(0.0, unit, NO_STEADY_SEGMENT);
         return blank(none("N"), none("N s/m"), none("N"));
@@ -408,7 +432,11 @@ fn common_line(means: &[StrokeMean]) -> SteadyFit {
             let (fit, scatter) = weighted(means, &[|_| 1.0, sign]);
             let Some(fit) = fit else { return common_line(&[]) };
             let coulomb = Estimate::undetermined(fit.coefficients[1], "N", one_speed);
-            let line = blank(coulomb, Estimate::undetermined(0.0, "N s/m", one_speed), fit.estimate(0, "N"));
+            let line = blank(
+                coulomb,
+                Estimate::undetermined(0.0, "N s/m", one_speed),
+                fit.estimate(0, "N"),
+            );
             SteadyFit { stroke_mean_scatter_n: scatter, ..line }
         }
         (false, _) => {
@@ -441,7 +469,10 @@ pub(super) fn direction_line(means: &[StrokeMean], direction: Direction) -> Opti
         });
     }
     let fit = weighted(&own, &[sign, |v| v]).0?;
-    Some(DirectionLine { coulomb_force_n: fit.estimate(0, "N"), viscous_damping_n_s_m: fit.estimate(1, "N s/m") })
+    Some(DirectionLine {
+        coulomb_force_n: fit.estimate(0, "N"),
+        viscous_damping_n_s_m: fit.estimate(1, "N s/m"),
+    })
 }
 
 /// p value of the hypothesis of equal slopes: t test of a slope difference in addition to the
@@ -455,21 +486,28 @@ fn symmetry_p_value(means: &[StrokeMean]) -> Option<f64> {
     Some(t_p_value(fit.coefficients[3] / fit.covariance[(3, 3)].sqrt(), fit.degrees))
 }
 
-/// Weighted least squares of the means on functions of velocity; also the scatter between strokes τ, N.
+/// Weighted least squares of the means on functions of velocity; also the scatter between strokes
+/// τ, N.
 ///
 /// τ² is the value at which the weighted residuals have their expected size (method of Paule and
 /// Mandel). The covariance includes the residual variance factor, so intervals follow Student's t
 /// with the number of strokes.
-pub(super) fn weighted(means: &[StrokeMean], columns: &[fn(f64) -> f64]) -> (Option<LinearFit>, f64) {
-    let design = DMatrix::from_fn(means.len(), columns.len(), |i, j| columns[j](means[i].velocity_m_s));
+pub(super) fn weighted(
+    means: &[StrokeMean],
+    columns: &[fn(f64) -> f64],
+) -> (Option<LinearFit>, f64) {
+    let design =
+        DMatrix::from_fn(means.len(), columns.len(), |i, j| columns[j](means[i].velocity_m_s));
     weighted_design(means, &design)
 }
 
 fn weighted_design(means: &[StrokeMean], design: &DMatrix<f64>) -> (Option<LinearFit>, f64) {
     let data = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
     let fit_with = |tau2: f64| {
-        let weights =
-            DVector::from_iterator(means.len(), means.iter().map(|m| 1.0 / (tau2 + m.standard_error_n.powi(2))));
+        let weights = DVector::from_iterator(
+            means.len(),
+            means.iter().map(|m| 1.0 / (tau2 + m.standard_error_n.powi(2))),
+        );
         LinearFit::new(design, &data, &weights)
     };
     let Some(plain) = fit_with(0.0) else { return (None, 0.0) };

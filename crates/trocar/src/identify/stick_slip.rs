@@ -146,8 +146,9 @@ fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
     let mut correlations = Vec::new();
     for all in recordings {
         for (k, one) in all.iter().enumerate() {
-            let differs =
-                |o: &&Oscillation| o.inserts == one.inserts && (o.speed / one.speed).ln().abs() > OTHER_SPEED.ln();
+            let differs = |o: &&Oscillation| {
+                o.inserts == one.inserts && (o.speed / one.speed).ln().abs() > OTHER_SPEED.ln()
+            };
             let next = all[k + 1..].iter().find(differs);
             correlations.extend(next.and_then(|other| correlation(one, other, period / CELLS)));
         }
@@ -163,7 +164,9 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
     let means = |of: &Oscillation| {
         let mut sums = vec![(0.0, 0.0); cells];
         for (x, force) in of.positions.iter().zip(of.readings) {
-            if let Some((sum, count)) = sums.get_mut(((x - from) / cell).floor() as usize).filter(|_| *x >= from) {
+            if let Some((sum, count)) =
+                sums.get_mut(((x - from) / cell).floor() as usize).filter(|_| *x >= from)
+            {
                 (*sum, *count) = (*sum + force, *count + 1.0);
             }
         }
@@ -173,7 +176,8 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
         means(one).into_iter().zip(means(other)).filter(|(a, b)| (a + b).is_finite()).collect();
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
-    let product = |of: fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - a, y - b)).sum::<f64>();
+    let product =
+        |of: fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - a, y - b)).sum::<f64>();
     let scale = (product(|x, _| x * x) * product(|_, y| y * y)).sqrt();
     (pairs.len() >= FEWEST_CELLS && scale > 0.0).then(|| product(|x, y| x * y) / scale)
 }
@@ -181,7 +185,11 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
 /// Oscillations of the force about its mean on each velocity plateau after its first third, counted
 /// with a hysteresis of a quarter of the peak-to-peak amplitude. A plateau is used as a whole
 /// because the slips of a seal disturb the drive, too.
-fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) -> Vec<Oscillation<'a>> {
+fn oscillations<'a>(
+    recording: &'a Recording,
+    segments: &Segments,
+    offset: f64,
+) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[SteadySegment]| {
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);
         let (from, last) = (start + (end - start) / 3, end - 1);
@@ -191,12 +199,15 @@ fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) 
         let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
         let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
         let swing = high - low;
-        if swing < LEAST_SWING * (middle - offset).abs() + OVER_NOISE * recording.quality.force_noise {
+        if swing
+            < LEAST_SWING * (middle - offset).abs() + OVER_NOISE * recording.quality.force_noise
+        {
             return None;
         }
         let (mut above, mut swings) = (force[0] > middle, 0);
         for f in force {
-            let crossed = if above { *f < middle - 0.25 * swing } else { *f > middle + 0.25 * swing };
+            let crossed =
+                if above { *f < middle - 0.25 * swing } else { *f > middle + 0.25 * swing };
             if crossed {
                 above = !above;
                 swings += 1;
@@ -204,7 +215,8 @@ fn oscillations<'a>(recording: &'a Recording, segments: &Segments, offset: f64) 
         }
         let passed = |of: &[f64]| of[last] - of[from];
         let time = passed(&recording.time);
-        let (frequency, speed) = (0.5 * f64::from(swings) / time, (passed(&recording.position) / time).abs());
+        let (frequency, speed) =
+            (0.5 * f64::from(swings) / time, (passed(&recording.position) / time).abs());
         let [one, other] = [low, high].map(|level| (level - offset).abs());
         let inserts = recording.position[last] > recording.position[from];
         let found = Oscillation {

@@ -14,7 +14,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::estimate::{Estimate, LinearFit, f_p_value};
 use super::random::normal;
-use super::steady::{LackOfFit, SteadyFit, StribeckFit, StrokeMean, direction_line, sign, weighted};
+use super::steady::{
+    LackOfFit, SteadyFit, StribeckFit, StrokeMean, direction_line, sign, weighted,
+};
 use crate::segment::Direction;
 
 /// Significance level of the lack-of-fit test.
@@ -51,7 +53,9 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     let at_slowest = bump * (-(slowest / best.stribeck_velocity).powf(EXPONENT)).exp();
     let verdict = match () {
         () if p_value >= LEVEL => "the straight line suffices".to_owned(),
-        () if bump <= 0.0 => "the force falls towards low speed: not a Stribeck curve, the line is kept".to_owned(),
+        () if bump <= 0.0 => {
+            "the force falls towards low speed: not a Stribeck curve, the line is kept".to_owned()
+        }
         () if at_slowest < LEAST_PART_SEEN * bump => format!(
             "the force rises below {:.0} mm/s, but such a narrow bump lies outside the speeds measured: the line is kept, \
              record slower strokes to determine it",
@@ -59,7 +63,8 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
         ),
         () => {
             accept(fit, &best, &profile.weights);
-            "Stribeck curve accepted; F_s is its continuation below the slowest speed measured".to_owned()
+            "Stribeck curve accepted; F_s is its continuation below the slowest speed measured"
+                .to_owned()
         }
     };
     fit.lack_of_fit = Some(LackOfFit {
@@ -89,7 +94,11 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
             let half = joint.combination(terms, unit).half_width();
             Estimate::from_bounds(value, value - half, value + half, unit)
         }
-        None => Estimate::undetermined(terms.iter().map(|(j, a)| a * best.fit.coefficients[*j]).sum(), unit, flat),
+        None => Estimate::undetermined(
+            terms.iter().map(|(j, a)| a * best.fit.coefficients[*j]).sum(),
+            unit,
+            flat,
+        ),
     };
     let [low, high] = best.velocity_interval;
     let half = joint.as_ref().map_or(0.0, |j| j.estimate(4, "m/s").half_width());
@@ -99,11 +108,18 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
     fit.stribeck = Some(StribeckFit {
         static_force_n: estimate(&[(1, 1.0), (2, 1.0)], "N")
             .with_note("continued from the slowest speed measured to rest"),
-        stribeck_velocity_m_s: Estimate::from_bounds(vs, low.min(vs - half).max(0.0), high.max(vs + half), "m/s"),
+        stribeck_velocity_m_s: Estimate::from_bounds(
+            vs,
+            low.min(vs - half).max(0.0),
+            high.max(vs + half),
+            "m/s",
+        ),
         stribeck_exponent: EXPONENT,
     });
-    let without_bump: Vec<StrokeMean> =
-        means.iter().map(|m| StrokeMean { force_n: m.force_n - rise * bump(m.velocity_m_s), ..m.clone() }).collect();
+    let without_bump: Vec<StrokeMean> = means
+        .iter()
+        .map(|m| StrokeMean { force_n: m.force_n - rise * bump(m.velocity_m_s), ..m.clone() })
+        .collect();
     fit.insertion = direction_line(&without_bump, Direction::Insertion);
     fit.withdrawal = direction_line(&without_bump, Direction::Withdrawal);
 }
@@ -134,7 +150,8 @@ impl Profile {
     fn new(means: &[StrokeMean], weights: DVector<f64>, slowest: f64, fastest: f64) -> Self {
         let v: Vec<f64> = means.iter().map(|m| m.velocity_m_s).collect();
         let root = weights.map(f64::sqrt);
-        let line = DMatrix::from_fn(v.len(), 3, |i, j| root[i] * [1.0, sign(v[i]), v[i]][j]).qr().q();
+        let line =
+            DMatrix::from_fn(v.len(), 3, |i, j| root[i] * [1.0, sign(v[i]), v[i]][j]).qr().q();
         let (from, to) = (0.25 * slowest, 0.7 * fastest);
         let mut curves = Vec::new();
         let mut bumps = Vec::new();
@@ -146,7 +163,10 @@ impl Profile {
             // A bump that the line can represent, or that has decayed at every speed, is no
             // candidate.
             if own.norm() > 1e-6 * weighted.norm() && weighted.norm() > 1e-6 * root.norm() {
-                curves.push((vs, DMatrix::from_fn(v.len(), 4, |i, j| [1.0, sign(v[i]), bump(v[i]), v[i]][j])));
+                curves.push((
+                    vs,
+                    DMatrix::from_fn(v.len(), 4, |i, j| [1.0, sign(v[i]), bump(v[i]), v[i]][j]),
+                ));
                 bumps.push(own.normalize());
             }
         }
@@ -168,10 +188,16 @@ impl Profile {
         let fit = LinearFit::new(&self.curves[best].1, forces, &self.weights)?;
         let least = line_rss - gains[best];
         let degrees = fit.degrees - 1.0;
-        let not_worse = |gain: f64| f_p_value((gains[best] - gain) / (least / degrees), 1.0, degrees) > 0.05;
-        let close = self.curves.iter().zip(&gains).filter(|(_, g)| not_worse(**g)).map(|((v, _), _)| *v);
+        let not_worse =
+            |gain: f64| f_p_value((gains[best] - gain) / (least / degrees), 1.0, degrees) > 0.05;
+        let close =
+            self.curves.iter().zip(&gains).filter(|(_, g)| not_worse(**g)).map(|((v, _), _)| *v);
         let (low, high) = close.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
-        Some(Candidate { stribeck_velocity: self.curves[best].0, fit, velocity_interval: [low, high] })
+        Some(Candidate {
+            stribeck_velocity: self.curves[best].0,
+            fit,
+            velocity_interval: [low, high],
+        })
     }
 
     /// Largest decrease relative to the squared error that remains.

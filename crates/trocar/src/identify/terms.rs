@@ -72,7 +72,8 @@ impl Term {
     ];
 
     /// Terms that full strokes cannot reveal.
-    pub(super) const OF_FREE_MOTION: [Self; 3] = [Self::MinorLoops, Self::SecondRelaxation, Self::SecondStage];
+    pub(super) const OF_FREE_MOTION: [Self; 3] =
+        [Self::MinorLoops, Self::SecondRelaxation, Self::SecondStage];
 
     /// Name on the command line and in `summary.json`.
     pub fn name(self) -> &'static str {
@@ -108,7 +109,8 @@ impl Term {
     pub(super) fn parameters(self) -> &'static [ParameterId] {
         use Quantity as Q;
         const RELAXATION: [ParameterId; 2] = [Q::RelaxationStiffness.id(), Q::RelaxationTime.id()];
-        const SECOND: [ParameterId; 2] = [Q::SecondRelaxationStiffness.id(), Q::SecondRelaxationTime.id()];
+        const SECOND: [ParameterId; 2] =
+            [Q::SecondRelaxationStiffness.id(), Q::SecondRelaxationTime.id()];
         match self {
             Self::Stribeck => const { &[Q::StaticForce.id()] },
             Self::SealDamping => const { &[Q::SealDamping.id()] },
@@ -147,8 +149,9 @@ impl Term {
         let EmsTrial { candidate, mut layout, drift } = from.clone();
         let force = candidate.insertion.coulomb_force;
         let mut all = Vec::new();
-        let mut add =
-            |candidate: Candidate, layout: Layout| all.push(EmsTrial { candidate, layout, drift: drift.clone() });
+        let mut add = |candidate: Candidate, layout: Layout| {
+            all.push(EmsTrial { candidate, layout, drift: drift.clone() })
+        };
         match self {
             Self::Stribeck => {
                 layout.stribeck = true;
@@ -170,13 +173,18 @@ impl Term {
             }
             Self::MinorLoops => {
                 layout.yielding = true;
-                add(Candidate { yield_ratio: 1.5 * Candidate::DEFAULT_YIELD_RATIO, ..candidate }, layout);
+                add(
+                    Candidate { yield_ratio: 1.5 * Candidate::DEFAULT_YIELD_RATIO, ..candidate },
+                    layout,
+                );
             }
             Self::Creep => {
                 layout.creep = true;
                 layout.lag = layout.stribeck;
                 let friction_lag = if layout.lag { 0.01 } else { 0.0 };
-                for creep_velocity in [5e-5, 3e-4, 2e-3].into_iter().filter(|v| *v > layout.slowest_creep) {
+                for creep_velocity in
+                    [5e-5, 3e-4, 2e-3].into_iter().filter(|v| *v > layout.slowest_creep)
+                {
                     add(Candidate { creep_velocity, friction_lag, ..candidate.clone() }, layout);
                 }
             }
@@ -222,7 +230,9 @@ impl Term {
         match self {
             Self::Stribeck => layout.stribeck = false,
             Self::SealDamping => (layout.damping, candidate.seal_damping) = (false, 0.0),
-            Self::MinorLoops => (layout.yielding, candidate.yield_ratio) = (false, Candidate::DEFAULT_YIELD_RATIO),
+            Self::MinorLoops => {
+                (layout.yielding, candidate.yield_ratio) = (false, Candidate::DEFAULT_YIELD_RATIO)
+            }
             Self::Creep => {
                 // The lag of the Stribeck curve was added with it.
                 (layout.creep, layout.lag) = (false, false);
@@ -233,11 +243,14 @@ impl Term {
                 layout.arms -= 1;
                 candidate.relaxation.arms[layout.arms].stiffness = 0.0;
             }
-            Self::UnmodelledMass => (layout.unmodelled_mass, candidate.unmodelled_mass) = (false, 0.0),
+            Self::UnmodelledMass => {
+                (layout.unmodelled_mass, candidate.unmodelled_mass) = (false, 0.0)
+            }
             Self::Asymmetry => (layout.own_slopes, layout.own_levels) = (false, false),
             Self::SecondStage => return None,
         }
-        let values: Vec<f64> = smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
+        let values: Vec<f64> =
+            smaller.layout.free(&smaller.candidate).iter().map(|f| f.value).collect();
         smaller.candidate = smaller.layout.with(&smaller.candidate, &values);
         Some(smaller)
     }
@@ -251,7 +264,11 @@ impl Term {
     fn can_join(self, layout: &Layout) -> bool {
         let has_place = match self {
             Self::SecondRelaxation => layout.arms == 1,
-            Self::MinorLoops | Self::SecondStage | Self::SealDamping | Self::Relaxation | Self::Creep => layout.shape,
+            Self::MinorLoops
+            | Self::SecondStage
+            | Self::SealDamping
+            | Self::Relaxation
+            | Self::Creep => layout.shape,
             Self::Asymmetry => layout.viscous,
             _ => true,
         };
@@ -308,8 +325,8 @@ struct Score {
     start: EmsTrial,
 }
 
-/// Parts of the work of an identification after which the terms are tried, and after which they have
-/// been: medians over recordings of all kinds.
+/// Parts of the work of an identification after which the terms are tried, and after which they
+/// have been: medians over recordings of all kinds.
 pub(super) const TERMS_FROM: f64 = 0.2;
 pub(super) const TERMS_TO: f64 = 0.85;
 
@@ -325,8 +342,9 @@ pub(super) fn choose(
     progress: Progress,
 ) -> Chosen {
     let from_start = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout));
-    let trials =
-        from_start.map(|term| TermTrial { term, kept: true, p_value: 0.0, gain: 1.0, why_not: None }).collect();
+    let trials = from_start
+        .map(|term| TermTrial { term, kept: true, p_value: 0.0, gain: 1.0, why_not: None })
+        .collect();
     let mut chosen = Chosen { fitted, trials };
     chosen.take_out_needless(training);
     let mut excluded = excluded.to_vec();
@@ -341,7 +359,13 @@ pub(super) fn choose(
 }
 
 impl Chosen {
-    fn add_needed(&mut self, training: &Training, excluded: &[Term], speeds: [f64; 2], progress: Progress) {
+    fn add_needed(
+        &mut self,
+        training: &Training,
+        excluded: &[Term],
+        speeds: [f64; 2],
+        progress: Progress,
+    ) {
         let mut failed: Vec<(Term, &'static str)> = Vec::new();
         while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
@@ -356,8 +380,11 @@ impl Chosen {
             let is_clear = |s: &Score| s.p_value < level && s.gain > LEAST_GAIN;
             let is_large = |s: &Score| s.p_value < SUSPECTED && s.gain > LARGE_GAIN;
             let open = |s: &&Score| why_not(s.term).is_none();
-            let Some(best) =
-                scores.iter().filter(open).find(|s| is_clear(s)).or(scores.iter().filter(open).find(|s| is_large(s)))
+            let Some(best) = scores
+                .iter()
+                .filter(open)
+                .find(|s| is_clear(s))
+                .or(scores.iter().filter(open).find(|s| is_large(s)))
             else {
                 break;
             };
@@ -372,7 +399,8 @@ impl Chosen {
                 _ => false,
             };
             let judged = |l: Fitted<EmsTrial>| {
-                let is_determined = may_be_open(&l) || numbers::are_determined(&l, best.term.parameters());
+                let is_determined =
+                    may_be_open(&l) || numbers::are_determined(&l, best.term.parameters());
                 let is_sure = is_clear(best) || growth_p_value(training, &self.fitted, &l) < level;
                 if !is_sure || l.cost() >= (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost() {
                     return Err(NO_BETTER);
@@ -382,7 +410,10 @@ impl Chosen {
             match likelihood::fit(training, &best.start, NEXT).ok_or(NO_BETTER).and_then(judged) {
                 Ok(larger) => {
                     self.fitted = larger;
-                    self.trials.iter_mut().filter(|t| t.term == best.term).for_each(|t| t.kept = true);
+                    self.trials
+                        .iter_mut()
+                        .filter(|t| t.term == best.term)
+                        .for_each(|t| t.kept = true);
                     // Together with the new term they may fit better.
                     failed.clear();
                 }
@@ -396,10 +427,15 @@ impl Chosen {
         let mut needless = Vec::new();
         for trial in self.trials.iter_mut().filter(|t| t.kept) {
             let smaller = trial.term.left_out_of(&self.fitted.best);
-            let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST)) else { continue };
+            let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST))
+            else {
+                continue;
+            };
             trial.p_value = growth_p_value(training, &without, &self.fitted);
             if trial.p_value >= CLEARLY_NEEDED {
-                let Some(further) = likelihood::fit(training, &without.best, NEXT) else { continue };
+                let Some(further) = likelihood::fit(training, &without.best, NEXT) else {
+                    continue;
+                };
                 without = further;
                 trial.p_value = growth_p_value(training, &without, &self.fitted);
             }
@@ -416,7 +452,11 @@ impl Chosen {
 
 /// p value of the increase of the squared error from the larger model to the smaller, over the
 /// clusters of strokes.
-fn growth_p_value(training: &Training, smaller: &Fitted<EmsTrial>, larger: &Fitted<EmsTrial>) -> f64 {
+fn growth_p_value(
+    training: &Training,
+    smaller: &Fitted<EmsTrial>,
+    larger: &Fitted<EmsTrial>,
+) -> f64 {
     let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
     let growth = smaller.cost() - larger.cost();
     f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
@@ -434,7 +474,9 @@ fn scores(
     let mut columns: Vec<(Term, EmsTrial)> = Vec::new();
     for term in open {
         let runs = |t: &EmsTrial| likelihood::Trial::model(t).is_some();
-        columns.extend(term.variants(best, speeds).into_iter().filter(runs).map(|start| (term, start)));
+        columns.extend(
+            term.variants(best, speeds).into_iter().filter(runs).map(|start| (term, start)),
+        );
     }
     if columns.is_empty() {
         return None;
@@ -453,7 +495,8 @@ fn scores(
     };
     let places: Vec<usize> = columns.iter().map(place).collect();
     let normal = fitted.with_columns(training, &extra)?;
-    let damping = columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
+    let damping =
+        columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
     let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
     let count = 0.5 * (terms + columns.len()) as f64;
     let sigma2 = variance(fitted);

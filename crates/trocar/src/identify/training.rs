@@ -105,7 +105,8 @@ pub(crate) struct Run {
 impl Run {
     /// The strokes of its steps.
     pub(crate) fn strokes(&self) -> Range<usize> {
-        let [first, last] = [self.steps.first(), self.steps.last()].map(|step| step.map(|s| s.stroke));
+        let [first, last] =
+            [self.steps.first(), self.steps.last()].map(|step| step.map(|s| s.stroke));
         first.unwrap_or(0)..last.map_or(0, |last| last + 1)
     }
 }
@@ -144,7 +145,12 @@ const MOST_STROKES: f64 = 400.0;
 
 impl Training {
     /// Shorter cycles are merged until there are at most `most_clusters`.
-    pub(crate) fn new(data: &[Segmented], half_width: f64, most_clusters: usize, independent: f64) -> Self {
+    pub(crate) fn new(
+        data: &[Segmented],
+        half_width: f64,
+        most_clusters: usize,
+        independent: f64,
+    ) -> Self {
         let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
         let longest = data.iter().map(|d| d.recording.quality.stroke).fold(0.0, f64::max);
         let interval = data.iter().map(|d| d.recording.quality.median_interval).fold(0.0, f64::max);
@@ -158,7 +164,12 @@ impl Training {
             },
             half_width,
             independent,
-            strokes_of_cluster: if data.iter().map(|d| d.strokes.len()).sum::<usize>() < FEW_STROKES { 1 } else { 2 },
+            strokes_of_cluster: if data.iter().map(|d| d.strokes.len()).sum::<usize>() < FEW_STROKES
+            {
+                1
+            } else {
+                2
+            },
         };
         let (mut runs, mut strokes) = (Vec::new(), Vec::new());
         for (index, part) in data.iter().enumerate() {
@@ -245,14 +256,26 @@ struct Progress {
     is_first: bool,
 }
 
-fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, scaled: &mut Vec<ScaledStroke>) -> Run {
+fn run(
+    part: &Segmented,
+    index: usize,
+    range: Range<usize>,
+    limits: Limits,
+    scaled: &mut Vec<ScaledStroke>,
+) -> Run {
     let recording = part.recording;
     let mut steps = Vec::new();
     let mut segment = part.settled.partition_point(|s| s.end <= range.start);
     let cluster = scaled.last().map_or(0, |s| s.cluster + 1);
     let mut at = range.start;
     let direction = part.strokes.iter().find(|p| p.end > at).map(|p| p.direction);
-    scaled.push(ScaledStroke { cluster, recording: index, start: at, time: recording.time[at], direction });
+    scaled.push(ScaledStroke {
+        cluster,
+        recording: index,
+        start: at,
+        time: recording.time[at],
+        direction,
+    });
     let mut progress = Progress {
         stroke: part.strokes.partition_point(|p| p.end <= at),
         strokes_inside: 0,
@@ -303,7 +326,14 @@ fn run(part: &Segmented, index: usize, range: Range<usize>, limits: Limits, scal
 
 impl Progress {
     /// Begins a scaled stroke at a reversal, and a cluster with every other stroke.
-    fn reverse(&mut self, part: &Segmented, index: usize, at: usize, limits: Limits, scaled: &mut Vec<ScaledStroke>) {
+    fn reverse(
+        &mut self,
+        part: &Segmented,
+        index: usize,
+        at: usize,
+        limits: Limits,
+        scaled: &mut Vec<ScaledStroke>,
+    ) {
         if part.strokes.get(self.stroke).is_none_or(|p| p.end > at) {
             return;
         }
@@ -316,7 +346,9 @@ impl Progress {
         }
         self.strokes_inside += 1;
         let mut cluster = last.cluster;
-        if self.strokes_inside >= limits.strokes_of_cluster && time - self.cluster_time >= limits.cluster {
+        if self.strokes_inside >= limits.strokes_of_cluster
+            && time - self.cluster_time >= limits.cluster
+        {
             (self.strokes_inside, self.cluster_time) = (0, time);
             cluster += 1;
         }
@@ -336,8 +368,12 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
         change += a[*i] * (t[*i] - t[*i - 1]);
         // At a low sampling rate the acceleration is all noise.
-        let is_steady = STEADY >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
-        one_way && is_steady && (x[*i] - x[at]).abs() <= limit.travel && t[*i] - t[at] <= limit.duration
+        let is_steady = STEADY
+            >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
+        one_way
+            && is_steady
+            && (x[*i] - x[at]).abs() <= limit.travel
+            && t[*i] - t[at] <= limit.duration
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }

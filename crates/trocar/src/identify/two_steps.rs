@@ -9,7 +9,9 @@ use rayon::prelude::*;
 use trocar_model::{ParameterId, Quantity, Relaxation, SlidingFriction};
 
 use super::candidate::Candidate;
-use super::deformation::{self, DampingTest, DeformationFit, FullReversal, Limits, Sensors, curves_of, mean_points};
+use super::deformation::{
+    self, DampingTest, DeformationFit, FullReversal, Limits, Sensors, curves_of, mean_points,
+};
 use super::estimate::Estimate;
 use super::findings::{IdentifyError, Parameter};
 use super::numbers::branch_ids;
@@ -55,8 +57,15 @@ fn alternately(
 ) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
     let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<StrokeMean> {
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let halved: Vec<SteadySegment> = s.steady_segments.iter().map(|st| latter_half(r, st)).collect();
-            steady::stroke_means(i, r, &s.strokes, if second_half { &halved } else { &s.steady_segments }, settled)
+            let halved: Vec<SteadySegment> =
+                s.steady_segments.iter().map(|st| latter_half(r, st)).collect();
+            steady::stroke_means(
+                i,
+                r,
+                &s.strokes,
+                if second_half { &halved } else { &s.steady_segments },
+                settled,
+            )
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
@@ -82,7 +91,8 @@ fn alternately(
         deformation = deform(&steady);
     }
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
-    let negligible = deformation.as_ref().map_or(true, |found| 2.0 * found.half_width.value < 0.01 * longest);
+    let negligible =
+        deformation.as_ref().map_or(true, |found| 2.0 * found.half_width.value < 0.01 * longest);
     if negligible && options.inertia_removed {
         steady = steady::fit(with_transients(steady.means, recordings, segments));
     } else if deformation.is_err() {
@@ -102,8 +112,8 @@ fn alternately(
     Ok((steady, deformation))
 }
 
-/// Friction scale of each stroke: sliding force relative to the fitted line; 1 for a stroke without a
-/// mean of its own.
+/// Friction scale of each stroke: sliding force relative to the fitted line; 1 for a stroke without
+/// a mean of its own.
 fn stroke_levels(index: usize, segments: &Segments, steady: &SteadyFit) -> Vec<f64> {
     let mut levels = vec![1.0; segments.strokes.len()];
     for mean in steady.means.iter().filter(|m| m.recording == index) {
@@ -130,8 +140,11 @@ fn sensors(recordings: &[Recording]) -> Sensors {
 /// Travel, m, after a reversal beyond which sliding at `speed`, m/s, has settled: the deformation
 /// and five time constants β/K.
 fn settled_travel(steady: &SteadyFit, found: &DeformationFit, speed: f64) -> f64 {
-    let stiffness =
-        deformation::end_stiffness(&found.insertion_branch, &found.withdrawal_branch, found.half_width.value);
+    let stiffness = deformation::end_stiffness(
+        &found.insertion_branch,
+        &found.withdrawal_branch,
+        found.half_width.value,
+    );
     let time_constant = steady.viscous_damping_n_s_m.value.max(0.0) / stiffness;
     2.2 * found.half_width.value + 5.0 * time_constant * speed
 }
@@ -143,18 +156,26 @@ pub(super) fn settled_segments(
     steady: &SteadyFit,
     found: &DeformationFit,
 ) -> Vec<SteadySegment> {
-    after_start(recording, &segments.strokes, &segments.steady_segments, |speed| settled_travel(steady, found, speed))
+    after_start(recording, &segments.strokes, &segments.steady_segments, |speed| {
+        settled_travel(steady, found, speed)
+    })
 }
 
 /// Blocks of all motion instead of the plateau means, down to a fiftieth of the fastest plateau.
-fn with_transients(plateaus: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
+fn with_transients(
+    plateaus: Vec<StrokeMean>,
+    recordings: &[Recording],
+    segments: &[Segments],
+) -> Vec<StrokeMean> {
     const BLOCK: f64 = 0.1;
     let fastest = plateaus.iter().map(|m| m.velocity_m_s.abs()).fold(0.0, f64::max);
     if fastest == 0.0 {
         return plateaus;
     }
     let found = recordings.iter().zip(segments).enumerate();
-    found.flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.strokes, 0.02 * fastest, BLOCK)).collect()
+    found
+        .flat_map(|(i, (r, s))| steady::moving_means(i, r, &s.strokes, 0.02 * fastest, BLOCK))
+        .collect()
 }
 
 fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment {
@@ -168,15 +189,22 @@ fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment 
 
 /// Drops means of segments over which the force still rises from one limit to the other, which is
 /// not sliding.
-fn without_trend(means: Vec<StrokeMean>, recordings: &[Recording], segments: &[Segments]) -> Vec<StrokeMean> {
+fn without_trend(
+    means: Vec<StrokeMean>,
+    recordings: &[Recording],
+    segments: &[Segments],
+) -> Vec<StrokeMean> {
     let steady = |mean: &StrokeMean| {
         let recording = &recordings[mean.recording];
         let mut sorted = recording.force.clone();
         sorted.sort_by(f64::total_cmp);
         let swing = sorted[sorted.len() * 19 / 20] - sorted[sorted.len() / 20];
-        let own = segments[mean.recording].steady_segments.iter().filter(|s| s.plateau == mean.plateau);
+        let own =
+            segments[mean.recording].steady_segments.iter().filter(|s| s.plateau == mean.plateau);
         let quarter = |s: &SteadySegment| ((s.end - s.start) / 4).max(1);
-        let level = |from: usize, to: usize| recording.force[from..to].iter().sum::<f64>() / (to - from) as f64;
+        let level = |from: usize, to: usize| {
+            recording.force[from..to].iter().sum::<f64>() / (to - from) as f64
+        };
         own.map(|s| (level(s.end - quarter(s), s.end) - level(s.start, s.start + quarter(s))).abs())
             .all(|trend| trend < 0.4 * swing)
     };
@@ -199,8 +227,10 @@ fn sliding(steady: &SteadyFit) -> (f64, SlidingFriction, SlidingFriction) {
         };
         return (offset, friction(plus), friction(minus));
     }
-    let mut friction =
-        SlidingFriction::coulomb(steady.coulomb_force_n.value.max(least), steady.viscous_damping_n_s_m.value.max(0.0));
+    let mut friction = SlidingFriction::coulomb(
+        steady.coulomb_force_n.value.max(least),
+        steady.viscous_damping_n_s_m.value.max(0.0),
+    );
     if let Some(stribeck) = &steady.stribeck {
         friction.static_force = stribeck.static_force_n.value.max(friction.coulomb_force);
         friction.stribeck_velocity = stribeck.stribeck_velocity_m_s.value;
@@ -218,9 +248,17 @@ fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin =
-        if steady.viscous_damping_n_s_m.determined { 0.0 } else { 2.0 * ripple.hypot(steady.stroke_mean_scatter_n) };
-    Limits { offset, insertion: insertion.static_force, withdrawal: withdrawal.static_force, margin }
+    let margin = if steady.viscous_damping_n_s_m.determined {
+        0.0
+    } else {
+        2.0 * ripple.hypot(steady.stroke_mean_scatter_n)
+    };
+    Limits {
+        offset,
+        insertion: insertion.static_force,
+        withdrawal: withdrawal.static_force,
+        margin,
+    }
 }
 
 /// Two-step candidate; if the deformation is not resolved, a stiff straight spring replaces it
@@ -240,8 +278,17 @@ fn candidate_of(
     let step = sensors(recordings).position_step;
     let (half_width, insertion_branch, withdrawal_branch, seal_damping) = match deformation {
         Ok(found) => {
-            let kept = found.damping.as_ref().filter(|d| d.kept).map_or(0.0, |d| d.seal_damping_n_s_m.value);
-            (found.half_width.value, found.insertion_branch.shape.clone(), found.withdrawal_branch.shape.clone(), kept)
+            let kept = found
+                .damping
+                .as_ref()
+                .filter(|d| d.kept)
+                .map_or(0.0, |d| d.seal_damping_n_s_m.value);
+            (
+                found.half_width.value,
+                found.insertion_branch.shape.clone(),
+                found.withdrawal_branch.shape.clone(),
+                kept,
+            )
         }
         Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
     };
@@ -270,8 +317,14 @@ fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
     found
         .flat_map(|(direction, line)| {
             [
-                Parameter::new(Quantity::CoulombForceWithOffset.of(direction), line.coulomb_force_n.clone()),
-                Parameter::new(Quantity::ViscousDamping.of(direction), line.viscous_damping_n_s_m.clone()),
+                Parameter::new(
+                    Quantity::CoulombForceWithOffset.of(direction),
+                    line.coulomb_force_n.clone(),
+                ),
+                Parameter::new(
+                    Quantity::ViscousDamping.of(direction),
+                    line.viscous_damping_n_s_m.clone(),
+                ),
             ]
         })
         .collect()
@@ -309,15 +362,26 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
 }
 
 /// Branches refitted to full reversals resampled by cycle (or left out one at a time).
-fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &IdentifyOptions) -> Replicates<Candidate> {
+fn two_step_replicates(
+    two: &TwoSteps,
+    found: &DeformationFit,
+    options: &IdentifyOptions,
+) -> Replicates<Candidate> {
     let end_forces = two.candidate.end_forces();
-    let refit = |direction: Direction, shape: &BranchShape, chosen: &dyn Fn(usize) -> usize, count: usize| {
-        let own: Vec<&FullReversal> = found.full_reversals.iter().filter(|t| t.direction == direction).collect();
-        let curves: Vec<&[f64]> =
-            (0..count.min(own.len())).map(|k| own[chosen(k) % own.len()].curve.as_slice()).collect();
-        BranchShape::fit(options.degrees, end_forces, &mean_points(&curves)).map_or_else(|| shape.clone(), |f| f.0)
+    let refit = |direction: Direction,
+                 shape: &BranchShape,
+                 chosen: &dyn Fn(usize) -> usize,
+                 count: usize| {
+        let own: Vec<&FullReversal> =
+            found.full_reversals.iter().filter(|t| t.direction == direction).collect();
+        let curves: Vec<&[f64]> = (0..count.min(own.len()))
+            .map(|k| own[chosen(k) % own.len()].curve.as_slice())
+            .collect();
+        BranchShape::fit(options.degrees, end_forces, &mean_points(&curves))
+            .map_or_else(|| shape.clone(), |f| f.0)
     };
-    let [up, down] = [Direction::Insertion, Direction::Withdrawal].map(|d| curves_of(&found.full_reversals, d).len());
+    let [up, down] = [Direction::Insertion, Direction::Withdrawal]
+        .map(|d| curves_of(&found.full_reversals, d).len());
     let with = |insertion_branch, withdrawal_branch| Candidate {
         insertion_branch,
         withdrawal_branch,
@@ -330,7 +394,12 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
             let skip = |k: usize| if k < g { k } else { k + 1 };
             with(
                 refit(Direction::Insertion, &two.candidate.insertion_branch, &skip, up.max(2) - 1),
-                refit(Direction::Withdrawal, &two.candidate.withdrawal_branch, &skip, down.max(2) - 1),
+                refit(
+                    Direction::Withdrawal,
+                    &two.candidate.withdrawal_branch,
+                    &skip,
+                    down.max(2) - 1,
+                ),
             )
         };
         return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
@@ -339,7 +408,8 @@ fn two_step_replicates(two: &TwoSteps, found: &DeformationFit, options: &Identif
         cancel::check();
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
         rng.set_stream(index as u64);
-        let drawn: Vec<usize> = (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
+        let drawn: Vec<usize> =
+            (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
         let chosen = |k: usize| drawn[k];
         with(
             refit(Direction::Insertion, &two.candidate.insertion_branch, &chosen, up),
@@ -357,7 +427,10 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
         return found.clone();
     }
     let why = match test.p_value < 0.01 && found.value > 0.0 {
-        true => format!("its force of {:.2} N at most is no influence in practice", test.largest_force_n),
+        true => format!(
+            "its force of {:.2} N at most is no influence in practice",
+            test.largest_force_n
+        ),
         false => format!("p = {:.2}", test.p_value),
     };
     Estimate::from_bounds(0.0, 0.0, found.ci95[1], found.unit)
@@ -370,7 +443,11 @@ fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Ve
     let at_bound = |direction: Direction| best.branch(direction).join_at_bound();
     let parameter = |id: ParameterId| {
         let estimate = if id.quantity == Quantity::Join && id.direction.is_some_and(at_bound) {
-            Estimate::undetermined(best.value(id), id.unit().si, "no best join inside the range searched")
+            Estimate::undetermined(
+                best.value(id),
+                id.unit().si,
+                "no best join inside the range searched",
+            )
         } else {
             replicates.estimate(best, id.unit().si, &|candidate| candidate.value(id))
         };

@@ -82,7 +82,11 @@ pub(super) struct Unexplained {
 impl Unexplained {
     /// Omits the delay where the sampling does not resolve the effects that may be mistaken for
     /// one.
-    pub(super) fn new(recordings: &[Recording], training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
+    pub(super) fn new(
+        recordings: &[Recording],
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+    ) -> Option<Self> {
         let EmsTrial { layout, candidate, .. } = &fitted.best;
         let mut columns = Vec::new();
         if acceleration_is_resolved(recordings) {
@@ -99,7 +103,9 @@ impl Unexplained {
             }
         };
         if layout.shape && !layout.damping {
-            secant(Cause::Damping, &|t| t.candidate.seal_damping = candidate.seal_damping + DAMPING);
+            secant(Cause::Damping, &|t| {
+                t.candidate.seal_damping = candidate.seal_damping + DAMPING
+            });
         }
         if layout.shape && !layout.creep {
             CREEP.iter().for_each(|v| secant(Cause::Creep, &|t| t.candidate.creep_velocity = *v));
@@ -133,14 +139,21 @@ impl Unexplained {
     fn lag_beside(&self, beside: &[Cause]) -> Option<PositionDelay> {
         let step = self.step(Cause::Delay, beside)?;
         let p_value = t_p_value(step.amplitude / step.standard_error, step.degrees);
-        Some(PositionDelay { delay_s: step.amplitude, standard_error_s: step.standard_error, p_value, gain: step.gain })
+        Some(PositionDelay {
+            delay_s: step.amplitude,
+            standard_error_s: step.standard_error,
+            p_value,
+            gain: step.gain,
+        })
     }
 
     /// An unmodelled mass, kg, if significant.
     pub(super) fn mass(&self) -> Option<f64> {
         let step = self.step(Cause::Mass, &[])?;
         let p_value = 0.5 * t_p_value(step.amplitude / step.standard_error, step.degrees);
-        let shows = step.amplitude > 0.0 && step.gain > PositionDelay::LEAST_GAIN && p_value < PositionDelay::LEVEL;
+        let shows = step.amplitude > 0.0
+            && step.gain > PositionDelay::LEAST_GAIN
+            && p_value < PositionDelay::LEVEL;
         shows.then_some(step.amplitude)
     }
 
@@ -148,11 +161,11 @@ impl Unexplained {
     /// permit.
     pub(super) fn damping(&self) -> Option<Estimate> {
         let step = self.step(Cause::Damping, &[])?;
-        let most = DAMPING * (step.amplitude.max(0.0) + t_quantile(step.degrees) * step.standard_error);
-        Some(
-            Estimate::from_bounds(0.0, 0.0, most, "N s/m")
-                .with_note("none found: the interval holds all values that are compatible with the data"),
-        )
+        let most =
+            DAMPING * (step.amplitude.max(0.0) + t_quantile(step.degrees) * step.standard_error);
+        Some(Estimate::from_bounds(0.0, 0.0, most, "N s/m").with_note(
+            "none found: the interval holds all values that are compatible with the data",
+        ))
     }
 }
 
@@ -167,8 +180,19 @@ pub(super) struct UnexplainedEffects {
 }
 
 impl UnexplainedEffects {
-    pub(super) fn by(recordings: &[Recording], training: &Training, fitted: &Fitted<EmsTrial>) -> Self {
-        let Some(tests) = Unexplained::new(recordings, training, fitted) else { return Self::default() };
-        Self { lag: tests.lag(), lag_left: tests.lag_left(), mass: tests.mass(), damping: tests.damping() }
+    pub(super) fn by(
+        recordings: &[Recording],
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+    ) -> Self {
+        let Some(tests) = Unexplained::new(recordings, training, fitted) else {
+            return Self::default();
+        };
+        Self {
+            lag: tests.lag(),
+            lag_left: tests.lag_left(),
+            mass: tests.mass(),
+            damping: tests.damping(),
+        }
     }
 }

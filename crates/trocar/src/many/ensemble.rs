@@ -14,7 +14,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 use thiserror::Error;
 use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, blocks};
-use trocar_model::{Element, ParamError, PositionProfile, Seal, SealState, State, Trocar, TrocarState};
+use trocar_model::{
+    Element, ParamError, PositionProfile, Seal, SealState, State, Trocar, TrocarState,
+};
 
 use super::{TASK, run};
 use crate::cancel;
@@ -55,7 +57,12 @@ impl<'a> Tuned<'a> {
     pub fn new(base: Trocar<&'a [f64]>, columns: Vec<(usize, &'a [f64])>) -> Option<Self> {
         let present: Vec<f64> = base.seal().tunables().map(|tunable| tunable.value).collect();
         let count = columns.iter().map(|(_, values)| values.len()).min().unwrap_or(1);
-        columns.iter().all(|(place, _)| *place < present.len()).then_some(Self { base, present, columns, count })
+        columns.iter().all(|(place, _)| *place < present.len()).then_some(Self {
+            base,
+            present,
+            columns,
+            count,
+        })
     }
 
     /// The columns.
@@ -148,7 +155,8 @@ impl Motion {
         let start = position.first().copied().filter(|x| x.is_finite()).unwrap_or(0.0);
         let mut now = (time.first().copied().unwrap_or(0.0), start);
         let samples = time.len().min(position.len());
-        let mut motion = Self { position: Vec::with_capacity(samples), steps: Vec::with_capacity(samples) };
+        let mut motion =
+            Self { position: Vec::with_capacity(samples), steps: Vec::with_capacity(samples) };
         motion.position.extend((samples > 0).then_some(start));
         for (&t, &x) in time.iter().zip(position).skip(1) {
             let (duration, displacement) = (t - now.0, x - now.1);
@@ -173,7 +181,12 @@ impl Motion {
 /// # Errors
 /// [`Refusal`] of the first trocar that cannot be run; those of others may have been written
 /// already.
-pub fn forces(ensemble: &impl Ensemble, start: Start, motion: &Motion, forces: &mut [f64]) -> Result<(), Refusal> {
+pub fn forces(
+    ensemble: &impl Ensemble,
+    start: Start,
+    motion: &Motion,
+    forces: &mut [f64],
+) -> Result<(), Refusal> {
     let samples = motion.samples();
     if samples == 0 {
         return Ok(());
@@ -260,8 +273,18 @@ struct TaskTrocars<'a> {
 }
 
 impl<'a> TaskTrocars<'a> {
-    fn of(ensemble: &'a impl Ensemble, indices: Range<usize>, start: Start, at: f64) -> Result<Self, Refusal> {
-        let mut part = Self { seals: Vec::new(), states: Vec::new(), profiles: Vec::new(), at_start: Vec::new() };
+    fn of(
+        ensemble: &'a impl Ensemble,
+        indices: Range<usize>,
+        start: Start,
+        at: f64,
+    ) -> Result<Self, Refusal> {
+        let mut part = Self {
+            seals: Vec::new(),
+            states: Vec::new(),
+            profiles: Vec::new(),
+            at_start: Vec::new(),
+        };
         for index in indices {
             let trocar = ensemble.trocar(index).map_err(|why| Refusal::Parameter { index, why })?;
             let state = start.state(&trocar, at).ok_or(Refusal::NoDeflection { index })?;
@@ -275,8 +298,11 @@ impl<'a> TaskTrocars<'a> {
 
     /// Runs along the whole motion.
     fn run(mut self, motion: &Motion, sink: impl Sink) {
-        let single = |(seal, state): (&Seal, &SealState)| seal.single(state).map(|(element, state)| (*element, *state));
-        let singles: Option<Vec<(Element, State)>> = self.seals.iter().zip(&self.states).map(single).collect();
+        let single = |(seal, state): (&Seal, &SealState)| {
+            seal.single(state).map(|(element, state)| (*element, *state))
+        };
+        let singles: Option<Vec<(Element, State)>> =
+            self.seals.iter().zip(&self.states).map(single).collect();
         match singles {
             // A quarter of the memory of seals, which may have four elements.
             Some(singles) => {
@@ -402,7 +428,16 @@ struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     fn new(rows: &'a mut [f64], samples: usize) -> Self {
-        Self { rows, samples, tile: [[0.0; LANES]; TILE], waiting: 0, from: 0, piece: 0, first: 0, count: 0 }
+        Self {
+            rows,
+            samples,
+            tile: [[0.0; LANES]; TILE],
+            waiting: 0,
+            from: 0,
+            piece: 0,
+            first: 0,
+            count: 0,
+        }
     }
 
     #[inline(always)]

@@ -23,7 +23,9 @@ impl Banded {
 
     /// This matrix plus `sign` times `other`.
     pub(super) fn plus(&self, other: &Self, sign: f64) -> Self {
-        let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| std::array::from_fn(|d| a[d] + sign * b[d]);
+        let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| {
+            std::array::from_fn(|d| a[d] + sign * b[d])
+        };
         Self { rows: self.rows.iter().zip(&other.rows).map(row).collect() }
     }
 
@@ -120,7 +122,9 @@ mod tests {
     fn matrix(size: usize) -> Banded {
         let mut matrix = Banded::zero(size);
         for i in 0..size {
-            (0..=BAND.min(i)).for_each(|d| matrix.add(i, i - d, if d == 0 { 9.0 } else { ((i * d) as f64).sin() }));
+            (0..=BAND.min(i)).for_each(|d| {
+                matrix.add(i, i - d, if d == 0 { 9.0 } else { ((i * d) as f64).sin() })
+            });
         }
         matrix
     }
@@ -145,7 +149,10 @@ mod tests {
                 let mut unit = vec![0.0; size];
                 unit[j] = 1.0;
                 let column = factor.solve(&unit);
-                assert!((j..size.min(j + BAND + 1)).all(|i| (inverse.rows[i][i - j] - column[i]).abs() < 1e-15));
+                assert!(
+                    (j..size.min(j + BAND + 1))
+                        .all(|i| (inverse.rows[i][i - j] - column[i]).abs() < 1e-15)
+                );
             }
             assert!((matrix.trace_of_product(&inverse) - size as f64).abs() < 1e-12);
         }

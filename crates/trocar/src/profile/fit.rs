@@ -126,7 +126,9 @@ pub enum NoProfile {
         folds: usize,
     },
     /// No fit keeps the gain positive and slow enough.
-    #[error("every profile found would let the seal yield energy (storage length {storage_length} m)")]
+    #[error(
+        "every profile found would let the seal yield energy (storage length {storage_length} m)"
+    )]
     NotDissipative {
         /// ℓ, m.
         storage_length: f64,
@@ -183,7 +185,10 @@ fn huber(residuals: &[f64]) -> Vec<f64> {
     let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let limit = HUBER * 1.4826 * sizes[sizes.len() / 2];
-    residuals.iter().map(|e| if e.abs() <= limit || limit == 0.0 { 1.0 } else { limit / e.abs() }).collect()
+    residuals
+        .iter()
+        .map(|e| if e.abs() <= limit || limit == 0.0 { 1.0 } else { limit / e.abs() })
+        .collect()
 }
 
 /// Data of the fit.
@@ -234,7 +239,12 @@ struct Sums {
 
 impl Sums {
     fn zero(knots: usize) -> Self {
-        Self { matrix: Banded::zero(2 * knots), vector: vec![0.0; 2 * knots], power: 0.0, weight: 0.0 }
+        Self {
+            matrix: Banded::zero(2 * knots),
+            vector: vec![0.0; 2 * knots],
+            power: 0.0,
+            weight: 0.0,
+        }
     }
 
     fn combine(&self, other: &Self, sign: f64) -> Self {
@@ -258,7 +268,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl<'a> Data<'a> {
     fn new(samples: &'a [ProfileSample]) -> Result<Self, NoProfile> {
-        let finite = |s: &ProfileSample| s.position.is_finite() && s.seal_force.is_finite() && s.reading.is_finite();
+        let finite = |s: &ProfileSample| {
+            s.position.is_finite() && s.seal_force.is_finite() && s.reading.is_finite()
+        };
         if let Some(bad) = samples.iter().position(|s| !finite(s)) {
             return Err(NoProfile::NotFinite(bad));
         }
@@ -269,7 +281,8 @@ impl<'a> Data<'a> {
             return Err(NoProfile::TooFewCycles { cycles: numbers.len() });
         }
         let folds = numbers.len().min(FOLDS[1]);
-        let fold = samples.iter().map(|s| numbers.partition_point(|n| *n < s.cycle) % folds).collect();
+        let fold =
+            samples.iter().map(|s| numbers.partition_point(|n| *n < s.cycle) % folds).collect();
         let mut positions: Vec<f64> = samples.iter().map(|s| s.position).collect();
         positions.sort_by(f64::total_cmp);
         let beyond = (BEYOND * samples.len() as f64) as usize;
@@ -304,7 +317,10 @@ impl<'a> Data<'a> {
             let reading = sample.reading - self.offset;
             let sums = &mut all[*fold];
             for (i, a) in row.iter().enumerate() {
-                row[..=i].iter().enumerate().for_each(|(j, b)| sums.matrix.add(first + i, first + j, w * a * b));
+                row[..=i]
+                    .iter()
+                    .enumerate()
+                    .for_each(|(j, b)| sums.matrix.add(first + i, first + j, w * a * b));
                 sums.vector[first + i] += w * a * reading;
             }
             sums.power += w * reading * reading;
@@ -320,17 +336,26 @@ impl<'a> Data<'a> {
         for knots in INTERVALS.iter().map(|n| n + 1).filter(|knots| *knots <= most) {
             let parts = self.sums(knots, weights);
             let all = parts[1..].iter().fold(parts[0].clone(), |sum, part| sum.combine(part, 1.0));
-            let tried = ROUGHNESS.iter().filter_map(|roughness| self.candidate(&parts, &all, knots, *roughness));
+            let tried = ROUGHNESS
+                .iter()
+                .filter_map(|roughness| self.candidate(&parts, &all, knots, *roughness));
             candidates.extend(tried);
         }
         candidates.retain(|c: &Candidate| is_passive(&c.profile, storage_length));
         let least = candidates.iter().map(|c| c.held_out).fold(f64::INFINITY, f64::min);
         let as_good = candidates.into_iter().filter(|c| c.held_out <= AS_GOOD * AS_GOOD * least);
-        let stiffest = as_good.min_by(|a, b| a.effective_parameters.total_cmp(&b.effective_parameters));
+        let stiffest =
+            as_good.min_by(|a, b| a.effective_parameters.total_cmp(&b.effective_parameters));
         stiffest.ok_or(NoProfile::NotDissipative { storage_length })
     }
 
-    fn candidate(&self, parts: &[Sums], all: &Sums, knots: usize, roughness: f64) -> Option<Candidate> {
+    fn candidate(
+        &self,
+        parts: &[Sums],
+        all: &Sums,
+        knots: usize,
+        roughness: f64,
+    ) -> Option<Candidate> {
         cancel::check();
         let penalty = self.penalty(knots, roughness);
         let (mut held_out, mut constant, mut better_folds) = (0.0, 0.0, 0);
@@ -364,7 +389,11 @@ impl<'a> Data<'a> {
 
     fn penalty(&self, knots: usize, roughness: f64) -> Banded {
         let unit = self.samples.len() as f64 / knots as f64;
-        penalty(knots, roughness * unit, [RIDGE * unit, if self.gain_is_free { RIDGE } else { HELD } * unit])
+        penalty(
+            knots,
+            roughness * unit,
+            [RIDGE * unit, if self.gain_is_free { RIDGE } else { HELD } * unit],
+        )
     }
 
     /// Unweighted held-out errors of the candidate and of the constant, N.
@@ -388,12 +417,13 @@ impl<'a> Data<'a> {
         let penalty = self.penalty(knots, best.roughness);
         let weighted = self.sums(knots, weights);
         let plain = self.sums(knots, &vec![1.0; self.samples.len()]);
-        let all = weighted[1..].iter().fold(weighted[0].clone(), |sum, part| sum.combine(part, 1.0));
+        let all =
+            weighted[1..].iter().fold(weighted[0].clone(), |sum, part| sum.combine(part, 1.0));
         let mut squares = [0.0; 2];
         for (part, scored) in weighted.iter().zip(&plain) {
             let others = all.combine(part, -1.0);
-            let solved =
-                Solved::new(&others, &penalty, knots, self.force).ok_or_else(|| refuse([profile, constant]))?;
+            let solved = Solved::new(&others, &penalty, knots, self.force)
+                .ok_or_else(|| refuse([profile, constant]))?;
             squares[0] += scored.squares(&solved.values);
             squares[1] += scored.squares(&constant_values(&others, knots, self.force));
         }
@@ -410,7 +440,10 @@ fn penalty(knots: usize, roughness: f64, ridges: [f64; 2]) -> Banded {
         let mut add = |knot: usize, row: &[f64], weight: f64| {
             let at = |k: usize| 2 * (knot + k) + side;
             for (i, a) in row.iter().enumerate() {
-                row[..=i].iter().enumerate().for_each(|(j, b)| matrix.add(at(i), at(j), weight * a * b));
+                row[..=i]
+                    .iter()
+                    .enumerate()
+                    .for_each(|(j, b)| matrix.add(at(i), at(j), weight * a * b));
             }
         };
         (0..knots - 2).for_each(|knot| add(knot, &[1.0, -2.0, 1.0], roughness));

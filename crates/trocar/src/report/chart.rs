@@ -24,7 +24,9 @@ pub(super) fn figure_json(figure: &Figure) -> Result<String, serde_json::Error> 
         id: &figure.id,
         columns: figure.columns.clamp(1, 2),
         linked: figure.linked_x,
-        panels: panels.map(|(index, (panel, limits))| chart_panel(figure, index, panel, *limits)).collect(),
+        panels: panels
+            .map(|(index, (panel, limits))| chart_panel(figure, index, panel, *limits))
+            .collect(),
     };
     serde_json::to_string(&chart).map(|json| inert(&json))
 }
@@ -33,7 +35,12 @@ pub(super) fn figure_json(figure: &Figure) -> Result<String, serde_json::Error> 
 pub(super) fn styles_json() -> Result<String, serde_json::Error> {
     let styles: std::collections::BTreeMap<_, _> = style::all()
         .iter()
-        .map(|style| (style.class, ChartStyle { width: style.width, dash: style.dash, marker: style.marker.name() }))
+        .map(|style| {
+            (
+                style.class,
+                ChartStyle { width: style.width, dash: style.dash, marker: style.marker.name() },
+            )
+        })
         .collect();
     serde_json::to_string(&styles).map(|json| inert(&json))
 }
@@ -119,7 +126,8 @@ pub(super) struct Codes {
 impl Codes {
     pub(super) fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
         let finite = values.clone().filter(|value| value.is_finite());
-        let (low, high) = finite.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
+        let (low, high) = finite
+            .fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
         let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
         let step = if high > low { LARGEST_CODE / (high - low) } else { 0.0 };
         let code = |value: f64| {
@@ -130,7 +138,12 @@ impl Codes {
     }
 }
 
-fn chart_panel<'a>(figure: &'a Figure, index: usize, panel: &'a Panel, limits: Limits) -> ChartPanel<'a> {
+fn chart_panel<'a>(
+    figure: &'a Figure,
+    index: usize,
+    panel: &'a Panel,
+    limits: Limits,
+) -> ChartPanel<'a> {
     let letter = if figure.panels.len() > 1 { view::letter(index) } else { String::new() };
     ChartPanel {
         title: format!("{letter} {}", panel.title).trim().to_owned(),
@@ -147,11 +160,18 @@ fn chart_panel<'a>(figure: &'a Figure, index: usize, panel: &'a Panel, limits: L
 
 fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
     let columns = SHOWN_POINTS / 3;
-    let path = |y: &[f64]| decimate::path(&series.x, y, limits.x[0], limits.x[1], columns, SHOWN_POINTS);
+    let path =
+        |y: &[f64]| decimate::path(&series.x, y, limits.x[0], limits.x[1], columns, SHOWN_POINTS);
     let (kind, kept, edges) = match &series.kind {
         Kind::Line => ("line", path(&series.y), None),
         Kind::Points => {
-            let kept = decimate::markers(&series.x, &series.y, limits.flat(), [2 * columns; 2], SHOWN_POINTS);
+            let kept = decimate::markers(
+                &series.x,
+                &series.y,
+                limits.flat(),
+                [2 * columns; 2],
+                SHOWN_POINTS,
+            );
             ("points", kept, None)
         }
         Kind::Labelled { .. } => ("labels", (0..series.x.len()).collect(), None),
@@ -164,7 +184,9 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
             ("band", kept, Some((low, high)))
         }
     };
-    let pick = |values: &[f64]| Codes::new(kept.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)));
+    let pick = |values: &[f64]| {
+        Codes::new(kept.iter().map(|&i| values.get(i).copied().unwrap_or(f64::NAN)))
+    };
     ChartSeries {
         name: &series.name,
         style: style::of(series.role).class,

@@ -44,7 +44,8 @@ fn names(recordings: &[Recording]) -> String {
 
 fn subtitle(outcome: &Outcome) -> String {
     let Comparison { entries, training, validation, .. } = outcome.comparison;
-    let models = if entries.len() == 1 { "1 model".to_owned() } else { format!("{} models", entries.len()) };
+    let models =
+        if entries.len() == 1 { "1 model".to_owned() } else { format!("{} models", entries.len()) };
     format!("{models} fitted to {}; scored on {}", names(training), names(validation))
 }
 
@@ -58,8 +59,13 @@ fn tiles(comparison: &Comparison) -> Vec<Tile> {
     }
     let rank = comparison.entries.iter().position(|entry| entry.choice == Choice::Ems);
     if let Some((rank, ems)) = rank.map(|rank| (rank, &comparison.entries[rank])) {
-        let note = format!("{} rms, {}", newtons(ems.scores.validate_rms_n), parameters_in_words(ems));
-        tiles.push(Tile::new("Rank of EMS", format!("{} of {}", rank + 1, comparison.entries.len()), note));
+        let note =
+            format!("{} rms, {}", newtons(ems.scores.validate_rms_n), parameters_in_words(ems));
+        tiles.push(Tile::new(
+            "Rank of EMS",
+            format!("{} of {}", rank + 1, comparison.entries.len()),
+            note,
+        ));
     }
     let worth = format!("worth {} independent ones", significant(comparison.effective_samples, 2));
     tiles.push(Tile::new("Training samples", comparison.samples.to_string(), worth));
@@ -67,7 +73,11 @@ fn tiles(comparison: &Comparison) -> Vec<Tile> {
 }
 
 fn parameters_in_words(entry: &Entry) -> String {
-    if entry.parameters == 1 { "1 parameter".to_owned() } else { format!("{} parameters", entry.parameters) }
+    if entry.parameters == 1 {
+        "1 parameter".to_owned()
+    } else {
+        format!("{} parameters", entry.parameters)
+    }
 }
 
 fn least_by(comparison: &Comparison, of: impl Fn(&Entry) -> f64) -> Option<&Entry> {
@@ -79,7 +89,13 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
     let comparison = outcome.comparison;
     let mut lines = Vec::new();
     for recording in comparison.training.iter().chain(&comparison.validation) {
-        lines.extend(recording.quality.warnings.iter().map(|warning| format!("{}: {warning}", recording.name)));
+        lines.extend(
+            recording
+                .quality
+                .warnings
+                .iter()
+                .map(|warning| format!("{}: {warning}", recording.name)),
+        );
     }
     lines.extend(outcome.unknown_states());
     lines
@@ -147,7 +163,9 @@ fn claim(comparison: &Comparison) -> Section {
     let section = Section::new("Error against number of parameters").paragraph(CLAIM);
     let claims = comparison.claims();
     if claims.is_empty() {
-        return section.paragraph("The EMS element or the banks were not compared, so the claim is not tested.");
+        return section.paragraph(
+            "The EMS element or the banks were not compared, so the claim is not tested.",
+        );
     }
     claims.iter().map(ReversalMatch::sentence).fold(section, Section::paragraph)
 }
@@ -203,6 +221,8 @@ fn provenance(outcome: &Outcome) -> Vec<(String, String)> {
         ),
     ];
     let files = recordings(outcome.comparison);
-    all.extend(files.map(|(r, used_for)| (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))));
+    all.extend(files.map(|(r, used_for)| {
+        (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))
+    }));
     all
 }

@@ -8,7 +8,14 @@ use std::collections::HashSet;
 /// Consecutive points within one of `columns` columns of `[low, high]` are replaced by the first,
 /// the lowest, the highest and the last of them. So every peak is kept, and x need not be sorted
 /// (loops). Columns are widened until the limit is met. A non-finite point is kept once per gap.
-pub(super) fn path(x: &[f64], y: &[f64], low: f64, high: f64, columns: usize, limit: usize) -> Vec<usize> {
+pub(super) fn path(
+    x: &[f64],
+    y: &[f64],
+    low: f64,
+    high: f64,
+    columns: usize,
+    limit: usize,
+) -> Vec<usize> {
     let length = x.len().min(y.len());
     if length <= limit {
         return (0..length).collect();
@@ -24,7 +31,9 @@ pub(super) fn path(x: &[f64], y: &[f64], low: f64, high: f64, columns: usize, li
 }
 
 fn one_pass(x: &[f64], y: &[f64], low: f64, columns_per_unit: f64) -> Vec<usize> {
-    let column = |i: usize| (x[i].is_finite() && y[i].is_finite()).then(|| ((x[i] - low) * columns_per_unit) as i64);
+    let column = |i: usize| {
+        (x[i].is_finite() && y[i].is_finite()).then(|| ((x[i] - low) * columns_per_unit) as i64)
+    };
     let mut kept = Vec::new();
     let mut start = 0;
     while start < x.len() {
@@ -46,8 +55,15 @@ fn one_pass(x: &[f64], y: &[f64], low: f64, columns_per_unit: f64) -> Vec<usize>
     kept
 }
 
-/// Indices of the points that are visible as separate markers on a grid of `columns` by `rows` cells, at most about `limit`.
-pub(super) fn markers(x: &[f64], y: &[f64], limits: [f64; 4], cells: [usize; 2], limit: usize) -> Vec<usize> {
+/// Indices of the points that are visible as separate markers on a grid of `columns` by `rows`
+/// cells, at most about `limit`.
+pub(super) fn markers(
+    x: &[f64],
+    y: &[f64],
+    limits: [f64; 4],
+    cells: [usize; 2],
+    limit: usize,
+) -> Vec<usize> {
     let finite = (0..x.len().min(y.len())).filter(|&i| x[i].is_finite() && y[i].is_finite());
     let all: Vec<usize> = finite.collect();
     let [x_low, x_high, y_low, y_high] = limits;
@@ -100,7 +116,8 @@ mod tests {
     #[test]
     fn a_gap_stays_a_gap() {
         let x: Vec<f64> = (0..10_000).map(f64::from).collect();
-        let y: Vec<f64> = x.iter().map(|&x| if (4_000.0..6_000.0).contains(&x) { f64::NAN } else { x }).collect();
+        let y: Vec<f64> =
+            x.iter().map(|&x| if (4_000.0..6_000.0).contains(&x) { f64::NAN } else { x }).collect();
         let kept = path(&x, &y, 0.0, 10_000.0, 100, 1_000);
         assert_eq!(kept.iter().filter(|&&i| y[i].is_nan()).count(), 1);
     }

@@ -6,10 +6,12 @@ use std::ops::Range;
 /// Default height of a panel's axes relative to their width.
 pub const DEFAULT_ASPECT: f64 = 0.56;
 
-/// A numbered figure: one or more panels on a common sheet, drawn as SVG, as PNG and as interactive charts.
+/// A numbered figure: one or more panels on a common sheet, drawn as SVG, as PNG and as interactive
+/// charts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
-    /// File stem and HTML anchor, for example `velocity-step`: lower-case letters, digits and hyphens, unique in a document.
+    /// File stem and HTML anchor, for example `velocity-step`: lower-case letters, digits and
+    /// hyphens, unique in a document.
     pub id: String,
     /// Number printed before the title ("Figure 3").
     pub number: u32,
@@ -114,7 +116,14 @@ pub struct Panel {
 impl Panel {
     /// An empty panel.
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self { title: String::new(), x, y, series: Vec::new(), marks: Vec::new(), aspect: DEFAULT_ASPECT }
+        Self {
+            title: String::new(),
+            x,
+            y,
+            series: Vec::new(),
+            marks: Vec::new(),
+            aspect: DEFAULT_ASPECT,
+        }
     }
 
     /// Sets the title.
@@ -160,7 +169,13 @@ pub struct Axis {
 impl Axis {
     /// An axis that spans its data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), unit: unit.into(), include_zero: false, logarithmic: false, names: Vec::new() }
+        Self {
+            label: label.into(),
+            unit: unit.into(),
+            include_zero: false,
+            logarithmic: false,
+            names: Vec::new(),
+        }
     }
 
     /// An axis that always shows zero.
@@ -212,12 +227,24 @@ impl Series {
     }
 
     /// A marker at each point with a text beside it.
-    pub fn labelled(name: impl Into<String>, role: Role, x: Vec<f64>, y: Vec<f64>, labels: Vec<String>) -> Self {
+    pub fn labelled(
+        name: impl Into<String>,
+        role: Role,
+        x: Vec<f64>,
+        y: Vec<f64>,
+        labels: Vec<String>,
+    ) -> Self {
         Self { name: name.into(), role, kind: Kind::Labelled { labels }, x, y }
     }
 
     /// The area between two curves.
-    pub fn band(name: impl Into<String>, role: Role, x: Vec<f64>, low: Vec<f64>, high: Vec<f64>) -> Self {
+    pub fn band(
+        name: impl Into<String>,
+        role: Role,
+        x: Vec<f64>,
+        low: Vec<f64>,
+        high: Vec<f64>,
+    ) -> Self {
         Self { name: name.into(), role, kind: Kind::Band { low, high }, x, y: Vec::new() }
     }
 
@@ -388,8 +415,15 @@ pub struct Table {
 
 impl Table {
     /// A table without rows.
-    pub fn new<S: Into<String>>(caption: impl Into<String>, columns: impl IntoIterator<Item = S>) -> Self {
-        Self { caption: caption.into(), columns: columns.into_iter().map(Into::into).collect(), ..Self::default() }
+    pub fn new<S: Into<String>>(
+        caption: impl Into<String>,
+        columns: impl IntoIterator<Item = S>,
+    ) -> Self {
+        Self {
+            caption: caption.into(),
+            columns: columns.into_iter().map(Into::into).collect(),
+            ..Self::default()
+        }
     }
 
     /// Appends a row.
@@ -413,7 +447,8 @@ pub enum Cell {
         /// Significant digits, at least 1.
         digits: usize,
     },
-    /// Number with as many decimals as its interval supports (two significant digits of half the interval).
+    /// Number with as many decimals as its interval supports (two significant digits of half the
+    /// interval).
     Estimate {
         /// The value.
         value: f64,
@@ -458,7 +493,11 @@ pub struct Tile {
 
 impl Tile {
     /// A tile.
-    pub fn new(label: impl Into<String>, value: impl Into<String>, note: impl Into<String>) -> Self {
+    pub fn new(
+        label: impl Into<String>,
+        value: impl Into<String>,
+        note: impl Into<String>,
+    ) -> Self {
         Self { label: label.into(), value: value.into(), note: note.into() }
     }
 }

@@ -59,10 +59,18 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
     scene.text_color = Some(INK.to_owned());
     let mut sheet = Sheet { scene, medium };
     for (at, row) in layout.legend.iter().enumerate() {
-        sheet.legend_row(row, layout.frames.first().map_or(0.0, |frame| frame.left), at as f64 * LEGEND_ROW);
+        sheet.legend_row(
+            row,
+            layout.frames.first().map_or(0.0, |frame| frame.left),
+            at as f64 * LEGEND_ROW,
+        );
     }
     for (index, frame) in layout.frames.iter().enumerate() {
-        sheet.panel(&figure.panels[index], frame, (figure.panels.len() > 1).then(|| view::letter(index)));
+        sheet.panel(
+            &figure.panels[index],
+            frame,
+            (figure.panels.len() > 1).then(|| view::letter(index)),
+        );
     }
     sheet.scene
 }
@@ -72,7 +80,14 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
 pub(super) fn load_fonts() {
     let mut scene = Scene::new(1.0, 1.0);
     let spans = vec![bold("a".to_owned())];
-    scene.add(Primitive::RichText { x: 0.0, y: 0.0, spans, size: 1, anchor: TextAnchor::Start, color: None });
+    scene.add(Primitive::RichText {
+        x: 0.0,
+        y: 0.0,
+        spans,
+        size: 1,
+        anchor: TextAnchor::Start,
+        color: None,
+    });
     // Drawn for its side effect; an error would occur again, with a message, in the first figure.
     let _ = PngBackend::new().render_scene(&scene);
 }
@@ -131,7 +146,10 @@ fn part([low, high]: [f64; 2], logarithmic: bool, value: f64) -> f64 {
 
 fn axis_ticks([low, high]: [f64; 2], axis: &Axis, target: usize) -> Ticks {
     if !axis.names.is_empty() {
-        return Ticks { at: (0..axis.names.len()).map(|k| k as f64).collect(), labels: axis.names.clone() };
+        return Ticks {
+            at: (0..axis.names.len()).map(|k| k as f64).collect(),
+            labels: axis.names.clone(),
+        };
     }
     if axis.logarithmic { log_ticks(low, high, target) } else { ticks(low, high, target) }
 }
@@ -149,8 +167,10 @@ impl<'a> Layout<'a> {
         let mut layout = Self { width, height: 0.0, legend: Vec::new(), frames: Vec::new() };
         let common = common_legend(figure);
         if common {
-            layout.legend =
-                figure.panels.first().map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
+            layout.legend = figure
+                .panels
+                .first()
+                .map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
         }
         let mut top = layout.legend.len() as f64 * LEGEND_ROW + if common { 2.0 } else { 0.0 };
         for (row, panels) in figure.panels.chunks(columns).enumerate() {
@@ -162,7 +182,8 @@ impl<'a> Layout<'a> {
             };
             let legends: Vec<_> = panels.iter().map(legend).collect();
             let legend_height = legends.iter().map(Vec::len).max().unwrap_or(0) as f64 * LEGEND_ROW;
-            let title = if titled || (indent > 0.0 && legend_height == 0.0) { TITLE_ROW } else { 0.0 };
+            let title =
+                if titled || (indent > 0.0 && legend_height == 0.0) { TITLE_ROW } else { 0.0 };
             let axes_top = top + title + legend_height + 5.0;
             let height = panels.iter().map(|panel| panel.aspect * inner).fold(60.0, f64::max);
             let names_x = !(figure.linked_x && columns == 1) || row + 1 == figure.panels.len();
@@ -203,8 +224,11 @@ impl<'a> Frame<'a> {
         let headroom = rows as f64 * LEGEND_ROW;
         let [low, high] = limits.y;
         let more = headroom / (height - headroom).max(20.0);
-        frame.limits.y[1] =
-            if panel.y.logarithmic { high * (high / low).powf(more) } else { high + (high - low) * more };
+        frame.limits.y[1] = if panel.y.logarithmic {
+            high * (high / low).powf(more)
+        } else {
+            high + (high - low) * more
+        };
         frame.y_ticks = axis_ticks(frame.limits.y, &panel.y, ((height / 34.0) as usize).max(3));
         frame
     }
@@ -212,14 +236,17 @@ impl<'a> Frame<'a> {
 
 fn left_margin(y: [f64; 2], axis: &Axis) -> f64 {
     let labels = axis_ticks(y, axis, 8).labels;
-    let widest = labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
+    let widest =
+        labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
     widest + 30.0
 }
 
 /// Space for the labels of horizontal marks, which are outside the axes at the right.
 fn right_margin(panel: &Panel) -> f64 {
     let labels = panel.marks.iter().filter_map(|mark| match mark {
-        Mark::Y { label, .. } | Mark::YRange { label, .. } => Some(text_width(label, f64::from(TICK_SIZE)) + 10.0),
+        Mark::Y { label, .. } | Mark::YRange { label, .. } => {
+            Some(text_width(label, f64::from(TICK_SIZE)) + 10.0)
+        }
         Mark::X { .. } | Mark::XRange { .. } => None,
     });
     labels.fold(14.0, f64::max)
@@ -295,10 +322,13 @@ impl Sheet {
         }
         self.mark_lines(panel, frame);
         // Measured curves lie over those of models, which are wider.
-        let is_measured =
-            |series: &&Series| series.role == super::document::Role::Measured && matches!(series.kind, Kind::Line);
+        let is_measured = |series: &&Series| {
+            series.role == super::document::Role::Measured && matches!(series.kind, Kind::Line)
+        };
         let curves = || panel.series.iter().filter(|series| !is_band(series));
-        for series in curves().filter(|series| !is_measured(series)).chain(curves().filter(is_measured)) {
+        for series in
+            curves().filter(|series| !is_measured(series)).chain(curves().filter(is_measured))
+        {
             self.series(series, frame);
         }
         self.axes(panel, frame);
@@ -330,7 +360,12 @@ impl Sheet {
                 self.rectangle([x, middle - 5.0, SWATCH, 10.0], style.light, BAND_OPACITY * 1.6);
             }
             if entry.line {
-                self.polyline(&[(x, middle), (x + SWATCH, middle)], style.light, style.width, style.dash);
+                self.polyline(
+                    &[(x, middle), (x + SWATCH, middle)],
+                    style.light,
+                    style.width,
+                    style.dash,
+                );
             }
             if entry.marker {
                 self.markers(&[(x + SWATCH / 2.0, middle)], style, 2.8);
@@ -390,12 +425,18 @@ impl Sheet {
             self.rectangle([centre - half, y - 10.0, 2.0 * half, 13.0], "#ffffff", 0.75);
             self.text([centre, y], label, TICK_SIZE, TextAnchor::Middle);
         }
-        let mut sides: Vec<(f64, &str)> = panel.marks.iter().filter_map(|mark| y_label(mark, frame)).collect();
+        let mut sides: Vec<(f64, &str)> =
+            panel.marks.iter().filter_map(|mark| y_label(mark, frame)).collect();
         sides.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut next = f64::NEG_INFINITY;
         for (y, label) in sides {
             let y = y.max(next);
-            self.text([frame.left + frame.width + 5.0, y + 4.0], label, TICK_SIZE, TextAnchor::Start);
+            self.text(
+                [frame.left + frame.width + 5.0, y + 4.0],
+                label,
+                TICK_SIZE,
+                TextAnchor::Start,
+            );
             next = y + 12.0;
         }
     }
@@ -406,7 +447,16 @@ impl Sheet {
             self.rectangle([x - half - 1.0, y - 6.0, 2.0 * half + 2.0, 12.0], "#ffffff", 0.75);
             let content = literal(&view::printable(label));
             let (size, anchor, color) = (TICK_SIZE, TextAnchor::Middle, Some(Color::from(colour)));
-            self.scene.add(Primitive::Text { x, y: y + 4.0, content, size, anchor, rotate: None, bold: false, color });
+            self.scene.add(Primitive::Text {
+                x,
+                y: y + 4.0,
+                content,
+                size,
+                anchor,
+                rotate: None,
+                bold: false,
+                color,
+            });
         }
     }
 
@@ -424,7 +474,8 @@ impl Sheet {
             self.line([frame.left, y, frame.left + TICK_LENGTH, y], INK, 0.8);
             self.text([frame.left - 6.0, y + 4.0], label, TICK_SIZE, TextAnchor::End);
         }
-        let corners = [(frame.left, frame.top), (right, frame.top), (right, bottom), (frame.left, bottom)];
+        let corners =
+            [(frame.left, frame.top), (right, frame.top), (right, bottom), (frame.left, bottom)];
         for (from, to) in corners.into_iter().zip(corners.into_iter().cycle().skip(1)) {
             self.line([from.0, from.1, to.0, to.1], INK, 0.8);
         }
@@ -466,13 +517,24 @@ impl Sheet {
                 }
             }
             Kind::Labelled { .. } => {
-                let finite = (0..series.x.len()).map(|i| place(i, &series.y)).filter(Drawable::is_drawable);
+                let finite =
+                    (0..series.x.len()).map(|i| place(i, &series.y)).filter(Drawable::is_drawable);
                 self.markers(&finite.collect::<Vec<_>>(), style, LABELLED_RADIUS);
             }
             Kind::Points => {
                 let cells = [columns, frame.height as usize];
-                let kept = decimate::markers(&series.x, &series.y, frame.limits.flat(), cells, PRINTED_POINTS);
-                let places: Vec<_> = kept.iter().map(|&i| place(i, &series.y)).filter(Drawable::is_drawable).collect();
+                let kept = decimate::markers(
+                    &series.x,
+                    &series.y,
+                    frame.limits.flat(),
+                    cells,
+                    PRINTED_POINTS,
+                );
+                let places: Vec<_> = kept
+                    .iter()
+                    .map(|&i| place(i, &series.y))
+                    .filter(Drawable::is_drawable)
+                    .collect();
                 self.markers(&places, style, style::marker_radius(places.len()));
             }
             Kind::ErrorBars { low, high } => self.error_bars(series, low, high, frame),
@@ -481,17 +543,22 @@ impl Sheet {
 
     fn error_bars(&mut self, series: &Series, low: &[f64], high: &[f64], frame: &Frame<'_>) {
         let style = style::of(series.role);
-        let length = [series.x.len(), series.y.len(), low.len(), high.len()].into_iter().min().unwrap_or(0);
-        let visible = |&i: &usize| frame.x(series.x[i]).is_finite() && frame.y(series.y[i]).is_finite();
+        let length =
+            [series.x.len(), series.y.len(), low.len(), high.len()].into_iter().min().unwrap_or(0);
+        let visible =
+            |&i: &usize| frame.x(series.x[i]).is_finite() && frame.y(series.y[i]).is_finite();
         let shown: Vec<usize> = (0..length).filter(visible).collect();
-        for &i in shown.iter().filter(|&&i| frame.y(low[i]).is_finite() && frame.y(high[i]).is_finite()) {
+        for &i in
+            shown.iter().filter(|&&i| frame.y(low[i]).is_finite() && frame.y(high[i]).is_finite())
+        {
             let (x, bottom, top) = (frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i]));
             self.line([x, bottom, x, top], style.light, 1.0);
             for y in [bottom, top] {
                 self.line([x - 3.0, y, x + 3.0, y], style.light, 1.0);
             }
         }
-        let places: Vec<_> = shown.iter().map(|&i| (frame.x(series.x[i]), frame.y(series.y[i]))).collect();
+        let places: Vec<_> =
+            shown.iter().map(|&i| (frame.x(series.x[i]), frame.y(series.y[i]))).collect();
         self.markers(&places, style, style::marker_radius(places.len()));
     }
 
@@ -545,7 +612,12 @@ impl Sheet {
     fn polyline(&mut self, points: &[(f64, f64)], colour: &str, width: f64, dash: &[f64]) {
         if dash.is_empty() || self.medium == Medium::Vector {
             let lengths: Vec<String> = dash.iter().map(f64::to_string).collect();
-            self.stroke(points.to_vec(), colour, width, (!dash.is_empty()).then(|| lengths.join(" ")));
+            self.stroke(
+                points.to_vec(),
+                colour,
+                width,
+                (!dash.is_empty()).then(|| lengths.join(" ")),
+            );
         } else {
             for piece in dashes(points, dash) {
                 self.stroke(piece, colour, width, None);
@@ -555,17 +627,39 @@ impl Sheet {
 
     fn stroke(&mut self, points: Vec<(f64, f64)>, colour: &str, width: f64, dash: Option<String>) {
         let stroke = Color::from(colour);
-        self.scene.add(Primitive::PolyLine { points, stroke, stroke_width: width, stroke_dasharray: dash });
+        self.scene.add(Primitive::PolyLine {
+            points,
+            stroke,
+            stroke_width: width,
+            stroke_dasharray: dash,
+        });
     }
 
     fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64) {
         let stroke = Color::from(colour);
-        self.scene.add(Primitive::Line { x1, y1, x2, y2, stroke, stroke_width: width, stroke_dasharray: None });
+        self.scene.add(Primitive::Line {
+            x1,
+            y1,
+            x2,
+            y2,
+            stroke,
+            stroke_width: width,
+            stroke_dasharray: None,
+        });
     }
 
     fn rectangle(&mut self, [x, y, width, height]: [f64; 4], colour: &str, opacity: f64) {
         let (fill, opacity) = (Color::from(colour), Some(opacity));
-        self.scene.add(Primitive::Rect { x, y, width, height, fill, stroke: None, stroke_width: None, opacity });
+        self.scene.add(Primitive::Rect {
+            x,
+            y,
+            width,
+            height,
+            fill,
+            stroke: None,
+            stroke_width: None,
+            opacity,
+        });
     }
 
     fn rich_text(
@@ -581,7 +675,16 @@ impl Sheet {
 
     fn text(&mut self, [x, y]: [f64; 2], text: &str, size: u32, anchor: TextAnchor) {
         let content = literal(&view::printable(text));
-        self.scene.add(Primitive::Text { x, y, content, size, anchor, rotate: None, bold: false, color: None });
+        self.scene.add(Primitive::Text {
+            x,
+            y,
+            content,
+            size,
+            anchor,
+            rotate: None,
+            bold: false,
+            color: None,
+        });
     }
 }
 
@@ -615,7 +718,13 @@ fn y_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(f64, &'m str)> {
     (!label.is_empty() && frame.y(at).is_finite()).then(|| (frame.y(at), label.as_str()))
 }
 
-fn band_points(series: &Series, lower: &[f64], upper: &[f64], x: [f64; 2], columns: usize) -> Vec<usize> {
+fn band_points(
+    series: &Series,
+    lower: &[f64],
+    upper: &[f64],
+    x: [f64; 2],
+    columns: usize,
+) -> Vec<usize> {
     let edge = |edge| decimate::path(&series.x, edge, x[0], x[1], columns, PRINTED_POINTS / 2);
     let mut kept = edge(lower);
     kept.extend(edge(upper));
@@ -666,7 +775,10 @@ fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
         let mut done = 0.0;
         while length - done > left {
             done += left;
-            let at = (from.0 + (to.0 - from.0) * done / length, from.1 + (to.1 - from.1) * done / length);
+            let at = (
+                from.0 + (to.0 - from.0) * done / length,
+                from.1 + (to.1 - from.1) * done / length,
+            );
             piece.push(at);
             if index % 2 == 0 {
                 pieces.push(std::mem::take(&mut piece));
@@ -689,7 +801,9 @@ fn corners(marker: Marker, radius: f64) -> Vec<(f64, f64)> {
     let r = radius;
     match marker {
         Marker::Circle => Vec::new(),
-        Marker::Square => vec![(-0.9 * r, -0.9 * r), (0.9 * r, -0.9 * r), (0.9 * r, 0.9 * r), (-0.9 * r, 0.9 * r)],
+        Marker::Square => {
+            vec![(-0.9 * r, -0.9 * r), (0.9 * r, -0.9 * r), (0.9 * r, 0.9 * r), (-0.9 * r, 0.9 * r)]
+        }
         Marker::Triangle => vec![(0.0, -1.3 * r), (1.2 * r, 0.9 * r), (-1.2 * r, 0.9 * r)],
         Marker::Diamond => vec![(0.0, -1.4 * r), (1.2 * r, 0.0), (0.0, 1.4 * r), (-1.2 * r, 0.0)],
     }
@@ -739,7 +853,9 @@ mod tests {
     #[test]
     fn gaps_split_a_line() {
         let nan = f64::NAN;
-        let split = runs([(0.0, 1.0), (1.0, 1.0), (nan, nan), (2.0, 0.0), (3.0, f64::INFINITY)].into_iter());
+        let split = runs(
+            [(0.0, 1.0), (1.0, 1.0), (nan, nan), (2.0, 0.0), (3.0, f64::INFINITY)].into_iter(),
+        );
         assert_eq!(split, [vec![(0.0, 1.0), (1.0, 1.0)]]);
     }
 }

@@ -27,10 +27,18 @@ const SPECIMENS: [&str; 5] = ["specimen", "serial_number", "serial", "seal", "ce
 impl Roles {
     /// These columns, if `fleet` has them, else columns of the usual names.
     fn settle(&self, fleet: &Fleet) -> Self {
-        let has =
-            |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| *c != FleetCell::Empty));
-        let numeric =
-            |name: &str| fleet.records.iter().any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()));
+        let has = |name: &str| {
+            fleet
+                .records
+                .iter()
+                .any(|r| r.metadata.get(name).is_some_and(|c| *c != FleetCell::Empty))
+        };
+        let numeric = |name: &str| {
+            fleet
+                .records
+                .iter()
+                .any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()))
+        };
         let found = |given: &Option<String>, usual: &[&str], fits: &dyn Fn(&str) -> bool| {
             let usual = usual.iter().map(|name| (*name).to_owned());
             given.iter().cloned().chain(usual).find(|name| fits(name))
@@ -70,22 +78,35 @@ pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
 }
 
 fn subtitle(fleet: &Fleet, config: &Config, roles: &Roles) -> String {
-    let by = roles.kind.as_ref().map_or_else(String::new, |kind| format!(", by {}", kind.replace('_', " ")));
-    format!("{} recordings, each identified by itself (depth {}){by}", fleet.tally.done, config.depth.name())
+    let by = roles
+        .kind
+        .as_ref()
+        .map_or_else(String::new, |kind| format!(", by {}", kind.replace('_', " ")));
+    format!(
+        "{} recordings, each identified by itself (depth {}){by}",
+        fleet.tally.done,
+        config.depth.name()
+    )
 }
 
 fn tiles(fleet: &Fleet) -> Vec<Tile> {
-    let count = |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
+    let count =
+        |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
     let doubtful = format!("{} more with doubts, {} failed", count("doubtful"), count("failed"));
     let mut tiles = vec![
         Tile::new("Identified without doubt", count("ok").to_string(), doubtful),
         Tile::new("Samples", format!("{:.1} million", 1e-6 * fleet.tally.samples as f64), ""),
     ];
-    let parameters = [Quantity::CoulombForce, Quantity::HalfWidth].map(|quantity| Shown::Parameter(quantity.id()));
+    let parameters = [Quantity::CoulombForce, Quantity::HalfWidth]
+        .map(|quantity| Shown::Parameter(quantity.id()));
     for shown in parameters.into_iter().chain([Shown::Residual]) {
         if let Some([median, low, high]) = figures::median_in_words(fleet, shown) {
             let value = format!("{median} {}", shown.unit().shown);
-            tiles.push(Tile::new(shown.name(), value, format!("median; quartiles {low} and {high}")));
+            tiles.push(Tile::new(
+                shown.name(),
+                value,
+                format!("median; quartiles {low} and {high}"),
+            ));
         }
     }
     tiles
@@ -94,8 +115,9 @@ fn tiles(fleet: &Fleet) -> Vec<Tile> {
 fn drift(types: &ByType, roles: &Roles) -> Section {
     let section = Section::new("Drift with use");
     let Some(usage) = &roles.usage else {
-        return section
-            .paragraph("No column of the data set counts uses (insertion_count, or another named with --use).");
+        return section.paragraph(
+            "No column of the data set counts uses (insertion_count, or another named with --use).",
+        );
     };
     match figures::drift(types, usage, roles.specimen.as_deref()) {
         Some((figure, table)) => section.table(table).figure(figure),
@@ -143,6 +165,9 @@ fn provenance(fleet: &Fleet, config: &Config) -> Vec<(String, String)> {
         ("Configuration".to_owned(), config.hash()),
         ("Seed".to_owned(), config.seed.to_string()),
         ("Bootstrap".to_owned(), config.bootstrap.to_string()),
-        ("Recordings".to_owned(), format!("{}; each with its SHA-256 in the table", fleet.tally.done)),
+        (
+            "Recordings".to_owned(),
+            format!("{}; each with its SHA-256 in the table", fleet.tally.done),
+        ),
     ]
 }

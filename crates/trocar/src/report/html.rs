@@ -35,7 +35,12 @@ fn script(live: Option<&Embedded>) -> String {
 }
 
 /// The whole page. `drawn` holds the figures in document order, `styles` the JSON of line styles.
-pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str, live: Option<&Embedded>) -> String {
+pub(super) fn page(
+    document: &Document,
+    drawn: &[Drawn],
+    styles: &str,
+    live: Option<&Embedded>,
+) -> String {
     let script = script(live);
     let size: usize = drawn.iter().map(|figure| figure.svg.len() + figure.json.len()).sum();
     let mut page = String::with_capacity(size + 100_000);
@@ -57,9 +62,14 @@ pub(super) fn page(document: &Document, drawn: &[Drawn], styles: &str, live: Opt
     }
     page.push_str("</main>\n");
     footer(&mut page, &document.provenance);
-    let _ =
-        write!(page, "<script type=\"application/json\" id=\"chart-styles\">{styles}</script>\n<!-- uPlot 1.6.32\n");
-    let _ = write!(page, "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{script}</script>\n");
+    let _ = write!(
+        page,
+        "<script type=\"application/json\" id=\"chart-styles\">{styles}</script>\n<!-- uPlot 1.6.32\n"
+    );
+    let _ = write!(
+        page,
+        "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{script}</script>\n"
+    );
     page.push_str("</body>\n</html>\n");
     page
 }
@@ -97,7 +107,11 @@ fn head(page: &mut String, document: &Document, script: &str, has_live: bool) {
          script-src 'sha256-{uplot}' 'sha256-{report}'{module}; img-src data: blob:; base-uri 'none'; form-action 'none'\">"
     );
     element(page, "title", &document.title);
-    let _ = write!(page, "<style>{UPLOT_STYLE}</style>\n<style>{REPORT_STYLE}{}</style>\n</head>\n", role_colours());
+    let _ = write!(
+        page,
+        "<style>{UPLOT_STYLE}</style>\n<style>{REPORT_STYLE}{}</style>\n</head>\n",
+        role_colours()
+    );
 }
 
 fn role_colours() -> String {
@@ -123,7 +137,8 @@ fn typeset(text: &str) -> String {
         let (before, after) = (&rest[..at], &rest[at + 1..]);
         let mut letters = before.chars().rev();
         let is_letter = letters.next().is_some_and(char::is_alphabetic);
-        let stands_alone = is_letter && !letters.next().is_some_and(|c| c.is_alphanumeric() || c == '_');
+        let stands_alone =
+            is_letter && !letters.next().is_some_and(|c| c.is_alphanumeric() || c == '_');
         let end = after.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(after.len());
         out.push_str(&escape(before));
         if stands_alone && (1..=2).contains(&end) && !after[end..].starts_with('_') {
@@ -143,7 +158,12 @@ fn contents(page: &mut String, sections: &[Section]) {
     }
     page.push_str("<nav aria-label=\"Contents\"><ul>\n");
     for (index, section) in sections.iter().enumerate() {
-        let _ = writeln!(page, "<li><a href=\"#section-{}\">{}</a></li>", index + 1, escape(&section.heading));
+        let _ = writeln!(
+            page,
+            "<li><a href=\"#section-{}\">{}</a></li>",
+            index + 1,
+            escape(&section.heading)
+        );
     }
     page.push_str("</ul></nav>\n");
 }
@@ -233,10 +253,17 @@ fn table(page: &mut String, table: &Table) {
         let _ = writeln!(page, "<details><summary>{caption}</summary>");
     }
     if let Some((_, words)) = &table.optional {
-        let _ = writeln!(page, "<label class=\"switch\"><input type=\"checkbox\"> {}</label>", escape(words));
+        let _ = writeln!(
+            page,
+            "<label class=\"switch\"><input type=\"checkbox\"> {}</label>",
+            escape(words)
+        );
     }
     let label = escape(&table.caption);
-    let _ = write!(page, "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{label}\">\n<table>\n");
+    let _ = write!(
+        page,
+        "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{label}\">\n<table>\n"
+    );
     if !table.collapsed {
         let _ = writeln!(page, "<caption>{caption}</caption>");
     }

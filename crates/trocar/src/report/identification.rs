@@ -46,7 +46,8 @@ pub struct FigureChoice<'a> {
     /// Deflections, m, at which the force is drawn against the deformation velocity (EMS figure 7);
     /// by default ∓c/2 and 0.
     pub deflections: &'a [f64],
-    /// Speeds, m/s, of the cycles drawn in the cross-validation (EMS figure 9); by default the lowest and the highest.
+    /// Speeds, m/s, of the cycles drawn in the cross-validation (EMS figure 9); by default the
+    /// lowest and the highest.
     pub speeds: &'a [f64],
 }
 
@@ -96,7 +97,10 @@ fn recorded_in_words(speeds: &[f64]) -> String {
     let mut shown: Vec<String> = speeds.iter().map(|speed| format!("{:.0}", 1e3 * speed)).collect();
     shown.dedup();
     match shown.as_slice() {
-        [] => "; the recordings hold no full cycle of two strokes whose initial deflection is known".to_owned(),
+        [] => {
+            "; the recordings hold no full cycle of two strokes whose initial deflection is known"
+                .to_owned()
+        }
         speeds => format!("; recorded are {} mm/s", speeds.join(", ")),
     }
 }
@@ -109,7 +113,9 @@ fn recorded_in_words(speeds: &[f64]) -> String {
 /// missing.
 pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
     let FigureChoice { deflections, speeds } = input.choice;
-    for (figure, what, count) in [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())] {
+    for (figure, what, count) in
+        [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())]
+    {
         if count > MOST_CHOSEN {
             return Err(ChoiceError::TooMany { figure, what, count });
         }
@@ -124,8 +130,10 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
         return Ok(());
     }
     let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
-    let recorded = figures::cycle_speeds(&figures::scored(input.identification, input.training, validation));
-    let is_recorded = |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
+    let recorded =
+        figures::cycle_speeds(&figures::scored(input.identification, input.training, validation));
+    let is_recorded =
+        |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
     match speeds.iter().find(|speed| !is_recorded(speed)) {
         Some(&speed) => Err(ChoiceError::NoSuchSpeed { speed, recorded }),
         None => Ok(()),
@@ -167,7 +175,9 @@ pub fn document(input: &IdentificationReport) -> Document {
 }
 
 fn subtitle(input: &IdentificationReport) -> String {
-    let names = |recordings: &[Recording]| recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ");
+    let names = |recordings: &[Recording]| {
+        recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")
+    };
     let validated = input.validation.map_or_else(
         || "not validated on other recordings".to_owned(),
         |(recordings, _)| format!("validated on {}", names(recordings)),
@@ -182,13 +192,27 @@ fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
         ("Error on its own data (rms)", "Fit to its own data")
     };
     let mut tiles = vec![
-        Tile::new(error, format!("{} N", significant(scored.validation.rms_n, 3)), error_note(scored)),
-        Tile::new(fit, format!("{} %", fixed(scored.validation.fit_percent, 1)), "100·(1 − rms/sd of the readings)"),
+        Tile::new(
+            error,
+            format!("{} N", significant(scored.validation.rms_n, 3)),
+            error_note(scored),
+        ),
+        Tile::new(
+            fit,
+            format!("{} %", fixed(scored.validation.fit_percent, 1)),
+            "100·(1 − rms/sd of the readings)",
+        ),
     ];
-    for quantity in [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset] {
+    for quantity in
+        [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset]
+    {
         if let Some(estimate) = found.estimate(quantity) {
             let (id, (value, interval)) = (quantity.id(), figures::value_and_interval(estimate));
-            tiles.push(Tile::new(format!("{} {}", figures::name_of(id), id.symbol()), value, interval));
+            tiles.push(Tile::new(
+                format!("{} {}", figures::name_of(id), id.symbol()),
+                value,
+                interval,
+            ));
         }
     }
     tiles
@@ -209,7 +233,9 @@ fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
     let mut all = lines(found.warnings.iter().filter(|w| w.doubtful));
     if scored.held_out {
         let results = &scored.validation.recordings;
-        all.extend(results.iter().flat_map(|r| r.warnings.iter().map(move |w| format!("{}: {w}", r.path))));
+        all.extend(
+            results.iter().flat_map(|r| r.warnings.iter().map(move |w| format!("{}: {w}", r.path))),
+        );
     }
     all
 }
@@ -224,13 +250,17 @@ fn lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
             None => lines.push((vec![subject], message)),
         }
     }
-    lines.into_iter().map(|(subjects, message)| format!("{}: {message}", subjects.join("; "))).collect()
+    lines
+        .into_iter()
+        .map(|(subjects, message)| format!("{}: {message}", subjects.join("; ")))
+        .collect()
 }
 
 fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     let found = input.identification;
     let section = |heading: &str, drawn| figures::with(Section::new(heading), drawn);
-    let deformation = section("Deformation", figures::deformation_velocity(found, input.choice.deflections));
+    let deformation =
+        section("Deformation", figures::deformation_velocity(found, input.choice.deflections));
     let deformation = figures::with(deformation, figures::deformation_force(found, input.truth));
     let errors = Section::new("Residuals")
         .table(figures::error_by_recording(scored))
@@ -271,22 +301,30 @@ fn live(input: &IdentificationReport, scored: &Scored) -> Section {
 fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
     let found = input.identification;
     let fit = found.fit.as_ref()?;
-    let mut section = Section { paragraphs: figures::fit_in_words(found, fit), ..Section::new(FIT) };
+    let mut section =
+        Section { paragraphs: figures::fit_in_words(found, fit), ..Section::new(FIT) };
     if !fit.terms.is_empty() {
         section = section.table(figures::terms(fit));
     }
     let section = figures::with(section, figures::friction_scale(found, input.training));
     let small = found.free_motion.partial_reversals > 0 && found.free_motion.held_s > 1.0;
-    Some(if small { figures::with(section, figures::small_motion(found, input.training, scored)) } else { section })
+    Some(if small {
+        figures::with(section, figures::small_motion(found, input.training, scored))
+    } else {
+        section
+    })
 }
 
 fn parameters(input: &IdentificationReport) -> Section {
     let found = input.identification;
     let truth = match input.truth {
-        Some(_) => " The truth is what the virtual bench was run with; a dash marks what has no single true value.",
+        Some(_) => {
+            " The truth is what the virtual bench was run with; a dash marks what has no single true value."
+        }
         None => "",
     };
-    let (values, intervals) = if found.fit.is_some() { of_all_motion(found) } else { of_two_steps(input) };
+    let (values, intervals) =
+        if found.fit.is_some() { of_all_motion(found) } else { of_two_steps(input) };
     Section::new("Parameters")
         .paragraph(format!("{values}{truth}"))
         .paragraph(format!(
@@ -305,14 +343,19 @@ fn of_all_motion(found: &Identification) -> (String, String) {
     let values = format!(
         "The value is that of the fit to all motion (section “{FIT}”), in which F_0, F_c and β are free as well. {beside}"
     );
-    (values, "Intervals come from the jackknife over clusters of cycles, to first order.".to_owned())
+    (
+        values,
+        "Intervals come from the jackknife over clusters of cycles, to first order.".to_owned(),
+    )
 }
 
 /// The same for the paper's two steps.
 fn of_two_steps(input: &IdentificationReport) -> (String, String) {
     let branches = match input.options.bootstrap {
         0 => "by the jackknife over strokes".to_owned(),
-        n => format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.options.seed),
+        n => {
+            format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.options.seed)
+        }
     };
     let intervals = format!(
         "Intervals of the sliding force come from the scatter between strokes, those of the joins and of the coefficients of the \
@@ -321,7 +364,9 @@ fn of_two_steps(input: &IdentificationReport) -> (String, String) {
     ("The value is that of the paper's two steps.".to_owned(), intervals)
 }
 
-fn recordings<'a>(input: &IdentificationReport<'a>) -> impl Iterator<Item = (&'a Recording, &'static str)> {
+fn recordings<'a>(
+    input: &IdentificationReport<'a>,
+) -> impl Iterator<Item = (&'a Recording, &'static str)> {
     let validation = input.validation.map_or(&[] as &[Recording], |(recordings, _)| recordings);
     let training = input.training.iter().map(|r| (r, "identification"));
     training.chain(validation.iter().map(|r| (r, "validation")))
@@ -334,10 +379,11 @@ fn provenance(input: &IdentificationReport) -> Vec<(String, String)> {
     ];
     all.extend(input.command.map(|command| ("Command".to_owned(), command.to_owned())));
     let MovingMass { mass, gravity } = input.moving_mass;
-    let options = format!("moving mass {mass} kg, gravity {gravity} m/s², {}", input.options.in_words());
+    let options =
+        format!("moving mass {mass} kg, gravity {gravity} m/s², {}", input.options.in_words());
     all.push(("Options".to_owned(), options));
-    all.extend(
-        recordings(input).map(|(r, used_for)| (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))),
-    );
+    all.extend(recordings(input).map(|(r, used_for)| {
+        (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))
+    }));
     all
 }

@@ -1,4 +1,5 @@
-//! Reports: figures as data, drawn as SVG, PNG and interactive charts, in one self-contained HTML file.
+//! Reports: figures as data, drawn as SVG, PNG and interactive charts, in one self-contained HTML
+//! file.
 //!
 //! ```text
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
@@ -35,8 +36,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveModel, Mark, Panel, Role, Section,
-    Series, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveModel, Mark,
+    Panel, Role, Section, Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -65,7 +66,9 @@ pub enum ReportError {
         id: String,
     },
     /// The columns of a series have different lengths.
-    #[error("figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x")]
+    #[error(
+        "figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x"
+    )]
     UnequalLengths {
         /// Id of the figure.
         figure: String,
@@ -137,8 +140,10 @@ pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), 
         folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
         for_page(figure, &vector)
     };
-    let (drawn, ()) =
-        rayon::join(|| figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>(), draw::load_fonts);
+    let (drawn, ()) = rayon::join(
+        || figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>(),
+        draw::load_fonts,
+    );
     let drawn = drawn?;
     for some in figures.chunks(FIGURES_AT_A_TIME) {
         some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
@@ -228,12 +233,21 @@ fn check_live(document: &Document) -> Result<(), ReportError> {
     if models.next().is_some() {
         return refuse("a document can carry one");
     }
-    let Ok(trocar) = trocar_model::Trocar::from_numbers(&model.row) else { return refuse("its row is no model") };
-    if !trocar.seal().tunables().map(|tunable| tunable.value).eq(model.knobs.iter().map(|knob| knob.value)) {
+    let Ok(trocar) = trocar_model::Trocar::from_numbers(&model.row) else {
+        return refuse("its row is no model");
+    };
+    if !trocar
+        .seal()
+        .tunables()
+        .map(|tunable| tunable.value)
+        .eq(model.knobs.iter().map(|knob| knob.value))
+    {
         return refuse("its knobs are not the parameters of its row");
     }
     match &model.excerpt {
-        Some(excerpt) if excerpt.position.len() != excerpt.force.len() || excerpt.position.len() < 2 => {
+        Some(excerpt)
+            if excerpt.position.len() != excerpt.force.len() || excerpt.position.len() < 2 =>
+        {
             refuse("its excerpt has not as many forces as positions, at least two")
         }
         _ => Ok(()),

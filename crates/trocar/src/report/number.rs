@@ -14,12 +14,16 @@ pub(super) struct Ticks {
 pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
     let raw = (high - low) / target.max(1) as f64;
     let magnitude = 10f64.powf(raw.log10().floor());
-    let factor =
-        [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().find(|factor| factor * magnitude >= raw * 0.999).unwrap_or(10.0);
+    let factor = [1.0, 2.0, 2.5, 5.0, 10.0]
+        .into_iter()
+        .find(|factor| factor * magnitude >= raw * 0.999)
+        .unwrap_or(10.0);
     let step = factor * magnitude;
     // A quarter needs one decimal more than its power of ten.
     let exponent = step.log10().floor() as i32 - i32::from(factor == 2.5);
-    let at: Vec<f64> = ((low / step).ceil() as i64..=(high / step).floor() as i64).map(|i| i as f64 * step).collect();
+    let at: Vec<f64> = ((low / step).ceil() as i64..=(high / step).floor() as i64)
+        .map(|i| i as f64 * step)
+        .collect();
     let largest = low.abs().max(high.abs());
     let labels = at.iter().map(|&value| tick_label(value, exponent, largest)).collect();
     Ticks { at, labels }
@@ -34,7 +38,9 @@ const FEWEST_RATIOS: usize = 4;
 pub(super) fn log_ticks(low: f64, high: f64, target: usize) -> Ticks {
     let exponents = low.log10().floor() as i32..=high.log10().ceil() as i32;
     let places = |factors: &[f64]| -> Vec<f64> {
-        let all = exponents.clone().flat_map(|e| factors.iter().map(move |factor| factor * 10f64.powi(e)));
+        let all = exponents
+            .clone()
+            .flat_map(|e| factors.iter().map(move |factor| factor * 10f64.powi(e)));
         all.filter(|at| (low..=high).contains(at)).collect()
     };
     let fineness: [&[f64]; 2] = [&[1.0, 2.0, 3.0, 5.0, 7.0], &[1.0, 2.0, 5.0]];
@@ -101,7 +107,8 @@ const ADVANCE: [u16; 95] = [
 /// Width of `text` at font size `size` in pixels. Characters outside ASCII count as wide letters,
 /// so that the result is never too small.
 pub(super) fn text_width(text: &str, size: f64) -> f64 {
-    let advance = |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
+    let advance =
+        |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
     text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size / 1000.0
 }
 
@@ -112,7 +119,10 @@ mod tests {
     #[test]
     fn ticks_are_round_inside_the_range_and_printed_without_noise() {
         let marks = ticks(-0.31, 0.29, 6);
-        assert_eq!(marks.labels, ["\u{2212}0.3", "\u{2212}0.2", "\u{2212}0.1", "0.0", "0.1", "0.2"]);
+        assert_eq!(
+            marks.labels,
+            ["\u{2212}0.3", "\u{2212}0.2", "\u{2212}0.1", "0.0", "0.1", "0.2"]
+        );
         assert!(marks.at.iter().all(|at| (-0.31..=0.29).contains(at)));
     }
 
@@ -120,7 +130,10 @@ mod tests {
     fn ticks_of_ratios_are_round() {
         let marks = log_ticks(0.04, 1.7, 6);
         assert_eq!(marks.labels, ["0.05", "0.1", "0.2", "0.5", "1"]);
-        assert_eq!(log_ticks(1e-4, 2e3, 8).labels, ["0.0001", "0.001", "0.01", "0.1", "1", "10", "100", "1000"]);
+        assert_eq!(
+            log_ticks(1e-4, 2e3, 8).labels,
+            ["0.0001", "0.001", "0.01", "0.1", "1", "10", "100", "1000"]
+        );
         assert_eq!(log_ticks(0.15, 1.7, 6).labels, ["0.2", "0.3", "0.5", "0.7", "1"]);
         assert_eq!(log_ticks(1.65, 3.3, 4).labels, ["2.0", "2.5", "3.0"]);
         assert!(log_ticks(0.31, 0.38, 5).at.len() > 2);

@@ -23,8 +23,11 @@ impl Drawing {
 
     /// A separate file, sized in millimetres.
     pub(super) fn file(&self, figure: &Figure) -> String {
-        let [width, height] = [self.width, self.height].map(|pixels| pixels / PIXELS_PER_MILLIMETRE);
-        let size = format!(" xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\"");
+        let [width, height] =
+            [self.width, self.height].map(|pixels| pixels / PIXELS_PER_MILLIMETRE);
+        let size = format!(
+            " xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}mm\" height=\"{height}mm\""
+        );
         self.with_opening_tag(figure, &size)
     }
 

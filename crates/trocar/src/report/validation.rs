@@ -15,12 +15,19 @@ const MOST_RECORDINGS: usize = 4;
 ///
 /// `runs` are the simulations of the model over `recordings`, whose readings contain the sensor
 /// offset `offset`, N.
-pub fn document(recordings: &[Recording], runs: &[Replay], scores: &Validation, offset: f64, title: &str) -> Document {
+pub fn document(
+    recordings: &[Recording],
+    runs: &[Replay],
+    scores: &Validation,
+    offset: f64,
+    title: &str,
+) -> Document {
     let mut section = Section::new("Model against measurement");
     let scored = recordings.iter().zip(runs).zip(&scores.recordings);
     for (number, ((recording, run), scores)) in (1..).zip(scored.take(MOST_RECORDINGS)) {
         let measured: Vec<f64> = recording.force.iter().map(|force| force - offset).collect();
-        let error: Vec<f64> = measured.iter().zip(&run.force).map(|(measured, model)| measured - model).collect();
+        let error: Vec<f64> =
+            measured.iter().zip(&run.force).map(|(measured, model)| measured - model).collect();
         let line = |name, role, values: &[f64]| {
             let (x, y) = thinned(&recording.time, values);
             Series::line(name, role, x, y)
@@ -33,7 +40,8 @@ pub fn document(recordings: &[Recording], runs: &[Replay], scores: &Validation, 
         let errors = Panel::new(time(), Axis::new("measured - model", "N").with_zero())
             .series(line("error", Role::Residual, &error))
             .aspect(0.2);
-        let mut figure = Figure::new(format!("validation-{number}"), number, recording.name.as_str());
+        let mut figure =
+            Figure::new(format!("validation-{number}"), number, recording.name.as_str());
         figure.linked_x = true;
         let caption = format!(
             "The force of the model from the measured positions of {} beside the readings less the sensor offset of {offset:.3} N. \

@@ -30,7 +30,9 @@ pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
     let padded = |span: Span, axis: &Axis, share| {
         if axis.logarithmic { span.padded_by_ratio(share) } else { span.padded(share) }
     };
-    spans.map(|((x, y), p)| Limits { x: padded(*x, &p.x, 0.02), y: padded(y, &p.y, 0.05) }).collect()
+    spans
+        .map(|((x, y), p)| Limits { x: padded(*x, &p.x, 0.02), y: padded(y, &p.y, 0.05) })
+        .collect()
 }
 
 fn x_span(panel: &Panel) -> Span {
@@ -134,7 +136,9 @@ pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
         });
         match series.kind {
             Kind::Line => entries[at].line = true,
-            Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => entries[at].marker = true,
+            Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => {
+                entries[at].marker = true
+            }
             Kind::Band { .. } => entries[at].band = true,
         }
     }

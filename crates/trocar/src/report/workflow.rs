@@ -14,7 +14,11 @@ impl Workflow {
     ///
     /// # Errors
     /// [`ReportError`] for a selection that the recordings do not allow.
-    pub fn document(&self, truth: Option<&[Element]>, choice: FigureChoice) -> Result<Document, ReportError> {
+    pub fn document(
+        &self,
+        truth: Option<&[Element]>,
+        choice: FigureChoice,
+    ) -> Result<Document, ReportError> {
         let input = IdentificationReport {
             identification: &self.identification,
             training: &self.recordings,

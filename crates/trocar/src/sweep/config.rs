@@ -147,7 +147,9 @@ impl<'de> Visitor<'de> for ChoiceVisitor {
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Choice, A::Error> {
-        Form::deserialize(MapAccessDeserializer::new(map))?.choice().map_err(serde::de::Error::custom)
+        Form::deserialize(MapAccessDeserializer::new(map))?
+            .choice()
+            .map_err(serde::de::Error::custom)
     }
 }
 
@@ -158,14 +160,22 @@ impl Law {
             Self::Fixed(_) => (&[], true, ""),
             Self::Uniform(range) => (range, range[0] <= range[1], "the lower number first"),
             Self::Normal(pair) => (pair, pair[1] >= 0.0, "a standard deviation of 0 or more"),
-            Self::Lognormal(pair) => {
-                (pair, pair[0] > 0.0 && pair[1] >= 0.0, "a median above 0 and a standard deviation of 0 or more")
-            }
+            Self::Lognormal(pair) => (
+                pair,
+                pair[0] > 0.0 && pair[1] >= 0.0,
+                "a median above 0 and a standard deviation of 0 or more",
+            ),
             Self::Triangular(three) => {
                 let [least, likely, greatest] = *three;
-                (three, least <= likely && likely <= greatest, "least, most likely and greatest in this order")
+                (
+                    three,
+                    least <= likely && likely <= greatest,
+                    "least, most likely and greatest in this order",
+                )
             }
-            Self::List(values) | Self::Grid(values) => (values, !values.is_empty(), "one number or more"),
+            Self::List(values) | Self::Grid(values) => {
+                (values, !values.is_empty(), "one number or more")
+            }
         };
         match (numbers.iter().all(|number| number.is_finite()), good) {
             (false, _) => Some("finite numbers"),
@@ -190,7 +200,8 @@ impl SweepConfig {
     /// [`SweepError`] with the line: invalid TOML, an unknown key, an invalid distribution or
     /// number.
     pub fn from_toml(text: &str) -> Result<Self, SweepError> {
-        let config: Self = toml::from_str(text).map_err(|error| SweepError::Syntax(error.to_string()))?;
+        let config: Self =
+            toml::from_str(text).map_err(|error| SweepError::Syntax(error.to_string()))?;
         config.check(text)?;
         Ok(config)
     }
@@ -199,7 +210,11 @@ impl SweepConfig {
     pub(crate) fn check(&self, text: &str) -> Result<(), SweepError> {
         for (name, choice) in self.seal.iter().chain(&self.rig) {
             if let Some(wanted) = choice.law.fault() {
-                return Err(SweepError::Form { line: line_of(text, name), key: name.clone(), wanted });
+                return Err(SweepError::Form {
+                    line: line_of(text, name),
+                    key: name.clone(),
+                    wanted,
+                });
             }
         }
         if self.runs == 0 {
@@ -218,7 +233,9 @@ impl SweepConfig {
         match (protocol, file) {
             (None, None) => refuse("neither protocol nor file is given"),
             (Some(_), Some(_)) => refuse("protocol and file exclude each other"),
-            (None, Some(_)) if rig.is_some() || !self.rig.is_empty() => refuse("a rig moves a protocol, not a file"),
+            (None, Some(_)) if rig.is_some() || !self.rig.is_empty() => {
+                refuse("a rig moves a protocol, not a file")
+            }
             (Some(name), None) => name
                 .parse::<Protocol>()
                 .map(drop)
@@ -229,7 +246,8 @@ impl SweepConfig {
 
     /// Number of points of the grid.
     pub(crate) fn points(&self) -> Option<u64> {
-        let grids = self.seal.values().chain(self.rig.values()).filter_map(|choice| choice.law.grid());
+        let grids =
+            self.seal.values().chain(self.rig.values()).filter_map(|choice| choice.law.grid());
         grids.map(|values| values.len() as u64).try_fold(1_u64, u64::checked_mul)
     }
 

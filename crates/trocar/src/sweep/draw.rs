@@ -26,7 +26,8 @@ impl Drawn {
         // Below 2^53: exactly representable as an integer in every table.
         let seed = generator.next_u64() >> 11;
         let mut point = row / config.runs;
-        let laws: Vec<&Law> = config.seal.values().chain(config.rig.values()).map(|choice| &choice.law).collect();
+        let laws: Vec<&Law> =
+            config.seal.values().chain(config.rig.values()).map(|choice| &choice.law).collect();
         let mut values: Vec<f64> = laws.iter().map(|law| draw(law, &mut generator)).collect();
         for (value, law) in values.iter_mut().zip(&laws).rev() {
             if let Some(grid) = law.grid() {
@@ -56,7 +57,9 @@ fn draw(law: &Law, generator: &mut ChaCha8Rng) -> f64 {
                 greatest - libm::sqrt((1.0 - part) * width * (greatest - likely))
             }
         }
-        Law::List(values) => values[(unit(generator) * values.len() as f64) as usize % values.len()],
+        Law::List(values) => {
+            values[(unit(generator) * values.len() as f64) as usize % values.len()]
+        }
         Law::Grid(_) => 0.0,
     }
 }

@@ -117,7 +117,9 @@ pub enum SweepError {
         key: String,
     },
     /// A rig with a model that the bench does not support.
-    #[error("[rig]: the virtual bench holds EMS elements, not a {kind} model\n\nhint: leave [rig] empty")]
+    #[error(
+        "[rig]: the virtual bench holds EMS elements, not a {kind} model\n\nhint: leave [rig] empty"
+    )]
     RigNeedsElements {
         /// Kind of the model.
         kind: &'static str,
@@ -227,13 +229,15 @@ impl Sweep {
         let mut present = Vec::new();
         let mut places = Vec::new();
         for name in config.seal.keys() {
-            let (own, value) = places_of(&seal, name).ok_or_else(|| unknown_parameter(text, &seal, name))?;
+            let (own, value) =
+                places_of(&seal, name).ok_or_else(|| unknown_parameter(text, &seal, name))?;
             places.push(own);
             present.push(value);
         }
         let rig = read_rig(config.motion.rig.as_deref().map(|path| folder.join(path)))?;
         for key in config.rig.keys() {
-            let unknown = || SweepError::UnknownRigKey { line: line_of(text, key), key: key.clone() };
+            let unknown =
+                || SweepError::UnknownRigKey { line: line_of(text, key), key: key.clone() };
             present.push(number_at(&rig, key).ok_or_else(unknown)?);
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
@@ -249,12 +253,18 @@ impl Sweep {
                 Err(SweepError::RigNeedsElements { kind: model.kind() })
             }
             (_, Some(_), _) if own_rigs => Ok(None),
-            (Seal::Ems(stages), Some(protocol), _) => {
-                Ok(Some(self.path_of_rig(&self.rig, protocol, stages.elements(), self.config.seed)?.without_readings()))
-            }
+            (Seal::Ems(stages), Some(protocol), _) => Ok(Some(
+                self.path_of_rig(&self.rig, protocol, stages.elements(), self.config.seed)?
+                    .without_readings(),
+            )),
             (Seal::Classical(_), Some(protocol), _) => {
                 let stand_in = ModelFile::plausible_10_5_mm()?;
-                let path = self.path_of_rig(&self.rig, protocol, stand_in.stages()?.elements(), self.config.seed)?;
+                let path = self.path_of_rig(
+                    &self.rig,
+                    protocol,
+                    stand_in.stages()?.elements(),
+                    self.config.seed,
+                )?;
                 Ok(Some(path.without_readings()))
             }
             (_, None, Some(file)) => read_path(&folder.join(file)).map(Some),
@@ -309,7 +319,8 @@ impl Sweep {
             let to = (from + window).min(self.rows());
             let tasks: Vec<u64> = (from..to).step_by(TASK as usize).collect();
             let part = |first: &u64| self.part(*first, (first + TASK).min(to), traces);
-            let parts: Result<Vec<Vec<SweepRow>>, SweepError> = tasks.par_iter().map(part).collect();
+            let parts: Result<Vec<Vec<SweepRow>>, SweepError> =
+                tasks.par_iter().map(part).collect();
             let rows: Vec<SweepRow> = parts?.into_iter().flatten().collect();
             summary.see(&rows);
             take(to, &self.columns(from, &rows))?;
@@ -337,19 +348,27 @@ impl Sweep {
             columns.push(Column::Number(rows.iter().map(|row| row.drawn.rig[k]).collect()));
         }
         for k in 0..RESULTS.len() {
-            let result = |row: &SweepRow| row.outcome.as_ref().unwrap_or(&Outcome::NONE).numbers()[k];
+            let result =
+                |row: &SweepRow| row.outcome.as_ref().unwrap_or(&Outcome::NONE).numbers()[k];
             columns.push(Column::Number(rows.iter().map(result).collect()));
         }
-        let failures = rows.iter().map(|row| row.outcome.as_ref().err().map(|why| why.clone().into()));
+        let failures =
+            rows.iter().map(|row| row.outcome.as_ref().err().map(|why| why.clone().into()));
         columns.push(Column::Text(failures.collect()));
         columns
     }
 
     /// Rows from `from` up to, but not including, `to`.
-    fn part(&self, from: u64, to: u64, traces: Option<&FilePath>) -> Result<Vec<SweepRow>, SweepError> {
+    fn part(
+        &self,
+        from: u64,
+        to: u64,
+        traces: Option<&FilePath>,
+    ) -> Result<Vec<SweepRow>, SweepError> {
         cancel::check();
         let drawn: Vec<Drawn> = (from..to).map(|row| self.draw(row)).collect();
-        let seals: Vec<Result<Seal, String>> = drawn.iter().map(|drawn| self.tuned(drawn)).collect();
+        let seals: Vec<Result<Seal, String>> =
+            drawn.iter().map(|drawn| self.tuned(drawn)).collect();
         let outcomes = match &self.shared {
             Some(path) => self.along(path, &seals, from, traces)?,
             None => {
@@ -361,14 +380,20 @@ impl Sweep {
                 outcomes
             }
         };
-        Ok(drawn.into_iter().zip(outcomes).map(|(drawn, outcome)| SweepRow { drawn, outcome }).collect())
+        Ok(drawn
+            .into_iter()
+            .zip(outcomes)
+            .map(|(drawn, outcome)| SweepRow { drawn, outcome })
+            .collect())
     }
 
     /// The parameters of a run, as absolute values.
     fn draw(&self, row: u64) -> Drawn {
         let mut drawn = Drawn::new(&self.config, row);
         let choices = self.config.seal.values().chain(self.config.rig.values());
-        for ((value, choice), present) in drawn.seal.iter_mut().chain(&mut drawn.rig).zip(choices).zip(&self.present) {
+        for ((value, choice), present) in
+            drawn.seal.iter_mut().chain(&mut drawn.rig).zip(choices).zip(&self.present)
+        {
             if choice.relative {
                 *value *= present;
             }
@@ -377,7 +402,8 @@ impl Sweep {
     }
 
     fn tuned(&self, drawn: &Drawn) -> Result<Seal, String> {
-        let mut values: Vec<f64> = self.model.trocar.seal().tunables().map(|tunable| tunable.value).collect();
+        let mut values: Vec<f64> =
+            self.model.trocar.seal().tunables().map(|tunable| tunable.value).collect();
         for (places, value) in self.places.iter().zip(&drawn.seal) {
             places.iter().for_each(|place| values[*place] = *value);
         }
@@ -394,7 +420,8 @@ impl Sweep {
     ) -> Result<Vec<Result<Outcome, String>>, SweepError> {
         let sound: Vec<Seal> = seals.iter().flatten().copied().collect();
         let singles: Option<Vec<Element>> = sound.iter().map(single).collect();
-        let mut forces = vec![0.0; if traces.is_some() { sound.len() * path.position.len() } else { 0 }];
+        let mut forces =
+            vec![0.0; if traces.is_some() { sound.len() * path.position.len() } else { 0 }];
         let mut outcomes = match singles {
             // A quarter of the memory of seals, which may have four elements.
             Some(elements) => {
@@ -425,7 +452,13 @@ impl Sweep {
         model.rest_at_force(if self.protocol.is_some() { BACKWARDS } else { 0.0 })
     }
 
-    fn tally<M: Many>(&self, path: &Path, models: &[M], states: &[M::State], forces: &mut [f64]) -> Vec<Outcome> {
+    fn tally<M: Many>(
+        &self,
+        path: &Path,
+        models: &[M],
+        states: &[M::State],
+        forces: &mut [f64],
+    ) -> Vec<Outcome> {
         let trocar = self.model.trocar.borrowed();
         let profile = trocar.profile().copied();
         let at_start = |state: &M::State| {
@@ -446,7 +479,8 @@ impl Sweep {
         row: u64,
         traces: Option<&FilePath>,
     ) -> Result<Result<Outcome, String>, SweepError> {
-        let path = seal.as_ref().map_err(String::clone).and_then(|seal| self.path_of_run(seal, drawn));
+        let path =
+            seal.as_ref().map_err(String::clone).and_then(|seal| self.path_of_run(seal, drawn));
         match path {
             Ok(path) => Ok(self.along(&path, std::slice::from_ref(seal), row, traces)?.remove(0)),
             Err(why) => Ok(Err(why)),
@@ -454,12 +488,15 @@ impl Sweep {
     }
 
     fn path_of_run(&self, seal: &Seal, drawn: &Drawn) -> Result<Path, String> {
-        let (Seal::Ems(stages), Some(protocol)) = (seal, self.protocol) else { return Err("no motion".into()) };
+        let (Seal::Ems(stages), Some(protocol)) = (seal, self.protocol) else {
+            return Err("no motion".into());
+        };
         let mut rig = self.rig.clone();
         for (key, value) in self.config.rig.keys().zip(&drawn.rig) {
             set_number(&mut rig, key, *value)?;
         }
-        self.path_of_rig(&rig, protocol, stages.elements(), drawn.seed).map_err(|error| error.to_string())
+        self.path_of_rig(&rig, protocol, stages.elements(), drawn.seed)
+            .map_err(|error| error.to_string())
     }
 
     /// The true motion of a rig, with the readings of its sensor.
@@ -488,13 +525,15 @@ impl Summary {
 /// The element of a seal that has exactly one.
 fn single(seal: &Seal) -> Option<Element> {
     match seal {
-        Seal::Ems(stages) => <[Element; 1]>::try_from(stages.elements()).ok().map(|[element]| element),
+        Seal::Ems(stages) => {
+            <[Element; 1]>::try_from(stages.elements()).ok().map(|[element]| element)
+        }
         Seal::Classical(_) => None,
     }
 }
 
-/// The indices of [`Seal::tunables`] named `name`, of all elements if it names none, and the value of
-/// the first.
+/// The indices of [`Seal::tunables`] named `name`, of all elements if it names none, and the value
+/// of the first.
 fn places_of(seal: &Seal, name: &str) -> Option<(Vec<usize>, f64)> {
     let id: ParameterId = name.parse().ok()?;
     let fits = |own: &Tunable| own.id == id || ParameterId { element: None, ..own.id } == id;
@@ -511,7 +550,11 @@ fn unknown_parameter(text: &str, seal: &Seal, key: &str) -> SweepError {
             known.push(name);
         }
     }
-    SweepError::UnknownParameter { line: line_of(text, key), key: key.to_owned(), known: known.join(", ") }
+    SweepError::UnknownParameter {
+        line: line_of(text, key),
+        key: key.to_owned(),
+        known: known.join(", "),
+    }
 }
 
 /// The complete document of the rig.
@@ -538,12 +581,15 @@ fn number_at(rig: &toml::Table, key: &str) -> Option<f64> {
 /// Sets the existing `key` to `value`; as an integer if the rig has one there.
 fn set_number(rig: &mut toml::Table, key: &str, value: f64) -> Result<(), String> {
     if let Some((section, rest)) = key.split_once('.') {
-        let inner = rig.get_mut(section).and_then(toml::Value::as_table_mut).ok_or("no such section")?;
+        let inner =
+            rig.get_mut(section).and_then(toml::Value::as_table_mut).ok_or("no such section")?;
         return set_number(inner, rest, value);
     }
     match rig.get_mut(key) {
         Some(toml::Value::Float(number)) => *number = value,
-        Some(toml::Value::Integer(number)) if value.fract() == 0.0 && value.abs() < 1e9 => *number = value as i64,
+        Some(toml::Value::Integer(number)) if value.fract() == 0.0 && value.abs() < 1e9 => {
+            *number = value as i64
+        }
         _ => return Err(format!("{key} must be a whole number, got {value}")),
     }
     Ok(())

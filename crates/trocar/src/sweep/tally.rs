@@ -128,13 +128,30 @@ impl<'a> Tally<'a> {
         traces: &'a mut [f64],
     ) -> Self {
         let zero = [0.0; LANES];
-        let sums =
-            Sums { last: zero, peak: zero, square: zero, work: zero, break_away: zero, deforming: zero, error: zero };
+        let sums = Sums {
+            last: zero,
+            peak: zero,
+            square: zero,
+            work: zero,
+            break_away: zero,
+            deforming: zero,
+            error: zero,
+        };
         let time = path.steps.iter().map(|(_, duration)| duration).sum();
         let way = path.steps.iter().map(|(displacement, _)| displacement.abs()).sum();
         let readings = path.reading.iter().filter(|reading| reading.is_finite()).count() as f64;
         let shared = [time, way, readings];
-        Self { path, profile, outcomes: Vec::new(), at_start, traces, sums, first: 0, count: 0, shared }
+        Self {
+            path,
+            profile,
+            outcomes: Vec::new(),
+            at_start,
+            traces,
+            sums,
+            first: 0,
+            count: 0,
+            shared,
+        }
     }
 
     pub(crate) fn outcomes(self) -> Vec<Outcome> {
@@ -174,7 +191,10 @@ impl Observe for Tally<'_> {
         (self.first, self.count) = (first, count);
         let zero = [0.0; LANES];
         let mut at_start = zero;
-        at_start.iter_mut().zip(self.at_start.iter().skip(first)).for_each(|(own, force)| *own = *force);
+        at_start
+            .iter_mut()
+            .zip(self.at_start.iter().skip(first))
+            .for_each(|(own, force)| *own = *force);
         let mut sums = Sums {
             last: at_start,
             peak: at_start.map(f64::abs),

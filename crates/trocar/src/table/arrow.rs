@@ -20,7 +20,8 @@ impl Writer {
     pub(super) fn new(file: AtomicFile, fields: &[Field]) -> io::Result<Self> {
         let schema = Arc::new(schema(fields));
         let made = || {
-            let options = IpcWriteOptions::default().try_with_compression(Some(CompressionType::LZ4_FRAME))?;
+            let options = IpcWriteOptions::default()
+                .try_with_compression(Some(CompressionType::LZ4_FRAME))?;
             FileWriter::try_new_with_options(file, &schema, options)
         };
         Ok(Self { file: made().map_err(io_error)?, schema })
@@ -48,7 +49,8 @@ pub(super) fn schema(fields: &[Field]) -> Schema {
             Kind::Text => DataType::Utf8,
         };
         let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
-        arrow_schema::Field::new(&field.name, kind, true).with_metadata(unit.into_iter().collect::<Metadata>())
+        arrow_schema::Field::new(&field.name, kind, true)
+            .with_metadata(unit.into_iter().collect::<Metadata>())
     };
     Schema::new(fields.iter().map(field).collect::<Vec<_>>())
 }
@@ -58,17 +60,24 @@ pub(super) fn schema(fields: &[Field]) -> Schema {
 pub(super) fn schema_message(schema: &Schema) -> Vec<u8> {
     let mut dictionaries = DictionaryTracker::new(true);
     let (generator, options) = (IpcDataGenerator::default(), IpcWriteOptions::default());
-    generator.schema_to_bytes_with_dictionary_tracker(schema, &mut dictionaries, &options).ipc_message
+    generator
+        .schema_to_bytes_with_dictionary_tracker(schema, &mut dictionaries, &options)
+        .ipc_message
 }
 
 fn array(column: &Column) -> ArrayRef {
     match column {
-        Column::Number(cells) => {
-            Arc::new(cells.iter().map(|cell| Some(*cell).filter(|cell| !cell.is_nan())).collect::<Float64Array>())
-        }
+        Column::Number(cells) => Arc::new(
+            cells
+                .iter()
+                .map(|cell| Some(*cell).filter(|cell| !cell.is_nan()))
+                .collect::<Float64Array>(),
+        ),
         Column::Integer(cells) => Arc::new(cells.iter().copied().collect::<Int64Array>()),
         Column::Boolean(cells) => Arc::new(cells.iter().copied().collect::<BooleanArray>()),
-        Column::Text(cells) => Arc::new(cells.iter().map(Option::as_deref).collect::<StringArray>()),
+        Column::Text(cells) => {
+            Arc::new(cells.iter().map(Option::as_deref).collect::<StringArray>())
+        }
     }
 }
 

@@ -99,8 +99,12 @@ fn cell(line: &mut Line, column: &Column, row: usize, missing: &str) {
     match column {
         Column::Number(cells) if cells[row].is_nan() => line.word(missing),
         Column::Number(cells) => line.number(cells[row]),
-        Column::Integer(cells) => line.word(&cells[row].map(|cell| cell.to_string()).unwrap_or_default()),
-        Column::Boolean(cells) => line.word(cells[row].map_or("", |cell| if cell { "true" } else { "false" })),
+        Column::Integer(cells) => {
+            line.word(&cells[row].map(|cell| cell.to_string()).unwrap_or_default())
+        }
+        Column::Boolean(cells) => {
+            line.word(cells[row].map_or("", |cell| if cell { "true" } else { "false" }))
+        }
         Column::Text(cells) => line.word(&quoted(cells[row].as_deref().unwrap_or_default())),
     };
 }

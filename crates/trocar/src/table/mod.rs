@@ -209,7 +209,11 @@ impl Format {
     /// The format for a file called `path`.
     #[must_use]
     pub fn of(path: &Path) -> Self {
-        let extension = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default().to_lowercase();
+        let extension = path
+            .extension()
+            .and_then(|extension| extension.to_str())
+            .unwrap_or_default()
+            .to_lowercase();
         match extension.as_str() {
             "gz" | "gzip" => Self::CsvGzip,
             "zst" | "zstd" => Self::CsvZstd,
@@ -270,7 +274,11 @@ impl TableWriter {
     ///
     /// # Errors
     /// As for [`TableWriter::create`].
-    pub fn with_format(path: impl AsRef<Path>, format: Format, fields: &[Field]) -> Result<Self, OutputError> {
+    pub fn with_format(
+        path: impl AsRef<Path>,
+        format: Format,
+        fields: &[Field],
+    ) -> Result<Self, OutputError> {
         let path = path.as_ref();
         let refused = |feature| OutputError::NoFeature { path: path.to_owned(), feature };
         let failed = |source| OutputError::Write { path: path.to_owned(), source };
@@ -282,18 +290,20 @@ impl TableWriter {
                 if format == Format::CsvZstd && !cfg!(feature = "zstd") {
                     return Err(refused("zstd"));
                 }
-                Sink::Csv(Box::new(csv::Writer::new(AtomicFile::create(path)?, format, fields).map_err(failed)?))
+                Sink::Csv(Box::new(
+                    csv::Writer::new(AtomicFile::create(path)?, format, fields).map_err(failed)?,
+                ))
             }
             #[cfg(feature = "parquet")]
-            Format::Parquet => {
-                Sink::Parquet(Box::new(parquet::Writer::new(AtomicFile::create(path)?, fields).map_err(failed)?))
-            }
+            Format::Parquet => Sink::Parquet(Box::new(
+                parquet::Writer::new(AtomicFile::create(path)?, fields).map_err(failed)?,
+            )),
             #[cfg(not(feature = "parquet"))]
             Format::Parquet => return Err(refused("parquet")),
             #[cfg(feature = "arrow")]
-            Format::Arrow => {
-                Sink::Arrow(Box::new(arrow::Writer::new(AtomicFile::create(path)?, fields).map_err(failed)?))
-            }
+            Format::Arrow => Sink::Arrow(Box::new(
+                arrow::Writer::new(AtomicFile::create(path)?, fields).map_err(failed)?,
+            )),
             #[cfg(not(feature = "arrow"))]
             Format::Arrow => return Err(refused("arrow")),
         };
@@ -402,7 +412,10 @@ impl TableWriter {
             && columns.iter().all(|column| column.len() == rows);
         match fits {
             true => Ok(()),
-            false => Err(io::Error::new(io::ErrorKind::InvalidInput, "columns other than the table's fields")),
+            false => Err(io::Error::new(
+                io::ErrorKind::InvalidInput,
+                "columns other than the table's fields",
+            )),
         }
     }
 }

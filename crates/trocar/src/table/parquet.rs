@@ -8,7 +8,9 @@ use std::sync::Arc;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use parquet::basic::{Compression, ConvertedType, LogicalType, Repetition, Type as Physical, ZstdLevel};
+use parquet::basic::{
+    Compression, ConvertedType, LogicalType, Repetition, Type as Physical, ZstdLevel,
+};
 use parquet::column::writer::ColumnWriter;
 use parquet::data_type::ByteArray;
 use parquet::errors::ParquetError;
@@ -36,7 +38,8 @@ pub(super) struct Writer {
 impl Writer {
     pub(super) fn new(file: AtomicFile, fields: &[Field]) -> io::Result<Self> {
         let waiting = fields.iter().map(|field| Column::new(field.kind)).collect();
-        let made = || SerializedFileWriter::new(file, schema(fields)?, Arc::new(properties(fields)?));
+        let made =
+            || SerializedFileWriter::new(file, schema(fields)?, Arc::new(properties(fields)?));
         Ok(Self { file: made().map_err(io_error)?, waiting })
     }
 
@@ -82,7 +85,8 @@ fn schema(fields: &[Field]) -> Result<TypePtr, ParquetError> {
             Kind::Boolean => (Physical::BOOLEAN, None),
             Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
         };
-        let column = Type::primitive_type_builder(&field.name, physical).with_repetition(Repetition::OPTIONAL);
+        let column = Type::primitive_type_builder(&field.name, physical)
+            .with_repetition(Repetition::OPTIONAL);
         column.with_logical_type(logical).build().map(Arc::new)
     };
     let columns = fields.iter().map(column).collect::<Result<_, _>>()?;
@@ -96,10 +100,14 @@ fn properties(fields: &[Field]) -> Result<WriterProperties, ParquetError> {
         .set_compression(Compression::ZSTD(ZstdLevel::try_new(1)?))
         .set_statistics_enabled(EnabledStatistics::Chunk)
         .set_offset_index_disabled(true)
-        .set_key_value_metadata(Some(vec![KeyValue::new(ARROW_SCHEMA.to_owned(), arrow_schema(fields))]))
+        .set_key_value_metadata(Some(vec![KeyValue::new(
+            ARROW_SCHEMA.to_owned(),
+            arrow_schema(fields),
+        )]))
         .set_dictionary_enabled(false);
     for field in fields.iter().filter(|field| field.kind == Kind::Text) {
-        properties = properties.set_column_dictionary_enabled(ColumnPath::new(vec![field.name.clone()]), true);
+        properties = properties
+            .set_column_dictionary_enabled(ColumnPath::new(vec![field.name.clone()]), true);
     }
     Ok(properties.build())
 }
@@ -113,7 +121,10 @@ fn arrow_schema(fields: &[Field]) -> String {
     STANDARD.encode(framed)
 }
 
-fn write_column(group: &mut SerializedRowGroupWriter<'_, AtomicFile>, cells: &Column) -> Result<(), ParquetError> {
+fn write_column(
+    group: &mut SerializedRowGroupWriter<'_, AtomicFile>,
+    cells: &Column,
+) -> Result<(), ParquetError> {
     let Some(mut column) = group.next_column()? else { return Ok(()) };
     match (column.untyped(), cells) {
         (ColumnWriter::DoubleColumnWriter(writer), Column::Number(cells)) => {
@@ -160,12 +171,16 @@ fn io_error(error: ParquetError) -> io::Error {
 
 pub(super) fn read(path: &Path) -> Result<Table, TableError> {
     let failed = |source| TableError::Open { path: path.to_owned(), source };
-    let damaged = |error: ParquetError| TableError::Damaged { path: path.to_owned(), found: error.to_string() };
+    let damaged = |error: ParquetError| TableError::Damaged {
+        path: path.to_owned(),
+        found: error.to_string(),
+    };
     let reader = SerializedFileReader::new(File::open(path).map_err(failed)?).map_err(damaged)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut table = Table::default();
     for field in schema.root_schema().get_fields() {
-        let unread = || TableError::Unread { path: path.to_owned(), column: field.name().to_owned() };
+        let unread =
+            || TableError::Unread { path: path.to_owned(), column: field.name().to_owned() };
         table.columns.push(Column::new(kind(field).ok_or_else(unread)?));
         table.fields.push(field.name().to_owned());
     }
@@ -182,7 +197,10 @@ pub(super) fn read(path: &Path) -> Result<Table, TableError> {
 /// Names of the columns of a Parquet file.
 pub(super) fn names(path: &Path) -> Result<Vec<String>, TableError> {
     let failed = |source| TableError::Open { path: path.to_owned(), source };
-    let damaged = |error: ParquetError| TableError::Damaged { path: path.to_owned(), found: error.to_string() };
+    let damaged = |error: ParquetError| TableError::Damaged {
+        path: path.to_owned(),
+        found: error.to_string(),
+    };
     let reader = SerializedFileReader::new(File::open(path).map_err(failed)?).map_err(damaged)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     Ok(schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect())

@@ -25,8 +25,13 @@ pub(crate) enum Verdict {
 }
 
 impl Verdict {
-    pub(crate) const ALL: [Self; 5] =
-        [Self::Right, Self::ConfidentlyWrong, Self::WrongButDoubtful, Self::Undetermined, Self::Absent];
+    pub(crate) const ALL: [Self; 5] = [
+        Self::Right,
+        Self::ConfidentlyWrong,
+        Self::WrongButDoubtful,
+        Self::Undetermined,
+        Self::Absent,
+    ];
 
     /// The verdict on a listed estimate. The interval is right if it overlaps the range of the true
     /// value.
@@ -85,7 +90,8 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
     let noise = kind.bytes().fold(seed, |sum, byte| 31 * (sum % 1_000_000_007) + u64::from(byte));
     let recordings = bench.recordings(noise)?;
     let truths = bench.truths();
-    let options = IdentifyOptions { inertia_removed: bench.mass_declared, ..IdentifyOptions::default() };
+    let options =
+        IdentifyOptions { inertia_removed: bench.mass_declared, ..IdentifyOptions::default() };
     let begin = Instant::now();
     let found = identify(&recordings, &options, &|_, _| {});
     let mut outcome = Outcome {
@@ -117,10 +123,18 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
         let (value, ci95) = (Some(p.estimate.value), Some(p.estimate.ci95));
         Some(Judged { parameter: p.id.to_string(), truth, value, ci95, verdict })
     });
-    let absent = truths.iter().filter(|(name, _)| found.parameter(name).is_none()).filter_map(|(name, truth)| {
-        let verdict = unlisted(name, *truth, &truths)?;
-        Some(Judged { parameter: (*name).to_owned(), truth: *truth, value: None, ci95: None, verdict })
-    });
+    let absent = truths.iter().filter(|(name, _)| found.parameter(name).is_none()).filter_map(
+        |(name, truth)| {
+            let verdict = unlisted(name, *truth, &truths)?;
+            Some(Judged {
+                parameter: (*name).to_owned(),
+                truth: *truth,
+                value: None,
+                ci95: None,
+                verdict,
+            })
+        },
+    );
     outcome.judged = listed.chain(absent).collect();
     Ok(outcome)
 }
@@ -128,8 +142,14 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
 /// A parameter that is not listed. This is right for a mass that does not exist; `None` for other
 /// model terms that the seal does not have either, and for parameters that are listed only if the
 /// fit uses them.
-fn unlisted(name: &str, truth: Range, truths: &std::collections::BTreeMap<&str, Range>) -> Option<Verdict> {
-    let by_need = name.starts_with("insertion_") || name.starts_with("withdrawal_") || name == "yield_stiffness_n_m";
+fn unlisted(
+    name: &str,
+    truth: Range,
+    truths: &std::collections::BTreeMap<&str, Range>,
+) -> Option<Verdict> {
+    let by_need = name.starts_with("insertion_")
+        || name.starts_with("withdrawal_")
+        || name == "yield_stiffness_n_m";
     match name {
         "unmodelled_mass_kg" if truth == [0.0; 2] => Some(Verdict::Right),
         "static_force_n" if truth == truths["coulomb_force_n"] => None,

@@ -7,7 +7,10 @@ use trocar::bench::config::{SpeedCycles, SpeedOrder, TissueKind};
 use trocar::bench::{BenchConfig, Protocol, random_plausible_seal, run};
 use trocar::identify::Term;
 use trocar::recording::{Recording, RecordingError};
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping, SlidingFriction};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping,
+    SlidingFriction,
+};
 
 pub(crate) type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
@@ -52,7 +55,12 @@ const DEFAULT: SlidingFriction = SlidingFriction::coulomb(3.0, 5.0);
 /// Unstable at every speed of the protocols.
 const SOFT: SlidingFriction = stribeck(4.5, 0.04, 2.0, 1.0);
 
-const fn stribeck(static_force: f64, velocity: f64, exponent: f64, viscous_damping: f64) -> SlidingFriction {
+const fn stribeck(
+    static_force: f64,
+    velocity: f64,
+    exponent: f64,
+    viscous_damping: f64,
+) -> SlidingFriction {
     SlidingFriction {
         static_force,
         stribeck_velocity: velocity,
@@ -63,10 +71,15 @@ const fn stribeck(static_force: f64, velocity: f64, exponent: f64, viscous_dampi
 
 /// The shape of the default seal, scaled to `half_width` (m) and to the forces at which the seal
 /// slides.
-fn seal(half_width: f64, insertion: SlidingFriction, withdrawal: SlidingFriction) -> Result<ElementParams, AnyError> {
+fn seal(
+    half_width: f64,
+    insertion: SlidingFriction,
+    withdrawal: SlidingFriction,
+) -> Result<ElementParams, AnyError> {
     let model = ElementParams::plausible_10_5_mm()?;
     let width = half_width / model.deformation.half_width();
-    let force = 0.5 * (insertion.static_force + withdrawal.static_force) / model.insertion.static_force;
+    let force =
+        0.5 * (insertion.static_force + withdrawal.static_force) / model.insertion.static_force;
     let shift = 0.5 * (insertion.static_force - withdrawal.static_force);
     let piece = |p: &Piece| {
         let mut legendre: Vec<f64> = p.legendre().iter().map(|a| force * a).collect();
@@ -75,7 +88,8 @@ fn seal(half_width: f64, insertion: SlidingFriction, withdrawal: SlidingFriction
     };
     let branch = |b: &Branch| Branch::new(piece(b.left())?, piece(b.right())?);
     let old = &model.deformation;
-    let deformation = DeformationForce::new(branch(old.insertion())?, branch(old.withdrawal())?, None)?;
+    let deformation =
+        DeformationForce::new(branch(old.insertion())?, branch(old.withdrawal())?, None)?;
     Ok(ElementParams { deformation, insertion, withdrawal, ..model })
 }
 
@@ -102,14 +116,17 @@ fn hand_with(change: impl Fn(&mut ElementParams)) -> Result<Bench, AnyError> {
 fn drifting(fraction: f64, order: SpeedOrder) -> Result<Bench, AnyError> {
     plain()?.with(|config| {
         config.fluctuation.drift_fraction = fraction;
-        config.fluctuation.drift_time_s = if order == SpeedOrder::UpAndDown { 200.0 } else { 100.0 };
+        config.fluctuation.drift_time_s =
+            if order == SpeedOrder::UpAndDown { 200.0 } else { 100.0 };
         config.protocol.steady.order = order;
     })
 }
 
 /// The friction falls by 30 % within `spread` after `onset`, s.
 fn wetted(onset: f64, spread: f64) -> Result<Bench, AnyError> {
-    plain()?.with(|c| (c.lubrication.level, c.lubrication.onset_s, c.lubrication.spread_s) = (0.7, onset, spread))
+    plain()?.with(|c| {
+        (c.lubrication.level, c.lubrication.onset_s, c.lubrication.spread_s) = (0.7, onset, spread)
+    })
 }
 
 /// A rod of `mass` (kg) that is or is not declared.
@@ -132,24 +149,32 @@ fn short(stroke_m: f64) -> Result<Bench, AnyError> {
 /// Two seals in parallel: c and F_c of each; β as their force.
 fn two_stages() -> Result<Bench, AnyError> {
     let stage = |half_width: f64, share: f64| {
-        let friction = SlidingFriction::coulomb(share * DEFAULT.coulomb_force, share * DEFAULT.viscous_damping);
+        let friction = SlidingFriction::coulomb(
+            share * DEFAULT.coulomb_force,
+            share * DEFAULT.viscous_damping,
+        );
         seal(half_width, friction, friction)
     };
     let mut bench = Bench::of(vec![stage(8e-3, 0.65)?, stage(3e-3, 0.35)?]);
-    bench.others = vec![("element_2_coulomb_force_n", [1.05; 2]), ("element_2_half_width_m", [3e-3; 2])];
+    bench.others =
+        vec![("element_2_coulomb_force_n", [1.05; 2]), ("element_2_half_width_m", [3e-3; 2])];
     Ok(bench)
 }
 
 fn keep(recording: Recording, chosen: impl Fn(usize) -> bool) -> Result<Recording, RecordingError> {
     let kept: Vec<usize> = (0..recording.len()).filter(|i| chosen(*i)).collect();
     let column = |values: &[f64]| kept.iter().map(|i| values[*i]).collect::<Vec<f64>>();
-    let columns = [&recording.time, &recording.position, &recording.force].map(|values| column(values));
+    let columns =
+        [&recording.time, &recording.position, &recording.force].map(|values| column(values));
     let [time, position, force] = columns;
     Recording::from_columns(recording.name, time, position, force)
 }
 
 /// Modifies the force sample by sample, given its value, time (s) and position (m).
-fn with_force(r: Recording, force: impl Fn(f64, f64, f64) -> f64) -> Result<Recording, RecordingError> {
+fn with_force(
+    r: Recording,
+    force: impl Fn(f64, f64, f64) -> f64,
+) -> Result<Recording, RecordingError> {
     let changed = (0..r.len()).map(|i| force(r.force[i], r.time[i], r.position[i])).collect();
     Recording::from_columns(r.name, r.time, r.position, changed)
 }
@@ -176,7 +201,14 @@ impl Bench {
     fn of(seal: Vec<ElementParams>) -> Self {
         let mut config = BenchConfig::default();
         config.protocol.surgeon.duration_s = HAND_S;
-        Self { seal, config, protocols: TWO_STEPS.to_vec(), mass_declared: false, edit: Ok, others: Vec::new() }
+        Self {
+            seal,
+            config,
+            protocols: TWO_STEPS.to_vec(),
+            mass_declared: false,
+            edit: Ok,
+            others: Vec::new(),
+        }
     }
 
     fn with(mut self, change: impl FnOnce(&mut BenchConfig)) -> Result<Self, AnyError> {
@@ -201,13 +233,19 @@ impl Bench {
 
     /// The recordings passed to `identify`.
     pub(crate) fn recordings(&self, seed: u64) -> Result<Vec<Recording>, AnyError> {
-        let elements: Vec<Element> = self.seal.iter().map(|p| Element::new(*p)).collect::<Result<_, _>>()?;
+        let elements: Vec<Element> =
+            self.seal.iter().map(|p| Element::new(*p)).collect::<Result<_, _>>()?;
         let record = |protocol: &Protocol| {
-            let recording = run(&self.config, *protocol, &elements, seed)?.to_recording(protocol.name())?;
+            let recording =
+                run(&self.config, *protocol, &elements, seed)?.to_recording(protocol.name())?;
             let recording = (self.edit)(recording)?;
             // The weight stays in the offset.
             let taken_out = if self.mass_declared { self.config.rod.mass_kg } else { 0.0 };
-            Ok(if taken_out > 0.0 { recording.without_moving_mass(taken_out, 0.0)? } else { recording })
+            Ok(if taken_out > 0.0 {
+                recording.without_moving_mass(taken_out, 0.0)?
+            } else {
+                recording
+            })
         };
         self.protocols.iter().map(record).collect()
     }
@@ -241,7 +279,8 @@ impl Bench {
         let width = |value: f64| range(wet.level, value);
         let damping = |value: f64| range(drift * wet.viscosity, value);
         let offset = offset(&self.config);
-        let (insertion, withdrawal) = (sum(|p| p.insertion.coulomb_force), sum(|p| p.withdrawal.coulomb_force));
+        let (insertion, withdrawal) =
+            (sum(|p| p.insertion.coulomb_force), sum(|p| p.withdrawal.coulomb_force));
         let shifted = |[low, high]: Range, by: f64| [low + by, high + by];
         let mut all = BTreeMap::from([
             ("offset_n", [offset; 2]),
@@ -249,10 +288,19 @@ impl Bench {
             ("viscous_damping_n_s_m", {
                 damping(0.5 * sum(|p| p.insertion.viscous_damping + p.withdrawal.viscous_damping))
             }),
-            ("static_force_n", force(0.5 * sum(|p| p.insertion.static_force + p.withdrawal.static_force))),
-            ("half_width_m", width(self.seal.iter().map(|p| p.deformation.half_width()).fold(0.0, f64::max))),
+            (
+                "static_force_n",
+                force(0.5 * sum(|p| p.insertion.static_force + p.withdrawal.static_force)),
+            ),
+            (
+                "half_width_m",
+                width(self.seal.iter().map(|p| p.deformation.half_width()).fold(0.0, f64::max)),
+            ),
             ("seal_damping_n_s_m", damping(sum(|p| p.damping.coefficients[0]))),
-            ("unmodelled_mass_kg", [if self.mass_declared { 0.0 } else { self.config.rod.mass_kg }; 2]),
+            (
+                "unmodelled_mass_kg",
+                [if self.mass_declared { 0.0 } else { self.config.rod.mass_kg }; 2],
+            ),
             ("creep_velocity_m_s", [first.creep_velocity; 2]),
             ("friction_lag_s", [first.friction_lag; 2]),
             ("relaxation_stiffness_n_m", force(first.relaxation.arms[0].stiffness)),
@@ -265,9 +313,18 @@ impl Bench {
         if first.insertion.is_constant() {
             // The lines of each direction are straight.
             all.insert("insertion_coulomb_force_with_offset_n", shifted(force(insertion), offset));
-            all.insert("withdrawal_coulomb_force_with_offset_n", shifted(force(withdrawal), -offset));
-            all.insert("insertion_viscous_damping_n_s_m", damping(sum(|p| p.insertion.viscous_damping)));
-            all.insert("withdrawal_viscous_damping_n_s_m", damping(sum(|p| p.withdrawal.viscous_damping)));
+            all.insert(
+                "withdrawal_coulomb_force_with_offset_n",
+                shifted(force(withdrawal), -offset),
+            );
+            all.insert(
+                "insertion_viscous_damping_n_s_m",
+                damping(sum(|p| p.insertion.viscous_damping)),
+            );
+            all.insert(
+                "withdrawal_viscous_damping_n_s_m",
+                damping(sum(|p| p.withdrawal.viscous_damping)),
+            );
         } else {
             all.insert("stribeck_velocity_m_s", [first.insertion.stribeck_velocity; 2]);
         }
@@ -292,7 +349,8 @@ fn seals() -> Vec<Kind> {
         kind("small_c_2_mm", |_| symmetric(2e-3, DEFAULT)),
         kind("large_c_12_mm", |_| symmetric(12e-3, DEFAULT)),
         kind("weak_0.3_n_noise_0.05", |_| {
-            symmetric(8e-3, SlidingFriction::coulomb(0.3, 0.5))?.with(|c| c.force_sensor.noise_n = 0.05)
+            symmetric(8e-3, SlidingFriction::coulomb(0.3, 0.5))?
+                .with(|c| c.force_sensor.noise_n = 0.05)
         }),
         kind("strong_8_n", |_| symmetric(8e-3, SlidingFriction::coulomb(8.0, 5.0))),
         kind("no_viscosity", |_| symmetric(8e-3, SlidingFriction::coulomb(3.0, 0.0))),
@@ -306,7 +364,9 @@ fn seals() -> Vec<Kind> {
         kind("stribeck_30_mm_s", |_| symmetric(8e-3, stribeck(3.9, 0.03, 2.0, 5.0))),
         kind("stribeck_30_mm_s_exponent_1", |_| symmetric(8e-3, stribeck(3.9, 0.03, 1.0, 5.0))),
         kind("stribeck_below_slowest", |_| symmetric(8e-3, stribeck(3.9, 0.003, 2.0, 5.0))),
-        kind("stribeck_below_slowest_hand", |_| Ok(symmetric(8e-3, stribeck(3.9, 0.003, 2.0, 5.0))?.under(&HAND))),
+        kind("stribeck_below_slowest_hand", |_| {
+            Ok(symmetric(8e-3, stribeck(3.9, 0.003, 2.0, 5.0))?.under(&HAND))
+        }),
         kind("stick_slip", |_| symmetric(8e-3, SOFT)),
         kind("stick_slip_hand", |_| Ok(symmetric(8e-3, SOFT)?.under(&HAND))),
         kind("slopes_differ", |_| {
@@ -340,7 +400,9 @@ fn seals() -> Vec<Kind> {
             Ok(bench)
         }),
         kind("relaxation_hand", |_| hand_with(|p| p.relaxation = Relaxation::single(100.0, 0.3))),
-        kind("relaxation_slow_hand", |_| hand_with(|p| p.relaxation = Relaxation::single(100.0, 3.0))),
+        kind("relaxation_slow_hand", |_| {
+            hand_with(|p| p.relaxation = Relaxation::single(100.0, 3.0))
+        }),
     ]
 }
 
@@ -365,8 +427,11 @@ fn changes() -> Vec<Kind> {
         }),
         kind("force_depends_on_position", |_| {
             // The friction only; tare and weight are -0.3424 N.
-            let bench = plain()?
-                .edited(|r| with_force(r, |f, _, x| (f + 0.3424) * (1.0 + 0.1 * (TAU * x / 0.05).sin()) - 0.3424));
+            let bench = plain()?.edited(|r| {
+                with_force(r, |f, _, x| {
+                    (f + 0.3424) * (1.0 + 0.1 * (TAU * x / 0.05).sin()) - 0.3424
+                })
+            });
             let around = |value: f64| [0.9 * value, 1.1 * value];
             Ok(bench.knowing(&[
                 ("coulomb_force_n", around(3.0)),
@@ -379,7 +444,9 @@ fn changes() -> Vec<Kind> {
             ]))
         }),
         kind("tissue_at_80_mm", |_| {
-            plain()?.with(|c| (c.tissue.kind, c.tissue.force_at_10_mm_n) = (TissueKind::HuntCrossley, 0.3))
+            plain()?.with(|c| {
+                (c.tissue.kind, c.tissue.force_at_10_mm_n) = (TissueKind::HuntCrossley, 0.3)
+            })
         }),
         kind("load_half_way", |_| {
             let bench = plain()?.with(|c| (c.tissue.load_n, c.tissue.load_from_s) = (0.5, 50.0))?;
@@ -412,14 +479,18 @@ fn rigs() -> Vec<Kind> {
         kind("mass_0.3_unmodelled_hand", |_| rod(hand()?, 0.3, false)),
         kind("mass_0.3_declared_hand", |_| rod(hand()?, 0.3, true)),
         kind("gas_pressure", |_| plain()?.with(|c| c.rod.gas_pressure_pa = 2000.0)),
-        kind("coarse_sampling_100_hz", |_| plain()?.with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (100.0, 100))),
+        kind("coarse_sampling_100_hz", |_| {
+            plain()?.with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (100.0, 100))
+        }),
         kind("coarse_encoder_0.1_mm", |_| plain()?.with(|c| c.encoder.resolution_m = 1e-4)),
         kind("coarse_force_0.1_n", |_| plain()?.with(|c| c.force_sensor.resolution_n = 0.1)),
         kind("coarse_force_0.5_n", |_| plain()?.with(|c| c.force_sensor.resolution_n = 0.5)),
         kind("noise_0.1_n", |_| plain()?.with(|c| c.force_sensor.noise_n = 0.1)),
         kind("noise_0.1_n_hand", |_| hand()?.with(|c| c.force_sensor.noise_n = 0.1)),
         kind("noise_of_10_hz", |_| {
-            plain()?.with(|c| (c.force_sensor.noise_n, c.force_sensor.noise_bandwidth_hz) = (0.05, 10.0))
+            plain()?.with(|c| {
+                (c.force_sensor.noise_n, c.force_sensor.noise_bandwidth_hz) = (0.05, 10.0)
+            })
         }),
         kind("saturated_3.2_n", |_| plain()?.with(|c| c.force_sensor.range_n = 3.2)),
         kind("positions_20_ms_late", |_| Ok(plain()?.edited(delayed))),
@@ -432,7 +503,9 @@ fn rigs() -> Vec<Kind> {
 fn motions() -> Vec<Kind> {
     vec![
         kind("hand", |_| hand()),
-        kind("hand_steady_dynamic", |_| Ok(plain()?.under(&[Protocol::Surgeon, Protocol::Steady, Protocol::Dynamic]))),
+        kind("hand_steady_dynamic", |_| {
+            Ok(plain()?.under(&[Protocol::Surgeon, Protocol::Steady, Protocol::Dynamic]))
+        }),
         kind("hand_60_s", |_| hand()?.with(|c| c.protocol.surgeon.duration_s = 60.0)),
         kind("hand_small_5_mm", |_| {
             // Never as far as the deformation of the seal.
@@ -451,13 +524,21 @@ fn motions() -> Vec<Kind> {
             let bench = plain()?.under(&VALIDATION);
             bench.with(|c| c.protocol.validation.turning_scatter_m = 0.01)
         }),
-        kind("one_speed", |_| plain()?.under(&STEADY).with(|c| strokes(&mut c.protocol.steady, 0.05, 0.05, 0.01, 5))),
-        kind("two_speeds", |_| plain()?.under(&STEADY).with(|c| strokes(&mut c.protocol.steady, 0.03, 0.06, 0.03, 3))),
+        kind("one_speed", |_| {
+            plain()?.under(&STEADY).with(|c| strokes(&mut c.protocol.steady, 0.05, 0.05, 0.01, 5))
+        }),
+        kind("two_speeds", |_| {
+            plain()?.under(&STEADY).with(|c| strokes(&mut c.protocol.steady, 0.03, 0.06, 0.03, 3))
+        }),
         kind("narrow_speeds", |_| {
-            plain()?.under(&STEADY).with(|c| strokes(&mut c.protocol.steady, 0.048, 0.052, 0.001, 2))
+            plain()?
+                .under(&STEADY)
+                .with(|c| strokes(&mut c.protocol.steady, 0.048, 0.052, 0.001, 2))
         }),
         kind("ten_equal_strokes", |_| {
-            plain()?.under(&VALIDATION).with(|c| strokes(&mut c.protocol.validation, 0.02, 0.02, 0.01, 10))
+            plain()?
+                .under(&VALIDATION)
+                .with(|c| strokes(&mut c.protocol.validation, 0.02, 0.02, 0.01, 10))
         }),
         kind("two_reversals", |_| {
             let bench = plain()?.under(&STEADY).edited(three_strokes);

@@ -11,8 +11,9 @@ use crate::console::Console;
 
 /// Write a model as one C99 file of constants and one step function, for a microcontroller
 ///
-/// Works for any model. The file needs only <math.h> and a double of 64 bits, and holds only what the model needs. Its
-/// first comment explains its use. As in the library, a step that is not finite or takes no time changes nothing.
+/// Works for any model. The file needs only <math.h> and a double of 64 bits, and holds only what
+/// the model needs. Its first comment explains its use. As in the library, a step that is not
+/// finite or takes no time changes nothing.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json, or one of those that compare writes)

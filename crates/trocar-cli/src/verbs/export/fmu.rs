@@ -20,8 +20,9 @@ const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
 
 /// Write a functional mock-up unit (FMU) for co-simulation in other programs, FMI 2.0 or 3.0
 ///
-/// Holds the model and a library that runs it: position or velocity in, force out (with deflection and mode for EMS
-/// elements), every parameter tunable. Its steps are those of 'trocar simulate'. The same model gives the same bytes.
+/// Holds the model and a library that runs it: position or velocity in, force out (with deflection
+/// and mode for EMS elements), every parameter tunable. Its steps are those of 'trocar simulate'.
+/// The same model gives the same bytes.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json, or one of those that compare writes)
@@ -38,7 +39,8 @@ pub(crate) struct Args {
     /// Name of the model in the description [default: name of the model file]
     #[arg(long)]
     name: Option<String>,
-    /// Library of the crate trocar-fmu for another platform, such as x86_64-windows=trocar_fmu.dll; may be repeated
+    /// Library of the crate trocar-fmu for another platform, such as x86_64-windows=trocar_fmu.dll;
+    /// may be repeated
     #[arg(long, value_name = "PLATFORM=FILE", value_parser = library)]
     library: Vec<(Platform, PathBuf)>,
 }
@@ -58,8 +60,9 @@ enum Drive {
 }
 
 fn library(text: &str) -> Result<(Platform, PathBuf), String> {
-    let (platform, file) =
-        text.split_once('=').ok_or("must be PLATFORM=FILE, such as x86_64-windows=trocar_fmu.dll")?;
+    let (platform, file) = text
+        .split_once('=')
+        .ok_or("must be PLATFORM=FILE, such as x86_64-windows=trocar_fmu.dll")?;
     let platform = platform.parse::<Platform>().map_err(|error| error.to_string())?;
     Ok((platform, PathBuf::from(file)))
 }
@@ -86,18 +89,30 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let outcome = file.write_all(&bytes);
     outcome.map_err(|source| file.write_error(source))?;
     file.commit()?;
-    let platforms: Vec<String> = binaries.iter().map(|binary| binary.platform.to_string()).collect();
-    console.remark(&format!("{} bytes for {} -> {}", bytes.len(), platforms.join(", "), args.out.display()));
+    let platforms: Vec<String> =
+        binaries.iter().map(|binary| binary.platform.to_string()).collect();
+    console.remark(&format!(
+        "{} bytes for {} -> {}",
+        bytes.len(),
+        platforms.join(", "),
+        args.out.display()
+    ));
     Ok(Completion::Clean)
 }
 
 fn name_of(model: &std::path::Path) -> String {
-    model.file_stem().map_or_else(|| "trocar".to_owned(), |stem| stem.to_string_lossy().into_owned())
+    model
+        .file_stem()
+        .map_or_else(|| "trocar".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
 /// The embedded library `inside`, unless it is missing for a `reason`, and the named ones; a named
 /// library for this platform replaces the embedded one.
-fn binaries(named: &[(Platform, PathBuf)], inside: &[u8], reason: &str) -> anyhow::Result<Vec<Binary>> {
+fn binaries(
+    named: &[(Platform, PathBuf)],
+    inside: &[u8],
+    reason: &str,
+) -> anyhow::Result<Vec<Binary>> {
     let mut binaries = Vec::new();
     for (platform, path) in named {
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
@@ -107,7 +122,9 @@ fn binaries(named: &[(Platform, PathBuf)], inside: &[u8], reason: &str) -> anyho
         }
         if !binary.is_plausible() {
             let path = path.display();
-            return Err(BadArgument(format!("{path} is not a shared library for {platform}")).into());
+            return Err(
+                BadArgument(format!("{path} is not a shared library for {platform}")).into()
+            );
         }
         binaries.push(binary);
     }
@@ -119,7 +136,10 @@ fn binaries(named: &[(Platform, PathBuf)], inside: &[u8], reason: &str) -> anyho
     if binaries.is_empty() {
         let reason = if reason.is_empty() { "FMI has no name for this platform" } else { reason };
         let hint = "hint: name libraries of trocar-fmu with --library, see docs/fmu.md";
-        return Err(BadArgument(format!("this trocar carries no library for FMUs: {reason}\n\n{hint}")).into());
+        return Err(BadArgument(format!(
+            "this trocar carries no library for FMUs: {reason}\n\n{hint}"
+        ))
+        .into());
     }
     Ok(binaries)
 }
@@ -130,10 +150,13 @@ mod tests {
 
     #[test]
     fn a_program_without_a_library_says_why_and_takes_named_ones() {
-        let refusal = binaries(&[], &[], "no shared library for x86_64-unknown-linux-musl").unwrap_err();
+        let refusal =
+            binaries(&[], &[], "no shared library for x86_64-unknown-linux-musl").unwrap_err();
         let text = refusal.to_string();
         assert!(
-            text.contains("carries no library for FMUs: no shared library for x86_64-unknown-linux-musl"),
+            text.contains(
+                "carries no library for FMUs: no shared library for x86_64-unknown-linux-musl"
+            ),
             "{text}"
         );
         assert!(text.contains("hint: name libraries of trocar-fmu with --library"), "{text}");

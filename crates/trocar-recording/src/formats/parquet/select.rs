@@ -82,11 +82,15 @@ impl Parquet {
         let is_text = descriptor.converted_type() == ConvertedType::UTF8
             || matches!(descriptor.logical_type_ref(), Some(LogicalType::String));
         match (descriptor.physical_type(), self.scales[column]) {
-            (Physical::BYTE_ARRAY, _) if is_text && descriptor.max_rep_level() == 0 => Some(Cells::Text),
+            (Physical::BYTE_ARRAY, _) if is_text && descriptor.max_rep_level() == 0 => {
+                Some(Cells::Text)
+            }
             (_, None) => None,
             (Physical::BOOLEAN, _) => Some(Cells::Truth),
             (_, Some(Scale::Since { per_second, .. })) => Some(Cells::Timestamp(per_second)),
-            (Physical::INT32 | Physical::INT64, Some(Scale::One | Scale::Unsigned)) => Some(Cells::Whole),
+            (Physical::INT32 | Physical::INT64, Some(Scale::One | Scale::Unsigned)) => {
+                Some(Cells::Whole)
+            }
             _ => Some(Cells::Number),
         }
     }
@@ -106,7 +110,10 @@ impl Parquet {
             let end = first + u64::try_from(metadata.num_rows()).unwrap_or(0);
             while let Some(range) = ranges.peek_mut().filter(|range| range.start < end) {
                 let to = range.end.min(end).min(range.start + BATCH_ROWS as u64);
-                pieces.push(Piece { group, rows: (range.start - first) as usize..(to - first) as usize });
+                pieces.push(Piece {
+                    group,
+                    rows: (range.start - first) as usize..(to - first) as usize,
+                });
                 range.start = to;
                 if range.is_empty() {
                     ranges.next();
@@ -168,12 +175,19 @@ impl Selected {
     ///
     /// # Errors
     /// [`RecordingError`] for a damaged piece, or a column of an unsupported type.
-    pub fn runs(&mut self, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Result<(), RecordingError> {
-        let cells = self.parquet.cells(self.column).ok_or_else(|| self.parquet.not_numeric(self.column))?;
-        let scale = self.parquet.scales[self.column].filter(|_| cells != Cells::Text).unwrap_or(Scale::One);
+    pub fn runs(
+        &mut self,
+        take: &mut dyn FnMut(Value<'_>, usize) -> bool,
+    ) -> Result<(), RecordingError> {
+        let cells =
+            self.parquet.cells(self.column).ok_or_else(|| self.parquet.not_numeric(self.column))?;
+        let scale =
+            self.parquet.scales[self.column].filter(|_| cells != Cells::Text).unwrap_or(Scale::One);
         loop {
             let more = self.guarded(|own| match own.advance()? {
-                Some((cursor, rows)) if cells == Cells::Number => cursor.runs_of_numbers(rows, scale, take).map(Some),
+                Some((cursor, rows)) if cells == Cells::Number => {
+                    cursor.runs_of_numbers(rows, scale, take).map(Some)
+                }
                 Some((cursor, rows)) => cursor.runs(rows, scale == Scale::Unsigned, take).map(Some),
                 None => Ok(None),
             })?;
@@ -197,7 +211,10 @@ impl Selected {
     }
 
     /// Adds the column's name to errors; the third-party decoder may panic on a damaged file.
-    fn guarded<T>(&mut self, read: impl FnOnce(&mut Self) -> Decoded<T>) -> Result<T, RecordingError> {
+    fn guarded<T>(
+        &mut self,
+        read: impl FnOnce(&mut Self) -> Decoded<T>,
+    ) -> Result<T, RecordingError> {
         let parquet = self.parquet.clone();
         if self.open.is_none() {
             parquet.check_packing(self.column)?;
@@ -244,22 +261,34 @@ impl Cursor {
     ) -> Decoded<bool> {
         let mut numbers = Vec::new();
         self.read(rows, scale, &mut numbers)?;
-        let value = |number: &f64| Ok(if number.is_finite() { Value::Number(*number) } else { Value::Missing });
+        let value = |number: &f64| {
+            Ok(if number.is_finite() { Value::Number(*number) } else { Value::Missing })
+        };
         told(&numbers, value, take)
     }
 
     /// Runs of equal cells of any other type in the next `rows` rows; returns whether more are
     /// wanted.
-    fn runs(&mut self, rows: usize, unsigned: bool, take: &mut dyn FnMut(Value<'_>, usize) -> bool) -> Decoded<bool> {
+    fn runs(
+        &mut self,
+        rows: usize,
+        unsigned: bool,
+        take: &mut dyn FnMut(Value<'_>, usize) -> bool,
+    ) -> Decoded<bool> {
         let (present, levels) = (self.present, &mut self.levels);
         self.left -= rows;
         match &mut self.reader {
-            ColumnReader::BoolColumnReader(reader) => {
-                told(&all(reader, rows, present, levels)?, |cell| Ok(cell.map_or(Value::Missing, Value::Boolean)), take)
-            }
+            ColumnReader::BoolColumnReader(reader) => told(
+                &all(reader, rows, present, levels)?,
+                |cell| Ok(cell.map_or(Value::Missing, Value::Boolean)),
+                take,
+            ),
             ColumnReader::Int32ColumnReader(reader) => {
-                let whole = |cell: i32| if unsigned { i64::from(cell as u32) } else { i64::from(cell) };
-                let value = |cell: &Option<i32>| Ok(cell.map_or(Value::Missing, |cell| Value::Integer(whole(cell))));
+                let whole =
+                    |cell: i32| if unsigned { i64::from(cell as u32) } else { i64::from(cell) };
+                let value = |cell: &Option<i32>| {
+                    Ok(cell.map_or(Value::Missing, |cell| Value::Integer(whole(cell))))
+                };
                 told(&all(reader, rows, present, levels)?, value, take)
             }
             ColumnReader::Int64ColumnReader(reader) => {
@@ -277,7 +306,9 @@ impl Cursor {
                 };
                 told(&all(reader, rows, present, levels)?, value, take)
             }
-            ColumnReader::ByteArrayColumnReader(reader) => told(&all(reader, rows, present, levels)?, text, take),
+            ColumnReader::ByteArrayColumnReader(reader) => {
+                told(&all(reader, rows, present, levels)?, text, take)
+            }
             _ => Err(ParquetError::General("bytes where cells should be".into())),
         }
     }
@@ -341,7 +372,9 @@ mod tests {
                 let mut selected = Selected::new(parquet.clone(), place, parquet.plan(&ranges));
                 let mut found = Vec::new();
                 while selected.numbers(0, &mut found).unwrap() {}
-                let expected = ranges.iter().flat_map(|range| &whole[range.start as usize..range.end as usize]);
+                let expected = ranges
+                    .iter()
+                    .flat_map(|range| &whole[range.start as usize..range.end as usize]);
                 let bits = |x: &f64| x.to_bits();
                 assert_eq!(
                     found.iter().map(bits).collect::<Vec<_>>(),
@@ -364,16 +397,21 @@ mod tests {
         let cells = |name: &str| {
             let place = parquet.place(name).unwrap();
             let mut all = Vec::new();
-            let mut selected = Selected::new(parquet.clone(), place, parquet.plan(&[6..9, 149..151]));
+            let mut selected =
+                Selected::new(parquet.clone(), place, parquet.plan(&[6..9, 149..151]));
             let told = selected.runs(&mut |value, rows| {
                 all.push(format!("{rows} {value:?}"));
                 true
             });
             told.map(|()| all.join(", ")).map_err(|error| error.to_string())
         };
-        let notes = r#"1 Text("row 6"), 1 Text("row 7"), 1 Missing, 1 Text("row 149"), 1 Text("row 150")"#;
+        let notes =
+            r#"1 Text("row 6"), 1 Text("row 7"), 1 Missing, 1 Text("row 149"), 1 Text("row 150")"#;
         assert_eq!(cells("note").unwrap(), notes);
-        assert_eq!(cells("is_in").unwrap(), "1 Boolean(true), 2 Boolean(false), 1 Boolean(false), 1 Boolean(true)");
+        assert_eq!(
+            cells("is_in").unwrap(),
+            "1 Boolean(true), 2 Boolean(false), 1 Boolean(false), 1 Boolean(true)"
+        );
         assert_eq!(cells("small").unwrap().split(", ").next(), Some("1 Integer(-194)"));
         assert!(cells("kind").unwrap().starts_with(r#"1 Text("push"), 1 Text("pull")"#));
         // Out of range: an error, never another number.

@@ -1,17 +1,18 @@
-//! A check of the footer and of the page headers before they are parsed: the parser believes the length of a list whose elements take
-//! no bytes, and would count to two thousand million.
+//! A check of the footer and of the page headers before they are parsed: the parser believes the
+//! length of a list whose elements take no bytes, and would count to two thousand million.
 
 /// Deepest nesting, as in the parser.
 const DEEPEST: u8 = 64;
 
-/// Whether no list of the struct that begins `bytes` (Thrift compact protocol) states more than `most` elements; what follows after the
-/// end of `bytes` or after a fault is not checked.
+/// Whether no list of the struct that begins `bytes` (Thrift compact protocol) states more than
+/// `most` elements; what follows after the end of `bytes` or after a fault is not checked.
 pub(super) fn lists_fit(bytes: &[u8], most: u64) -> bool {
     const STRUCT: u8 = 12;
     !matches!(Walk { bytes, most }.value(STRUCT, DEEPEST), Err(Stop::TooMany))
 }
 
-/// Whether `bytes` begin as page headers do: with the type of the page, one of four, and its size, each a 32-bit number.
+/// Whether `bytes` begin as page headers do: with the type of the page, one of four, and its size,
+/// each a 32-bit number.
 pub(super) fn is_page_header(bytes: &[u8]) -> bool {
     const NUMBER: u8 = 0x15;
     matches!(bytes, [NUMBER, 0 | 2 | 4 | 6, NUMBER, ..])
@@ -69,7 +70,9 @@ impl Walk<'_> {
             }
             11 => match self.number()? {
                 0 => Ok(()),
-                count => self.byte().and_then(|kinds| self.elements(count, &[kinds >> 4, kinds & 15], depth)),
+                count => self
+                    .byte()
+                    .and_then(|kinds| self.elements(count, &[kinds >> 4, kinds & 15], depth)),
             },
             12 => loop {
                 let head = self.byte()?;
@@ -105,7 +108,9 @@ mod tests {
     fn data_are_no_page_header() {
         assert!(is_page_header(&[0x15, 0x00, 0x15, 0x80, 0x7d]));
         assert!(
-            !is_page_header(&[0x15, 0x08, 0x15]) && !is_page_header(&[0x02, 0x00, 0x00]) && !is_page_header(&[0x15])
+            !is_page_header(&[0x15, 0x08, 0x15])
+                && !is_page_header(&[0x02, 0x00, 0x00])
+                && !is_page_header(&[0x15])
         );
     }
 

@@ -3,7 +3,8 @@
 use std::fmt::Write as _;
 
 use trocar_model::{
-    Classical, Dahl, Gms, Leuven, LuGre, MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StribeckCurve,
+    Classical, Dahl, Gms, Leuven, LuGre, MaxwellSlip, SlidingFriction, SlipElement, SlipRate,
+    StribeckCurve,
 };
 
 use super::template::{Filling, number};
@@ -32,7 +33,10 @@ pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, 
 /// g and β, EMS (11).
 fn sliding(text: &mut String, sliding: &SlidingFriction, filling: &mut Filling) {
     filling.need(&["level"]);
-    stribeck_shapes(Some(sliding.stribeck_exponent).filter(|_| !sliding.is_constant()).into_iter(), filling);
+    stribeck_shapes(
+        Some(sliding.stribeck_exponent).filter(|_| !sliding.is_constant()).into_iter(),
+        filling,
+    );
     let members = [
         ("level", "coulomb_force_n", sliding.coulomb_force),
         ("static", "static_force_n", sliding.static_force),
@@ -123,8 +127,16 @@ fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
     filling.set("limited", model.slip_rate() == SlipRate::Limited);
     sliding(text, model.sliding(), filling);
     count(text, elements.len(), filling);
-    table(text, "trocar_stiffness_n_m", &elements.iter().map(|element| element.stiffness).collect::<Vec<f64>>());
-    table(text, "trocar_element_damping_n_s_m", &elements.iter().map(|element| element.damping).collect::<Vec<f64>>());
+    table(
+        text,
+        "trocar_stiffness_n_m",
+        &elements.iter().map(|element| element.stiffness).collect::<Vec<f64>>(),
+    );
+    table(
+        text,
+        "trocar_element_damping_n_s_m",
+        &elements.iter().map(|element| element.damping).collect::<Vec<f64>>(),
+    );
     table(text, "trocar_scale_m_n", &known.scales[..elements.len()]);
     table(text, "trocar_rate_n_s", &known.rates[..elements.len()]);
     constant(text, "trocar_damping_n_s_m", known.damping);

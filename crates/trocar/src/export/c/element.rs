@@ -9,7 +9,11 @@ use super::template::{Filling, number};
 use super::{pairs, stribeck_shapes};
 
 /// Types, constants and code of `elements` in parallel; enters their requirements in `filling`.
-pub(super) fn parts(elements: &[Element], filling: &mut Filling, prefix: &str) -> (&'static str, String, String) {
+pub(super) fn parts(
+    elements: &[Element],
+    filling: &mut Filling,
+    prefix: &str,
+) -> (&'static str, String, String) {
     let constants: Vec<ElementConstants> = elements.iter().map(Element::constants).collect();
     find_features(elements, &constants, filling);
     let terms = terms(&constants);
@@ -33,8 +37,12 @@ pub(super) fn parts(elements: &[Element], filling: &mut Filling, prefix: &str) -
 
 fn find_features(elements: &[Element], constants: &[ElementConstants], filling: &mut Filling) {
     let confined = constants.iter().any(|constants| constants.confined);
-    let general: Vec<&ElementParams> =
-        elements.iter().zip(constants).filter(|(_, c)| !c.confined).map(|(element, _)| element.params()).collect();
+    let general: Vec<&ElementParams> = elements
+        .iter()
+        .zip(constants)
+        .filter(|(_, c)| !c.confined)
+        .map(|(element, _)| element.params())
+        .collect();
     filling.need(&["ems", "decay", "bits"]);
     filling.set("confined", confined);
     filling.set("mixed", confined && !general.is_empty());
@@ -55,7 +63,8 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
 /// Number of terms of the longest power series, at least 3.
 fn terms(constants: &[ElementConstants]) -> usize {
     let series = constants.iter().flat_map(|constants| &constants.spans).map(|span| &span.force);
-    let longest = series.map(|force| force.iter().rposition(|pair| *pair != [0.0; 2]).map_or(0, |last| last + 1));
+    let longest = series
+        .map(|force| force.iter().rposition(|pair| *pair != [0.0; 2]).map_or(0, |last| last + 1));
     longest.max().unwrap_or(0).max(3)
 }
 
@@ -66,7 +75,10 @@ fn fill_values(filling: &mut Filling, prefix: &str, elements: usize, terms: usiz
     filling.value("LOW", half_of_series(0, terms));
     filling.value("HIGH", half_of_series(4, terms));
     let arms = filling.has("arms");
-    filling.value("ARMS_PARAMETER", if arms { format!("const {prefix}_step_arms *arms, ") } else { String::new() });
+    filling.value(
+        "ARMS_PARAMETER",
+        if arms { format!("const {prefix}_step_arms *arms, ") } else { String::new() },
+    );
     filling.value("ARMS_ARGUMENT", if arms { "&arms, " } else { "" });
     filling.value("REACHED", if filling.has("stribeck") { "reached" } else { "1.0" });
     let creep = filling.has("creep");
@@ -87,7 +99,13 @@ fn half_of_series(first: usize, terms: usize) -> String {
     }
 }
 
-fn write_element(text: &mut String, params: &ElementParams, known: &ElementConstants, terms: usize, filling: &Filling) {
+fn write_element(
+    text: &mut String,
+    params: &ElementParams,
+    known: &ElementConstants,
+    terms: usize,
+    filling: &Filling,
+) {
     let deformation = &params.deformation;
     text.push_str("    {\n");
     member(text, 8, "half_width_m", &number(deformation.half_width()));
@@ -99,7 +117,9 @@ fn write_element(text: &mut String, params: &ElementParams, known: &ElementConst
     member(text, 8, "end_force_n", &row(&known.end_force));
     member(text, 8, "end_stiffness_n_m", &row(&known.end_stiffness));
     text.push_str("        .contact = {\n");
-    for (sliding, contact) in [&params.withdrawal, &params.insertion].into_iter().zip(&known.contacts) {
+    for (sliding, contact) in
+        [&params.withdrawal, &params.insertion].into_iter().zip(&known.contacts)
+    {
         write_contact(text, sliding, contact, filling);
     }
     text.push_str("        },\n");
@@ -130,7 +150,12 @@ fn write_span(text: &mut String, span: &SpanConstants, terms: usize, filling: &F
     text.push_str("            },\n");
 }
 
-fn write_contact(text: &mut String, sliding: &SlidingFriction, known: &ContactConstants, filling: &Filling) {
+fn write_contact(
+    text: &mut String,
+    sliding: &SlidingFriction,
+    known: &ContactConstants,
+    filling: &Filling,
+) {
     text.push_str("            {\n");
     let members = [
         ("confined", "end_force_n", number(known.end_force)),
@@ -154,7 +179,12 @@ fn write_contact(text: &mut String, sliding: &SlidingFriction, known: &ContactCo
 }
 
 /// The members of a struct that the model needs.
-fn write_members(text: &mut String, indent: usize, filling: &Filling, members: &[(&str, &str, String)]) {
+fn write_members(
+    text: &mut String,
+    indent: usize,
+    filling: &Filling,
+    members: &[(&str, &str, String)],
+) {
     for (_, name, value) in members.iter().filter(|(feature, _, _)| filling.has(feature)) {
         member(text, indent, name, value);
     }

@@ -87,7 +87,10 @@ pub fn write(model: &ModelFile, origin: &str, prefix: &str) -> Result<String, CE
         Seal::Ems(stages) => element::parts(stages.elements(), &mut filling, prefix),
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
-    filling.value("TITLE", format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")));
+    filling.value(
+        "TITLE",
+        format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")),
+    );
     filling.value("ORIGIN", origin_lines(model, origin));
     let profile = trocar.profile().map_or_else(String::new, profile_constants);
     let template = [
@@ -128,9 +131,13 @@ fn title(seal: &Seal) -> String {
     match seal {
         Seal::Ems(stages) => match stages.elements().len() {
             1 => "Force of a trocar seal: one Extended Maxwell-Slip (EMS) element".to_owned(),
-            count => format!("Force of a trocar seal: {count} Extended Maxwell-Slip (EMS) elements in parallel"),
+            count => format!(
+                "Force of a trocar seal: {count} Extended Maxwell-Slip (EMS) elements in parallel"
+            ),
         },
-        Seal::Classical(model) => format!("Force of a trocar seal: {} friction model", model.kind()),
+        Seal::Classical(model) => {
+            format!("Force of a trocar seal: {} friction model", model.kind())
+        }
     }
 }
 

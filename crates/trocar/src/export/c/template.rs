@@ -46,7 +46,10 @@ impl Filling {
         let mut text = String::with_capacity(template.len());
         let mut conditions: Vec<bool> = Vec::new();
         for line in template.lines() {
-            match line.strip_prefix("//@").map(|condition| condition.split_once(' ').unwrap_or((condition, ""))) {
+            match line
+                .strip_prefix("//@")
+                .map(|condition| condition.split_once(' ').unwrap_or((condition, "")))
+            {
                 Some(("if", name)) => conditions.push(self.has(name)),
                 Some(("else", _)) => {
                     if let Some(last) = conditions.last_mut() {
@@ -97,7 +100,8 @@ pub(super) fn hexadecimal(value: f64) -> String {
 
 /// `text` for the inside of a comment: printable ASCII, without the comment delimiters.
 pub(super) fn remark(text: &str) -> String {
-    let plain: String = text.chars().map(|c| if matches!(c, ' '..='~') { c } else { '?' }).collect();
+    let plain: String =
+        text.chars().map(|c| if matches!(c, ' '..='~') { c } else { '?' }).collect();
     plain.replace("*/", "* /").replace("/*", "/ *").replace("??/", "?? /")
 }
 

@@ -24,7 +24,11 @@ pub(super) fn joined(parts: &[Taken<'_>]) -> Vec<Joined> {
         for column in part.parquet.columns() {
             let at = *known.entry(column.name.clone()).or_insert_with(|| {
                 let unit = column.unit.clone().unwrap_or_default();
-                columns.push(Joined { name: column.name.clone(), unit, places: vec![None; parts.len()] });
+                columns.push(Joined {
+                    name: column.name.clone(),
+                    unit,
+                    places: vec![None; parts.len()],
+                });
                 columns.len() - 1
             });
             let place = part.parquet.place(&column.name);
@@ -37,14 +41,19 @@ pub(super) fn joined(parts: &[Taken<'_>]) -> Vec<Joined> {
 impl Joined {
     /// Whether it holds numbers or timestamps in one of the files.
     pub(super) fn is_numeric(&self) -> bool {
-        let is_numeric = |cells: Cells| matches!(cells, Cells::Number | Cells::Whole | Cells::Timestamp(_));
+        let is_numeric =
+            |cells: Cells| matches!(cells, Cells::Number | Cells::Whole | Cells::Timestamp(_));
         self.places.iter().flatten().any(|(_, cells)| cells.is_some_and(is_numeric))
     }
 
     /// The value common to all its cells; `None` if they vary or are timestamps.
-    pub(super) fn constant(&self, parts: &[Taken<'_>]) -> Result<Option<FleetCell>, RecordingError> {
+    pub(super) fn constant(
+        &self,
+        parts: &[Taken<'_>],
+    ) -> Result<Option<FleetCell>, RecordingError> {
         let mut first: Option<FleetCell> = None;
-        let is_usable = |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Timestamp(_)));
+        let is_usable =
+            |cells: Option<Cells>| cells.is_some_and(|cells| !matches!(cells, Cells::Timestamp(_)));
         if !self.places.iter().all(|place| place.is_some_and(|(_, cells)| is_usable(cells))) {
             return Ok(None);
         }
@@ -66,7 +75,8 @@ impl Joined {
 
     /// Rejects a column whose cells are not numbers, or not of the same kind in all files.
     pub(super) fn check(&self, name: &str, parts: &[Taken<'_>]) -> Result<(), RecordingError> {
-        let mut all = parts.iter().zip(&self.places).filter_map(|(part, place)| Some((part, (*place)?)));
+        let mut all =
+            parts.iter().zip(&self.places).filter_map(|(part, place)| Some((part, (*place)?)));
         let Some((first, (place, cells))) = all.next() else { return Ok(()) };
         for (second, (_, other)) in all {
             if words(other) != words(cells) {

@@ -7,7 +7,8 @@ use crate::recording::block::Block;
 use crate::recording::columns::Quantity;
 use crate::recording::container::BATCH_ROWS;
 use crate::recording::{
-    ReadOptions, Readings, Recording, RecordingError, TableColumns, check_memory, check_topics, most_held,
+    ReadOptions, Readings, Recording, RecordingError, TableColumns, check_memory, check_topics,
+    most_held,
 };
 
 /// A column to read, and the number of its units per SI unit.
@@ -25,17 +26,32 @@ pub(super) fn input(
     reading: &ReadOptions,
 ) -> Result<Input, RecordingError> {
     check_topics(name, &reading.choice)?;
-    let skips = (reading.choice.skip_rows > 0).then_some(("--skip-rows", "is for text, not for rows of a table"));
-    let rate = reading.choice.rate_hz.map(|_| ("--rate-hz", "is for a file without times, not for rows of a table"));
+    let skips = (reading.choice.skip_rows > 0)
+        .then_some(("--skip-rows", "is for text, not for rows of a table"));
+    let rate = reading
+        .choice
+        .rate_hz
+        .map(|_| ("--rate-hz", "is for a file without times, not for rows of a table"));
     if let Some((option, problem)) = skips.or(rate) {
-        return Err(RecordingError::BadOption { file: name.to_owned(), option, problem: problem.to_owned() });
+        return Err(RecordingError::BadOption {
+            file: name.to_owned(),
+            option,
+            problem: problem.to_owned(),
+        });
     }
     let names: Vec<String> = offered.iter().map(|column| column.name.clone()).collect();
     let units: Vec<String> = offered.iter().map(|column| column.unit.clone()).collect();
-    let found = TableColumns::find_with_units(name, &names, &units, &[], reading.choice.columns.as_deref())?;
+    let found = TableColumns::find_with_units(
+        name,
+        &names,
+        &units,
+        &[],
+        reading.choice.columns.as_deref(),
+    )?;
     let columns = found.needed.into_iter().chain(found.velocity);
-    let mut chosen: Vec<Chosen> =
-        columns.map(|column| Chosen { column: offered[column.index], per_si: column.per_si }).collect();
+    let mut chosen: Vec<Chosen> = columns
+        .map(|column| Chosen { column: offered[column.index], per_si: column.per_si })
+        .collect();
     chosen.iter().try_for_each(|chosen| chosen.column.check(name, parts))?;
     let rows: u64 = parts.iter().map(|part| part.rows).sum();
     let most = most_held(reading.most_samples);
@@ -49,7 +65,8 @@ pub(super) fn input(
     }
     let has_velocity = chosen.len() > Quantity::Velocity as usize;
     let mut stream = Stream::open(name, parts, chosen)?;
-    let recording = Recording::from_blocks(name, has_velocity, reading, &mut |block| stream.next(block))?;
+    let recording =
+        Recording::from_blocks(name, has_velocity, reading, &mut |block| stream.next(block))?;
     Ok(Input::Recording(Box::new(recording)))
 }
 
@@ -81,7 +98,11 @@ struct Span {
 }
 
 impl<'a> Stream<'a> {
-    fn open(name: &'a str, parts: &'a [Taken<'a>], chosen: Vec<Chosen<'a>>) -> Result<Self, RecordingError> {
+    fn open(
+        name: &'a str,
+        parts: &'a [Taken<'a>],
+        chosen: Vec<Chosen<'a>>,
+    ) -> Result<Self, RecordingError> {
         let time = chosen[Quantity::Time as usize].column;
         let mut ordered = Vec::with_capacity(parts.len());
         for (k, part) in parts.iter().enumerate() {
@@ -92,15 +113,29 @@ impl<'a> Stream<'a> {
         ordered.sort_by(|((a, raw_a), ..), ((b, raw_b), ..)| a.total_cmp(b).then(raw_a.cmp(raw_b)));
         let origin = ordered.first().map_or(0, |((_, raw), ..)| *raw);
         let parts = ordered.into_iter().map(|(_, k, part)| (k, part)).collect();
-        Ok(Self { name, parts, chosen, origin, part: 0, open: None, piece: 0, rows: 0, spans: [None; 2] })
+        Ok(Self {
+            name,
+            parts,
+            chosen,
+            origin,
+            part: 0,
+            open: None,
+            piece: 0,
+            rows: 0,
+            spans: [None; 2],
+        })
     }
 
     /// All rows, of which there are approximately `rows`.
     fn readings(mut self, rows: usize) -> Result<Readings, RecordingError> {
-        let mut columns: Vec<Vec<f64>> = self.chosen.iter().map(|_| Vec::with_capacity(rows)).collect();
+        let mut columns: Vec<Vec<f64>> =
+            self.chosen.iter().map(|_| Vec::with_capacity(rows)).collect();
         let mut block = Block::new(Quantity::ALL.len());
         while self.next(&mut block)? {
-            columns.iter_mut().zip(&block.columns).for_each(|(all, more)| all.extend_from_slice(more));
+            columns
+                .iter_mut()
+                .zip(&block.columns)
+                .for_each(|(all, more)| all.extend_from_slice(more));
         }
         let mut columns = columns.into_iter();
         let mut column = || columns.next();
@@ -121,7 +156,9 @@ impl<'a> Stream<'a> {
                 if rows > BATCH_ROWS && !block.is_empty() {
                     break;
                 }
-                for ((selected, chosen), column) in open.iter_mut().zip(&self.chosen).zip(&mut block.columns) {
+                for ((selected, chosen), column) in
+                    open.iter_mut().zip(&self.chosen).zip(&mut block.columns)
+                {
                     let before = column.len();
                     match selected {
                         Some(selected) => drop(selected.numbers(self.origin, column)?),
@@ -155,23 +192,35 @@ impl<'a> Stream<'a> {
             own.samples += 1;
         }
         let Some(before) = before else { return Ok(()) };
-        let interval = (before.last - before.first) / before.samples.saturating_sub(1).max(1) as f64;
+        let interval =
+            (before.last - before.first) / before.samples.saturating_sub(1).max(1) as f64;
         if own.first >= before.last - interval {
             return Ok(());
         }
         let name = |span: &Span| self.parts[span.part].1.name.to_owned();
         let (file, first, second) = (self.name.to_owned(), name(before), name(own));
-        Err(RecordingError::PartsOverlap { file, first, until: before.last, second, from: own.first })
+        Err(RecordingError::PartsOverlap {
+            file,
+            first,
+            until: before.last,
+            second,
+            from: own.first,
+        })
     }
 }
 
 /// The first time of a file, as stored and as a timestamp; infinite if there is none.
-fn first_time(part: &Taken<'_>, place: Option<(usize, Option<Cells>)>) -> Result<(f64, i64), RecordingError> {
+fn first_time(
+    part: &Taken<'_>,
+    place: Option<(usize, Option<Cells>)>,
+) -> Result<(f64, i64), RecordingError> {
     let mut found = (f64::INFINITY, 0);
     let Some((column, cells)) = place else { return Ok(found) };
     part.select(column).runs(&mut |value, _| {
         found = match (value, cells) {
-            (Value::Integer(raw), Some(Cells::Timestamp(per_second))) => (raw as f64 / per_second, raw),
+            (Value::Integer(raw), Some(Cells::Timestamp(per_second))) => {
+                (raw as f64 / per_second, raw)
+            }
             (Value::Integer(value), _) => (value as f64, 0),
             (Value::Number(value), _) => (value, 0),
             _ => return true,

@@ -42,14 +42,21 @@ struct WorkerResult {
 /// Text that is not an order.
 pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_json::Error> {
     let Order { source, known } = serde_json::from_str(order)?;
-    let place = |(name, sha256): (String, String)| (name, EntryLocation { at: 0, length: 0, sha256 });
+    let place =
+        |(name, sha256): (String, String)| (name, EntryLocation { at: 0, length: 0, sha256 });
     let before: HashMap<String, EntryLocation> = known.into_iter().map(place).collect();
     let parts: Vec<WorkerResult> = match source.jobs() {
-        Ok(jobs) => jobs.into_iter().map(|job| part(job.name.clone(), finish((0, 0), job, config, &before))).collect(),
+        Ok(jobs) => jobs
+            .into_iter()
+            .map(|job| part(job.name.clone(), finish((0, 0), job, config, &before)))
+            .collect(),
         Err(error) => {
             let whole = source.whole();
             let row = refused(&whole.name, config, error);
-            vec![part(whole.name.clone(), Finished::now((0, 0), whole.metadata, whole.name, row, config))]
+            vec![part(
+                whole.name.clone(),
+                Finished::now((0, 0), whole.metadata, whole.name, row, config),
+            )]
         }
     };
     serde_json::to_string(&parts)
@@ -84,7 +91,15 @@ impl Collector {
         let (journal, before) = Journal::open(&journal_path(table), &config.hash())?;
         let gathered = Gathered::new(dataset.sources.len());
         let (sources, table) = (dataset.sources, table.to_owned());
-        Ok(Self { sources, config: config.clone(), table, before, journal, gathered, added: BTreeSet::new() })
+        Ok(Self {
+            sources,
+            config: config.clone(),
+            table,
+            before,
+            journal,
+            gathered,
+            added: BTreeSet::new(),
+        })
     }
 
     /// One order per source, in the order of the table.
@@ -95,7 +110,10 @@ impl Collector {
         let mut known: HashMap<&str, BTreeMap<String, String>> = HashMap::new();
         for (name, place) in &self.before {
             // `file#recording`, or the file itself.
-            for of in [Some(name.as_str()), name.rsplit_once('#').map(|(file, _)| file)].into_iter().flatten() {
+            for of in [Some(name.as_str()), name.rsplit_once('#').map(|(file, _)| file)]
+                .into_iter()
+                .flatten()
+            {
                 known.entry(of).or_default().insert(name.clone(), place.sha256.clone());
             }
         }
@@ -110,17 +128,20 @@ impl Collector {
     /// effect.
     ///
     /// # Errors
-    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::WorkerResult`] for text
-    /// from another origin.
+    /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::WorkerResult`] for
+    /// text from another origin.
     pub fn add(&mut self, source: usize, parts: &str) -> Result<Tally, FleetError> {
-        let parts: Vec<WorkerResult> =
-            serde_json::from_str(parts).map_err(|error| FleetError::WorkerResult(error.to_string()))?;
+        let parts: Vec<WorkerResult> = serde_json::from_str(parts)
+            .map_err(|error| FleetError::WorkerResult(error.to_string()))?;
         let mut all = Vec::with_capacity(parts.len());
         for (k, WorkerResult { name, metadata, entry }) in parts.into_iter().enumerate() {
             let done = match entry {
                 Some(entry) => RowSource::New(Box::new(entry)),
                 None => RowSource::Journal(
-                    self.before.get(&name).cloned().ok_or_else(|| FleetError::WorkerResult(name.clone()))?,
+                    self.before
+                        .get(&name)
+                        .cloned()
+                        .ok_or_else(|| FleetError::WorkerResult(name.clone()))?,
                 ),
             };
             all.push(Finished { order: (source, k), metadata, done });
@@ -166,7 +187,10 @@ impl Collector {
     /// [`FleetError::Output`]; [`FleetError::WorkerResult`] if a source is missing.
     pub fn write(mut self) -> Result<Fleet, FleetError> {
         if let Some(missing) = (0..self.sources.len()).find(|source| !self.added.contains(source)) {
-            return Err(FleetError::WorkerResult(format!("{} is missing", self.sources[missing].name)));
+            return Err(FleetError::WorkerResult(format!(
+                "{} is missing",
+                self.sources[missing].name
+            )));
         }
         let fleet = self.gathered.write(&mut self.journal, &self.table)?;
         self.journal.remove()?;

@@ -29,10 +29,18 @@ pub(crate) struct ClassicalData {
 
 impl ClassicalData {
     /// `recordings` must be free of inertia; `found` was identified from them.
-    pub(crate) fn new(recordings: &[Recording], found: &Identification, options: &IdentifyOptions) -> Self {
+    pub(crate) fn new(
+        recordings: &[Recording],
+        found: &Identification,
+        options: &IdentifyOptions,
+    ) -> Self {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
-        let half_width = if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        let training = plain_training(recordings, found, options, (half_width, found.stages), |r| vec![0.0; r.len()]);
+        let half_width =
+            if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
+        let training =
+            plain_training(recordings, found, options, (half_width, found.stages), |r| {
+                vec![0.0; r.len()]
+            });
         let scales = Scales {
             offset: found.model.offset,
             force: found.model.insertion.coulomb_force,
@@ -55,7 +63,8 @@ pub(crate) fn plain_training(
     (half_width, stages): (f64, Stages),
     acceleration: impl Fn(&Recording) -> Vec<f64>,
 ) -> Training {
-    let parts: Vec<_> = recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
+    let parts: Vec<_> =
+        recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
     let mut all = Vec::new();
     for (recording, ((segments, settled), acceleration)) in recordings.iter().zip(&parts) {
         let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());

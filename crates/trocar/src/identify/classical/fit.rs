@@ -68,7 +68,11 @@ impl ClassicalTrial {
 
     /// The parameter values, the offset first.
     fn numbers(&self) -> Vec<f64> {
-        self.values.iter().zip(self.coordinates.iter()).map(|(u, c)| if c.log { u.exp() } else { *u }).collect()
+        self.values
+            .iter()
+            .zip(self.coordinates.iter())
+            .map(|(u, c)| if c.log { u.exp() } else { *u })
+            .collect()
     }
 
     fn range(coordinate: &Coordinate) -> [f64; 2] {
@@ -86,7 +90,14 @@ impl Trial for ClassicalTrial {
     fn free(&self) -> Vec<Free> {
         let of = |(value, c): (&f64, &Coordinate)| {
             let [low, high] = Self::range(c);
-            Free { value: *value, step: c.step, low, high, expected: f64::INFINITY, column: Column::Simulated }
+            Free {
+                value: *value,
+                step: c.step,
+                low,
+                high,
+                expected: f64::INFINITY,
+                column: Column::Simulated,
+            }
         };
         let mut free: Vec<Free> = self.values.iter().zip(self.coordinates.iter()).map(of).collect();
         free[0].column = Column::Offset;
@@ -126,7 +137,11 @@ pub(crate) struct RelatedFits<'a> {
 ///
 /// # Errors
 /// A message when no start gives a model that runs.
-pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<ClassicalFit, String> {
+pub(crate) fn fit(
+    kind: Kind,
+    data: &ClassicalData,
+    kin: RelatedFits,
+) -> Result<ClassicalFit, String> {
     let special = match (kin.special, kind.special()) {
         (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
         _ => None,
@@ -140,9 +155,15 @@ pub(crate) fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<
     let mut short: Vec<Fitted<ClassicalTrial>> =
         fresh.iter().filter_map(|trial| likelihood::fit(&data.training, trial, SHORT)).collect();
     short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-    let finalists = short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(starts::from_kin(kind, data, kin)));
+    let finalists = short
+        .into_iter()
+        .take(FINALISTS)
+        .map(|s| s.best)
+        .chain(trials(starts::from_kin(kind, data, kin)));
     let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
-    let found = long.min_by(|a, b| a.rms[1].total_cmp(&b.rms[1])).ok_or("no start gave a model that runs")?;
+    let found = long
+        .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
+        .ok_or("no start gave a model that runs")?;
     let model = found.best.model().ok_or("the best numbers make no model")?;
     let parameters = parameters(&found);
     let mut warnings = doubts(&found, &parameters);
@@ -167,9 +188,19 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let estimate = |q: kind::Reported| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
         let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
-        let how = Reported { unit: q.id.unit().si, log: q.log, scale, least: q.least(&best.numbers()), factor: 1.0 };
+        let how = Reported {
+            unit: q.id.unit().si,
+            log: q.log,
+            scale,
+            least: q.least(&best.numbers()),
+            factor: 1.0,
+        };
         let estimate = match q.from.iter().any(|j| found.held[*j]) {
-            true => Estimate::undetermined(of(best), q.id.unit().si, "the fit holds it at an end of its range"),
+            true => Estimate::undetermined(
+                of(best),
+                q.id.unit().si,
+                "the fit holds it at an end of its range",
+            ),
             false => spread.estimate(how, &of),
         };
         Parameter::new(q.id, estimate)

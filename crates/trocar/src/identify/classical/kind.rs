@@ -4,8 +4,9 @@ use std::fmt;
 
 use trocar_model::Quantity as Q;
 use trocar_model::{
-    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
-    ParameterId, SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
+    MaxwellSlip, ParamError, ParameterId, SlidingFriction, SlipElement, SlipRate, StaticFriction,
+    StribeckCurve,
 };
 
 /// A classical friction model, with its number of elements where that is variable.
@@ -111,7 +112,9 @@ impl Kind {
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Leuven(n) | Self::MaxwellSlip(n) | Self::Gms(n) => write!(f, "{}:{n}", self.family()),
+            Self::Leuven(n) | Self::MaxwellSlip(n) | Self::Gms(n) => {
+                write!(f, "{}:{n}", self.family())
+            }
             _ => f.write_str(self.family()),
         }
     }
@@ -183,13 +186,15 @@ pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
     let velocity = || Coordinate::log(Q::StribeckVelocity, [0.1 * slowest, 3.0 * fastest]);
     let damping = |id: ParameterId| Coordinate::linear(id, [0.0, most], 1e-3 * force / fastest);
     let [viscous, micro] = [Q::ViscousDamping, Q::MicroDamping].map(|q| move || damping(q.id()));
-    let stiffness = |id: ParameterId| Coordinate::log(id, [1e-4 * force / stroke, 1e4 * force / half_width]);
+    let stiffness =
+        |id: ParameterId| Coordinate::log(id, [1e-4 * force / stroke, 1e4 * force / half_width]);
     let limit = |i: usize| {
         let id = Q::LimitForce.id().of_element(i);
         Coordinate::log(Number::LimitDeflection(id), [1e-3 * half_width, 0.5 * stroke])
     };
     let element = |i: usize| [stiffness(Q::Stiffness.id().of_element(i)), limit(i)];
-    let mut all = vec![Coordinate::linear(Q::Offset, [f64::NEG_INFINITY, f64::INFINITY], 1e-4 * force)];
+    let mut all =
+        vec![Coordinate::linear(Q::Offset, [f64::NEG_INFINITY, f64::INFINITY], 1e-4 * force)];
     match kind {
         Kind::Coulomb => all.push(coulomb()),
         Kind::CoulombViscous => all.extend([coulomb(), viscous()]),
@@ -202,7 +207,14 @@ pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
             all.extend([stiffness(Q::Stiffness.id()), coulomb(), exponent, viscous()]);
         }
         Kind::LuGre | Kind::LuGreRational => {
-            all.extend([stiffness(Q::Stiffness.id()), micro(), coulomb(), rise(), velocity(), viscous()]);
+            all.extend([
+                stiffness(Q::Stiffness.id()),
+                micro(),
+                coulomb(),
+                rise(),
+                velocity(),
+                viscous(),
+            ]);
         }
         Kind::Leuven(n) => {
             let exponent = Coordinate::log(Q::Exponent, [0.1, 20.0]);
@@ -226,17 +238,31 @@ pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
     all
 }
 
-fn stribeck([coulomb_force, rise, stribeck_velocity, stribeck_exponent, viscous_damping]: [f64; 5]) -> SlidingFriction {
+fn stribeck(
+    [coulomb_force, rise, stribeck_velocity, stribeck_exponent, viscous_damping]: [f64; 5],
+) -> SlidingFriction {
     let static_force = coulomb_force + rise;
-    SlidingFriction { coulomb_force, static_force, stribeck_velocity, stribeck_exponent, viscous_damping }
+    SlidingFriction {
+        coulomb_force,
+        static_force,
+        stribeck_velocity,
+        stribeck_exponent,
+        viscous_damping,
+    }
 }
 
 /// The model with the parameters `p`, which start after the sensor offset.
 pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
     Ok(match kind {
-        Kind::Coulomb => Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], 0.0))?),
-        Kind::CoulombViscous => Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], p[1]))?),
-        Kind::Stribeck => Classical::Static(StaticFriction::new(stribeck([p[0], p[1], p[2], p[3], p[4]]))?),
+        Kind::Coulomb => {
+            Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], 0.0))?)
+        }
+        Kind::CoulombViscous => {
+            Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], p[1]))?)
+        }
+        Kind::Stribeck => {
+            Classical::Static(StaticFriction::new(stribeck([p[0], p[1], p[2], p[3], p[4]]))?)
+        }
         Kind::Dahl => Classical::Dahl(Dahl::new(DahlParams {
             stiffness: p[0],
             coulomb_force: p[1],
@@ -248,7 +274,11 @@ pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
             micro_damping: p[1],
             damping_velocity: f64::INFINITY,
             sliding: stribeck([p[2], p[3], p[4], 2.0, p[5]]),
-            curve: if kind == Kind::LuGre { StribeckCurve::Exponential } else { StribeckCurve::Rational },
+            curve: if kind == Kind::LuGre {
+                StribeckCurve::Exponential
+            } else {
+                StribeckCurve::Rational
+            },
         })?),
         Kind::Leuven(n) => {
             let sliding = stribeck([p[0], p[1], p[2], 2.0, p[5]]);
@@ -258,8 +288,14 @@ pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
             )?)
         }
         Kind::MaxwellSlip(n) => {
-            let element = |i: usize| SlipElement { stiffness: p[1 + 2 * i], limit_force: p[1 + 2 * i] * p[2 + 2 * i] };
-            Classical::MaxwellSlip(MaxwellSlip::new(&(0..n).map(element).collect::<Vec<_>>(), p[0])?)
+            let element = |i: usize| SlipElement {
+                stiffness: p[1 + 2 * i],
+                limit_force: p[1 + 2 * i] * p[2 + 2 * i],
+            };
+            Classical::MaxwellSlip(MaxwellSlip::new(
+                &(0..n).map(element).collect::<Vec<_>>(),
+                p[0],
+            )?)
         }
         Kind::Gms(n) => {
             let sliding = stribeck([gms_coulomb_force(n, p), p[1], p[2], 2.0, p[0]]);
@@ -270,7 +306,8 @@ pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
 
 /// The last element carries the whole static force, so the bank can hold every sliding force.
 fn leuven_elements(n: usize, p: &[f64]) -> Vec<SlipElement> {
-    let inner = (0..n - 1).map(|i| SlipElement { stiffness: p[6 + 2 * i], limit_force: p[6 + 2 * i] * p[7 + 2 * i] });
+    let inner = (0..n - 1)
+        .map(|i| SlipElement { stiffness: p[6 + 2 * i], limit_force: p[6 + 2 * i] * p[7 + 2 * i] });
     let last = SlipElement { stiffness: p[4 + 2 * n], limit_force: p[0] + p[1] };
     inner.chain([last]).collect()
 }
@@ -325,7 +362,9 @@ pub(super) fn reported(kind: Kind, coordinates: &[Coordinate]) -> Vec<Reported> 
             Reported { id, log: true, of: Box::new(move |p| p[j - 1] * p[j]), from: vec![j - 1, j] }
         }
         Number::Rise => static_force(kind, j),
-        Number::Reported(id) => Reported { id, log: c.log, of: Box::new(move |p| p[j]), from: vec![j] },
+        Number::Reported(id) => {
+            Reported { id, log: c.log, of: Box::new(move |p| p[j]), from: vec![j] }
+        }
     };
     let sum = match kind {
         Kind::MaxwellSlip(n) => Some(bank_force(n, 2, 2)),
@@ -338,7 +377,8 @@ pub(super) fn reported(kind: Kind, coordinates: &[Coordinate]) -> Vec<Reported> 
 /// Σ k_i·Δ_i, N, of a bank whose elements start at parameter `first`, with `stride` parameters
 /// each.
 fn bank_force(n: usize, first: usize, stride: usize) -> Reported {
-    let of = move |p: &[f64]| (0..n).map(|i| p[first + stride * i] * p[first + stride * i + 1]).sum();
+    let of =
+        move |p: &[f64]| (0..n).map(|i| p[first + stride * i] * p[first + stride * i + 1]).sum();
     Reported { id: Q::CoulombForce.id(), log: true, of: Box::new(of), from: Vec::new() }
 }
 

@@ -23,8 +23,14 @@ pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Ve
         _ => None,
     });
     let generalised = kin.special.map(|fit| {
-        let elements = fit.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
-        fit.numbers[..2].iter().copied().chain([0.0, slowest, 50.0 * force]).chain(elements).collect()
+        let elements =
+            fit.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
+        fit.numbers[..2]
+            .iter()
+            .copied()
+            .chain([0.0, slowest, 50.0 * force])
+            .chain(elements)
+            .collect()
     });
     grown.into_iter().chain(generalised).collect()
 }
@@ -44,13 +50,21 @@ pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Vec<V
         }
         Kind::Dahl => stiffnesses.map(|k| vec![k, force, 1.0, viscous]).to_vec(),
         Kind::LuGre | Kind::LuGreRational => {
-            let of = |k: f64, rise: f64, v: f64| vec![k, 0.1 * viscous, force - 0.5 * rise, rise, v, viscous];
-            let heads = [(small_rise, slowest), (small_rise, middle), (0.3 * force, slowest), (0.3 * force, middle)];
+            let of = |k: f64, rise: f64, v: f64| {
+                vec![k, 0.1 * viscous, force - 0.5 * rise, rise, v, viscous]
+            };
+            let heads = [
+                (small_rise, slowest),
+                (small_rise, middle),
+                (0.3 * force, slowest),
+                (0.3 * force, middle),
+            ];
             stiffnesses.iter().flat_map(|k| heads.map(|(rise, v)| of(*k, rise, v))).collect()
         }
         Kind::Leuven(n) => leuven(n, data),
         Kind::MaxwellSlip(n) => {
-            let banks = [Some(convex_bank(n, data)), divided(kin.smaller, 2, 2)].into_iter().flatten();
+            let banks =
+                [Some(convex_bank(n, data)), divided(kin.smaller, 2, 2)].into_iter().flatten();
             banks.map(|bank| [vec![viscous], flattened(&bank, None)].concat()).collect()
         }
         Kind::Gms(n) => gms(n, data, kin),
@@ -70,8 +84,12 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
     };
     let mut all = Vec::new();
     if let Ok(lugre) = fit(Kind::LuGre, data, RelatedFits::default()) {
-        let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else { return all };
-        for (exponent, softer, inner) in [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)] {
+        let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else {
+            return all;
+        };
+        for (exponent, softer, inner) in
+            [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)]
+        {
             let inner_stiffness = inner * softer * stiffness / (n - 1).max(1) as f64;
             let width = |i: usize| half_width * 0.2 * 4f64.powf(i as f64 / (n - 1).max(1) as f64);
             let mut bank: Vec<[f64; 2]> = (0..n - 1).map(|i| [inner_stiffness, width(i)]).collect();
@@ -80,7 +98,9 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
         }
     }
     let bank = convex_bank(n, data);
-    all.extend([2.0, 6.0].map(|exponent| of([force, 0.05 * force, slowest, exponent, 0.1 * viscous, viscous], &bank)));
+    all.extend([2.0, 6.0].map(|exponent| {
+        of([force, 0.05 * force, slowest, exponent, 0.1 * viscous, viscous], &bank)
+    }));
     all
 }
 
@@ -88,17 +108,28 @@ fn gms(n: usize, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
     let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
-        [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(damping))].concat()
+        [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(damping))]
+            .concat()
     };
     let middle = (slowest * fastest).sqrt();
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
-    let mut all = vec![of(0.02, slowest, 50.0, 0.0), of(0.2, middle, 5.0, 0.0), of(0.3, slowest, 50.0, damping)];
+    let mut all = vec![
+        of(0.02, slowest, 50.0, 0.0),
+        of(0.2, middle, 5.0, 0.0),
+        of(0.3, slowest, 50.0, damping),
+    ];
     if let (Some(fit), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
         all.push([fit.numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
     }
     if let Some(bank) = kin.special {
-        let elements = bank.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
-        all.push(vec![bank.numbers[1], 0.02 * force, slowest, 50.0 * force].into_iter().chain(elements).collect());
+        let elements =
+            bank.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
+        all.push(
+            vec![bank.numbers[1], 0.02 * force, slowest, 50.0 * force]
+                .into_iter()
+                .chain(elements)
+                .collect(),
+        );
     }
     all
 }
@@ -117,7 +148,9 @@ fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
 
 /// Stiffness and limit of each element in sequence, with `damping` after each if there is one.
 fn flattened(bank: &[[f64; 2]], damping: Option<f64>) -> Vec<f64> {
-    bank.iter().flat_map(|[k, limit]| [Some(*k), Some(*limit), damping].into_iter().flatten()).collect()
+    bank.iter()
+        .flat_map(|[k, limit]| [Some(*k), Some(*limit), damping].into_iter().flatten())
+        .collect()
 }
 
 /// The bank of the smaller model with its strongest element split into a shorter and a longer one.
@@ -126,7 +159,8 @@ fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Optio
     let mut bank: Vec<[f64; 2]> =
         numbers[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
     let strength = |[k, limit]: &[f64; 2]| k * limit;
-    let strongest = (0..bank.len()).max_by(|a, b| strength(&bank[*a]).total_cmp(&strength(&bank[*b])))?;
+    let strongest =
+        (0..bank.len()).max_by(|a, b| strength(&bank[*a]).total_cmp(&strength(&bank[*b])))?;
     let [k, limit] = bank.swap_remove(strongest);
     bank.extend(DIVIDED.map(|width| [0.5 * k, width * limit]));
     Some(bank)
@@ -140,7 +174,8 @@ fn convex_bank(n: usize, data: &ClassicalData) -> Vec<[f64; 2]> {
     let ratio = (longest / shortest).powf(1.0 / (GRID - 1) as f64);
     let grid: Vec<f64> = (0..GRID).map(|i| shortest * ratio.powi(i as i32)).collect();
     let strongest = |limits: &[f64]| -> Vec<[f64; 2]> {
-        let mut bank: Vec<[f64; 2]> = bank_at(limits, data).into_iter().filter(|[k, _]| *k > 0.0).collect();
+        let mut bank: Vec<[f64; 2]> =
+            bank_at(limits, data).into_iter().filter(|[k, _]| *k > 0.0).collect();
         bank.sort_by(|a, b| (b[0] * b[1]).total_cmp(&(a[0] * a[1])));
         bank.truncate(n);
         bank

@@ -15,6 +15,14 @@ const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 const precise = (value) => String(Number(value.toPrecision(4))).replace("-", "\u2212");
 
 // The WebAssembly module, crates/trocar-web: one model and its state.
+// Text with the indices of symbols set low, as the page does.
+function typeset(element, text) {
+  for (const [at, part] of text.split(/_([0-9A-Za-z]{1,2})(?![0-9A-Za-z])/).entries()) {
+    if (at % 2) make("sub", "", element).textContent = part;
+    else element.append(part);
+  }
+}
+
 class Runner {
   static async start(compressed, row) {
     const plain = new Blob([bytesOf(compressed)]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -193,7 +201,7 @@ class Knobs {
       const text = plain(knob.name);
       row.hidden = this.alike && knob.follows !== null;
       name.replaceChildren(text + " ");
-      make("i", "", name).textContent = plain(knob.symbol);
+      typeset(make("i", "", name), plain(knob.symbol));
       field.setAttribute("aria-label", text + (knob.unit ? ", " + knob.unit : ""));
       field.value = shownValue.replace("\u2212", "-");
       row.dataset.value = value;

@@ -48,12 +48,18 @@ impl Area {
     fn is_inside(&self, frame: &Frame<'_>) -> bool {
         let [x, y] = self.centre;
         let [w, h] = self.half;
-        x - w > frame.left && x + w < frame.left + frame.width && y - h > frame.top && y + h < frame.top + frame.height
+        x - w > frame.left
+            && x + w < frame.left + frame.width
+            && y - h > frame.top
+            && y + h < frame.top + frame.height
     }
 }
 
 /// Centre, text and colour of every label of a panel.
-pub(super) fn placed<'p>(panel: &'p Panel, frame: &Frame<'_>) -> Vec<([f64; 2], &'p str, &'static str)> {
+pub(super) fn placed<'p>(
+    panel: &'p Panel,
+    frame: &Frame<'_>,
+) -> Vec<([f64; 2], &'p str, &'static str)> {
     let (markers, lines) = obstacles(panel, frame);
     let mut texts: Vec<Area> = Vec::new();
     let mut placed = Vec::new();
@@ -64,13 +70,19 @@ pub(super) fn placed<'p>(panel: &'p Panel, frame: &Frame<'_>) -> Vec<([f64; 2], 
             if !at.iter().all(|c| c.is_finite()) || label.is_empty() {
                 continue;
             }
-            let half = [text_width(&view::printable(label), f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT];
+            let half =
+                [text_width(&view::printable(label), f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT];
             let cost = |area: &Area| {
                 let count = |all: &[Area]| all.iter().filter(|other| area.overlaps(other)).count();
                 let outside = usize::from(!area.is_inside(frame));
                 let near = Area { half: area.half.map(|half| half + NEAR), ..*area };
-                let strangers = markers.iter().filter(|m| m.centre != at && near.overlaps(m)).count();
-                1000 * outside + 100 * count(&texts) + 20 * count(&markers) + 4 * strangers + count(&lines)
+                let strangers =
+                    markers.iter().filter(|m| m.centre != at && near.overlaps(m)).count();
+                1000 * outside
+                    + 100 * count(&texts)
+                    + 20 * count(&markers)
+                    + 4 * strangers
+                    + count(&lines)
             };
             let best = candidates(at, half).min_by_key(cost).unwrap_or(Area { centre: at, half });
             texts.push(best);
@@ -91,17 +103,22 @@ fn candidates(at: [f64; 2], half: [f64; 2]) -> impl Iterator<Item = Area> {
         centre: [at[0] + dx * (half[0] + clear + ring), at[1] + dy * (half[1] + clear + ring)],
         half,
     };
-    RINGS.into_iter().flat_map(move |ring| DIRECTIONS.into_iter().map(move |direction| place(ring, direction)))
+    RINGS
+        .into_iter()
+        .flat_map(move |ring| DIRECTIONS.into_iter().map(move |direction| place(ring, direction)))
 }
 
 /// Markers, and points along lines and horizontal marks.
 fn obstacles(panel: &Panel, frame: &Frame<'_>) -> (Vec<Area>, Vec<Area>) {
     let (mut markers, mut lines) = (Vec::new(), Vec::new());
     for series in &panel.series {
-        let at: Vec<[f64; 2]> = points(series, frame).filter(|p| p.iter().all(|c| c.is_finite())).collect();
+        let at: Vec<[f64; 2]> =
+            points(series, frame).filter(|p| p.iter().all(|c| c.is_finite())).collect();
         match series.kind {
             Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => {
-                markers.extend(at.into_iter().map(|centre| Area { centre, half: [LABELLED_RADIUS; 2] }));
+                markers.extend(
+                    at.into_iter().map(|centre| Area { centre, half: [LABELLED_RADIUS; 2] }),
+                );
             }
             Kind::Line => lines.extend(at.windows(2).flat_map(|pair| along(pair[0], pair[1]))),
             Kind::Band { .. } => {}
@@ -136,11 +153,23 @@ mod tests {
         let x = [1.0, 1.1, 1.25, 1.05, 2.0, 9.0];
         let y = [0.2, 0.22, 0.2, 0.18, 0.1, 1.0];
         let names = ["Coulomb and viscous", "Stribeck", "Dahl", "LuGre", "Leuven 4", "EMS"];
-        let axes = || Panel::new(Axis::new("parameters", "").logarithmic(), Axis::new("error", "N").logarithmic());
-        let point = |panel: Panel, k: usize| {
-            panel.series(Series::labelled("", Role::Model, vec![x[k]], vec![y[k]], vec![names[k].to_owned()]))
+        let axes = || {
+            Panel::new(
+                Axis::new("parameters", "").logarithmic(),
+                Axis::new("error", "N").logarithmic(),
+            )
         };
-        let figure = Figure::new("cluster", 1, "Cluster").panel((0..names.len()).fold(axes(), point));
+        let point = |panel: Panel, k: usize| {
+            panel.series(Series::labelled(
+                "",
+                Role::Model,
+                vec![x[k]],
+                vec![y[k]],
+                vec![names[k].to_owned()],
+            ))
+        };
+        let figure =
+            Figure::new("cluster", 1, "Cluster").panel((0..names.len()).fold(axes(), point));
         let layout = Layout::new(&figure);
         let (panel, frame) = (&figure.panels[0], &layout.frames[0]);
         let area = |(centre, text, _): ([f64; 2], &str, &str)| Area {

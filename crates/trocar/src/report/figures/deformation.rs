@@ -4,8 +4,8 @@ use trocar_model::{Branch, Element, Friction, Stages};
 
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::identify::{
-    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, EndForces, FullReversal, Identification, bin_centres,
-    legendre,
+    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, EndForces, FullReversal,
+    Identification, bin_centres, legendre,
 };
 use crate::report::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::report::number::significant;
@@ -25,22 +25,28 @@ fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a Deformation
 /// Force at several deflections against deformation velocity: at those of `chosen`, m, or by
 /// default at [`LEVELS`].
 pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
-    let deformation = resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
+    let deformation =
+        resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
     let test = deformation.damping.as_ref().ok_or(
         "There is no figure of the deformation force against deformation velocity (EMS figure 7): all snap-throughs of the seal have one \
          speed, so its influence cannot be seen. Record several speeds.",
     )?;
     let c = deformation.half_width.value;
-    let mut panel =
-        Panel::new(Axis::new("deformation velocity", "mm/s").with_zero(), Axis::new("deformation force", "N"));
-    let levels: Vec<f64> = if chosen.is_empty() { LEVELS.to_vec() } else { chosen.iter().map(|z| z / c).collect() };
+    let mut panel = Panel::new(
+        Axis::new("deformation velocity", "mm/s").with_zero(),
+        Axis::new("deformation force", "N"),
+    );
+    let levels: Vec<f64> =
+        if chosen.is_empty() { LEVELS.to_vec() } else { chosen.iter().map(|z| z / c).collect() };
     let digits = if chosen.is_empty() { 2 } else { 4 };
     for (category, &level) in levels.iter().enumerate() {
         let role = Role::Category(category as u8);
         let name = format!("z = {} mm", significant(MM * level * c, digits));
         for direction in [Direction::Insertion, Direction::Withdrawal] {
             let at = Level::new(deformation, direction, level);
-            panel = panel.series(at.points(&name, role, test.deflection_error_m)).series(at.line(role, test));
+            panel = panel
+                .series(at.points(&name, role, test.deflection_error_m))
+                .series(at.line(role, test));
         }
     }
     Ok(Figure::new("deformation-velocity", 0, "Influence of the deformation velocity")
@@ -59,7 +65,8 @@ struct Level {
 impl Level {
     fn new(deformation: &DeformationFit, direction: Direction, level: f64) -> Self {
         let bin = ((0.5 * (level + 1.0) * BINS as f64) as usize).min(BINS - 1);
-        let own = deformation.full_reversals.iter().filter(|t: &&FullReversal| t.direction == direction);
+        let own =
+            deformation.full_reversals.iter().filter(|t: &&FullReversal| t.direction == direction);
         let mean = &deformation.branch(direction).mean_curve;
         let (low, high) = (bin.saturating_sub(4), (bin + 4).min(BINS - 1));
         let travel = 2.0 * deformation.half_width.value * (high - low) as f64 / BINS as f64;
@@ -71,7 +78,8 @@ impl Level {
 
     fn points(&self, name: &str, role: Role, deflection_error: f64) -> Series {
         let bar = self.stiffness.abs() * deflection_error;
-        let column = |of: &dyn Fn(&(f64, f64)) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
+        let column =
+            |of: &dyn Fn(&(f64, f64)) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
         Series::error_bars(
             name,
             role,
@@ -87,7 +95,10 @@ impl Level {
         let n = self.points.len().max(1) as f64;
         let mean = self.points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
         let velocities = || self.points.iter().map(|p| p.0);
-        let ends = [velocities().fold(f64::INFINITY, f64::min), velocities().fold(f64::NEG_INFINITY, f64::max)];
+        let ends = [
+            velocities().fold(f64::INFINITY, f64::min),
+            velocities().fold(f64::NEG_INFINITY, f64::max),
+        ];
         let force = ends.map(|v| mean.1 + test.seal_damping_n_s_m.value * (v - mean.0));
         Series::line("", role, ends.map(|v| MM * v).to_vec(), force.to_vec())
     }
@@ -102,7 +113,8 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
         "five deflections",
         "six deflections",
     ];
-    let deflections = COUNTS.get(levels.saturating_sub(1)).copied().unwrap_or("the chosen deflections");
+    let deflections =
+        COUNTS.get(levels.saturating_sub(1)).copied().unwrap_or("the chosen deflections");
     let verdict = if found.fit.is_some() {
         "which is where the fit to all motion starts from; its own σ is in the table of parameters, if it keeps one"
     } else if test.kept {
@@ -127,10 +139,14 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
 }
 
 /// Both branches: measured curves, joined polynomials, single polynomial; residuals of both fits.
-pub(in super::super) fn deformation_force(found: &Identification, truth: Option<&[Element]>) -> Drawn {
+pub(in super::super) fn deformation_force(
+    found: &Identification,
+    truth: Option<&[Element]>,
+) -> Drawn {
     let deformation = resolved(found, "the deformation force (EMS figure 8)")?;
     let axes = || Axis::new("deflection z", "mm");
-    let mut branches = Panel::new(axes(), Axis::new("deformation force", "N").with_zero()).aspect(0.6);
+    let mut branches =
+        Panel::new(axes(), Axis::new("deformation force", "N").with_zero()).aspect(0.6);
     for series in branch_series(found, deformation, truth) {
         branches = branches.series(series);
     }
@@ -143,18 +159,35 @@ pub(in super::super) fn deformation_force(found: &Identification, truth: Option<
         let c = deformation.half_width.value;
         let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
         let left = |force: &dyn Fn(f64) -> f64| {
-            bin_centres().zip(&fit.mean_curve).map(|(u, mean)| mean - force(u)).collect::<Vec<f64>>()
+            bin_centres()
+                .zip(&fit.mean_curve)
+                .map(|(u, mean)| mean - force(u))
+                .collect::<Vec<f64>>()
         };
-        let mut panel = Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.28);
+        let mut panel =
+            Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.28);
         if let Some(joined) = joined {
-            panel = panel.series(Series::line(JOINED, Role::Fit, x.clone(), left(&|u| joined.force(u * c))));
+            panel = panel.series(Series::line(
+                JOINED,
+                Role::Fit,
+                x.clone(),
+                left(&|u| joined.force(u * c)),
+            ));
         }
         panel.series(Series::line(SINGLE, Role::Alternative, x, left(&|u| single(fit, u))))
     };
     Ok(Figure::new("deformation-force", 0, "Deformation force")
         .panel(branches)
-        .panel(residual("insertion", &deformation.insertion_branch, &deformation.insertion_branch.shape))
-        .panel(residual("withdrawal", &deformation.withdrawal_branch, &deformation.withdrawal_branch.shape))
+        .panel(residual(
+            "insertion",
+            &deformation.insertion_branch,
+            &deformation.insertion_branch.shape,
+        ))
+        .panel(residual(
+            "withdrawal",
+            &deformation.withdrawal_branch,
+            &deformation.withdrawal_branch.shape,
+        ))
         .linked_x()
         .caption(force_caption(found, deformation, truth)))
 }
@@ -163,7 +196,11 @@ const JOINED: &str = "joined polynomials (25)";
 const SINGLE: &str = "single polynomial, degree 7";
 
 /// The two-step fit of a branch.
-fn fitted(found: &Identification, deformation: &DeformationFit, shape: &BranchShape) -> Option<Branch> {
+fn fitted(
+    found: &Identification,
+    deformation: &DeformationFit,
+    shape: &BranchShape,
+) -> Option<Branch> {
     let end_forces: EndForces = found.two_step.end_forces();
     shape.branch(deformation.half_width.value, end_forces).ok()
 }
@@ -172,15 +209,37 @@ fn single(fit: &BranchFit, u: f64) -> f64 {
     fit.single_polynomial.iter().enumerate().map(|(order, a)| a * legendre(order, u)).sum()
 }
 
-fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> Vec<Series> {
+fn branch_series(
+    found: &Identification,
+    deformation: &DeformationFit,
+    truth: Option<&[Element]>,
+) -> Vec<Series> {
     let c = deformation.half_width.value;
     let mut all = Vec::new();
     for fit in [&deformation.insertion_branch, &deformation.withdrawal_branch] {
         let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
-        let edge = |sign: f64| fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect::<Vec<f64>>();
-        all.push(Series::band("measured, mean ± 1 sd", Role::Measured, x.clone(), edge(-1.0), edge(1.0)));
-        all.push(Series::line("measured, mean ± 1 sd", Role::Measured, x.clone(), fit.mean_curve.clone()));
-        all.push(Series::line(SINGLE, Role::Alternative, x, bin_centres().map(|u| single(fit, u)).collect()));
+        let edge = |sign: f64| {
+            fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect::<Vec<f64>>()
+        };
+        all.push(Series::band(
+            "measured, mean ± 1 sd",
+            Role::Measured,
+            x.clone(),
+            edge(-1.0),
+            edge(1.0),
+        ));
+        all.push(Series::line(
+            "measured, mean ± 1 sd",
+            Role::Measured,
+            x.clone(),
+            fit.mean_curve.clone(),
+        ));
+        all.push(Series::line(
+            SINGLE,
+            Role::Alternative,
+            x,
+            bin_centres().map(|u| single(fit, u)).collect(),
+        ));
         if let Some(branch) = fitted(found, deformation, &fit.shape) {
             all.push(drawn(JOINED, Role::Fit, &branch));
         }
@@ -191,7 +250,8 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
     if let Some([element]) = truth {
         let force = &element.params().deformation;
         all.extend(
-            [force.insertion(), force.withdrawal()].map(|branch| drawn("truth of the bench", Role::Reference, branch)),
+            [force.insertion(), force.withdrawal()]
+                .map(|branch| drawn("truth of the bench", Role::Reference, branch)),
         );
     }
     all
@@ -199,12 +259,18 @@ fn branch_series(found: &Identification, deformation: &DeformationFit, truth: Op
 
 /// Mean speed of the snap-throughs, m/s.
 fn mean_speed(deformation: &DeformationFit) -> f64 {
-    deformation.full_reversals.iter().map(|t| t.speed).sum::<f64>() / deformation.full_reversals.len().max(1) as f64
+    deformation.full_reversals.iter().map(|t| t.speed).sum::<f64>()
+        / deformation.full_reversals.len().max(1) as f64
 }
 
 /// The whole model snapped through at the mean speed of the snap-throughs, with all stages, damping
 /// and relaxation. Insertion for a positive `sign`.
-fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit, sign: f64) -> Series {
+fn full_stroke(
+    name: &str,
+    found: &Identification,
+    deformation: &DeformationFit,
+    sign: f64,
+) -> Series {
     let c = deformation.half_width.value;
     let step = 2.0 * c / (BRANCH_POINTS - 1) as f64;
     let duration = step / mean_speed(deformation);
@@ -231,10 +297,19 @@ fn full_stroke(name: &str, found: &Identification, deformation: &DeformationFit,
 fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
     let c = branch.half_width();
     let z = spaced(-c, c, BRANCH_POINTS);
-    Series::line(name, role, z.clone().map(|z| MM * z).collect(), z.map(|z| branch.force(z)).collect())
+    Series::line(
+        name,
+        role,
+        z.clone().map(|z| MM * z).collect(),
+        z.map(|z| branch.force(z)).collect(),
+    )
 }
 
-fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Option<&[Element]>) -> String {
+fn force_caption(
+    found: &Identification,
+    deformation: &DeformationFit,
+    truth: Option<&[Element]>,
+) -> String {
     let count = |d| deformation.full_reversals.iter().filter(|t| t.direction == d).count();
     let [left, right] = deformation.insertion_branch.shape.degrees();
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
@@ -249,7 +324,9 @@ fn force_caption(found: &Identification, deformation: &DeformationFit, truth: Op
     };
     let true_branches = match truth {
         Some([_]) => " The truth is that of the virtual bench.",
-        Some(_) => " The virtual bench ran several elements in parallel; their branches have no counterpart here.",
+        Some(_) => {
+            " The virtual bench ran several elements in parallel; their branches have no counterpart here."
+        }
         None => "",
     };
     format!(

@@ -78,8 +78,12 @@ impl Shown {
     /// The value in the displayed unit, if the recording determines it.
     fn value(self, record: &Record) -> Option<f64> {
         let known = record.cell(&format!("{}_determined", self.column()));
-        let is_determined = known.is_none_or(|cell| *cell == crate::fleet::FleetCell::Boolean(true));
-        record.number(&self.column()).filter(|_| is_determined).map(|value| self.unit().scale * value)
+        let is_determined =
+            known.is_none_or(|cell| *cell == crate::fleet::FleetCell::Boolean(true));
+        record
+            .number(&self.column())
+            .filter(|_| is_determined)
+            .map(|value| self.unit().scale * value)
     }
 
     /// Standard error, from the 95 % interval; zero where there is none.
@@ -106,10 +110,13 @@ impl<'a> ByType<'a> {
     /// By the metadata column `by`; one type without it.
     pub(in super::super) fn new(fleet: &'a Fleet, by: Option<&str>) -> Self {
         let name = |record: &Record| match by {
-            Some(by) => record.metadata.get(by).map_or_else(String::new, crate::fleet::FleetCell::in_words),
+            Some(by) => {
+                record.metadata.get(by).map_or_else(String::new, crate::fleet::FleetCell::in_words)
+            }
             None => "all".to_owned(),
         };
-        let identified = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
+        let identified =
+            fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
         let mut names: Vec<String> = identified.map(name).collect();
         names.sort_unstable();
         names.dedup();
@@ -124,7 +131,8 @@ impl<'a> ByType<'a> {
                 .then(|| names.iter().position(|name| *name == own).unwrap_or(last))
         };
         let kinds = fleet.records.iter().map(kind).collect();
-        let called = |name: &String| if name.is_empty() { "(none)".to_owned() } else { name.clone() };
+        let called =
+            |name: &String| if name.is_empty() { "(none)".to_owned() } else { name.clone() };
         Self { fleet, names: names.iter().map(called).collect(), kinds }
     }
 
@@ -141,26 +149,41 @@ pub(in super::super) fn distributions(types: &ByType) -> Figure {
         let mut panel = Panel::new(shown.axis(), Axis::named(types.names.clone()));
         panel.aspect = 0.18 + 0.11 * types.names.len() as f64;
         for kind in 0..types.names.len() {
-            let mut values: Vec<f64> = types.values(kind, *shown).into_iter().map(|(value, _)| value).collect();
+            let mut values: Vec<f64> =
+                types.values(kind, *shown).into_iter().map(|(value, _)| value).collect();
             if values.is_empty() {
                 continue;
             }
             let step = values.len().div_ceil(MOST_POINTS);
             let drawn: Vec<f64> = values.iter().copied().step_by(step).collect();
             // Golden-ratio steps separate points that would coincide.
-            let row = |k: usize| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12;
+            let row =
+                |k: usize| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12;
             let rows = (0..drawn.len()).map(row).collect();
             values.sort_by(f64::total_cmp);
             let [low, middle, high] = [0.25, 0.5, 0.75].map(|part| quantile(&values, part));
             let at = kind as f64 - 0.27;
             panel = panel
                 .series(Series::points("recording", Role::Measured, drawn, rows))
-                .series(Series::line("quartiles and median", Role::Model, vec![low, high], vec![at; 2]))
-                .series(Series::points("quartiles and median", Role::Model, vec![middle], vec![at]));
+                .series(Series::line(
+                    "quartiles and median",
+                    Role::Model,
+                    vec![low, high],
+                    vec![at; 2],
+                ))
+                .series(Series::points(
+                    "quartiles and median",
+                    Role::Model,
+                    vec![middle],
+                    vec![at],
+                ));
         }
         panel
     };
-    let figure = SHOWN.iter().map(panel).fold(Figure::new("distributions", 0, "Parameters by type"), Figure::panel);
+    let figure = SHOWN
+        .iter()
+        .map(panel)
+        .fold(Figure::new("distributions", 0, "Parameters by type"), Figure::panel);
     figure.columns(2).caption(
         "Each point is a recording whose data determine the parameter; below them the quartiles as a line and the median as a point. The \
          forces of insertion and withdrawal are the lines of steady sliding at rest, with the sensor's offset in them; their mean is F_c.",
@@ -183,12 +206,17 @@ fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
 }
 
 /// Parameters against use, and the table of slopes.
-pub(in super::super) fn drift(types: &ByType, by: &str, specimen: Option<&str>) -> Option<(Figure, Table)> {
+pub(in super::super) fn drift(
+    types: &ByType,
+    by: &str,
+    specimen: Option<&str>,
+) -> Option<(Figure, Table)> {
     let mut table = Table::new(
         format!("Change per unit of {by}"),
         ["Parameter", "Type", "Change", "95 % interval", "Unit", "Recordings"],
     );
-    let mut figure = Figure::new("drift", 0, format!("Drift with {}", by.replace('_', " "))).columns(2);
+    let mut figure =
+        Figure::new("drift", 0, format!("Drift with {}", by.replace('_', " "))).columns(2);
     let mut any = false;
     for shown in FOLLOWED {
         let mut panel = Panel::new(Axis::new(by.replace('_', " "), ""), shown.axis()).aspect(0.62);
@@ -220,7 +248,11 @@ pub(in super::super) fn drift(types: &ByType, by: &str, specimen: Option<&str>) 
         }
         figure = figure.panel(panel);
     }
-    let within = if specimen.is_some() { ", the change within a specimen, each with a level of its own" } else { "" };
+    let within = if specimen.is_some() {
+        ", the change within a specimen, each with a level of its own"
+    } else {
+        ""
+    };
     let caption = format!(
         "Each point is a recording; straight lines by least squares by type{within}, with the 95 % interval of the line as a band. Recordings \
          count alike, whatever their own interval."
@@ -228,9 +260,16 @@ pub(in super::super) fn drift(types: &ByType, by: &str, specimen: Option<&str>) 
     any.then(|| (figure.caption(caption), table))
 }
 
-fn with_line(panel: Panel, name: &str, role: Role, trend: &Trend, points: &[(f64, f64, usize)]) -> Panel {
+fn with_line(
+    panel: Panel,
+    name: &str,
+    role: Role,
+    trend: &Trend,
+    points: &[(f64, f64, usize)],
+) -> Panel {
     const STEPS: usize = 24;
-    let (low, high) = points.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p.0), high.max(p.0)));
+    let (low, high) =
+        points.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p.0), high.max(p.0)));
     let x: Vec<f64> = (0..=STEPS).map(|k| low + (high - low) * k as f64 / STEPS as f64).collect();
     let at: Vec<[f64; 2]> = x.iter().map(|x| trend.at(*x)).collect();
     let [under, line, over] =
@@ -247,7 +286,9 @@ pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
             let values = types.values(kind, shown);
             let numbers: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
             let scores = modified_scores(&numbers).unwrap_or_default();
-            for ((value, record), score) in values.iter().zip(scores).filter(|(_, score)| score.abs() > OUTLYING) {
+            for ((value, record), score) in
+                values.iter().zip(scores).filter(|(_, score)| score.abs() > OUTLYING)
+            {
                 found.push((score, *value, shown, name.as_str(), *record));
             }
         }
@@ -257,16 +298,17 @@ pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
         "Farthest from the median of their type",
         ["Recording", "Type", "Parameter", "Value", "Unit", "Score"],
     );
-    let row = |table: Table, (score, value, shown, name, record): &(f64, f64, Shown, &str, &Record)| {
-        table.row([
-            Cell::Code(record.text("path").unwrap_or_default().to_owned()),
-            (*name).into(),
-            shown.words().into(),
-            Cell::Number { value: *value, digits: 3 },
-            shown.unit().shown.into(),
-            Cell::Number { value: *score, digits: 3 },
-        ])
-    };
+    let row =
+        |table: Table, (score, value, shown, name, record): &(f64, f64, Shown, &str, &Record)| {
+            table.row([
+                Cell::Code(record.text("path").unwrap_or_default().to_owned()),
+                (*name).into(),
+                shown.words().into(),
+                Cell::Number { value: *value, digits: 3 },
+                shown.unit().shown.into(),
+                Cell::Number { value: *score, digits: 3 },
+            ])
+        };
     (found.len(), found.iter().take(MOST_OUTLIERS).fold(table, row))
 }
 
@@ -294,19 +336,26 @@ pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
 }
 
 /// Means by type with the variance between and within specimens, or the reasons why there are none.
-pub(in super::super) fn mixed_effects(types: &ByType, specimen: &str) -> (Table, Table, Vec<String>) {
+pub(in super::super) fn mixed_effects(
+    types: &ByType,
+    specimen: &str,
+) -> (Table, Table, Vec<String>) {
     let mut means = Table::new(
         "Means over specimens",
         ["Parameter", "Type", "Mean", "95 % interval", "Unit", "Specimens", "Recordings"],
     );
-    let mut components =
-        Table::new("Standard deviations", ["Parameter", "Between specimens τ", "Within a specimen σ", "Unit", "ICC"]);
+    let mut components = Table::new(
+        "Standard deviations",
+        ["Parameter", "Between specimens τ", "Within a specimen σ", "Unit", "ICC"],
+    );
     let mut missing = Vec::new();
     for shown in FOLLOWED {
         match mixed::fit(&observations(types, shown, specimen)) {
             Ok(found) => {
                 means = mean_rows(means, types, shown, &found);
-                let icc = found.intraclass_correlation().map_or_else(|| "–".to_owned(), |icc| format!("{icc:.2}"));
+                let icc = found
+                    .intraclass_correlation()
+                    .map_or_else(|| "–".to_owned(), |icc| format!("{icc:.2}"));
                 let number = |value| Cell::Number { value, digits: 3 };
                 components = components.row([
                     shown.words().into(),
@@ -349,10 +398,14 @@ fn mean_rows(table: Table, types: &ByType, shown: Shown, found: &MixedEffects) -
     let row = |table: Table, mean: &mixed::TypeMean| {
         let name = types.names[mean.kind].as_str();
         let (value, interval) = match mean.ci95 {
-            Some([low, high]) => {
-                (Cell::Estimate { value: mean.mean, interval: [low, high] }, Cell::Interval { low, high })
-            }
-            None => (Cell::Number { value: mean.mean, digits: 3 }, Cell::Text("too few specimens".to_owned())),
+            Some([low, high]) => (
+                Cell::Estimate { value: mean.mean, interval: [low, high] },
+                Cell::Interval { low, high },
+            ),
+            None => (
+                Cell::Number { value: mean.mean, digits: 3 },
+                Cell::Text("too few specimens".to_owned()),
+            ),
         };
         table.row([
             shown.words().into(),
@@ -371,9 +424,11 @@ fn mean_rows(table: Table, types: &ByType, shown: Shown, found: &MixedEffects) -
 pub(in super::super) fn median_in_words(fleet: &Fleet, shown: Shown) -> Option<[String; 3]> {
     let ok = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
     let (column, scale) = (shown.column(), shown.unit().scale);
-    let mut values: Vec<f64> = ok.filter_map(|record| record.number(&column)).map(|value| scale * value).collect();
+    let mut values: Vec<f64> =
+        ok.filter_map(|record| record.number(&column)).map(|value| scale * value).collect();
     values.sort_by(f64::total_cmp);
-    (!values.is_empty()).then(|| [0.5, 0.25, 0.75].map(|part| significant(quantile(&values, part), 3)))
+    (!values.is_empty())
+        .then(|| [0.5, 0.25, 0.75].map(|part| significant(quantile(&values, part), 3)))
 }
 
 #[cfg(test)]

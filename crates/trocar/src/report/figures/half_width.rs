@@ -13,19 +13,29 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
         )
     })?;
     let points = |name: &str, category, direction| {
-        let own: Vec<&FullReversal> = deformation.full_reversals.iter().filter(|t| t.direction == direction).collect();
+        let own: Vec<&FullReversal> =
+            deformation.full_reversals.iter().filter(|t| t.direction == direction).collect();
         let x = own.iter().map(|t| MM * t.speed).collect();
-        Series::points(name, Role::Category(category), x, own.iter().map(|t| MM * t.half_travel).collect())
+        Series::points(
+            name,
+            Role::Category(category),
+            x,
+            own.iter().map(|t| MM * t.half_travel).collect(),
+        )
     };
     let speeds = || deformation.full_reversals.iter().map(|t| MM * t.speed);
     let ends = vec![speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max)];
     let estimate = &deformation.half_width;
     let model = if super::has_stages(found) { "model, first element" } else { "model" };
     let level = |value: f64| vec![MM * value; 2];
-    let mut panel = Panel::new(Axis::new("mean speed of the snap-through", "mm/s"), Axis::new("half width c", "mm"));
+    let mut panel = Panel::new(
+        Axis::new("mean speed of the snap-through", "mm/s"),
+        Axis::new("half width c", "mm"),
+    );
     if estimate.determined {
         let [low, high] = estimate.ci95.map(level);
-        panel = panel.series(Series::band("mean, 95 % interval", Role::Fit, ends.clone(), low, high));
+        panel =
+            panel.series(Series::band("mean, 95 % interval", Role::Fit, ends.clone(), low, high));
     }
     panel = panel
         .series(Series::line("mean, 95 % interval", Role::Fit, ends.clone(), level(estimate.value)))

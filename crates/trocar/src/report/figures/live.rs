@@ -33,7 +33,10 @@ const WAY: [f64; 2] = [0.0, 0.06];
 const SAME: f64 = 1e-9;
 
 /// The model of `found` with a part of a held-out recording, if there is one.
-pub(in super::super) fn live_model(found: &Identification, scored: &Scored) -> Result<LiveModel, String> {
+pub(in super::super) fn live_model(
+    found: &Identification,
+    scored: &Scored,
+) -> Result<LiveModel, String> {
     let trocar = found.trocar();
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
@@ -50,7 +53,9 @@ pub(in super::super) fn live_model(found: &Identification, scored: &Scored) -> R
 }
 
 fn limits(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(*value), high.max(*value)))
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
+        (low.min(*value), high.max(*value))
+    })
 }
 
 fn knobs(seal: &Seal, found: &Identification) -> Vec<Knob> {
@@ -162,10 +167,12 @@ fn candidates(recording: &Recording, length: f64, half_width: f64) -> Vec<Excerp
         let starts = (0..).map(|k| begin + STEP * length * f64::from(k));
         for from in starts.take_while(|from| *from == begin || from + length <= end) {
             let to = (from + length).min(end);
-            let sample = |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
+            let sample =
+                |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
             let samples = sample(from)..sample(to) + 1;
             let within = strokes.iter().filter(|stroke| samples.contains(&stroke.start));
-            let travel = within.map(|stroke| (x[stroke.end.min(samples.end - 1)] - x[stroke.start]).abs());
+            let travel =
+                within.map(|stroke| (x[stroke.end.min(samples.end - 1)] - x[stroke.start]).abs());
             let worth = travel.map(|travel| travel.min(TELLING * half_width)).sum();
             all.push(ExcerptCandidate { recording, from, to, samples, worth });
         }
@@ -185,22 +192,32 @@ impl ExcerptCandidate<'_> {
         let known_from = forgotten_after(&found.stages.into(), steps)? + 1;
         let readings = self.at(&times, &self.recording.force);
         let force = readings.into_iter().map(|reading| reading - found.model.offset).collect();
-        let seen =
-            if held_out { "which the identification has not seen" } else { "which the model was identified from" };
+        let seen = if held_out {
+            "which the identification has not seen"
+        } else {
+            "which the model was identified from"
+        };
         let name = format!(
             "{name}, {}\u{a0}s from {}\u{a0}s on, {seen}; every {}\u{a0}ms.",
             significant(self.to - self.from, 2),
             significant(self.from, 3),
             significant(1e3 * interval, 3)
         );
-        (known_from as f64 <= LATEST * count as f64).then_some(Excerpt { name, interval, position, force, known_from })
+        (known_from as f64 <= LATEST * count as f64).then_some(Excerpt {
+            name,
+            interval,
+            position,
+            force,
+            known_from,
+        })
     }
 
     /// Values at `times`, linearly interpolated between the samples.
     fn at(&self, times: &[f64], values: &[f64]) -> Vec<f64> {
         let t = &self.recording.time;
         let value = |time: &f64| {
-            let above = t.partition_point(|t| t < time).clamp(self.samples.start, self.samples.end - 1);
+            let above =
+                t.partition_point(|t| t < time).clamp(self.samples.start, self.samples.end - 1);
             let below = above.saturating_sub(1).max(self.samples.start);
             let span = t[above] - t[below];
             let part = if span > 0.0 { ((time - t[below]) / span).clamp(0.0, 1.0) } else { 1.0 };

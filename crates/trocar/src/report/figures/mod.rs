@@ -30,8 +30,12 @@ pub(super) use motion::{friction_scale, in_words as fit_in_words, small_motion, 
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;
 pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
-pub(super) use tables::{branch_coefficients, name_of, parameters, resolution, sampling, subject_in_words};
-pub(super) use validation::{Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored};
+pub(super) use tables::{
+    branch_coefficients, name_of, parameters, resolution, sampling, subject_in_words,
+};
+pub(super) use validation::{
+    Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored,
+};
 
 /// A figure, or the reason why there is none.
 pub(super) type Drawn = Result<Figure, String>;
@@ -73,12 +77,16 @@ fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
 
 /// The recordings with the unmodelled mass subtracted that the identification found in their
 /// readings.
-pub(super) fn without_unmodelled_mass<'a>(recordings: &'a [Recording], model: &Candidate) -> Cow<'a, [Recording]> {
+pub(super) fn without_unmodelled_mass<'a>(
+    recordings: &'a [Recording],
+    model: &Candidate,
+) -> Cow<'a, [Recording]> {
     if model.unmodelled_mass == 0.0 {
         return Cow::Borrowed(recordings);
     }
     let corrected = |recording: &Recording| {
-        let force = seal_force(recording, model).into_iter().map(|force| force + model.offset).collect();
+        let force =
+            seal_force(recording, model).into_iter().map(|force| force + model.offset).collect();
         Recording { force, ..recording.clone() }
     };
     Cow::Owned(recordings.iter().map(corrected).collect())
@@ -108,10 +116,14 @@ pub(super) fn value_and_interval(estimate: &Estimate) -> (String, String) {
     let [low, high] = estimate.ci95.map(|end| scale * end);
     match decimals_for(low, high) {
         Some(decimals) if estimate.determined => {
-            let [value, low, high] = [scale * estimate.value, low, high].map(|number| fixed(number, decimals));
+            let [value, low, high] =
+                [scale * estimate.value, low, high].map(|number| fixed(number, decimals));
             (format!("{value} {unit}"), format!("95 % interval [{low}, {high}]"))
         }
-        _ => (format!("{} {unit}", significant(scale * estimate.value, 3)), "not determined by the data".to_owned()),
+        _ => (
+            format!("{} {unit}", significant(scale * estimate.value, 3)),
+            "not determined by the data".to_owned(),
+        ),
     }
 }
 

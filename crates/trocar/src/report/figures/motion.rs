@@ -76,8 +76,10 @@ pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Rec
     if scale.strokes.len() < 2 {
         return Err("There is no figure of the friction scale: fewer than two strokes.".to_owned());
     }
-    let mut panel =
-        Panel::new(Axis::new("time, recordings one after the other", "s"), Axis::new("friction over the model's", "1"));
+    let mut panel = Panel::new(
+        Axis::new("time, recordings one after the other", "s"),
+        Axis::new("friction over the model's", "1"),
+    );
     let mut from = 0.0;
     for (index, recording) in recordings.iter().enumerate() {
         let own = || scale.strokes.iter().filter(|s| s.recording == index);
@@ -95,7 +97,9 @@ pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Rec
         significant(1e2 * scale.scatter, 2),
         significant(1e2 * scale.drift, 2)
     );
-    Ok(Figure::new("friction-scale", 0, "How friction changed").panel(panel.aspect(0.35)).caption(&caption))
+    Ok(Figure::new("friction-scale", 0, "How friction changed")
+        .panel(panel.aspect(0.35))
+        .caption(&caption))
 }
 
 /// A part of a recording that the figure may show.
@@ -117,8 +121,13 @@ impl MotionWindow<'_> {
 
 /// Measured force, force of the model and force of the paper's two steps in the part with the most
 /// rests and small reversals.
-pub(in super::super) fn small_motion(found: &Identification, training: &[Recording], scored: &Scored) -> Drawn {
-    let none = || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
+pub(in super::super) fn small_motion(
+    found: &Identification,
+    training: &[Recording],
+    scored: &Scored,
+) -> Drawn {
+    let none =
+        || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
     let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
     let shown = without_unmodelled_mass(training, &found.model);
     let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
@@ -134,8 +143,9 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
     };
     let measured = |i: usize| recording.force[i] - offset;
     let axes = |name, unit| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
-    let position =
-        axes("position", "mm").series(line("position", Role::Measured, &|i| MM * recording.position[i])).aspect(0.16);
+    let position = axes("position", "mm")
+        .series(line("position", Role::Measured, &|i| MM * recording.position[i]))
+        .aspect(0.16);
     let mut force = axes("force", "N").series(line("measured", Role::Measured, &measured));
     let mut error = axes("error", "N");
     if let Some(paper) = &paper {
@@ -143,7 +153,8 @@ pub(in super::super) fn small_motion(found: &Identification, training: &[Recordi
         error = error.series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]));
     }
     let force = force.series(line("model", Role::Model, &|i| model.force[i])).aspect(0.45);
-    let error = error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.26);
+    let error =
+        error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.26);
     let rms = |of: &[f64]| -> f64 {
         let squares = shown.samples.clone().map(|i| (measured(i) - of[i]).powi(2));
         (squares.sum::<f64>() / shown.samples.len() as f64).sqrt()
@@ -162,13 +173,18 @@ const TWO_STEPS: &str = "paper's two steps";
 /// their own offset; `None` if the two steps resolved no deformation.
 fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> {
     let two_steps = found.deformation.as_ref().ok().and_then(|_| found.two_step.stages().ok())?;
-    let Replay { mut force, .. } = replay(&Trocar::of_seal(two_steps), recording, found.two_step.offset);
+    let Replay { mut force, .. } =
+        replay(&Trocar::of_seal(two_steps), recording, found.two_step.offset);
     force.iter_mut().for_each(|force| *force += found.two_step.offset - found.model.offset);
     Some(force)
 }
 
 fn caption(shown: &MotionWindow, model: f64, paper: Option<f64>) -> String {
-    let seen = if shown.seen { "which the model was fitted to" } else { "which the identification has not seen" };
+    let seen = if shown.seen {
+        "which the model was fitted to"
+    } else {
+        "which the identification has not seen"
+    };
     let model = significant(model, 2);
     let errors = match paper {
         Some(paper) => format!(
@@ -198,7 +214,9 @@ fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
     for range in recording.unbroken() {
         let mut from = range.start;
         while from + 1 < range.end {
-            let until = (from + 1..range.end).find(|i| (x[*i] - x[from]).abs() > reach).unwrap_or(range.end);
+            let until = (from + 1..range.end)
+                .find(|i| (x[*i] - x[from]).abs() > reach)
+                .unwrap_or(range.end);
             let rests = t[until - 1] - t[from] >= SHORTEST_REST;
             if rests {
                 resting[from..until].fill(true);
@@ -211,17 +229,30 @@ fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
 
 /// The part with the most partial reversals and rests among samples with known state; `None` if no
 /// part contains both.
-fn densest<'a>(found: &Identification, recordings: &'a [Recording], seen: bool) -> Option<MotionWindow<'a>> {
+fn densest<'a>(
+    found: &Identification,
+    recordings: &'a [Recording],
+    seen: bool,
+) -> Option<MotionWindow<'a>> {
     let windows = recordings.iter().flat_map(|recording| windows(found, recording, seen));
-    windows.filter(|s| s.partial > 0 && s.held > 0.0).max_by(|a, b| a.density().total_cmp(&b.density()))
+    windows
+        .filter(|s| s.partial > 0 && s.held > 0.0)
+        .max_by(|a, b| a.density().total_cmp(&b.density()))
 }
 
-fn windows<'a>(found: &Identification, recording: &'a Recording, seen: bool) -> Vec<MotionWindow<'a>> {
+fn windows<'a>(
+    found: &Identification,
+    recording: &'a Recording,
+    seen: bool,
+) -> Vec<MotionWindow<'a>> {
     let widest = 2.0 * found.model.half_width;
     let x = &recording.position;
     let strokes = strokes(recording, reversal_threshold(recording));
-    let partial: Vec<usize> =
-        strokes.iter().filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest).map(|p| p.start).collect();
+    let partial: Vec<usize> = strokes
+        .iter()
+        .filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest)
+        .map(|p| p.start)
+        .collect();
     let resting = resting(recording, RESTING * found.model.half_width);
     let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
     let mut all = Vec::new();
@@ -231,7 +262,8 @@ fn windows<'a>(found: &Identification, recording: &'a Recording, seen: bool) -> 
         for from in starts.take_while(|from| from + SHOWN <= end) {
             let sample = |time: f64| recording.time.partition_point(|t| *t < time);
             let samples = sample(from)..sample(from + SHOWN);
-            let held = samples.clone().filter(|i| resting[*i]).count() as f64 * recording.quality.median_interval;
+            let held = samples.clone().filter(|i| resting[*i]).count() as f64
+                * recording.quality.median_interval;
             let partial = partial.iter().filter(|i| samples.contains(i)).count();
             all.push(MotionWindow { recording, samples, partial, held, seen });
         }

@@ -24,7 +24,8 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
             "There is no figure of the force upon a velocity reversal (EMS figure 3), because the recordings hold no full reversal: {why}."
         )
     })?;
-    let shown = clearest(deformation).ok_or("No full reversal was found that could show a velocity reversal.")?;
+    let shown = clearest(deformation)
+        .ok_or("No full reversal was found that could show a velocity reversal.")?;
     let recording = &training[shown.recording];
     let window = window(recording, shown);
     let origin = recording.time[turning_point(recording, shown, &window)];
@@ -36,14 +37,18 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
     };
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
     let run = replay(&found.trocar(), recording, found.model.offset);
-    let forces = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
-        .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
-        .series(line("model", Role::Model, &run.force, 1.0));
+    let forces =
+        Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
+            .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
+            .series(line("model", Role::Model, &run.force, 1.0));
     let transients = Transients::of(found.element().params().deformation.branch(shown.direction));
     let marked = transients.marks(recording, shown, origin).into_iter().fold(forces, Panel::mark);
-    let speed = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("velocity", "mm/s").with_zero())
-        .series(line("velocity", Role::Measured, &velocity, MM))
-        .aspect(0.25);
+    let speed = Panel::new(
+        Axis::new("time since the reversal", "s"),
+        Axis::new("velocity", "mm/s").with_zero(),
+    )
+    .series(line("velocity", Role::Measured, &velocity, MM))
+    .aspect(0.25);
     Ok(Figure::new("velocity-step", 0, "Force upon a velocity reversal")
         .panel(speed)
         .panel(marked)
@@ -51,9 +56,17 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
         .caption(caption(found, &recording.name, shown, &transients)))
 }
 
-fn caption(found: &Identification, name: &str, shown: &FullReversal, transients: &Transients) -> String {
-    let stages =
-        if super::has_stages(found) { " The branch is that of the first of the model's elements." } else { "" };
+fn caption(
+    found: &Identification,
+    name: &str,
+    shown: &FullReversal,
+    transients: &Transients,
+) -> String {
+    let stages = if super::has_stages(found) {
+        " The branch is that of the first of the model's elements."
+    } else {
+        ""
+    };
     let motion = match shown.direction {
         Direction::Insertion => "from withdrawal to insertion",
         Direction::Withdrawal => "from insertion to withdrawal",
@@ -76,8 +89,10 @@ fn clearest(deformation: &DeformationFit) -> Option<&FullReversal> {
     let unsteadiness = |t: &FullReversal| {
         let mean = &deformation.branch(t.direction).mean_curve;
         let swing = mean.iter().fold(0.0f64, |most, f| most.max(f.abs())).max(f64::MIN_POSITIVE);
-        let force = t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;
-        let velocity = t.velocity.iter().map(|v| (v.abs() - t.speed).powi(2)).sum::<f64>().sqrt() / t.speed;
+        let force =
+            t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;
+        let velocity =
+            t.velocity.iter().map(|v| (v.abs() - t.speed).powi(2)).sum::<f64>().sqrt() / t.speed;
         force + velocity
     };
     middle.iter().min_by(|a, b| unsteadiness(a).total_cmp(&unsteadiness(b))).copied()
@@ -85,7 +100,8 @@ fn clearest(deformation: &DeformationFit) -> Option<&FullReversal> {
 
 /// Samples around the deformation within the same contiguous part of the recording.
 fn window(recording: &Recording, shown: &FullReversal) -> Range<usize> {
-    let part = recording.unbroken().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
+    let part =
+        recording.unbroken().find(|part| part.contains(&shown.from)).unwrap_or(0..recording.len());
     let [from, to] = [recording.time[shown.from], recording.time[shown.to]];
     let [before, after] = MARGINS.map(|margin| margin * (to - from));
     let start = recording.time.partition_point(|t| *t < from - before);
@@ -97,7 +113,9 @@ fn window(recording: &Recording, shown: &FullReversal) -> Range<usize> {
 fn turning_point(recording: &Recording, shown: &FullReversal, window: &Range<usize>) -> usize {
     let s = shown.direction.sign();
     let before = window.start..=shown.from;
-    before.min_by(|a, b| (s * recording.position[*a]).total_cmp(&(s * recording.position[*b]))).unwrap_or(shown.from)
+    before
+        .min_by(|a, b| (s * recording.position[*a]).total_cmp(&(s * recording.position[*b])))
+        .unwrap_or(shown.from)
 }
 
 /// Where the first rise ends and the second begins, as z/c in the direction of motion.
@@ -114,14 +132,21 @@ enum Transients {
 impl Transients {
     fn of(branch: &Branch) -> Self {
         let c = branch.half_width();
-        let slopes: Vec<(f64, f64)> = spaced(-0.98, 0.98, 400).map(|u| (u, branch.stiffness(u * c))).collect();
+        let slopes: Vec<(f64, f64)> =
+            spaced(-0.98, 0.98, 400).map(|u| (u, branch.stiffness(u * c))).collect();
         let softens: Vec<f64> = slopes.iter().filter(|(_, k)| *k <= 0.0).map(|(u, _)| *u).collect();
         if let (Some(from), Some(to)) = (softens.first(), softens.last()) {
             let rises_on_both_sides = *from > -OUTERMOST && *to < OUTERMOST;
-            return if rises_on_both_sides { Self::Softening { from: *from, to: *to } } else { Self::Single };
+            return if rises_on_both_sides {
+                Self::Softening { from: *from, to: *to }
+            } else {
+                Self::Single
+            };
         }
         let inner = slopes.iter().enumerate().filter(|(_, (u, _))| u.abs() < 0.8);
-        let Some((k, (at, least))) = inner.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else { return Self::Single };
+        let Some((k, (at, least))) = inner.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else {
+            return Self::Single;
+        };
         let steepest = |part: &[(f64, f64)]| part.iter().map(|(_, k)| *k).fold(0.0, f64::max);
         let marked = *least < 0.5 * steepest(&slopes[..k]).min(steepest(&slopes[k..]));
         if marked { Self::Flattening { at: *at } } else { Self::Single }
@@ -170,6 +195,7 @@ fn time_at(recording: &Recording, shown: &FullReversal, u: f64) -> f64 {
     let start = recording.position[shown.from];
     let wanted = (u * s + 1.0) * shown.half_travel;
     let inside = shown.from..=shown.to;
-    let at = inside.clone().find(|i| s * (recording.position[*i] - start) >= wanted).unwrap_or(shown.to);
+    let at =
+        inside.clone().find(|i| s * (recording.position[*i] - start) >= wanted).unwrap_or(shown.to);
     recording.time[at]
 }

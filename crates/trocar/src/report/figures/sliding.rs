@@ -55,8 +55,11 @@ impl Curves<'_> {
         if shown.len() > MOST_BARS {
             return Series::points("mean", Role::Measured, x, y);
         }
-        let bar = |m: &StrokeMean| NORMAL_95 * m.standard_error_n.hypot(self.steady.stroke_mean_scatter_n);
-        let end = |sign: f64| shown.iter().map(|m| m.force_n - self.offset + sign * bar(m)).collect();
+        let bar = |m: &StrokeMean| {
+            NORMAL_95 * m.standard_error_n.hypot(self.steady.stroke_mean_scatter_n)
+        };
+        let end =
+            |sign: f64| shown.iter().map(|m| m.force_n - self.offset + sign * bar(m)).collect();
         let (low, high) = (end(-1.0), end(1.0));
         Series::error_bars("mean, ± 95 %", Role::Measured, x, y, low, high)
     }
@@ -90,8 +93,10 @@ impl Curves<'_> {
             let name = if self.steady.stribeck.is_some() { "fit (11)" } else { "fit (23)" };
             return vec![self.curve(name, Role::Fit, |v| self.reading(v))];
         }
-        let common = self.curve("one line for both directions", Role::Alternative, |v| self.reading(v));
-        let own = self.curve("fit (23) of each direction", Role::Fit, |v| self.direction(v, |e| e.value));
+        let common =
+            self.curve("one line for both directions", Role::Alternative, |v| self.reading(v));
+        let own =
+            self.curve("fit (23) of each direction", Role::Fit, |v| self.direction(v, |e| e.value));
         vec![common, own]
     }
 
@@ -99,10 +104,16 @@ impl Curves<'_> {
     fn less_fit(&self, series: Series) -> Series {
         let fit = |v: f64| {
             let v = v / MM;
-            if self.steady.is_asymmetric() { self.direction(v, |e| e.value) } else { self.reading(v) }
+            if self.steady.is_asymmetric() {
+                self.direction(v, |e| e.value)
+            } else {
+                self.reading(v)
+            }
         };
         let x = series.x.clone();
-        let less = |values: Vec<f64>| values.iter().zip(&x).map(|(force, v)| force - fit(*v)).collect::<Vec<f64>>();
+        let less = |values: Vec<f64>| {
+            values.iter().zip(&x).map(|(force, v)| force - fit(*v)).collect::<Vec<f64>>()
+        };
         let kind = match series.kind {
             Kind::ErrorBars { low, high } => Kind::ErrorBars { low: less(low), high: less(high) },
             other => other,
@@ -115,7 +126,8 @@ impl Curves<'_> {
         let line: Option<&DirectionLine> =
             if v > 0.0 { self.steady.insertion.as_ref() } else { self.steady.withdrawal.as_ref() };
         line.map_or(f64::NAN, |l| {
-            v.signum() * (of(&l.coulomb_force_n) + of(&l.viscous_damping_n_s_m) * v.abs()) - self.offset
+            v.signum() * (of(&l.coulomb_force_n) + of(&l.viscous_damping_n_s_m) * v.abs())
+                - self.offset
         })
     }
 
@@ -149,7 +161,9 @@ impl Curves<'_> {
             let part = if v == 0.0 { 0.0 } else { v.abs() / v.hypot(p.creep_velocity) };
             v.signum() * ((sliding.force(v.abs()) - viscous) * part + viscous)
         };
-        self.curve(name, Role::Model, |v| found.stages.elements().iter().map(|e| force(e.params(), v)).sum())
+        self.curve(name, Role::Model, |v| {
+            found.stages.elements().iter().map(|e| force(e.params(), v)).sum()
+        })
     }
 }
 
@@ -175,7 +189,9 @@ fn caption(found: &Identification) -> String {
             in_words(&steady.viscous_damping_n_s_m)
         ));
     } else {
-        let why = [&steady.viscous_damping_n_s_m, &steady.coulomb_force_n].into_iter().find_map(|e| e.note.as_deref());
+        let why = [&steady.viscous_damping_n_s_m, &steady.coulomb_force_n]
+            .into_iter()
+            .find_map(|e| e.note.as_deref());
         text.push_str(&format!(
             "No confidence lines are drawn, because the parameters are not determined: {}. ",
             why.unwrap_or("too few data")

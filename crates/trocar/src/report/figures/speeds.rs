@@ -21,17 +21,23 @@ fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
 pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
     let groups = by_speed(&scored.validation);
     if groups.len() < 2 {
-        return Err("The error is not drawn against speed: all strokes have about one speed.".to_owned());
+        return Err(
+            "The error is not drawn against speed: all strokes have about one speed.".to_owned()
+        );
     }
     let x: Vec<f64> = groups.keys().map(|speed| *speed as f64).collect();
     let y: Vec<f64> = groups.values().map(|(n, squares)| (squares / n).sqrt()).collect();
     let noise = scored.recordings.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     let ends = vec![x[0], x[x.len() - 1]];
-    let mut panel = Panel::new(Axis::new("speed of the stroke", "mm/s"), Axis::new("rms error", "N").with_zero())
-        .series(Series::line("rms error", Role::Model, x.clone(), y.clone()))
-        .series(Series::points("rms error", Role::Model, x, y));
+    let mut panel = Panel::new(
+        Axis::new("speed of the stroke", "mm/s"),
+        Axis::new("rms error", "N").with_zero(),
+    )
+    .series(Series::line("rms error", Role::Model, x.clone(), y.clone()))
+    .series(Series::points("rms error", Role::Model, x, y));
     if noise > 0.0 {
-        panel = panel.series(Series::line("noise of the sensor", Role::Neutral, ends, vec![noise; 2]));
+        panel =
+            panel.series(Series::line("noise of the sensor", Role::Neutral, ends, vec![noise; 2]));
     }
     Ok(Figure::new("error-by-speed", 0, "Error by speed").panel(panel.aspect(0.4)).caption(format!(
         "Root mean square of measured minus computed force over the strokes of each speed (to the next 5 mm/s), on {}. No model can go \
@@ -42,8 +48,15 @@ pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
 
 /// Scores of each recording.
 pub(in super::super) fn error_by_recording(scored: &Scored) -> Table {
-    let columns =
-        ["Recording", "rms (N)", "Fit (%)", "Mean (N)", "Largest (N)", "Samples scored", "Left out at the start"];
+    let columns = [
+        "Recording",
+        "rms (N)",
+        "Fit (%)",
+        "Mean (N)",
+        "Largest (N)",
+        "Samples scored",
+        "Left out at the start",
+    ];
     let number = |value, digits| Cell::Number { value, digits };
     let empty = Table::new(format!("Measured minus computed force on {}", scored.kind()), columns);
     scored.validation.recordings.iter().fold(empty, |table, r| {
@@ -64,8 +77,11 @@ pub(in super::super) fn error_by_phase(scored: &Scored) -> Table {
     let columns = ["Recording", "Phase", "rms (N)", "Share of the squared error (%)", "Samples"];
     let mut table = Table::new("Error by phase of the motion (held: slower than 1 mm/s)", columns);
     for r in &scored.validation.recordings {
-        let phases =
-            [("deformation", &r.by_phase.deformation), ("sliding", &r.by_phase.sliding), ("hold", &r.by_phase.hold)];
+        let phases = [
+            ("deformation", &r.by_phase.deformation),
+            ("sliding", &r.by_phase.sliding),
+            ("hold", &r.by_phase.hold),
+        ];
         for (name, part) in phases.into_iter().filter(|(_, part)| part.samples > 0) {
             table = table.row([
                 Cell::Text(r.path.clone()),

@@ -52,8 +52,7 @@ pub(in super::super) fn branch_coefficients(found: &Identification) -> Option<Ta
     let all: Vec<&Parameter> = found.parameters.iter().filter(|p| p.is_coefficient()).collect();
     all.first()?;
     let c = found.model.half_width;
-    let caption =
-        "Coefficients θ of the branches, EMS (25), as forces θ c^k at z = c (θ itself in SI units: summary.json)";
+    let caption = "Coefficients θ of the branches, EMS (25), as forces θ c^k at z = c (θ itself in SI units: summary.json)";
     let table = Table::new(caption, ["Branch", "Symbol", "k", "θ c^k (N)", "95 % interval (N)"]);
     let row = |table: Table, p: &Parameter| {
         let Quantity::Coefficient { power, .. } = p.id.quantity else { return table };
@@ -79,7 +78,8 @@ fn table<'a>(
     let two_steps_made = !found.steady.means.is_empty();
     let refined = found.fit.is_some() && two_steps_made;
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
-    let optional = refined.then(|| (columns.len()..columns.len() + 2, "values of the paper's two steps, too"));
+    let optional =
+        refined.then(|| (columns.len()..columns.len() + 2, "values of the paper's two steps, too"));
     if refined {
         columns.extend(["Two-step value", "Two-step 95 % interval"]);
     }
@@ -89,11 +89,18 @@ fn table<'a>(
     let empty = Table { optional, ..Table::new(caption, columns) };
     parameters.fold(empty, |table, p| {
         let Unit { scale, shown, .. } = p.id.unit();
-        let mut cells = vec![Cell::Text(name_of(p.id)), Cell::Text(p.id.symbol().to_string()), Cell::from(shown)];
+        let mut cells = vec![
+            Cell::Text(name_of(p.id)),
+            Cell::Text(p.id.symbol().to_string()),
+            Cell::from(shown),
+        ];
         cells.extend(cells_of(&p.estimate, scale));
         if refined {
             let earlier = found.two_step_parameters.iter().find(|q| q.id == p.id);
-            cells.extend(earlier.map_or_else(|| ["–", "–"].map(Cell::from), |q| cells_of(&q.estimate, scale)));
+            cells.extend(
+                earlier
+                    .map_or_else(|| ["–", "–"].map(Cell::from), |q| cells_of(&q.estimate, scale)),
+            );
         }
         if let Some(elements) = truth {
             let value = true_value(p.id, elements).map_or(f64::NAN, |value| scale * value);
@@ -128,7 +135,9 @@ fn true_value(id: ParameterId, elements: &[Element]) -> Option<f64> {
 }
 
 /// Properties of the recordings, one row each.
-pub(in super::super) fn sampling<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
+pub(in super::super) fn sampling<'a>(
+    recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
+) -> Table {
     let columns = [
         "Recording",
         "Used for",
@@ -155,8 +164,16 @@ pub(in super::super) fn sampling<'a>(recordings: impl Iterator<Item = (&'a Recor
 }
 
 /// Resolution of the sensors, one row per recording.
-pub(in super::super) fn resolution<'a>(recordings: impl Iterator<Item = (&'a Recording, &'static str)>) -> Table {
-    let columns = ["Recording", "Position step (µm)", "Position noise (µm)", "Force step (mN)", "Force noise (mN)"];
+pub(in super::super) fn resolution<'a>(
+    recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
+) -> Table {
+    let columns = [
+        "Recording",
+        "Position step (µm)",
+        "Position noise (µm)",
+        "Force step (mN)",
+        "Force noise (mN)",
+    ];
     let empty = Table::new("Resolution and noise (1 sd) of the sensors, seen in the data", columns);
     recordings.fold(empty, |table, (recording, _)| {
         let q = &recording.quality;
@@ -185,8 +202,11 @@ fn losses(quality: &Quality) -> Cell {
         (quality.held_rows.count, "held positions"),
         (quality.saturated.iter().map(|s| s.count).sum(), "saturated readings"),
     ];
-    let found: Vec<String> =
-        counted.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+    let found: Vec<String> = counted
+        .iter()
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, what)| format!("{count} {what}"))
+        .collect();
     match (found.is_empty(), quality.warnings.is_empty()) {
         (true, true) => Cell::from("nothing"),
         (true, false) => Cell::Warning(format!("{} warnings", quality.warnings.len())),

@@ -54,7 +54,14 @@ pub(in super::super) fn scored<'a>(
         }
     };
     let runs = recordings.par_iter().map(|recording| replay(&trocar, recording, offset)).collect();
-    Scored { recordings, validation: scores, held_out, runs, stages: found.stages.elements().len() > 1, offset }
+    Scored {
+        recordings,
+        validation: scores,
+        held_out,
+        runs,
+        stages: found.stages.elements().len() > 1,
+        offset,
+    }
 }
 
 impl Scored<'_> {
@@ -70,7 +77,11 @@ impl Scored<'_> {
     /// Scored samples: those with known state, or all if it is never known.
     fn known(&self, index: usize) -> Vec<Range<usize>> {
         let known = &self.runs[index].known;
-        if known.is_empty() { std::iter::once(0..self.recordings[index].len()).collect() } else { known.clone() }
+        if known.is_empty() {
+            std::iter::once(0..self.recordings[index].len()).collect()
+        } else {
+            known.clone()
+        }
     }
 
     fn error(&self, index: usize, i: usize) -> f64 {
@@ -102,7 +113,10 @@ pub(super) struct Cycle {
 
 /// Full cycles within the samples whose state is known; only those of constant velocity, if there
 /// are any.
-pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Range<usize>>) -> Vec<Cycle> {
+pub(super) fn cycles(
+    recordings: &[Recording],
+    known: impl Fn(usize) -> Vec<Range<usize>>,
+) -> Vec<Cycle> {
     let mut found = Vec::new();
     for (index, recording) in recordings.iter().enumerate() {
         let strokes = strokes(recording, reversal_threshold(recording));
@@ -114,7 +128,10 @@ pub(super) fn cycles(recordings: &[Recording], known: impl Fn(usize) -> Vec<Rang
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
             let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let own = steady_segments.iter().filter(|s| s.stroke == number).max_by_key(|s| s.end - s.start);
+                let own = steady_segments
+                    .iter()
+                    .filter(|s| s.stroke == number)
+                    .max_by_key(|s| s.end - s.start);
                 let duration = recording.time[first.end] - recording.time[first.start];
                 let mean = travel(recording, first, first.end) / duration;
                 let speed = own.map_or(mean, |s| s.velocity.abs());
@@ -140,7 +157,8 @@ pub(in super::super) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
     sorted_cycles(scored).iter().map(|cycle| cycle.speed).collect()
 }
 
-/// Force and deflection over a cycle at the lowest and at the highest speed, or at each of the speeds `chosen`, m/s.
+/// Force and deflection over a cycle at the lowest and at the highest speed, or at each of the
+/// speeds `chosen`, m/s.
 pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
     let cycles = sorted_cycles(scored);
     let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
@@ -160,7 +178,8 @@ pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Dra
     } else {
         vec![slowest, fastest]
     };
-    let mut figure = Figure::new("cross-validation", 0, "Model against measurement").columns(shown.len().min(2));
+    let mut figure =
+        Figure::new("cross-validation", 0, "Model against measurement").columns(shown.len().min(2));
     for pair in shown.chunks(2) {
         for panel in pair.iter().map(|cycle| forces(scored, cycle)) {
             figure = figure.panel(panel);
@@ -171,9 +190,15 @@ pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Dra
     }
     let speeds = if !chosen.is_empty() {
         let of = |cycle: &&Cycle| format!("{:.0}", MM * cycle.speed);
-        format!("The cycles chosen are at {} mm/s.", shown.iter().map(of).collect::<Vec<_>>().join(", "))
+        format!(
+            "The cycles chosen are at {} mm/s.",
+            shown.iter().map(of).collect::<Vec<_>>().join(", ")
+        )
     } else if one_speed {
-        format!("All cycles have about one speed, so one of them is shown, at {:.0} mm/s.", MM * shown[0].speed)
+        format!(
+            "All cycles have about one speed, so one of them is shown, at {:.0} mm/s.",
+            MM * shown[0].speed
+        )
     } else {
         format!(
             "A cycle at the lowest speed, {:.0} mm/s, and one at the highest, {:.0} mm/s.",
@@ -195,7 +220,8 @@ pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Dra
 
 fn forces(scored: &Scored, cycle: &Cycle) -> Panel {
     let recording = &scored.recordings[cycle.recording];
-    let measured: Vec<f64> = recording.force[cycle.samples.clone()].iter().map(|f| f - scored.offset).collect();
+    let measured: Vec<f64> =
+        recording.force[cycle.samples.clone()].iter().map(|f| f - scored.offset).collect();
     let model = &scored.runs[cycle.recording].force[cycle.samples.clone()];
     let time = time_of(recording, &cycle.samples);
     let line = |name, role, values: &[f64]| {
@@ -211,8 +237,10 @@ fn forces(scored: &Scored, cycle: &Cycle) -> Panel {
 
 fn deflections(scored: &Scored, cycle: &Cycle) -> Panel {
     let recording = &scored.recordings[cycle.recording];
-    let deflection: Vec<f64> =
-        scored.runs[cycle.recording].deflection[cycle.samples.clone()].iter().map(|z| MM * z).collect();
+    let deflection: Vec<f64> = scored.runs[cycle.recording].deflection[cycle.samples.clone()]
+        .iter()
+        .map(|z| MM * z)
+        .collect();
     let (x, y) = thinned(&time_of(recording, &cycle.samples), &deflection);
     Panel::new(Axis::new("time", "s"), Axis::new("deflection z", "mm").with_zero())
         .series(Series::line("deflection", Role::Deflection, x, y))
@@ -233,7 +261,9 @@ pub(in super::super) fn residuals(scored: &Scored) -> Figure {
     }
     let more = match scored.recordings.len() - shown {
         0 => String::new(),
-        left => format!(" The first {shown} recordings are shown; {left} more are in the table of speeds."),
+        left => format!(
+            " The first {shown} recordings are shown; {left} more are in the table of speeds."
+        ),
     };
     figure.caption(format!(
         "Measured minus computed force on {}. The start of a recording is left out until the deflection of the seal no longer depends \
@@ -257,7 +287,9 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
     }
     let scores = scored.validation.recordings.get(index);
     let rms = scores.map_or(f64::NAN, |v| v.rms_n);
-    let floor = scores.and_then(|v| v.strokes).map_or_else(String::new, |strokes| format!(", {}", strokes.words()));
+    let floor = scores
+        .and_then(|v| v.strokes)
+        .map_or_else(String::new, |strokes| format!(", {}", strokes.words()));
     Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
         .title(format!("{}: {} N rms{floor}", recording.name, significant(rms, 3)))
         .series(Series::line("measured minus model", Role::Residual, x, y))
@@ -281,7 +313,8 @@ pub(in super::super) fn residual_statistics(scored: &Scored) -> Drawn {
     let recording = &scored.recordings[index];
     let shortest = 20.0 * recording.quality.median_interval;
     let span = whiteness.map_or(shortest, |w| (8.0 * w.correlation_time_s).max(shortest));
-    let mut correlation = autocorrelation(&errors, mean, variance, span, recording.quality.median_interval);
+    let mut correlation =
+        autocorrelation(&errors, mean, variance, span, recording.quality.median_interval);
     let words = whiteness.map_or_else(
         || "The recording is too short for a test of whiteness.".to_owned(),
         |w| {
@@ -310,7 +343,8 @@ pub(in super::super) fn residual_statistics(scored: &Scored) -> Drawn {
 fn quantiles(sorted: &[f64], mean: f64, deviation: f64) -> Panel {
     let normal = Normal::standard();
     let probabilities = (0..QUANTILES).map(|k| (k as f64 + 0.5) / QUANTILES as f64);
-    let x: Vec<f64> = probabilities.clone().map(|p| mean + deviation * normal.inverse_cdf(p)).collect();
+    let x: Vec<f64> =
+        probabilities.clone().map(|p| mean + deviation * normal.inverse_cdf(p)).collect();
     let y = probabilities.map(|p| sorted[(p * sorted.len() as f64) as usize]).collect();
     let ends = vec![x[0], x[QUANTILES - 1]];
     Panel::new(Axis::new("normal quantile", "N"), Axis::new("residual quantile", "N"))

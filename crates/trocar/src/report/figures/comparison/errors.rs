@@ -26,7 +26,10 @@ pub(in super::super::super) fn error_by_parameters(comparison: &Comparison) -> F
 }
 
 fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) -> Panel {
-    let axes = Panel::new(Axis::new("parameters", "").logarithmic(), Axis::new("rms error", "N").logarithmic());
+    let axes = Panel::new(
+        Axis::new("parameters", "").logarithmic(),
+        Axis::new("rms error", "N").logarithmic(),
+    );
     let mut panel = axes.title(title).aspect(0.45);
     let mut names = comparison.families();
     names.iter_mut().for_each(|own| own.sort_by_key(|entry| entry.elements));
@@ -55,11 +58,15 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
 }
 
 /// Groups of entries that would be drawn on top of each other.
-fn coincident<'a>(entries: impl Iterator<Item = &'a Entry>, error: impl Fn(&Entry) -> f64) -> Vec<Vec<&'a Entry>> {
+fn coincident<'a>(
+    entries: impl Iterator<Item = &'a Entry>,
+    error: impl Fn(&Entry) -> f64,
+) -> Vec<Vec<&'a Entry>> {
     let mut groups: Vec<Vec<&Entry>> = Vec::new();
     for entry in entries {
         let alike = |own: &&mut Vec<&Entry>| {
-            own[0].parameters == entry.parameters && (error(own[0]) / error(entry)).ln().abs() < COINCIDENT
+            own[0].parameters == entry.parameters
+                && (error(own[0]) / error(entry)).ln().abs() < COINCIDENT
         };
         match groups.iter_mut().find(alike) {
             Some(own) => own.push(entry),

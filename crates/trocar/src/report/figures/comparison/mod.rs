@@ -49,7 +49,8 @@ fn variant(entry: &Entry, place: usize) -> u8 {
 /// The best of a bank's sizes, and those that EMS discusses.
 fn of_interest<'a>(own: &[&'a Entry]) -> Vec<&'a Entry> {
     let best = best_of(own);
-    let mut others: Vec<&Entry> = own.iter().copied().filter(|entry| SPOKEN_OF.contains(&entry.elements)).collect();
+    let mut others: Vec<&Entry> =
+        own.iter().copied().filter(|entry| SPOKEN_OF.contains(&entry.elements)).collect();
     others.retain(|entry| entry.elements != best.elements);
     others.sort_by_key(|entry| entry.elements);
     std::iter::once(best).chain(others).collect()

@@ -106,7 +106,10 @@ fn representative(comparison: &Comparison) -> Option<Cycle> {
 }
 
 /// The force of every model after the same reversal, as in figure 3 of EMS.
-pub(in super::super::super) fn one_reversal(comparison: &Comparison, shown: Option<&Shown>) -> Drawn {
+pub(in super::super::super) fn one_reversal(
+    comparison: &Comparison,
+    shown: Option<&Shown>,
+) -> Drawn {
     let shown = shown.ok_or_else(|| {
         "There is no figure of the models upon one reversal (EMS figure 3): the validation recordings hold no two full strokes \
          whose initial deflection is known."
@@ -170,7 +173,8 @@ impl Shown<'_> {
         let Cycle { samples, turn, .. } = &self.cycle;
         let x = &self.recording.position;
         let within = |i: &usize, margin: f64| (x[*i] - x[*turn]).abs() <= margin * travel;
-        let start = (samples.start..*turn).rev().find(|i| !within(i, MARGINS[0])).unwrap_or(samples.start);
+        let start =
+            (samples.start..*turn).rev().find(|i| !within(i, MARGINS[0])).unwrap_or(samples.start);
         let end = (*turn..samples.end).find(|i| !within(i, MARGINS[1])).unwrap_or(samples.end);
         start..end
     }
@@ -181,9 +185,12 @@ impl Shown<'_> {
             Series::line(name, role, x, y)
         };
         let panel = |(title, runs): &(&str, Vec<Run>)| {
-            let empty = Panel::new(axis.clone(), Axis::new("force", "N").with_zero()).title(*title).aspect(0.55);
+            let empty = Panel::new(axis.clone(), Axis::new("force", "N").with_zero())
+                .title(*title)
+                .aspect(0.55);
             let measured = empty.series(line("measured", Role::Backdrop, &self.measured));
-            runs.iter().fold(measured, |panel, run| panel.series(line(&run.name, run.role, &run.force)))
+            runs.iter()
+                .fold(measured, |panel, run| panel.series(line(&run.name, run.role, &run.force)))
         };
         self.panels.iter().map(panel).fold(figure.columns(2), Figure::panel)
     }
@@ -191,7 +198,9 @@ impl Shown<'_> {
 
 /// Points that draw the same line as all of them; x need not increase.
 fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let (low, high) = x.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let (low, high) = x
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
     let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
     (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())
 }

@@ -30,7 +30,14 @@ fn table(caption: &str, columns: &[&str], rows: impl Iterator<Item = Vec<Cell>>)
 
 /// The best model of each family.
 pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
-    let columns = ["Model", "Parameters", "Validation (N)", "Fit (%)", "After reversals (N)", "Worst reversal (N)"];
+    let columns = [
+        "Model",
+        "Parameters",
+        "Validation (N)",
+        "Fit (%)",
+        "After reversals (N)",
+        "Worst reversal (N)",
+    ];
     let row = |own: Vec<&Entry>| {
         let s = &best_of(&own).scores;
         let scores = [s.validate_rms_n, s.fit_percent, s.reversal_rms_n, s.worst_reversal_n];
@@ -40,7 +47,8 @@ pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
     table(caption, &columns, comparison.families().into_iter().map(row))
 }
 
-/// The best model of each family on each validation recording; `None` where there is only one recording.
+/// The best model of each family on each validation recording; `None` where there is only one
+/// recording.
 pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<Table> {
     let names: Vec<&str> = comparison.validation.iter().map(|r| r.name.as_str()).collect();
     let columns: Vec<&str> = std::iter::once("Model").chain(names.iter().copied()).collect();
@@ -49,16 +57,28 @@ pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<T
         std::iter::once(Cell::Text(best_of(&own).title())).chain(errors).collect()
     };
     let rows = comparison.families().into_iter().map(row);
-    (names.len() > 1).then(|| table("The models of the summary by validation recording (rms in N)", &columns, rows))
+    (names.len() > 1).then(|| {
+        table("The models of the summary by validation recording (rms in N)", &columns, rows)
+    })
 }
 
 /// Every model: errors over the whole validation and by phase.
 pub(in super::super::super) fn errors_by_phase(comparison: &Comparison) -> Table {
-    let columns = ["Model", "Parameters", "Training", "Validation", "Fit (%)", "Deformation", "Sliding", "Hold"];
+    let columns = [
+        "Model",
+        "Parameters",
+        "Training",
+        "Validation",
+        "Fit (%)",
+        "Deformation",
+        "Sliding",
+        "Hold",
+    ];
     let phase = |part: &PhaseError| number(if part.samples > 0 { part.rms_n } else { f64::NAN }, 3);
     let row = |entry: &Entry| {
         let s = &entry.scores;
-        let over_all = [s.train_rms_n, s.validate_rms_n, s.fit_percent].map(|value| number(value, 3));
+        let over_all =
+            [s.train_rms_n, s.validate_rms_n, s.fit_percent].map(|value| number(value, 3));
         let by_phase = [&s.by_phase.deformation, &s.by_phase.sliding, &s.by_phase.hold].map(phase);
         head(entry).into_iter().chain(over_all).chain(by_phase).collect()
     };
@@ -68,7 +88,8 @@ pub(in super::super::super) fn errors_by_phase(comparison: &Comparison) -> Table
 
 /// Every model: reversals, criteria and cost.
 pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
-    let columns = ["Model", "Reversals (N)", "Worst (N)", "AIC", "BIC", "Step (ns)", "Fit (s)", "Warnings"];
+    let columns =
+        ["Model", "Reversals (N)", "Worst (N)", "AIC", "BIC", "Step (ns)", "Fit (s)", "Warnings"];
     let row = |entry: &Entry| {
         let s = &entry.scores;
         let time = |value: Option<f64>| number(value.unwrap_or(f64::NAN), 3);
@@ -113,12 +134,19 @@ pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Opt
     let row = |entry: &Entry| {
         let (undetermined, others): (Vec<&Warning>, Vec<&Warning>) =
             entry.warnings.iter().partition(|w| w.undetermined);
-        let symbols: Vec<String> = undetermined.iter().map(|w| symbol_or_words(&w.subject)).collect();
-        let undetermined = (!symbols.is_empty()).then(|| format!("not determined: {}", symbols.join(", ")));
-        let others = others.iter().map(|w| format!("{}: {}", subject_in_words(&w.subject), w.message));
-        vec![Cell::Text(entry.title()), Cell::Text(others.chain(undetermined).collect::<Vec<_>>().join("; "))]
+        let symbols: Vec<String> =
+            undetermined.iter().map(|w| symbol_or_words(&w.subject)).collect();
+        let undetermined =
+            (!symbols.is_empty()).then(|| format!("not determined: {}", symbols.join(", ")));
+        let others =
+            others.iter().map(|w| format!("{}: {}", subject_in_words(&w.subject), w.message));
+        vec![
+            Cell::Text(entry.title()),
+            Cell::Text(others.chain(undetermined).collect::<Vec<_>>().join("; ")),
+        ]
     };
-    let mut doubted = comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).peekable();
+    let mut doubted =
+        comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).peekable();
     doubted.peek()?;
     Some(table("Warnings by model", &["Model", "Warnings"], doubted.map(row)))
 }
