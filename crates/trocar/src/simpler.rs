@@ -1,5 +1,6 @@
 //! Whether a simpler model predicts the recordings better than the identified one: then the seal is
-//! no EMS element, and the intervals of its parameters cannot be trusted.
+//! no EMS element, or the recordings do not show its deformation, and the intervals of its parameters
+//! cannot be trusted.
 
 use trocar_model::Trocar;
 
@@ -57,8 +58,8 @@ pub(crate) fn doubt(
         let which = if held_out.is_empty() { "the recordings themselves" } else { "the held-out recordings" };
         let message = format!(
             "{} with {} parameters predicts {which} better: {rms:.3} against {:.3} N rms ({:.1} standard errors over \
-             {} strokes): the seal is no EMS element, so do not rely on these parameters; trocar compare gives that \
-             model",
+             {} strokes): the seal is no EMS element, or its deformation is not seen in these recordings. Do not rely on \
+             these parameters; trocar compare gives that model",
             kind.title(),
             kind.parameters(),
             own.rms,
