@@ -718,3 +718,45 @@ fn unbounded_intervals_are_null() {
     assert_eq!(value(&text)["intervals"]["seal_damping_n_s_m"]["ci95"], json!([null, null]));
     assert_eq!(ModelFile::from_json(&text).unwrap(), model);
 }
+
+/// Changed at random, a model file is refused or read as a model that writes itself back: never a
+/// panic.
+#[test]
+fn damaged_models_are_refused_or_read() {
+    let mut texts = vec![complete().to_json(), slow().to_json(), along().to_json()];
+    texts.extend(classical_files().iter().map(ModelFile::to_json));
+    let pieces =
+        ["-", "e999", "1e-320", "null", "{", "[", "\"", "0", "NaN", ",", "insertion", "\u{0}"];
+    let mut random = 1u64;
+    let mut draw = |below: usize| {
+        random =
+            random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (random >> 33) as usize % below
+    };
+    let mut read = 0;
+    for round in 0..20_000 {
+        let mut text: Vec<char> = texts[round % texts.len()].chars().collect();
+        for _ in 0..=draw(3) {
+            let at = draw(text.len());
+            match draw(4) {
+                0 => drop(text.splice(at..at, pieces[draw(pieces.len())].chars())),
+                1 => drop(text.drain(at..(at + 1 + draw(20)).min(text.len()))),
+                2 if text[at].is_ascii_digit() => text[at] = char::from(b'0' + draw(10) as u8),
+                _ => text[at] = [' ', '9', '-', '.', 'e', ':'][draw(6)],
+            }
+        }
+        let text: String = text.into_iter().collect();
+        if let Ok(model) = ModelFile::from_json(&text) {
+            let again =
+                ModelFile::from_json(&model.to_json()).expect("what was read can be written");
+            assert_eq!(again.to_json(), model.to_json());
+            let mut state = model.trocar.rest(0.0);
+            for k in 0..50 {
+                model.trocar.step(&mut state, 1e-4 * f64::from(k % 7 - 3), 1e-3);
+            }
+            assert!(state.force().is_finite());
+            read += 1;
+        }
+    }
+    assert!(read > 500, "{read} were read");
+}

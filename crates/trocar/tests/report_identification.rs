@@ -2,6 +2,7 @@
 
 use std::path::Path;
 use std::sync::LazyLock;
+use std::time::Instant;
 
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::identify::{
@@ -788,4 +789,43 @@ fn levels_and_speeds_that_were_not_recorded_are_refused() {
         "{speed}"
     );
     assert_eq!(refused(&[0.0; 7], &[]), "figure 7 shows at most 6 deflections, got 7");
+}
+
+/// Whatever the units were taken for, a report is drawn in little time and space, or refused.
+#[test]
+fn recordings_of_any_scale_give_reports_of_bounded_size() {
+    let plain = stiff_slider(&[0.02, 0.04, 0.08], true);
+    let scaled =
+        |column: &[f64], scale: f64| column.iter().map(|x| scale * x).collect::<Vec<f64>>();
+    let mut drawn = 0;
+    for [time, position, force] in [
+        [1.0, 1.0, 1.0],
+        [1e9, 1.0, 1.0],
+        [1e-9, 1.0, 1.0],
+        [1e6, 1e3, 1e3],
+        [1.0, 1e-9, 1.0],
+        [1.0, 1.0, 1e12],
+        [1.0, 1.0, 1e-12],
+        [1e-3, 10.0, 1e5],
+        [1e12, 1e-6, 1e-6],
+    ] {
+        let began = Instant::now();
+        let columns = [(&plain.time, time), (&plain.position, position), (&plain.force, force)];
+        let [time, position, force] = columns.map(|(column, scale)| scaled(column, scale));
+        let Ok(recording) = Recording::from_columns("scaled.csv", time, position, force) else {
+            continue;
+        };
+        let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
+        let training = [recording];
+        if let Ok(found) = identify(&training, &options, &|_, _| {}) {
+            let folder = tempfile::tempdir().unwrap();
+            let out = folder.path().join("report");
+            write_document(&out, &document(&plain_input(&found, &training))).unwrap();
+            let bytes = std::fs::metadata(out.join("report.html")).unwrap().len();
+            assert!(bytes < 10_000_000, "{bytes} bytes");
+            drawn += 1;
+        }
+        assert!(began.elapsed().as_secs() < 60, "{:?}", began.elapsed());
+    }
+    assert!(drawn >= 3, "only {drawn} of the reports were drawn");
 }

@@ -158,14 +158,18 @@ fn excerpt(found: &Identification, scored: &Scored) -> Option<Excerpt> {
     })
 }
 
+/// Most starts of an excerpt in a part of a recording.
+const MOST_STARTS: f64 = 5000.0;
+
 fn candidates(recording: &Recording, length: f64, half_width: f64) -> Vec<ExcerptCandidate<'_>> {
     let (x, t) = (&recording.position, &recording.time);
     let strokes = strokes(recording, reversal_threshold(recording));
     let mut all = Vec::new();
     for range in recording.unbroken().filter(|range| range.len() > 1) {
         let (begin, end) = (t[range.start], t[range.end - 1]);
-        let starts = (0..).map(|k| begin + STEP * length * f64::from(k));
-        for from in starts.take_while(|from| *from == begin || from + length <= end) {
+        let step = (STEP * length).max((end - begin) / MOST_STARTS);
+        let count = ((end - begin - length) / step).clamp(0.0, MOST_STARTS) as u32;
+        for from in (0..=count).map(|k| begin + step * f64::from(k)) {
             let to = (from + length).min(end);
             let sample =
                 |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
