@@ -828,4 +828,21 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
         assert!(began.elapsed().as_secs() < 60, "{:?}", began.elapsed());
     }
     assert!(drawn >= 3, "only {drawn} of the reports were drawn");
+    // Hand-like motion, fitted, whose figures weigh excerpts against each other.
+    let seal = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
+    let hand = run(&BenchConfig::default(), Protocol::Surgeon, &[seal], 3).unwrap();
+    let hand = hand.to_recording("hand").unwrap();
+    let slow = scaled(&hand.time, 1e9);
+    let slow = [Recording::from_columns("hand.csv", slow, hand.position, hand.force).unwrap()];
+    let options = IdentifyOptions {
+        bootstrap: 0,
+        free_motion: false,
+        along: false,
+        ..IdentifyOptions::default()
+    };
+    let found = identify(&slow, &options, &|_, _| {}).unwrap();
+    let began = Instant::now();
+    assert!(found.fit.is_some());
+    document(&plain_input(&found, &slow));
+    assert!(began.elapsed().as_secs() < 30, "{:?}", began.elapsed());
 }

@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use trocar_model::{Direction, ParameterId, Quantity, Seal, Tunable, Unit};
 
-use super::Scored;
 use super::tables::name_of;
+use super::{Scored, excerpt_starts};
 use crate::identify::{Estimate, Identification};
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
@@ -158,18 +158,13 @@ fn excerpt(found: &Identification, scored: &Scored) -> Option<Excerpt> {
     })
 }
 
-/// Most starts of an excerpt in a part of a recording.
-const MOST_STARTS: f64 = 5000.0;
-
 fn candidates(recording: &Recording, length: f64, half_width: f64) -> Vec<ExcerptCandidate<'_>> {
     let (x, t) = (&recording.position, &recording.time);
     let strokes = strokes(recording, reversal_threshold(recording));
     let mut all = Vec::new();
     for range in recording.unbroken().filter(|range| range.len() > 1) {
         let (begin, end) = (t[range.start], t[range.end - 1]);
-        let step = (STEP * length).max((end - begin) / MOST_STARTS);
-        let count = ((end - begin - length) / step).clamp(0.0, MOST_STARTS) as u32;
-        for from in (0..=count).map(|k| begin + step * f64::from(k)) {
+        for from in excerpt_starts([begin, end], length, STEP * length) {
             let to = (from + length).min(end);
             let sample =
                 |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);

@@ -99,6 +99,17 @@ pub(super) fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())
 }
 
+/// Starts of excerpts of `length` s between the times `begin` and `end`, `step` apart: the first one
+/// in any case, and at most [`MOST_STARTS`], whatever the clock counts.
+fn excerpt_starts([begin, end]: [f64; 2], length: f64, step: f64) -> impl Iterator<Item = f64> {
+    let step = step.max((end - begin) / MOST_STARTS);
+    let count = ((end - begin - length) / step).clamp(0.0, MOST_STARTS) as u32;
+    (0..=count).map(move |k| begin + step * f64::from(k))
+}
+
+/// Most excerpts of a recording that are weighed against each other.
+const MOST_STARTS: f64 = 5000.0;
+
 /// `count` points from `low` to `high`, both included.
 fn spaced(low: f64, high: f64, count: usize) -> impl Iterator<Item = f64> + Clone {
     (0..count).map(move |k| low + (high - low) * k as f64 / (count - 1) as f64)

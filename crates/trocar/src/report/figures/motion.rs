@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use super::{Drawn, MM, Scored, has_stages, thinned, without_unmodelled_mass};
+use super::{Drawn, MM, Scored, excerpt_starts, has_stages, thinned, without_unmodelled_mass};
 use trocar_model::Trocar;
 
 use crate::identify::{FitSummary, Identification};
@@ -257,9 +257,9 @@ fn windows<'a>(
     let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
     let mut all = Vec::new();
     for range in known {
-        let end = recording.time[range.end - 1];
-        let starts = (0..).map(|k| recording.time[range.start] + STEP * f64::from(k));
-        for from in starts.take_while(|from| from + SHOWN <= end) {
+        let ends = [range.start, range.end - 1].map(|i| recording.time[i]);
+        let starts = excerpt_starts(ends, SHOWN, STEP);
+        for from in starts.take_while(|from| from + SHOWN <= ends[1]) {
             let sample = |time: f64| recording.time.partition_point(|t| *t < time);
             let samples = sample(from)..sample(from + SHOWN);
             let held = samples.clone().filter(|i| resting[*i]).count() as f64
