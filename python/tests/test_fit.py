@@ -229,40 +229,40 @@ def test_results_are_drawn_into_axes(
 
 
 def test_results_are_pickled_whole(found: trocar.Identification, tmp_path: object) -> None:
-    twin = pickle.loads(pickle.dumps(found))
-    assert "_done" not in vars(twin)
+    restored = pickle.loads(pickle.dumps(found))
+    assert "_done" not in vars(restored)
     assert (
-        twin.summary == found.summary
-        and twin.model == found.model
-        and twin.fit_report() == found.fit_report()
+        restored.summary == found.summary
+        and restored.model == found.model
+        and restored.fit_report() == found.fit_report()
     )
-    assert twin.to_frame().equals(found.to_frame())
+    assert restored.to_frame().equals(found.to_frame())
     assert all(
-        np.array_equal(a, b, equal_nan=True) for a, b in zip(twin.residuals, found.residuals)
+        np.array_equal(a, b, equal_nan=True) for a, b in zip(restored.residuals, found.residuals)
     )
-    assert "_done" not in vars(twin), "none of these repeats the identification"
+    assert "_done" not in vars(restored), "none of these repeats the identification"
     assert found.validation is not None
-    assert np.array_equal(twin.validation.forces(1).model_n, found.validation.forces(1).model_n)
-    assert twin.figures == found.figures and twin._repr_html_() == found._repr_html_()
+    assert np.array_equal(restored.validation.forces(1).model_n, found.validation.forces(1).model_n)
+    assert restored.figures == found.figures and restored._repr_html_() == found._repr_html_()
 
 
 def test_a_pickle_that_gives_other_numbers_is_refused(found: trocar.Identification) -> None:
-    twin = pickle.loads(pickle.dumps(found))
-    twin.summary["residual_rms_n"] *= 2
+    restored = pickle.loads(pickle.dumps(found))
+    restored.summary["residual_rms_n"] *= 2
     with pytest.raises(trocar.TrocarError, match="the repeated work gave other numbers"):
-        twin.figures
+        restored.figures
 
 
 def test_comparisons_and_compensations_are_pickled(
     found: trocar.Identification, training: list[trocar.Recording], held_out: list[trocar.Recording]
 ) -> None:
     comparison = trocar.compare(training, models=["coulomb", "dahl"], moving_mass_kg=ROD_KG)
-    twin = pickle.loads(pickle.dumps(comparison))
-    assert twin.summary == comparison.summary and twin["dahl"].model == comparison["dahl"].model
+    restored = pickle.loads(pickle.dumps(comparison))
+    assert restored.summary == comparison.summary and restored["dahl"].model == comparison["dahl"].model
     assert (
-        twin["dahl"].estimates["coulomb_force_n"] == comparison["dahl"].estimates["coulomb_force_n"]
+        restored["dahl"].estimates["coulomb_force_n"] == comparison["dahl"].estimates["coulomb_force_n"]
     )
-    assert twin.figures == comparison.figures
+    assert restored.figures == comparison.figures
     estimate = trocar.compensate(found.model, held_out[0])
     again = pickle.loads(pickle.dumps(estimate))
     assert (

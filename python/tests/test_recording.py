@@ -274,10 +274,10 @@ def test_recordings_are_pickled_with_all_that_is_known() -> None:
     time, position, force = columns().values()
     force[[3, 4]] = np.nan
     for recording in (trocar.bench("step"), trocar.Recording(time / 1e3, position / 1e6, force / 1e3)):
-        twin = pickle.loads(pickle.dumps(recording))
-        assert same(recording, twin)
-        assert (twin.name, twin.sha256, twin.quality) == (recording.name, recording.sha256, recording.quality)
-        assert (twin.velocity_m_s is None) == (recording.velocity_m_s is None)
+        restored = pickle.loads(pickle.dumps(recording))
+        assert same(recording, restored)
+        assert (restored.name, restored.sha256, restored.quality) == (recording.name, recording.sha256, recording.quality)
+        assert (restored.velocity_m_s is None) == (recording.velocity_m_s is None)
 
 
 def test_the_bench_says_what_it_does_not_know() -> None:

@@ -227,10 +227,10 @@ def test_a_stepper_can_be_copied_pickled_and_set_back(path: Path) -> None:
     for _ in range(20):
         stepper.step(2e-4, 1e-3)
     state = stepper.state
-    twins = [copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))]
+    copies = [copy.copy(stepper), copy.deepcopy(stepper), pickle.loads(pickle.dumps(stepper))]
     ahead = [stepper.step(-1e-4, 1e-3) for _ in range(50)]
-    for twin in twins:
-        assert [twin.step(-1e-4, 1e-3) for _ in range(50)] == ahead
+    for one in copies:
+        assert [one.step(-1e-4, 1e-3) for _ in range(50)] == ahead
     stepper.state = state
     assert [stepper.step(-1e-4, 1e-3) for _ in range(50)] == ahead
 

@@ -11,17 +11,40 @@ use std::process::Command;
 
 /// The library that was built, or why there is none.
 #[derive(Debug, Clone, Default)]
-pub struct Library {
+struct Library {
     /// Bytes of the library; empty if there is none.
-    pub bytes: Vec<u8>,
+    bytes: Vec<u8>,
     /// Why there is none; empty if there is one.
-    pub reason: String,
+    reason: String,
     /// Files and folders from which it is built.
-    pub sources: Vec<PathBuf>,
+    sources: Vec<PathBuf>,
+}
+
+/// For the build script of a program in a folder of `crates/`: writes the library and the reason why
+/// there is none to `fmu-library` and `fmu-reason.txt` in `OUT_DIR`. `user` is what needs it.
+///
+/// # Panics
+/// Outside a build script, and when `OUT_DIR` cannot be written.
+pub fn embed(user: &str) {
+    let set =
+        |name: &str| env::var(name).unwrap_or_else(|error| panic!("Cargo sets {name}: {error}"));
+    let out = PathBuf::from(set("OUT_DIR"));
+    // Not the folder where the script was compiled: a copied target folder may still hold it.
+    let root = PathBuf::from(set("CARGO_MANIFEST_DIR")).join("../..");
+    let library = build(&root, &out, &set("TARGET"));
+    for path in &library.sources {
+        println!("cargo::rerun-if-changed={}", path.display());
+    }
+    println!("cargo::rerun-if-changed=build.rs");
+    if library.bytes.is_empty() {
+        println!("cargo::warning={user} will not work: {}", library.reason);
+    }
+    fs::write(out.join("fmu-library"), library.bytes).expect("OUT_DIR is writable");
+    fs::write(out.join("fmu-reason.txt"), library.reason).expect("OUT_DIR is writable");
 }
 
 /// Builds the library of the workspace at `root` for `target` in the folder `out`.
-pub fn build(root: &Path, out: &Path, target: &str) -> Library {
+fn build(root: &Path, out: &Path, target: &str) -> Library {
     let paths = [
         "Cargo.toml",
         "Cargo.lock",

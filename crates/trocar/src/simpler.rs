@@ -18,6 +18,12 @@ const CLEARLY: f64 = 0.9;
 /// ... that is this many standard errors away.
 const STANDARD_ERRORS: f64 = 2.0;
 
+/// A recording with the samples at which the state of the identified element is known.
+struct Scored<'a> {
+    recording: &'a Recording,
+    samples: Vec<usize>,
+}
+
 /// Error of one model over several recordings.
 struct Errors {
     /// Mean squared error of each stroke, N².
@@ -43,12 +49,14 @@ pub(crate) fn doubt(
     let without = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0);
     let training: Vec<Recording> = training.iter().map(without).collect::<Result<_, _>>()?;
     let scored = if held_out.is_empty() { &training } else { held_out };
-    let own = errors(found, scored, &found.trocar(), found.model.offset);
+    let scored: Vec<Scored> =
+        scored.iter().map(|recording| Scored::new(found, recording)).collect();
+    let own = errors(&scored, &found.trocar(), found.model.offset);
     let data = ClassicalData::new(&training, found, options);
     let alone = RelatedFits { smaller: None, special: None };
     let fits = SIMPLER.into_iter().filter_map(|kind| classical::fit(kind, &data, alone).ok());
     let better = fits.filter_map(|fit| {
-        let theirs = errors(found, scored, &Trocar::of_seal(fit.model), fit.offset);
+        let theirs = errors(&scored, &Trocar::of_seal(fit.model), fit.offset);
         let margin = Margin::of(&theirs.by_stroke, &own.by_stroke)?;
         let clear = theirs.rms < CLEARLY * own.rms && margin.standard_errors > STANDARD_ERRORS;
         clear.then_some((fit.kind, theirs.rms, margin))
@@ -70,23 +78,22 @@ pub(crate) fn doubt(
     }))
 }
 
-/// Errors where the state of the identified element is known.
-fn errors<K: AsRef<[f64]>>(
-    found: &Identification,
-    recordings: &[Recording],
-    model: &Trocar<K>,
-    offset: f64,
-) -> Errors {
-    let (mut by_strokes, mut squares, mut samples) = (Vec::new(), 0.0, 0);
-    for recording in recordings {
+impl<'a> Scored<'a> {
+    fn new(found: &Identification, recording: &'a Recording) -> Self {
         let known = replay(&found.trocar(), recording, found.model.offset).known;
-        let scored: Vec<usize> = known.into_iter().flatten().collect();
+        Self { recording, samples: known.into_iter().flatten().collect() }
+    }
+}
+
+fn errors<K: AsRef<[f64]>>(scored: &[Scored], model: &Trocar<K>, offset: f64) -> Errors {
+    let (mut by_strokes, mut squares, mut count) = (Vec::new(), 0.0, 0);
+    for Scored { recording, samples } in scored {
         let force = forces(model, recording, offset);
         let errors: Vec<f64> =
-            scored.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
+            samples.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
         squares += errors.iter().map(|e| e * e).sum::<f64>();
-        samples += errors.len();
-        by_strokes.extend(by_stroke(recording, &scored, &errors));
+        count += errors.len();
+        by_strokes.extend(by_stroke(recording, samples, &errors));
     }
-    Errors { by_stroke: by_strokes, rms: (squares / samples.max(1) as f64).sqrt() }
+    Errors { by_stroke: by_strokes, rms: (squares / count.max(1) as f64).sqrt() }
 }

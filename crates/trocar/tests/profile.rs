@@ -216,8 +216,8 @@ proptest! {
 fn snaps_through() -> Element {
     let plausible = *element().params();
     let (c, f) = (8e-3, plausible.insertion.static_force);
-    let bend = |from: f64, to: f64, low: f64, high: f64, bent: f64| {
-        Piece::new(from, to, &[0.5 * (low + high) - bent, 0.5 * (high - low), bent])
+    let bend = |from: f64, to: f64, low: f64, high: f64, curvature: f64| {
+        Piece::new(from, to, &[0.5 * (low + high) - curvature, 0.5 * (high - low), curvature])
             .expect("a piece")
     };
     let branch =

@@ -343,22 +343,23 @@ pub fn compare(
     // selection.
     let reference = grounds.raw(&Trocar::of_seal(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
+    let force_error = |m: &Fitted| {
+        let own = validate(&m.trocar, &training, m.offset).force_error(ErrorSource::Identification);
+        let others = validate(&m.trocar, &validation, m.offset);
+        own.worse(&others.force_error(ErrorSource::Validation), ErrorSource::Validation)
+    };
+    let force_errors: Vec<ForceError> = models.par_iter().map(force_error).collect();
     let times: Vec<Option<f64>> = models
         .iter()
         .map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0])))
         .collect();
-    let entry = |((fitted, raw), ns): ((Fitted, &score::Raw), Option<f64>)| {
-        let of_model = |recordings| validate(&fitted.trocar, recordings, fitted.offset);
-        let own = of_model(&training).force_error(ErrorSource::Identification);
-        let others = of_model(&validation).force_error(ErrorSource::Validation);
-        let scored = Scored {
-            scores: grounds.scores(raw, fitted.parameters, effective_samples),
-            by_stroke: grounds.by_stroke(raw),
-            force_error: own.worse(&others, ErrorSource::Validation),
-        };
+    let entry = |(((fitted, raw), force_error), ns): (((Fitted, &score::Raw), _), Option<f64>)| {
+        let scores = grounds.scores(raw, fitted.parameters, effective_samples);
+        let scored = Scored { scores, by_stroke: grounds.by_stroke(raw), force_error };
         fitted.into_entry(scored, ns, options.timing)
     };
-    let mut entries: Vec<Entry> = models.into_iter().zip(&raw).zip(times).map(entry).collect();
+    let all = models.into_iter().zip(&raw).zip(force_errors).zip(times);
+    let mut entries: Vec<Entry> = all.map(entry).collect();
     entries.sort_by(|a, b| a.scores.validate_rms_n.total_cmp(&b.scores.validate_rms_n));
     let samples = grounds.training_samples();
     Ok(Comparison {

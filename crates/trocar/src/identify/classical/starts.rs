@@ -139,10 +139,10 @@ fn gms(n: usize, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
 fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
     let mut element = numbers[first..first + stride].to_vec();
     element.iter_mut().enumerate().filter(|(i, _)| *i != 1).for_each(|(_, x)| *x *= 0.5);
-    let mut twin = element.clone();
-    twin[1] *= 1.0 + 1e-6;
+    let mut second = element.clone();
+    second[1] *= 1.0 + 1e-6;
     let mut all = numbers.to_vec();
-    all.splice(first..first + stride, element.into_iter().chain(twin));
+    all.splice(first..first + stride, element.into_iter().chain(second));
     all
 }
 
