@@ -3,7 +3,9 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::sync::Mutex;
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use cpu_time::ProcessTime;
 
 use trocar_recording::formats::parquet::Parquet;
 use trocar_recording::formats::parquet::select::Selected;
@@ -42,7 +44,7 @@ pub(crate) fn silence_panics() {
 pub(crate) fn examine(path: &Path, random: &mut Random) -> Finding {
     MEMORY.reset_peak_usage();
     let before = MEMORY.current_usage();
-    let start = Instant::now();
+    let start = ProcessTime::now();
     let outcome = catch_unwind(AssertUnwindSafe(|| all_ways(path, random)));
     Finding {
         time: start.elapsed(),
