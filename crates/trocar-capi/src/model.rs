@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use trocar_model::{Seal, Trocar, Tunable as ModelTunable};
+use trocar_model::{Seal, Trocar, TrocarState, Tunable as ModelTunable};
 use trocar_runtime::model_file::{ModelFile, ModelFileError};
 
 use crate::message::{Failure, Message};
@@ -28,6 +28,8 @@ pub(crate) struct Content {
     /// What its states carry: the same for all models tuned from one.
     pub(crate) tag: u64,
     pub(crate) trocar: Trocar<Vec<f64>>,
+    /// A state of it, to read others into.
+    pub(crate) rest: TrocarState,
     /// What it was read from; a tuned model has a seal of its own.
     pub(crate) file: Arc<ModelFile>,
     tunables: Vec<TunableText>,
@@ -74,7 +76,8 @@ impl Model {
             .map_err(|error| Failure::new(Status::Internal, error))?;
         let tag = tag.unwrap_or_else(|| tag_of(&numbers));
         let tunables = trocar.seal().tunables().map(TunableText::new).collect();
-        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, file, tunables } }))
+        let rest = trocar.rest(0.0);
+        Ok(Box::new(Self { content: Content { mark: MARK, tag, trocar, rest, file, tunables } }))
     }
 
     fn from_file(file: ModelFile) -> Result<Box<Self>, Failure> {

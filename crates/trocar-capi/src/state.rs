@@ -152,19 +152,23 @@ impl<'a> Words<'a> {
 pub(crate) struct Taken<'w, 'a>(&'w Words<'a>);
 
 impl Taken<'_, '_> {
-    pub(crate) fn read(&self, model: &Content) -> Result<TrocarState, Status> {
-        let numbers: [f64; STATE_NUMBERS] =
-            std::array::from_fn(|index| self.0.number(NUMBERS + index));
-        model.trocar.state_from_numbers(&numbers).map_err(|_| Status::NotAState)
+    /// Puts the numbers into `state`, a state of the model.
+    pub(crate) fn read_into(&self, state: &mut TrocarState) -> Result<(), Status> {
+        state.set_numbers(|place| self.0.number(NUMBERS + place)).map_err(|_| Status::NotAState)
     }
 
     /// What is not finite is not written: the next step would refuse it.
     pub(crate) fn write(&self, state: &TrocarState) -> Result<(), Status> {
-        let numbers = state.to_numbers();
-        if !numbers.iter().fold(true, |finite, number| finite & number.is_finite()) {
+        let mut finite = true;
+        state.for_each_number(|number| finite &= number.is_finite());
+        if !finite {
             return Err(Status::NotFinite);
         }
-        self.0.write(&numbers);
+        let mut place = NUMBERS;
+        state.for_each_number(|number| {
+            self.0.word(place).store(number.to_bits(), Ordering::Relaxed);
+            place += 1;
+        });
         Ok(())
     }
 }

@@ -52,7 +52,8 @@ unsafe fn step(
         // SAFETY: by the rule of the crate.
         let model = unsafe { Model::borrowed(model) }?;
         let taken = words.taken(model)?;
-        let mut state = taken.read(model)?;
+        let mut state = model.rest;
+        taken.read_into(&mut state)?;
         motion(&state).check()?;
         let force = advance(&model.trocar, &mut state);
         if !force.is_finite() {
@@ -165,7 +166,8 @@ pub unsafe extern "C" fn trocar_simulate(
         // SAFETY: by the rule of the crate.
         let mut forces = unsafe { ArrayMut::new(force_n, count) }?;
         let taken = words.taken(model)?;
-        let mut state = taken.read(model)?;
+        let mut state = model.rest;
+        taken.read_into(&mut state)?;
         let mut run = Run { trocar: &model.trocar, state: &mut state, time: start_time_s };
         let rows = times.iter().zip(positions.iter()).enumerate();
         let outcome = rows.into_iter().try_for_each(|(row, (time, position))| {

@@ -6,22 +6,22 @@
 //! building the model checks: the same parameters give the same model, to the last bit.
 
 use crate::classical::{Classical, ClassicalState};
-use crate::dahl::{Dahl, DahlParams, DahlState, Remainder};
+use crate::dahl::{Dahl, DahlParams, Remainder};
 use crate::damping::SealDamping;
 use crate::elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
 use crate::ems::{Element, ElementParams, Mode, State};
 use crate::error::ParamError;
-use crate::gms::{Gms, GmsElement, GmsState, SlipRate};
-use crate::leuven::{Leuven, LeuvenParams, LeuvenState};
-use crate::lugre::{LuGre, LuGreParams, LuGreState, StribeckCurve};
-use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
+use crate::gms::{Gms, GmsElement, SlipRate};
+use crate::leuven::{Leuven, LeuvenParams};
+use crate::lugre::{LuGre, LuGreParams, StribeckCurve};
+use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, SlipElement};
 use crate::parallel::{MAX_STAGES, Stages};
 use crate::parameter::{Blank, Parameters};
 use crate::profile::PositionProfile;
 use crate::relaxation::{MAX_ARMS, RelaxationArm};
 use crate::seal::{Seal, SealState, Trocar, TrocarState};
 use crate::sliding::SlidingFriction;
-use crate::stribeck::{StaticFriction, StaticState};
+use crate::stribeck::StaticFriction;
 
 /// First number of every row: the version of this form.
 pub const FORMAT: f64 = 1.0;
@@ -122,15 +122,25 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Takes a row from the front.
-struct Reader<'a> {
-    row: &'a [f64],
+/// The number at a place, or why there is none.
+trait Numbers: Fn(usize) -> Result<f64, FlatError> {}
+
+impl<F: Fn(usize) -> Result<f64, FlatError>> Numbers for F {}
+
+/// Takes numbers from the front.
+struct Reader<F> {
+    number: F,
     place: usize,
 }
 
-impl<'a> Reader<'a> {
-    fn new(row: &'a [f64]) -> Self {
-        Self { row, place: 0 }
+/// The numbers of a row.
+fn of_row(row: &[f64]) -> impl Numbers {
+    |place| row.get(place).copied().ok_or(FlatError::Length { found: row.len() })
+}
+
+impl<F: Numbers> Reader<F> {
+    fn new(number: F) -> Self {
+        Self { number, place: 0 }
     }
 
     /// `params` with its numbers from the row.
@@ -150,22 +160,20 @@ impl<'a> Reader<'a> {
         Ok((bank, count))
     }
 
-    fn slice(&mut self, count: usize) -> Result<&'a [f64], FlatError> {
-        let short = FlatError::Length { found: self.row.len() };
-        let end = self.place.checked_add(count).ok_or(short)?;
-        let values = self.row.get(self.place..end).ok_or(short)?;
-        self.place = end;
-        Ok(values)
+    fn fill(&mut self, values: &mut [f64]) -> Result<(), FlatError> {
+        values.iter_mut().try_for_each(|value| self.one().map(|number| *value = number))
     }
 
     fn take<const N: usize>(&mut self) -> Result<[f64; N], FlatError> {
         let mut values = [0.0; N];
-        values.copy_from_slice(self.slice(N)?);
+        self.fill(&mut values)?;
         Ok(values)
     }
 
     fn one(&mut self) -> Result<f64, FlatError> {
-        self.take::<1>().map(|[value]| value)
+        let value = (self.number)(self.place)?;
+        self.place += 1;
+        Ok(value)
     }
 
     /// A whole number from `least` to `most`.
@@ -175,6 +183,15 @@ impl<'a> Reader<'a> {
             return Ok(found as usize);
         }
         Err(FlatError::Tag { place: self.place - 1, found })
+    }
+
+    fn flag(&mut self) -> Result<bool, FlatError> {
+        let found = self.one()?;
+        match found {
+            0.0 => Ok(false),
+            1.0 => Ok(true),
+            _ => Err(FlatError::Tag { place: self.place - 1, found }),
+        }
     }
 
     fn expect(&mut self, value: f64) -> Result<(), FlatError> {
@@ -218,7 +235,7 @@ impl<'a> Trocar<&'a [f64]> {
     /// # Errors
     /// [`FlatError`]: too short a row, a tag that is none, parameters that make no model.
     pub fn from_numbers(row: &'a [f64]) -> Result<Self, FlatError> {
-        let mut from = Reader::new(row);
+        let mut from = Reader::new(of_row(row));
         from.expect(FORMAT)?;
         let seal = read_seal(&mut from)?;
         let place = from.place;
@@ -228,7 +245,10 @@ impl<'a> Trocar<&'a [f64]> {
         }
         let wrong = FlatError::Tag { place, found: knots as f64 };
         let [begin, end] = from.take()?;
-        let (offset, gain) = (from.slice(knots)?, from.slice(knots)?);
+        let rest = row.get(from.place..).unwrap_or_default();
+        let short = FlatError::Length { found: row.len() };
+        let (offset, rest) = rest.split_at_checked(knots).ok_or(short)?;
+        let gain = rest.get(..knots).ok_or(short)?;
         let profile = PositionProfile::new(begin, end, offset, gain).map_err(|_| wrong)?;
         Ok(Self::new(seal, Some(profile)))
     }
@@ -296,7 +316,7 @@ fn write_classical(out: &mut Writer, model: &Classical) {
     }
 }
 
-fn read_seal(from: &mut Reader) -> Result<Seal, FlatError> {
+fn read_seal(from: &mut Reader<impl Numbers>) -> Result<Seal, FlatError> {
     let place = from.place;
     let kind = from.one()?;
     Ok(Seal::Classical(match kind {
@@ -305,10 +325,8 @@ fn read_seal(from: &mut Reader) -> Result<Seal, FlatError> {
         DAHL => Classical::Dahl(Dahl::new(from.fields(DahlParams::BLANK)?)?),
         LUGRE => {
             let mut params = from.fields(LuGreParams::BLANK)?;
-            params.curve = match from.count(0, 1)? {
-                0 => StribeckCurve::Exponential,
-                _ => StribeckCurve::Rational,
-            };
+            params.curve =
+                if from.flag()? { StribeckCurve::Rational } else { StribeckCurve::Exponential };
             params.sliding = from.fields(SlidingFriction::BLANK)?;
             Classical::LuGre(LuGre::new(params)?)
         }
@@ -328,7 +346,7 @@ fn read_seal(from: &mut Reader) -> Result<Seal, FlatError> {
     }))
 }
 
-fn read_stages(from: &mut Reader) -> Result<Stages, FlatError> {
+fn read_stages(from: &mut Reader<impl Numbers>) -> Result<Stages, FlatError> {
     let place = from.place;
     let count = from.count(1, MAX_STAGES)?;
     let first = read_element(from)?;
@@ -339,7 +357,7 @@ fn read_stages(from: &mut Reader) -> Result<Stages, FlatError> {
     Stages::new(&elements[..count]).ok_or(FlatError::Tag { place, found: count as f64 })
 }
 
-fn read_element(from: &mut Reader) -> Result<Element, FlatError> {
+fn read_element(from: &mut Reader<impl Numbers>) -> Result<Element, FlatError> {
     let branches = [
         Branch::new(read_piece(from)?, read_piece(from)?)?,
         Branch::new(read_piece(from)?, read_piece(from)?)?,
@@ -356,17 +374,16 @@ fn read_element(from: &mut Reader) -> Result<Element, FlatError> {
     Ok(Element::new(params)?)
 }
 
-fn read_piece(from: &mut Reader) -> Result<Piece, FlatError> {
+fn read_piece(from: &mut Reader<impl Numbers>) -> Result<Piece, FlatError> {
     let [begin, end] = from.take()?;
     let count = from.count(1, MAX_DEGREE + 1)?;
-    Ok(Piece::new(begin, end, from.slice(count)?)?)
+    let mut legendre = [0.0; MAX_DEGREE + 1];
+    from.fill(&mut legendre[..count])?;
+    Ok(Piece::new(begin, end, &legendre[..count])?)
 }
 
-fn read_gms(from: &mut Reader) -> Result<Gms, FlatError> {
-    let slip_rate = match from.count(0, 1)? {
-        0 => SlipRate::Free,
-        _ => SlipRate::Limited,
-    };
+fn read_gms(from: &mut Reader<impl Numbers>) -> Result<Gms, FlatError> {
+    let slip_rate = if from.flag()? { SlipRate::Limited } else { SlipRate::Free };
     let sliding = from.fields(SlidingFriction::BLANK)?;
     let (elements, count) = from.bank::<GmsElement>()?;
     Ok(Gms::new(&elements[..count], sliding, slip_rate)?)
@@ -376,16 +393,53 @@ impl TrocarState {
     /// The state as numbers; unused ones are 0.
     pub fn to_numbers(&self) -> [f64; STATE_NUMBERS] {
         let mut row = [0.0; STATE_NUMBERS];
-        let mut out = Writer::new(&mut row);
-        out.put(&[FORMAT, self.position, self.force]);
+        let mut places = row.iter_mut();
+        self.for_each_number(|number| {
+            if let Some(place) = places.next() {
+                *place = number;
+            }
+        });
+        row
+    }
+
+    /// Calls `see` with the numbers of [`TrocarState::to_numbers`] in order, up to the last one that
+    /// this kind of state uses.
+    pub fn for_each_number(&self, mut see: impl FnMut(f64)) {
+        [FORMAT, self.position, self.force].into_iter().for_each(&mut see);
         match &self.seal {
             SealState::Ems(state) => {
-                out.put(&[EMS, state.count as f64]);
-                state.states().iter().for_each(|state| write_state(&mut out, state));
+                [EMS, state.count as f64].into_iter().for_each(&mut see);
+                state.states().iter().for_each(|state| see_element(state, &mut see));
             }
-            SealState::Classical(state) => write_classical_state(&mut out, state),
+            SealState::Classical(state) => see_classical(state, &mut see),
         }
-        row
+    }
+
+    /// Becomes the state of the same kind whose [`TrocarState::to_numbers`] has `number(place)` at each
+    /// place. Only the numbers that this kind of state uses are asked for.
+    ///
+    /// # Errors
+    /// [`FlatError::Tag`] for another kind's state or a number that is not finite; the state is then one
+    /// of its kind, but not to be used.
+    pub fn set_numbers(&mut self, number: impl Fn(usize) -> f64) -> Result<(), FlatError> {
+        let mut from = Reader::new(|place| {
+            let found = number(place);
+            if found.is_finite() { Ok(found) } else { Err(FlatError::Tag { place, found }) }
+        });
+        from.expect(FORMAT)?;
+        [self.position, self.force] = from.take()?;
+        match &mut self.seal {
+            SealState::Ems(state) => {
+                from.expect(EMS)?;
+                from.expect(state.count as f64)?;
+                state
+                    .states
+                    .iter_mut()
+                    .take(state.count)
+                    .try_for_each(|own| set_element(own, &mut from))
+            }
+            SealState::Classical(state) => set_classical(state, &mut from),
+        }
     }
 }
 
@@ -397,130 +451,96 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// number that is not finite.
     pub fn state_from_numbers(&self, row: &[f64]) -> Result<TrocarState, FlatError> {
         let row = row.get(..STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
-        // All at once first: a program may do this before every step.
-        let finite = row.iter().fold(true, |finite, value| finite & value.is_finite());
-        if !finite
-            && let Some((place, &found)) =
-                row.iter().enumerate().find(|(_, value)| !value.is_finite())
-        {
-            return Err(FlatError::Tag { place, found });
-        }
-        let mut from = Reader::new(row);
-        from.expect(FORMAT)?;
-        let [position, force] = from.take()?;
-        let seal = match self.seal() {
-            Seal::Ems(stages) => {
-                from.expect(EMS)?;
-                from.expect(stages.elements().len() as f64)?;
-                let mut state = stages.state(core::iter::empty());
-                for own in state.states.iter_mut().take(state.count) {
-                    *own = read_state(&mut from)?;
-                }
-                SealState::Ems(state)
-            }
-            Seal::Classical(model) => SealState::Classical(read_classical_state(&mut from, model)?),
-        };
-        Ok(TrocarState { position, force, seal })
+        let mut state = self.rest(0.0);
+        state.set_numbers(|place| row.get(place).copied().unwrap_or(f64::NAN))?;
+        Ok(state)
     }
 }
 
-fn write_state(out: &mut Writer, state: &State) {
+fn see_element(state: &State, see: &mut impl FnMut(f64)) {
     let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } =
-        *state;
-    let sliding = f64::from(u8::from(mode == Mode::Sliding));
-    out.put(&[deflection, yield_force, force, slip_velocity, contact_slope, rise, sliding]);
-    out.put(&arms);
+        state;
+    [deflection, yield_force, force, slip_velocity, contact_slope, rise]
+        .into_iter()
+        .for_each(|number| see(*number));
+    see(f64::from(u8::from(*mode == Mode::Sliding)));
+    arms.iter().for_each(|arm| see(*arm));
 }
 
-fn read_state(from: &mut Reader) -> Result<State, FlatError> {
-    let [deflection, yield_force, force, slip_velocity, contact_slope, rise] = from.take()?;
-    let mode = match from.count(0, 1)? {
-        0 => Mode::Deforming,
-        _ => Mode::Sliding,
-    };
-    Ok(State {
-        deflection,
-        yield_force,
-        force,
-        slip_velocity,
-        contact_slope,
-        rise,
-        mode,
-        arms: from.take()?,
-    })
+fn set_element(state: &mut State, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+    let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } =
+        state;
+    for number in [deflection, yield_force, force, slip_velocity, contact_slope, rise] {
+        *number = from.one()?;
+    }
+    *mode = if from.flag()? { Mode::Sliding } else { Mode::Deforming };
+    from.fill(arms)
 }
 
-fn write_classical_state(out: &mut Writer, state: &ClassicalState) {
+fn see_classical(state: &ClassicalState, see: &mut impl FnMut(f64)) {
+    let mut put = |numbers: &[f64]| numbers.iter().for_each(|number| see(*number));
     match state {
-        ClassicalState::Static(state) => out.put(&[STATIC, state.held_force, state.force]),
+        ClassicalState::Static(state) => put(&[STATIC, state.held_force, state.force]),
         ClassicalState::Dahl(state) => {
             let Remainder { y, inverse_power } = state.remainder;
-            out.put(&[
-                DAHL,
-                state.hysteresis_force,
-                state.force,
-                state.direction,
-                y,
-                inverse_power,
-            ]);
+            put(&[DAHL, state.hysteresis_force, state.force, state.direction, y, inverse_power]);
         }
-        ClassicalState::LuGre(state) => out.put(&[LUGRE, state.deflection, state.force]),
+        ClassicalState::LuGre(state) => put(&[LUGRE, state.deflection, state.force]),
         ClassicalState::Leuven(state) => {
-            out.put(&[LEUVEN, state.count as f64, state.deflection, state.force]);
-            out.put(&state.forces);
+            put(&[LEUVEN, state.count as f64, state.deflection, state.force]);
+            put(&state.forces);
         }
         ClassicalState::MaxwellSlip(state) => {
-            out.put(&[MAXWELL_SLIP, state.count as f64, state.force]);
-            out.put(&state.forces);
+            put(&[MAXWELL_SLIP, state.count as f64, state.force]);
+            put(&state.forces);
         }
         ClassicalState::Gms(state) => {
-            out.put(&[GMS, state.count as f64, state.direction, state.force]);
-            out.put(&state.deflections);
-            out.put(&state.slipping.map(|slips| f64::from(u8::from(slips))));
+            put(&[GMS, state.count as f64, state.direction, state.force]);
+            put(&state.deflections);
+            put(&state.slipping.map(|slips| f64::from(u8::from(slips))));
         }
     }
 }
 
-fn read_classical_state(from: &mut Reader, model: &Classical) -> Result<ClassicalState, FlatError> {
-    Ok(match model {
-        Classical::Static(_) => {
+fn set_classical(
+    state: &mut ClassicalState,
+    from: &mut Reader<impl Numbers>,
+) -> Result<(), FlatError> {
+    match state {
+        ClassicalState::Static(state) => {
             from.expect(STATIC)?;
-            let [held_force, force] = from.take()?;
-            ClassicalState::Static(StaticState { held_force, force })
+            [state.held_force, state.force] = from.take()?;
         }
-        Classical::Dahl(_) => {
+        ClassicalState::Dahl(state) => {
             from.expect(DAHL)?;
-            let [hysteresis_force, force, direction, y, inverse_power] = from.take()?;
-            let remainder = Remainder { y, inverse_power };
-            ClassicalState::Dahl(DahlState { hysteresis_force, force, direction, remainder })
+            [state.hysteresis_force, state.force, state.direction] = from.take()?;
+            [state.remainder.y, state.remainder.inverse_power] = from.take()?;
         }
-        Classical::LuGre(_) => {
+        ClassicalState::LuGre(state) => {
             from.expect(LUGRE)?;
-            let [deflection, force] = from.take()?;
-            ClassicalState::LuGre(LuGreState { deflection, force })
+            [state.deflection, state.force] = from.take()?;
         }
-        Classical::Leuven(model) => {
+        ClassicalState::Leuven(state) => {
             from.expect(LEUVEN)?;
-            let count = model.elements().len();
-            from.expect(count as f64)?;
-            let [deflection, force] = from.take()?;
-            ClassicalState::Leuven(LeuvenState { deflection, forces: from.take()?, count, force })
+            from.expect(state.count as f64)?;
+            [state.deflection, state.force] = from.take()?;
+            from.fill(&mut state.forces)?;
         }
-        Classical::MaxwellSlip(model) => {
+        ClassicalState::MaxwellSlip(state) => {
             from.expect(MAXWELL_SLIP)?;
-            let count = model.elements().len();
-            from.expect(count as f64)?;
-            let force = from.one()?;
-            ClassicalState::MaxwellSlip(MaxwellSlipState { forces: from.take()?, count, force })
+            from.expect(state.count as f64)?;
+            state.force = from.one()?;
+            from.fill(&mut state.forces)?;
         }
-        Classical::Gms(model) => {
+        ClassicalState::Gms(state) => {
             from.expect(GMS)?;
-            let count = model.elements().len();
-            from.expect(count as f64)?;
-            let [direction, force] = from.take()?;
-            let deflections = from.take()?;
-            let slipping = from.take::<MAX_ELEMENTS>()?.map(|slips| slips != 0.0);
-            ClassicalState::Gms(GmsState { deflections, slipping, direction, count, force })
+            from.expect(state.count as f64)?;
+            [state.direction, state.force] = from.take()?;
+            from.fill(&mut state.deflections)?;
+            for slips in &mut state.slipping {
+                *slips = from.flag()?;
+            }
         }
-    })
+    }
+    Ok(())
 }
