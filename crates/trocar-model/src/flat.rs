@@ -28,7 +28,9 @@ pub const FORMAT: f64 = 1.0;
 /// Most numbers of a row without a position profile.
 pub const SEAL_NUMBERS: usize = 4 + MAX_STAGES * ELEMENT_NUMBERS;
 /// Numbers of a state, whatever the model: fixed, so that a state fits one place.
-pub const STATE_NUMBERS: usize = 4 + 1 + MAX_STAGES * STATE_OF_ELEMENT;
+pub const STATE_NUMBERS: usize = 3 + SEAL_STATE_NUMBERS;
+/// The same for the state of a seal alone, without format, position and force.
+pub const SEAL_STATE_NUMBERS: usize = 2 + MAX_STAGES * STATE_OF_ELEMENT;
 
 const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE)
     + 1
@@ -389,57 +391,50 @@ fn read_gms(from: &mut Reader<impl Numbers>) -> Result<Gms, FlatError> {
     Ok(Gms::new(&elements[..count], sliding, slip_rate)?)
 }
 
+/// The numbers that `each` gives, and zeros after them.
+fn row_of<const N: usize>(each: impl FnOnce(&mut dyn FnMut(f64))) -> [f64; N] {
+    let mut row = [0.0; N];
+    let mut places = row.iter_mut();
+    each(&mut |number| {
+        if let Some(place) = places.next() {
+            *place = number;
+        }
+    });
+    row
+}
+
+/// The number at `place` that `number` gives, where it is finite.
+fn finite(number: impl Fn(usize) -> f64) -> impl Numbers {
+    move |place| {
+        let found = number(place);
+        if found.is_finite() { Ok(found) } else { Err(FlatError::Tag { place, found }) }
+    }
+}
+
 impl TrocarState {
     /// The state as numbers; unused ones are 0.
     pub fn to_numbers(&self) -> [f64; STATE_NUMBERS] {
-        let mut row = [0.0; STATE_NUMBERS];
-        let mut places = row.iter_mut();
-        self.for_each_number(|number| {
-            if let Some(place) = places.next() {
-                *place = number;
-            }
-        });
-        row
+        row_of(|see| self.for_each_number(see))
     }
 
     /// Calls `see` with the numbers of [`TrocarState::to_numbers`] in order, up to the last one that
     /// this kind of state uses.
     pub fn for_each_number(&self, mut see: impl FnMut(f64)) {
         [FORMAT, self.position, self.force].into_iter().for_each(&mut see);
-        match &self.seal {
-            SealState::Ems(state) => {
-                [EMS, state.count as f64].into_iter().for_each(&mut see);
-                state.states().iter().for_each(|state| see_element(state, &mut see));
-            }
-            SealState::Classical(state) => see_classical(state, &mut see),
-        }
+        self.seal.for_each_number(see);
     }
 
-    /// Becomes the state of the same kind whose [`TrocarState::to_numbers`] has `number(place)` at each
-    /// place. Only the numbers that this kind of state uses are asked for.
+    /// Becomes the state of the same kind whose [`TrocarState::to_numbers`] has `number(place)` at
+    /// each place. Only the numbers that this kind of state uses are asked for.
     ///
     /// # Errors
-    /// [`FlatError::Tag`] for another kind's state or a number that is not finite; the state is then one
-    /// of its kind, but not to be used.
+    /// [`FlatError::Tag`] for another kind's state or a number that is not finite; the state is then
+    /// one of its kind, but not to be used.
     pub fn set_numbers(&mut self, number: impl Fn(usize) -> f64) -> Result<(), FlatError> {
-        let mut from = Reader::new(|place| {
-            let found = number(place);
-            if found.is_finite() { Ok(found) } else { Err(FlatError::Tag { place, found }) }
-        });
+        let mut from = Reader::new(finite(number));
         from.expect(FORMAT)?;
         [self.position, self.force] = from.take()?;
-        match &mut self.seal {
-            SealState::Ems(state) => {
-                from.expect(EMS)?;
-                from.expect(state.count as f64)?;
-                state
-                    .states
-                    .iter_mut()
-                    .take(state.count)
-                    .try_for_each(|own| set_element(own, &mut from))
-            }
-            SealState::Classical(state) => set_classical(state, &mut from),
-        }
+        set_seal(&mut self.seal, &mut from)
     }
 }
 
@@ -454,6 +449,48 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         let mut state = self.rest(0.0);
         state.set_numbers(|place| row.get(place).copied().unwrap_or(f64::NAN))?;
         Ok(state)
+    }
+}
+
+impl SealState {
+    /// The state as numbers; unused ones are 0.
+    pub fn to_numbers(&self) -> [f64; SEAL_STATE_NUMBERS] {
+        row_of(|see| self.for_each_number(see))
+    }
+
+    fn for_each_number(&self, mut see: impl FnMut(f64)) {
+        match self {
+            Self::Ems(state) => {
+                [EMS, state.count as f64].into_iter().for_each(&mut see);
+                state.states().iter().for_each(|state| see_element(state, &mut see));
+            }
+            Self::Classical(state) => see_classical(state, &mut see),
+        }
+    }
+}
+
+impl Seal {
+    /// The state that [`SealState::to_numbers`] wrote; it must be one of this seal.
+    ///
+    /// # Errors
+    /// As for [`Trocar::state_from_numbers`].
+    pub fn state_from_numbers(&self, row: &[f64]) -> Result<SealState, FlatError> {
+        let row = row.get(..SEAL_STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
+        let number = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+        let mut state = self.rest();
+        set_seal(&mut state, &mut Reader::new(finite(number)))?;
+        Ok(state)
+    }
+}
+
+fn set_seal(state: &mut SealState, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+    match state {
+        SealState::Ems(state) => {
+            from.expect(EMS)?;
+            from.expect(state.count as f64)?;
+            state.states.iter_mut().take(state.count).try_for_each(|own| set_element(own, from))
+        }
+        SealState::Classical(state) => set_classical(state, from),
     }
 }
 

@@ -33,4 +33,14 @@ impl PartialReversals {
         }
         self.has_turned
     }
+
+    /// As numbers, for a saved state.
+    pub fn to_numbers(&self) -> [f64; 3] {
+        [self.extreme, self.direction, f64::from(u8::from(self.has_turned))]
+    }
+
+    /// What [`PartialReversals::to_numbers`] wrote.
+    pub fn from_numbers([extreme, direction, has_turned]: [f64; 3]) -> Self {
+        Self { extreme, direction, has_turned: has_turned != 0.0 }
+    }
 }

@@ -1,21 +1,20 @@
 //! `compensate`, and `Compensator` for live samples.
 
 use numpy::{PyArray1, PyReadonlyArray1};
-use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::PyAny;
+use pyo3::types::{PyAny, PyDict};
 use trocar::compensate::{CompensateOptions, Compensator as Observer, Drift, Estimate, Fault};
 
 use crate::arrays::column;
 use crate::errors::number;
-use crate::errors::{MotionError, Raise};
+use crate::errors::{ArrayError, MotionError, Raise};
 use crate::model::Model;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 15;
 
-/// Estimate of the observer for one sample.
+/// Estimate of the observer for one sample; it can be pickled.
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct TissueForce {
     /// Force of the instrument on seal and trocar, N.
@@ -39,6 +38,28 @@ impl TissueForce {
             "<trocar.TissueForce {tissue_force_n:.4} N ± {std_n:.4} N, trocar {trocar_force_n:.4} N{fault}>"
         )
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let fields = (own.trocar_force_n, own.tissue_force_n, own.std_n, own.adapting, own.fault);
+        let restore = slf.get_type().getattr(intern!(py, "_restore"))?;
+        Ok((restore, fields.into_pyobject(py)?.into_any()))
+    }
+
+    /// What unpickling calls.
+    #[staticmethod]
+    fn _restore(
+        trocar_force_n: f64,
+        tissue_force_n: f64,
+        std_n: f64,
+        adapting: bool,
+        fault: Option<&str>,
+    ) -> PyResult<Self> {
+        let known = |given: &str| Fault::ALL.into_iter().map(name).find(|known| *known == given);
+        let wrong = |given| ArrayError::new_err(format!("{given:?} is no fault of a sample"));
+        let fault = fault.map(|given| known(given).ok_or_else(|| wrong(given))).transpose()?;
+        Ok(Self { trocar_force_n, tissue_force_n, std_n, adapting, fault })
+    }
 }
 
 fn name(fault: Fault) -> &'static str {
@@ -56,13 +77,19 @@ fn name(fault: Fault) -> &'static str {
 /// Takes the force of the trocar out of live readings, sample by sample, without looking ahead.
 ///
 /// Whatever is None comes from the model. A step never fails: what cannot be right about a sample
-/// is named in its `fault`.
+/// is named in its `fault`. Compensators can be copied and pickled; the copy goes on from the same
+/// state.
 #[pyclass(module = "trocar")]
 pub(crate) struct Compensator {
+    model: Py<Model>,
+    options: CompensateOptions,
     observer: Observer,
     /// Of the last sample, s.
     time: Option<f64>,
 }
+
+/// Options in the order of [`options`].
+type OptionsRow = (Option<f64>, Option<f64>, f64, Option<f64>, Option<f64>, bool);
 
 /// Options of both.
 fn options(
@@ -106,7 +133,7 @@ impl Compensator {
             adaptation,
         );
         let observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
-        Ok(Self { observer, time: None })
+        Ok(Self { model: model.clone().unbind(), options, observer, time: None })
     }
 
     /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its
@@ -166,13 +193,53 @@ impl Compensator {
         self.observer.is_in_contact()
     }
 
-    fn __copy__(&self) -> Self {
-        Self { observer: self.observer.clone(), time: self.time }
+    /// The model.
+    #[getter]
+    fn model(&self, py: Python<'_>) -> Py<Model> {
+        self.model.clone_ref(py)
     }
 
-    fn __reduce__(&self) -> PyResult<()> {
-        let text = "a Compensator cannot be pickled: it is in the middle of its samples; pickle its model and make another one";
-        Err(PyTypeError::new_err(text))
+    fn __copy__(&self, py: Python<'_>) -> Self {
+        let (model, options) = (self.model.clone_ref(py), self.options.clone());
+        Self { model, options, observer: self.observer.clone(), time: self.time }
+    }
+
+    fn __deepcopy__(&self, py: Python<'_>, _memo: &Bound<'_, PyDict>) -> Self {
+        // The model does not change, so it is shared.
+        self.__copy__(py)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+        let py = slf.py();
+        let own = slf.borrow();
+        let CompensateOptions {
+            offset_n,
+            moving_mass_kg,
+            gravity_m_s2,
+            sensor_limit_n,
+            force_error_n,
+            adaptation,
+        } = own.options;
+        let options =
+            (offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+        let numbers = PyArray1::from_vec(py, own.observer.state());
+        let state = (own.model(py), options, numbers, own.time).into_pyobject(py)?.into_any();
+        Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state))
+    }
+
+    /// What unpickling calls.
+    #[staticmethod]
+    fn _restore(
+        model: &Bound<'_, Model>,
+        options: OptionsRow,
+        state: &Bound<'_, PyAny>,
+        time_s: Option<f64>,
+    ) -> PyResult<Self> {
+        let (offset, mass, gravity, limit, error, adaptation) = options;
+        let mut own = Self::new(model, offset, mass, gravity, limit, error, adaptation)?;
+        own.observer.set_state(column("state", state)?.as_slice()?).map_err(Raise::raise)?;
+        own.time = time_s;
+        Ok(own)
     }
 
     fn __repr__(&self) -> String {

@@ -128,6 +128,7 @@ impl Raise for trocar::compensate::CompensateError {
         use trocar::compensate::CompensateError as E;
         match self {
             E::Model(error) => error.raise(),
+            error @ E::NotAState { .. } => ArrayError::new_err(error.to_string()),
             other => ParameterError::new_err(in_python(&other.to_string())),
         }
     }

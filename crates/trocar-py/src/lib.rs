@@ -51,7 +51,7 @@ mod _core {
     #[pymodule_export]
     use crate::many::{simulate_many, squared_error_many};
     #[pymodule_export]
-    use crate::model::{Model, Tunable};
+    use crate::model::{Model, Tunable, parameter_least};
     #[pymodule_export]
     use crate::recording::{Recording, read};
     #[pymodule_export]

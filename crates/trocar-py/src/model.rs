@@ -13,7 +13,7 @@ use trocar::export::c::{DEFAULT_PREFIX, from_text};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::{AtomicFile, OutputError};
 use trocar_fmu::{Binary, Contents, Input, Platform, Version, package};
-use trocar_model::{Declaration, Seal, Trocar};
+use trocar_model::{Declaration, ParameterId, Seal, Trocar};
 
 use crate::errors::number;
 use crate::errors::{InternalError, ParameterError, Raise, TrocarError};
@@ -47,7 +47,7 @@ impl From<ModelFile> for Model {
     }
 }
 
-/// A number of a model that can be adjusted by itself.
+/// A number of a model that can be adjusted by itself; it can be pickled.
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct Tunable {
     /// Name, with its unit at the end; where a model has several elements, it begins with
@@ -72,12 +72,24 @@ impl Tunable {
         let relation = if *above_least { ">" } else { ">=" };
         format!("<trocar.Tunable {name} = {} {unit}, {relation} {least}>", number(*value))
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String, f64))> {
+        let own = slf.get();
+        let restore = slf.get_type().getattr(intern!(slf.py(), "_restore"))?;
+        Ok((restore, (own.name.clone(), own.value)))
+    }
+
+    /// What unpickling calls: the name stands for all but the value.
+    #[staticmethod]
+    fn _restore(name: &str, value: f64) -> PyResult<Self> {
+        Ok(Self::of(trocar_model::Tunable { id: parameter(name)?, value }))
+    }
 }
 
-pub(crate) fn tunables(seal: &Seal) -> Vec<Tunable> {
-    let named = |trocar_model::Tunable { id, value }| {
+impl Tunable {
+    fn of(trocar_model::Tunable { id, value }: trocar_model::Tunable) -> Self {
         let Declaration { unit, range, .. } = id.declaration();
-        Tunable {
+        Self {
             name: id.to_string(),
             value,
             unit: unit.si,
@@ -85,8 +97,21 @@ pub(crate) fn tunables(seal: &Seal) -> Vec<Tunable> {
             least: range.least(),
             above_least: range.excludes_least(),
         }
-    };
-    seal.tunables().map(named).collect()
+    }
+}
+
+fn parameter(name: &str) -> PyResult<ParameterId> {
+    name.parse().map_err(|_| ParameterError::new_err(format!("no parameter is named {name:?}")))
+}
+
+/// Lower end of the range of a parameter of a model or of its fit, minus infinity without one.
+#[pyfunction]
+pub(crate) fn parameter_least(name: &str) -> PyResult<f64> {
+    Ok(parameter(name)?.declaration().range.least())
+}
+
+pub(crate) fn tunables(seal: &Seal) -> Vec<Tunable> {
+    seal.tunables().map(Tunable::of).collect()
 }
 
 #[pymethods]

@@ -53,6 +53,7 @@ use adapt::{Adapter, Sliding};
 use bank::Bank;
 use faults::Watch;
 use inertia::Inertia;
+use saved::StateRow;
 
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, ModelFileError};
 use crate::profile::Departure;
@@ -61,6 +62,7 @@ pub mod adapt;
 pub mod bank;
 mod faults;
 mod inertia;
+mod saved;
 
 /// Speed below which the instrument counts as held, m/s, and the averaging time of that speed, s:
 /// as in validation, from which the error of the phase comes.
@@ -78,6 +80,8 @@ const SHORTEST: f64 = 1e-5;
 const LEAST_ERROR: f64 = 1e-3;
 /// Extreme initial states count as one when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
+/// First number of a saved state: the version of its form.
+const STATE_FORMAT: f64 = 1.0;
 /// 95 % quantile of a normal distribution, two-sided.
 const NORMAL_95: f64 = 1.96;
 
@@ -136,6 +140,14 @@ pub enum CompensateError {
         /// What was found.
         found: f64,
     },
+    /// Numbers that are not the saved state of this observer.
+    #[error(
+        "these {found} numbers are not the state of a compensator with this model and these options"
+    )]
+    NotAState {
+        /// Numbers there are.
+        found: usize,
+    },
 }
 
 /// Output of a compensator for each sample.
@@ -163,6 +175,13 @@ impl Estimate {
         adapting: false,
         fault: None,
     };
+
+    fn exchange(&mut self, row: &mut StateRow) {
+        let numbers = [&mut self.trocar_force, &mut self.tissue_force, &mut self.std];
+        numbers.into_iter().for_each(|number| row.number(number));
+        row.flag(&mut self.adapting);
+        Fault::exchange(&mut self.fault, row);
+    }
 }
 
 /// Constants of the observer.
@@ -285,6 +304,55 @@ impl Compensator {
         self.bank.reset(self.setup.seal());
         self.watch.reset();
         self.last = Estimate::NONE;
+    }
+
+    /// All that changes with the samples, as numbers, for [`Compensator::set_state`]; some may be
+    /// NaN or infinite.
+    pub fn state(&self) -> Vec<f64> {
+        let mut numbers = Vec::new();
+        self.clone().exchange(&mut StateRow::Written(&mut numbers));
+        numbers
+    }
+
+    /// Goes back to a state that [`Compensator::state`] gave, of this observer or another one with
+    /// the same model and options: it then goes on with the same estimates, to the last bit.
+    ///
+    /// # Errors
+    /// [`CompensateError::NotAState`]; the observer is then left as it was.
+    pub fn set_state(&mut self, numbers: &[f64]) -> Result<(), CompensateError> {
+        let (mut row, mut read) = (StateRow::of(numbers), self.clone());
+        read.exchange(&mut row);
+        if !row.is_whole() {
+            return Err(CompensateError::NotAState { found: numbers.len() });
+        }
+        *self = read;
+        Ok(())
+    }
+
+    /// Writes or reads all that changes.
+    fn exchange(&mut self, row: &mut StateRow) {
+        let seal = *self.setup.seal();
+        row.expect(STATE_FORMAT);
+        row.state(&seal, &mut self.state);
+        let either = [self.state; 2];
+        row.optional(&mut self.extremes, either, |own, row| {
+            own.iter_mut().for_each(|state| row.state(&seal, state));
+        });
+        row.optional(&mut self.position, 0.0, |own, row| row.number(own));
+        let numbers = [&mut self.speed, &mut self.mean_speed, &mut self.time, &mut self.waited];
+        numbers.into_iter().for_each(|number| row.number(number));
+        let mut turns = self.turns.to_numbers();
+        row.numbers(&mut turns);
+        self.turns = PartialReversals::from_numbers(turns);
+        row.flag(&mut self.has_turned);
+        if let Some(minor) = &mut self.minor {
+            row.state(&minor.seal, &mut minor.state);
+        }
+        self.inertia.exchange(row);
+        self.adapter.exchange(row);
+        self.bank.exchange(&seal, row);
+        self.watch.exchange(row);
+        self.last.exchange(row);
     }
 
     /// By how far the positions from `lowest` to `highest` (m) leave the range of the model's

@@ -772,3 +772,86 @@ fn an_alien_seal_without_tissue() {
         assert!((drift.level - 1.0).abs() < 0.1, "{drift:?}");
     }
 }
+
+/// Bits of an estimate, so that NaN equals itself.
+fn bits(estimates: &[Estimate]) -> Vec<([u64; 3], bool, Option<Fault>)> {
+    let of = |e: &Estimate| {
+        let numbers = [e.trocar_force, e.tissue_force, e.std].map(f64::to_bits);
+        (numbers, e.adapting, e.fault)
+    };
+    estimates.iter().map(of).collect()
+}
+
+/// A saved state goes on with the same estimates, wherever the samples were interrupted: before the
+/// first one, at the start, during contact and faults.
+#[test]
+fn a_saved_state_goes_on_with_the_same_estimates() {
+    let config = surgeon(20.0, |config| {
+        config.tissue.kind = TissueKind::HuntCrossley;
+        config.tissue.surface_m = 0.07;
+    });
+    let mut record = run(&config, Protocol::Surgeon, &seal(), 5).unwrap();
+    record.force[12_000..12_100].fill(f64::NAN);
+    let options = CompensateOptions { sensor_limit_n: Some(30.0), ..CompensateOptions::default() };
+    let fresh = || Compensator::new(&MODEL, &options).unwrap();
+    let (mut straight, mut resumed) = (fresh(), fresh());
+    let pieces = [0, 1, 700, 6_000, 12_050, 17_500, record.time.len()];
+    for pair in pieces.windows(2) {
+        let mut again = fresh();
+        again.set_state(&resumed.state()).unwrap();
+        assert_eq!(again.state().len(), resumed.state().len());
+        assert_eq!(
+            (again.drift(), again.is_in_contact()),
+            (resumed.drift(), resumed.is_in_contact())
+        );
+        resumed = again;
+        let mut go_on = |observer: &mut Compensator| -> Vec<Estimate> {
+            (pair[0]..pair[1])
+                .map(|k| {
+                    let before = record.time[k.saturating_sub(1)];
+                    observer.step(record.position[k], record.force[k], record.time[k] - before)
+                })
+                .collect()
+        };
+        let (expected, found) = (go_on(&mut straight), go_on(&mut resumed));
+        assert!(bits(&expected) == bits(&found), "from sample {}", pair[0]);
+    }
+    assert!(straight.drift() != fresh().drift(), "the record adapts the observer");
+}
+
+/// Numbers that are no state are refused, leave the observer as it was, and never end in a panic.
+#[test]
+fn what_is_no_state_is_refused() {
+    let config = surgeon(5.0, |_| {});
+    let record = run(&config, Protocol::Surgeon, &seal(), 5).unwrap();
+    let mut observer = observer(true);
+    observe(&mut observer, &record);
+    let state = observer.state();
+    let refused = |observer: &mut Compensator, row: &[f64]| {
+        let error = observer.set_state(row).unwrap_err();
+        assert!(matches!(error, CompensateError::NotAState { found } if found == row.len()));
+    };
+    for length in [0, 1, 30, state.len() - 1] {
+        refused(&mut observer, &state[..length]);
+    }
+    refused(&mut observer, &[&state[..], &[0.0]].concat());
+    refused(&mut observer, &vec![f64::NAN; state.len()]);
+    let coulomb = StaticFriction::new(SlidingFriction::coulomb(3.0, 5.0)).unwrap();
+    let mut foreign = ModelFile::new(Classical::Static(coulomb), Origin::new(OriginKind::HandMade));
+    foreign.force_error = MODEL.force_error;
+    let foreign = Compensator::new(&foreign, &CompensateOptions::default()).unwrap();
+    refused(&mut observer, &foreign.state());
+    let numbers = |row: &[f64]| row.iter().map(|number| number.to_bits()).collect::<Vec<_>>();
+    assert!(numbers(&observer.state()) == numbers(&state));
+    // Any number may stand for a reading, so some damaged rows are accepted.
+    for place in 0..state.len() {
+        let mut row = state.clone();
+        row[place] = [-1.0, 0.5, 1e300, f64::NAN][place % 4];
+        let mut damaged = observer.clone();
+        if damaged.set_state(&row).is_ok() {
+            (0..20).for_each(|k| {
+                damaged.step(record.position[k], record.force[k], 1e-3);
+            });
+        }
+    }
+}

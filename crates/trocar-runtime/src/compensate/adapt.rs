@@ -29,6 +29,8 @@
 //! - **Limit**: a tissue force that reverses with the motion and has the same magnitude in both
 //!   directions is attributed to friction.
 
+use super::saved::StateRow;
+
 /// Length of a cell, m.
 pub(super) const CELL: f64 = 1e-3;
 /// Number of cells stored.
@@ -98,10 +100,15 @@ impl Sliding {
             viscous: factor * self.viscous,
         }
     }
+
+    fn exchange(&mut self, row: &mut StateRow) {
+        let Self { reading, dry, viscous } = self;
+        [reading, dry, viscous].into_iter().for_each(|value| row.number(value));
+    }
 }
 
 /// The mean over one crossing of one cell.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Crossing {
     cell: i64,
     time: f64,
@@ -109,7 +116,7 @@ struct Crossing {
 }
 
 /// A crossing in progress.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Current {
     cell: i64,
     inserts: bool,
@@ -118,7 +125,7 @@ struct Current {
 }
 
 /// Start of a slide.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct Slide {
     from: f64,
     inserts: bool,
@@ -179,6 +186,33 @@ impl Adapter {
         self.covariance = diagonal(self.prior);
         (self.time, self.learnt, self.loaded) = (0.0, f64::NEG_INFINITY, f64::NEG_INFINITY);
         (self.contact, self.outliers) = (false, 0);
+    }
+
+    /// Writes or reads all that changes.
+    pub(super) fn exchange(&mut self, row: &mut StateRow) {
+        row.numbers(&mut self.estimate);
+        self.covariance.iter_mut().for_each(|variances| row.numbers(variances));
+        for crossing in self.memory.iter_mut().flatten() {
+            row.optional(crossing, Crossing::default(), |own, row| {
+                row.cell(&mut own.cell);
+                row.number(&mut own.time);
+                own.mean.exchange(row);
+            });
+        }
+        row.optional(&mut self.current, Current::default(), |own, row| {
+            row.cell(&mut own.cell);
+            row.flag(&mut own.inserts);
+            own.sum.exchange(row);
+            row.number(&mut own.samples);
+        });
+        row.optional(&mut self.slide, Slide::default(), |own, row| {
+            row.number(&mut own.from);
+            row.flag(&mut own.inserts);
+        });
+        let times = [&mut self.time, &mut self.learnt, &mut self.loaded];
+        times.into_iter().for_each(|time| row.number(time));
+        row.flag(&mut self.contact);
+        row.count(&mut self.outliers, u64::from(CHANGE));
     }
 
     pub(super) fn drift(&self) -> Drift {

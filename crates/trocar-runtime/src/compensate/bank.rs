@@ -17,6 +17,7 @@
 use trocar_model::{Friction, Seal, SealState};
 
 use super::adapt::{CELL, CELLS, CONTACT, LONGEST_AGE};
+use super::saved::StateRow;
 
 /// Friction scales run in parallel, evenly spaced on a logarithmic scale.
 const LEVELS: [f64; COUNT] = [0.18, 0.25, 0.35, 0.5, 0.71, 1.0, 1.41];
@@ -30,6 +31,8 @@ const STROKES: u64 = 3;
 /// afterwards.
 const NEWEST: usize = 3;
 const RECENT: usize = 12;
+/// Most direction changes counted in a saved state: all that a number holds exactly.
+const MOST_STROKES: u64 = 1 << 53;
 /// Ratio of a pair's error to that explained by the model's error in both crossings, below which
 /// there is no doubt.
 const NOISE: f64 = 2.0;
@@ -43,7 +46,7 @@ const WORTH: f64 = 0.2;
 
 /// The mean over one crossing of one cell: reading and forces by friction scale, N; variance of the
 /// model's error, N².
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Crossing {
     cell: i64,
     time: f64,
@@ -53,7 +56,7 @@ struct Crossing {
 }
 
 /// A crossing in progress.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Current {
     cell: i64,
     inserts: bool,
@@ -64,7 +67,7 @@ struct Current {
 }
 
 /// Result of one pair.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Pair {
     /// Friction scale at which the force reverses as the reading did; NaN outside those tried.
     level: f64,
@@ -127,6 +130,38 @@ impl Bank {
         self.current = None;
         self.memory.iter_mut().for_each(|side| side.fill(None));
         self.forget_pairs();
+    }
+
+    /// Writes or reads all that changes.
+    pub(super) fn exchange(&mut self, seal: &Seal, row: &mut StateRow) {
+        self.states.iter_mut().for_each(|state| row.state(seal, state));
+        for crossing in self.memory.iter_mut().flatten() {
+            row.optional(crossing, Crossing::default(), |own, row| {
+                row.cell(&mut own.cell);
+                let numbers = [&mut own.time, &mut own.reading, &mut own.variance];
+                numbers.into_iter().for_each(|number| row.number(number));
+                row.numbers(&mut own.forces);
+            });
+        }
+        row.optional(&mut self.current, Current::default(), |own, row| {
+            row.cell(&mut own.cell);
+            row.flag(&mut own.inserts);
+            let numbers = [&mut own.samples, &mut own.reading, &mut own.variance];
+            numbers.into_iter().for_each(|number| row.number(number));
+            row.numbers(&mut own.forces);
+        });
+        for pair in &mut self.pairs {
+            row.optional(pair, Pair::default(), |own, row| {
+                let numbers = [&mut own.level, &mut own.load, &mut own.turn, &mut own.variance];
+                numbers.into_iter().for_each(|number| row.number(number));
+                row.numbers(&mut own.turns);
+                row.count(&mut own.stroke, MOST_STROKES);
+            });
+        }
+        row.count(&mut self.next, PAIRS as u64 - 1);
+        row.count(&mut self.stroke, MOST_STROKES);
+        row.flag(&mut self.inserted);
+        row.number(&mut self.time);
     }
 
     fn forget_pairs(&mut self) {

@@ -1,5 +1,7 @@
 //! Invalid samples.
 
+use super::saved::StateRow;
+
 /// Fastest motion of an instrument, m/s. If it is exceeded over more than this distance, m, the
 /// encoder has jumped.
 const FASTEST: f64 = 1.0;
@@ -58,6 +60,13 @@ impl Fault {
         matches!(self, Self::NoReading | Self::NoPosition | Self::Saturated | Self::Frozen)
     }
 
+    /// Writes or reads the fault of a sample: 0 for none, else its place in [`Self::ALL`] plus 1.
+    pub(super) fn exchange(fault: &mut Option<Self>, row: &mut StateRow) {
+        let mut place = fault.map_or(0, |fault| fault as usize + 1);
+        row.count(&mut place, Self::ALL.len() as u64);
+        *fault = place.checked_sub(1).map(|place| Self::ALL[place]);
+    }
+
     /// Message.
     pub fn words(self) -> &'static str {
         match self {
@@ -108,7 +117,7 @@ impl SampleFaults {
 }
 
 /// A run of equal readings.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Same {
     reading: f64,
     time: f64,
@@ -127,6 +136,16 @@ impl Watch {
     /// Resets the monitor.
     pub(super) fn reset(&mut self) {
         (self.same, self.usual) = (None, USUAL);
+    }
+
+    /// Writes or reads all that changes.
+    pub(super) fn exchange(&mut self, row: &mut StateRow) {
+        row.optional(&mut self.same, Same::default(), |own, row| {
+            let numbers = [&mut own.reading, &mut own.time, &mut own.low, &mut own.high];
+            numbers.into_iter().for_each(|number| row.number(number));
+            row.count(&mut own.samples, u64::from(u32::MAX));
+        });
+        row.number(&mut self.usual);
     }
 
     /// Faults of a sample `duration`, s, after the last one at position `before`, m.

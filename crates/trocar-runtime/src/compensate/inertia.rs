@@ -7,6 +7,8 @@
 //! hand motion (below 5 Hz). The variance is 720·s²/(h⁴·n⁵) for n positions every h seconds with
 //! standard deviation s: 0.01 m/s² for a 4 µm encoder at 1 kHz.
 
+use super::saved::StateRow;
+
 /// Length of the window, s.
 const WINDOW: f64 = 0.03;
 /// Most positions stored.
@@ -46,6 +48,17 @@ impl Inertia {
             self.push(time, position);
             self.acceleration = self.fit(time, position).unwrap_or(0.0);
         }
+    }
+
+    /// Writes or reads all that changes.
+    pub(super) fn exchange(&mut self, row: &mut StateRow) {
+        for (time, position) in &mut self.past {
+            row.number(time);
+            row.number(position);
+        }
+        row.count(&mut self.next, MOST as u64 - 1);
+        row.count(&mut self.count, MOST as u64);
+        row.number(&mut self.acceleration);
     }
 
     fn push(&mut self, time: f64, position: f64) {
