@@ -97,6 +97,23 @@ def test_a_wrong_configuration_is_an_exception() -> None:
         fleet.Config(moving_mass_kg=-1.0)
 
 
+def test_columns_are_a_text_or_a_dictionary(strokes: list[trocar.Recording], tmp_path: Path) -> None:
+    mapped = fleet.Config(columns={"position_mm": "pos", "force_n": "-fz"})
+    assert mapped == fleet.Config(columns="position_mm=pos,force_n=-fz") and hash(mapped)
+    time, position, force = frame(strokes[0]).values()
+    renamed = {"time_s": time, "pos": 1e3 * position, "fz": -force}
+    row, plain = fleet.identify_one(renamed, mapped), fleet.identify_one(frame(strokes[0]))
+    assert row["status"] == "ok" and row["config"] == mapped.hash_text() != plain["config"]
+    assert row["coulomb_force_n"] == pytest.approx(plain["coulomb_force_n"], rel=1e-6)
+    polars.DataFrame(renamed).write_csv(tmp_path / "renamed.csv")
+    of_file = fleet.identify_one(tmp_path / "renamed.csv", mapped)
+    assert of_file["coulomb_force_n"] == pytest.approx(row["coulomb_force_n"], rel=1e-6)
+    with pytest.raises(trocar.ParameterError, match="columns maps our names"):
+        fleet.Config(columns={"pos": "position_mm"})
+    with pytest.raises(TypeError, match="a text or a dictionary of texts"):
+        fleet.Config(columns=["pos"])  # type: ignore[arg-type]
+
+
 def test_function_and_configuration_can_be_sent(strokes: list[trocar.Recording]) -> None:
     call, config = pickle.loads(pickle.dumps((fleet.identify_one, fleet.Config(seed=3))))
     assert call(frame(strokes[0]), config) == fleet.identify_one(frame(strokes[0]), fleet.Config(seed=3))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -47,7 +47,7 @@ def _aligned(pairs: Iterable[tuple[str, str]], between: str) -> list[str]:
 
 
 def _statistics(found: Identification) -> Iterator[tuple[str, str]]:
-    summary, fit = found.summary, found.summary["fit"]
+    fit = found.summary["fit"]
     yield (
         "# fitting method",
         "the paper's two steps"
@@ -55,12 +55,11 @@ def _statistics(found: Identification) -> Iterator[tuple[str, str]]:
         else "likelihood with a friction scale for each stroke",
     )
     if fit is not None:
-        yield (
-            "# iterations",
-            f"{fit['iterations']}, {'converged' if fit['converged'] else 'not converged'}",
-        )
-    yield "# data points", f"{sum(phase['samples'] for phase in summary['phases'])}"
-    yield "# variables", f"{summary['free_parameters']}"
+        yield "# iterations", f"{fit['iterations']}, {_converged(fit)}"
+    yield "# data points", f"{found.ndata}"
+    yield "# variables", f"{found.nvarys}"
+    yield "chi-square", f"{found.chisqr:.6g} N²"
+    yield "reduced chi-square", f"{found.redchi:.6g} N²"
     yield "residual rms", f"{found.residual_rms_n:.6g} N"
     if fit is not None:
         yield "rms with scales", f"{fit['rms_n']:.6g} N"
@@ -69,6 +68,18 @@ def _statistics(found: Identification) -> Iterator[tuple[str, str]]:
             "validation rms",
             f"{found.validation.rms_n:.6g} N, fit {found.validation.fit_percent:.2f} %",
         )
+
+
+def _converged(fit: Mapping[str, Any]) -> str:
+    return "converged" if fit["converged"] else "not converged"
+
+
+def ending(found: Identification) -> str:
+    """The text of ``Identification.message``."""
+    fit = found.summary["fit"]
+    if fit is None:
+        return "the paper's two steps, without a fit of the whole motion"
+    return f"{_converged(fit)} after {fit['iterations']} iterations"
 
 
 def _value(p: Parameter) -> str:

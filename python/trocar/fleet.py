@@ -17,11 +17,12 @@ import functools
 import importlib
 import itertools
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional, Union
 
 from . import _core
+from ._arrays import columns_in_words
 from ._core import ParameterError, TrocarError, __version__
 
 __all__ = ["Config", "Outcome", "columns", "identify_dataset", "identify_one"]
@@ -39,7 +40,7 @@ class Config:
 
     ``depth`` is ``quick`` (without the optional model terms that rests and partial reversals determine) or ``full`` (everything
     that ``trocar.identify`` does). With ``bootstrap`` 0 the intervals come from the faster jackknife. The other fields are as in
-    ``trocar.read`` and ``trocar.identify``.
+    ``trocar.read`` and ``trocar.identify``; a dictionary of ``columns`` becomes the text that means the same.
     """
 
     depth: str = "quick"
@@ -47,7 +48,7 @@ class Config:
     seed: int = 1
     moving_mass_kg: float = 0.0
     gravity_m_s2: float = 0.0
-    columns: Optional[str] = None
+    columns: Union[str, Mapping[str, str], None] = None
     topics: tuple[str, ...] = ()
     from_s: Optional[float] = None
     to_s: Optional[float] = None
@@ -59,6 +60,8 @@ class Config:
     memory_limit_bytes: Optional[int] = None
 
     def __post_init__(self) -> None:
+        if self.columns is not None:
+            object.__setattr__(self, "columns", columns_in_words(self.columns))
         _native(self)
 
     def hash_text(self) -> str:

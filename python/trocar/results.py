@@ -13,7 +13,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from pathlib import Path
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Optional, TypeVar, Union
 
 import numpy as np
@@ -74,7 +73,7 @@ class Figure(str):
 
 
 def _figures(drawn: list[tuple[str, str, str, str]]) -> Mapping[str, Figure]:
-    return MappingProxyType({name: Figure(svg, name, heading, caption) for name, heading, caption, svg in drawn})
+    return {name: Figure(svg, name, heading, caption) for name, heading, caption, svg in drawn}
 
 
 @dataclass(frozen=True)
@@ -97,6 +96,19 @@ class Parameter:
     def interval(self) -> tuple[float, float]:
         """The bounds of the 95 % interval, ``(ci95_low, ci95_high)``."""
         return self.ci95_low, self.ci95_high
+
+    @property
+    def min(self) -> float:
+        """Lower end of the range that a model allows, in ``unit``; minus infinity without one.
+
+        A force or length that must be above 0 has 0.
+        """
+        return _core.parameter_least(self.name)
+
+    @property
+    def max(self) -> float:
+        """Upper end of that range: infinity, as no parameter has one by itself."""
+        return np.inf
 
     @property
     def is_coefficient(self) -> bool:
@@ -384,6 +396,47 @@ class Identification(_Repeatable[_core.Identified]):
             return None
         return Covariance(tuple(found["parameters"]), np.array(found["rows"]))
 
+    @property
+    def ndata(self) -> int:
+        """Number N of scored samples: within strokes, once the state of the seal is known."""
+        return sum(phase["samples"] for phase in self.summary["phases"])
+
+    @property
+    def nvarys(self) -> int:
+        """Number p of estimated parameters, without the sensor's offset and an unmodelled mass."""
+        return int(self.summary["free_parameters"])
+
+    @property
+    def chisqr(self) -> float:
+        """Sum of squared residuals, N²: N·``residual_rms_n``², with all samples weighted equally.
+
+        Neighbouring samples are not independent, so it follows no chi-square distribution.
+        """
+        return self.ndata * self.residual_rms_n**2
+
+    @property
+    def redchi(self) -> float:
+        """``chisqr``/(N − p), N²: the variance of the residual.
+
+        As in lmfit without weights it is no test of the fit. Standard errors come from the jackknife
+        over cycles, not from it.
+        """
+        return self.chisqr / (self.ndata - self.nvarys)
+
+    @property
+    def success(self) -> bool:
+        """Whether the fit converged; the paper's two steps are linear and need not converge.
+
+        A converged fit may still be doubtful (``is_doubtful``).
+        """
+        fit = self.summary["fit"]
+        return fit is None or bool(fit["converged"])
+
+    @property
+    def message(self) -> str:
+        """How the fit ended, as in ``fit_report``."""
+        return _report.ending(self)
+
     def fit_report(self, min_correl: float = 0.1, *, coefficients: bool = False) -> str:
         """The identification as text, in the layout of lmfit's reports.
 
@@ -552,6 +605,11 @@ class Comparison(_Repeatable[_core.Compared]):
     def best(self) -> ComparedModel:
         """The model with the smallest validation error."""
         return self.models[0]
+
+    @property
+    def verdict(self) -> str:
+        """Which model has the smallest error, and by how many standard errors over the strokes; empty for one family."""
+        return str(self.summary["verdict"])
 
     def __getitem__(self, label: str) -> ComparedModel:
         for model in self.models:
