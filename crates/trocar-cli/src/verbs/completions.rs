@@ -1,6 +1,10 @@
 //! `trocar completions`
 
+use clap::builder::PossibleValuesParser;
+use clap::{Arg, Command, ValueHint};
 use clap_complete::Shell;
+use trocar::compare::Choice;
+use trocar::identify::Term;
 
 use crate::{Completion, console, examples};
 
@@ -13,7 +17,40 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
     let mut script = Vec::new();
-    clap_complete::generate(args.shell, &mut examples::command(), "trocar", &mut script);
+    let mut command = completed(examples::command());
+    clap_complete::generate(args.shell, &mut command, "trocar", &mut script);
     console::print(&String::from_utf8_lossy(&script))?;
     Ok(Completion::Clean)
+}
+
+/// The command line with what a shell may complete: files, folders and names, and nothing in place
+/// of a number or of a column of the recording. This copy parses nothing.
+fn completed(command: Command) -> Command {
+    command.mut_args(with_values).mut_subcommands(completed)
+}
+
+fn with_values(arg: Arg) -> Arg {
+    let is_named = !arg.get_possible_values().is_empty();
+    let names: Vec<&str> = arg.get_value_names().unwrap_or_default().iter().map(|n| &**n).collect();
+    match (arg.get_id().as_str(), names.as_slice()) {
+        ("models", _) => list(arg, models()),
+        ("without", _) => list(arg, Term::ALL.map(Term::name).to_vec()),
+        (_, ["DIR"]) => arg.value_hint(ValueHint::DirPath),
+        (_, ["PLATFORM=FILE"]) => arg.value_hint(ValueHint::FilePath),
+        _ if is_named || arg.get_value_hint() != ValueHint::Unknown => arg,
+        _ => arg.value_hint(ValueHint::Other),
+    }
+}
+
+/// Names that `--models` takes without a number of elements.
+fn models() -> Vec<&'static str> {
+    let families = Choice::all().into_iter().map(Choice::family);
+    let mut names: Vec<&str> = std::iter::once("all").chain(families).collect();
+    names.dedup();
+    names
+}
+
+/// An option with a list of names. Shells complete the first one, some also those after a comma.
+fn list(arg: Arg, names: Vec<&'static str>) -> Arg {
+    arg.value_delimiter(',').value_parser(PossibleValuesParser::new(names))
 }
