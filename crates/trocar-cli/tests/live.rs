@@ -106,6 +106,16 @@ struct Telephone {
 }
 
 #[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Paper {
+    on_screen: bool,
+    notice: bool,
+    live: bool,
+    overflow: f64,
+    tables: Vec<bool>,
+}
+
+#[derive(Debug, Deserialize)]
 struct Without {
     absent: bool,
     figures: usize,
@@ -116,6 +126,7 @@ struct Without {
 struct Result {
     desktop: Desktop,
     telephone: Telephone,
+    paper: Paper,
     complaints: Vec<String>,
     asked: Vec<String>,
     no_script: Without,
@@ -252,6 +263,7 @@ fn a_reader_turns_drags_and_draws_and_sees_the_forces_of_the_library() {
     check_desktop(&page, &seen.desktop, place.path());
     assert_simulate_agrees(&folder.join("model.json"), &place.path().join("dragged.csv"));
     check_telephone(&seen.telephone);
+    check_paper(&seen.paper);
     for (without, what) in [(&seen.no_script, "JavaScript"), (&seen.no_web_assembly, "WebAssembly")]
     {
         assert!(without.absent && without.figures > 5, "without {what}: {without:?}");
@@ -383,4 +395,11 @@ fn check_telephone(seen: &Telephone) {
     );
     assert!(seen.overflow <= 0.0, "{} px wider than the screen", seen.overflow);
     assert!(!seen.player, "nothing plays where motion is to be reduced");
+}
+
+/// On paper a sentence stands for the live model, collapsed tables are open, and nothing is clipped.
+fn check_paper(seen: &Paper) {
+    assert!(seen.notice && !seen.on_screen && !seen.live, "{seen:?}");
+    assert!(seen.tables.len() > 3 && seen.tables.iter().all(|is_visible| *is_visible), "{seen:?}");
+    assert!(seen.overflow <= 0.0, "{} px wider than the paper", seen.overflow);
 }

@@ -131,6 +131,19 @@ async function telephone() {
   };
 }
 
+// The page as it is printed: A4 less its margins is 178 mm wide, 672 px.
+async function paper() {
+  const page = await open({ viewport: { width: 672, height: 1000 } });
+  await page.waitForSelector(".live-body", { timeout: 15000 });
+  const notice = page.locator(".on-paper"), onScreen = await notice.isVisible();
+  await page.emulateMedia({ media: "print" });
+  return {
+    onScreen, notice: await notice.isVisible(), live: await page.locator(".live").isVisible(),
+    overflow: await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth),
+    tables: await page.evaluate(() => [...document.querySelectorAll("table")].map((table) => table.checkVisibility())),
+  };
+}
+
 async function without(options, prepare) {
   const context = await browser.newContext(options), page = await context.newPage();
   if (prepare) await page.addInitScript(prepare);
@@ -141,6 +154,7 @@ async function without(options, prepare) {
 const result = {
   desktop: await desktop(),
   telephone: await telephone(),
+  paper: await paper(),
   complaints: [...complaints],
   asked,
   noScript: await without({ javaScriptEnabled: false }),

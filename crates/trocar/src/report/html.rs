@@ -222,6 +222,8 @@ fn section<'d>(
 
 /// The container in which the script builds the interactive model, with its initial content.
 fn live_model(page: &mut String, Embedded { module, json }: &Embedded) {
+    let on_paper = "Left out on paper: on a screen the identified model runs here.";
+    let _ = writeln!(page, "<p class=\"on-paper\">{on_paper}</p>");
     page.push_str("<div id=\"live\" class=\"live\">\n<p class=\"live-absent\">");
     page.push_str(
         "The model runs only where JavaScript and WebAssembly do: in a browser of 2023 or later, on a screen. ",

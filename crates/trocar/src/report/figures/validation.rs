@@ -287,9 +287,9 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
     }
     let scores = scored.validation.recordings.get(index);
     let rms = scores.map_or(f64::NAN, |v| v.rms_n);
-    let floor = scores
-        .and_then(|v| v.strokes)
-        .map_or_else(String::new, |strokes| format!(", {}", strokes.words()));
+    let floor = scores.and_then(|v| v.strokes).map_or_else(String::new, |strokes| {
+        format!(", {:.2} times the repeatability", strokes.rms_over_scatter)
+    });
     Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
         .title(format!("{}: {} N rms{floor}", recording.name, significant(rms, 3)))
         .series(Series::line("measured minus model", Role::Residual, x, y))
