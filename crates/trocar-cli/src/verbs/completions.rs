@@ -30,15 +30,19 @@ fn completed(command: Command) -> Command {
 }
 
 fn with_values(arg: Arg) -> Arg {
-    let is_named = !arg.get_possible_values().is_empty();
-    let names: Vec<&str> = arg.get_value_names().unwrap_or_default().iter().map(|n| &**n).collect();
-    match (arg.get_id().as_str(), names.as_slice()) {
+    if !arg.get_action().takes_values() {
+        return arg;
+    }
+    let named = arg.get_value_names().and_then(|names| names.first()).map(ToString::to_string);
+    match (arg.get_id().to_string().as_str(), named.unwrap_or_default().as_str()) {
         ("models", _) => list(arg, models()),
         ("without", _) => list(arg, Term::ALL.map(Term::name).to_vec()),
-        (_, ["DIR"]) => arg.value_hint(ValueHint::DirPath),
-        (_, ["PLATFORM=FILE"]) => arg.value_hint(ValueHint::FilePath),
-        _ if is_named || arg.get_value_hint() != ValueHint::Unknown => arg,
-        _ => arg.value_hint(ValueHint::Other),
+        (_, "DIR") => arg.value_hint(ValueHint::DirPath),
+        (_, "PLATFORM=FILE") => arg.value_hint(ValueHint::FilePath),
+        _ if arg.get_possible_values().is_empty() && arg.get_value_hint() == ValueHint::Unknown => {
+            arg.value_hint(ValueHint::Other)
+        }
+        _ => arg,
     }
 }
 
