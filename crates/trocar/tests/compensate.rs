@@ -805,7 +805,7 @@ fn a_saved_state_goes_on_with_the_same_estimates() {
             (resumed.drift(), resumed.is_in_contact())
         );
         resumed = again;
-        let mut go_on = |observer: &mut Compensator| -> Vec<Estimate> {
+        let go_on = |observer: &mut Compensator| -> Vec<Estimate> {
             (pair[0]..pair[1])
                 .map(|k| {
                     let before = record.time[k.saturating_sub(1)];
