@@ -1,0 +1,116 @@
+/*
+ * The parameters that the node and the broadcaster share: each once, with its name, description and range.
+ */
+#ifndef TROCAR_ROS__PARAMETERS_HPP_
+#define TROCAR_ROS__PARAMETERS_HPP_
+
+#include <limits>
+#include <optional>
+#include <string>
+
+#include <rcl_interfaces/msg/floating_point_range.hpp>
+#include <rcl_interfaces/msg/parameter_descriptor.hpp>
+
+#include <trocar_ros/axis.hpp>
+#include <trocar_ros/tissue_force.hpp>
+
+namespace trocar_ros {
+
+/** Least and largest value of a parameter. */
+struct Range {
+    double from;
+    double to;
+};
+
+/** Which model, and how sensor and joint are mounted. NaN stands for the value in the model file. */
+struct Parameters {
+    std::string model_path;
+    std::string force_axis = "z";
+    bool invert_position = false;
+    bool adaptation = true;
+    double longest_interval_s = Settings{}.longest_interval_s;
+    double force_error_n = std::numeric_limits<double>::quiet_NaN();
+    double offset_n = std::numeric_limits<double>::quiet_NaN();
+    double moving_mass_kg = std::numeric_limits<double>::quiet_NaN();
+    double gravity_m_s2 = 0.0;
+    double sensor_limit_n = std::numeric_limits<double>::quiet_NaN();
+
+    /** visit(name, value, description, range) for each. */
+    template <typename Visit> void each(Visit visit) {
+        const std::optional<Range> any;
+        visit("model_path", model_path, "Identified model (model.json). Read when set; setting it again reads it again.", any);
+        visit("force_axis", force_axis,
+              "Axis of the wrench along the shaft that points in the direction of insertion: x, y, z, -x, -y or -z. The "
+              "wrench is what the instrument exerts; for a sensor that reports the reaction, take the opposite axis.",
+              any);
+        visit("invert_position", invert_position, "Whether the position of the joint falls on insertion.", any);
+        visit("adaptation", adaptation, "Whether friction and viscosity are adapted in use.", any);
+        visit("longest_interval_s", longest_interval_s,
+              "Longest interval between two wrenches across which one is interpolated, and longest wait for a wrench, s.",
+              std::optional<Range>({1e-4, kLongestInterval_s}));
+        // No range in those that may be NaN: newer releases of rclcpp refuse NaN where there is one. The observer checks them.
+        visit("force_error_n", force_error_n, "Standard deviation of the model's force, N, 0 or more; NaN: as in the model file.",
+              any);
+        visit("offset_n", offset_n, "Reading without any force, N; NaN: as in the model file, else 0.", any);
+        visit("moving_mass_kg", moving_mass_kg, "Mass between sensor and seal, kg, 0 or more; NaN: as in the model file, else 0.",
+              any);
+        visit("gravity_m_s2", gravity_m_s2,
+              "Gravity along the insertion as it acts on the reading of that mass, m/s^2; 0 leaves the weight in the offset.",
+              std::optional<Range>({-20.0, 20.0}));
+        visit("sensor_limit_n", sensor_limit_n, "Largest force that the sensor can read, N, above 0; NaN: none is known.",
+              any);
+    }
+
+    /** The observer that they describe, and along which axis the force is; nothing where one is refused, and why. */
+    std::optional<TissueForce> make(Axis &axis, std::string &why) const {
+        const std::optional<Axis> parsed = Axis::parse(force_axis);
+        if (!parsed) {
+            why = "force_axis must be x, y, z, -x, -y or -z, got \"" + force_axis + "\"";
+            return std::nullopt;
+        }
+        if (model_path.empty()) {
+            why = "model_path is empty: set it to the model.json of an identified trocar";
+            return std::nullopt;
+        }
+        Settings settings;
+        settings.longest_interval_s = longest_interval_s;
+        settings.compensator.adaptation = adaptation;
+        settings.compensator.gravity_m_s2 = gravity_m_s2;
+        settings.compensator.force_error_n = given(force_error_n);
+        settings.compensator.offset_n = given(offset_n);
+        settings.compensator.moving_mass_kg = given(moving_mass_kg);
+        settings.compensator.sensor_limit_n = given(sensor_limit_n);
+        trocar::Refusal refusal;
+        std::optional<TissueForce> tissue = TissueForce::try_load(model_path, settings, &refusal);
+        if (!tissue) {
+            why = refusal.text;
+        } else {
+            axis = *parsed;
+        }
+        return tissue;
+    }
+
+  private:
+    static std::optional<double> given(double value) {
+        return value == value ? std::optional<double>(value) : std::nullopt;
+    }
+};
+
+/** Declares every parameter on a node, and takes the values that were given at its start. */
+template <typename Node, typename AllParameters> void declare(Node &node, AllParameters &parameters) {
+    parameters.each([&](const char *name, auto &value, const char *description, const std::optional<Range> &range) {
+        rcl_interfaces::msg::ParameterDescriptor descriptor;
+        descriptor.description = description;
+        if (range) {
+            rcl_interfaces::msg::FloatingPointRange limits;
+            limits.from_value = range->from;
+            limits.to_value = range->to;
+            descriptor.floating_point_range.push_back(limits);
+        }
+        value = node.declare_parameter(name, value, descriptor);
+    });
+}
+
+} // namespace trocar_ros
+
+#endif // TROCAR_ROS__PARAMETERS_HPP_
