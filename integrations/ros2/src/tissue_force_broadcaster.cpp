@@ -50,6 +50,12 @@ CallbackReturn TissueForceBroadcaster::on_configure(const rclcpp_lifecycle::Stat
         RCLCPP_ERROR(get_node()->get_logger(), "joint and sensor must be set");
         return CallbackReturn::ERROR;
     }
+    std::string why;
+    model_ = parameters_.load(why);
+    if (!model_) {
+        RCLCPP_ERROR(get_node()->get_logger(), "no tissue force: %s", why.c_str());
+        return CallbackReturn::ERROR;
+    }
     return make_observer() ? CallbackReturn::SUCCESS : CallbackReturn::ERROR;
 }
 
@@ -94,7 +100,7 @@ return_type TissueForceBroadcaster::update_and_write_commands(const rclcpp::Time
 
 bool TissueForceBroadcaster::make_observer() {
     std::string why;
-    tissue_ = parameters_.make(axis_, why);
+    tissue_ = parameters_.make(*model_, axis_, why);
     if (!tissue_) {
         RCLCPP_ERROR(get_node()->get_logger(), "no tissue force: %s", why.c_str());
     }

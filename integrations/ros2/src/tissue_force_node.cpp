@@ -51,7 +51,10 @@ template <typename Value> void take(Value &value, const rclcpp::Parameter &chang
 
 TissueForceNode::TissueForceNode(const rclcpp::NodeOptions &options) : rclcpp::Node("tissue_force", options) {
     declare(*this, parameters_);
-    tissue_ = parameters_.make(axis_, refusal_);
+    model_ = parameters_.load(refusal_);
+    if (model_) {
+        tissue_ = parameters_.make(*model_, axis_, refusal_);
+    }
     if (!tissue_) {
         RCLCPP_ERROR(get_logger(), "no tissue force: %s", refusal_.c_str());
     }
@@ -81,7 +84,9 @@ TissueForceNode::on_parameters(const std::vector<rclcpp::Parameter> &changes) {
     const std::lock_guard<std::mutex> lock(mutex_);
     NodeParameters wanted = parameters_;
     bool is_ours = false;
+    bool reads_model = !model_;
     for (const rclcpp::Parameter &change : changes) {
+        reads_model = reads_model || change.get_name() == "model_path";
         wanted.each([&](const char *name, auto &value, const char *, const std::optional<Range> &) {
             if (change.get_name() == name) {
                 take(value, change);
@@ -95,10 +100,11 @@ TissueForceNode::on_parameters(const std::vector<rclcpp::Parameter> &changes) {
         return result;
     }
     std::optional<TissueForce> made;
+    const std::optional<trocar::Model> model = reads_model ? wanted.load(result.reason) : model_;
     if (!std::isfinite(wanted.stale_after_s)) {
         result.reason = "stale_after_s must be finite";
-    } else {
-        made = wanted.make(axis_, result.reason);
+    } else if (model) {
+        made = wanted.make(*model, axis_, result.reason);
     }
     result.successful = made.has_value();
     if (!made) {
@@ -106,6 +112,7 @@ TissueForceNode::on_parameters(const std::vector<rclcpp::Parameter> &changes) {
         return result;
     }
     parameters_ = wanted;
+    model_ = model;
     tissue_ = std::move(made);
     refusal_.clear();
     reported_ = {};

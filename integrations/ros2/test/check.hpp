@@ -6,10 +6,10 @@
 
 inline int failed = 0;
 
-#define CHECK(condition)                                                                                              \
+#define CHECK(...)                                                                                                    \
     do {                                                                                                              \
-        if (!(condition)) {                                                                                           \
-            std::fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #condition);                                      \
+        if (!(__VA_ARGS__)) {                                                                                         \
+            std::fprintf(stderr, "%s:%d: %s\n", __FILE__, __LINE__, #__VA_ARGS__);                                    \
             failed = 1;                                                                                               \
         }                                                                                                             \
     } while (0)

@@ -61,15 +61,23 @@ struct Parameters {
               any);
     }
 
+    /** The model of model_path; nothing where there is none, and why. */
+    std::optional<trocar::Model> load(std::string &why) const {
+        if (model_path.empty()) {
+            why = "model_path is empty: set it to the model.json of an identified trocar";
+            return std::nullopt;
+        }
+        trocar::Refusal refusal;
+        std::optional<trocar::Model> model = trocar::Model::try_load(model_path, &refusal);
+        why = model ? why : refusal.text;
+        return model;
+    }
+
     /** The observer that they describe, and along which axis the force is; nothing where one is refused, and why. */
-    std::optional<TissueForce> make(Axis &axis, std::string &why) const {
+    std::optional<TissueForce> make(const trocar::Model &model, Axis &axis, std::string &why) const {
         const std::optional<Axis> parsed = Axis::parse(force_axis);
         if (!parsed) {
             why = "force_axis must be x, y, z, -x, -y or -z, got \"" + force_axis + "\"";
-            return std::nullopt;
-        }
-        if (model_path.empty()) {
-            why = "model_path is empty: set it to the model.json of an identified trocar";
             return std::nullopt;
         }
         Settings settings;
@@ -81,7 +89,7 @@ struct Parameters {
         settings.compensator.moving_mass_kg = given(moving_mass_kg);
         settings.compensator.sensor_limit_n = given(sensor_limit_n);
         trocar::Refusal refusal;
-        std::optional<TissueForce> tissue = TissueForce::try_load(model_path, settings, &refusal);
+        std::optional<TissueForce> tissue = TissueForce::try_make(model, settings, &refusal);
         if (!tissue) {
             why = refusal.text;
         } else {

@@ -57,6 +57,7 @@ class TissueForceBroadcaster : public controller_interface::ChainableControllerI
     void export_nothing();
 
     BroadcasterParameters parameters_;
+    std::optional<trocar::Model> model_;
     std::optional<TissueForce> tissue_;
     Axis axis_;
     std::array<double, kCount> values_{};

@@ -83,6 +83,8 @@ class TissueForceNode : public rclcpp::Node {
     /** Callbacks of one node may run in several threads, and parameters be set from any. */
     std::mutex mutex_;
     NodeParameters parameters_;
+    /** As it was read: what becomes of the file later does not matter. */
+    std::optional<trocar::Model> model_;
     std::optional<TissueForce> tissue_;
     /** Why there is no observer. */
     std::string refusal_;

@@ -1,0 +1,2 @@
+include(stub)
+stub_package(hardware_interface hardware_interface)

@@ -1,0 +1,2 @@
+include(stub)
+stub_package(rclcpp rclcpp)

@@ -1,0 +1,2 @@
+include(stub)
+stub_package(rclcpp_lifecycle rclcpp_lifecycle)

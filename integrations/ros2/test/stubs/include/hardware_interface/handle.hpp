@@ -1,0 +1,36 @@
+/* Stub for tests, no ROS 2: see ../../README.md. */
+#pragma once
+
+#include <optional>
+#include <string>
+
+namespace hardware_interface {
+
+class StateInterface {
+  public:
+    StateInterface(const std::string &prefix, const std::string &name, double *value)
+        : name_(prefix + "/" + name), value_(value) {}
+    const std::string &get_name() const { return name_; }
+    template <typename Value = double> std::optional<Value> get_optional() const { return *value_; }
+
+  private:
+    std::string name_;
+    double *value_;
+};
+
+class CommandInterface {};
+
+class LoanedStateInterface {
+  public:
+    explicit LoanedStateInterface(const StateInterface &lent) : lent_(lent) {}
+    template <typename Value = double> std::optional<Value> get_optional(unsigned int = 10) const {
+        return is_locked ? std::nullopt : lent_.get_optional<Value>();
+    }
+    /** For tests: the hardware holds the value. */
+    bool is_locked = false;
+
+  private:
+    StateInterface lent_;
+};
+
+} // namespace hardware_interface
