@@ -93,6 +93,7 @@ void TissueForce::add_position(std::int64_t stamp_ns, double position_m) noexcep
     if (verdict == Clock::Verdict::set_back) {
         start_anew();
     }
+    origin_ns_ = origin_ns_.value_or(stamp_ns);
     counts_.positions.not_finite += std::isfinite(position_m) ? 0 : 1;
     counts_.left_out += positions_.push({stamp_ns, position_m}) ? 0 : 1;
 }
@@ -105,6 +106,7 @@ void TissueForce::add_reading(std::int64_t stamp_ns, double reading_n) noexcept 
     if (verdict == Clock::Verdict::set_back) {
         start_anew();
     }
+    origin_ns_ = origin_ns_.value_or(stamp_ns);
     counts_.readings.not_finite += std::isfinite(reading_n) ? 0 : 1;
     readings_.push({stamp_ns, reading_n});
 }
@@ -143,11 +145,8 @@ void TissueForce::start_anew() noexcept {
     before_s_.reset();
 }
 
-double TissueForce::seconds(std::int64_t stamp_ns) noexcept {
-    if (!origin_ns_) {
-        origin_ns_ = stamp_ns;
-    }
-    return static_cast<double>(stamp_ns - *origin_ns_) / 1e9;
+double TissueForce::seconds(std::int64_t stamp_ns) const noexcept {
+    return static_cast<double>(stamp_ns - origin_ns_.value_or(stamp_ns)) / 1e9;
 }
 
 TissueForce::Reading TissueForce::reading_at(std::int64_t stamp_ns) noexcept {

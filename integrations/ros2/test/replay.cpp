@@ -1,5 +1,6 @@
 // Messages through the library without ROS, in the order in which they arrived. Reads lines "position STAMP_NS VALUE" and
-// "reading STAMP_NS VALUE" from standard input; prints one sample per line. Usage: replay MODEL.json FORCE_ERROR_N
+// "reading STAMP_NS VALUE" from standard input; prints one sample per line. Usage: replay MODEL.json
+// FORCE_ERROR_N LONGEST_INTERVAL_S
 #include <cinttypes>
 #include <cstdio>
 #include <cstdlib>
@@ -9,12 +10,13 @@
 #include <trocar_ros/tissue_force.hpp>
 
 int main(int argc, char **argv) try {
-    if (argc != 3) {
-        std::fprintf(stderr, "usage: replay MODEL.json FORCE_ERROR_N\n");
+    if (argc != 4) {
+        std::fprintf(stderr, "usage: replay MODEL.json FORCE_ERROR_N LONGEST_INTERVAL_S\n");
         return 2;
     }
     trocar_ros::Settings settings;
     settings.compensator.force_error_n = std::atof(argv[2]);
+    settings.longest_interval_s = std::atof(argv[3]);
     trocar_ros::TissueForce tissue(trocar::Model::load(argv[1]), settings);
     std::string kind;
     std::string value;

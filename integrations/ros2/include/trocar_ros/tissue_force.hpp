@@ -191,7 +191,7 @@ class TissueForce {
         : observer_(std::move(observer)), longest_interval_ns_(longest_interval_ns) {}
 
     void start_anew() noexcept;
-    double seconds(std::int64_t stamp_ns) noexcept;
+    double seconds(std::int64_t stamp_ns) const noexcept;
     Reading reading_at(std::int64_t stamp_ns) noexcept;
     Sample step(Queue::Entry position, double reading_n) noexcept;
 
@@ -201,7 +201,7 @@ class TissueForce {
     Clock reading_clock_;
     Queue positions_;
     Queue readings_;
-    /** Zero of the times computed with, so that no digits are lost. */
+    /** The first stamp, zero of the times computed with, so that no digits are lost. */
     std::optional<std::int64_t> origin_ns_;
     /** Time of the last sample; nothing before the first, and after the clock was set back. */
     std::optional<double> before_s_;

@@ -1,0 +1,157 @@
+// The dVRK component, run period by period. Compiled with stubs of cisst (stubs/README.md). Usage: component_test MODEL.json FOLDER
+#include <cmath>
+#include <fstream>
+#include <limits>
+#include <string>
+
+#include <mtsTrocarForce.h>
+
+#include "check.hpp"
+#include "motion.hpp"
+
+namespace {
+
+std::string model_path;
+std::string folder;
+
+/** An arm whose shaft points along (0.6, 0, -0.8) of the reference, with a bent wrist, and a sensor on it. */
+class Robot {
+  public:
+    explicit Robot(const std::string &more = "", const std::string &model = model_path)
+        : component(mtsTaskPeriodicConstructorArg{"TrocarForce", 0.001}) {
+        const std::string config = folder + "/trocar-force.json";
+        std::ofstream(config) << "{\"model\": \"" << model << "\", \"force_error_n\": 0.1" << more << "}";
+        auto &arm = component.required["PSM"].functions;
+        arm.at("measured_js")->source = &joints;
+        arm.at("measured_cp")->source = &pose;
+        arm.at("body/jacobian")->source = &jacobian;
+        component.required["ForceSensor"].functions.at("measured_cf")->source = &sensor;
+        joints.Name() = {"yaw", "pitch", "insertion"};
+        joints.Position() = {0.1, 0.2, 0.0};
+        // Tip turned by 90 degrees about y: x of the tip is -z of the reference, z of the tip is x of it.
+        pose.Position().Rotation().Element(0, 2) = 1.0;
+        pose.Position().Rotation().Element(1, 1) = 1.0;
+        pose.Position().Rotation().Element(2, 0) = -1.0;
+        jacobian.Element(0, 2) = 0.8;
+        jacobian.Element(2, 2) = 0.6;
+        jacobian.Element(0, 0) = 0.11; // a revolute joint: a lever arm
+        component.Configure(config);
+    }
+
+    void run(int tick, int end) {
+        for (; tick < end; ++tick) {
+            const double time_s = tick * 1e-3;
+            component.StateTable.tic = time_s;
+            joints.SetTimestamp(time_s);
+            joints.Position()[2] = motion::position_m(time_s);
+            sensor.SetTimestamp(time_s);
+            sensor.Force()[0] = 9.0;
+            sensor.Force()[2] = motion::reading_n(time_s, static_cast<unsigned long>(tick));
+            component.Run();
+        }
+    }
+
+    const prmForceCartesianGet &force() {
+        return *static_cast<const prmForceCartesianGet *>(component.provided["TissueForce"].commands.at("measured_cf"));
+    }
+    double variance() { return *static_cast<const double *>(component.provided["TissueForce"].commands.at("variance")); }
+    bool said(const std::string &part) {
+        const auto &messages = component.provided["TissueForce"].messages;
+        return !messages.empty() && messages.back().find(part) != std::string::npos;
+    }
+    std::size_t messages() { return component.provided["TissueForce"].messages.size(); }
+
+    mtsTrocarForce component;
+    prmStateJoint joints;
+    prmPositionCartesianGet pose;
+    prmForceCartesianGet sensor;
+    vctDoubleMat jacobian{6, 6};
+};
+
+void along_the_shaft() {
+    Robot robot;
+    trocar::CompensatorOptions options;
+    options.force_error_n = 0.1;
+    trocar::Compensator observer(trocar::Model::load(model_path), options);
+    double own_n = 0.0;
+    for (int tick = 0; tick < 1000; ++tick) {
+        robot.run(tick, tick + 1);
+        const double time_s = tick * 1e-3;
+        own_n = observer
+                    .step(motion::position_m(time_s), motion::reading_n(time_s, static_cast<unsigned long>(tick)),
+                          tick == 0 ? 0.0 : 1e-3)
+                    .tissue_force_n;
+        CHECK(robot.force().Valid() && std::abs(robot.force().Timestamp() - time_s) < 1e-9);
+        CHECK(std::abs(robot.force().Force()[0] - 0.6 * own_n) < 1e-9 && std::abs(robot.force().Force()[1]) < 1e-12);
+        CHECK(std::abs(robot.force().Force()[2] + 0.8 * own_n) < 1e-9 && robot.force().Force()[5] == 0.0);
+        CHECK(robot.variance() > 0.0 && std::isfinite(robot.variance()));
+    }
+    CHECK(robot.messages() == 1 && robot.said("tissue force is estimated"));
+    // A configuration that is refused changes nothing.
+    robot.component.Configure(folder + "/no-such-file.json");
+    CHECK(robot.said("cannot be read"));
+    robot.run(1000, 1001);
+    CHECK(robot.force().Valid());
+}
+
+/** What cannot be told is not valid, and said once. */
+void not_valid() {
+    Robot robot;
+    robot.run(0, 200);
+    robot.sensor.SetValid(false);
+    robot.run(200, 400);
+    CHECK(!robot.force().Valid() && std::isinf(robot.variance()) && robot.force().Force()[0] == 0.0);
+    const std::size_t count = robot.messages();
+    robot.run(400, 800);
+    CHECK(!robot.force().Valid() && robot.messages() == count);
+    robot.sensor.SetValid(true);
+    robot.run(800, 1000);
+    CHECK(robot.force().Valid() && robot.said("tissue force is estimated"));
+    // Neither arm nor sensor give anything new: a force that is held would be felt.
+    robot.component.StateTable.tic = 1.5;
+    robot.component.Run();
+    CHECK(!robot.force().Valid() && robot.said("no new pair"));
+    robot.run(1501, 1600);
+    robot.pose.SetValid(false);
+    robot.run(1600, 1601);
+    CHECK(!robot.force().Valid() && robot.said("measured_cp"));
+    robot.pose.SetValid(true);
+    robot.component.required["PSM"].functions.at("measured_js")->source = nullptr;
+    robot.run(1601, 1800);
+    CHECK(!robot.force().Valid());
+}
+
+void refused() {
+    Robot joint(", \"joint\": \"yaw\"");
+    joint.run(0, 100);
+    CHECK(!joint.force().Valid() && joint.said("is not prismatic"));
+    Robot missing(", \"joint\": \"elbow\"");
+    missing.run(0, 300);
+    CHECK(!missing.force().Valid() && missing.said("elbow"));
+    Robot axis(", \"force_axis\": \"w\"");
+    axis.run(0, 100);
+    CHECK(!axis.force().Valid() && axis.said("force_axis must be"));
+    Robot type(", \"longest_interval_s\": \"soon\"");
+    type.run(0, 100);
+    CHECK(!type.force().Valid() && type.said("trocar-force.json"));
+    Robot model("", "no/such/model.json");
+    model.run(0, 100);
+    CHECK(!model.force().Valid() && model.said("no/such/model.json"));
+    model.component.Configure(folder + "/no-such-file.json");
+    CHECK(model.said("cannot be read"));
+}
+
+} // namespace
+
+int main(int argc, char **argv) {
+    if (argc != 3) {
+        std::fprintf(stderr, "usage: component_test MODEL.json FOLDER\n");
+        return 2;
+    }
+    model_path = argv[1];
+    folder = argv[2];
+    along_the_shaft();
+    not_valid();
+    refused();
+    return failed;
+}

@@ -1,0 +1,11 @@
+# cisst for tests, no cisst: see ../README.md. jsoncpp is the real one.
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(jsoncpp REQUIRED IMPORTED_TARGET jsoncpp)
+set(cisst_stub_folder "${CMAKE_CURRENT_LIST_DIR}/../include")
+set(CISST_USE_FILE "${CMAKE_CURRENT_LIST_DIR}/use.cmake")
+set(CISST_IS_STUB TRUE)
+set(cisst_FOUND TRUE)
+function(cisst_target_link_libraries target)
+    target_include_directories(${target} PUBLIC "${cisst_stub_folder}")
+    target_link_libraries(${target} PUBLIC PkgConfig::jsoncpp)
+endfunction()
