@@ -125,7 +125,9 @@ void mtsTrocarForce::TakeSamples(void) {
 }
 
 void mtsTrocarForce::Publish(void) {
-    m_measured_cf.Force().SetAll(0.0);
+    for (std::size_t k = 0; k < 6; ++k) {
+        m_measured_cf.Force()[k] = 0.0;
+    }
     m_measured_cf.SetValid(false);
     m_variance = std::numeric_limits<double>::infinity();
     if (!m_tissue) {

@@ -20,7 +20,6 @@ template <std::size_t Size> class vctFixedSizeVector {
   public:
     double &operator[](std::size_t place) { return elements_.at(place); }
     double operator[](std::size_t place) const { return elements_.at(place); }
-    void SetAll(double value) { elements_.fill(value); }
 
   private:
     std::array<double, Size> elements_{};
