@@ -1,6 +1,6 @@
 #include <trocar_ros/tissue_force_broadcaster.hpp>
 
-#include <cmath>
+#include <exception>
 #include <limits>
 
 #include <pluginlib/class_list_macros.hpp>
@@ -23,13 +23,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 } // namespace
 
 CallbackReturn TissueForceBroadcaster::on_init() {
-    try {
-        declare(*get_node(), parameters_);
-    } catch (const std::exception &error) {
-        RCLCPP_ERROR(get_node()->get_logger(), "%s", error.what());
-        return CallbackReturn::ERROR;
-    }
-    return CallbackReturn::SUCCESS;
+    return read_parameters() ? CallbackReturn::SUCCESS : CallbackReturn::ERROR;
 }
 
 InterfaceConfiguration TissueForceBroadcaster::command_interface_configuration() const {
@@ -42,10 +36,10 @@ InterfaceConfiguration TissueForceBroadcaster::state_interface_configuration() c
 }
 
 CallbackReturn TissueForceBroadcaster::on_configure(const rclcpp_lifecycle::State &) {
-    // The parameters may have been set since they were declared.
-    parameters_.each([&](const char *name, auto &value, const char *, const std::optional<Range> &) {
-        get_node()->get_parameter(name, value);
-    });
+    // They may have been set since they were declared.
+    if (!read_parameters()) {
+        return CallbackReturn::ERROR;
+    }
     if (parameters_.joint.empty() || parameters_.sensor.empty()) {
         RCLCPP_ERROR(get_node()->get_logger(), "joint and sensor must be set");
         return CallbackReturn::ERROR;
@@ -96,6 +90,16 @@ return_type TissueForceBroadcaster::update_and_write_commands(const rclcpp::Time
         values_[kFault] = sample->estimate.fault;
     }
     return return_type::OK;
+}
+
+bool TissueForceBroadcaster::read_parameters() {
+    try {
+        declare(*get_node(), parameters_);
+        return true;
+    } catch (const std::exception &error) {
+        RCLCPP_ERROR(get_node()->get_logger(), "%s", error.what());
+        return false;
+    }
 }
 
 bool TissueForceBroadcaster::make_observer() {

@@ -23,8 +23,9 @@ struct Manager {
     explicit Manager(std::initializer_list<rclcpp::Parameter> given) {
         std::vector<rclcpp::Parameter> overrides(given);
         overrides.emplace_back("force_error_n", 0.1);
-        broadcaster.give_node(
-            std::make_shared<rclcpp::Node>("tissue", rclcpp::NodeOptions().parameter_overrides(std::move(overrides))));
+        // As ros2_control makes the nodes of controllers.
+        broadcaster.give_node(std::make_shared<rclcpp::Node>(
+            "tissue", rclcpp::NodeOptions().parameter_overrides(std::move(overrides)).automatically_declare_parameters_from_overrides(true)));
         initialised = broadcaster.on_init();
         configured = broadcaster.on_configure({});
     }
@@ -104,7 +105,14 @@ void refusals() {
     CHECK(rclcpp::stub::world().log.back().find("no/such/file.json") != std::string::npos);
     CHECK(Manager{{"sensor", "ft"}, {"model_path", model_path}, {"force_axis", "up"}}.configured ==
           CallbackReturn::ERROR);
-    CHECK(Manager{{"longest_interval_s", 7.0}}.initialised == CallbackReturn::ERROR);
+    CHECK(Manager{{"sensor", "ft"}, {"model_path", model_path}, {"longest_interval_s", 7.0}}.configured ==
+          CallbackReturn::ERROR);
+    CHECK(Manager{{"adaptation", 1.0}}.initialised == CallbackReturn::ERROR);
+    Manager manager{{"sensor", "ft"}, {"model_path", model_path}};
+    CHECK(manager.configured == CallbackReturn::SUCCESS);
+    manager.broadcaster.get_node()->set_parameter({"force_axis", "-y"});
+    CHECK(manager.broadcaster.on_configure({}) == CallbackReturn::SUCCESS);
+    CHECK(manager.broadcaster.state_interface_configuration().names.at(1) == "ft/force.y");
 }
 
 } // namespace

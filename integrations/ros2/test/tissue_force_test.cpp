@@ -1,7 +1,9 @@
 // The library without ROS: how two streams are joined, and what bad stamps and values do. Usage: tissue_force_test MODEL.json
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <limits>
+#include <new>
 #include <string>
 #include <vector>
 
@@ -14,6 +16,19 @@
 using trocar_ros::Sample;
 using trocar_ros::Settings;
 using trocar_ros::TissueForce;
+
+/** Allocations since the start. */
+static std::size_t allocations = 0;
+
+void *operator new(std::size_t size) {
+    ++allocations;
+    if (void *memory = std::malloc(size)) {
+        return memory;
+    }
+    throw std::bad_alloc();
+}
+void operator delete(void *memory) noexcept { std::free(memory); }
+void operator delete(void *memory, std::size_t) noexcept { std::free(memory); }
 
 namespace {
 
@@ -295,6 +310,21 @@ void full_queue() {
     CHECK(tissue.counts().left_out == 10'000 - 4096);
 }
 
+/** Nothing is allocated for a sample, whatever is wrong with it. */
+void no_allocation() {
+    TissueForce tissue = made();
+    const std::size_t before = allocations;
+    for (int tick = 0; tick < 6000; ++tick) {
+        add_position(tissue, kStart_ns + (tick % 700 == 0 ? -1 : 1) * tick * kMs);
+        if (tick % 1000 < 800) {
+            tissue.add_reading(kStart_ns + tick * kMs, tick % 50 == 0 ? kNan : 1.0 + tick % 3);
+        }
+        while (tissue.next()) {
+        }
+    }
+    CHECK(allocations == before && tissue.counts().samples > 4000);
+}
+
 void refusals() {
     trocar::Refusal why;
     CHECK(!TissueForce::try_load("no/such/file.json", {}, &why) && why.text.find("no/such/file.json") != std::string::npos);
@@ -339,6 +369,7 @@ int main(int argc, char **argv) {
     clock_set_back();
     two_clocks();
     full_queue();
+    no_allocation();
     refusals();
     axes();
     return failed;

@@ -104,9 +104,16 @@ struct Parameters {
     }
 };
 
-/** Declares every parameter on a node, and takes the values that were given at its start. */
+/**
+ * Declares every parameter on a node, and takes the values that were given at its start. The nodes of controllers have
+ * declared those given already. Throws what rclcpp throws for a value of another type or out of range.
+ */
 template <typename Node, typename AllParameters> void declare(Node &node, AllParameters &parameters) {
     parameters.each([&](const char *name, auto &value, const char *description, const std::optional<Range> &range) {
+        if (node.has_parameter(name)) {
+            node.get_parameter(name, value);
+            return;
+        }
         rcl_interfaces::msg::ParameterDescriptor descriptor;
         descriptor.description = description;
         if (range) {

@@ -21,7 +21,7 @@
  * single wrong stamp changes nothing: before, the clock was set back and both streams start anew; after, the stream had
  * stopped. In both cases the state of the seal is unknown until it has slid (TROCAR_FAULT_GAP).
  *
- * Nothing here throws or allocates but try_make() and the constructor. One thread at a time.
+ * Nothing here throws or allocates but try_make(), try_load() and the constructor. One thread at a time.
  */
 #ifndef TROCAR_ROS__TISSUE_FORCE_HPP_
 #define TROCAR_ROS__TISSUE_FORCE_HPP_

@@ -53,6 +53,7 @@ class TissueForceBroadcaster : public controller_interface::ChainableControllerI
     /** Places of what is exported: those of a force-torque sensor, then its own. */
     enum Exported { kForceX, kForceY, kForceZ, kTorqueX, kTorqueY, kTorqueZ, kVariance, kTrocarForce, kFault, kCount };
 
+    bool read_parameters();
     bool make_observer();
     void export_nothing();
 

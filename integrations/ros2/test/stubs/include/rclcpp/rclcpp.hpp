@@ -99,6 +99,9 @@ namespace exceptions {
 class InvalidParameterValueException : public std::runtime_error {
     using std::runtime_error::runtime_error;
 };
+class ParameterAlreadyDeclaredException : public std::runtime_error {
+    using std::runtime_error::runtime_error;
+};
 } // namespace exceptions
 
 class NodeOptions {
@@ -108,9 +111,15 @@ class NodeOptions {
         return *this;
     }
     const std::vector<Parameter> &parameter_overrides() const { return overrides_; }
+    NodeOptions &automatically_declare_parameters_from_overrides(bool declares) {
+        declares_ = declares;
+        return *this;
+    }
+    bool automatically_declare_parameters_from_overrides() const { return declares_; }
 
   private:
     std::vector<Parameter> overrides_;
+    bool declares_ = false;
 };
 
 template <typename Message> class Publisher {
@@ -146,7 +155,14 @@ struct OnSetParametersCallbackHandle {
 
 class Node {
   public:
-    Node(const std::string &name, const NodeOptions &options) : name_("/" + name), options_(options) {}
+    Node(const std::string &name, const NodeOptions &options) : name_("/" + name), options_(options) {
+        if (options.automatically_declare_parameters_from_overrides()) {
+            for (const Parameter &given : options.parameter_overrides()) {
+                parameters_.insert_or_assign(given.get_name(), given);
+                descriptors_[given.get_name()];
+            }
+        }
+    }
     virtual ~Node() { stub::world().forget(this); }
     Node(const Node &) = delete;
 
@@ -156,9 +172,14 @@ class Node {
     Clock::SharedPtr get_clock() { return clock_; }
     std::size_t count_publishers(const std::string &topic) const { return stub::world().publishers[topic]; }
 
+    bool has_parameter(const std::string &name) const { return parameters_.count(name) > 0; }
+
     template <typename Value>
     Value declare_parameter(const std::string &name, const Value &initial,
                             const rcl_interfaces::msg::ParameterDescriptor &descriptor = {}) {
+        if (has_parameter(name)) {
+            throw exceptions::ParameterAlreadyDeclaredException(name + " is declared already");
+        }
         Parameter parameter(name, initial);
         for (const Parameter &given : options_.parameter_overrides()) {
             parameter = given.get_name() == name ? given : parameter;
