@@ -90,7 +90,7 @@ void mtsTrocarForce::Configure(const std::string &filename) {
         m_axis = *parsed;
         m_joint = joint;
         m_longest_age = longest_age;
-        m_reason = "starting"; // so that the first estimate is told
+        m_reason = "starting"; // so that the first estimate is reported
     } catch (const Json::Exception &error) {
         Report(filename + ": " + error.what());
     }

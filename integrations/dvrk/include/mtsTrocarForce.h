@@ -26,7 +26,7 @@ class mtsTrocarForce : public mtsTaskPeriodic {
     mtsTrocarForce(const std::string &componentName, const double periodInSeconds);
     explicit mtsTrocarForce(const mtsTaskPeriodicConstructorArg &arg);
 
-    /** Reads a configuration (share/trocar-force.json). Where it is refused, says why and keeps the last good one. */
+    /** Reads a configuration (share/trocar-force.json). One that is refused is reported, and the last good one kept. */
     void Configure(const std::string &filename) override;
     void Startup(void) override {}
     void Run(void) override;
@@ -36,9 +36,9 @@ class mtsTrocarForce : public mtsTaskPeriodic {
     void Init(void);
     void TakeSamples(void);
     void Publish(void);
-    /** Direction of insertion in the orientation of measured_cp; nothing where it cannot be told, and why. */
+    /** Direction of insertion in the orientation of measured_cp; nothing where it is not known, and why. */
     std::optional<vct3> Insertion(std::string &why);
-    /** Tells a reason when it arises, not in every period. */
+    /** Sends a reason when it arises, not in every period. */
     void Report(const std::string &reason);
 
     std::optional<trocar_ros::TissueForce> m_tissue;

@@ -94,7 +94,7 @@ void along_the_shaft() {
     CHECK(robot.force().Valid());
 }
 
-/** What cannot be told is not valid, and said once. */
+/** A force that is not determined is not valid, and the reason is reported once. */
 void not_valid() {
     Robot robot;
     robot.run(0, 200);

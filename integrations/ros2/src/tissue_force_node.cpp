@@ -21,7 +21,7 @@ constexpr std::int64_t kSecond_ns = 1'000'000'000;
 /** Stamps of the two topics that lie further apart come of two clocks, or of a very late topic, s. */
 constexpr double kApart_s = 1.0;
 
-/** The worse of two states is kept, and every reason told. */
+/** Keeps the worse of two levels, and every reason. */
 void raise(DiagnosticStatus &status, unsigned char level, const std::string &reason) {
     status.level = std::max(status.level, level);
     status.message += status.message.empty() ? reason : "; " + reason;

@@ -267,7 +267,7 @@ void not_a_number() {
     CHECK(std::isfinite(bench.forces.back().wrench.force.z) && judged(bench.diagnose(), DiagnosticStatus::OK, ""));
 }
 
-/** A model file that is missing, of another version, or no model: said in the log and diagnostics; the node waits for a good one. */
+/** A model file that is missing, of another version, or no model: reported in log and diagnostics; the node waits for a good one. */
 void bad_models() {
     const std::string newer = folder + "/newer.json";
     std::ofstream(newer) << R"({"format": "trocar-model", "version": 99})";

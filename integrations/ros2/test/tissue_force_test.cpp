@@ -215,6 +215,21 @@ void readings_stop() {
     CHECK(tissue.counts().faults[TROCAR_FAULT_GAP] == 0 && tissue.counts().left_out == 0);
 }
 
+/** Readings with a gap that arrive before the positions: nothing is interpolated across it. */
+void gap_in_readings() {
+    TissueForce tissue = made();
+    for (int tick = 0; tick < 400; ++tick) {
+        if (tick <= 100 || tick >= 300) {
+            add_reading(tissue, kStart_ns + tick * kMs);
+        }
+    }
+    for (int tick = 0; tick < 400; ++tick) {
+        add_position(tissue, kStart_ns + tick * kMs);
+        const std::optional<Sample> sample = tissue.next();
+        CHECK(sample && (tick > 100 && tick < 300 ? is_undetermined(*sample) : is_determined(*sample)));
+    }
+}
+
 /** The positions stop: no sample; then a gap, after which the band is wide until the seal has slid. */
 void positions_stop(int pause_ms) {
     TissueForce tissue = made();
@@ -276,10 +291,13 @@ void wrong_stamps() {
 }
 
 /** The clock is set back by an hour, as when a bag is played again: both start anew, and the drift is kept. */
-void clock_set_back() {
+void clock_set_back(void (*add_ahead)(TissueForce &, std::int64_t)) {
     TissueForce tissue = made();
     run(tissue, 0, 3000);
     const trocar::Drift drift = tissue.drift();
+    for (int tick = 3000; tick < 3040; ++tick) {
+        add_ahead(tissue, kStart_ns + tick * kMs); // one topic is ahead of the other when the clock is set back
+    }
     const std::vector<Sample> after = run(tissue, 0, 200, kStart_ns - 3600'000 * kMs);
     CHECK(tissue.counts().positions.set_back == 1 && tissue.counts().readings.set_back == 1);
     CHECK(after.size() >= 198 && after.front().estimate.fault == TROCAR_FAULT_GAP);
@@ -362,11 +380,13 @@ int main(int argc, char **argv) {
     different_rates(3, 7);
     rate_changes();
     readings_stop();
+    gap_in_readings();
     positions_stop(300);
     positions_stop(30'000);
     not_a_number();
     wrong_stamps();
-    clock_set_back();
+    clock_set_back(add_position);
+    clock_set_back(add_reading);
     two_clocks();
     full_queue();
     no_allocation();

@@ -9,7 +9,7 @@
  *
  * Units are SI; positive is insertion; forces are those that the instrument exerts.
  *
- * How the streams are joined: as docs/robot-logs.md says of recordings. There is one sample for each position, at its
+ * How the streams are joined: as docs/robot-logs.md describes for recordings. There is one sample for each position, at its
  * stamp. The reading is interpolated linearly between the readings before and after it; a reading at exactly that stamp is
  * used alone. So a sample waits for the first reading at or after it: at most one interval of the readings. Nothing is
  * extrapolated, and nothing is interpolated across more than longest_interval_s: there the sample has no reading, and no
@@ -17,7 +17,7 @@
  * starts without one.
  *
  * Time is that of the stamps. A stamp that repeats, or lies up to 1 s before the last one of its stream, is ignored and
- * counted. One that is further away, before or after, is believed when the next one follows it within 1 s, so that a
+ * counted. One that is further away, before or after, is accepted when the next one follows it within 1 s, so that a
  * single wrong stamp changes nothing: before, the clock was set back and both streams start anew; after, the stream had
  * stopped. In both cases the state of the seal is unknown until it has slid (TROCAR_FAULT_GAP).
  *
@@ -133,7 +133,7 @@ class Queue {
     std::size_t size_ = 0;
 };
 
-/** Decides which stamps of a stream are believed. */
+/** Decides which stamps of a stream are accepted. */
 class Clock {
   public:
     enum class Verdict { taken, ignored, set_back };
