@@ -21,6 +21,7 @@ INTERFACES = {
     "FMI 2.0": EXACT,
     "FMI 3.0": EXACT,
     "WebAssembly": EXACT,
+    "MuJoCo": EXACT,
 }
 
 

@@ -1,0 +1,68 @@
+import json
+import os
+import pathlib
+import subprocess
+
+import mujoco
+import pytest
+
+REPOSITORY = pathlib.Path(__file__).resolve().parents[3]
+MODELS = sorted((REPOSITORY / "conformance" / "models").glob("*.json"))
+
+
+def pytest_configure():
+    mujoco.mj_loadPluginLibrary(os.environ["TROCAR_PLUGIN"])
+
+
+def by_name(path):
+    return path.stem
+
+
+@pytest.fixture(params=MODELS, ids=by_name)
+def model(request):
+    """Each model file of the conformance check."""
+    return request.param
+
+
+@pytest.fixture
+def ems():
+    return REPOSITORY / "conformance" / "models" / "ems_stribeck.json"
+
+
+@pytest.fixture
+def simulate(tmp_path):
+    """Forces (N) of `trocar simulate` along a motion: what all other programs are compared with."""
+
+    def forces(model, times, positions):
+        motion = tmp_path / "motion.csv"
+        rows = [f"{float(t)!r},{float(x)!r}" for t, x in zip(times, positions)]
+        motion.write_text("\n".join(["time_s,position_m", *rows, ""]))
+        program = [os.environ["TROCAR_PROGRAM"], "--quiet", "simulate", str(model), str(motion), "--out", "-"]
+        lines = subprocess.run(program, check=True, capture_output=True, text=True).stdout.splitlines()
+        column = lines[0].split(",").index("force_n")
+        return [float(line.split(",")[column]) for line in lines[1:]]
+
+    return forces
+
+
+@pytest.fixture
+def warnings():
+    """What the engine was told to warn of, instead of its log file."""
+    messages = []
+    mujoco.set_mju_user_warning(messages.append)
+    yield messages
+    mujoco.set_mju_user_warning(None)
+
+
+@pytest.fixture
+def stiff_model(tmp_path):
+    """A file with the LuGre model of the conformance check and another stiffness (N/m)."""
+
+    def write(stiffness_n_m):
+        content = json.loads((REPOSITORY / "conformance" / "models" / "lugre.json").read_text())
+        content["friction"]["stiffness_n_m"] = stiffness_n_m
+        path = tmp_path / "stiff.json"
+        path.write_text(json.dumps(content))
+        return path
+
+    return write
