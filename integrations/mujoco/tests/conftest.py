@@ -24,6 +24,12 @@ def model(request):
     return request.param
 
 
+@pytest.fixture(params=[path for path in MODELS if path.stem != "static"], ids=by_name)
+def smooth_model(request):
+    """Those whose force at rest is one number: with static friction it is any between two limits."""
+    return request.param
+
+
 @pytest.fixture
 def ems():
     return REPOSITORY / "conformance" / "models" / "ems_stribeck.json"

@@ -217,7 +217,8 @@ def newer(path, tmp_path):
     (lambda ems, tmp: {"model": ems, "joint": "elbow"}, "no joint 'elbow' in the model"),
     (lambda ems, tmp: {"model": ems, "joint_type": "hinge"}, "joint 'insertion' is no slide joint"),
     (lambda ems, tmp: {"model": ems, "joint_type": "ball"}, "joint 'insertion' is no slide joint"),
-], ids=["no file", "newer", "no model", "model not given", "joint not given", "no joint", "hinge", "ball"])
+    (lambda ems, tmp: {"model": ems, "joint_type": "free"}, "joint 'insertion' is no slide joint"),
+], ids=["no file", "newer", "no model", "model not given", "joint not given", "no joint", "hinge", "ball", "free"])
 def test_a_scene_that_cannot_work_is_refused_with_its_reason(ems, tmp_path, arguments, message):
     with pytest.raises(ValueError, match=f"trocar 'port'.*{message}"):
         mujoco.MjModel.from_xml_string(scene(**arguments(ems, tmp_path)))
@@ -289,6 +290,15 @@ def test_a_state_that_is_none_is_reported(m, warnings):
     mujoco.mj_resetData(m, d)
     shaken(m, d, 100)
     assert len(warnings) == 1
+
+
+def test_a_state_of_another_kind_of_model_is_reported(m, ems, warnings):
+    other = mujoco.MjModel.from_xml_string(scene(ems.with_name("dahl.json")))
+    d, foreign = mujoco.MjData(m), mujoco.MjData(other)
+    shaken(other, foreign, 100)
+    d.plugin_state[:] = foreign.plugin_state
+    mujoco.mj_step(m, d)
+    assert len(warnings) == 1 and "trocar 'port'" in warnings[0]
 
 
 def test_time_set_back_or_on_changes_nothing(m):
