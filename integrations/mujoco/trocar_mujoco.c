@@ -418,8 +418,9 @@ static void advance(const mjModel *m, mjData *d, int instance)
     }
     slots->other_m_s2 = 0.0;
     if (slots->open != 0.0 && status == TROCAR_STATUS_OK) {
-        slots->other_m_s2 = (d->qvel[block->dof] - slots->velocity_m_s) / step_s;
-        slots->other_m_s2 += slots->mobility_per_kg * slots->force_n;
+        const double gained_m_s2 = (d->qvel[block->dof] - slots->velocity_m_s) / step_s;
+        const double other_m_s2 = gained_m_s2 + slots->mobility_per_kg * slots->force_n;
+        slots->other_m_s2 = isfinite(other_m_s2) ? other_m_s2 : 0.0;
     }
     slots->open = 0.0;
 }
@@ -431,8 +432,8 @@ mjPLUGIN_LIB_INIT(trocar)
 
     /* The layout of mjModel and mjData is that of the header. */
     if (mj_version() != mjVERSION_HEADER) {
-        mju_warning(PLUGIN ": built for MuJoCo %d, loaded into %d: not registered; build it again with the headers of the "
-                    "MuJoCo that loads it", mjVERSION_HEADER, mj_version());
+        mju_warning(PLUGIN ": built with the headers of MuJoCo %d, loaded into %d (%s): not registered; build it again with "
+                    "the headers of the MuJoCo that loads it", mjVERSION_HEADER, mj_version(), mj_versionString());
         return;
     }
     mjp_defaultPlugin(&plugin);

@@ -1,7 +1,7 @@
 """Runs a model along a motion in MuJoCo and prints one force (N) a row: python drive.py PLUGIN MODEL.json MOTION.csv
 
-The joint is driven as MuJoCo drives one: before each step its velocity is set to what brings it to the next row, and a mass that
-no force moves keeps it. The first force is what the sensor reads at rest, all others are those that the engine applied, -qfrc_passive.
+Before each step the velocity of the joint is set to what brings it to the next row, and a mass that no force moves keeps it. The
+first force is what the sensor reads at rest; all others are those that the engine applied, -qfrc_passive.
 """
 
 import csv
@@ -37,7 +37,7 @@ def drive(model, times, positions, **options):
         mujoco.mj_step(m, d)
         if d.qpos[0] != end:
             sys.exit(f"time {now} s: the joint is at {d.qpos[0]!r} m, expected {end!r} m")
-        forces.append(-d.qfrc_passive[0])
+        forces.append(0.0 - d.qfrc_passive[0])  # 0.0 for 0.0, not -0.0
     return forces
 
 

@@ -166,6 +166,21 @@ def test_only_a_step_moves_the_seal(ems, integrator):
         assert plain.qpos[0] == watched.qpos[0] and plain.sensordata[0] == watched.sensordata[0]
 
 
+def test_an_instrument_that_sleeps_in_its_seal_wakes_by_a_push(ems):
+    m = mujoco.MjModel.from_xml_string(scene(ems, option='<flag sleep="enable"/>'))
+    d = mujoco.MjData(m)
+    d.qvel[0] = 0.2
+    for _ in range(2000):
+        mujoco.mj_step(m, d)
+    assert d.ntree_awake == 0, "it sleeps"
+    resting = d.qpos[0]
+    d.qfrc_applied[0] = 8.0
+    for _ in range(200):
+        mujoco.mj_step(m, d)
+    assert d.ntree_awake == 1 and d.qpos[0] > resting + 0.01
+    assert np.isfinite(d.sensordata[0]) and d.sensordata[0] > 1.0
+
+
 def two_ports(first, second, joint="right"):
     def instance(name, model, joint):
         return (f'<instance name="{name}"><config key="model" value="{model}"/>'
