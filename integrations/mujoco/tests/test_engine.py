@@ -166,6 +166,27 @@ def test_only_a_step_moves_the_seal(ems, integrator):
         assert plain.qpos[0] == watched.qpos[0] and plain.sensordata[0] == watched.sensordata[0]
 
 
+def test_derivatives_of_a_step_contain_the_trocar(m):
+    """By finite differences, as the engine takes them of everything."""
+    d = mujoco.MjData(m)
+    shaken(m, d, 310)
+    d.qfrc_applied[0] = 0.0
+    transition = np.empty((2, 2))
+    mujoco.mjd_transitionFD(m, d, 1e-7, True, transition, None, None, None)
+
+    def velocity_after(position, velocity):
+        twin = copy.copy(d)
+        twin.qpos[0] += position
+        twin.qvel[0] += velocity
+        mujoco.mj_step(m, twin)
+        return twin.qvel[0]
+
+    by_position = (velocity_after(1e-7, 0.0) - velocity_after(-1e-7, 0.0)) / 2e-7
+    by_velocity = (velocity_after(0.0, 1e-7) - velocity_after(0.0, -1e-7)) / 2e-7
+    assert transition[1] == pytest.approx([by_position, by_velocity], rel=1e-3)
+    assert by_velocity < 0.99, "the seal slows the joint"
+
+
 def test_an_instrument_that_sleeps_in_its_seal_wakes_by_a_push(ems):
     m = mujoco.MjModel.from_xml_string(scene(ems, option='<flag sleep="enable"/>'))
     d = mujoco.MjData(m)
