@@ -24,7 +24,7 @@ pub struct Choice {
     pub to: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted in the opposite direction.
     pub flip_force: bool,
-    /// Lines to skip at the beginning of a text, before its header.
+    /// Lines to skip at the beginning of a text or of a sheet, before its header.
     pub skip_rows: u64,
     /// Rows per second of a file without a column of times.
     pub rate_hz: Option<f64>,
@@ -137,6 +137,7 @@ pub(super) fn pick(
         return Err(RecordingError::AmbiguousTable {
             file: file.to_owned(),
             found: columns::listed(&tables),
+            example: tables[0].clone(),
         });
     }
     let Some((table, layout)) = found.pop() else {

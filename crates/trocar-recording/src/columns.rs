@@ -317,7 +317,7 @@ impl Slot {
         Self { output: quantity as usize, per_si }
     }
 
-    fn is(&self, quantity: Quantity) -> bool {
+    pub(crate) fn is(&self, quantity: Quantity) -> bool {
         self.output == quantity as usize
     }
 }
@@ -363,10 +363,10 @@ impl Layout {
     /// The column of each quantity, in the syntax of `--columns`.
     pub(crate) fn words(&self) -> Vec<String> {
         let of = |quantity: Quantity| {
-            let mut own = self.slots.iter().zip(&self.names);
-            let (slot, name) =
-                own.find_map(|(slot, name)| Some((slot.filter(|slot| slot.is(quantity))?, name)))?;
-            entry(quantity, slot.per_si, name)
+            let mut own = self.slots.iter().enumerate();
+            let (k, slot) =
+                own.find_map(|(k, slot)| Some((k, slot.filter(|slot| slot.is(quantity))?)))?;
+            entry(quantity, slot.per_si, &numbered(&self.names, k))
         };
         Quantity::ALL.into_iter().filter_map(of).collect()
     }
@@ -587,6 +587,17 @@ pub(crate) struct Given {
     reversed: bool,
 }
 
+/// The name of a column, followed by `#` and its number among those of the same name if there are
+/// several.
+pub(crate) fn numbered(names: &[String], index: usize) -> String {
+    let name = &names[index];
+    let same = |own: &&String| *own == name;
+    match names.iter().filter(same).count() {
+        1 => name.clone(),
+        _ => format!("{name}#{}", names[..index].iter().filter(same).count() + 1),
+    }
+}
+
 impl Given {
     /// All entries of `--columns time_s=t,position_mm=x,force_n=-fz`; a name in double quotes may
     /// contain commas.
@@ -628,10 +639,20 @@ impl Given {
         Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed })
     }
 
-    /// Index of the column among `names`: the same name, or the only one that differs only in case.
+    /// Index of the column among `names`: the same name, with its number if several columns have
+    /// it, or the only one that differs only in case.
     pub(crate) fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
-        if let Some(index) = names.iter().position(|name| *name == self.column) {
+        if let Some(index) = (0..names.len()).find(|k| numbered(names, *k) == self.column) {
             return Ok(index);
+        }
+        let same: Vec<String> = (0..names.len())
+            .filter(|k| names[*k] == self.column)
+            .map(|k| numbered(names, k))
+            .collect();
+        if !same.is_empty() {
+            let problem =
+                format!("the name of {} columns, expected one of {}", same.len(), listed(&same));
+            return Err(RecordingError::BadColumns { entry: self.column.clone(), problem });
         }
         let mut like = (0..names.len()).filter(|k| names[*k].eq_ignore_ascii_case(&self.column));
         match (like.next(), like.next()) {

@@ -68,8 +68,8 @@ pub trait Container {
         0
     }
 
-    /// Columns of a table that are dates in the file: their numbers are seconds, whatever their
-    /// names say.
+    /// Columns of a table that are dates or durations in the file: their numbers are seconds,
+    /// whatever their names say.
     fn dates(&self, _table: usize) -> Vec<usize> {
         Vec::new()
     }

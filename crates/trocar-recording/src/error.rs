@@ -132,13 +132,15 @@ pub enum RecordingError {
     },
     /// Several tables of a file contain the required quantities.
     #[error(
-        "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic NAME; `trocar inspect` shows them"
+        "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic '{example}'; `trocar inspect` shows them"
     )]
     AmbiguousTable {
         /// File name as given by the caller.
         file: String,
         /// Their names.
         found: String,
+        /// One of them.
+        example: String,
     },
     /// No table, or more than one, has the requested name.
     #[error(

@@ -14,6 +14,15 @@ pub(crate) struct Format {
     pub(crate) decimal_comma: bool,
 }
 
+/// Words that other programs write for a missing number.
+const MISSING: [&[u8]; 8] = [b"NA", b"N/A", b"#N/A", b"<NA>", b"null", b"None", b"-", b"--"];
+
+/// Whether a line is a comment: the signs of Python, of MATLAB and of C.
+pub(crate) fn is_comment(line: &[u8]) -> bool {
+    let line = line.trim_ascii_start();
+    [&b"#"[..], b"%", b"//"].iter().any(|sign| line.starts_with(sign))
+}
+
 /// In order of preference if several fit the lines equally well.
 const CANDIDATES: [Format; 9] = [
     Format { separator: Separator::Byte(b';'), decimal_comma: false },
@@ -55,10 +64,10 @@ impl Format {
         }
     }
 
-    /// A number, or NaN for an empty cell; `None` for text.
+    /// A number, or NaN for a missing one; `None` for text.
     pub(crate) fn number(self, cell: &[u8]) -> Option<f64> {
         let cell = cell.trim_ascii();
-        if cell.is_empty() {
+        if cell.is_empty() || MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word)) {
             return Some(f64::NAN);
         }
         if self.decimal_comma && cell.contains(&b',') {

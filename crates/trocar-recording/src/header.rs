@@ -6,7 +6,7 @@
 use super::RecordingError;
 use super::columns::{
     AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, entry, is_angle, is_related,
-    listed, reading_with, unit_alone,
+    listed, numbered, reading_with, unit_alone,
 };
 
 /// The names of the columns, and what else tells their meaning.
@@ -40,6 +40,14 @@ type Proposal = (Quantity, usize, f64);
 struct Proposed {
     columns: Vec<Proposal>,
     guessed: bool,
+}
+
+/// What a column of times may also hold.
+const OR_DATES: &str = " or as dates such as 2026-11-22T10:15:00.123";
+
+/// Whether a column has no numbers in rows that are known.
+fn is_text(rows: &[Vec<f64>], column: usize) -> bool {
+    rows.iter().any(|own| !own.is_empty()) && rows.get(column).is_some_and(Vec::is_empty)
 }
 
 /// Words for a quantity that are too weak to take a column by, but good enough for a proposal.
@@ -87,7 +95,11 @@ impl Header<'_> {
         let mut readings: Vec<Option<Reading>> = names
             .iter()
             .enumerate()
-            .map(|(k, name)| reading_with(name, self.unit(k), &mut notes))
+            .map(|(k, name)| {
+                // A date has the unit of the file's format, whatever its name says.
+                let declared = if self.timestamps.contains(&k) { "" } else { self.unit(k) };
+                reading_with(name, declared, &mut notes)
+            })
             .collect();
         // An angle is no position, even if nothing else is.
         for (k, reading) in readings.iter_mut().enumerate() {
@@ -192,6 +204,11 @@ impl Header<'_> {
         self.units.get(column).map_or("", String::as_str)
     }
 
+    /// The column as `--columns` takes it: `NAME#2` is the second of one name.
+    fn option(&self, index: usize) -> String {
+        numbered(self.names, index)
+    }
+
     fn not_used(&self, index: usize, quantity: Quantity) -> String {
         let (name, quantity) = (&self.names[index], quantity.name());
         format!("column '{name}' not used: unclear whether it is {quantity} and in which unit")
@@ -245,10 +262,17 @@ impl Header<'_> {
         readings: &[Option<Reading>],
         slots: &[Option<Slot>],
     ) -> RecordingError {
+        let rows = (self.first_rows)();
         let mut problems: Vec<String> = self.missing(doubts).into_iter().collect();
         for (quantity, doubt) in doubts {
             match doubt {
                 Doubt::Missing => {}
+                Doubt::Unit(index) if is_text(&rows, *index) => problems.push(format!(
+                    "column '{}' holds text, expected {} as numbers{}",
+                    self.names[*index],
+                    quantity.name(),
+                    if *quantity == Quantity::Time { OR_DATES } else { "" }
+                )),
                 Doubt::Unit(index) => problems.push(format!(
                     "column '{}' has no unit that is understood for {}, expected one of {}",
                     self.names[*index],
@@ -257,7 +281,7 @@ impl Header<'_> {
                 )),
                 Doubt::Several(several) => {
                     let names: Vec<String> =
-                        several.iter().map(|k| format!("'{}'", self.names[*k])).collect();
+                        several.iter().map(|k| format!("'{}'", self.option(*k))).collect();
                     problems.push(format!(
                         "{} could be {}, expected one",
                         quantity.name(),
@@ -272,7 +296,7 @@ impl Header<'_> {
             file: self.file.to_owned(),
             place: self.place.into(),
             problems: problems.join("; ").into(),
-            hint: self.hint(doubts, readings, slots).into(),
+            hint: self.hint(doubts, readings, slots, &rows).into(),
         }
     }
 
@@ -296,13 +320,13 @@ impl Header<'_> {
         doubts: &[(Quantity, Doubt)],
         readings: &[Option<Reading>],
         slots: &[Option<Slot>],
+        rows: &[Vec<f64>],
     ) -> String {
-        let rows = (self.first_rows)();
-        let proposed = self.propose(doubts, readings, slots, &rows);
+        let proposed = self.propose(doubts, readings, slots, rows);
         let entries: Vec<String> = proposed
             .columns
             .iter()
-            .filter_map(|(quantity, index, per_si)| entry(*quantity, *per_si, &self.names[*index]))
+            .filter_map(|(quantity, index, per_si)| entry(*quantity, *per_si, &self.option(*index)))
             .collect();
         let has_no_column =
             |of: &Quantity| proposed.columns.iter().all(|(quantity, ..)| quantity != of);
@@ -312,7 +336,7 @@ impl Header<'_> {
         // An option that leaves something unclear would fail again; times may follow from a rate.
         if !entries.is_empty() && left_out.iter().all(|quantity| *quantity == Quantity::Time) {
             let option = in_shell(&entries.join(","));
-            let caution = caution(&proposed, &rows);
+            let caution = caution(&proposed, rows);
             sentences.push(format!(
                 "say which column is which, for example --columns {option}{caution}"
             ));
@@ -325,10 +349,15 @@ impl Header<'_> {
                 left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
             sentences.push(format!("no column is left that could be {}", either(&names)));
         }
-        if doubts
-            .iter()
-            .any(|(quantity, doubt)| *quantity == Quantity::Time && matches!(doubt, Doubt::Missing))
-        {
+        let is_unusable = |(quantity, doubt): &(Quantity, Doubt)| {
+            *quantity == Quantity::Time
+                && match doubt {
+                    Doubt::Missing => true,
+                    Doubt::Unit(index) => is_text(rows, *index),
+                    Doubt::Several(_) => false,
+                }
+        };
+        if doubts.iter().any(is_unusable) {
             sentences.push(
                 "without a column of times, give the rows per second with --rate-hz".to_owned(),
             );
@@ -349,8 +378,20 @@ impl Header<'_> {
         for (quantity, doubt) in doubts {
             match doubt {
                 Doubt::Missing => {}
+                Doubt::Unit(index) if is_text(rows, *index) => {}
                 Doubt::Unit(index) => columns.push((*quantity, *index)),
-                Doubt::Several(several) => columns.push((*quantity, several[0])),
+                // A force along the instrument changes more than those across it.
+                Doubt::Several(several) => {
+                    let widest = several.iter().copied().rev().max_by(|a, b| {
+                        let range = |k: usize| {
+                            let numbers = rows.get(k).map_or(&[][..], Vec::as_slice);
+                            let (low, high) = super::range(numbers);
+                            if high > low { high - low } else { 0.0 }
+                        };
+                        range(*a).total_cmp(&range(*b))
+                    });
+                    columns.extend(widest.map(|index| (*quantity, index)));
+                }
             }
         }
         taken.extend(columns.iter().map(|(_, index)| *index));

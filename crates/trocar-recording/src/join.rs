@@ -79,6 +79,7 @@ pub(crate) fn join(
     let surveys =
         picks.iter().map(|pick| survey(container, pick)).collect::<Result<Vec<_>, _>>()?;
     let (clocks, mut notes) = choose(container, picks, &surveys)?;
+    overlap(container, picks, &surveys, &clocks, onto)?;
     let mut warnings = Vec::new();
     let uses_stamps =
         clocks.iter().zip(&surveys).all(|(clock, survey)| Some(*clock) == survey.stamp_column);
@@ -144,6 +145,47 @@ fn choose(
         }
     }
     Ok((clocks, vec![format!("times are {LOG_TIME}, because {why}")]))
+}
+
+/// Rejects topics that have no time in common with the one at `onto`, with their times and, if
+/// their times of receipt do overlap, the option that uses these.
+fn overlap(
+    container: &dyn Container,
+    picks: &[Pick],
+    surveys: &[Survey],
+    clocks: &[usize],
+    onto: usize,
+) -> Result<(), RecordingError> {
+    let range = |k: usize| surveys[k].pace(clocks[k]).map_or((0.0, 0.0), |pace| pace.range);
+    let log = |k: usize| surveys[k].logs.as_ref().map(|pace| pace.range);
+    let is_apart = |a: (f64, f64), b: (f64, f64)| a.1 < b.0 || b.1 < a.0;
+    let Some(other) = (0..picks.len()).find(|&k| is_apart(range(k), range(onto))) else {
+        return Ok(());
+    };
+    let name = |k: usize| &container.tables()[picks[k].table].name;
+    let clock = |k: usize| &container.tables()[picks[k].table].columns[clocks[k]].name;
+    let said = |k: usize| {
+        let (from, to) = range(k);
+        format!("{} from {from:.3} to {to:.3} s", name(k))
+    };
+    let received =
+        clocks.iter().zip(surveys).any(|(clock, survey)| Some(*clock) != survey.log_column)
+            && log(other).zip(log(onto)).is_some_and(|(a, b)| !is_apart(a, b));
+    let hint = if received {
+        format!(
+            "their stamps are of different clocks, but they were received at the same time: align them by {LOG_TIME}, with --columns 'time_s={}.{LOG_TIME}' (further columns after commas)",
+            name(onto)
+        )
+    } else {
+        "choose topics that were recorded at the same time, or record them again on one clock; `trocar inspect` shows them".to_owned()
+    };
+    let problem = format!(
+        "the topics have no time in common: {}, {} ({})\n\nhint: {hint}",
+        said(onto),
+        said(other),
+        clock(onto)
+    );
+    Err(RecordingError::Log { file: container.format().to_owned(), problem })
 }
 
 /// Stamps whose distance from the log's time differs between topics by more than its scatter.
@@ -228,6 +270,8 @@ fn survey(container: &dyn Container, pick: &Pick) -> Result<Survey, RecordingErr
 #[derive(Debug, Clone, Default)]
 struct Pace {
     last: Option<f64>,
+    /// Earliest and latest time, s.
+    range: (f64, f64),
     span: f64,
     /// Positive intervals, by the leading bits of their length: 128 bins per doubling.
     bins: BTreeMap<u64, u64>,
@@ -245,6 +289,10 @@ impl Pace {
             return;
         }
         let last = self.last.replace(time);
+        self.range = match last {
+            None => (time, time),
+            Some(_) => (self.range.0.min(time), self.range.1.max(time)),
+        };
         let interval = last.map_or(0.0, |last| time - last);
         self.span += interval;
         if interval > 0.0 {
@@ -706,6 +754,30 @@ mod tests {
                 prop_assert!((one - other - 2.0 * lag).abs() < EXACT);
             }
         }
+    }
+
+    #[test]
+    fn topics_without_a_common_time_are_refused_with_both_ranges() {
+        let refused = |late_stamps: f64, late_logs: f64| {
+            let other = line(0.0, &[0.01; 50], 0.0)
+                .iter()
+                .map(|[stamp, log, value]| [stamp + late_stamps, log + late_logs, *value])
+                .collect();
+            let log = Log::new(7, &[("/rows", line(0.0, &[0.01; 50], 0.0)), ("/other", other)]);
+            let pick = |table| Pick { table, clock: None, values: vec![2] };
+            join(&log, &[pick(0), pick(1)], 0).err().map(|error| error.to_string())
+        };
+        let clocks = refused(100.0, 0.0).unwrap();
+        for essential in [
+            "/rows from 0.010 to 0.500 s",
+            "/other from 100.010 to 100.500 s (header.stamp_s)",
+            "--columns 'time_s=/rows.log_time_s'",
+        ] {
+            assert!(clocks.contains(essential), "{clocks}");
+        }
+        let apart = refused(100.0, 100.0).unwrap();
+        assert!(apart.contains("recorded at the same time, or record them again"), "{apart}");
+        assert_eq!(refused(0.4, 0.4), None, "a part in common is read");
     }
 
     #[test]

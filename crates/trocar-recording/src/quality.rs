@@ -31,6 +31,64 @@ impl RowList {
     }
 }
 
+/// Most rows without a time at the end of a table that are left out: mean, range and the like.
+pub(crate) const LONGEST_FOOTER: usize = 64;
+
+/// The warning about rows that repeat the header.
+pub(crate) fn warn_of_repeated(rows: &RowList, unit: &str) -> Option<String> {
+    let what = if rows.count == 1 {
+        format!("{unit} that repeats")
+    } else {
+        format!("{unit}s that repeat")
+    };
+    (rows.count > 0)
+        .then(|| format!("{} {what} the header left out: {}", rows.count, rows.places(unit)))
+}
+
+/// The warning about rows of text at the end.
+pub(crate) fn warn_of_footer(rows: &RowList, unit: &str) -> Option<String> {
+    let plural = if rows.count == 1 { "" } else { "s" };
+    (rows.count > 0).then(|| {
+        format!(
+            "{} {unit}{plural} of text at the end of the table left out: {}",
+            rows.count,
+            rows.places(unit)
+        )
+    })
+}
+
+/// Rows of text of which it is not yet known whether they are the end of a sheet.
+#[cfg(feature = "xlsx")]
+#[derive(Default)]
+pub(crate) struct Footer {
+    rows: RowList,
+    first: Option<super::RecordingError>,
+}
+
+#[cfg(feature = "xlsx")]
+impl Footer {
+    /// Adds a row; `error` is returned if there are too many of them.
+    pub(crate) fn add(
+        &mut self,
+        row: u64,
+        error: super::RecordingError,
+    ) -> Option<super::RecordingError> {
+        self.rows.add(row);
+        self.first.get_or_insert(error);
+        self.first.take_if(|_| self.rows.count > LONGEST_FOOTER)
+    }
+
+    /// Numbers follow: the error of the first row, if there is one.
+    pub(crate) fn end(&mut self) -> Option<super::RecordingError> {
+        self.first.take()
+    }
+
+    /// The warning, if these rows were the end.
+    pub(crate) fn warning(&self) -> Option<String> {
+        self.first.as_ref().and_then(|_| warn_of_footer(&self.rows, "row"))
+    }
+}
+
 /// An interval without samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gap {

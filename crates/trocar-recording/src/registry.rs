@@ -17,33 +17,42 @@ pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     any_after(path, 0)
 }
 
-/// The same, of text only the part after `skip_rows` lines.
+/// The same, of text and of each sheet of a workbook only the part after `skip_rows` lines.
 ///
 /// # Errors
 /// As for [`any`].
 pub fn any_after(path: &Path, skip_rows: u64) -> Result<Box<dyn Container>, RecordingError> {
-    match open(path)? {
+    match open(path, skip_rows)? {
         Some(container) => Ok(container),
         None => Ok(Box::new(TextTable::open(path, skip_rows)?)),
     }
 }
 
-/// Opens the file if its first bytes identify a format other than text.
+/// Opens the file if its first bytes identify a format other than text; of each sheet of a
+/// workbook without its first `skip_rows` rows.
 ///
 /// Only regular files and folders that are ROS 2 bags are examined, since the bytes of a pipe can
 /// be read only once.
 ///
 /// # Errors
-/// As for [`any`].
-pub fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
+/// As for [`any`], and when rows are to be skipped in a format that has no lines.
+pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Box<dyn Container>>, RecordingError> {
     let name = path.display().to_string();
     let refused = |source| RecordingError::Open { file: name.clone(), source };
     if name == "-" {
         return Ok(None);
     }
     let metadata = std::fs::metadata(path).map_err(refused)?;
+    let cannot_skip = |format: &str| RecordingError::BadOption {
+        file: name.clone(),
+        option: "--skip-rows",
+        problem: format!("is for text and spreadsheets, and this is a file of the format {format}"),
+    };
     if metadata.is_dir() {
-        return open_folder(path, name);
+        return match open_folder(path, name.clone())? {
+            Some(container) if skip_rows > 0 => Err(cannot_skip(container.format())),
+            container => Ok(container),
+        };
     }
     if !metadata.is_file() {
         return Ok(None);
@@ -59,8 +68,11 @@ pub fn open(path: &Path) -> Result<Option<Box<dyn Container>>, RecordingError> {
     } else {
         kind.name()
     };
+    if skip_rows > 0 && kind != Kind::Xlsx {
+        return Err(cannot_skip(format));
+    }
     let source = Source { file: name, format };
-    kind.open(path, file, length, source).map(Some)
+    kind.open(path, file, length, source, skip_rows).map(Some)
 }
 
 /// Opens a folder as a bag, if it is one.
@@ -143,6 +155,7 @@ impl Kind {
         file: File,
         length: u64,
         source: Source,
+        skip_rows: u64,
     ) -> Result<Box<dyn Container>, RecordingError> {
         #[cfg(not(feature = "all-formats"))]
         let lacks = |feature| {
@@ -178,7 +191,7 @@ impl Kind {
             #[cfg(not(feature = "ros1"))]
             Self::Ros1 => lacks("ros1"),
             #[cfg(feature = "xlsx")]
-            Self::Xlsx => Ok(Box::new(super::formats::xlsx::Xlsx::open(path, source)?)),
+            Self::Xlsx => Ok(Box::new(super::formats::xlsx::Xlsx::open(path, source, skip_rows)?)),
             #[cfg(not(feature = "xlsx"))]
             Self::Xlsx => lacks("xlsx"),
             #[cfg(not(feature = "mcap"))]

@@ -69,14 +69,9 @@ impl Rows<'static> {
     ) -> Result<Self, RecordingError> {
         let file = path.display().to_string();
         if file != "-"
-            && let Some(container) = registry::open(path)?
+            && let Some(container) = registry::open(path, choice.skip_rows)?
         {
             choice.check_rate(&file)?;
-            if choice.skip_rows > 0 {
-                let problem =
-                    format!("is for text, and this is a file of the format {}", container.format());
-                return Err(RecordingError::BadOption { file, option: "--skip-rows", problem });
-            }
             let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
             table.hash = hash.then(|| hash_of(path));
             return Ok(Self::new(Source::Table(Box::new(table)), None, choice));
@@ -316,7 +311,7 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
 pub fn digest_of(path: &Path) -> Result<String, RecordingError> {
     let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();
-    let hashed = match registry::open(path)? {
+    let hashed = match registry::open(path, 0)? {
         Some(_) => hash_files(path, &mut hash),
         None => hash_stream(TextInput::open(path)?.text, &mut hash),
     };

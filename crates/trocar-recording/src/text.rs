@@ -5,6 +5,7 @@
 //! decimal commas and all faults use the general one. A piece ends before an invalid line; the
 //! reader formulates the error once all earlier rows have been returned.
 
+use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -16,9 +17,9 @@ use super::choice::Choice;
 use super::columns::{Given, Layout, Quantity, Slot, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
 use super::decompress::TextInput;
-use super::format::{Format, Separator, whitespace_cells};
+use super::format::{Format, Separator, is_comment, whitespace_cells};
 use super::header::{Header, in_order};
-use super::quality::RowList;
+use super::quality::{LONGEST_FOOTER, RowList, warn_of_footer, warn_of_repeated};
 use super::{RecordingError, columns, timestamp};
 
 /// Bytes read at a time from a file, and from a real-time stream; the second is also the longest
@@ -85,6 +86,8 @@ pub(crate) struct TextReader<R> {
     notes_of_text: Vec<String>,
     /// Lines that repeat them.
     repeated: RowList,
+    /// Lines of text at the end.
+    footer: RowList,
     /// Bytes and lines of the first buffer, for an estimate.
     bytes_per_line: f64,
 }
@@ -117,6 +120,7 @@ impl<R: Read> TextReader<R> {
             header: Vec::new(),
             notes_of_text: Vec::new(),
             repeated: RowList::default(),
+            footer: RowList::default(),
             bytes_per_line: 1.0,
         };
         reader.refill()?;
@@ -164,6 +168,9 @@ impl<R: Read> TextReader<R> {
             }
             let wrong = self.parse_buffer(block);
             if let Some(fault) = wrong.filter(|_| block.is_empty()) {
+                if self.skip_footer()? {
+                    return Ok(false);
+                }
                 return Err(self.word(fault)?);
             }
         }
@@ -270,6 +277,8 @@ impl<R: Read> TextReader<R> {
             Some("text in UTF-16")
         } else if bytes.contains(&0) {
             Some("binary data")
+        } else if is_json(bytes) {
+            Some("JSON")
         } else {
             None
         };
@@ -455,12 +464,43 @@ impl<R: Read> TextReader<R> {
 
     /// Losses so far.
     pub(crate) fn warnings(&self) -> Vec<String> {
-        let repeated = &self.repeated;
-        let what = if repeated.count == 1 { "line that repeats" } else { "lines that repeat" };
-        let warning = || {
-            format!("{} {what} the header left out: {}", repeated.count, repeated.places("line"))
+        let footer = warn_of_footer(&self.footer, "line");
+        warn_of_repeated(&self.repeated, "line").into_iter().chain(footer).collect()
+    }
+
+    /// Leaves out the rest of a file if it is a few lines without a time, such as mean and range;
+    /// `false` if it is not, with the current line as it was.
+    fn skip_footer(&mut self) -> Result<bool, RecordingError> {
+        if !self.greedy || self.line == self.first_row {
+            return Ok(false);
+        }
+        if !self.finished {
+            // The end may not have been read yet: nothing of the buffer is used up.
+            self.complete = self.start;
+            self.refill()?;
+        }
+        let is_time = |slot: &Option<Slot>| slot.is_some_and(|slot| slot.is(Quantity::Time));
+        let time = self.layout.slots.iter().position(is_time).unwrap_or(0);
+        let rest = &self.buffer[self.start..self.complete];
+        let lines = rest.split_inclusive(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+        let lines: Vec<&[u8]> = lines.take(LONGEST_FOOTER + 1).collect();
+        let is_text = |line: &[u8]| {
+            let cells = self.cells(line);
+            let time = cells.get(time).or(cells.first()).map_or(&b""[..], String::as_bytes);
+            let number = self.format.number(time);
+            number.is_none_or(f64::is_nan) && timestamp::parse(time).is_none()
         };
-        (repeated.count > 0).then(warning).into_iter().collect()
+        let is_nothing = |line: &[u8]| line.is_empty() || is_comment(line);
+        let is_footer = self.finished
+            && lines.len() <= LONGEST_FOOTER
+            && lines.iter().all(|line| is_nothing(line) || is_text(line));
+        if is_footer {
+            let numbered = (self.line..).zip(&lines).filter(|(_, line)| !is_nothing(line));
+            numbered.for_each(|(line, _)| self.footer.add(line));
+            self.line += lines.len() as u64;
+            self.start = self.complete;
+        }
+        Ok(is_footer)
     }
 
     /// Numbers of the rows in the buffer, by column; none for a column with text.
@@ -470,7 +510,7 @@ impl<R: Read> TextReader<R> {
         let mut splitter = Splitter::new(self.format.separator);
         for line in self.buffer[self.start..self.complete].split(|&b| b == b'\n').take(GUESSED_ROWS)
         {
-            if splitter.split(line) != columns || line.trim_ascii().first() == Some(&b'#') {
+            if splitter.split(line) != columns || is_comment(line) {
                 continue;
             }
             for k in 0..columns {
@@ -496,10 +536,12 @@ impl<R: Read> TextReader<R> {
                 return Ok(comment);
             }
             let line = self.peek_line(0).unwrap_or_default().trim_ascii();
-            match line.first() {
-                None => {}
-                Some(b'#') => comment = Some((self.line, line[1..].trim_ascii().to_vec())),
-                Some(_) => return Ok(comment),
+            if is_comment(line) {
+                let signs = line.iter().take_while(|byte| b"#%/".contains(byte)).count();
+                let text = line[signs..].trim_ascii();
+                comment = Some((self.line, text.to_vec()));
+            } else if !line.is_empty() {
+                return Ok(comment);
             }
             self.skip_line();
         }
@@ -524,7 +566,7 @@ impl<R: Read> TextReader<R> {
     fn cells(&self, line: &[u8]) -> Vec<String> {
         let mut splitter = Splitter::new(self.format.separator);
         let cells = splitter.split(line);
-        (0..cells).map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned()).collect()
+        (0..cells).map(|k| text_of(splitter.cell(k)).trim().to_owned()).collect()
     }
 
     /// Formulates the error of the current line; fails if it cannot be read whether this is the
@@ -768,10 +810,19 @@ impl Piece {
 
 /// Whether the line just split is one of those of the header.
 fn is_again(header: &[Vec<String>], splitter: &Splitter) -> bool {
-    let is_cell =
-        |k: usize, cell: &String| String::from_utf8_lossy(splitter.cell(k)).trim() == cell.as_str();
+    let is_cell = |k: usize, cell: &String| text_of(splitter.cell(k)).trim() == cell.as_str();
     let is_line = |cells: &Vec<String>| cells.iter().enumerate().all(|(k, cell)| is_cell(k, cell));
     header.iter().any(|cells| cells.len() == splitter.count && is_line(cells))
+}
+
+/// Whether a text begins as an object or an array of JSON does.
+fn is_json(bytes: &[u8]) -> bool {
+    let mut signs = bytes.iter().filter(|byte| !byte.is_ascii_whitespace());
+    match (signs.next(), signs.next()) {
+        (Some(b'{'), Some(next)) => b"\"}".contains(next),
+        (Some(b'['), Some(next)) => b"{[".contains(next),
+        _ => false,
+    }
 }
 
 /// Lines before a header that are no comments, as some programs write them: `key<TAB>value`. `None`
@@ -787,12 +838,9 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
     let mut splitter = Splitter::new(format.separator);
     let mut cells = |line: &[u8]| {
         let count = splitter.split(line);
-        (0..count)
-            .map(|k| String::from_utf8_lossy(splitter.cell(k)).trim().to_owned())
-            .collect::<Vec<_>>()
+        (0..count).map(|k| text_of(splitter.cell(k)).trim().to_owned()).collect::<Vec<_>>()
     };
-    let is_nothing =
-        |line: &[u8]| line.trim_ascii().is_empty() || line.trim_ascii().starts_with(b"#");
+    let is_nothing = |line: &[u8]| line.trim_ascii().is_empty() || is_comment(line);
     let columns = cells(lines.iter().rfind(|line| !is_nothing(line))?).len();
     let mut is_row = |line: &[u8]| {
         let own = cells(line);
@@ -883,8 +931,7 @@ fn general_line(
     splitter: &mut Splitter,
     columns: &mut [Vec<f64>],
 ) -> Result<bool, Fault> {
-    let text = line.trim_ascii();
-    if text.is_empty() || text[0] == b'#' {
+    if line.trim_ascii().is_empty() || is_comment(line) {
         return Ok(false);
     }
     let line = line.strip_suffix(b"\n").unwrap_or(line);
@@ -972,9 +1019,15 @@ impl Splitter {
     }
 }
 
+/// Text in UTF-8, or else in Latin-1, in which older programs write the unit µm.
+fn text_of(bytes: &[u8]) -> Cow<'_, str> {
+    std::str::from_utf8(bytes)
+        .map_or_else(|_| bytes.iter().map(|byte| char::from(*byte)).collect(), Cow::Borrowed)
+}
+
 /// A part of a file in a form suitable for messages.
 pub(crate) fn quoted(bytes: &[u8]) -> String {
-    let text = String::from_utf8_lossy(bytes);
+    let text = text_of(bytes);
     let short: String = text.chars().take(QUOTED).flat_map(char::escape_debug).collect();
     if text.chars().count() > QUOTED { short + "..." } else { short }
 }

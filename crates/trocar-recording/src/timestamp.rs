@@ -1,20 +1,28 @@
-//! Dates with times of day in text, such as `2026-11-22T10:15:00.123+01:00` (ISO 8601).
+//! Dates with times of day in text, such as `2026-11-22T10:15:00.123+01:00` (ISO 8601), and as
+//! measuring programs write them: `2026/11/22 10:15:00`, `22.11.2026 10:15:00`, `10:15:00.123`.
 
-/// Nanoseconds since 1970 of a date with a time of day, in UTC if it has no zone; `None` for other
-/// text.
+/// Nanoseconds since 1970 of a date with a time of day, in UTC if it has no zone; of a time of day
+/// alone since midnight; `None` for other text.
 pub(crate) fn parse(cell: &[u8]) -> Option<i64> {
     let mut rest = cell.trim_ascii();
-    let year = number(&mut rest, 4)?;
-    take(&mut rest, b"-")?;
-    let month = number(&mut rest, 2)?;
-    take(&mut rest, b"-")?;
-    let day = number(&mut rest, 2)?;
-    take(&mut rest, b"Tt ")?;
-    rest = rest.trim_ascii_start();
+    let (year, month, day) = match date(&mut rest) {
+        Some(date) => {
+            take(&mut rest, b"Tt ")?;
+            rest = rest.trim_ascii_start();
+            date
+        }
+        None => (1970, 1, 1),
+    };
+    // Without a date, seconds tell the time of day from other numbers with a colon.
+    let is_alone = rest.len() == cell.trim_ascii().len();
     let hour = number(&mut rest, 2)?;
     take(&mut rest, b":")?;
     let minute = number(&mut rest, 2)?;
-    let second = if take(&mut rest, b":").is_some() { number(&mut rest, 2)? } else { 0 };
+    let second = match take(&mut rest, b":") {
+        Some(()) => number(&mut rest, 2)?,
+        None if is_alone => return None,
+        None => 0,
+    };
     let fraction = if take(&mut rest, b".,").is_some() { nanoseconds(&mut rest)? } else { 0 };
     let zone = zone(rest.trim_ascii_start())?;
     let possible = (1..=12).contains(&month)
@@ -28,10 +36,32 @@ pub(crate) fn parse(cell: &[u8]) -> Option<i64> {
     whole.checked_add(fraction)
 }
 
+/// Year, month and day: `2026-11-22`, `2026/11/22` or `22.11.2026`. With slashes the year comes
+/// first: otherwise countries differ in which number is the month.
+fn date(rest: &mut &[u8]) -> Option<(i64, i64, i64)> {
+    let mut own = *rest;
+    let date = if own.get(2) == Some(&b'.') {
+        let day = number(&mut own, 2)?;
+        take(&mut own, b".")?;
+        let month = number(&mut own, 2)?;
+        take(&mut own, b".")?;
+        (number(&mut own, 4)?, month, day)
+    } else {
+        let year = number(&mut own, 4)?;
+        let sign = *own.first().filter(|sign| b"-/".contains(sign))?;
+        take(&mut own, &[sign])?;
+        let month = number(&mut own, 2)?;
+        take(&mut own, &[sign])?;
+        (year, month, number(&mut own, 2)?)
+    };
+    *rest = own;
+    Some(date)
+}
+
 /// Whether two cells of a text separated by blanks are one date with its time of day.
-pub(crate) fn belong_together(date: &[u8], time: &[u8]) -> bool {
-    let is_date = date.len() == 10 && date[4] == b'-' && date[7] == b'-';
-    is_date && time.get(2) == Some(&b':') && parse(&[date, b" ", time].concat()).is_some()
+pub(crate) fn belong_together(before: &[u8], time: &[u8]) -> bool {
+    let is_date = date(&mut &*before).is_some() && before.len() == 10;
+    is_date && time.get(2) == Some(&b':') && parse(&[before, b" ", time].concat()).is_some()
 }
 
 fn take(rest: &mut &[u8], any: &[u8]) -> Option<()> {
@@ -100,6 +130,10 @@ mod tests {
             ("2026-11-22 10:15:00.123 -0530", 1_795_362_300.123),
             ("2026-11-22t10:15", 1_795_342_500.0),
             ("1969-12-31T23:59:59", -1.0),
+            ("2026/11/22 10:15:00.123", 1_795_342_500.123),
+            ("22.11.2026 10:15:00,123", 1_795_342_500.123),
+            ("00:00:01.5", 1.5),
+            ("10:15:00", 36_900.0),
         ] {
             assert_eq!(
                 parse(text.as_bytes()),
@@ -119,7 +153,13 @@ mod tests {
             "2026-13-22T10:15:00",
             "2026-11-22T10:15:00x",
             "-1",
-            "22.11.2026 10:15",
+            "22/11/2026 10:15:00",
+            "11/22/2026 10:15:00 AM",
+            "32.11.2026 10:15:00",
+            "2026-11/22 10:15:00",
+            "10:15",
+            "10:15.5",
+            "01:10:15:00",
             "9999-12-31T00:00:00",
             "2026-11-22T10:15:00.",
         ] {

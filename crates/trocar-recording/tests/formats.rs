@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use trocar_recording::{Choice, ReadOptions, Table, read, read_columns, tables};
+use trocar_recording::{Choice, ReadOptions, Recording, Table, read, read_columns, tables};
 
 /// Rows of every file.
 const ROWS: usize = 240;
@@ -272,6 +272,56 @@ fn excel_sheets_of_openpyxl() {
     assert!(error.contains("holds no numbers"), "{error}");
 }
 
+/// The signal of a sheet of `openpyxl_odd.xlsx`.
+fn odd_sheet(sheet: &str, skip_rows: u64) -> Result<Recording, String> {
+    let choice = Choice { topics: vec![sheet.to_owned()], skip_rows, ..Choice::default() };
+    let options = ReadOptions { choice, ..ReadOptions::default() };
+    read(&fixture("openpyxl_odd.xlsx"), &options).map_err(|error| error.to_string())
+}
+
+#[test]
+fn rows_of_a_sheet_that_are_no_readings_are_left_out_and_counted() {
+    for (sheet, skip_rows, warning) in [
+        ("Again", 0, "2 rows that repeat the header left out: rows 103, 104"),
+        ("Results", 0, "2 rows of text at the end of the table left out: rows 244, 245"),
+        ("Skip", 2, ""),
+    ] {
+        let found = odd_sheet(sheet, skip_rows).unwrap();
+        assert_eq!(found.len(), ROWS, "{sheet}");
+        for k in 0..ROWS {
+            assert!((found.time[k] - time(k)).abs() < 1e-12, "{sheet} row {k}");
+            assert!((found.position[k] - 1e-3 * position(k)).abs() < 1e-15, "{sheet} row {k}");
+            assert!((found.force[k] - force(k)).abs() <= SINES, "{sheet} row {k}");
+        }
+        let warnings = found.quality.warnings.iter().map(|warning| warning.message.as_str());
+        assert_eq!(warnings.collect::<Vec<_>>().join("; "), warning, "{sheet}");
+    }
+    let middle = odd_sheet("Middle", 0).unwrap_err();
+    assert!(middle.contains("sheet 'Middle' cell A103: found 'paused' in column Time"), "{middle}");
+    let too_many = odd_sheet("Again", 5000).unwrap_err();
+    assert!(too_many.contains("--skip-rows 5000 leaves no rows of numbers"), "{too_many}");
+    let choice = Choice { skip_rows: 2, ..Choice::default() };
+    let options = ReadOptions { choice, ..ReadOptions::default() };
+    let refused = read(&fixture("polars.parquet"), &options).unwrap_err().to_string();
+    assert!(refused.contains("--skip-rows is for text and spreadsheets"), "{refused}");
+}
+
+/// A date is in seconds, also in a column that is named otherwise or declared in other units.
+#[test]
+fn dates_and_durations_of_parquet_and_arrow_are_times() {
+    for file in ["pyarrow_snappy.parquet", "pyarrow_lz4.feather"] {
+        for (column, exact) in [("stamp", 1e-6), ("stamp_ms", 1e-3), ("elapsed", 1e-6)] {
+            let columns = format!("time_ms={column}");
+            let options =
+                ReadOptions { choice: Choice::columns(&columns), ..ReadOptions::default() };
+            let found = read(&fixture(file), &options).unwrap();
+            let raw = read_columns(fixture(file), "", &[column]).unwrap();
+            let last = found.time[ROWS - 1] - found.time[0];
+            assert!((last - (raw[0][ROWS - 1] - raw[0][0])).abs() < exact, "{file} {column}");
+        }
+    }
+}
+
 #[test]
 fn a_sheet_becomes_a_recording_as_a_text_file_does() {
     let of = |topic: &str| {
@@ -296,7 +346,10 @@ fn a_sheet_becomes_a_recording_as_a_text_file_does() {
         );
     }
     let error = read(&fixture("openpyxl.xlsx"), &ReadOptions::default()).unwrap_err().to_string();
-    assert!(error.contains("could come from Data, Fault") && error.contains("--topic"), "{error}");
+    assert!(
+        error.contains("could come from Data, Fault") && error.contains("--topic 'Data'"),
+        "{error}"
+    );
 }
 
 #[test]

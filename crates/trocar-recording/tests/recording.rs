@@ -494,6 +494,112 @@ fn a_header_that_is_repeated_is_skipped_and_counted() {
 }
 
 #[test]
+fn results_at_the_end_are_left_out_and_counted() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let whole = text(HEADER, &rows(300));
+    for (end, warning) in [
+        (
+            "\nMean,0.01,0\nRange,0.02,4\n",
+            "2 lines of text at the end of the table left out: lines 303, 304",
+        ),
+        ("Test finished\n", "1 line of text at the end of the table left out: line 302"),
+    ] {
+        let found = same_as(&plain, whole.clone() + end, &ReadOptions::default());
+        assert_eq!(found.quality.warnings[0].message, warning);
+    }
+    // Rows that follow, a reading that is text, and a row cut off are no results.
+    assert_says(
+        &message(&(whole.clone() + "Mean,0.01,0\n0.300,0.01,1\n")),
+        &["line 302", "'Mean'"],
+    );
+    assert_says(&message(&(whole.clone() + "0.300,0.01,off\n")), &["line 302", "'off'"]);
+    assert_says(&message(&(whole.clone() + "0.300,0.0")), &["line 302", "cut off"]);
+    assert_says(&message(&(whole + &"Mean,0.01,0\n".repeat(80))), &["line 302", "'Mean'"]);
+}
+
+#[test]
+fn missing_numbers_and_comments_of_other_programs_are_understood() {
+    let gap = |cell: &str| {
+        let mut lines = rows(300);
+        lines[100] = format!("0.100,{cell},1.0");
+        text(HEADER, &lines)
+    };
+    let plain = read_text(gap("nan"));
+    assert_eq!(plain.quality.non_finite_rows.count, 1);
+    for cell in ["", "NA", "N/A", "#N/A", "null", "None", "-", "<NA>"] {
+        same_as(&plain, gap(cell), &ReadOptions::default());
+    }
+    let whole = read_text(text(HEADER, &rows(300)));
+    for sign in ["%", "//", "#"] {
+        let commented = format!("{sign} a trocar of 10 mm\n{}", text(HEADER, &rows(300)));
+        same_as(&whole, commented, &ReadOptions::default());
+        let names = format!("{sign} Test 1 2\n{sign} {}\n{}", HEADER, rows(300).join("\n"));
+        same_as(&whole, names, &ReadOptions::default());
+    }
+}
+
+/// An older program writes µ as one byte, which is no UTF-8.
+#[test]
+fn units_in_latin_1_are_never_taken_for_others() {
+    let scaled = |row: &String| {
+        let cells: Vec<f64> = row.split(',').map(|cell| cell.parse().unwrap()).collect();
+        format!("{},{},{}", 1e6 * cells[0], 1e6 * cells[1], 1e3 * cells[2])
+    };
+    let lines: Vec<String> = rows(300).iter().map(scaled).collect();
+    let mut bytes = b"Time (\xb5s),Position (\xb5m),Pr\xfcfkraft (mN)\n".to_vec();
+    bytes.extend(lines.join("\n").into_bytes());
+    let plain = read_text(text("Time (us),Position (um),Force (mN)", &lines));
+    assert!((plain.time[299] - 0.299).abs() < 1e-12);
+    let found = same_as(&plain, bytes, &ReadOptions::default());
+    assert_says(&found.quality.notes.join("; "), &["'Prüfkraft (mN)' taken as force"]);
+}
+
+#[test]
+fn columns_of_one_name_are_told_apart() {
+    let double = |row: &String| format!("{row},0.1");
+    let lines: Vec<String> = rows(300).iter().map(double).collect();
+    let contents = text("time_s,position_m,force_n,force_n", &lines);
+    assert_says(
+        &message(&contents),
+        &["'force_n#1' or 'force_n#2'", "--columns 'force_n=force_n#1'"],
+    );
+    let plain = read_text(text(HEADER, &rows(300)));
+    same_as(&plain, &contents, &columns("force_n=force_n#1"));
+    assert!(
+        read(&Scratch::new().file(&contents), &columns("force_n=force_n#2"))
+            .unwrap()
+            .force
+            .iter()
+            .all(|f| *f == 0.1)
+    );
+    assert_says(
+        &message_with(&contents, &columns("force_n=force_n")),
+        &["the name of 2 columns, expected one of force_n#1, force_n#2"],
+    );
+}
+
+#[test]
+fn of_several_forces_the_one_that_changes_most_is_proposed() {
+    let six = |row: &String| format!("{row},0.01,0.02").replacen(',', ",0.5,", 2);
+    let lines: Vec<String> = rows(300).iter().map(six).collect();
+    let header = "time_s,Fx_n,position_m,Fy_n,Fz_n,Tx,Ty";
+    assert_says(&message(&text(header, &lines)), &["--columns 'force_n=Fz_n'"]);
+}
+
+#[test]
+fn what_is_no_table_of_numbers_is_named() {
+    let json = "{\"time_s\":0.0,\"position_m\":0.1,\"force_n\":1.0}\n".repeat(50);
+    assert_says(&message(&json), &["looks like JSON", "export the recording as CSV"]);
+    let american = |(k, row): (usize, &String)| {
+        format!("11/22/2026 10:15:00.{k:03} AM,{}", row.split_once(',').unwrap().1)
+    };
+    let lines: Vec<String> = rows(300).iter().enumerate().map(american).collect();
+    let said = message(&text("time,position_m,force_n", &lines));
+    assert_says(&said, &["column 'time' holds text", "or as dates such as 2026", "--rate-hz"]);
+    assert!(!said.contains("--columns"), "an option that would fail: {said}");
+}
+
+#[test]
 fn text_in_utf_16_is_read() {
     let contents = text("Zeit [s],Weg [m],Kraft [N]", &rows(300));
     let plain = read_text(&contents);

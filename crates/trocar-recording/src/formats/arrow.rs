@@ -53,6 +53,8 @@ pub(crate) struct Arrow {
 /// Layout of a column in a record batch.
 #[derive(Debug, Clone)]
 struct Field {
+    /// Whether its numbers are times, in s.
+    is_time: bool,
     /// Its position among the nodes and buffers of all columns.
     start: Extent,
     /// `None` if it is not numeric.
@@ -199,17 +201,13 @@ impl Arrow {
         let mut fields = Vec::new();
         let mut columns = Vec::new();
         for field in schema.fields() {
-            let kind = kind(field.data_type());
+            let (kind, is_time) = (kind(field.data_type()), is_time(field.data_type()));
             columns.push(Column {
                 name: field.name().clone(),
-                unit: if is_time(field.data_type()) {
-                    Some("s".into())
-                } else {
-                    unit_of(field.metadata())
-                },
+                unit: if is_time { Some("s".into()) } else { unit_of(field.metadata()) },
                 is_numeric: kind.is_some(),
             });
-            fields.push(Field { start, kind });
+            fields.push(Field { is_time, start, kind });
             start = start.and(extent(field.data_type()));
         }
         let table = Table { name: String::new(), kind: String::new(), rows: None, columns };
@@ -259,6 +257,10 @@ impl Container for Arrow {
 
     fn tables(&self) -> &[Table] {
         &self.tables
+    }
+
+    fn dates(&self, _table: usize) -> Vec<usize> {
+        (0..self.fields.len()).filter(|k| self.fields[*k].is_time).collect()
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {

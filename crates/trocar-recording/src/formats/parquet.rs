@@ -156,6 +156,8 @@ pub struct Parquet {
     tables: [Table; 1],
     /// The unit of each column; timestamps still without their origin. `None` if it is not numeric.
     scales: Vec<Option<Scale>>,
+    /// Columns of timestamps, durations and times of day.
+    times: Vec<usize>,
 }
 
 impl Parquet {
@@ -172,12 +174,14 @@ impl Parquet {
         let schema = metadata.file_metadata().schema_descr();
         let mut scales = Vec::with_capacity(schema.num_columns());
         let mut columns = Vec::with_capacity(schema.num_columns());
+        let mut times = Vec::new();
         for column in schema.columns() {
             let name = column.path().string();
             let field = arrow.get(&name);
             let scale = scale(column, field.map(|(kind, _)| kind));
             let is_time = matches!(scale, Some(Scale::Since { .. }))
                 || is_duration(column, field.map(|(kind, _)| kind));
+            times.extend(is_time.then_some(columns.len()));
             let unit = field.and_then(|(_, unit)| unit.clone());
             columns.push(Column {
                 name,
@@ -189,7 +193,7 @@ impl Parquet {
         let rows = u64::try_from(metadata.file_metadata().num_rows());
         let rows = rows.map_err(|_| source.damaged("the footer", "a negative number of rows"))?;
         let table = Table { name: String::new(), kind: String::new(), rows: Some(rows), columns };
-        Ok(Self { source, input, metadata, tables: [table], scales })
+        Ok(Self { source, input, metadata, tables: [table], scales, times })
     }
 
     /// The scale with its origin, which is the first timestamp of the column.
@@ -275,6 +279,10 @@ impl Container for Parquet {
 
     fn tables(&self) -> &[Table] {
         &self.tables
+    }
+
+    fn dates(&self, _table: usize) -> Vec<usize> {
+        self.times.clone()
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {

@@ -3,7 +3,8 @@
 //! The first rows of a sheet become lines of text with tabs, in which the reader of text files
 //! finds lines before the header, the names and the units. The rows below are read cell by cell:
 //! numbers, Booleans, texts that are numbers, and dates, which become seconds since the column's
-//! first. Of a formula the stored value counts. An empty cell and `#N/A` are missing numbers.
+//! first. Of a formula the stored value counts. An empty cell and `#N/A` are missing numbers. A
+//! header that is repeated, and rows of text at the end, are left out with a warning.
 //!
 //! Memory: the texts of the workbook and the columns asked for; a sheet has at most 1,048,576 rows.
 
@@ -17,6 +18,7 @@ use super::Source;
 use crate::columns::{is_recognised, time_unit};
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
 use crate::format::Format;
+use crate::quality::{Footer, RowList, warn_of_repeated};
 use crate::text::{head_of, quoted};
 use crate::{RecordingError, timestamp};
 
@@ -50,6 +52,8 @@ struct Sheet {
     first_row: u32,
     /// Column of the sheet and content for each column of the table.
     columns: Vec<(u32, Kind)>,
+    /// Texts of the names, and of the units below them, with their columns of the sheet.
+    header: Vec<Vec<(u32, String)>>,
     format: Format,
 }
 
@@ -57,6 +61,8 @@ struct Sheet {
 pub(crate) struct Xlsx {
     source: Source,
     path: PathBuf,
+    /// Rows of each sheet that are not read.
+    skip_rows: u32,
     sheets: Vec<Sheet>,
     tables: Vec<Table>,
     notes: Vec<String>,
@@ -110,6 +116,11 @@ impl Cell {
         }
     }
 
+    /// A text as a name: control characters are blanks.
+    fn plain(text: &str) -> String {
+        text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+    }
+
     /// As in a text file: a date is a date in any notation.
     fn write(&self, line: &mut String) {
         match self {
@@ -117,8 +128,7 @@ impl Cell {
             Self::Date(_) => line.push_str("2000-01-01T00:00:00"),
             Self::Text(text) => {
                 line.push('"');
-                let plain = text.chars().map(|c| if c.is_control() { ' ' } else { c });
-                plain.for_each(|c| {
+                Self::plain(text).chars().for_each(|c| {
                     line.extend(std::iter::repeat_n(c, if c == '"' { 2 } else { 1 }))
                 });
                 line.push('"');
@@ -139,10 +149,15 @@ fn cell_name(row: u32, column: u32) -> String {
 }
 
 impl Xlsx {
-    pub(crate) fn open(path: &Path, source: Source) -> Result<Self, RecordingError> {
+    pub(crate) fn open(
+        path: &Path,
+        source: Source,
+        skip_rows: u64,
+    ) -> Result<Self, RecordingError> {
         let mut found = Self {
             source: source.clone(),
             path: path.to_owned(),
+            skip_rows: u32::try_from(skip_rows).unwrap_or(MOST_ROWS),
             sheets: Vec::new(),
             tables: Vec::new(),
             notes: Vec::new(),
@@ -154,6 +169,13 @@ impl Xlsx {
             let names: Vec<String> = sheets.map(|sheet| sheet.name.clone()).collect();
             names.into_iter().try_for_each(|name| found.list(&mut workbook, name))
         })?;
+        if found.tables.is_empty() && skip_rows > 0 {
+            return Err(RecordingError::BadOption {
+                file: source.file,
+                option: "--skip-rows",
+                problem: format!("{skip_rows} leaves no rows of numbers in any sheet"),
+            });
+        }
         if found.tables.is_empty() {
             return Err(RecordingError::Empty { file: source.file });
         }
@@ -163,7 +185,7 @@ impl Xlsx {
     /// Adds a sheet, if it holds rows.
     fn list(&mut self, workbook: &mut Workbook, name: String) -> Result<(), RecordingError> {
         let mut rows: Vec<(u32, Vec<(u32, Cell)>)> = Vec::new();
-        each_row(workbook, &self.source, &name, 0, |row, cells| {
+        each_row(workbook, &self.source, &name, self.skip_rows, |row, cells| {
             let own = cells.iter().filter(|(_, cell)| *cell != Cell::Missing);
             if own.clone().next().is_some() {
                 rows.push((row, own.cloned().collect()));
@@ -180,7 +202,12 @@ impl Xlsx {
         };
         // Rows that begin with a number sign are comments in both.
         let Some(&(first_row, _)) = rows.get(head.lines) else { return Ok(()) };
-        let mut sheet = Sheet { name, first_row, columns: Vec::new(), format: head.format };
+        let header = [&head.names, &head.units].map(|texts| {
+            let with_columns = (left..=right).zip(texts.iter().cloned());
+            with_columns.filter(|(_, text)| !text.is_empty()).collect::<Vec<_>>()
+        });
+        let header = header.into_iter().filter(|texts| !texts.is_empty()).collect();
+        let mut sheet = Sheet { name, first_row, columns: Vec::new(), header, format: head.format };
         let mut table = Table {
             name: sheet.name.clone(),
             kind: String::new(),
@@ -311,14 +338,32 @@ impl Container for Xlsx {
             .iter()
             .map(|&k| (sheet.columns[k].0, sheet.columns[k].1, &*table.columns[k].name))
             .collect();
-        let mut rows = Rows { columns: vec![Vec::new(); columns.len()], at: 0, problem: None };
+        let mut rows = Rows { columns: vec![Vec::new(); columns.len()], ..Rows::default() };
         let mut origins = vec![None; columns.len()];
+        let (mut headers, mut footer) = (RowList::default(), Footer::default());
+        let first = sheet.columns.iter().find(|(_, kind)| *kind != Kind::Text);
         let read = self.source.guard(format!("sheet '{}'", sheet.name), || {
             let mut problem = None;
             let mut workbook = open_book(&self.path, &self.source)?;
             each_row(&mut workbook, &self.source, &sheet.name, sheet.first_row, |row, cells| {
                 if cells.iter().all(|(_, cell)| *cell == Cell::Missing) {
                     return true;
+                }
+                if sheet.is_header(cells) {
+                    headers.add(u64::from(row) + 1);
+                    return true;
+                }
+                if first.is_some_and(|first| sheet.is_footer(cells, *first)) {
+                    let (column, cell) = &cells[0];
+                    let name = sheet.columns.iter().position(|(own, _)| own == column);
+                    let name = name.map_or("", |k| &table.columns[k].name);
+                    let error = self.not_a_number(sheet, (row, *column), name, cell);
+                    problem = footer.add(u64::from(row) + 1, error);
+                    return problem.is_none();
+                }
+                problem = footer.end();
+                if problem.is_some() {
+                    return false;
                 }
                 for (k, (column, kind, name)) in wanted.iter().enumerate() {
                     let place = cells.binary_search_by_key(column, |(own, _)| *own);
@@ -337,6 +382,8 @@ impl Container for Xlsx {
         let whole = rows.columns.iter().map(Vec::len).min().unwrap_or(0);
         rows.columns.iter_mut().for_each(|column| column.truncate(whole));
         rows.problem = read.err();
+        rows.warnings = warn_of_repeated(&headers, "row").into_iter().collect();
+        rows.warnings.extend(footer.warning());
         Ok(Box::new(rows))
     }
 }
@@ -378,8 +425,37 @@ impl Xlsx {
     }
 }
 
+impl Sheet {
+    /// Whether a row repeats the names or the units.
+    fn is_header(&self, cells: &[(u32, Cell)]) -> bool {
+        let texts: Vec<(u32, String)> = cells
+            .iter()
+            .filter_map(|(column, cell)| match cell {
+                Cell::Text(text) => Some((*column, Cell::plain(text).trim().to_owned())),
+                _ => None,
+            })
+            .collect();
+        let present = cells.iter().filter(|(_, cell)| *cell != Cell::Missing).count();
+        present == texts.len() && self.header.contains(&texts)
+    }
+
+    /// Whether a row begins with text where the first column of numbers has none.
+    fn is_footer(&self, cells: &[(u32, Cell)], (column, kind): (u32, Kind)) -> bool {
+        let is_text = |(own, cell): &(u32, Cell)| {
+            *own <= column
+                && cell.kind(self.format) == Some(Kind::Text)
+                && !self.columns.contains(&(*own, Kind::Text))
+        };
+        let own = cells.iter().find(|(own, _)| *own == column).map_or(&Cell::Missing, |(_, c)| c);
+        let has_number = number(own, kind, self.format, &mut None).is_some_and(f64::is_finite);
+        !has_number && cells.iter().any(is_text)
+    }
+}
+
 /// The columns asked for, and why the rows end before the sheet does.
+#[derive(Default)]
 struct Rows {
+    warnings: Vec<String>,
     columns: Vec<Vec<f64>>,
     at: usize,
     problem: Option<RecordingError>,
@@ -398,6 +474,10 @@ impl Batches for Rows {
         }
         self.at = to;
         Ok(true)
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
     }
 }
 

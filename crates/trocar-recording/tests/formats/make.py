@@ -226,6 +226,26 @@ def xlsx():
     plain.unlink()
 
 
+def odd_xlsx():
+    """Sheets with rows that are no readings: above a header that names nothing, a header in the middle, results at the end."""
+    book = openpyxl.Workbook()
+    rows = [[time_s[row], position_mm[row], force_n[row]] for row in range(ROWS)]
+    names, units = ["Time", "Position", "Force"], ["s", "mm", "N"]
+    results = [[], ["Mean", 30.0, 0.0], ["Range", 60.0, 3.0]]
+    sheets = {
+        "Again": [names, units, *rows[:100], names, units, *rows[100:]],
+        "Results": [names, units, *rows, *results],
+        "Skip": [[1, 2, 3], [4, 5, 6], names, units, *rows],
+        "Middle": [names, units, *rows[:100], ["paused"], *rows[100:]],
+    }
+    book.remove(book.active)
+    for name, lines in sheets.items():
+        sheet = book.create_sheet(name)
+        for line in lines:
+            sheet.append(line)
+    book.save(HERE / "openpyxl_odd.xlsx")
+
+
 def more_parquet():
     """Decimals in every physical type, and half floats."""
     decimal = lambda digits, scale: pa.array(force_n).cast(pa.decimal128(digits, scale), safe=False)
@@ -285,6 +305,6 @@ def mat74():
         file.write(whole[:512].ljust(2048, b"\0"))
 
 
-for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, more_parquet, big_endian, mat74]:
+for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, odd_xlsx, more_parquet, big_endian, mat74]:
     if len(sys.argv) == 1 or write.__name__ in sys.argv:
         write()
