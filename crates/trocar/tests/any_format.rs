@@ -62,6 +62,7 @@ fn every_format_gives_the_same_recording() {
         ("formats/scipy_plain.mat", "", &[]),
         ("formats/scipy_compressed.mat", "", &[]),
         ("formats/scipy_column.mat", "", &[]),
+        ("formats/openpyxl.xlsx", "force_n=Force", &["Data"]),
     ] {
         let found = read_with(name, choice(columns, topics))
             .unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -215,6 +216,9 @@ fn a_robot_log_is_a_recording_in_every_kind_of_bag() {
         "bags/split",
         "bags/compressed",
         "bags/big_endian",
+        "bags/ros1_none.bag",
+        "bags/ros1_bz2.bag",
+        "bags/ros1_lz4.bag",
     ] {
         let columns = "force_n=/psm1/measured_cf.wrench.force.z,velocity_m_s=/psm1/measured_js.velocity[insertion]";
         let columns = format!("position_m=/psm1/measured_js.position[insertion],{columns}");

@@ -244,3 +244,26 @@ fn swings_of_the_rig_are_not_called_stick_slip() {
         );
     }
 }
+
+/// A hand motion that pushes into something: the message states how much of it was free.
+#[test]
+fn what_too_little_motion_held_is_stated() {
+    let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
+    let angle = |t: &f64| std::f64::consts::PI * t;
+    let position: Vec<f64> = time.iter().map(|t| 0.05 - 0.02 * angle(t).cos()).collect();
+    let push = |t: f64| if (2.4..2.8).contains(&t) { 30.0 } else { 0.0 };
+    let force: Vec<f64> = time.iter().map(|t| 2.0 * angle(t).sin() + push(*t)).collect();
+    let recording = Recording::from_columns("hand", time, position, force).expect("a recording");
+    let options = IdentifyOptions { paper: true, ..IdentifyOptions::default() };
+    let error = identify(&[recording], &options, &|_, _| {}).map(|_| ()).unwrap_err();
+    let IdentifyError::NoSteadySliding { motion, .. } = &error else { panic!("{error}") };
+    assert!((motion.duration - 4.0).abs() < 0.01 && motion.reversals == 3, "{motion:?}");
+    assert!((motion.in_contact - 0.4).abs() < 0.01, "{motion:?}");
+    assert!((motion.longest_stroke - 0.04).abs() < 1e-4, "{motion:?}");
+    let message = error.to_string();
+    for essential in
+        ["4.0 s of motion with 3 reversals", "0.4 s with a force", "40.0 mm", "--from-s"]
+    {
+        assert!(message.contains(essential), "{message}");
+    }
+}

@@ -6,6 +6,7 @@ use serde::{Serialize, Serializer};
 use trocar_model::{ParameterId, Quantity};
 
 use super::estimate::Estimate;
+use super::motion_found::MotionFound;
 use crate::recording::{OPPOSED, Recording, WarningKind};
 
 /// Why the identification failed.
@@ -18,15 +19,18 @@ pub enum IdentifyError {
     /// No steady sliding anywhere.
     #[error(
         "no steady sliding found: {strokes} strokes, {steady_segments} constant-velocity segments, none of them \
-         after the deformation and free of clipped readings; and too little free motion to fit a model to\n\nhint: record strokes \
+         after the deformation and free of clipped readings; and no model could be fitted to the motion as a whole, {motion}\n\nhint: record strokes \
          at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
-         several speeds, or half a minute of motion with many reversals"
+         several speeds, or half a minute of motion with many reversals in which the tip touches nothing; --from-s and --to-s take such \
+         a part of a recording"
     )]
     NoSteadySliding {
         /// Strokes found.
         strokes: usize,
         /// Constant-velocity segments found.
         steady_segments: usize,
+        /// How much motion there was.
+        motion: MotionFound,
     },
     /// The force opposes the motion.
     #[error(

@@ -27,6 +27,7 @@ pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use findings::{Covariance, IdentifyError, Parameter, Progress, Subject, Warning};
 pub use free_motion::FreeMotion;
+pub use motion_found::MotionFound;
 pub use numbers::reported;
 pub use options::IdentifyOptions;
 pub use refit::EmsRefit;
@@ -53,6 +54,7 @@ mod estimate;
 mod findings;
 mod free_motion;
 mod likelihood;
+mod motion_found;
 mod nnls;
 mod numbers;
 mod options;
@@ -110,6 +112,7 @@ pub fn identify(
         return Err(IdentifyError::NoSteadySliding {
             strokes: input.segments.iter().map(|s| s.strokes.len()).sum(),
             steady_segments: input.segments.iter().map(|s| s.steady_segments.len()).sum(),
+            motion: MotionFound::of(recordings, input.segments),
         });
     }
     progress("position profile", 0.93);
