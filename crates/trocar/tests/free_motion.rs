@@ -250,7 +250,10 @@ fn swings_of_the_rig_are_not_called_stick_slip() {
 fn what_too_little_motion_held_is_stated() {
     let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
     let angle = |t: &f64| std::f64::consts::PI * t;
-    let position: Vec<f64> = time.iter().map(|t| 0.05 - 0.02 * angle(t).cos()).collect();
+    // Half of each stroke of 1 s speeds up, half slows down: no speed lasts.
+    let way = |u: f64| if u < 0.5 { 2.0 * u * u } else { 1.0 - 2.0 * (1.0 - u).powi(2) };
+    let place = |t: &f64| if t % 2.0 < 1.0 { way(t % 1.0) } else { 1.0 - way(t % 1.0) };
+    let position: Vec<f64> = time.iter().map(|t| 0.03 + 0.04 * place(t)).collect();
     let push = |t: f64| if (2.4..2.8).contains(&t) { 30.0 } else { 0.0 };
     let force: Vec<f64> = time.iter().map(|t| 2.0 * angle(t).sin() + push(*t)).collect();
     let recording = Recording::from_columns("hand", time, position, force).expect("a recording");
