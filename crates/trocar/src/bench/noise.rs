@@ -17,6 +17,9 @@ pub(crate) enum Source {
     RandomSeal = 8,
     SpeedOrder = 9,
     TurningPoint = 10,
+    ToSlave = 11,
+    ToMaster = 12,
+    RemoteSensor = 13,
 }
 
 /// One reproducible stream of uniform and normal numbers.

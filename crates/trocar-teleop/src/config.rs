@@ -1,0 +1,416 @@
+//! The loop and the experiment.
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// A teleoperation loop and what the operator does with it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Sample time of the controllers, s, above 0.
+    pub sample_time_s: f64,
+    /// Steps of the plant within a sample, 1 to 1000.
+    pub substeps: u32,
+    /// Seed of noise, jitter and loss.
+    pub seed: u64,
+    /// Hand on the master.
+    pub operator: Operator,
+    /// Device that the operator moves.
+    pub master: Device,
+    /// Device that moves the instrument.
+    pub slave: Device,
+    /// Way of the samples from one side to the other.
+    pub channel: Channel,
+    /// Law of the controllers.
+    pub control: Control,
+    /// How much of the trocar's force is taken out.
+    pub compensation: Compensation,
+    /// Force sensor of the slave.
+    pub sensor: Sensor,
+    /// What the tip touches.
+    pub tissue: Tissue,
+}
+
+/// Impedance of the hand, Z_h = m_h·s + b_h + k_h/s, between its intended motion and the master.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Operator {
+    /// k_h, N/m, ≥ 0.
+    pub stiffness_n_m: f64,
+    /// b_h, N s/m, ≥ 0.
+    pub damping_n_s_m: f64,
+    /// m_h, kg, ≥ 0.
+    pub mass_kg: f64,
+}
+
+/// A device with one degree of freedom.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Device {
+    /// Mass, kg, above 0.
+    pub mass_kg: f64,
+    /// Damping, N s/m, ≥ 0.
+    pub damping_n_s_m: f64,
+    /// Resolution of the encoder, m, ≥ 0; 0 for one without steps.
+    pub encoder_step_m: f64,
+}
+
+/// Delay, jitter and loss, the same in both directions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Channel {
+    /// Delay of one direction, s, a multiple of the sample time.
+    pub delay_s: f64,
+    /// Largest additional delay of a sample, s, a multiple of the sample time; drawn uniformly. A sample
+    /// that is overtaken is dropped.
+    pub jitter_s: f64,
+    /// Probability that a sample is lost, 0 to below 1.
+    pub loss: f64,
+    /// What the receiver uses in place of a sample that is late or lost.
+    pub on_loss: OnLoss,
+}
+
+/// What a receiver uses in place of a missing sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum OnLoss {
+    /// The last one that arrived.
+    Hold,
+    /// The last position, but no velocity, force or wave.
+    Zero,
+}
+
+/// What each side sends, and how motor forces follow.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Architecture {
+    /// Both sides follow each other's position.
+    PositionPosition,
+    /// The slave follows the master's position, the master reflects the sensor's force.
+    PositionForce,
+    /// LAWRENCE's transparent choice: both positions and both forces are sent, and the masses are
+    /// compensated.
+    FourChannel,
+    /// NIEMEYER's wave variables; the slave's controller has the damping of the wave impedance.
+    Wave,
+}
+
+/// The controllers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Control {
+    /// What is sent.
+    pub architecture: Architecture,
+    /// K of the position controllers, N/m, ≥ 0.
+    pub stiffness_n_m: f64,
+    /// B of the position controllers, N s/m, ≥ 0.
+    pub damping_n_s_m: f64,
+    /// λ, the fraction of the sensor's force that the master reflects, ≥ 0.
+    pub force_gain: f64,
+    /// b of the wave variables, N s/m, above 0.
+    pub wave_impedance_n_s_m: f64,
+    /// Time-domain passivity control at both ports.
+    pub passivity: bool,
+}
+
+/// Compensation of the trocar's force.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Compensation {
+    /// γ, the fraction of the model's force that is taken out of the sensor's reading, ≥ 0.
+    pub fraction: f64,
+}
+
+/// Where a force sensor is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Place {
+    /// At the tip: reads the force on the tissue.
+    Tip,
+    /// Outside the body: reads the forces on tissue and trocar.
+    Outside,
+}
+
+/// A force sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sensor {
+    /// Where it is.
+    pub place: Place,
+    /// Mass between sensor and tip, kg, ≥ 0, whose inertia an outside sensor reads.
+    pub moving_mass_kg: f64,
+    /// Standard deviation of the noise, N, ≥ 0.
+    pub noise_n: f64,
+    /// Reading without force, N.
+    pub offset_n: f64,
+    /// Resolution, N, ≥ 0; 0 for one without steps.
+    pub resolution_n: f64,
+}
+
+/// Force law of the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TissueLaw {
+    /// `F = k·p + b·v`
+    KelvinVoigt,
+    /// `F = k·p·(1 + a·v)`; key HUNTCROSSLEY in SOURCES.md.
+    HuntCrossley,
+}
+
+/// Tissue beyond the seal; it never pulls.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Tissue {
+    /// Force law.
+    pub law: TissueLaw,
+    /// Position at which the tip touches the tissue, m.
+    pub surface_m: f64,
+    /// k, N/m, ≥ 0.
+    pub stiffness_n_m: f64,
+    /// b of Kelvin-Voigt, N s/m, ≥ 0.
+    pub damping_n_s_m: f64,
+    /// a of Hunt-Crossley, s/m, ≥ 0.
+    pub dissipation_s_m: f64,
+    /// Amplitude of the surface's motion, breathing, m, ≥ 0.
+    pub breathing_m: f64,
+    /// Frequency of breathing, Hz, ≥ 0.
+    pub breathing_hz: f64,
+}
+
+impl Default for Config {
+    /// Position-force at 1 kHz, a firm hand, 0.5 kg on both sides, an outside sensor, soft tissue at
+    /// 0.12 m.
+    fn default() -> Self {
+        Self {
+            sample_time_s: 1e-3,
+            substeps: 2,
+            seed: 1,
+            operator: Operator::default(),
+            master: Device::default(),
+            slave: Device::default(),
+            channel: Channel::default(),
+            control: Control::default(),
+            compensation: Compensation::default(),
+            sensor: Sensor::default(),
+            tissue: Tissue::default(),
+        }
+    }
+}
+
+impl Default for Operator {
+    /// A firm grip.
+    fn default() -> Self {
+        Self { stiffness_n_m: 300.0, damping_n_s_m: 10.0, mass_kg: 0.0 }
+    }
+}
+
+impl Default for Device {
+    fn default() -> Self {
+        Self { mass_kg: 0.5, damping_n_s_m: 1.0, encoder_step_m: 0.0 }
+    }
+}
+
+impl Default for Channel {
+    /// Neither delay nor loss.
+    fn default() -> Self {
+        Self { delay_s: 0.0, jitter_s: 0.0, loss: 0.0, on_loss: OnLoss::Hold }
+    }
+}
+
+impl Default for Control {
+    fn default() -> Self {
+        Self {
+            architecture: Architecture::PositionForce,
+            stiffness_n_m: 2000.0,
+            damping_n_s_m: 40.0,
+            force_gain: 1.0,
+            wave_impedance_n_s_m: 20.0,
+            passivity: false,
+        }
+    }
+}
+
+impl Default for Compensation {
+    /// None.
+    fn default() -> Self {
+        Self { fraction: 0.0 }
+    }
+}
+
+impl Default for Sensor {
+    /// Outside the body, ideal.
+    fn default() -> Self {
+        Self {
+            place: Place::Outside,
+            moving_mass_kg: 0.0,
+            noise_n: 0.0,
+            offset_n: 0.0,
+            resolution_n: 0.0,
+        }
+    }
+}
+
+impl Default for Tissue {
+    /// Soft tissue at 0.12 m.
+    fn default() -> Self {
+        Self {
+            law: TissueLaw::KelvinVoigt,
+            surface_m: 0.12,
+            stiffness_n_m: 200.0,
+            damping_n_s_m: 1.0,
+            dissipation_s_m: 0.0,
+            breathing_m: 0.0,
+            breathing_hz: 0.0,
+        }
+    }
+}
+
+/// Why a configuration cannot be run.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ConfigError {
+    /// A value out of its range.
+    #[error("{name} must be {allowed}, got {found}")]
+    OutOfRange {
+        /// Name with its section and unit.
+        name: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+        /// What was found.
+        found: f64,
+    },
+    /// A delay between two samples.
+    #[error(
+        "{name} must be a multiple of the sample time, {sample_time_s} s, got {found} s\n\nhint: the \
+         controllers see only whole samples; take {nearest} s"
+    )]
+    NotWholeSamples {
+        /// Name with its section and unit.
+        name: &'static str,
+        /// Sample time, s.
+        sample_time_s: f64,
+        /// What was found, s.
+        found: f64,
+        /// The nearest multiple, s.
+        nearest: f64,
+    },
+}
+
+/// Longest delay, in samples: what a channel stores.
+const MOST_SAMPLES: f64 = 1e6;
+
+impl Config {
+    /// Checks all values.
+    ///
+    /// # Errors
+    /// The first value out of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        let above_0 = |name, found: f64| {
+            check(found > 0.0 && found.is_finite(), name, "finite and above 0", found)
+        };
+        let not_below_0 = |name, found: f64| {
+            check(found >= 0.0 && found.is_finite(), name, "finite and 0 or above", found)
+        };
+        let finite = |name, found: f64| check(found.is_finite(), name, "finite", found);
+        above_0("sample_time_s", self.sample_time_s)?;
+        let substeps = f64::from(self.substeps);
+        check((1.0..=1000.0).contains(&substeps), "substeps", "from 1 to 1000", substeps)?;
+        not_below_0("operator.stiffness_n_m", self.operator.stiffness_n_m)?;
+        not_below_0("operator.damping_n_s_m", self.operator.damping_n_s_m)?;
+        not_below_0("operator.mass_kg", self.operator.mass_kg)?;
+        above_0("master.mass_kg", self.master.mass_kg)?;
+        not_below_0("master.damping_n_s_m", self.master.damping_n_s_m)?;
+        not_below_0("master.encoder_step_m", self.master.encoder_step_m)?;
+        above_0("slave.mass_kg", self.slave.mass_kg)?;
+        not_below_0("slave.damping_n_s_m", self.slave.damping_n_s_m)?;
+        not_below_0("slave.encoder_step_m", self.slave.encoder_step_m)?;
+        not_below_0("control.stiffness_n_m", self.control.stiffness_n_m)?;
+        not_below_0("control.damping_n_s_m", self.control.damping_n_s_m)?;
+        not_below_0("control.force_gain", self.control.force_gain)?;
+        above_0("control.wave_impedance_n_s_m", self.control.wave_impedance_n_s_m)?;
+        not_below_0("compensation.fraction", self.compensation.fraction)?;
+        not_below_0("sensor.moving_mass_kg", self.sensor.moving_mass_kg)?;
+        not_below_0("sensor.noise_n", self.sensor.noise_n)?;
+        finite("sensor.offset_n", self.sensor.offset_n)?;
+        not_below_0("sensor.resolution_n", self.sensor.resolution_n)?;
+        finite("tissue.surface_m", self.tissue.surface_m)?;
+        not_below_0("tissue.stiffness_n_m", self.tissue.stiffness_n_m)?;
+        not_below_0("tissue.damping_n_s_m", self.tissue.damping_n_s_m)?;
+        not_below_0("tissue.dissipation_s_m", self.tissue.dissipation_s_m)?;
+        not_below_0("tissue.breathing_m", self.tissue.breathing_m)?;
+        not_below_0("tissue.breathing_hz", self.tissue.breathing_hz)?;
+        let loss = self.channel.loss;
+        check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
+        self.delay_samples()?;
+        self.jitter_samples().map(|_| ())
+    }
+
+    /// Delay of one direction in samples.
+    ///
+    /// # Errors
+    /// A delay that is negative or no multiple of the sample time.
+    pub fn delay_samples(&self) -> Result<usize, ConfigError> {
+        self.samples("channel.delay_s", self.channel.delay_s)
+    }
+
+    /// Largest additional delay in samples.
+    ///
+    /// # Errors
+    /// As for [`Config::delay_samples`].
+    pub fn jitter_samples(&self) -> Result<usize, ConfigError> {
+        self.samples("channel.jitter_s", self.channel.jitter_s)
+    }
+
+    fn samples(&self, name: &'static str, found: f64) -> Result<usize, ConfigError> {
+        let samples = found / self.sample_time_s;
+        let is_allowed = (0.0..=MOST_SAMPLES).contains(&samples);
+        check(is_allowed, name, "from 0 to a million samples", found)?;
+        let whole = samples.round();
+        if (samples - whole).abs() > 1e-6 * whole.max(1.0) {
+            let sample_time_s = self.sample_time_s;
+            let nearest = (whole * sample_time_s * 1e9).round() / 1e9;
+            return Err(ConfigError::NotWholeSamples { name, sample_time_s, found, nearest });
+        }
+        Ok(whole as usize)
+    }
+}
+
+fn check(
+    is_so: bool,
+    name: &'static str,
+    allowed: &'static str,
+    found: f64,
+) -> Result<(), ConfigError> {
+    if is_so { Ok(()) } else { Err(ConfigError::OutOfRange { name, allowed, found }) }
+}
+
+impl Tissue {
+    /// F_e, N, of the tip on the tissue at `time` (s), `position` (m) and `velocity` (m/s); with how it
+    /// changes with the position, N/m, and the velocity, N s/m, is not needed: the plant asks for forces
+    /// only.
+    pub fn force(&self, time: f64, position: f64, velocity: f64) -> f64 {
+        let (surface, rate) = self.surface(time);
+        let depth = position - surface;
+        if depth <= 0.0 {
+            return 0.0;
+        }
+        let speed = velocity - rate;
+        let force = match self.law {
+            TissueLaw::KelvinVoigt => self.stiffness_n_m * depth + self.damping_n_s_m * speed,
+            TissueLaw::HuntCrossley => {
+                self.stiffness_n_m * depth * (1.0 + self.dissipation_s_m * speed)
+            }
+        };
+        force.max(0.0)
+    }
+
+    /// Where the surface is and how fast it moves, m and m/s.
+    fn surface(&self, time: f64) -> (f64, f64) {
+        if self.breathing_m == 0.0 {
+            return (self.surface_m, 0.0);
+        }
+        let rate = std::f64::consts::TAU * self.breathing_hz;
+        let (sin, cos) = (rate * time).sin_cos();
+        (self.surface_m + self.breathing_m * sin, self.breathing_m * rate * cos)
+    }
+}

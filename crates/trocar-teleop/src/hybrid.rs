@@ -1,0 +1,163 @@
+//! What linear theory says about a loop: its hybrid matrix, what is felt of the tissue, and the margin
+//! of Llewellyn's criterion.
+//!
+//! Sampling is left out: the controllers are taken as continuous, with the delay as e^(−sT). The seal
+//! is a linear impedance: nothing, or its describing function ([`seal_impedance`]), the first harmonic of
+//! its force at one amplitude and frequency. With friction a loop is not linear, and these figures hold
+//! for that amplitude only.
+
+use std::f64::consts::TAU;
+
+use nalgebra::{Complex, ComplexField};
+use trocar_model::Trocar;
+
+use crate::config::{Architecture, Config, Place, TissueLaw};
+
+/// Hybrid matrix, `[F_h; −v_s] = H·[v_m; F_e]`; ideal is `[[0, 1], [−1, 0]]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hybrid {
+    /// N s/m
+    pub h11: Complex<f64>,
+    /// 1
+    pub h12: Complex<f64>,
+    /// 1
+    pub h21: Complex<f64>,
+    /// m/(N s)
+    pub h22: Complex<f64>,
+}
+
+/// Steps of one period for the describing function.
+const STEPS: u32 = 2000;
+/// Periods before the one that counts.
+const PERIODS: u32 = 2;
+
+/// Describing function of the trocar as an impedance, N s/m, at `amplitude` (m) around `position` (m): the
+/// first harmonic of F_t over that of the velocity.
+pub fn seal_impedance<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    position: f64,
+    amplitude: f64,
+    frequency_hz: f64,
+) -> Complex<f64> {
+    let omega = TAU * frequency_hz;
+    let step = 1.0 / (frequency_hz * f64::from(STEPS));
+    let mut state = trocar.rest(position);
+    let mut sum = Complex::new(0.0, 0.0);
+    for k in 1..=(PERIODS + 1) * STEPS {
+        let phase = TAU * f64::from(k) / f64::from(STEPS);
+        let force = trocar.step_to(&mut state, position + amplitude * phase.sin(), step);
+        if k > PERIODS * STEPS {
+            sum += Complex::new(phase.cos(), -phase.sin()) * force;
+        }
+    }
+    // The velocity amplitude·ω·cos has the first harmonic amplitude·ω.
+    sum * 2.0 / f64::from(STEPS) / (amplitude * omega)
+}
+
+impl Hybrid {
+    /// The matrix of `config` at `frequency_hz`, with the impedance of the trocar, `seal` (N s/m), and the fraction of it in the
+    /// compensator's model, which is that of the plant.
+    pub fn of(config: &Config, seal: Complex<f64>, frequency_hz: f64) -> Self {
+        let s = Complex::new(0.0, TAU * frequency_hz);
+        let one = Complex::new(1.0, 0.0);
+        let delay = (-s * config.channel.delay_s).exp();
+        let control = config.control;
+        let follow = one * control.damping_n_s_m + one * control.stiffness_n_m / s;
+        let master = s * config.master.mass_kg + config.master.damping_n_s_m;
+        let slave = s * config.slave.mass_kg + config.slave.damping_n_s_m;
+        // What the estimate holds beside F_e, per velocity of the slave.
+        let beside = match config.sensor.place {
+            Place::Tip => Complex::new(0.0, 0.0),
+            Place::Outside => {
+                seal * (1.0 - config.compensation.fraction) + s * config.sensor.moving_mass_kg
+            }
+        };
+        match control.architecture {
+            Architecture::PositionPosition => {
+                let all = slave + seal + follow;
+                let (h21, h22) = (-follow * delay / all, one / all);
+                // F_h = Z_m·v_m + C·(v_m − D·v_s)
+                let back = follow * delay;
+                Self { h11: master + follow + back * h21, h12: back * h22, h21, h22 }
+            }
+            Architecture::PositionForce => {
+                let all = slave + seal + follow;
+                let (h21, h22) = (-follow * delay / all, one / all);
+                let gain = delay * control.force_gain;
+                // F_h = Z_m·v_m + λ·D·(F_e + beside·v_s)
+                Self { h11: master - gain * beside * h21, h12: gain * (one - beside * h22), h21, h22 }
+            }
+            Architecture::FourChannel => {
+                // (Z_s + C)·(v_s − D·v_m) = D·F_h − F_e − seal·v_s and
+                // (Z_m + C)·(v_m − D·v_s) = F_h − D·(F_e + beside·v_s)
+                let (a, b) = (slave + follow, master + follow);
+                // v_s·p = v_m·q + r·F_e after F_h is put in
+                let p = a + seal + delay * (delay * b - delay * beside);
+                let q = delay * (a + b);
+                let r = delay * delay - one;
+                let (h21, h22) = (-q / p, -r / p);
+                let way = delay * beside - delay * b;
+                Self { h11: b - way * h21, h12: delay - way * h22, h21, h22 }
+            }
+            Architecture::Wave => Self::of_waves(config, seal, delay, [master, slave, follow]),
+        }
+    }
+
+    /// Waves: `u_s = D·u_m`, `w_m = D·w_s`, with `F_sc = C·(v_d − v_s)`.
+    fn of_waves(
+        config: &Config,
+        seal: Complex<f64>,
+        delay: Complex<f64>,
+        [master, slave, follow]: [Complex<f64>; 3],
+    ) -> Self {
+        let one = Complex::new(1.0, 0.0);
+        let b = config.control.wave_impedance_n_s_m;
+        // v_s = (F_sc − F_e)/load; v_d = v_s + F_sc/C.
+        let load = slave + seal;
+        // The slave's side seen from the waves: v_d = y·F_sc − F_e/load.
+        let y = one / load + one / follow;
+        // From u, w by v_d and F_sc:  b·v_d + F_sc = √(2b)·u_s,  b·v_d − F_sc = √(2b)·w_s, and at the master alike
+        // b·v_m + F_mc = √(2b)·u_m,  b·v_m − F_mc = √(2b)·w_m.
+        let (plus, minus) = (y * b + one, y * b - one);
+        let d2 = delay * delay;
+        // b·v_m − F_mc = D·(minus·F_sc − b·F_e/load),  plus·F_sc = D·(b·v_m + F_mc) + b·F_e/load
+        let turn = d2 * minus / plus;
+        // F_mc·(1 + turn) = b·v_m·(1 − turn) + D·b·F_e/load·(1 − minus/plus)
+        let f_v = (one - turn) * b / (one + turn);
+        let f_e = delay * b / load * (one - minus / plus) / (one + turn);
+        // F_sc from v_m and F_e.
+        let s_v = delay * (one * b + f_v) / plus;
+        let s_e = (delay * f_e + one * b / load) / plus;
+        Self {
+            h11: master + f_v,
+            h12: f_e,
+            h21: -s_v / load,
+            h22: (one - s_e) / load,
+        }
+    }
+
+    /// Impedance that the operator feels, N s/m, of the tissue's `environment`, N s/m:
+    /// `Z_t = (h11 + (h11·h22 − h12·h21)·Z_e)/(1 + h22·Z_e)`.
+    pub fn transmitted(&self, environment: Complex<f64>) -> Complex<f64> {
+        let determinant = self.h11 * self.h22 - self.h12 * self.h21;
+        (self.h11 + determinant * environment) / (environment * self.h22 + 1.0)
+    }
+
+    /// Margin of Llewellyn's criterion, N s/m·m/(N s) = 1; with any passive operator and tissue the loop is stable if it is
+    /// not below 0 at any frequency and Re h11 and Re h22 are not either:
+    /// `2·Re h11·Re h22 − Re(h12·h21) − |h12·h21|`.
+    pub fn llewellyn(&self) -> f64 {
+        let product = self.h12 * self.h21;
+        2.0 * self.h11.re * self.h22.re - product.re - product.modulus()
+    }
+}
+
+/// Impedance of the tissue in contact, N s/m.
+pub fn tissue_impedance(config: &Config, frequency_hz: f64) -> Complex<f64> {
+    let tissue = config.tissue;
+    let damping = match tissue.law {
+        TissueLaw::KelvinVoigt => tissue.damping_n_s_m,
+        TissueLaw::HuntCrossley => 0.0,
+    };
+    Complex::new(damping, -tissue.stiffness_n_m / (TAU * frequency_hz))
+}

@@ -1,0 +1,33 @@
+//! A teleoperator whose slave works through a trocar: operator, master, channel, slave, seal,
+//! tissue and force sensor along one degree of freedom, the axis of the instrument.
+//!
+//! ```text
+//! M_m·dv_m/dt = F_h − B_m·v_m − F_mc            master; F_h = k_h·(x_h − x_m) + b_h·(v_h − v_m) − m_h·dv_m/dt
+//! M_s·dv_s/dt = F_sc − B_s·v_s − F_t − F_e      slave; F_t of the seal, F_e on the tissue
+//! ```
+//!
+//! Forces are those of the instrument on seal and tissue, and of the operator on the master; all
+//! quantities are in SI units. Controllers run in sampled time, as on hardware: encoders and sensor
+//! are read at each sample, and the forces F_mc and F_sc of the motors are held until the next one.
+//! Between samples the plant is integrated in substeps ([`Config::substeps`]): the motion of the
+//! masses is exact for forces that are linear in time within a substep, which makes it of second
+//! order in the substep; where the seal decides in between whether it sticks, of first order.
+//!
+//! - [`Config`]: the loop and the experiment.
+//! - [`Loop`]: runs it, sample by sample.
+//! - [`hybrid`]: what linear theory says about the same loop.
+
+mod channel;
+pub mod config;
+mod control;
+pub mod hybrid;
+#[path = "../../trocar/src/bench/noise.rs"]
+mod noise;
+pub mod merit;
+mod passivity;
+mod plant;
+mod simulation;
+pub mod stability;
+
+pub use config::{Config, ConfigError};
+pub use simulation::{Diverged, Loop, Sample};

@@ -1,0 +1,84 @@
+//! Figures of merit of a loop that ran.
+
+use serde::Serialize;
+
+use crate::config::Config;
+use crate::simulation::Sample;
+
+/// Just noticeable difference of a force, as a fraction of it, PANG.
+const NOTICEABLE: f64 = 0.07;
+/// Force below which that fraction grows, N: the difference stays that of this force.
+const WEAKEST_N: f64 = 2.5;
+
+/// How well the operator feels the tissue.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Merit {
+    /// Rms of what the master's motor gives less the force on the tissue, N.
+    pub force_error_rms_n: f64,
+    /// Largest magnitude of that, N.
+    pub force_error_peak_n: f64,
+    /// Rms of that in just noticeable differences of the force on the tissue, 1.
+    pub force_error_rms_jnd: f64,
+    /// Slope of the motor's force over the depth of the tip in the tissue while it goes deeper, N/m; none without contact.
+    pub displayed_stiffness_n_m: Option<f64>,
+    /// The same of the force on the tissue, N/m.
+    pub true_stiffness_n_m: Option<f64>,
+    /// Rms of the difference of the devices' positions, m.
+    pub position_error_rms_m: f64,
+    /// Energy that the network has received at both ports less what it has given, J; below 0 where it was active.
+    pub energy_j: f64,
+}
+
+/// The force that a person notices as different from `force`, N: 7 % of it (2.5 to 10 N, PANG), and below
+/// 2.5 N 7 % of that.
+pub fn just_noticeable_difference(force: f64) -> f64 {
+    NOTICEABLE * force.abs().max(WEAKEST_N)
+}
+
+impl Merit {
+    /// Figures of `samples`, all of them.
+    pub fn of(config: &Config, samples: &[Sample]) -> Self {
+        let rms = |of: &dyn Fn(&Sample) -> f64| {
+            let squares: f64 = samples.iter().map(|sample| of(sample).powi(2)).sum();
+            (squares / samples.len().max(1) as f64).sqrt()
+        };
+        let error = |sample: &Sample| sample.master_force - sample.tissue_force;
+        let in_steps =
+            |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
+        let loading: Vec<&Sample> = samples
+            .iter()
+            .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0)
+            .collect();
+        let depth = |sample: &Sample| sample.slave_position - config.tissue.surface_m;
+        let energy = samples.last().map_or(0.0, |sample| {
+            let [[a, b], [c, d]] = [sample.master_energies, sample.slave_energies];
+            a - b + c - d
+        });
+        Self {
+            force_error_rms_n: rms(&error),
+            force_error_peak_n: samples.iter().map(|s| error(s).abs()).fold(0.0, f64::max),
+            force_error_rms_jnd: rms(&in_steps),
+            displayed_stiffness_n_m: slope(&loading, depth, |sample| sample.master_force),
+            true_stiffness_n_m: slope(&loading, depth, |sample| sample.tissue_force),
+            position_error_rms_m: rms(&|sample| sample.master_position - sample.slave_position),
+            energy_j: energy,
+        }
+    }
+}
+
+/// Slope of `y` over `x` by least squares; `None` for fewer than ten samples or all at one place.
+fn slope(
+    samples: &[&Sample],
+    x: impl Fn(&Sample) -> f64,
+    y: impl Fn(&Sample) -> f64,
+) -> Option<f64> {
+    let count = samples.len() as f64;
+    let mean = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(|s| of(s)).sum::<f64>() / count;
+    let (x0, y0) = (mean(&x), mean(&y));
+    let (mut xx, mut xy) = (0.0, 0.0);
+    for sample in samples {
+        let (dx, dy) = (x(sample) - x0, y(sample) - y0);
+        (xx, xy) = (xx + dx * dx, xy + dx * dy);
+    }
+    (samples.len() >= 10 && xx > 0.0).then(|| xy / xx)
+}

@@ -1,0 +1,242 @@
+//! The loop in time.
+
+use trocar_model::{Trocar, TrocarState};
+
+use crate::channel::{Channel, Packet};
+use crate::config::{Config, ConfigError, Place};
+use crate::control::{Controllers, Encoder, Reading};
+use crate::noise::{Noise, Source};
+use crate::passivity::Port;
+use crate::plant::{Master, Motion, Slave};
+
+/// Beyond these a loop counts as unstable, m and m/s: far outside any device.
+const FARTHEST_M: f64 = 10.0;
+const FASTEST_M_S: f64 = 100.0;
+
+/// The loop at one sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Time, s.
+    pub time: f64,
+    /// Intended position of the hand, m.
+    pub hand_position: f64,
+    /// x_m and v_m, m and m/s.
+    pub master_position: f64,
+    /// m/s
+    pub master_velocity: f64,
+    /// x_s and v_s, m and m/s.
+    pub slave_position: f64,
+    /// m/s
+    pub slave_velocity: f64,
+    /// F_h, force of the operator on the master, N.
+    pub operator_force: f64,
+    /// F_mc, force of the master's motor against the operator, N: what is felt.
+    pub master_force: f64,
+    /// F_sc, N.
+    pub slave_force: f64,
+    /// F_t, N.
+    pub trocar_force: f64,
+    /// F_e, N.
+    pub tissue_force: f64,
+    /// The tissue's force as sensor and compensation give it, N.
+    pub estimate: f64,
+    /// Energy that the network has received from and given to the master, J.
+    pub master_energies: [f64; 2],
+    /// Energy that it has received from and given to the slave, J.
+    pub slave_energies: [f64; 2],
+}
+
+/// A loop that runs.
+///
+/// # Invariants
+/// The same configuration, models and hand give the same samples, to the last bit.
+#[derive(Debug, Clone)]
+pub struct Loop<K> {
+    config: Config,
+    master: Master,
+    slave: Slave<K>,
+    encoders: [Encoder; 2],
+    controllers: Controllers,
+    to_slave: Channel,
+    to_master: Channel,
+    noise: Noise,
+    /// Model in the compensator, driven by the slave's encoder.
+    compensator: Trocar<K>,
+    compensator_state: TrocarState,
+    ports: [Port; 2],
+    /// F_mc and F_sc as held since the last sample, N.
+    held: [f64; 2],
+    /// What the master has from the slave.
+    arrived: Packet,
+    /// Number of the next sample.
+    count: u64,
+    position: f64,
+}
+
+impl<K: AsRef<[f64]> + Clone> Loop<K> {
+    /// A loop at rest at `position` (m) with the slave in `trocar`; the compensator takes the force of `compensator` out, which
+    /// need not be the same.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range.
+    pub fn new(
+        config: &Config,
+        trocar: Trocar<K>,
+        compensator: Trocar<K>,
+        position: f64,
+    ) -> Result<Self, ConfigError> {
+        config.check()?;
+        let encoders = [config.master, config.slave]
+            .map(|device| Encoder::new(device.encoder_step_m, config.sample_time_s));
+        Ok(Self {
+            master: Master::new(config, position),
+            slave: Slave::new(config, trocar, position),
+            encoders,
+            controllers: Controllers::new(config, position),
+            to_slave: Channel::new(config, Source::ToSlave, position)?,
+            to_master: Channel::new(config, Source::ToMaster, position)?,
+            noise: Noise::new(config.seed, Source::RemoteSensor),
+            compensator_state: compensator.rest(position),
+            compensator,
+            ports: [config.master, config.slave]
+                .map(|device| Port::new(device.mass_kg, config.sample_time_s)),
+            held: [0.0; 2],
+            arrived: Packet::at_rest(position),
+            count: 0,
+            position,
+            config: config.clone(),
+        })
+    }
+
+    /// The same with the slave already moving at `velocity`, m/s.
+    pub fn with_slave_velocity(mut self, velocity: f64) -> Self {
+        self.slave.motion.velocity = velocity;
+        self
+    }
+
+    /// One sample: reads, sends, sets the motors and moves the plant to the next sample. `hand` gives the operator's
+    /// intended position (m) and velocity (m/s) at a time (s).
+    ///
+    /// # Errors
+    /// [`Diverged`] where the loop is unstable; it then stays where it is.
+    pub fn step(&mut self, hand: impl Fn(f64) -> (f64, f64)) -> Result<Sample, Diverged> {
+        let hand = |time: f64| {
+            let (position, velocity) = hand(time);
+            Motion { position, velocity }
+        };
+        let duration = self.config.sample_time_s;
+        let time = self.count as f64 * duration;
+        let [own_master, own_slave] = self.read();
+        let estimate = self.estimate(&own_slave);
+        let operator_force = self.master.operator_force(hand(time), self.held[0]);
+        let mut sent = self.controllers.from_master(&own_master, operator_force, self.arrived.force);
+        sent.energy = self.ports[0].observe(own_master.position);
+        let at_slave = self.to_slave.send(sent);
+        let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
+        back.energy = self.ports[1].observe(own_slave.position);
+        self.arrived = self.to_master.send(back);
+        let master_force = self.controllers.master(self.arrived, &own_master);
+        let forces = [
+            self.guard(0, &own_master, master_force, self.arrived.energy),
+            -self.guard(1, &own_slave, -slave_force, at_slave.energy),
+        ];
+        self.held = forces;
+        let sample = self.sample(time, hand(time), forces, operator_force, estimate);
+        self.count += 1;
+        self.move_on(time, forces, hand);
+        let is_bounded = |motion: Motion| {
+            (motion.position - self.position).abs() < FARTHEST_M && motion.velocity.abs() < FASTEST_M_S
+        };
+        if is_bounded(self.master.motion) && is_bounded(self.slave.motion) {
+            Ok(sample)
+        } else {
+            Err(Diverged { time_s: time })
+        }
+    }
+
+    fn read(&mut self) -> [Reading; 2] {
+        let motions = [self.master.motion, self.slave.motion];
+        let [master, slave] = &mut self.encoders;
+        [
+            master.read(motions[0].position, motions[0].velocity),
+            slave.read(motions[1].position, motions[1].velocity),
+        ]
+    }
+
+    /// The tissue's force: the reading less the fraction γ of the model's force.
+    fn estimate(&mut self, own: &Reading) -> f64 {
+        let sensor = self.config.sensor;
+        let true_force = match sensor.place {
+            Place::Tip => self.slave.tissue_force,
+            Place::Outside => {
+                self.slave.tissue_force
+                    + self.slave.trocar_force
+                    + sensor.moving_mass_kg * self.slave.acceleration
+            }
+        };
+        let noise = if sensor.noise_n > 0.0 { sensor.noise_n * self.noise.normal() } else { 0.0 };
+        let mut reading = true_force + sensor.offset_n + noise;
+        if sensor.resolution_n > 0.0 {
+            reading = (reading / sensor.resolution_n).round() * sensor.resolution_n;
+        }
+        let duration = self.config.sample_time_s;
+        let state = &mut self.compensator_state;
+        let model = self.compensator.step_to(state, own.position, duration);
+        let fraction = match sensor.place {
+            Place::Tip => 0.0,
+            Place::Outside => self.config.compensation.fraction,
+        };
+        reading - fraction * model
+    }
+
+    /// Force of a port against its motion, with the damper of the passivity control.
+    fn guard(&mut self, port: usize, own: &Reading, force: f64, budget: f64) -> f64 {
+        // Without the control the observer's budget has no end.
+        let budget = if self.config.control.passivity { budget } else { f64::INFINITY };
+        self.ports[port].guard(own.position, own.velocity, force, budget)
+    }
+
+    fn sample(
+        &self,
+        time: f64,
+        hand: Motion,
+        [master_force, slave_force]: [f64; 2],
+        operator_force: f64,
+        estimate: f64,
+    ) -> Sample {
+        let (master, slave) = (self.master.motion, self.slave.motion);
+        Sample {
+            time,
+            hand_position: hand.position,
+            master_position: master.position,
+            master_velocity: master.velocity,
+            slave_position: slave.position,
+            slave_velocity: slave.velocity,
+            operator_force,
+            master_force,
+            slave_force,
+            trocar_force: self.slave.trocar_force,
+            tissue_force: self.slave.tissue_force,
+            estimate,
+            master_energies: self.ports[0].energies(),
+            slave_energies: self.ports[1].energies(),
+        }
+    }
+
+    fn move_on(&mut self, time: f64, [master, slave]: [f64; 2], hand: impl Fn(f64) -> Motion) {
+        let step = self.config.sample_time_s / f64::from(self.config.substeps);
+        for k in 0..self.config.substeps {
+            let (from, to) = (time + f64::from(k) * step, time + f64::from(k + 1) * step);
+            self.master.step(master, [hand(from), hand(to)]);
+            self.slave.step(slave, to);
+        }
+    }
+}
+
+/// The loop is unstable: a device left its range.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the loop is unstable: it diverged after {time_s} s")]
+pub struct Diverged {
+    /// When, s.
+    pub time_s: f64,
+}

@@ -1,0 +1,81 @@
+//! Where a loop is stable: by running it.
+
+use trocar_model::Trocar;
+
+use crate::config::{Config, ConfigError};
+use crate::simulation::Loop;
+
+/// How a loop is tried.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Trial {
+    /// Distance by which the hand pushes at the beginning, m.
+    pub push_m: f64,
+    /// Time after which the loop must have settled, s.
+    pub settle_s: f64,
+    /// Time over which it is watched then, s.
+    pub watch_s: f64,
+    /// Largest rms velocity of either device in the second half of that time, m/s, with which it counts as at rest.
+    pub at_rest_m_s: f64,
+}
+
+impl Default for Trial {
+    /// A push by 10 mm, 1 s to settle, watched for 1 s, at rest below 1 mm/s.
+    fn default() -> Self {
+        Self { push_m: 0.01, settle_s: 1.0, watch_s: 1.0, at_rest_m_s: 1e-3 }
+    }
+}
+
+impl Trial {
+    /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
+    /// [`Trial::push_m`] within 0.1 s: the rms velocity of both devices over the second half of
+    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range.
+    pub fn is_stable<K: AsRef<[f64]> + Clone>(
+        &self,
+        config: &Config,
+        trocar: &Trocar<K>,
+        compensator: &Trocar<K>,
+        position: f64,
+    ) -> Result<bool, ConfigError> {
+        let mut tried = Loop::new(config, trocar.clone(), compensator.clone(), position)?;
+        let hand = |time: f64| {
+            let part = (time / 0.1).min(1.0);
+            // Minimum jerk.
+            let way = part * part * part * (10.0 + part * (6.0 * part - 15.0));
+            let rate = 30.0 * part * part * (1.0 - part) * (1.0 - part) / 0.1;
+            (position + self.push_m * way, self.push_m * rate)
+        };
+        let samples = |seconds: f64| (seconds / config.sample_time_s).ceil() as usize;
+        let mut rms = |count: usize| {
+            let mut squares = 0.0;
+            for _ in 0..count {
+                let Ok(sample) = tried.step(hand) else { return f64::INFINITY };
+                squares += sample.master_velocity.powi(2) + sample.slave_velocity.powi(2);
+            }
+            (squares / count.max(1) as f64).sqrt()
+        };
+        rms(samples(self.settle_s));
+        let (first, second) = (rms(samples(0.5 * self.watch_s)), rms(samples(0.5 * self.watch_s)));
+        Ok(second < self.at_rest_m_s || second < 0.5 * first)
+    }
+}
+
+/// The value between `low`, where `holds` is true, and `high`, where it is not, at which that changes, to a relative
+/// accuracy of `accuracy`. `None` where it does not change: the whole interval holds, or not even `low`.
+pub fn boundary(
+    [low, high]: [f64; 2],
+    accuracy: f64,
+    mut holds: impl FnMut(f64) -> bool,
+) -> Option<f64> {
+    if !holds(low) || holds(high) {
+        return None;
+    }
+    let (mut low, mut high) = (low, high);
+    while high - low > accuracy * high.abs() {
+        let middle = 0.5 * (low + high);
+        if holds(middle) { low = middle } else { high = middle }
+    }
+    Some(0.5 * (low + high))
+}
