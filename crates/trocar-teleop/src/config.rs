@@ -29,6 +29,36 @@ pub struct Config {
     pub sensor: Sensor,
     /// What the tip touches.
     pub tissue: Tissue,
+    /// What the operator intends.
+    pub motion: Press,
+}
+
+/// Intended motion of the hand: `middle − amplitude·cos(2π·frequency·t)`, which begins at rest.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Press {
+    /// Middle, m.
+    pub middle_m: f64,
+    /// Amplitude, m.
+    pub amplitude_m: f64,
+    /// Frequency, Hz, ≥ 0.
+    pub frequency_hz: f64,
+    /// Duration of the experiment, s, above 0.
+    pub duration_s: f64,
+}
+
+impl Press {
+    /// Where it begins, m.
+    pub fn start_m(&self) -> f64 {
+        self.middle_m - self.amplitude_m
+    }
+
+    /// Position, m, and velocity, m/s, at `time`, s.
+    pub fn at(&self, time: f64) -> (f64, f64) {
+        let rate = std::f64::consts::TAU * self.frequency_hz;
+        let (sin, cos) = (rate * time).sin_cos();
+        (self.middle_m - self.amplitude_m * cos, self.amplitude_m * rate * sin)
+    }
 }
 
 /// Impedance of the hand, Z_h = m_h·s + b_h + k_h/s, between its intended motion and the master.
@@ -193,7 +223,15 @@ impl Default for Config {
             compensation: Compensation::default(),
             sensor: Sensor::default(),
             tissue: Tissue::default(),
+            motion: Press::default(),
         }
+    }
+}
+
+impl Default for Press {
+    /// From 20 mm before the surface of the default tissue to 20 mm beyond it, twice within 4 s.
+    fn default() -> Self {
+        Self { middle_m: 0.12, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 4.0 }
     }
 }
 
@@ -339,10 +377,19 @@ impl Config {
         not_below_0("tissue.dissipation_s_m", self.tissue.dissipation_s_m)?;
         not_below_0("tissue.breathing_m", self.tissue.breathing_m)?;
         not_below_0("tissue.breathing_hz", self.tissue.breathing_hz)?;
+        finite("motion.middle_m", self.motion.middle_m)?;
+        finite("motion.amplitude_m", self.motion.amplitude_m)?;
+        not_below_0("motion.frequency_hz", self.motion.frequency_hz)?;
+        above_0("motion.duration_s", self.motion.duration_s)?;
         let loss = self.channel.loss;
         check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
         self.delay_samples()?;
         self.jitter_samples().map(|_| ())
+    }
+
+    /// Samples of the experiment.
+    pub fn samples(&self) -> usize {
+        (self.motion.duration_s / self.sample_time_s).ceil() as usize
     }
 
     /// Delay of one direction in samples.
@@ -350,7 +397,7 @@ impl Config {
     /// # Errors
     /// A delay that is negative or no multiple of the sample time.
     pub fn delay_samples(&self) -> Result<usize, ConfigError> {
-        self.samples("channel.delay_s", self.channel.delay_s)
+        self.whole("channel.delay_s", self.channel.delay_s)
     }
 
     /// Largest additional delay in samples.
@@ -358,10 +405,10 @@ impl Config {
     /// # Errors
     /// As for [`Config::delay_samples`].
     pub fn jitter_samples(&self) -> Result<usize, ConfigError> {
-        self.samples("channel.jitter_s", self.channel.jitter_s)
+        self.whole("channel.jitter_s", self.channel.jitter_s)
     }
 
-    fn samples(&self, name: &'static str, found: f64) -> Result<usize, ConfigError> {
+    fn whole(&self, name: &'static str, found: f64) -> Result<usize, ConfigError> {
         let samples = found / self.sample_time_s;
         let is_allowed = (0.0..=MOST_SAMPLES).contains(&samples);
         check(is_allowed, name, "from 0 to a million samples", found)?;

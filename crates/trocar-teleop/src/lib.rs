@@ -17,6 +17,7 @@
 //! - [`Loop`]: runs it, sample by sample.
 //! - [`hybrid`]: what linear theory says about the same loop.
 
+pub mod advise;
 mod channel;
 pub mod config;
 mod control;

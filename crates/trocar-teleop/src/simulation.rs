@@ -154,6 +154,18 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         }
     }
 
+    /// The next `count` samples.
+    ///
+    /// # Errors
+    /// As for [`Loop::step`].
+    pub fn run(
+        &mut self,
+        count: usize,
+        hand: impl Fn(f64) -> (f64, f64),
+    ) -> Result<Vec<Sample>, Diverged> {
+        (0..count).map(|_| self.step(&hand)).collect()
+    }
+
     fn read(&mut self) -> [Reading; 2] {
         let motions = [self.master.motion, self.slave.motion];
         let [master, slave] = &mut self.encoders;

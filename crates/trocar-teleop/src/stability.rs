@@ -62,8 +62,8 @@ impl Trial {
     }
 }
 
-/// The value between `low`, where `holds` is true, and `high`, where it is not, at which that changes, to a relative
-/// accuracy of `accuracy`. `None` where it does not change: the whole interval holds, or not even `low`.
+/// The value between `low`, where `holds` is true, and `high`, where it is not, at which that changes, to within
+/// `accuracy`. `None` where it does not change: the whole interval holds, or not even `low`.
 pub fn boundary(
     [low, high]: [f64; 2],
     accuracy: f64,
@@ -73,7 +73,7 @@ pub fn boundary(
         return None;
     }
     let (mut low, mut high) = (low, high);
-    while high - low > accuracy * high.abs() {
+    while high - low > accuracy {
         let middle = 0.5 * (low + high);
         if holds(middle) { low = middle } else { high = middle }
     }

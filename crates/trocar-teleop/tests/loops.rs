@@ -7,9 +7,10 @@ use trocar_teleop::config::{
     Architecture, Channel, Config, Control, Device, Operator, Place, Sensor, Tissue,
 };
 use nalgebra::Complex;
+use trocar_teleop::advise::{advise, map};
 use trocar_teleop::merit::Merit;
 use trocar_teleop::hybrid::{Hybrid, tissue_impedance};
-use trocar_teleop::stability::{Trial, boundary};
+use trocar_teleop::stability::boundary;
 use trocar_teleop::{Loop, Sample};
 
 /// Coulomb friction of `force`, N.
@@ -77,7 +78,7 @@ fn a_sampled_spring_is_stable_up_to_twice_the_damping_over_the_sample_time() {
             largest(1000) < first
         };
         let expected = 2.0 * damping / 1e-3;
-        let found = boundary([0.1 * expected, 10.0 * expected], 1e-3, decays);
+        let found = boundary([0.1 * expected, 10.0 * expected], 1e-3 * expected, decays);
         println!("{damping} N s/m: {found:?} N/m, expected {expected}");
         assert!((found.unwrap() / expected - 1.0).abs() < 0.03, "{found:?} {expected}");
     }
@@ -100,7 +101,7 @@ fn coulomb_friction_holds_a_virtual_wall_up_to_twice_itself_over_the_encoder_ste
                 && samples[3000..].iter().all(|sample| sample.slave_velocity.abs() < 1e-9)
         };
         let expected = 2.0 * friction / step;
-        let found = boundary([0.1 * expected, 10.0 * expected], 1e-3, rests);
+        let found = boundary([0.1 * expected, 10.0 * expected], 1e-3 * expected, rests);
         println!("{friction} N, {step} m: {found:?} N/m, expected {expected}");
         assert!((found.unwrap() / expected - 1.0).abs() < 0.03, "{found:?} {expected}");
     }
@@ -311,22 +312,28 @@ fn figures_do_not_depend_on_the_step_of_the_plant() {
 }
 
 #[test]
-fn what_the_master_feels_of_soft_tissue_is_seal_and_all() {
+fn the_best_fraction_has_two_sides_and_depends_on_the_loop() {
     let trocar = plausible();
-    let trial = Trial::default();
-    for fraction in [0.0, 0.5, 0.8, 0.9, 1.0, 1.1] {
-        let mut config = Config {
-            tissue: Tissue { surface_m: 0.1, stiffness_n_m: 50.0, ..Tissue::default() },
-            sensor: Sensor { place: Place::Outside, ..Sensor::default() },
-            ..Config::default()
-        };
-        config.compensation.fraction = fraction;
-        config.channel.delay_s = 0.01;
-        let stable = boundary([10.0, 5000.0], 1e-2, |stiffness| {
-            let mut config = config.clone();
-            config.tissue.stiffness_n_m = stiffness;
-            trial.is_stable(&config, &trocar, &trocar, 0.1).unwrap()
-        });
-        println!("{fraction}: stable up to {stable:?}");
+    let mut config = Config::default();
+    config.tissue.surface_m = 0.1;
+    for (delay_s, stiffness, grip) in
+        [(0.0, 50.0, 300.0), (0.01, 400.0, 300.0), (0.01, 400.0, 50.0), (0.01, 700.0, 300.0)]
+    {
+        config.channel.delay_s = delay_s;
+        config.tissue.stiffness_n_m = stiffness;
+        config.operator.stiffness_n_m = grip;
+        config.operator.damping_n_s_m = if grip < 100.0 { 2.0 } else { 10.0 };
+        let start = std::time::Instant::now();
+        let advice = advise(&config, &trocar, &[trocar.clone()]).unwrap();
+        println!("{delay_s} {stiffness} {grip}: {:?} {:?} {:?} {:.2?}", advice.fraction, advice.stable, advice.with.map(|m| m.displayed_stiffness_n_m), start.elapsed());
+    }
+    let start = std::time::Instant::now();
+    let delays: Vec<f64> = (0..20).map(|k| 1e-3 * f64::from(k)).collect();
+    let fractions: Vec<f64> = (0..20).map(|k| 0.075 * f64::from(k)).collect();
+    config.operator = Operator::default();
+    let map = map(&config, [&trocar, &trocar], &delays, &fractions, || ()).unwrap();
+    println!("{:.2?}", start.elapsed());
+    for row in map.stiffness_n_m {
+        println!("{}", row.iter().map(|x| format!("{x:6.0}")).collect::<String>());
     }
 }
