@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-const EXAMPLES: [Example; 15] = [
+const EXAMPLES: [Example; 16] = [
     (
         "inspect",
         &[
@@ -96,6 +96,18 @@ const EXAMPLES: [Example; 15] = [
             ("A documented example; change it, then run it", "trocar sweep --print-config"),
             ("", "trocar sweep sweep.toml --out runs.parquet"),
             ("The parameters that can be varied", "trocar sweep --list result"),
+        ],
+    ),
+    (
+        "teleop",
+        &[
+            ("The defaults with a made-up seal", "trocar teleop --model plausible"),
+            ("A loop of your own: change the file, then run it", "trocar teleop --print-config"),
+            ("", "trocar teleop loop.toml --model result --out course.parquet"),
+            (
+                "How much of the trocar's force to take out",
+                "trocar teleop loop.toml --model result --advise",
+            ),
         ],
     ),
     ("analyze", &[("The paper's propositions for a model", "trocar analyze result")]),

@@ -27,6 +27,8 @@ pub mod survey;
 #[cfg(feature = "bench")]
 pub mod sweep;
 pub mod table;
+#[cfg(feature = "bench")]
+pub mod teleop;
 pub mod validate;
 pub mod workflow;
 

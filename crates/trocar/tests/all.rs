@@ -28,6 +28,7 @@ mod scatter;
 mod simulate;
 mod sweep;
 mod table;
+mod teleop;
 #[path = "trust.rs"] // beside a folder of that name
 mod trust;
 mod validate;

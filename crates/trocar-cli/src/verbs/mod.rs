@@ -13,4 +13,5 @@ pub(crate) mod inspect;
 pub(crate) mod man;
 pub(crate) mod simulate;
 pub(crate) mod sweep;
+pub(crate) mod teleop;
 pub(crate) mod validate;

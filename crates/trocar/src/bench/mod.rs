@@ -28,11 +28,11 @@
 pub mod config;
 mod fluctuation;
 mod motion;
-mod noise;
+pub(crate) mod noise;
 pub mod random;
 mod rig;
 mod sensors;
-mod surroundings;
+pub(crate) mod surroundings;
 
 pub use config::{BenchConfig, ConfigError};
 pub use random::{PlausibleSeals, random_plausible_seal, random_seal};

@@ -60,18 +60,30 @@ pub(super) fn tissue_force(tissue: &Tissue, time: f64, position: f64, velocity: 
     if depth <= 0.0 {
         return load;
     }
-    let contact = match tissue.kind {
+    let exponent = if tissue.kind == TissueKind::HuntCrossley { tissue.exponent } else { 1.0 };
+    let elastic = tissue.force_at_10_mm_n * libm::pow(depth, exponent);
+    load + contact_force(
+        tissue.kind,
+        elastic,
+        [tissue.damping_n_s_m, tissue.dissipation_s_m],
+        velocity,
+    )
+}
+
+/// Force, N, of tissue that pushes with `elastic` (N) at rest, at `velocity` (m/s); with b of Kelvin-Voigt
+/// and a of Hunt-Crossley.
+pub(crate) fn contact_force(
+    kind: TissueKind,
+    elastic: f64,
+    [damping, dissipation]: [f64; 2],
+    velocity: f64,
+) -> f64 {
+    let force = match kind {
         TissueKind::None => 0.0,
-        TissueKind::HuntCrossley => {
-            tissue.force_at_10_mm_n
-                * libm::pow(depth, tissue.exponent)
-                * (1.0 + tissue.dissipation_s_m * velocity)
-        }
-        TissueKind::KelvinVoigt => {
-            tissue.force_at_10_mm_n * depth + tissue.damping_n_s_m * velocity
-        }
+        TissueKind::HuntCrossley => elastic * (1.0 + dissipation * velocity),
+        TissueKind::KelvinVoigt => elastic + damping * velocity,
     };
-    load + contact.max(0.0)
+    force.max(0.0)
 }
 
 #[cfg(test)]

@@ -3,6 +3,12 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+pub use crate::bench::config::TissueKind;
+use crate::bench::surroundings::contact_force;
+
+/// The loop with every key at its default, described.
+pub const EXAMPLE_TOML: &str = include_str!("../../../../data/teleop.toml");
+
 /// A teleoperation loop and what the operator does with it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -102,7 +108,7 @@ pub struct Channel {
 
 /// What a receiver uses in place of a missing sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(rename_all = "snake_case")]
 pub enum OnLoss {
     /// The last one that arrived.
     Hold,
@@ -112,7 +118,7 @@ pub enum OnLoss {
 
 /// What each side sends, and how motor forces follow.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(rename_all = "snake_case")]
 pub enum Architecture {
     /// Both sides follow each other's position.
     PositionPosition,
@@ -153,7 +159,7 @@ pub struct Compensation {
 
 /// Where a force sensor is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
+#[serde(rename_all = "snake_case")]
 pub enum Place {
     /// At the tip: reads the force on the tissue.
     Tip,
@@ -177,22 +183,12 @@ pub struct Sensor {
     pub resolution_n: f64,
 }
 
-/// Force law of the tissue.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum TissueLaw {
-    /// `F = k·p + b·v`
-    KelvinVoigt,
-    /// `F = k·p·(1 + a·v)`; key HUNTCROSSLEY in SOURCES.md.
-    HuntCrossley,
-}
-
 /// Tissue beyond the seal; it never pulls.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Tissue {
-    /// Force law.
-    pub law: TissueLaw,
+    /// Force law; the exponent of Hunt-Crossley is 1.
+    pub kind: TissueKind,
     /// Position at which the tip touches the tissue, m.
     pub surface_m: f64,
     /// k, N/m, ≥ 0.
@@ -292,7 +288,7 @@ impl Default for Tissue {
     /// Soft tissue at 0.12 m.
     fn default() -> Self {
         Self {
-            law: TissueLaw::KelvinVoigt,
+            kind: TissueKind::KelvinVoigt,
             surface_m: 0.12,
             stiffness_n_m: 200.0,
             damping_n_s_m: 1.0,
@@ -307,6 +303,9 @@ impl Default for Tissue {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ConfigError {
+    /// The document is not valid TOML, or has unknown keys or wrong types of values.
+    #[error("{0}\n\nhint: `trocar teleop --print-config` prints a loop with every key")]
+    Syntax(String),
     /// A value out of its range.
     #[error("{name} must be {allowed}, got {found}")]
     OutOfRange {
@@ -334,10 +333,21 @@ pub enum ConfigError {
     },
 }
 
-/// Longest delay, in samples: what a channel stores.
+/// Longest delay and longest experiment, in samples: what is stored.
 const MOST_SAMPLES: f64 = 1e6;
 
 impl Config {
+    /// The loop that a TOML document describes; keys that are missing have their default.
+    ///
+    /// # Errors
+    /// What is no such document, or a value out of its range.
+    pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
+        let config: Self = toml::from_str(text)
+            .map_err(|error| ConfigError::Syntax(error.to_string().trim_end().to_owned()))?;
+        config.check()?;
+        Ok(config)
+    }
+
     /// Checks all values.
     ///
     /// # Errors
@@ -381,6 +391,13 @@ impl Config {
         finite("motion.amplitude_m", self.motion.amplitude_m)?;
         not_below_0("motion.frequency_hz", self.motion.frequency_hz)?;
         above_0("motion.duration_s", self.motion.duration_s)?;
+        let samples = self.motion.duration_s / self.sample_time_s;
+        check(
+            samples <= MOST_SAMPLES,
+            "motion.duration_s",
+            "at most a million samples",
+            self.motion.duration_s,
+        )?;
         let loss = self.channel.loss;
         check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
         self.delay_samples()?;
@@ -432,23 +449,15 @@ fn check(
 }
 
 impl Tissue {
-    /// F_e, N, of the tip on the tissue at `time` (s), `position` (m) and `velocity` (m/s); with how it
-    /// changes with the position, N/m, and the velocity, N s/m, is not needed: the plant asks for forces
-    /// only.
+    /// F_e, N, of the tip on the tissue at `time` (s), `position` (m) and `velocity` (m/s).
     pub fn force(&self, time: f64, position: f64, velocity: f64) -> f64 {
         let (surface, rate) = self.surface(time);
         let depth = position - surface;
         if depth <= 0.0 {
             return 0.0;
         }
-        let speed = velocity - rate;
-        let force = match self.law {
-            TissueLaw::KelvinVoigt => self.stiffness_n_m * depth + self.damping_n_s_m * speed,
-            TissueLaw::HuntCrossley => {
-                self.stiffness_n_m * depth * (1.0 + self.dissipation_s_m * speed)
-            }
-        };
-        force.max(0.0)
+        let losses = [self.damping_n_s_m, self.dissipation_s_m];
+        contact_force(self.kind, self.stiffness_n_m * depth, losses, velocity - rate)
     }
 
     /// Where the surface is and how fast it moves, m and m/s.

@@ -1,7 +1,7 @@
 //! Controllers: motor forces from what each side reads and receives.
 
-use crate::channel::Packet;
-use crate::config::{Architecture, Config, Control, Device};
+use super::channel::Packet;
+use super::config::{Architecture, Config, Control, Device};
 
 /// What one side reads at a sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -113,8 +113,8 @@ impl Controllers {
         let Control { stiffness_n_m, damping_n_s_m, wave_impedance_n_s_m: b, .. } = self.control;
         let arriving = self.wave_scale() * from.force;
         let spring = stiffness_n_m * (self.wave_position - own.position);
-        let force = (spring + damping_n_s_m * (arriving / b - own.velocity))
-            / (1.0 + damping_n_s_m / b);
+        let force =
+            (spring + damping_n_s_m * (arriving / b - own.velocity)) / (1.0 + damping_n_s_m / b);
         self.wave_position += (arriving - force) / b * self.duration;
         (force, own.sent_with(from.force - 2.0 * force / self.wave_scale()))
     }

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
-use crate::config::{Architecture, Config, Place, TissueLaw};
+use super::config::{Architecture, Config, Place, TissueKind};
 
 /// Hybrid matrix, `[F_h; −v_s] = H·[v_m; F_e]`; ideal is `[[0, 1], [−1, 0]]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,7 +85,12 @@ impl Hybrid {
                 let (h21, h22) = (-follow * delay / all, one / all);
                 let gain = delay * control.force_gain;
                 // F_h = Z_m·v_m + λ·D·(F_e + beside·v_s)
-                Self { h11: master - gain * beside * h21, h12: gain * (one - beside * h22), h21, h22 }
+                Self {
+                    h11: master - gain * beside * h21,
+                    h12: gain * (one - beside * h22),
+                    h21,
+                    h22,
+                }
             }
             Architecture::FourChannel => {
                 // (Z_s + C)·(v_s − D·v_m) = D·F_h − F_e − seal·v_s and
@@ -128,12 +133,7 @@ impl Hybrid {
         // F_sc from v_m and F_e.
         let s_v = delay * (one * b + f_v) / plus;
         let s_e = (delay * f_e + one * b / load) / plus;
-        Self {
-            h11: master + f_v,
-            h12: f_e,
-            h21: -s_v / load,
-            h22: (one - s_e) / load,
-        }
+        Self { h11: master + f_v, h12: f_e, h21: -s_v / load, h22: (one - s_e) / load }
     }
 
     /// Impedance that the operator feels, N s/m, of the tissue's `environment`, N s/m:
@@ -155,9 +155,10 @@ impl Hybrid {
 /// Impedance of the tissue in contact, N s/m.
 pub fn tissue_impedance(config: &Config, frequency_hz: f64) -> Complex<f64> {
     let tissue = config.tissue;
-    let damping = match tissue.law {
-        TissueLaw::KelvinVoigt => tissue.damping_n_s_m,
-        TissueLaw::HuntCrossley => 0.0,
+    let (damping, stiffness) = match tissue.kind {
+        TissueKind::None => (0.0, 0.0),
+        TissueKind::HuntCrossley => (0.0, tissue.stiffness_n_m),
+        TissueKind::KelvinVoigt => (tissue.damping_n_s_m, tissue.stiffness_n_m),
     };
-    Complex::new(damping, -tissue.stiffness_n_m / (TAU * frequency_hz))
+    Complex::new(damping, -stiffness / (TAU * frequency_hz))
 }

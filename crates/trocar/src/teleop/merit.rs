@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::config::Config;
-use crate::simulation::Sample;
+use super::config::Config;
+use super::simulation::Sample;
 
 /// Just noticeable difference of a force, as a fraction of it, PANG.
 const NOTICEABLE: f64 = 0.07;

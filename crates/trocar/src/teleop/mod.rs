@@ -22,13 +22,13 @@ mod channel;
 pub mod config;
 mod control;
 pub mod hybrid;
-#[path = "../../trocar/src/bench/noise.rs"]
-mod noise;
 pub mod merit;
+mod model;
 mod passivity;
 mod plant;
 mod simulation;
 pub mod stability;
 
 pub use config::{Config, ConfigError};
+pub use model::{plants, write_course};
 pub use simulation::{Diverged, Loop, Sample};

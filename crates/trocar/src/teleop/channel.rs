@@ -1,7 +1,7 @@
 //! The way of samples from one side to the other: delay, jitter and loss.
 
-use crate::config::{Config, ConfigError, OnLoss};
-use crate::noise::{Noise, Source};
+use super::config::{Config, ConfigError, OnLoss};
+use crate::bench::noise::{Noise, Source};
 
 /// One sample on its way.
 #[derive(Debug, Clone, Copy, PartialEq)]

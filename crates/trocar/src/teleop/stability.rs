@@ -2,8 +2,8 @@
 
 use trocar_model::Trocar;
 
-use crate::config::{Config, ConfigError};
-use crate::simulation::Loop;
+use super::config::{Config, ConfigError};
+use super::simulation::Loop;
 
 /// How a loop is tried.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,16 +2,16 @@
 
 use std::f64::consts::TAU;
 
-use trocar_model::{Classical, Seal, SlidingFriction, StaticFriction, Trocar};
-use trocar_teleop::config::{
-    Architecture, Channel, Config, Control, Device, Operator, Place, Sensor, Tissue,
-};
 use nalgebra::Complex;
-use trocar_teleop::advise::{advise, map};
-use trocar_teleop::merit::Merit;
-use trocar_teleop::hybrid::{Hybrid, tissue_impedance};
-use trocar_teleop::stability::boundary;
-use trocar_teleop::{Loop, Sample};
+use trocar::teleop::advise::{advise, map};
+use trocar::teleop::config::{
+    Architecture, Channel, Config, Control, Device, Operator, Sensor, Tissue,
+};
+use trocar::teleop::hybrid::{Hybrid, tissue_impedance};
+use trocar::teleop::merit::Merit;
+use trocar::teleop::stability::boundary;
+use trocar::teleop::{Loop, Sample};
+use trocar_model::{Classical, Seal, SlidingFriction, StaticFriction, Trocar};
 
 /// Coulomb friction of `force`, N.
 fn coulomb(force: f64) -> Trocar {
@@ -70,7 +70,11 @@ fn a_sampled_spring_is_stable_up_to_twice_the_damping_over_the_sample_time() {
             let pushed = Loop::new(&config, none(), none(), 0.1).unwrap().with_slave_velocity(0.01);
             let mut pushed = pushed;
             let mut largest = |count: usize| {
-                let step = |_| pushed.step(|_| (0.1, 0.0)).map_or(f64::INFINITY, |s| (s.slave_position - 0.1).abs());
+                let step = |_| {
+                    pushed
+                        .step(|_| (0.1, 0.0))
+                        .map_or(f64::INFINITY, |s| (s.slave_position - 0.1).abs())
+                };
                 (0..count).map(step).fold(0.0, f64::max)
             };
             let first = largest(1000);
@@ -79,7 +83,6 @@ fn a_sampled_spring_is_stable_up_to_twice_the_damping_over_the_sample_time() {
         };
         let expected = 2.0 * damping / 1e-3;
         let found = boundary([0.1 * expected, 10.0 * expected], 1e-3 * expected, decays);
-        println!("{damping} N s/m: {found:?} N/m, expected {expected}");
         assert!((found.unwrap() / expected - 1.0).abs() < 0.03, "{found:?} {expected}");
     }
 }
@@ -102,7 +105,6 @@ fn coulomb_friction_holds_a_virtual_wall_up_to_twice_itself_over_the_encoder_ste
         };
         let expected = 2.0 * friction / step;
         let found = boundary([0.1 * expected, 10.0 * expected], 1e-3 * expected, rests);
-        println!("{friction} N, {step} m: {found:?} N/m, expected {expected}");
         assert!((found.unwrap() / expected - 1.0).abs() < 0.03, "{found:?} {expected}");
     }
 }
@@ -127,12 +129,14 @@ fn a_wall_behind_waves_is_felt_as_soft_as_the_delay_makes_it() {
             ..Config::default()
         };
         // A push of 1 mm/s after a soft start, and the force it has built up.
-        let hand = |t: f64| (0.1 + 1e-3 * (t - 0.1 * (1.0 - (-t / 0.1).exp())), 1e-3 * (1.0 - (-t / 0.1).exp()));
+        let hand = |t: f64| {
+            (0.1 + 1e-3 * (t - 0.1 * (1.0 - (-t / 0.1).exp())), 1e-3 * (1.0 - (-t / 0.1).exp()))
+        };
         let samples = run(&config, &none(), 8.0, hand);
         let [one, two] = [40_000, 79_000].map(|k: usize| &samples[k]);
-        let felt = (two.master_force - one.master_force) / (two.master_position - one.master_position);
+        let felt =
+            (two.master_force - one.master_force) / (two.master_position - one.master_position);
         let expected = 1.0 / (1.0 / spring + 2.0 * delay_s / (2.0 * b));
-        println!("b {b}, delay {delay_s}: {felt} N/m, expected {expected}");
         assert!((felt / expected - 1.0).abs() < 0.01, "{felt} {expected}");
     }
 }
@@ -165,7 +169,12 @@ fn linear(architecture: Architecture, delay_s: f64) -> Config {
             passivity: false,
         },
         sensor: Sensor { moving_mass_kg: 0.05, ..Sensor::default() },
-        tissue: Tissue { surface_m: 0.0, stiffness_n_m: 150.0, damping_n_s_m: 4.0, ..Tissue::default() },
+        tissue: Tissue {
+            surface_m: 0.0,
+            stiffness_n_m: 150.0,
+            damping_n_s_m: 4.0,
+            ..Tissue::default()
+        },
         ..Config::default()
     }
 }
@@ -204,7 +213,8 @@ fn linear_loops_feel_as_their_hybrid_matrix_says() {
             // Two steps of Richardson for an error of first order.
             let twice = |k: usize| errors[k + 1] * 2.0 - errors[k];
             let left = ((twice(2) * 4.0 - twice(1)) / 3.0).norm() / expected.norm();
-            let case = format!("{architecture:?} {delay_s} s {frequency} Hz: {relative:.5?} {left:.1e}");
+            let case =
+                format!("{architecture:?} {delay_s} s {frequency} Hz: {relative:.5?} {left:.1e}");
             let ratios = relative.windows(2).map(|pair| pair[0] / pair[1]);
             assert!(ratios.into_iter().all(|ratio| (1.9..2.1).contains(&ratio)), "{case}");
             assert!(left < 1e-6, "{case}");
@@ -234,7 +244,6 @@ fn waves_are_passive_whatever_the_delay_and_position_force_is_not() {
     };
     for delay_s in [0.0, 0.003, 0.05, 0.3] {
         let waves = margin(Architecture::Wave, delay_s);
-        println!("{delay_s} {waves}");
         assert!(waves > -1e-9, "{delay_s} s: {waves}");
     }
     assert!(margin(Architecture::PositionForce, 0.05) < -1e-3);
@@ -267,10 +276,17 @@ fn passivity_control_lets_no_port_give_more_than_it_got() {
                 .fold(0.0, f64::min);
             let of_a_sample = samples
                 .iter()
-                .map(|s| (s.slave_force * s.slave_velocity).abs().max((s.master_force * s.master_velocity).abs()))
+                .map(|s| {
+                    (s.slave_force * s.slave_velocity)
+                        .abs()
+                        .max((s.master_force * s.master_velocity).abs())
+                })
                 .fold(0.0, f64::max)
                 * config.sample_time_s;
-            assert!(least > -of_a_sample, "{architecture:?} {delay_s} s: {least} J, {of_a_sample} J a sample");
+            assert!(
+                least > -of_a_sample,
+                "{architecture:?} {delay_s} s: {least} J, {of_a_sample} J a sample"
+            );
         }
     }
 }
@@ -300,40 +316,119 @@ fn figures_do_not_depend_on_the_step_of_the_plant() {
         config.compensation.fraction = fraction;
         let figures = [1, 2, 4, 8].map(|substeps| {
             let merit = pressed(&Config { substeps, ..config.clone() });
-            [merit.force_error_rms_n, merit.force_error_peak_n, merit.displayed_stiffness_n_m.unwrap()]
+            [
+                merit.force_error_rms_n,
+                merit.force_error_peak_n,
+                merit.displayed_stiffness_n_m.unwrap(),
+            ]
         });
         for pair in figures[1..].windows(2) {
             for (coarse, fine) in pair[0].iter().zip(pair[1]) {
                 assert!((coarse / fine - 1.0).abs() < 0.01, "{figures:?}");
             }
         }
-        println!("{figures:?}");
     }
 }
 
+/// ../TELEOPERATION: how much to take out has two sides and depends on the loop.
 #[test]
 fn the_best_fraction_has_two_sides_and_depends_on_the_loop() {
     let trocar = plausible();
     let mut config = Config::default();
-    config.tissue.surface_m = 0.1;
-    for (delay_s, stiffness, grip) in
-        [(0.0, 50.0, 300.0), (0.01, 400.0, 300.0), (0.01, 400.0, 50.0), (0.01, 700.0, 300.0)]
-    {
-        config.channel.delay_s = delay_s;
-        config.tissue.stiffness_n_m = stiffness;
-        config.operator.stiffness_n_m = grip;
-        config.operator.damping_n_s_m = if grip < 100.0 { 2.0 } else { 10.0 };
-        let start = std::time::Instant::now();
-        let advice = advise(&config, &trocar, &[trocar.clone()]).unwrap();
-        println!("{delay_s} {stiffness} {grip}: {:?} {:?} {:?} {:.2?}", advice.fraction, advice.stable, advice.with.map(|m| m.displayed_stiffness_n_m), start.elapsed());
+    config.tissue.stiffness_n_m = 50.0;
+    let near = advise(&config, &trocar, &[trocar.clone()]).unwrap();
+    let [with, without] = [near.with, near.without].map(|m| m.unwrap().displayed_stiffness_n_m);
+    assert!((with.unwrap() / 50.0 - 1.0).abs() < 0.05, "felt as it is: {with:?}");
+    assert!(without.unwrap() > 150.0, "the seal hides soft tissue: {without:?}");
+    // 10 ms each way: not without compensation.
+    config.channel.delay_s = 0.01;
+    config.tissue.stiffness_n_m = 400.0;
+    let far = advise(&config, &trocar, &[trocar.clone()]).unwrap();
+    assert!(far.without.is_none());
+    let [low, high] = far.stable[0];
+    assert!((0.5..0.9).contains(&low) && high > 1.0, "{:?}", far.stable);
+    // A model 25 % too strong in the compensator: less of it.
+    let strong = scaled(&trocar, 1.25);
+    let over = advise(&config, &strong, &[trocar]).unwrap();
+    let [right, wrong] = [far.fraction, over.fraction].map(Option::unwrap);
+    assert!((right / wrong / 1.25 - 1.0).abs() < 0.1, "{right} {wrong}");
+}
+
+/// The same seal with all forces times `factor`.
+fn scaled(trocar: &Trocar, factor: f64) -> Trocar {
+    let seal = trocar.seal();
+    let values: Vec<f64> = seal
+        .tunables()
+        .map(|tunable| {
+            if tunable.id.unit().si == "N" || tunable.id.unit().si == "N s/m" {
+                factor * tunable.value
+            } else {
+                tunable.value
+            }
+        })
+        .collect();
+    trocar.with_seal(seal.tuned(&values).unwrap())
+}
+
+/// The longer the delay, the softer the stiffest tissue held.
+#[test]
+fn delay_takes_stability_away() {
+    let trocar = plausible();
+    let delays = [0.0, 0.005, 0.01, 0.02];
+    let found =
+        map(&Config::default(), [&trocar, &trocar], &delays, &[0.0, 0.8, 1.0], || ()).unwrap();
+    for fraction in 0..3 {
+        let by_delay: Vec<f64> = found.stiffness_n_m.iter().map(|row| row[fraction]).collect();
+        assert!(by_delay.windows(2).all(|pair| pair[1] <= pair[0]), "{by_delay:?}");
+        assert!(by_delay[3] < by_delay[0], "{by_delay:?}");
     }
-    let start = std::time::Instant::now();
-    let delays: Vec<f64> = (0..20).map(|k| 1e-3 * f64::from(k)).collect();
-    let fractions: Vec<f64> = (0..20).map(|k| 0.075 * f64::from(k)).collect();
-    config.operator = Operator::default();
-    let map = map(&config, [&trocar, &trocar], &delays, &fractions, || ()).unwrap();
-    println!("{:.2?}", start.elapsed());
-    for row in map.stiffness_n_m {
-        println!("{}", row.iter().map(|x| format!("{x:6.0}")).collect::<String>());
+}
+
+#[test]
+fn the_shipped_example_is_the_default() {
+    assert_eq!(Config::from_toml(trocar::teleop::config::EXAMPLE_TOML), Ok(Config::default()));
+    assert_eq!(Config::from_toml(""), Ok(Config::default()));
+}
+
+#[test]
+fn what_is_no_loop_is_refused_with_its_key() {
+    for (text, words) in [
+        ("[master]\nmass_kg = -0.5", ["master.mass_kg", "above 0"]),
+        ("[master]\nmass_kg = nan", ["master.mass_kg", "got NaN"]),
+        ("[channel]\ndelay_s = 0.0015", ["multiple of the sample time", "take 0.002 s"]),
+        ("[channel]\ndelay_s = -1.0", ["channel.delay_s", "got -1"]),
+        ("[channel]\nloss = 1.0", ["channel.loss", "below 1"]),
+        ("substeps = 0", ["substeps", "from 1"]),
+        ("[slave]\nmas_kg = 1.0", ["mas_kg", "--print-config"]),
+        ("sample_time_s = 0.0", ["sample_time_s", "above 0"]),
+        ("[motion]\nduration_s = 1e9", ["motion.duration_s", "samples"]),
+    ] {
+        let error = Config::from_toml(text).unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
     }
+}
+
+#[test]
+fn a_loop_that_diverges_says_when_and_gives_no_number() {
+    let mut config = Config::default();
+    config.channel.delay_s = 0.05;
+    config.control.force_gain = 20.0;
+    let trocar = plausible();
+    let mut tried = Loop::new(&config, trocar.clone(), trocar, config.motion.start_m()).unwrap();
+    let diverged = tried.run(100_000, |time| config.motion.at(time)).unwrap_err();
+    assert!(diverged.time_s > 0.0 && diverged.time_s < 100.0, "{diverged}");
+    assert!(tried.step(|_| (f64::NAN, 0.0)).is_err(), "it stays unstable");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_course() {
+    let mut config = Config::default();
+    (config.sensor.noise_n, config.channel.jitter_s, config.channel.loss) = (0.05, 2e-3, 0.1);
+    config.motion.duration_s = 0.5;
+    let course = |seed| {
+        let config = Config { seed, ..config.clone() };
+        run(&config, &plausible(), 0.5, |time| config.motion.at(time))
+    };
+    assert_eq!(course(7), course(7));
+    assert_ne!(course(7), course(8));
 }

@@ -3,7 +3,7 @@
 use nalgebra::Matrix4;
 use trocar_model::{Trocar, TrocarState};
 
-use crate::config::{Config, Device, Operator, Tissue};
+use super::config::{Config, Device, Operator, Tissue};
 
 /// Iterations for a force that changes within a substep, before the substep counts as stiff.
 const ITERATIONS: usize = 5;
@@ -37,10 +37,22 @@ impl Mass {
     fn new(mass: f64, damping: f64, stiffness: f64, duration: f64) -> Self {
         // x, v, f and df/dt as one linear system.
         let system = Matrix4::new(
-            0.0, 1.0, 0.0, 0.0, //
-            -stiffness / mass, -damping / mass, 1.0 / mass, 0.0, //
-            0.0, 0.0, 0.0, 1.0, //
-            0.0, 0.0, 0.0, 0.0,
+            0.0,
+            1.0,
+            0.0,
+            0.0, //
+            -stiffness / mass,
+            -damping / mass,
+            1.0 / mass,
+            0.0, //
+            0.0,
+            0.0,
+            0.0,
+            1.0, //
+            0.0,
+            0.0,
+            0.0,
+            0.0,
         );
         let end = (system * duration).exp();
         let row = |row: usize| {
@@ -184,11 +196,9 @@ impl<K: AsRef<[f64]>> Slave<K> {
         let Met { seal, trocar_force, tissue_force } = met;
         (self.seal, self.trocar_force, self.tissue_force) = (seal, trocar_force, tissue_force);
         self.motion = motion;
-        self.acceleration = (motor
-            - trocar_force
-            - tissue_force
-            - self.device.damping_n_s_m * motion.velocity)
-            / self.device.mass_kg;
+        self.acceleration =
+            (motor - trocar_force - tissue_force - self.device.damping_n_s_m * motion.velocity)
+                / self.device.mass_kg;
     }
 
     /// The same by the implicit rule of Euler, which holds for seals of any stiffness, up to friction that jumps
@@ -200,8 +210,7 @@ impl<K: AsRef<[f64]>> Slave<K> {
     fn step_stiffly(&mut self, motor: f64, time: f64) {
         let Device { mass_kg, damping_n_s_m, .. } = self.device;
         let (from, h) = (self.motion, self.duration);
-        let motion =
-            |velocity: f64| Motion { position: from.position + h * velocity, velocity };
+        let motion = |velocity: f64| Motion { position: from.position + h * velocity, velocity };
         let needed = |velocity: f64| {
             motor - mass_kg * (velocity - from.velocity) / h - damping_n_s_m * velocity
         };
@@ -213,7 +222,11 @@ impl<K: AsRef<[f64]>> Slave<K> {
         };
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (low + high);
-            if excess(middle) > 0.0 { high = middle } else { low = middle }
+            if excess(middle) > 0.0 {
+                high = middle
+            } else {
+                low = middle
+            }
             if middle == low && middle == high {
                 break;
             }

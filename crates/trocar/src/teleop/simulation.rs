@@ -2,12 +2,12 @@
 
 use trocar_model::{Trocar, TrocarState};
 
-use crate::channel::{Channel, Packet};
-use crate::config::{Config, ConfigError, Place};
-use crate::control::{Controllers, Encoder, Reading};
-use crate::noise::{Noise, Source};
-use crate::passivity::Port;
-use crate::plant::{Master, Motion, Slave};
+use super::channel::{Channel, Packet};
+use super::config::{Config, ConfigError, Place};
+use super::control::{Controllers, Encoder, Reading};
+use super::passivity::Port;
+use super::plant::{Master, Motion, Slave};
+use crate::bench::noise::{Noise, Source};
 
 /// Beyond these a loop counts as unstable, m and m/s: far outside any device.
 const FARTHEST_M: f64 = 10.0;
@@ -129,7 +129,8 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         let [own_master, own_slave] = self.read();
         let estimate = self.estimate(&own_slave);
         let operator_force = self.master.operator_force(hand(time), self.held[0]);
-        let mut sent = self.controllers.from_master(&own_master, operator_force, self.arrived.force);
+        let mut sent =
+            self.controllers.from_master(&own_master, operator_force, self.arrived.force);
         sent.energy = self.ports[0].observe(own_master.position);
         let at_slave = self.to_slave.send(sent);
         let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
@@ -145,7 +146,8 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         self.count += 1;
         self.move_on(time, forces, hand);
         let is_bounded = |motion: Motion| {
-            (motion.position - self.position).abs() < FARTHEST_M && motion.velocity.abs() < FASTEST_M_S
+            (motion.position - self.position).abs() < FARTHEST_M
+                && motion.velocity.abs() < FASTEST_M_S
         };
         if is_bounded(self.master.motion) && is_bounded(self.slave.motion) {
             Ok(sample)

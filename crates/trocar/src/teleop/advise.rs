@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::Trocar;
 
-use crate::config::{Config, ConfigError};
-use crate::merit::Merit;
-use crate::simulation::Loop;
-use crate::stability::{Trial, boundary};
+use super::config::{Config, ConfigError};
+use super::merit::Merit;
+use super::simulation::Loop;
+use super::stability::{Trial, boundary};
 
 /// Fractions that are tried, from 0, and their distance.
 const MOST: f64 = 1.5;
@@ -84,7 +84,8 @@ fn attempt<K: AsRef<[f64]> + Clone>(
     let config = with_fraction(config, fraction);
     let mut worst: Option<Merit> = None;
     for plant in plants {
-        let is_stable = Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)?;
+        let is_stable =
+            Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)?;
         let Some(merit) = figures(&config, model, plant)?.filter(|_| is_stable) else {
             return Ok(Tried { fraction, stable: false, merit: None });
         };

@@ -1,0 +1,234 @@
+//! `trocar teleop`
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde::Serialize;
+use trocar::model_file::ModelFile;
+use trocar::teleop::advise::{Advice, Map, advise, map};
+use trocar::teleop::config::EXAMPLE_TOML;
+use trocar::teleop::merit::Merit;
+use trocar::teleop::{Config, Loop, plants, write_course};
+use trocar_model::Trocar;
+
+use crate::Completion;
+use crate::console::{self, Console};
+use crate::models;
+use crate::progress::Progress;
+use crate::table::{Table, number};
+
+/// Delays, in samples, and fractions of a map.
+const DELAYS: u32 = 20;
+const FRACTIONS: u32 = 20;
+
+/// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
+///
+/// Operator, master, channel, slave, trocar, tissue and sensor along the axis of the instrument. Prints
+/// what is felt of the tissue with the fraction of the trocar's force that is taken out. --advise finds the
+/// best fraction over the model's 95 % intervals, --map the stiffest tissue held over delay and fraction. A
+/// loop that is unstable gives exit code 3.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// The loop, TOML (see --print-config); without it, the defaults
+    #[arg(value_name = "CONFIG.toml")]
+    config: Option<PathBuf>,
+    /// Model of the trocar (model.json, or the folder of a result); 'plausible' is the default model
+    #[arg(long, value_name = "MODEL", required_unless_present = "print_config")]
+    model: Option<PathBuf>,
+    /// Model in the compensator; without it, the same
+    #[arg(long, value_name = "MODEL")]
+    compensator: Option<PathBuf>,
+    /// Find the fraction of the trocar's force to take out
+    #[arg(long)]
+    advise: bool,
+    /// Find the stiffest tissue with which the loop is stable, over delays up to 19 samples and fractions up
+    /// to 1.425
+    #[arg(long)]
+    map: bool,
+    /// Write the course of the loop: .parquet, .arrow, .csv, .csv.gz or .csv.zst, '-' for CSV to standard
+    /// output
+    #[arg(long, value_name = "TABLE")]
+    out: Option<PathBuf>,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// Print a documented loop with all defaults and stop
+    #[arg(long)]
+    print_config: bool,
+}
+
+/// Everything that was asked for.
+#[derive(Serialize)]
+struct Answer {
+    fraction: f64,
+    /// None where the loop is unstable.
+    figures: Option<Merit>,
+    /// When it diverged, s.
+    unstable_after_s: Option<f64>,
+    advice: Option<Advice>,
+    map: Option<Map>,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    let (Some(model), false) = (&args.model, args.print_config) else {
+        console::print(EXAMPLE_TOML)?;
+        return Ok(Completion::Clean);
+    };
+    let config = args.config.as_deref().map(read).transpose()?.unwrap_or_default();
+    let file = model_of(model)?;
+    let compensator = args.compensator.as_deref().map(model_of).transpose()?;
+    let in_compensator = compensator.as_ref().map_or(&file.trocar, |other| &other.trocar);
+    let start = config.motion.start_m();
+    let mut tried = Loop::new(&config, file.trocar.clone(), in_compensator.clone(), start)?;
+    let samples = tried.run(config.samples(), |time| config.motion.at(time));
+    if let (Some(out), Ok(samples)) = (&args.out, &samples) {
+        write_course(samples, out)?;
+    }
+    let answer = Answer {
+        fraction: config.compensation.fraction,
+        figures: samples.as_ref().ok().map(|samples| Merit::of(&config, samples)),
+        unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
+        advice: args.advise.then(|| advice(console, &config, in_compensator, &file)).transpose()?,
+        map: args
+            .map
+            .then(|| stability_map(console, &config, in_compensator, &file))
+            .transpose()?,
+    };
+    let text =
+        if args.json { serde_json::to_string_pretty(&answer)? + "\n" } else { text(&answer) };
+    if args.out.as_deref() != Some(Path::new("-")) {
+        console::print(&text)?;
+    }
+    let advised = answer.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
+    if let Err(diverged) = samples {
+        console.warn(&format!(
+            "{diverged}\n\nhint: --advise finds the fractions with which it is stable; a lower force_gain, a shorter delay or \
+             control.passivity = true make it stable, too"
+        ));
+    }
+    Ok(Completion::doubtful_if(answer.figures.is_none() || !advised))
+}
+
+fn read(path: &Path) -> anyhow::Result<Config> {
+    let name = || path.display().to_string();
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot read the loop", name()))?;
+    Config::from_toml(&text).with_context(name)
+}
+
+fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
+    match path.to_str() {
+        Some("plausible") => Ok(ModelFile::plausible_10_5_mm()?),
+        _ => models::read_model(path, &[]),
+    }
+}
+
+fn advice(
+    console: &Console,
+    config: &Config,
+    compensator: &Trocar<Vec<f64>>,
+    file: &ModelFile,
+) -> anyhow::Result<Advice> {
+    let plants = plants(file)?;
+    if plants.len() == 1 {
+        console.remark(
+            "the model has no 95 % intervals: the advice is for a trocar that equals the model",
+        );
+    }
+    Ok(advise(config, compensator, &plants)?)
+}
+
+fn stability_map(
+    console: &Console,
+    config: &Config,
+    compensator: &Trocar<Vec<f64>>,
+    file: &ModelFile,
+) -> anyhow::Result<Map> {
+    let delays: Vec<f64> = (0..DELAYS).map(|k| f64::from(k) * config.sample_time_s).collect();
+    let fractions: Vec<f64> = (0..FRACTIONS).map(|k| 0.075 * f64::from(k)).collect();
+    let progress = Progress::new(console);
+    let (done, cells) = (std::sync::atomic::AtomicU32::new(0), DELAYS * FRACTIONS);
+    let report = || {
+        let done = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        progress.report("stability map", f64::from(done) / f64::from(cells));
+    };
+    Ok(map(config, [compensator, &file.trocar], &delays, &fractions, report)?)
+}
+
+fn text(answer: &Answer) -> String {
+    let mut text = String::new();
+    match (&answer.figures, answer.unstable_after_s) {
+        (Some(figures), _) => {
+            let share = number(100.0 * answer.fraction);
+            text += &format!("with {share} % of the trocar's force taken out:\n");
+            text += &figures_table(figures);
+        }
+        (None, Some(time)) => text += &format!("unstable: diverged after {} s\n", number(time)),
+        (None, None) => {}
+    }
+    if let Some(advice) = &answer.advice {
+        text += &advice_text(advice);
+    }
+    if let Some(map) = &answer.map {
+        text += &map_text(map);
+    }
+    text
+}
+
+fn figures_table(figures: &Merit) -> String {
+    let or_none = |value: Option<f64>| value.map_or("no contact".to_owned(), number);
+    let mut table = Table::headed(["figure", "value", "unit"]);
+    let rows = [
+        ("stiffness displayed", or_none(figures.displayed_stiffness_n_m), "N/m"),
+        ("stiffness of the tissue", or_none(figures.true_stiffness_n_m), "N/m"),
+        ("error of the force felt, rms", number(figures.force_error_rms_n), "N"),
+        ("error of the force felt, peak", number(figures.force_error_peak_n), "N"),
+        ("in just noticeable differences, rms", number(figures.force_error_rms_jnd), "1"),
+        ("error of position, rms", number(1e3 * figures.position_error_rms_m), "mm"),
+    ];
+    for (what, value, unit) in rows {
+        table.row([what.to_owned(), value, unit.to_owned()]);
+    }
+    table.to_text()
+}
+
+fn advice_text(advice: &Advice) -> String {
+    let Some(fraction) = advice.fraction else {
+        return "\nno fraction from 0 to 150 % makes the loop stable\n".to_owned();
+    };
+    let share = |fraction: f64| number(100.0 * fraction);
+    let ranges: Vec<String> = advice
+        .stable
+        .iter()
+        .map(|[low, high]| format!("{} to {} %", share(*low), share(*high)))
+        .collect();
+    let mut text = format!(
+        "\ntake out {} % of the trocar's force: the least error of the force felt among the fractions that are stable \
+         ({})\n",
+        share(fraction),
+        ranges.join(", ")
+    );
+    if let Some(figures) = &advice.with {
+        text += &figures_table(figures);
+    }
+    text + match advice.without {
+        Some(_) => "",
+        None => "without compensation the loop is unstable\n",
+    }
+}
+
+fn map_text(map: &Map) -> String {
+    let mut text =
+        "\nstiffest tissue with which the loop is stable (N/m; 0: none, inf: above 20 000), delay of one direction in ms down, \
+         percentage taken out across\n"
+            .to_owned();
+    text += "      ";
+    map.fractions.iter().for_each(|fraction| text += &format!("{:6.0}", 100.0 * fraction));
+    text.push('\n');
+    for (delay, row) in map.delays_s.iter().zip(&map.stiffness_n_m) {
+        text += &format!("{:6.1}", 1e3 * delay);
+        row.iter().for_each(|stiffness| text += &format!("{stiffness:6.0}"));
+        text.push('\n');
+    }
+    text
+}

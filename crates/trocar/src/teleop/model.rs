@@ -1,0 +1,69 @@
+//! Trocars of a model file for a loop, and the course of a loop as a table.
+
+use std::path::Path;
+
+use trocar_model::{ParamError, Trocar, Tunable};
+
+use super::simulation::Sample;
+use crate::error::OutputError;
+use crate::model_file::ModelFile;
+use crate::table::{Field, TableCell, TableWriter};
+
+/// The trocars that a model file stands for: the model, and the two with all parameters that have a 95 % interval
+/// at its lower and at its upper end.
+///
+/// All at the same end is more than the intervals of single parameters say together: a loop that is
+/// stable with the three has some margin.
+///
+/// # Errors
+/// An end of an interval at which the parameters make no model.
+pub fn plants(file: &ModelFile) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let seal = file.trocar.seal();
+    let end = |index: usize| {
+        let value = |Tunable { id, value }: Tunable| {
+            let interval = file.intervals.get(&id.to_string());
+            interval.and_then(|interval| interval.ci95[index]).unwrap_or(value)
+        };
+        seal.tuned(&seal.tunables().map(value).collect::<Vec<_>>())
+    };
+    let mut plants = vec![file.trocar.clone()];
+    for index in [0, 1] {
+        let other = end(index)?;
+        if other != *seal {
+            plants.push(file.trocar.with_seal(other));
+        }
+    }
+    Ok(plants)
+}
+
+/// Columns of a course: names with their units, and their values.
+const COLUMNS: [(&str, fn(&Sample) -> f64); 11] = [
+    ("time_s", |s| s.time),
+    ("hand_position_m", |s| s.hand_position),
+    ("master_position_m", |s| s.master_position),
+    ("slave_position_m", |s| s.slave_position),
+    ("operator_force_n", |s| s.operator_force),
+    ("master_force_n", |s| s.master_force),
+    ("slave_force_n", |s| s.slave_force),
+    ("trocar_force_n", |s| s.trocar_force),
+    ("tissue_force_n", |s| s.tissue_force),
+    ("estimate_n", |s| s.estimate),
+    ("network_energy_j", |s| {
+        let [[a, b], [c, d]] = [s.master_energies, s.slave_energies];
+        a - b + c - d
+    }),
+];
+
+/// Writes `samples` as a table, one row each; the format follows from the file extension.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_course(samples: &[Sample], path: impl AsRef<Path>) -> Result<(), OutputError> {
+    let fields: Vec<Field> = COLUMNS.iter().map(|(name, _)| Field::number(*name)).collect();
+    let mut table = TableWriter::create(path, &fields)?;
+    for sample in samples {
+        let cells = COLUMNS.map(|(_, of)| TableCell::Number(of(sample)));
+        table.row(&cells)?;
+    }
+    table.commit()
+}
