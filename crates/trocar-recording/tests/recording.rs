@@ -583,7 +583,7 @@ fn of_several_forces_the_one_that_changes_most_is_proposed() {
     let six = |row: &String| format!("{row},0.01,0.02").replacen(',', ",0.5,", 2);
     let lines: Vec<String> = rows(300).iter().map(six).collect();
     let header = "time_s,Fx_n,position_m,Fy_n,Fz_n,Tx,Ty";
-    assert_says(&message(&text(header, &lines)), &["--columns 'force_n=Fz_n'"]);
+    assert_says(&message(text(header, &lines)), &["--columns 'force_n=Fz_n'"]);
 }
 
 #[test]
@@ -594,7 +594,7 @@ fn what_is_no_table_of_numbers_is_named() {
         format!("11/22/2026 10:15:00.{k:03} AM,{}", row.split_once(',').unwrap().1)
     };
     let lines: Vec<String> = rows(300).iter().enumerate().map(american).collect();
-    let said = message(&text("time,position_m,force_n", &lines));
+    let said = message(text("time,position_m,force_n", &lines));
     assert_says(&said, &["column 'time' holds text", "or as dates such as 2026", "--rate-hz"]);
     assert!(!said.contains("--columns"), "an option that would fail: {said}");
 }

@@ -31,7 +31,7 @@ fn run(
     hand: impl Fn(f64) -> (f64, f64),
 ) -> Vec<Sample> {
     let count = (seconds / config.sample_time_s).round() as usize;
-    let mut tried = Loop::new(config, trocar.clone(), trocar.clone(), hand(0.0).0).unwrap();
+    let mut tried = Loop::new(config, *trocar, *trocar, hand(0.0).0).unwrap();
     (0..count).map(|_| tried.step(&hand).expect("stable")).collect()
 }
 
@@ -97,7 +97,7 @@ fn coulomb_friction_holds_a_virtual_wall_up_to_twice_itself_over_the_encoder_ste
             let config = virtual_wall(stiffness, slave);
             // Between two steps of the encoder: the spring pulls at least with half a step.
             let position = 0.1 + 0.5 * step;
-            let mut tried = Loop::new(&config, trocar.clone(), trocar.clone(), position).unwrap();
+            let mut tried = Loop::new(&config, trocar, trocar, position).unwrap();
             let samples: Vec<Sample> =
                 (0..4000).map_while(|_| tried.step(|_| (position, 0.0)).ok()).collect();
             samples.len() == 4000
@@ -336,14 +336,14 @@ fn the_best_fraction_has_two_sides_and_depends_on_the_loop() {
     let trocar = plausible();
     let mut config = Config::default();
     config.tissue.stiffness_n_m = 50.0;
-    let near = advise(&config, &trocar, &[trocar.clone()]).unwrap();
+    let near = advise(&config, &trocar, &[trocar]).unwrap();
     let [with, without] = [near.with, near.without].map(|m| m.unwrap().displayed_stiffness_n_m);
     assert!((with.unwrap() / 50.0 - 1.0).abs() < 0.05, "felt as it is: {with:?}");
     assert!(without.unwrap() > 150.0, "the seal hides soft tissue: {without:?}");
     // 10 ms each way: not without compensation.
     config.channel.delay_s = 0.01;
     config.tissue.stiffness_n_m = 400.0;
-    let far = advise(&config, &trocar, &[trocar.clone()]).unwrap();
+    let far = advise(&config, &trocar, &[trocar]).unwrap();
     assert!(far.without.is_none());
     let [low, high] = far.stable[0];
     assert!((0.5..0.9).contains(&low) && high > 1.0, "{:?}", far.stable);
@@ -414,7 +414,7 @@ fn a_loop_that_diverges_says_when_and_gives_no_number() {
     config.channel.delay_s = 0.05;
     config.control.force_gain = 20.0;
     let trocar = plausible();
-    let mut tried = Loop::new(&config, trocar.clone(), trocar, config.motion.start_m()).unwrap();
+    let mut tried = Loop::new(&config, trocar, trocar, config.motion.start_m()).unwrap();
     let diverged = tried.run(100_000, |time| config.motion.at(time)).unwrap_err();
     assert!(diverged.time_s > 0.0 && diverged.time_s < 100.0, "{diverged}");
     assert!(tried.step(|_| (f64::NAN, 0.0)).is_err(), "it stays unstable");

@@ -86,7 +86,12 @@ impl Controllers {
     /// u = (b·v + F_mc)/√(2b) = √(2b)·v − w
     /// ```
     /// where `returned` is the wave w that it has from the slave.
-    pub(crate) fn from_master(&self, own: &Reading, operator_force: f64, returned: f64) -> Packet {
+    pub(crate) fn sent_by_master(
+        &self,
+        own: &Reading,
+        operator_force: f64,
+        returned: f64,
+    ) -> Packet {
         own.sent_with(match self.control.architecture {
             Architecture::Wave => self.wave_scale() * own.velocity - returned,
             _ => operator_force,

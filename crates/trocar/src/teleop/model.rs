@@ -36,8 +36,10 @@ pub fn plants(file: &ModelFile) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
     Ok(plants)
 }
 
-/// Columns of a course: names with their units, and their values.
-const COLUMNS: [(&str, fn(&Sample) -> f64); 11] = [
+/// A column of a course: its name with the unit, and its values.
+type CourseColumn = (&'static str, fn(&Sample) -> f64);
+
+const COLUMNS: [CourseColumn; 11] = [
     ("time_s", |s| s.time),
     ("hand_position_m", |s| s.hand_position),
     ("master_position_m", |s| s.master_position),

@@ -215,7 +215,7 @@ impl<K: AsRef<[f64]>> Slave<K> {
             motor - mass_kg * (velocity - from.velocity) / h - damping_n_s_m * velocity
         };
         let excess = |velocity: f64| self.met(motion(velocity), time).force() - needed(velocity);
-        let Some([mut low, mut high]) = bracket(&excess, from.velocity, h / mass_kg) else {
+        let Some([mut low, mut high]) = bracket(excess, from.velocity, h / mass_kg) else {
             // Numbers that are not finite; the loop reports them.
             self.motion.velocity = f64::NAN;
             return;

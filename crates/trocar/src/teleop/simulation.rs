@@ -130,7 +130,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         let estimate = self.estimate(&own_slave);
         let operator_force = self.master.operator_force(hand(time), self.held[0]);
         let mut sent =
-            self.controllers.from_master(&own_master, operator_force, self.arrived.force);
+            self.controllers.sent_by_master(&own_master, operator_force, self.arrived.force);
         sent.energy = self.ports[0].observe(own_master.position);
         let at_slave = self.to_slave.send(sent);
         let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
