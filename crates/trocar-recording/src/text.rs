@@ -471,7 +471,7 @@ impl<R: Read> TextReader<R> {
     /// Leaves out the rest of a file if it is a few lines without a time, such as mean and range;
     /// `false` if it is not, with the current line as it was.
     fn skip_footer(&mut self) -> Result<bool, RecordingError> {
-        if !self.greedy || self.line == self.first_row {
+        if !self.greedy || self.line == self.first_row || !self.may_be_footer() {
             return Ok(false);
         }
         if !self.finished {
@@ -479,28 +479,35 @@ impl<R: Read> TextReader<R> {
             self.complete = self.start;
             self.refill()?;
         }
+        let is_footer = self.finished && self.may_be_footer();
+        if is_footer {
+            let rest = &self.buffer[self.start..self.complete];
+            let lines = rest.split_inclusive(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+            for line in lines {
+                if !is_nothing(line) {
+                    self.footer.add(self.line);
+                }
+                self.line += 1;
+            }
+            self.start = self.complete;
+        }
+        Ok(is_footer)
+    }
+
+    /// Whether all lines of the buffer, a few, are without a time.
+    fn may_be_footer(&self) -> bool {
+        let rest = &self.buffer[self.start..self.complete];
         let is_time = |slot: &Option<Slot>| slot.is_some_and(|slot| slot.is(Quantity::Time));
         let time = self.layout.slots.iter().position(is_time).unwrap_or(0);
-        let rest = &self.buffer[self.start..self.complete];
-        let lines = rest.split_inclusive(|&b| b == b'\n').map(<[u8]>::trim_ascii);
-        let lines: Vec<&[u8]> = lines.take(LONGEST_FOOTER + 1).collect();
         let is_text = |line: &[u8]| {
             let cells = self.cells(line);
             let time = cells.get(time).or(cells.first()).map_or(&b""[..], String::as_bytes);
             let number = self.format.number(time);
             number.is_none_or(f64::is_nan) && timestamp::parse(time).is_none()
         };
-        let is_nothing = |line: &[u8]| line.is_empty() || is_comment(line);
-        let is_footer = self.finished
-            && lines.len() <= LONGEST_FOOTER
-            && lines.iter().all(|line| is_nothing(line) || is_text(line));
-        if is_footer {
-            let numbered = (self.line..).zip(&lines).filter(|(_, line)| !is_nothing(line));
-            numbered.for_each(|(line, _)| self.footer.add(line));
-            self.line += lines.len() as u64;
-            self.start = self.complete;
-        }
-        Ok(is_footer)
+        let lines = rest.split_inclusive(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+        let few = rest.len() < LONGEST_LINE / 2 && lines.clone().count() <= LONGEST_FOOTER;
+        few && lines.into_iter().all(|line| is_nothing(line) || is_text(line))
     }
 
     /// Numbers of the rows in the buffer, by column; none for a column with text.
@@ -815,6 +822,11 @@ fn is_again(header: &[Vec<String>], splitter: &Splitter) -> bool {
     header.iter().any(|cells| cells.len() == splitter.count && is_line(cells))
 }
 
+/// Whether a line holds no cells.
+fn is_nothing(line: &[u8]) -> bool {
+    line.trim_ascii().is_empty() || is_comment(line)
+}
+
 /// Whether a text begins as an object or an array of JSON does.
 fn is_json(bytes: &[u8]) -> bool {
     let mut signs = bytes.iter().filter(|byte| !byte.is_ascii_whitespace());
@@ -840,7 +852,6 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
         let count = splitter.split(line);
         (0..count).map(|k| text_of(splitter.cell(k)).trim().to_owned()).collect::<Vec<_>>()
     };
-    let is_nothing = |line: &[u8]| line.trim_ascii().is_empty() || is_comment(line);
     let columns = cells(lines.iter().rfind(|line| !is_nothing(line))?).len();
     let mut is_row = |line: &[u8]| {
         let own = cells(line);
@@ -931,7 +942,7 @@ fn general_line(
     splitter: &mut Splitter,
     columns: &mut [Vec<f64>],
 ) -> Result<bool, Fault> {
-    if line.trim_ascii().is_empty() || is_comment(line) {
+    if is_nothing(line) {
         return Ok(false);
     }
     let line = line.strip_suffix(b"\n").unwrap_or(line);

@@ -8,6 +8,7 @@ use trocar::model_file::ModelFile;
 use trocar::teleop::advise::{Advice, Map, advise, map};
 use trocar::teleop::config::EXAMPLE_TOML;
 use trocar::teleop::merit::Merit;
+use trocar::teleop::stability::Trial;
 use trocar::teleop::{Config, Loop, plants, write_course};
 use trocar_model::Trocar;
 
@@ -61,7 +62,9 @@ pub(crate) struct Args {
 #[derive(Serialize)]
 struct Answer {
     fraction: f64,
-    /// None where the loop is unstable.
+    /// Whether it comes to rest in the tissue after a push.
+    settles: bool,
+    /// None where the loop diverges.
     figures: Option<Merit>,
     /// When it diverged, s.
     unstable_after_s: Option<f64>,
@@ -84,8 +87,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     if let (Some(out), Ok(samples)) = (&args.out, &samples) {
         write_course(samples, out)?;
     }
+    let surface = config.tissue.surface_m;
     let answer = Answer {
         fraction: config.compensation.fraction,
+        settles: Trial::default().is_stable(&config, &file.trocar, in_compensator, surface)?,
         figures: samples.as_ref().ok().map(|samples| Merit::of(&config, samples)),
         unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
         advice: args.advise.then(|| advice(console, &config, in_compensator, &file)).transpose()?,
@@ -100,13 +105,21 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(&text)?;
     }
     let advised = answer.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
-    if let Err(diverged) = samples {
+    let unstable = match samples {
+        Err(diverged) => Some(diverged.to_string()),
+        Ok(_) if !answer.settles => Some(
+            "the loop is unstable: after a push into the tissue it does not come to rest"
+                .to_owned(),
+        ),
+        Ok(_) => None,
+    };
+    if let Some(why) = &unstable {
         console.warn(&format!(
-            "{diverged}\n\nhint: --advise finds the fractions with which it is stable; a lower force_gain, a shorter delay or \
-             control.passivity = true make it stable, too"
+            "{why}\n\nhint: --advise finds the fractions of the trocar's force with which it is stable; a lower force_gain, a \
+             shorter delay or passivity = true in [control] help, too"
         ));
     }
-    Ok(Completion::doubtful_if(answer.figures.is_none() || !advised))
+    Ok(Completion::doubtful_if(unstable.is_some() || !advised))
 }
 
 fn read(path: &Path) -> anyhow::Result<Config> {
