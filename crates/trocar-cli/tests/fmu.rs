@@ -6,6 +6,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::OnceLock;
 
 use crate::common::{Ran, names_in};
 
@@ -78,6 +79,12 @@ fn refusals() {
             2,
             "names x86_64-windows twice",
         ),
+        (&[model, "--out", "a.fmu", "--platform", "beos"], 2, "no platform \"beos\""),
+        (
+            &[model, "--out", "a.fmu", "--platform", "x86-windows"],
+            2,
+            "carries no FMU library for x86-windows, but for ",
+        ),
         (&[model, "--out", "no/folder/a.fmu"], 1, "cannot create"),
     ] {
         let ran = export(folder.path(), arguments);
@@ -89,10 +96,39 @@ fn refusals() {
         );
     }
     assert_eq!(names_in(folder.path()), ["text.dll", "tiny.dll"]);
-    export(folder.path(), &[model, "--out", "a.fmu", "--library", "win64=tiny.dll"]).ends_with(0);
-    let bytes = fs::read(folder.path().join("a.fmu")).unwrap();
-    let contains = |name: &str| bytes.windows(name.len()).any(|part| part == name.as_bytes());
-    assert!(contains("binaries/win64/trocar.dll"));
+}
+
+/// Folders are named by the standard: other names in FMI 2.0 than in 3.0.
+#[test]
+fn an_fmu_has_a_folder_for_each_platform() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = model();
+    let model = model.to_str().unwrap();
+    fs::write(folder.path().join("a.dll"), "MZ").unwrap();
+    fs::write(folder.path().join("a.dylib"), [0xcf, 0xfa, 0xed, 0xfe]).unwrap();
+    let libraries = ["win64=a.dll", "darwin64=a.dylib", "aarch64-darwin=a.dylib"];
+    let named = libraries.map(|library| ["--library", library]).concat();
+    for (fmi, names) in [
+        ("2", ["win64/trocar.dll", "darwin64/trocar.dylib", "aarch64-darwin/trocar.dylib"]),
+        (
+            "3",
+            [
+                "x86_64-windows/trocar.dll",
+                "x86_64-darwin/trocar.dylib",
+                "aarch64-darwin/trocar.dylib",
+            ],
+        ),
+    ] {
+        let ran =
+            export(folder.path(), &[&[model, "--out", "a.fmu", "--fmi", fmi], &named[..]].concat());
+        ran.ends_with(0).says(&["x86_64-windows, x86_64-darwin, aarch64-darwin"]);
+        let bytes = fs::read(folder.path().join("a.fmu")).unwrap();
+        let contains = |name: &str| bytes.windows(name.len()).any(|part| part == name.as_bytes());
+        for name in names {
+            assert!(contains(&format!("binaries/{name}")), "{name} in FMI {fmi}");
+        }
+        assert_eq!(contains("binaries/x86_64-windows"), fmi == "3");
+    }
 }
 
 /// Says why nothing is tested, on the standard error itself: what a passing test prints is not
@@ -110,8 +146,15 @@ fn run(program: impl AsRef<OsStr>, arguments: &[&str]) -> Result<(), String> {
     if output.status.success() { Ok(()) } else { Err(format!("{name}: {}", said.trim())) }
 }
 
-/// A Python with FMPy, in a folder of the build: made once.
+/// A Python with FMPy, in a folder of the build.
 fn python() -> Result<PathBuf, String> {
+    // Two tests ask for it at once.
+    static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    PYTHON.get_or_init(make_python).clone()
+}
+
+/// Makes it, unless an earlier run has.
+fn make_python() -> Result<PathBuf, String> {
     let requirements = repository().join("crates/trocar-fmu/tests/requirements.txt");
     let wanted = fs::read(&requirements).map_err(|error| error.to_string())?;
     let place = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fmpy");
@@ -164,4 +207,102 @@ fn fmpy_finds_what_simulate_finds() {
     assert!(output.status.success(), "{told}\n{errors}");
     let models = names_in(&conformance.join("models")).len();
     assert_eq!(told.matches("rows bit-identical").count(), models);
+}
+
+/// A platform whose library is built and run by emulation.
+struct Foreign {
+    platform: &'static str,
+    target: &'static str,
+    linker: &'static str,
+    emulator: &'static str,
+    library: &'static str,
+}
+
+impl Foreign {
+    /// What its test needs and not every machine can fetch; the first that is missing, if any.
+    fn missing(&self) -> Option<String> {
+        let rustc = ["--print", "target-libdir", "--target", self.target];
+        let libraries = Command::new("rustc").args(rustc).output();
+        let has_target = libraries
+            .is_ok_and(|output| Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir());
+        if !has_target {
+            return Some(format!("rustup target add {}", self.target));
+        }
+        [self.linker, self.emulator].iter().find_map(|tool| run(tool, &["--version"]).err())
+    }
+
+    /// The library, built in a folder of its own.
+    fn build(&self) -> PathBuf {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("fmu-libraries");
+        let arguments = "rustc --quiet --locked -p trocar-fmu --lib --crate-type cdylib";
+        let linker = self.target.to_uppercase().replace('-', "_");
+        let made = Command::new(env!("CARGO"))
+            .current_dir(repository())
+            .args(arguments.split(' '))
+            .args(["--profile", "fmu", "--target", self.target, "--target-dir"])
+            .arg(&folder)
+            .env(format!("CARGO_TARGET_{linker}_LINKER"), self.linker)
+            .output()
+            .unwrap();
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+        folder.join(self.target).join("fmu").join(self.library)
+    }
+
+    /// All models, both versions of FMI: see foreign.py.
+    fn check(&self) {
+        let Self { platform, .. } = self;
+        if !cfg!(all(target_os = "linux", target_arch = "x86_64")) {
+            return skip("other platforms are emulated on Linux on x86-64");
+        }
+        if let Some(why) = self.missing() {
+            // Not a failure in CI.
+            let _ = writeln!(std::io::stderr(), "skipped: the FMU library for {platform}: {why}");
+            return;
+        }
+        let python = match python() {
+            Ok(python) => python,
+            Err(why) => return skip(&format!("no Python with FMPy: {why}")),
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let conformance = repository().join("conformance");
+        let output = Command::new(python)
+            .arg(repository().join("crates/trocar-fmu/tests/foreign.py"))
+            .args([Path::new(TROCAR), &conformance.join("models"), &conformance.join("motion.csv")])
+            .arg(folder.path())
+            .arg(platform)
+            .arg(self.build())
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .env("WINEPREFIX", Path::new(env!("CARGO_TARGET_TMPDIR")).join("wine"))
+            .env("WINEDEBUG", "-all")
+            .output()
+            .unwrap();
+        let (told, errors) =
+            (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        assert!(output.status.success(), "{told}\n{errors}");
+        assert!(told.contains(&format!("largest difference on {platform}: 0.0 N")), "{told}");
+    }
+}
+
+#[test]
+fn the_library_for_windows_finds_what_simulate_finds() {
+    Foreign {
+        platform: "x86_64-windows",
+        target: "x86_64-pc-windows-gnu",
+        linker: "x86_64-w64-mingw32-gcc",
+        emulator: "wine",
+        library: "trocar_fmu.dll",
+    }
+    .check();
+}
+
+#[test]
+fn the_library_for_aarch64_finds_what_simulate_finds() {
+    Foreign {
+        platform: "aarch64-linux",
+        target: "aarch64-unknown-linux-gnu",
+        linker: "aarch64-linux-gnu-gcc",
+        emulator: "qemu-aarch64",
+        library: "libtrocar_fmu.so",
+    }
+    .check();
 }

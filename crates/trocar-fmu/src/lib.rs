@@ -11,6 +11,7 @@
 //!   logger. No panic reaches the importer.
 //! - Instances share nothing.
 
+mod embedded;
 pub mod error;
 #[allow(unsafe_code)]
 mod ffi;
@@ -24,6 +25,7 @@ mod resource;
 pub mod snapshot;
 pub mod variables;
 
+pub use embedded::Embedded;
 pub use error::{FmuError, Phase};
 pub use ffi::{Logger2, Logger3};
 pub use instance::Instance;

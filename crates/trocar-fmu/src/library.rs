@@ -1,63 +1,115 @@
-//! Builds the shared library inside FMUs: for the build scripts of programs that carry it.
+//! Libraries inside FMUs: for the build scripts of programs that carry them.
 //!
-//! This crate is built once more, as a shared library, by the same Cargo in a target folder of its
-//! own: no lock is shared with the build that waits for it. Where that is not possible (a target
-//! without shared libraries, a packaged crate without its neighbours) there is a reason instead.
+//! The environment variable [`FOLDER`] names a folder of finished libraries, laid out like
+//! `binaries` in an FMU of version 3.0 (`x86_64-windows/trocar.dll`): the program carries those and
+//! no others. Without it this crate is built once more for the target of the program, as a shared
+//! library, by the same Cargo in a target folder of its own: no lock is shared with the build that
+//! waits for it. Where that is not possible (a target without shared libraries, a packaged crate
+//! without its neighbours) there is a reason instead.
 
 use std::env;
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The library that was built, or why there is none.
-#[derive(Debug, Clone, Default)]
-struct Library {
-    /// Bytes of the library; empty if there is none.
-    bytes: Vec<u8>,
-    /// Why there is none; empty if there is one.
-    reason: String,
-    /// Files and folders from which it is built.
-    sources: Vec<PathBuf>,
-}
+use crate::package::{Binary, Platform};
 
-/// For the build script of a program in a folder of `crates/`: writes the library and the reason why
-/// there is none to `fmu-library` and `fmu-reason.txt` in `OUT_DIR`. `user` is what needs it.
+/// Environment variable that names a folder of finished libraries when a program is built.
+pub const FOLDER: &str = "TROCAR_FMU_LIBRARIES";
+
+/// For the build script of a program in a folder of `crates/`: writes the libraries and the reason
+/// why there are none as an expression of type [`Embedded`](crate::Embedded) to `fmu.rs` in
+/// `OUT_DIR`. `user` is what needs it.
 ///
 /// # Panics
-/// Outside a build script, and when `OUT_DIR` cannot be written.
+/// Outside a build script, when `OUT_DIR` cannot be written, and when the folder that [`FOLDER`]
+/// names holds anything but libraries for different platforms.
 pub fn embed(user: &str) {
-    let set =
-        |name: &str| env::var(name).unwrap_or_else(|error| panic!("Cargo sets {name}: {error}"));
     let out = PathBuf::from(set("OUT_DIR"));
-    // Not the folder where the script was compiled: a copied target folder may still hold it.
-    let root = PathBuf::from(set("CARGO_MANIFEST_DIR")).join("../..");
-    let library = build(&root, &out, &set("TARGET"));
-    for path in &library.sources {
-        println!("cargo::rerun-if-changed={}", path.display());
-    }
     println!("cargo::rerun-if-changed=build.rs");
-    if library.bytes.is_empty() {
-        println!("cargo::warning={user} will not work: {}", library.reason);
+    println!("cargo::rerun-if-env-changed={FOLDER}");
+    let (binaries, reason) = match env::var_os(FOLDER) {
+        Some(folder) => {
+            println!("cargo::rerun-if-changed={}", Path::new(&folder).display());
+            let found = finished(Path::new(&folder));
+            (found.unwrap_or_else(|error| panic!("{FOLDER}: {error}")), String::new())
+        }
+        None => match native(&out) {
+            Ok(binary) => (vec![binary], String::new()),
+            Err(reason) => (Vec::new(), reason),
+        },
+    };
+    if binaries.is_empty() {
+        println!("cargo::warning={user} will not work: {reason}");
     }
-    fs::write(out.join("fmu-library"), library.bytes).expect("OUT_DIR is writable");
-    fs::write(out.join("fmu-reason.txt"), library.reason).expect("OUT_DIR is writable");
+    write(&out, &binaries, &reason);
 }
 
-/// Builds the library of the workspace at `root` for `target` in the folder `out`.
-fn build(root: &Path, out: &Path, target: &str) -> Library {
-    let paths = [
-        "Cargo.toml",
-        "Cargo.lock",
-        "LICENSE-MIT",
-        "LICENSE-APACHE",
-        "crates/trocar-fmu",
-        "crates/trocar-model",
-    ];
-    let sources = paths.iter().flat_map(|path| parts(&root.join(path))).collect();
-    match built(root, out, target) {
-        Ok(bytes) => Library { bytes, reason: String::new(), sources },
-        Err(reason) => Library { bytes: Vec::new(), reason, sources },
+/// What Cargo sets for build scripts.
+fn set(name: &str) -> String {
+    env::var(name).unwrap_or_else(|error| panic!("Cargo sets {name}: {error}"))
+}
+
+/// Writes `fmu.rs`, and the libraries beside it.
+fn write(out: &Path, binaries: &[Binary], reason: &str) {
+    let mut libraries = String::new();
+    for Binary { platform, bytes } in binaries {
+        fs::write(out.join(format!("fmu-{platform}")), bytes).expect("OUT_DIR is writable");
+        let bytes = format!("include_bytes!(concat!(env!(\"OUT_DIR\"), \"/fmu-{platform}\"))");
+        write!(libraries, "(\"{platform}\", {bytes}), ").expect("a string takes all text");
     }
+    let text =
+        format!("trocar_fmu::Embedded {{ libraries: &[{libraries}], reason: {reason:?} }}\n");
+    fs::write(out.join("fmu.rs"), text).expect("OUT_DIR is writable");
+}
+
+/// Libraries in a folder laid out like `binaries` in an FMU of version 3.0, by name of platform.
+fn finished(folder: &Path) -> Result<Vec<Binary>, String> {
+    let within = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let entries: Result<Vec<_>, _> = fs::read_dir(folder).map_err(within)?.collect();
+    let mut names: Vec<_> = entries.map_err(within)?.iter().map(fs::DirEntry::file_name).collect();
+    names.sort();
+    let binaries: Result<Vec<Binary>, String> = names
+        .iter()
+        .map(|name| {
+            let platform: Platform =
+                name.to_string_lossy().parse().map_err(|error: crate::package::PackageError| {
+                    format!("{}: {error}", folder.display())
+                })?;
+            let path = folder.join(name).join(platform.file());
+            let read = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()));
+            let binary = Binary { platform, bytes: read? };
+            let is_library = binary.is_plausible();
+            let error = || format!("{} is not a shared library for {platform}", path.display());
+            is_library.then_some(binary).ok_or_else(error)
+        })
+        .collect();
+    let binaries = binaries?;
+    if binaries.is_empty() {
+        return Err(format!("{} is empty", folder.display()));
+    }
+    Ok(binaries)
+}
+
+/// Builds the library for the target of the build script in the folder `out`.
+fn native(out: &Path) -> Result<Binary, String> {
+    // Not the folder where the script was compiled: a copied target folder may still hold it.
+    let root = PathBuf::from(set("CARGO_MANIFEST_DIR")).join("../..");
+    for path in sources(&root) {
+        println!("cargo::rerun-if-changed={}", path.display());
+    }
+    let (target, system) = (set("TARGET"), set("CARGO_CFG_TARGET_OS"));
+    let platform = Platform::of(&set("CARGO_CFG_TARGET_ARCH"), &system)
+        .ok_or_else(|| format!("FMI has no name for {target}"))?;
+    let bytes = build(&root, out, &target)?;
+    Ok(Binary { platform, bytes })
+}
+
+/// Files and folders from which the library is built.
+fn sources(root: &Path) -> Vec<PathBuf> {
+    let paths = ["Cargo.toml", "Cargo.lock", "crates/trocar-fmu", "crates/trocar-model"];
+    paths.iter().flat_map(|path| parts(&root.join(path))).collect()
 }
 
 /// Of a crate its manifest and sources: its tests do not matter here.
@@ -69,7 +121,7 @@ fn parts(path: &Path) -> Vec<PathBuf> {
     }
 }
 
-fn built(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
+fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
     let folder = out.join("fmu");
     let output = Command::new(env::var_os("CARGO").unwrap_or("cargo".into()))
         .current_dir(root)
@@ -110,4 +162,47 @@ fn flags(root: &Path) -> String {
         .map(|(folder, name)| format!("--remap-path-prefix={}={name}", folder.display()))
         .collect();
     flags.join("\x1f")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A folder of libraries with these files.
+    fn folder(files: &[(&str, &[u8])]) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().unwrap();
+        for (name, bytes) in files {
+            let path = folder.path().join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, bytes).unwrap();
+        }
+        folder
+    }
+
+    #[test]
+    fn all_libraries_of_a_folder_are_found() {
+        let (dll, so) = (b"MZ rest".as_slice(), b"\x7fELF rest".as_slice());
+        let files = folder(&[("x86_64-windows/trocar.dll", dll), ("aarch64-linux/trocar.so", so)]);
+        let found = finished(files.path()).unwrap();
+        let found: Vec<_> =
+            found.iter().map(|found| (found.platform.to_string(), &*found.bytes)).collect();
+        assert_eq!(found, [("aarch64-linux".to_owned(), so), ("x86_64-windows".to_owned(), dll)]);
+    }
+
+    #[test]
+    fn other_folders_are_refused() {
+        for (files, words) in [
+            (&[][..], "is empty"),
+            (&[("beos/trocar.so", b"\x7fELF".as_slice())], "no platform \"beos\""),
+            (&[("x86_64-windows/trocar.so", b"MZ")], "trocar.dll: "),
+            (
+                &[("x86_64-windows/trocar.dll", b"\x7fELF")],
+                "trocar.dll is not a shared library for x86_64-windows",
+            ),
+        ] {
+            let error = finished(folder(files).path()).unwrap_err();
+            assert!(error.contains(words), "{words} expected in {error}");
+        }
+        assert!(finished(Path::new("no/such/folder")).unwrap_err().contains("no/such/folder"));
+    }
 }

@@ -12,16 +12,14 @@ use pyo3::types::{PyAny, PyDict, PyTuple};
 use trocar::export::c::{DEFAULT_PREFIX, from_text};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::{AtomicFile, OutputError};
-use trocar_fmu::{Binary, Contents, Input, Platform, Version, package};
+use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Version, package};
 use trocar_model::{Declaration, ParameterId, Seal, Trocar};
 
 use crate::errors::number;
 use crate::errors::{InternalError, ParameterError, Raise, TrocarError};
 
-/// The library inside an FMU, for the platform of this package; empty if there is none.
-const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fmu-library"));
-/// The reason if there is none.
-const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
+/// The libraries for FMUs that this package carries.
+const INSIDE: Embedded = include!(concat!(env!("OUT_DIR"), "/fmu.rs"));
 
 /// A model of the force between instrument and trocar: EMS elements, or one classical friction
 /// model.
@@ -170,8 +168,9 @@ impl Model {
     ///
     /// `fmi` is the version of FMI, 2 or 3; `input` is what drives the model: "position" (m, at the
     /// end of a step) or "velocity" (m/s, during it); `name` that of the model in the description.
-    /// The FMU runs on this platform; the command line packs libraries for others.
-    #[pyo3(signature = (path, *, fmi=2, input="position", name="model"))]
+    /// The FMU runs on all `platforms` that this package carries a library for, or on those named
+    /// ("x86_64-linux", "x86_64-windows"); the command line can add libraries for others.
+    #[pyo3(signature = (path, *, fmi=2, input="position", name="model", platforms=None))]
     fn export_fmu(
         &self,
         py: Python<'_>,
@@ -179,6 +178,7 @@ impl Model {
         fmi: u32,
         input: &str,
         name: &str,
+        platforms: Option<Vec<String>>,
     ) -> PyResult<()> {
         let version = match fmi {
             2 => Version::V2,
@@ -194,17 +194,17 @@ impl Model {
                 )));
             }
         };
-        let Some(platform) = Platform::native().filter(|_| !LIBRARY.is_empty()) else {
-            let why = if REASON.is_empty() { "FMI has no name for this platform" } else { REASON };
-            return Err(TrocarError::new_err(format!(
-                "this trocar carries no library for FMUs: {why}"
-            )));
+        let refuse = |error: PackageError| match error {
+            PackageError::NotCarried { .. } => TrocarError::new_err(error.to_string()),
+            _ => ParameterError::new_err(error.to_string()),
         };
-        let binaries = [Binary { platform, bytes: LIBRARY.to_vec() }];
+        let platforms: Option<Result<Vec<Platform>, _>> =
+            platforms.map(|names| names.iter().map(|name| name.parse()).collect());
+        let platforms = platforms.transpose().map_err(refuse)?;
+        let binaries = INSIDE.binaries(platforms.as_deref()).map_err(refuse)?;
         let (trocar, text) = (self.trocar().borrowed(), self.0.to_json());
         let contents = Contents { name, trocar, input, version, text: &text, binaries: &binaries };
-        let bytes =
-            package(&contents).map_err(|error| ParameterError::new_err(error.to_string()))?;
+        let bytes = package(&contents).map_err(refuse)?;
         py.detach(|| store(&path, &bytes)).map_err(Raise::raise)
     }
 

@@ -90,10 +90,16 @@ const PLATFORMS: [Platform; 8] = [
 ];
 
 impl Platform {
-    /// The platform of this program; `None` if FMI has no name for it.
-    pub fn native() -> Option<Self> {
-        let system = if std::env::consts::OS == "macos" { "darwin" } else { std::env::consts::OS };
-        format!("{}-{system}", std::env::consts::ARCH).parse().ok()
+    /// The platform of a processor and an operating system as Rust names them; `None` if FMI has no
+    /// name for it.
+    pub(crate) fn of(processor: &str, system: &str) -> Option<Self> {
+        let system = if system == "macos" { "darwin" } else { system };
+        format!("{processor}-{system}").parse().ok()
+    }
+
+    /// Name of the library in the folder of the platform.
+    pub(crate) fn file(self) -> String {
+        format!("{IDENTIFIER}.{}", self.extension())
     }
 
     fn extension(self) -> &'static str {
@@ -149,6 +155,15 @@ pub enum PackageError {
     },
     /// No library.
     NoBinary,
+    /// A library that this program does not carry.
+    NotCarried {
+        /// Its platform; `None` where any would do.
+        platform: Option<Platform>,
+        /// Platforms of the libraries that it carries.
+        carried: Vec<Platform>,
+        /// Why it carries none; empty if it carries one.
+        reason: &'static str,
+    },
     /// Two libraries for one platform.
     Twice {
         /// Platform.
@@ -171,6 +186,17 @@ impl fmt::Display for PackageError {
                 write!(f, "no platform \"{name}\", must be one of {names}")
             }
             Self::NoBinary => f.write_str("an FMU needs a library for at least one platform"),
+            Self::NotCarried { platform, carried, reason } => {
+                f.write_str("this trocar carries no FMU library")?;
+                if let Some(platform) = platform {
+                    write!(f, " for {platform}")?;
+                }
+                let carried: Vec<String> = carried.iter().map(Platform::to_string).collect();
+                match &carried[..] {
+                    [] => write!(f, ": {reason}"),
+                    names => write!(f, ", but for {}", names.join(", ")),
+                }
+            }
             Self::Twice { platform } => write!(f, "two libraries for {platform}"),
             Self::NotBinary { platform } => write!(f, "not a shared library for {platform}"),
             Self::TooLarge => f.write_str("an FMU cannot be larger than 4 GB"),
@@ -208,7 +234,7 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
             return Err(PackageError::Twice { platform: *platform });
         }
         let folder = if version == Version::V2 { platform.short } else { platform.tuple };
-        archive.add(&format!("binaries/{folder}/{IDENTIFIER}.{}", platform.extension()), bytes)?;
+        archive.add(&format!("binaries/{folder}/{}", platform.file()), bytes)?;
     }
     if binaries.is_empty() {
         return Err(PackageError::NoBinary);

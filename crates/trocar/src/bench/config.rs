@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 /// The default document with every key, its default and its meaning.
-pub const DEFAULT_TOML: &str = include_str!("../../../../data/bench.toml");
+pub const DEFAULT_TOML: &str = include_str!("../../data/bench.toml");
 
 /// Rig and protocols. Field names are the keys of the document; they carry their units and are
 /// described in [`DEFAULT_TOML`].

@@ -12,7 +12,7 @@ use super::SweepError;
 use crate::bench::Protocol;
 
 /// The shipped example, which describes every key.
-pub const EXAMPLE_TOML: &str = include_str!("../../../../data/sweep.toml");
+pub const EXAMPLE_TOML: &str = include_str!("../../data/sweep.toml");
 
 /// Most rows of a table.
 pub const MAX_ROWS: u64 = 1_000_000_000;

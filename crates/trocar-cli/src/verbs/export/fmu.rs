@@ -8,15 +8,13 @@ use anyhow::Context;
 use clap::ValueEnum;
 use trocar::model_file::ModelFile;
 use trocar::output::AtomicFile;
-use trocar_fmu::{Binary, Contents, Input, Platform, Version, package};
+use trocar_fmu::{Binary, Contents, Embedded, Input, Platform, Version, package};
 
 use crate::Completion;
 use crate::console::{BadArgument, Console};
 
-/// The library for the platform of this program; empty if there is none.
-const LIBRARY: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/fmu-library"));
-/// The reason if there is none.
-const REASON: &str = include_str!(concat!(env!("OUT_DIR"), "/fmu-reason.txt"));
+/// The libraries that this program carries.
+const INSIDE: Embedded = include!(concat!(env!("OUT_DIR"), "/fmu.rs"));
 
 /// Write a functional mock-up unit (FMU) for co-simulation in other programs, FMI 2.0 or 3.0
 ///
@@ -39,8 +37,12 @@ pub(crate) struct Args {
     /// Name of the model in the description [default: name of the model file]
     #[arg(long)]
     name: Option<String>,
-    /// Library of the crate trocar-fmu for another platform, such as x86_64-windows=trocar_fmu.dll;
-    /// may be repeated
+    /// Platform to include of those that this program carries libraries for, such as x86_64-linux;
+    /// may be repeated [default: all of them]
+    #[arg(long, value_name = "PLATFORM")]
+    platform: Vec<Platform>,
+    /// Library of the crate trocar-fmu to include for a platform, such as
+    /// x86_64-windows=trocar_fmu.dll, in place of the one that this program carries; may be repeated
     #[arg(long, value_name = "PLATFORM=FILE", value_parser = library)]
     library: Vec<(Platform, PathBuf)>,
 }
@@ -69,7 +71,7 @@ fn library(text: &str) -> Result<(Platform, PathBuf), String> {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
-    let binaries = binaries(&args.library, LIBRARY, REASON)?;
+    let binaries = binaries(INSIDE, &args.platform, &args.library)?;
     let name = args.name.clone().unwrap_or_else(|| name_of(&args.model));
     let bytes = package(&Contents {
         name: &name,
@@ -106,18 +108,39 @@ fn name_of(model: &std::path::Path) -> String {
         .map_or_else(|| "trocar".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }
 
-/// The embedded library `inside`, unless it is missing for a `reason`, and the named ones; a named
-/// library for this platform replaces the embedded one.
+/// The libraries `inside` for `platforms` (all, if none is given), and the named ones, which
+/// replace those of the same platform.
 fn binaries(
+    inside: Embedded,
+    platforms: &[Platform],
     named: &[(Platform, PathBuf)],
-    inside: &[u8],
-    reason: &str,
 ) -> anyhow::Result<Vec<Binary>> {
-    let mut binaries = Vec::new();
+    let mut binaries = read(named)?;
+    let is_named = |platform: &Platform| named.iter().any(|(other, _)| other == platform);
+    let chosen = if platforms.is_empty() { inside.platforms()? } else { platforms.to_vec() };
+    let mut wanted: Vec<Platform> = Vec::new();
+    for platform in chosen {
+        if !is_named(&platform) && !wanted.contains(&platform) {
+            wanted.push(platform);
+        }
+    }
+    if !wanted.is_empty() || binaries.is_empty() {
+        let carried = inside.binaries(Some(&wanted)).map_err(|error| {
+            let hint = "hint: name libraries of trocar-fmu with --library, see docs/fmu.md";
+            BadArgument(format!("{error}\n\n{hint}"))
+        })?;
+        binaries.extend(carried);
+    }
+    Ok(binaries)
+}
+
+/// Libraries from files, one for each platform.
+fn read(named: &[(Platform, PathBuf)]) -> anyhow::Result<Vec<Binary>> {
+    let mut binaries: Vec<Binary> = Vec::new();
     for (platform, path) in named {
         let bytes = fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         let binary = Binary { platform: *platform, bytes };
-        if binaries.iter().any(|other: &Binary| other.platform == *platform) {
+        if binaries.iter().any(|other| other.platform == *platform) {
             return Err(BadArgument(format!("--library names {platform} twice")).into());
         }
         if !binary.is_plausible() {
@@ -128,19 +151,6 @@ fn binaries(
         }
         binaries.push(binary);
     }
-    let native = Platform::native().filter(|_| !inside.is_empty());
-    let is_new = |platform: &Platform| binaries.iter().all(|binary| binary.platform != *platform);
-    if let Some(platform) = native.filter(is_new) {
-        binaries.push(Binary { platform, bytes: inside.to_vec() });
-    }
-    if binaries.is_empty() {
-        let reason = if reason.is_empty() { "FMI has no name for this platform" } else { reason };
-        let hint = "hint: name libraries of trocar-fmu with --library, see docs/fmu.md";
-        return Err(BadArgument(format!(
-            "this trocar carries no library for FMUs: {reason}\n\n{hint}"
-        ))
-        .into());
-    }
     Ok(binaries)
 }
 
@@ -148,22 +158,45 @@ fn binaries(
 mod tests {
     use super::*;
 
+    const NONE: Embedded = Embedded { libraries: &[], reason: "no linker for this target" };
+    const TWO: Embedded = Embedded {
+        libraries: &[("x86_64-linux", b"\x7fELF inside"), ("x86_64-windows", b"MZ inside")],
+        reason: "",
+    };
+
+    fn platform(name: &str) -> Platform {
+        name.parse().unwrap()
+    }
+
     #[test]
     fn a_program_without_a_library_says_why_and_takes_named_ones() {
-        let refusal =
-            binaries(&[], &[], "no shared library for x86_64-unknown-linux-musl").unwrap_err();
-        let text = refusal.to_string();
-        assert!(
-            text.contains(
-                "carries no library for FMUs: no shared library for x86_64-unknown-linux-musl"
-            ),
-            "{text}"
-        );
+        let text = binaries(NONE, &[], &[]).unwrap_err().to_string();
+        assert!(text.contains("carries no FMU library: no linker for this target"), "{text}");
         assert!(text.contains("hint: name libraries of trocar-fmu with --library"), "{text}");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trocar_fmu.dll");
         fs::write(&path, "MZ").unwrap();
-        let named = binaries(&[("win64".parse().unwrap(), path)], &[], "").unwrap();
+        let named = binaries(NONE, &[], &[(platform("win64"), path)]).unwrap();
         assert_eq!(named.len(), 1);
+    }
+
+    #[test]
+    fn platforms_are_chosen_and_libraries_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("trocar_fmu.dll");
+        fs::write(&path, "MZ named").unwrap();
+        let windows = (platform("win64"), path);
+        let bytes = |platforms: &[Platform], named: &[(Platform, PathBuf)]| -> Vec<Vec<u8>> {
+            let binaries = binaries(TWO, platforms, named).unwrap();
+            binaries.into_iter().map(|binary| binary.bytes).collect()
+        };
+        assert_eq!(bytes(&[], &[]), [b"\x7fELF inside".to_vec(), b"MZ inside".to_vec()]);
+        let linux = [platform("linux64"), platform("x86_64-linux")];
+        assert_eq!(bytes(&linux, &[]), [b"\x7fELF inside"]);
+        assert_eq!(
+            bytes(&[], &[windows.clone()]),
+            [b"MZ named".to_vec(), b"\x7fELF inside".to_vec()]
+        );
+        assert_eq!(bytes(&[platform("win64")], &[windows]), [b"MZ named"]);
     }
 }
