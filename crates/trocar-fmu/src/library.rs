@@ -130,7 +130,7 @@ fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
         .arg(&folder)
         // The library is for other machines: it takes no flags meant for this one, and names no
         // folders of it.
-        .env("CARGO_ENCODED_RUSTFLAGS", flags(root))
+        .env("CARGO_ENCODED_RUSTFLAGS", flags(root, target))
         .env_remove("RUSTFLAGS")
         // Set by `cargo clippy`, which would check instead of build.
         .env_remove("RUSTC_WORKSPACE_WRAPPER")
@@ -152,15 +152,19 @@ fn build(root: &Path, out: &Path, target: &str) -> Result<Vec<u8>, String> {
     fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
-/// Flags for rustc that take the folders of this machine out of messages.
-fn flags(root: &Path) -> String {
+/// Flags for rustc that take the folders of this machine out of messages, and out of the name that
+/// a library for macOS has inside.
+fn flags(root: &Path, target: &str) -> String {
     let root = fs::canonicalize(root).unwrap_or_else(|_| root.to_owned());
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
     let folders = [(Some(root), "trocar"), (home, "cargo")];
     let named = folders.into_iter().filter_map(|(folder, name)| Some((folder?, name)));
-    let flags: Vec<String> = named
+    let mut flags: Vec<String> = named
         .map(|(folder, name)| format!("--remap-path-prefix={}={name}", folder.display()))
         .collect();
+    if target.contains("-apple-") {
+        flags.push("-Clink-arg=-Wl,-install_name,@rpath/trocar.dylib".to_owned());
+    }
     flags.join("\x1f")
 }
 
