@@ -7,7 +7,7 @@ pub use crate::bench::config::TissueKind;
 use crate::bench::surroundings::contact_force;
 
 /// The loop with every key at its default, described.
-pub const EXAMPLE_TOML: &str = include_str!("../../../../data/teleop.toml");
+pub const EXAMPLE_TOML: &str = include_str!("../../data/teleop.toml");
 
 /// A teleoperation loop and what the operator does with it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
