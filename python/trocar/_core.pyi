@@ -129,7 +129,7 @@ class Model:
         path: _Path,
         *,
         fmi: Literal[2, 3] = 2,
-        input: Literal["position", "velocity"] = "position",
+        input: Literal["position", "velocity"] = "velocity",
         name: str = "model",
         platforms: Sequence[str] | None = None,
     ) -> None: ...

@@ -120,8 +120,8 @@ const EXAMPLES: [Example; 16] = [
         &[
             ("For most simulation programs", "trocar export fmu result --out seal.fmu"),
             (
-                "FMI 3.0, driven by the velocity",
-                "trocar export fmu result --fmi 3 --input velocity --out seal.fmu",
+                "FMI 3.0, driven by the position at the end of each step",
+                "trocar export fmu result --fmi 3 --input position --out seal.fmu",
             ),
         ],
     ),

@@ -170,7 +170,7 @@ impl Model {
     /// end of a step) or "velocity" (m/s, during it); `name` that of the model in the description.
     /// The FMU runs on all `platforms` that this package carries a library for, or on those named
     /// ("x86_64-linux", "x86_64-windows"); the command line can add libraries for others.
-    #[pyo3(signature = (path, *, fmi=2, input="position", name="model", platforms=None))]
+    #[pyo3(signature = (path, *, fmi=2, input="velocity", name="model", platforms=None))]
     fn export_fmu(
         &self,
         py: Python<'_>,

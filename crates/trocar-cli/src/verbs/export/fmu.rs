@@ -31,8 +31,9 @@ pub(crate) struct Args {
     /// Version of FMI: 2 is read by most programs
     #[arg(long, value_name = "VERSION", default_value = "2")]
     fmi: Fmi,
-    /// What drives the model: the position at the end of a step, or the velocity during it
-    #[arg(long, value_name = "QUANTITY", default_value = "position")]
+    /// What drives the model: the velocity during a step, which is what importers set at its beginning,
+    /// or the position at its end, which most importers give one step late
+    #[arg(long, value_name = "QUANTITY", default_value = "velocity")]
     input: Drive,
     /// Name of the model in the description [default: name of the model file]
     #[arg(long)]
