@@ -1,7 +1,7 @@
-/* Runs an exported model (model.c in the include path) along a motion: exported MOTION.csv prints one force per row. */
+/* Runs an exported model (model.h in the include path) along a motion: exported MOTION.csv prints one force per row. */
 #include <stdio.h>
 
-#include "model.c"
+#include "model.h"
 
 int main(int argc, char **argv) {
     FILE *motion = argc == 2 ? fopen(argv[1], "r") : NULL;

@@ -35,13 +35,24 @@ def parts(path: Path) -> dict[str, bytes]:
 def test_c_is_that_of_the_command_line(path: Path, tmp_path: Path) -> None:
     model = trocar.Model.load(path)
     model.save(tmp_path / "model.json")
-    model.export_c(tmp_path / "python.c", prefix="seal")
-    program("c", tmp_path / "model.json", "--out", tmp_path / "command.c", "--name", "seal")
-    text = (tmp_path / "python.c").read_text()
-    assert text == (tmp_path / "command.c").read_text() and "seal_step(" in text
+    for precision, number in (("double", "double"), ("single", "float")):
+        for folder in ("python", "command"):
+            (tmp_path / folder).mkdir(exist_ok=True)
+        model.export_c(tmp_path / "python" / "seal.c", prefix="seal", precision=precision)
+        out = tmp_path / "command" / "seal.c"
+        options = ("--name", "seal", "--precision", precision)
+        program("c", tmp_path / "model.json", "--out", out, *options)
+        for name in ("seal.c", "seal.h"):
+            text = (tmp_path / "python" / name).read_text()
+            assert text == (tmp_path / "command" / name).read_text()
+            assert f"{number} seal_step(" in text
     with pytest.raises(trocar.ParameterError, match="the prefix of C names must be .* got '1'"):
         model.export_c(tmp_path / "none.c", prefix="1")
-    assert not (tmp_path / "none.c").exists()
+    with pytest.raises(trocar.ParameterError, match="must be named NAME.c"):
+        model.export_c(tmp_path / "none.txt")
+    with pytest.raises(trocar.ParameterError, match='precision "half": expected double or single'):
+        model.export_c(tmp_path / "none.c", precision="half")  # type: ignore[arg-type]
+    assert not (tmp_path / "none.c").exists() and not (tmp_path / "none.h").exists()
 
 
 def test_an_fmu_is_that_of_the_command_line(model: trocar.Model, tmp_path: Path) -> None:

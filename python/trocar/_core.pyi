@@ -123,7 +123,13 @@ class Model:
     def from_dict(values: Mapping[str, Any]) -> Model: ...
     @staticmethod
     def plausible() -> Model: ...
-    def export_c(self, path: _Path, *, prefix: str = "trocar") -> None: ...
+    def export_c(
+        self,
+        path: _Path,
+        *,
+        prefix: str = "trocar",
+        precision: Literal["double", "single"] = "double",
+    ) -> None: ...
     def export_fmu(
         self,
         path: _Path,

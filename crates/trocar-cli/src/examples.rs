@@ -113,7 +113,16 @@ const EXAMPLES: [Example; 16] = [
     ("analyze", &[("The paper's propositions for a model", "trocar analyze result")]),
     (
         "export c",
-        &[("One C99 file for a microcontroller", "trocar export c result --out trocar_seal.c")],
+        &[
+            (
+                "trocar_seal.c and trocar_seal.h for a microcontroller",
+                "trocar export c result --out trocar_seal.c",
+            ),
+            (
+                "For one without double precision, such as a Cortex-M4F",
+                "trocar export c result --out trocar_seal.c --precision single",
+            ),
+        ],
     ),
     (
         "export fmu",

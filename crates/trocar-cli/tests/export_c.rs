@@ -1,4 +1,4 @@
-//! `trocar export c` as a process: where the file goes, what is refused, that nothing half-written
+//! `trocar export c` as a process: where the files go, what is refused, that nothing half-written
 //! stays.
 
 use std::fs;
@@ -17,25 +17,28 @@ fn export(folder: &Path, arguments: &[&str]) -> Ran {
 }
 
 #[test]
-fn a_file_and_the_standard_output_hold_the_same() {
+fn source_and_header_are_written_side_by_side() {
     let folder = tempfile::tempdir().unwrap();
-    fs::copy(model(), folder.path().join("seal.json")).unwrap();
-    let printed =
-        export(folder.path(), &["seal.json", "--out", "-", "--name", "seal"]).ends_with(0);
-    assert!(
-        printed.stdout.starts_with("/*") && printed.stdout.contains("double seal_step("),
-        "{printed:?}"
-    );
-    assert!(printed.stdout.contains("seal.json, SHA-256"));
+    fs::copy(model(), folder.path().join("model.json")).unwrap();
+    let read = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
     let stored =
-        export(folder.path(), &["seal.json", "--out", "seal.c", "--name", "seal"]).ends_with(0);
+        export(folder.path(), &["model.json", "--out", "seal.c", "--name", "seal"]).ends_with(0);
     assert!(
-        stored.stdout.is_empty() && stored.stderr.contains("lines of C -> seal.c"),
+        stored.stdout.is_empty() && stored.stderr.contains("lines of C -> seal.c, seal.h"),
         "{stored:?}"
     );
-    assert_eq!(fs::read_to_string(folder.path().join("seal.c")).unwrap(), printed.stdout);
-    let named = export(folder.path(), &["seal.json", "--out", "-"]).ends_with(0);
-    assert!(named.stdout.contains("double trocar_step("));
+    assert_eq!(names_in(folder.path()), ["model.json", "seal.c", "seal.h"]);
+    for (name, text) in [("seal.c", read("seal.c")), ("seal.h", read("seal.h"))] {
+        assert!(text.starts_with("/*") && text.contains("double seal_step("), "{name}");
+        assert!(text.contains("model.json, SHA-256"), "{name}");
+    }
+    assert!(
+        read("seal.c").contains("#include \"seal.h\"") && read("seal.h").contains("extern \"C\"")
+    );
+    export(folder.path(), &["model.json", "--out", "seal.c", "--precision", "single"]).ends_with(0);
+    for text in [read("seal.c"), read("seal.h")] {
+        assert!(text.contains("float trocar_step(") && !text.contains("seal_step("));
+    }
 }
 
 #[test]
@@ -49,8 +52,15 @@ fn faults_are_told_and_leave_nothing() {
     assert!(missing.stderr.contains("absent.json: cannot read the model"), "{}", missing.stderr);
     let nowhere = export(folder.path(), &[own, "--out", "absent/seal.c"]).ends_with(1);
     assert!(nowhere.stderr.contains("absent/seal.c"), "{}", nowhere.stderr);
+    let standard = export(folder.path(), &[own, "--out", "-"]).ends_with(2);
+    assert!(standard.stderr.contains("must be named NAME.c"), "{}", standard.stderr);
     fs::write(folder.path().join("bad.json"), "{}").unwrap();
     let bad = export(folder.path(), &["bad.json", "--out", "seal.c"]).ends_with(1);
     assert!(bad.stderr.contains("bad.json: not a model"), "{}", bad.stderr);
     assert_eq!(names_in(folder.path()), ["bad.json"]);
+    // The source has a place, its header has none.
+    fs::create_dir(folder.path().join("seal.h")).unwrap();
+    let half = export(folder.path(), &[own, "--out", "seal.c"]).ends_with(1);
+    assert!(half.stderr.contains("seal.h: cannot create"), "{}", half.stderr);
+    assert_eq!(names_in(folder.path()), ["bad.json", "seal.h"]);
 }

@@ -95,6 +95,7 @@ impl Raise for trocar::export::c::CError {
     fn raise(self) -> PyErr {
         match self {
             Self::Model(error) => error.raise(),
+            Self::Output(error) => error.raise(),
             other => ParameterError::new_err(other.to_string()),
         }
     }

@@ -9,7 +9,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
-use trocar::export::c::{DEFAULT_PREFIX, from_text};
+use trocar::export::c::{COptions, DEFAULT_PREFIX, Precision, from_text, stem};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::{AtomicFile, OutputError};
 use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Version, package};
@@ -152,15 +152,37 @@ impl Model {
         py.detach(|| store(&path, self.0.to_json().as_bytes())).map_err(Raise::raise)
     }
 
-    /// Writes the model as one C99 file of constants and a step function (`trocar export c`); it
-    /// appears whole or not at all.
+    /// Writes the model in C99 (`trocar export c`): `path`, which ends in .c, and beside it a header
+    /// that ends in .h. Both files appear whole, or neither does.
     ///
-    /// All names in the file begin with `prefix`. Its first comment explains its use;
-    /// docs/microcontroller.md has an example.
-    #[pyo3(signature = (path, *, prefix=DEFAULT_PREFIX.to_owned()), text_signature = "($self, path, *, prefix='trocar')")]
-    fn export_c(&self, py: Python<'_>, path: PathBuf, prefix: String) -> PyResult<()> {
-        let text = from_text(&self.0.to_json(), "model.json", &prefix).map_err(Raise::raise)?;
-        py.detach(|| store(&path, text.as_bytes())).map_err(Raise::raise)
+    /// All names in the files begin with `prefix`. `precision` is that of the numbers: "double", or
+    /// "single" for processors that compute in 32 bits only. The first comment of the header
+    /// explains the use; docs/microcontroller.md has an example.
+    #[pyo3(
+        signature = (path, *, prefix=DEFAULT_PREFIX.to_owned(), precision="double"),
+        text_signature = "($self, path, *, prefix='trocar', precision='double')"
+    )]
+    fn export_c(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        prefix: String,
+        precision: &str,
+    ) -> PyResult<()> {
+        let precision = match precision {
+            "double" => Precision::Double,
+            "single" => Precision::Single,
+            _ => {
+                return Err(ParameterError::new_err(format!(
+                    "precision {precision:?}: expected double or single"
+                )));
+            }
+        };
+        let export = || {
+            let options = COptions { prefix: &prefix, stem: stem(&path)?, precision };
+            from_text(&self.0.to_json(), "model.json", options)?.store(&path)
+        };
+        py.detach(export).map_err(Raise::raise)
     }
 
     /// Writes the model as a functional mock-up unit (`trocar export fmu`); the file appears whole

@@ -142,6 +142,31 @@ impl Write for AtomicFile {
     }
 }
 
+/// Writes files that belong together, each whole; if one of them fails, all are as before.
+///
+/// # Errors
+/// [`OutputError`] of the first file that cannot be written.
+pub fn write_together(files: &[(&Path, &[u8])]) -> Result<(), OutputError> {
+    let mut written = Vec::new();
+    for (path, bytes) in files {
+        let mut file = AtomicFile::create(path)?;
+        file.write_all(bytes).map_err(|source| file.write_error(source))?;
+        written.push((file, *path, fs::read(path).ok()));
+    }
+    let mut placed: Vec<(&Path, Option<Vec<u8>>)> = Vec::new();
+    for (file, path, earlier) in written {
+        if let Err(error) = file.commit() {
+            for (path, earlier) in placed {
+                // The first error is the one to report.
+                let _ = earlier.map_or_else(|| fs::remove_file(path), |old| fs::write(path, old));
+            }
+            return Err(error);
+        }
+        placed.push((path, earlier));
+    }
+    Ok(())
+}
+
 /// A temporary name with the permissions that `File::create` and `create_dir` give. Otherwise
 /// temporary files are private and stay private under their final name.
 fn hidden(_mode: u32) -> tempfile::Builder<'static, 'static> {

@@ -1,5 +1,8 @@
 //! The exported C code of models, compiled and compared with the library. Requires gcc.
 
+mod builds;
+mod single;
+
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
@@ -10,7 +13,9 @@ use crate::common;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
-use trocar::export::c::{CError, check_prefix, from_file, write};
+use trocar::export::c::{
+    CError, CFiles, COptions, Precision, check_prefix, from_file, stem, write,
+};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar_model::{
     Classical, Dahl, DahlParams, DeformationForce, Element, Gms, GmsElement, Leuven, LeuvenParams,
@@ -22,14 +27,14 @@ use trocar_model::{
 /// Rounding of a double is 1.1e-16, and `log1p` of two C libraries may differ by that.
 const TOLERANCE: f64 = 1e-12;
 
-/// The strictest C99 checks of gcc.
+/// The strictest checks of gcc.
 const FLAGS: [&str; 8] = [
-    "-std=c99",
     "-Wall",
     "-Wextra",
     "-Wpedantic",
     "-Wconversion",
     "-Wdouble-promotion",
+    "-Wshadow",
     "-Wmissing-prototypes",
     "-ffp-contract=off",
 ];
@@ -73,10 +78,27 @@ fn has_gcc() -> bool {
 }
 
 fn gcc(folder: &Path, arguments: &[&str]) {
-    let output =
-        Command::new("gcc").current_dir(folder).args(FLAGS).args(arguments).output().unwrap();
+    let mut command = Command::new("gcc");
+    command.current_dir(folder).arg("-std=c99").args(FLAGS).args(arguments);
+    let output = command.output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "gcc {arguments:?}\n{errors}");
+}
+
+fn options(prefix: &str) -> COptions<'_> {
+    COptions { prefix, stem: prefix, precision: Precision::Double }
+}
+
+/// The C code of `model` in `folder` as NAME.c and NAME.h, with the prefix NAME.
+fn store(model: &ModelFile, folder: &Path, name: &str) -> CFiles {
+    store_as(model, folder, options(name))
+}
+
+fn store_as(model: &ModelFile, folder: &Path, options: COptions) -> CFiles {
+    let files = write(model, "a test", options).unwrap();
+    let name = options.stem;
+    files.store(&folder.join(format!("{name}.c"))).unwrap();
+    files
 }
 
 fn conformance_models() -> Vec<(String, ModelFile)> {
@@ -259,8 +281,9 @@ fn is_refused(call: Call, position: f64) -> bool {
         && (position + displacement).is_finite())
 }
 
-/// A program that runs every model of `names` through the calls in the file of its first argument.
-fn driver(names: &[String]) -> String {
+/// A program that runs every model of `names` through the calls in the file of its first argument;
+/// the models take their numbers as `number`.
+fn driver(names: &[String], number: &str) -> String {
     let mut text = String::from("#include <stdio.h>\n#include <string.h>\n");
     for name in names {
         let _ = writeln!(text, "#include \"{name}.c\"");
@@ -268,16 +291,7 @@ fn driver(names: &[String]) -> String {
     text.push_str("static double call[3];\nstatic double outcome[3];\nstatic double start;\n");
     text.push_str("static char before[4096];\n");
     for name in names {
-        let _ = write!(
-            text,
-            "static void run_{name}(FILE *calls)\n{{\n    {name}_state state;\n    memset(&state, 0, sizeof state);\n    \
-             {name}_rest(&state, start);\n    outcome[0] = state.force_n;\n    fwrite(outcome, 8, 3, stdout);\n    \
-             while (fread(call, 8, 3, calls) == 3) {{\n        memcpy(before, &state, sizeof state);\n        \
-             outcome[0] = call[0] != 0.0 ? {name}_step_to(&state, call[1], call[2])\n                                    \
-             : {name}_step(&state, call[1], call[2]);\n        outcome[1] = state.position_m;\n        \
-             outcome[2] = memcmp(before, &state, sizeof state) != 0 || outcome[0] != state.force_n ? 1.0 : 0.0;\n        \
-             fwrite(outcome, 8, 3, stdout);\n    }}\n}}\n"
-        );
+        text.push_str(&RUN.replace("NAME", name).replace("NUMBER", number));
     }
     text.push_str("int main(int count, char **names)\n{\n    FILE *calls = fopen(names[count - 1], \"rb\");\n");
     for name in names {
@@ -289,6 +303,27 @@ fn driver(names: &[String]) -> String {
     text.push_str("    return 0;\n}\n");
     text
 }
+
+const RUN: &str = r"
+static void run_NAME(FILE *calls)
+{
+    NAME_state state;
+    memset(&state, 0, sizeof state);
+    NAME_rest(&state, (NUMBER)start);
+    outcome[0] = (double)state.force_n;
+    fwrite(outcome, 8, 3, stdout);
+    while (fread(call, 8, 3, calls) == 3) {
+        NUMBER force;
+        memcpy(before, &state, sizeof state);
+        force = call[0] != 0.0 ? NAME_step_to(&state, (NUMBER)call[1], (NUMBER)call[2])
+                               : NAME_step(&state, (NUMBER)call[1], (NUMBER)call[2]);
+        outcome[0] = (double)force;
+        outcome[1] = (double)state.position_m;
+        outcome[2] = memcmp(before, &state, sizeof state) != 0 || outcome[0] != (double)state.force_n ? 1.0 : 0.0;
+        fwrite(outcome, 8, 3, stdout);
+    }
+}
+";
 
 /// Runs `program` over `calls`; returns one row of results for each of `models` models, beginning
 /// with the initial state.
@@ -359,11 +394,10 @@ fn c_gives_the_forces_of_the_library() {
     let models = [conformance_models(), random_models(), classical_models()].concat();
     let folder = tempfile::tempdir().unwrap();
     for (name, model) in &models {
-        fs::write(folder.path().join(format!("{name}.c")), write(model, "a test", name).unwrap())
-            .unwrap();
+        store(model, folder.path(), name);
     }
     let names: Vec<String> = models.iter().map(|(name, _)| name.clone()).collect();
-    fs::write(folder.path().join("driver.c"), driver(&names)).unwrap();
+    fs::write(folder.path().join("driver.c"), driver(&names, "double")).unwrap();
     gcc(folder.path(), &["-O2", "-Werror", "driver.c", "-o", "fast", "-lm"]);
     gcc(
         folder.path(),
@@ -396,7 +430,7 @@ fn c_gives_the_forces_of_the_library() {
     }
 }
 
-/// Also with a separate header, and for an initial value that is not a number, which counts as 0.
+/// Also for an initial value that is not a number, which counts as 0.
 #[test]
 fn each_file_stands_alone_without_a_hosted_compiler() {
     if !has_gcc() {
@@ -404,22 +438,19 @@ fn each_file_stands_alone_without_a_hosted_compiler() {
     }
     let folder = tempfile::tempdir().unwrap();
     for (name, model) in conformance_models() {
-        fs::write(folder.path().join("model.c"), write(&model, "a test", "seal_2").unwrap())
-            .unwrap();
-        gcc(
-            folder.path(),
-            &["-O2", "-Werror", "-ffreestanding", "-c", "model.c", "-o", &format!("{name}.o")],
-        );
+        store(&model, folder.path(), "seal_2");
+        let object = format!("{name}.o");
+        gcc(folder.path(), &["-O2", "-Werror", "-ffreestanding", "-c", "seal_2.c", "-o", &object]);
     }
-    let user = "#define seal_2_DECLARATIONS_ONLY\n#include \"model.c\"\n#include \"model.c\"\nint main(void)\n{\n    \
+    let user = "#include \"seal_2.h\"\n#include \"seal_2.h\"\nint main(void)\n{\n    \
                 seal_2_state state;\n    seal_2_rest(&state, 0.0 / 0.0);\n    return state.position_m != 0.0;\n}\n";
     fs::write(folder.path().join("user.c"), user).unwrap();
     gcc(folder.path(), &["-Werror", "user.c", "static.o", "-o", "user", "-lm"]);
     assert!(Command::new(folder.path().join("user")).status().unwrap().success());
 }
 
-/// Arithmetic without IEEE rules would silently give wrong forces; only the declarations may be
-/// included with it.
+/// Arithmetic without IEEE rules would silently give wrong forces; only the header may be included
+/// with it.
 #[test]
 fn fast_math_does_not_compile() {
     if !has_gcc() {
@@ -427,10 +458,10 @@ fn fast_math_does_not_compile() {
     }
     let folder = tempfile::tempdir().unwrap();
     for (name, model) in conformance_models() {
-        fs::write(folder.path().join("model.c"), write(&model, "a test", "p").unwrap()).unwrap();
+        store(&model, folder.path(), "p");
         for flag in ["-ffast-math", "-Ofast", "-ffinite-math-only", "-funsafe-math-optimizations"] {
             let mut command = Command::new("gcc");
-            command.current_dir(folder.path()).args([flag, "-fsyntax-only", "model.c"]);
+            command.current_dir(folder.path()).args([flag, "-fsyntax-only", "p.c"]);
             let output = command.output().unwrap();
             let errors = String::from_utf8_lossy(&output.stderr);
             assert!(
@@ -438,18 +469,17 @@ fn fast_math_does_not_compile() {
                 "{name} {flag}: {errors}"
             );
         }
-        gcc(
-            folder.path(),
-            &["-Werror", "-ffast-math", "-Dp_DECLARATIONS_ONLY", "-fsyntax-only", "model.c"],
-        );
+        gcc(folder.path(), &["-Werror", "-ffast-math", "-fsyntax-only", "p.h"]);
     }
 }
 
 #[test]
 fn only_what_a_model_needs_is_written() {
-    let text = |name: &str| {
-        from_file(&repository().join(format!("conformance/models/{name}.json")), "p").unwrap()
+    let files = |name: &str| {
+        let path = repository().join(format!("conformance/models/{name}.json"));
+        from_file(&path, COptions { stem: "seal", ..options("p") }).unwrap()
     };
+    let text = |name: &str| files(name).source;
     let plain = text("ems");
     for part in ["find_root", "creep", "arm", "stribeck", "travel", "knots", "seal_damping", "sqrt"]
     {
@@ -458,17 +488,29 @@ fn only_what_a_model_needs_is_written() {
     assert!(!text("maxwell_slip").contains("decay") && !text("ems_stribeck").contains("log1p"));
     assert!(text("ems_slow").contains("find_root") && text("ems_profile").contains("p_knots"));
     for (name, _) in conformance_models() {
-        let text = text(&name);
-        assert!(!text.contains('@') && !text.contains("trocar_"), "{name}");
-        assert!(
-            text.contains("Not a medical device")
-                && text.contains(&format!("{name}.json, SHA-256 ")),
-            "{name}"
-        );
-        assert!(text.lines().all(|line| line.len() <= 120), "{name}");
-        let includes: Vec<&str> =
-            text.lines().filter(|line| line.starts_with("#include")).collect();
-        assert_eq!(includes, ["#include <math.h>"], "{name}");
+        let CFiles { header, source } = files(&name);
+        for text in [&header, &source] {
+            assert!(!text.contains('@') && !text.contains("trocar_"), "{name}");
+            assert!(
+                text.contains("Not a medical device")
+                    && text.contains(&format!("{name}.json, SHA-256 ")),
+                "{name}"
+            );
+            assert!(text.lines().all(|line| line.len() <= 120), "{name}");
+        }
+        let includes = |text: &str| -> Vec<String> {
+            text.lines()
+                .filter_map(|line| line.strip_prefix("#include ").map(str::to_owned))
+                .collect()
+        };
+        assert!(includes(&header).is_empty(), "{name}");
+        let needs_bits = source.contains("uint64_t");
+        let own = ["\"seal.h\"", "<math.h>", "<stdint.h>"];
+        assert_eq!(includes(&source), own[..2 + usize::from(needs_bits)], "{name}");
+        // Nothing but the step functions is visible to the linker.
+        let is_open = |line: &&str| line.starts_with("void p_") || line.starts_with("double p_");
+        let open: Vec<&str> = source.lines().filter(is_open).collect();
+        assert_eq!(open.len(), 3, "{name}: {open:?}");
     }
 }
 
@@ -480,8 +522,13 @@ fn what_makes_no_names_is_refused() {
     for prefix in ["t", "int", "Trocar_2", "abcdefghijklmnopqrst"] {
         assert!(check_prefix(prefix).is_ok(), "{prefix}");
     }
-    let missing = from_file(Path::new("missing.json"), "p").unwrap_err().to_string();
+    let missing = from_file(Path::new("missing.json"), options("p")).unwrap_err().to_string();
     assert!(missing.starts_with("missing.json: cannot read the model"), "{missing}");
+    for path in ["seal", "seal.h", "-", ".c", "a\"b.c", "a\\b.c", "a\nb.c", "folder/"] {
+        let refused = stem(Path::new(path)).unwrap_err().to_string();
+        assert!(refused.contains("must be named NAME.c"), "{path:?}: {refused}");
+    }
+    assert_eq!(stem(Path::new("folder/my-seal 2.v1.c")).unwrap(), "my-seal 2.v1");
 }
 
 /// Any names and notes of a model are safe inside a comment.
@@ -489,12 +536,14 @@ fn what_makes_no_names_is_refused() {
 fn a_note_cannot_become_code() {
     let mut model = ModelFile::plausible_10_5_mm().unwrap();
     model.origin.note = Some("*/ #error /* \\\n@TITLE@ trocar_x \u{202e}".to_owned());
-    let text = write(&model, "*/", "p").unwrap();
-    assert_eq!(text.matches("/*").count(), text.matches("*/").count());
+    let files = write(&model, "*/", options("p")).unwrap();
+    for text in [&files.header, &files.source] {
+        assert_eq!(text.matches("/*").count(), text.matches("*/").count());
+    }
     if has_gcc() {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("model.c"), text).unwrap();
-        gcc(folder.path(), &["-Werror", "-c", "model.c"]);
+        files.store(&folder.path().join("p.c")).unwrap();
+        gcc(folder.path(), &["-Werror", "-c", "p.c"]);
     }
 }
 
@@ -511,14 +560,11 @@ fn sizes_and_speed() {
     let plausible = ("plausible".to_owned(), ModelFile::plausible_10_5_mm().unwrap());
     println!("| model | lines | code and constants, -Os | state | step, -O2 | library |");
     for (name, model) in [plausible].into_iter().chain(conformance_models()) {
-        let text = write(&model, "a test", "p").unwrap();
-        fs::write(folder.path().join("p.c"), &text).unwrap();
+        let text = store(&model, folder.path(), "p").source;
         fs::write(folder.path().join("speed.c"), SPEED).unwrap();
         gcc(folder.path(), &["-Os", "-c", "p.c", "-o", "p.o"]);
         gcc(folder.path(), &["-O2", "speed.c", "-o", "speed", "-lm"]);
-        let sizes = Command::new("size").arg(folder.path().join("p.o")).output().unwrap();
-        let sizes = String::from_utf8(sizes.stdout).unwrap();
-        let bytes: Vec<&str> = sizes.lines().last().unwrap().split_whitespace().collect();
+        let bytes = builds::size(folder.path(), "size", "p.o");
         let numbers = calls.iter().flat_map(|call| [call.way, call.duration]);
         let input: Vec<u8> =
             [start].into_iter().chain(numbers).flat_map(f64::to_ne_bytes).collect();
@@ -529,10 +575,19 @@ fn sizes_and_speed() {
         let (state, nanoseconds) = seen.trim().split_once(' ').unwrap();
         let own = library_speed(&model, start, &calls);
         let lines = text.lines().count();
-        println!(
-            "| {name} | {lines} | {} B | {state} B | {nanoseconds} ns | {own:.1} ns |",
-            bytes[0]
-        );
+        println!("| {name} | {lines} | {bytes} B | {state} B | {nanoseconds} ns | {own:.1} ns |");
+    }
+    if !builds::has(builds::ARM) {
+        return;
+    }
+    println!("| model | Cortex-M4F, single precision | double precision in software |");
+    for (name, model) in conformance_models() {
+        let size = |precision| {
+            store_as(&model, folder.path(), COptions { precision, ..options("p") });
+            builds::for_cortex_m4f(folder.path(), "p")
+        };
+        let (single, double) = (size(Precision::Single), size(Precision::Double));
+        println!("| {name} | {single} B | {double} B |");
     }
 }
 

@@ -1,40 +1,66 @@
 //! `trocar export c`
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use trocar::export::c::{CError, DEFAULT_PREFIX, check_prefix, from_file};
-use trocar::output::AtomicFile;
+use clap::ValueEnum;
+use trocar::export::c::{
+    CError, COptions, DEFAULT_PREFIX, Precision, check_prefix, from_file, stem,
+};
 
 use crate::Completion;
 use crate::console::Console;
 
-/// Write a model as one C99 file of constants and one step function, for a microcontroller
+/// Write a model in C99 for a microcontroller: a source file and its header, for C and C++
 ///
-/// Works for any model. The file needs only <math.h> and a double of 64 bits, and holds only what
-/// the model needs. Its first comment explains its use. As in the library, a step that is not
-/// finite or takes no time changes nothing.
+/// Works for any model. The files need only <math.h> and <stdint.h>, and hold only what the model
+/// needs. The first comment of the header explains the use. As in the library,
+/// a step that is not finite or takes no time changes nothing.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model file (model.json, or one of those that compare writes)
     model: PathBuf,
-    /// Result: a C file, '-' for standard output
-    #[arg(long, value_name = "FILE")]
+    /// Result: the source file; the header is written beside it as FILE.h
+    #[arg(long, value_name = "FILE.c", value_parser = source_file)]
     out: PathBuf,
-    /// Beginning of all names in the file: PREFIX_state, PREFIX_rest, PREFIX_step
+    /// Beginning of all names in the files: PREFIX_state, PREFIX_rest, PREFIX_step
     #[arg(long, value_name = "PREFIX", default_value = DEFAULT_PREFIX, value_parser = prefix)]
     name: String,
+    /// Numbers of the code: double gives the forces of the library, single is for processors that
+    /// compute in 32 bits only; docs/microcontroller.md lists its error
+    #[arg(long, value_name = "PRECISION", default_value = "double")]
+    precision: Numbers,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Numbers {
+    Double,
+    Single,
 }
 
 fn prefix(text: &str) -> Result<String, CError> {
     check_prefix(text).map(|()| text.to_owned())
 }
 
+fn source_file(text: &str) -> Result<PathBuf, CError> {
+    stem(Path::new(text)).map(|_| PathBuf::from(text))
+}
+
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    let text = from_file(&args.model, &args.name)?;
-    let mut file = AtomicFile::create(&args.out)?;
-    file.write_all(text.as_bytes()).map_err(|source| file.write_error(source))?;
-    file.commit()?;
-    console.remark(&format!("{} lines of C -> {}", text.lines().count(), args.out.display()));
+    let options = COptions {
+        prefix: &args.name,
+        stem: stem(&args.out)?,
+        precision: match args.precision {
+            Numbers::Double => Precision::Double,
+            Numbers::Single => Precision::Single,
+        },
+    };
+    let files = from_file(&args.model, options)?;
+    files.store(&args.out)?;
+    console.remark(&format!(
+        "{} lines of C -> {}, {}",
+        files.source.lines().count(),
+        args.out.display(),
+        args.out.with_extension("h").display()
+    ));
     Ok(Completion::Clean)
 }

@@ -63,7 +63,11 @@ static double trocar_damping_slope(const trocar_element *e, double velocity)
 static double trocar_decay_and_mean(double x, double *mean)
 {
     double left;
+//@if single
+    if (x < 0.25) { /* the series is good to the last bit */
+//@else
     if (x < 1.0 / 64.0) { /* the series is good to the last bit */
+//@end
         const double high = 1.0 / 24.0 - x * (1.0 / 120.0 - x * (1.0 / 720.0));
         *mean = 1.0 - x * (0.5 - x * (1.0 / 6.0 - x * high));
         return 1.0 - x * *mean;

@@ -1,21 +1,27 @@
 /* @TITLE@
  *
 @ORIGIN@ *
- * Units: m, s, N. Position and displacement are positive on insertion; the force is that of the instrument on the seal,
- * the instrument feels its negative.
- *
- *     trocar_state state;
- *     trocar_rest(&state, position);                       once: a seal without force at that position
- *     force = trocar_step(&state, displacement, duration); every sample, from an encoder
- *     force = trocar_step_to(&state, position, duration);  or by the position itself
- *
- * Other files see the declarations alone with
- *     #define trocar_DECLARATIONS_ONLY
- *     #include "this file"
- *
- * C99, with <math.h> and nothing else: no memory but trocar_state, no recursion, bounded work. A double must be IEEE 754
- * binary64 (AVR's is not). Compile with -ffp-contract=off and without -ffast-math or the like, which is refused where
- * the compiler tells: fused arithmetic moves last digits, and without IEEE rules forces are wrong.
+ * @STEM@.h explains the use; C++ includes it, too. C99, with <math.h> and <stdint.h> and nothing else: no memory but
+ * trocar_state, no recursion, bounded work.
+//@if single
+ * All arithmetic is in float, which must be IEEE 754 binary32.
+//@else
+ * A double must be IEEE 754 binary64 (AVR's is not).
+//@end
+ * Compile with -ffp-contract=off and without -ffast-math or the like, which is refused where the compiler tells: fused
+ * arithmetic moves last digits, and without IEEE rules forces are wrong.
  *
  * Numbers in brackets are equations of EMS, key in SOURCES.md of trocar. Not a medical device. */
+
+#include "@STEM@.h"
+
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \
+    || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(_M_FP_FAST)
+#error "compile this file without -ffast-math, -Ofast or the like: its forces would be wrong"
+#endif
+
+#include <math.h>
+//@if bits
+#include <stdint.h>
+//@end
 

@@ -42,7 +42,11 @@ static double trocar_bank_advance(trocar_state *state, double heading, double wa
     int i;
     for (i = 0; i < trocar_elements; ++i) {
         const double loaded = heading * state->element_force_n[i] + trocar_stiffness_n_m[i] * way;
+//@if single
+        const int yields = loaded >= (1.0 - 5e-6) * trocar_limit_force_n[i];
+//@else
         const int yields = loaded >= (1.0 - 1e-14) * trocar_limit_force_n[i];
+//@end
         state->element_force_n[i] = heading * (yields ? trocar_limit_force_n[i] : loaded);
         sum += state->element_force_n[i];
     }
@@ -86,8 +90,13 @@ static double trocar_chord_travel(double far, double start, double end)
 /* (1 - exp(-x))/x for x >= 0. */
 static double trocar_filled(double x)
 {
-    return x < 1e-3 ? 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))
-                    : (1.0 - trocar_decay(x)) / x;
+//@if single
+    const double small = 0.1;
+//@else
+    const double small = 1e-3;
+//@end
+    return x < small ? 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))
+                     : (1.0 - trocar_decay(x)) / x;
 }
 
 /* Moves the bank while the instrument travels by left (m) towards s; returns F_h, N. At most 57 parts. */

@@ -1,8 +1,9 @@
-//! A model as one C file of constants and one step function, for a microcontroller.
+//! A model as C: a source file of constants and one step function, and its header, for a
+//! microcontroller.
 //!
 //! The C code performs the operations of `trocar_model` in the same order with the same numbers and
 //! its own exponential. So a compiler that follows IEEE 754 gives the same bits, except for `log1p`
-//! and `log` of its library in rare corner cases. The file contains only what the model needs. The
+//! and `log` of its library in rare corner cases. The files contain only what the model needs. The
 //! templates next to this file are the code; `element` and `classical` fill in the constants.
 
 use std::fmt::Write as _;
@@ -15,14 +16,19 @@ use trocar_model::profile::FADE;
 use trocar_model::{PositionProfile, Seal};
 
 use crate::model_file::{ModelFile, ModelFileError, OriginKind};
+use crate::output::OutputError;
+
+pub use files::{CFiles, stem};
 
 use template::{Filling, hexadecimal, number, remark};
 
 mod classical;
 mod element;
+mod files;
+mod single;
 mod template;
 
-/// Default prefix of all names in the file.
+/// Default prefix of all names in the files.
 pub const DEFAULT_PREFIX: &str = "trocar";
 
 /// Longest prefix: C99 guarantees 31 significant characters in external names, and `_step_to`
@@ -41,21 +47,62 @@ pub enum CError {
         /// What was found.
         found: String,
     },
+    /// The name of the source file does not end in `.c` or cannot be part of an `#include`.
+    #[error(
+        "the C file must be named NAME.c with letters, digits, blanks and '_', '-', '.', '+' in NAME (NAME.h is written beside it), got '{found}'"
+    )]
+    FileName {
+        /// What was found.
+        found: String,
+    },
+    /// A constant that a `float` cannot hold.
+    #[error(
+        "the model cannot be written in single precision: it contains {constant}, and a float holds magnitudes from 1.2e-38 to 3.4e38"
+    )]
+    Single {
+        /// The constant.
+        constant: String,
+    },
     /// The model cannot be read or run.
     #[error(transparent)]
     Model(#[from] ModelFileError),
+    /// The files cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
 }
 
-/// The model file at `path` as the text of a C file whose names begin with `prefix`.
+/// Numbers of the C code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Precision {
+    /// `double`, 64 bits: the forces of the library.
+    #[default]
+    Double,
+    /// `float`, 32 bits, and no `double` anywhere, for processors that compute in single precision.
+    Single,
+}
+
+/// How a model is written.
+#[derive(Debug, Clone, Copy)]
+pub struct COptions<'a> {
+    /// Beginning of all names in C.
+    pub prefix: &'a str,
+    /// Name of the files without extension, from [`stem`].
+    pub stem: &'a str,
+    /// Numbers.
+    pub precision: Precision,
+}
+
+/// The model file at `path` in C.
 ///
 /// # Errors
-/// [`CError::Prefix`] for an invalid prefix, [`CError::Model`] for an invalid model.
-pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
-    check_prefix(prefix)?;
+/// [`CError::Prefix`] for an invalid prefix, [`CError::Model`] for an invalid model,
+/// [`CError::Single`] for one that single precision cannot hold.
+pub fn from_file(path: &Path, options: COptions) -> Result<CFiles, CError> {
+    check_prefix(options.prefix)?;
     let read = || {
         let text = fs::read_to_string(path).map_err(ModelFileError::from)?;
         let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-        from_text(&text, &name, prefix)
+        from_text(&text, &name, options)
     };
     read().map_err(|error| match error {
         CError::Model(error) => error.in_file(path).into(),
@@ -63,39 +110,39 @@ pub fn from_file(path: &Path, prefix: &str) -> Result<String, CError> {
     })
 }
 
-/// The model file called `name` with this `text` as the text of a C file whose names begin with
-/// `prefix`.
+/// The model file called `name` with this `text` in C.
 ///
 /// # Errors
 /// As for [`from_file`].
-pub fn from_text(text: &str, name: &str, prefix: &str) -> Result<String, CError> {
+pub fn from_text(text: &str, name: &str, options: COptions) -> Result<CFiles, CError> {
     let origin = format!("{name}, SHA-256 {}", sha256(text.as_bytes()));
-    write(&ModelFile::from_json(text)?, &origin, prefix)
+    write(&ModelFile::from_json(text)?, &origin, options)
 }
 
-/// `model` as the text of a C file whose names begin with `prefix`; `origin` describes the source
-/// of the model.
+/// `model` in C; `origin` describes the source of the model.
 ///
 /// # Errors
 /// As for [`from_file`].
-pub fn write(model: &ModelFile, origin: &str, prefix: &str) -> Result<String, CError> {
+pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFiles, CError> {
+    let COptions { prefix, stem, precision } = options;
     check_prefix(prefix)?;
     let trocar = &model.trocar;
     let mut filling = Filling::default();
+    filling.set("single", precision == Precision::Single);
     filling.set("profile", trocar.profile().is_some());
     let (types, constants, code) = match trocar.seal() {
         Seal::Ems(stages) => element::parts(stages.elements(), &mut filling, prefix),
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
+    filling.value("STEM", stem);
     filling.value(
         "TITLE",
         format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")),
     );
     filling.value("ORIGIN", origin_lines(model, origin));
     let profile = trocar.profile().map_or_else(String::new, profile_constants);
-    let template = [
+    let source = [
         include_str!("head.c"),
-        include_str!("declarations.c"),
         types,
         &constants,
         &profile,
@@ -104,7 +151,11 @@ pub fn write(model: &ModelFile, origin: &str, prefix: &str) -> Result<String, CE
         &code,
         include_str!("public.c"),
     ];
-    Ok(filling.fill(&template.concat(), prefix))
+    let write = |template: &str| {
+        let code = filling.fill(template, prefix);
+        if precision == Precision::Single { single::to_single(&code) } else { Ok(code) }
+    };
+    Ok(CFiles { header: write(include_str!("header.h"))?, source: write(&source.concat())? })
 }
 
 /// Whether names in C may begin with `prefix`.

@@ -76,5 +76,3 @@ double trocar_step_to(trocar_state *state, double position_m, double duration_s)
 {
     return trocar_advance_to(state, position_m, position_m - state->position_m, duration_s);
 }
-
-#endif

@@ -1,5 +1,22 @@
-#ifndef trocar_DECLARED
-#define trocar_DECLARED
+/* @TITLE@
+ *
+@ORIGIN@ *
+ * Units: m, s, N. Position and displacement are positive on insertion; the force is that of the instrument on the seal,
+ * the instrument feels its negative.
+ *
+ *     trocar_state state;
+ *     trocar_rest(&state, position);                       once: a seal without force at that position
+ *     force = trocar_step(&state, displacement, duration); every sample, from an encoder
+ *     force = trocar_step_to(&state, position, duration);  or by the position itself
+ *
+ * The functions are in @STEM@.c. Not a medical device. */
+
+#ifndef trocar_H
+#define trocar_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
 
 //@if ems
 /* Everything that changes while one element runs. */
@@ -73,14 +90,8 @@ double trocar_step(trocar_state *state, double displacement_m, double duration_s
 /* Advances to position_m within duration_s; as trocar_step. */
 double trocar_step_to(trocar_state *state, double position_m, double duration_s);
 
+#ifdef __cplusplus
+}
 #endif
 
-#ifndef trocar_DECLARATIONS_ONLY
-
-#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \
-    || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(_M_FP_FAST)
-#error "compile this file without -ffast-math, -Ofast or the like: its forces would be wrong"
 #endif
-
-#include <math.h>
-
