@@ -129,6 +129,7 @@ class Model:
         *,
         prefix: str = "trocar",
         precision: Literal["double", "single"] = "double",
+        compensator: bool = False,
     ) -> None: ...
     def export_fmu(
         self,

@@ -122,6 +122,10 @@ const EXAMPLES: [Example; 16] = [
                 "For one without double precision, such as a Cortex-M4F",
                 "trocar export c result --out trocar_seal.c --precision single",
             ),
+            (
+                "With the observer of the tissue force",
+                "trocar export c result --out trocar_seal.c --compensator --moving-mass-kg 0.2",
+            ),
         ],
     ),
     (

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use trocar::compensate::CompensateOptions;
 use trocar::model_file::ModelFile;
 use trocar::recording::{
     Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read,
@@ -261,4 +262,42 @@ pub(crate) fn not_negative(text: &str) -> Result<f64, String> {
     finite(text).and_then(|number| {
         if number >= 0.0 { Ok(number) } else { Err("expected 0 or more".to_owned()) }
     })
+}
+
+/// Options of an observer of the tissue force.
+#[derive(clap::Args)]
+pub(crate) struct Observing {
+    /// Reading of the sensor without any force, in N [default: that of the model file]
+    #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
+    pub(crate) offset_n: Option<f64>,
+    /// Mass between sensor and seal, in kg: its inertia is subtracted [default: that of the model
+    /// file]
+    #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    pub(crate) moving_mass_kg: Option<f64>,
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0
+    /// leaves the weight in the offset
+    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
+    pub(crate) gravity_m_s2: f64,
+    /// Largest force the sensor can read, in N: readings there count as saturated
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) sensor_limit_n: Option<f64>,
+    /// Standard deviation of the model's force, in N [default: that of the model file, by phase]
+    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) force_error_n: Option<f64>,
+    /// Keep friction and viscosity as identified
+    #[arg(long)]
+    pub(crate) no_adaptation: bool,
+}
+
+impl Observing {
+    pub(crate) fn options(&self) -> CompensateOptions {
+        CompensateOptions {
+            offset_n: self.offset_n,
+            moving_mass_kg: self.moving_mass_kg,
+            gravity_m_s2: self.gravity_m_s2,
+            sensor_limit_n: self.sensor_limit_n,
+            force_error_n: self.force_error_n,
+            adaptation: !self.no_adaptation,
+        }
+    }
 }

@@ -42,6 +42,22 @@ fn source_and_header_are_written_side_by_side() {
 }
 
 #[test]
+fn the_observer_is_written_on_request() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = model();
+    let own = own.to_str().unwrap();
+    let unstated = export(folder.path(), &[own, "--out", "seal.c", "--compensator"]).ends_with(1);
+    assert!(unstated.stderr.contains("state the standard deviation"), "{}", unstated.stderr);
+    let without = export(folder.path(), &[own, "--out", "seal.c", "--offset-n", "1"]).ends_with(2);
+    assert!(without.stderr.contains("need --compensator"), "{}", without.stderr);
+    assert!(names_in(folder.path()).is_empty());
+    let error = ["--compensator", "--force-error-n", "0.05"];
+    export(folder.path(), &[&[own, "--out", "seal.c"], &error[..]].concat()).ends_with(0);
+    let header = fs::read_to_string(folder.path().join("seal.h")).unwrap();
+    assert!(header.contains("trocar_estimate trocar_compensate("), "{header}");
+}
+
+#[test]
 fn faults_are_told_and_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let own = model();

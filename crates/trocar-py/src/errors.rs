@@ -96,6 +96,7 @@ impl Raise for trocar::export::c::CError {
         match self {
             Self::Model(error) => error.raise(),
             Self::Output(error) => error.raise(),
+            Self::Compensate(error) => error.raise(),
             other => ParameterError::new_err(other.to_string()),
         }
     }

@@ -9,6 +9,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
+use trocar::compensate::CompensateOptions;
 use trocar::export::c::{COptions, DEFAULT_PREFIX, Precision, from_text, stem};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::{AtomicFile, OutputError};
@@ -156,11 +157,13 @@ impl Model {
     /// that ends in .h. Both files appear whole, or neither does.
     ///
     /// All names in the files begin with `prefix`. `precision` is that of the numbers: "double", or
-    /// "single" for processors that compute in 32 bits only. The first comment of the header
+    /// "single" for processors that compute in 32 bits only. `compensator` adds the observer of the
+    /// tissue force with the sensor of the model file; the command line takes other values. The
+    /// first comment of the header
     /// explains the use; docs/microcontroller.md has an example.
     #[pyo3(
-        signature = (path, *, prefix=DEFAULT_PREFIX.to_owned(), precision="double"),
-        text_signature = "($self, path, *, prefix='trocar', precision='double')"
+        signature = (path, *, prefix=DEFAULT_PREFIX.to_owned(), precision="double", compensator=false),
+        text_signature = "($self, path, *, prefix='trocar', precision='double', compensator=False)"
     )]
     fn export_c(
         &self,
@@ -168,6 +171,7 @@ impl Model {
         path: PathBuf,
         prefix: String,
         precision: &str,
+        compensator: bool,
     ) -> PyResult<()> {
         let precision = match precision {
             "double" => Precision::Double,
@@ -179,7 +183,13 @@ impl Model {
             }
         };
         let export = || {
-            let options = COptions { prefix: &prefix, stem: stem(&path)?, precision };
+            let observing = CompensateOptions::default();
+            let options = COptions {
+                prefix: &prefix,
+                stem: stem(&path)?,
+                precision,
+                compensator: compensator.then_some(&observing),
+            };
             from_text(&self.0.to_json(), "model.json", options)?.store(&path)
         };
         py.detach(export).map_err(Raise::raise)

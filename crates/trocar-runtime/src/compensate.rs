@@ -47,6 +47,7 @@ use trocar_model::{
 };
 
 pub use adapt::Drift;
+pub use constants::CompensatorConstants;
 pub use faults::Fault;
 
 use adapt::{Adapter, Sliding};
@@ -60,6 +61,7 @@ use crate::profile::Departure;
 
 pub mod adapt;
 pub mod bank;
+mod constants;
 mod faults;
 mod inertia;
 mod saved;

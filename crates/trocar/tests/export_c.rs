@@ -1,6 +1,7 @@
 //! The exported C code of models, compiled and compared with the library. Requires gcc.
 
 mod builds;
+mod compensator;
 mod single;
 
 use std::fmt::Write as _;
@@ -86,7 +87,7 @@ fn gcc(folder: &Path, arguments: &[&str]) {
 }
 
 fn options(prefix: &str) -> COptions<'_> {
-    COptions { prefix, stem: prefix, precision: Precision::Double }
+    COptions { prefix, stem: prefix, precision: Precision::Double, compensator: None }
 }
 
 /// The C code of `model` in `folder` as NAME.c and NAME.h, with the prefix NAME.
@@ -641,7 +642,7 @@ int main(void)
 /// The C code is a port: each template and the Rust code that it follows, with the checksum of that
 /// code when the two were last compared. After a change of the Rust code compare the template with
 /// it, run `conformance/check`, and set the new checksum.
-const PORTS: [(&str, &[&str], u64); 10] = [
+const PORTS: [(&str, &[&str], u64); 11] = [
     (
         "ems*.c",
         &[
@@ -665,6 +666,18 @@ const PORTS: [(&str, &[&str], u64); 10] = [
     ("gms.c", &["gms.rs"], 0x7131_2a77_d68a_6747),
     ("public.c", &["seal.rs", "profile.rs"], 0x95f5_49ef_fe0d_d6fc),
     ("arithmetic.c", &["friction.rs"], 0xd9ba16d2af57de15),
+    (
+        "compensator.c",
+        &[
+            "partial.rs",
+            "../../trocar-runtime/src/compensate.rs",
+            "../../trocar-runtime/src/compensate/adapt.rs",
+            "../../trocar-runtime/src/compensate/bank.rs",
+            "../../trocar-runtime/src/compensate/faults.rs",
+            "../../trocar-runtime/src/compensate/inertia.rs",
+        ],
+        0xbf1a3ea7bed5648c,
+    ),
 ];
 
 /// FNV-1a over the code without comments, blanks and unit tests.

@@ -2,14 +2,12 @@
 
 use std::path::PathBuf;
 
-use trocar::compensate::{
-    CompensateOptions, Compensation, Compensator, Fault, StreamOptions, compensate_file,
-};
+use trocar::compensate::{Compensation, Compensator, Fault, StreamOptions, compensate_file};
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Completion;
 use crate::console::Console;
-use crate::input::{Choosing, finite, not_negative, positive};
+use crate::input::{Choosing, Observing};
 use crate::models::read_model;
 use crate::progress::Progress;
 use crate::table::number;
@@ -33,26 +31,8 @@ pub(crate) struct Args {
     /// .csv.gz, .csv.zst); '-' for CSV to standard output
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Reading of the sensor without any force, in N [default: that of the model file]
-    #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
-    offset_n: Option<f64>,
-    /// Mass between sensor and seal, in kg: its inertia is subtracted [default: that of the model
-    /// file]
-    #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
-    moving_mass_kg: Option<f64>,
-    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0
-    /// leaves the weight in the offset
-    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
-    gravity_m_s2: f64,
-    /// Largest force the sensor can read, in N: readings there count as saturated
-    #[arg(long, value_name = "N", value_parser = positive)]
-    sensor_limit_n: Option<f64>,
-    /// Standard deviation of the model's force, in N [default: that of the model file, by phase]
-    #[arg(long, value_name = "N", value_parser = positive, allow_negative_numbers = true)]
-    force_error_n: Option<f64>,
-    /// Keep friction and viscosity as identified
-    #[arg(long)]
-    no_adaptation: bool,
+    #[command(flatten)]
+    observing: Observing,
     #[command(flatten)]
     choosing: Choosing,
 }
@@ -60,15 +40,7 @@ pub(crate) struct Args {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = read_model(&args.model, std::slice::from_ref(&args.recording))?;
     let choice = args.choosing.choice_for(console, &model);
-    let options = CompensateOptions {
-        offset_n: args.offset_n,
-        moving_mass_kg: args.moving_mass_kg,
-        gravity_m_s2: args.gravity_m_s2,
-        sensor_limit_n: args.sensor_limit_n,
-        force_error_n: args.force_error_n,
-        adaptation: !args.no_adaptation,
-    };
-    let mut observer = Compensator::new(&model, &options)?;
+    let mut observer = Compensator::new(&model, &args.observing.options())?;
     say_what_it_rests_on(console, args, &model);
     let is_file = std::fs::metadata(&args.recording).is_ok_and(|data| data.is_file());
     let is_stream = args.recording.as_os_str() == "-" || (args.recording.exists() && !is_file);
@@ -90,7 +62,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
 
 fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
     if let (None, Some(ForceError { source: ErrorSource::Identification, .. })) =
-        (args.force_error_n, model.force_error)
+        (args.observing.force_error_n, model.force_error)
     {
         console.remark(
             "note: the band rests on the recordings identified from, without any held out: it may be too narrow; identify \
@@ -118,7 +90,7 @@ fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
         console.warn(&departure.to_string());
     }
     console.remark(&format!("{} rows -> {}", done.rows, args.out.display()));
-    if args.no_adaptation {
+    if args.observing.no_adaptation {
         return;
     }
     let drift = done.drift;

@@ -224,6 +224,11 @@ impl Adapter {
         }
     }
 
+    /// Variances of λ and ν at the start.
+    pub(super) fn prior(&self) -> [f64; 2] {
+        self.prior
+    }
+
     pub(super) fn is_in_contact(&self) -> bool {
         self.contact
     }

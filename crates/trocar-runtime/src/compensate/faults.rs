@@ -133,6 +133,14 @@ impl Watch {
         Self { limit: limit.unwrap_or(f64::INFINITY), least_change, same: None, usual: USUAL }
     }
 
+    pub(super) fn limit(&self) -> f64 {
+        self.limit
+    }
+
+    pub(super) fn least_change(&self) -> f64 {
+        self.least_change
+    }
+
     /// Resets the monitor.
     pub(super) fn reset(&mut self) {
         (self.same, self.usual) = (None, USUAL);

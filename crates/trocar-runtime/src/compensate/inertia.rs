@@ -33,6 +33,14 @@ impl Inertia {
         Self { mass, gravity, past: [(0.0, 0.0); MOST], next: 0, count: 0, acceleration: 0.0 }
     }
 
+    pub(super) fn mass(&self) -> f64 {
+        self.mass
+    }
+
+    pub(super) fn gravity(&self) -> f64 {
+        self.gravity
+    }
+
     /// m·(a + g), N.
     pub(super) fn force(&self) -> f64 {
         self.mass * (self.acceleration + self.gravity)

@@ -122,3 +122,74 @@ fn c_plus_plus_links_the_model_and_gets_its_forces() {
         }
     }
 }
+
+/// The blocks of C in a page of the documentation.
+fn code_of(page: &str) -> Vec<String> {
+    let text = fs::read_to_string(repository().join("docs").join(page)).unwrap();
+    let blocks = text.split("```c\n").skip(1);
+    blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
+}
+
+/// Calls the function of docs/simulink.md as the block does, in two simulations; then that of
+/// docs/microcontroller.md.
+const SIMULATIONS: &str = r#"
+#include <stdio.h>
+#include "seal_block.h"
+void on_start(double position_m);
+double every_millisecond(double position_m);
+int main(void)
+{
+    int run, k;
+    for (run = 0; run < 2; ++run) {
+        double position_m = 0.05;
+        seal_block(1.0, position_m, 1e-3);
+        for (k = 0; k < 500; ++k) {
+            position_m += 20e-6;
+            printf("%.17g\n", seal_block(0.0, position_m, 1e-3));
+        }
+    }
+    {
+        double position_m = 0.05;
+        on_start(position_m);
+        for (k = 0; k < 500; ++k) {
+            position_m += 20e-6;
+            printf("%.17g\n", every_millisecond(position_m));
+        }
+    }
+    return 0;
+}
+"#;
+
+#[test]
+fn the_code_of_the_documentation_gives_the_forces() {
+    if !has_gcc() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let simulink = code_of("simulink.md");
+    let [header, wrapper] = &simulink[..] else { panic!("{} blocks", simulink.len()) };
+    let use_of_it = code_of("microcontroller.md").remove(0);
+    let prototypes =
+        "void on_start(double position_m);\ndouble every_millisecond(double position_m);\n";
+    for (name, text) in [
+        ("seal_block.h", header.as_str()),
+        ("seal_block.c", wrapper),
+        ("use.c", &format!("{prototypes}{use_of_it}")),
+        ("main.c", SIMULATIONS),
+    ] {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    for (name, model) in conformance_models() {
+        store(&model, folder.path(), "seal");
+        let sources = ["main.c", "seal_block.c", "use.c", "seal.c", "-o", "main", "-lm"];
+        gcc(folder.path(), &[&["-O2", "-Werror"][..], &sources].concat());
+        let output = Command::new(folder.path().join("main")).output().unwrap();
+        let text = String::from_utf8(output.stdout).unwrap();
+        let forces: Vec<f64> = text.lines().map(|line| line.parse().unwrap()).collect();
+        assert_eq!(
+            forces,
+            [sketch_forces(&model), sketch_forces(&model), sketch_forces(&model)].concat(),
+            "{name}"
+        );
+    }
+}

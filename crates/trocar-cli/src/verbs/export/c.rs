@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
+use trocar::compensate::CompensateOptions;
 use trocar::export::c::{
     CError, COptions, DEFAULT_PREFIX, Precision, check_prefix, from_file, stem,
 };
 
 use crate::Completion;
-use crate::console::Console;
+use crate::console::{BadArgument, Console};
+use crate::input::Observing;
 
 /// Write a model in C99 for a microcontroller: a source file and its header, for C and C++
 ///
@@ -29,6 +31,12 @@ pub(crate) struct Args {
     /// compute in 32 bits only; docs/microcontroller.md lists its error
     #[arg(long, value_name = "PRECISION", default_value = "double")]
     precision: Numbers,
+    /// Also the observer of the tissue force, as 'trocar compensate' runs it, with the following
+    /// options
+    #[arg(long)]
+    compensator: bool,
+    #[command(flatten)]
+    observing: Observing,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -46,6 +54,11 @@ fn source_file(text: &str) -> Result<PathBuf, CError> {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    let observing = args.observing.options();
+    if !args.compensator && observing != CompensateOptions::default() {
+        let text = "options of the observer need --compensator: offset, moving mass, gravity, sensor limit, force error, adaptation";
+        return Err(BadArgument(text.to_owned()).into());
+    }
     let options = COptions {
         prefix: &args.name,
         stem: stem(&args.out)?,
@@ -53,6 +66,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             Numbers::Double => Precision::Double,
             Numbers::Single => Precision::Single,
         },
+        compensator: args.compensator.then_some(&observing),
     };
     let files = from_file(&args.model, options)?;
     files.store(&args.out)?;

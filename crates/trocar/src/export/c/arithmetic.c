@@ -22,6 +22,17 @@ static double trocar_within(double value, double limit)
 }
 
 //@end
+//@if holds
+/* A force that a model can hold at rest. */
+static double trocar_held(double force, double limit)
+{
+    if (!(fabs(force) <= trocar_greatest)) {
+        return 0.0;
+    }
+    return force < -limit ? -limit : force > limit ? limit : force;
+}
+
+//@end
 //@if least
 /* The smaller one; the other one where one is not a number. */
 static double trocar_least(double a, double b)

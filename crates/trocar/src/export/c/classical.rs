@@ -12,6 +12,7 @@ use super::{constant, stribeck_shapes, table};
 
 /// Types, constants and code of `model`; enters its requirements in `filling`.
 pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, String, String) {
+    filling.need(&["holds"]);
     let mut text = String::new();
     let code = match model {
         Classical::Static(model) => {
@@ -32,14 +33,14 @@ pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, 
 
 /// g and β, EMS (11).
 fn sliding(text: &mut String, sliding: &SlidingFriction, filling: &mut Filling) {
-    filling.need(&["level"]);
+    filling.need(&["level", "static_force"]);
     stribeck_shapes(
         Some(sliding.stribeck_exponent).filter(|_| !sliding.is_constant()).into_iter(),
         filling,
     );
     let members = [
         ("level", "coulomb_force_n", sliding.coulomb_force),
-        ("static", "static_force_n", sliding.static_force),
+        ("static_force", "static_force_n", sliding.static_force),
         ("level", "viscous_damping_n_s_m", sliding.viscous_damping),
         ("stribeck", "surplus_force_n", sliding.static_force - sliding.coulomb_force),
         ("stribeck", "inverse_stribeck_velocity_s_m", 1.0 / sliding.stribeck_velocity),

@@ -1,7 +1,7 @@
-static void trocar_rest_seal(trocar_state *state)
+static void trocar_rest_with(trocar_state *state, double force)
 {
-    state->hysteresis_force_n = 0.0;
-    state->seal_force_n = 0.0;
+    state->hysteresis_force_n = trocar_held(force, trocar_coulomb_force_n);
+    state->seal_force_n = state->hysteresis_force_n;
     state->direction = 0.0;
     state->remainder = 1.0;
 //@if bent

@@ -8,25 +8,31 @@ use trocar_model::{Element, ElementParams, SlidingFriction};
 use super::template::{Filling, number};
 use super::{pairs, stribeck_shapes};
 
-/// Types, constants and code of `elements` in parallel; enters their requirements in `filling`.
+/// Types, constants and code of `elements` in parallel, and of `stiff` ones of which a second table
+/// is needed; enters their requirements in `filling`.
 pub(super) fn parts(
     elements: &[Element],
+    stiff: &[Element],
     filling: &mut Filling,
     prefix: &str,
 ) -> (&'static str, String, String) {
-    let constants: Vec<ElementConstants> = elements.iter().map(Element::constants).collect();
-    find_features(elements, &constants, filling);
+    let all = [elements, stiff].concat();
+    let constants: Vec<ElementConstants> = all.iter().map(Element::constants).collect();
+    find_features(&all, &constants, filling);
     let terms = terms(&constants);
     fill_values(filling, prefix, elements.len(), terms);
-    let mut text = format!(
-        "enum {{ trocar_elements = {} }};\n\nstatic const trocar_element trocar_element_constants[{}] = {{\n",
-        elements.len(),
-        elements.len()
-    );
-    for (element, constants) in elements.iter().zip(&constants) {
-        write_element(&mut text, element.params(), constants, terms, filling);
+    let count = elements.len();
+    let mut text = format!("enum {{ trocar_elements = {count} }};\n\n");
+    for (name, part) in [("element", 0..count), ("stiff", count..all.len())] {
+        if part.is_empty() {
+            continue;
+        }
+        let _ = writeln!(text, "static const trocar_element trocar_{name}_constants[{count}] = {{");
+        for (element, constants) in all[part.clone()].iter().zip(&constants[part]) {
+            write_element(&mut text, element.params(), constants, terms, filling);
+        }
+        text.push_str("};\n\n");
     }
-    text.push_str("};\n\n");
     let mut code = [include_str!("ems_elastic.c"), include_str!("ems_stick.c")].concat();
     if filling.has("general") {
         code.push_str(include_str!("ems_general.c"));

@@ -1,12 +1,14 @@
-static void trocar_rest_seal(trocar_state *state)
+static void trocar_rest_with(trocar_state *state, double force)
 {
+    const double held = trocar_held(force, trocar_sliding.static_force_n);
     int i;
-    for (i = 0; i < trocar_elements; ++i) {
-        state->element_deflection_m[i] = 0.0;
-        state->element_slips[i] = 0;
-    }
     state->direction = 0.0;
-    state->seal_force_n = 0.0;
+    state->seal_force_n = -0.0;
+    for (i = 0; i < trocar_elements; ++i) {
+        state->element_deflection_m[i] = trocar_scale_m_n[i] * held;
+        state->element_slips[i] = 0;
+        state->seal_force_n += trocar_stiffness_n_m[i] * state->element_deflection_m[i];
+    }
 }
 
 /* The motion of one step, as all elements see it. */

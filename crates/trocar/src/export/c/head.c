@@ -21,7 +21,7 @@
 #endif
 
 #include <math.h>
-//@if bits
+//@if integers
 #include <stdint.h>
 //@end
 

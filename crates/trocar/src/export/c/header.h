@@ -14,6 +14,10 @@
 #ifndef trocar_H
 #define trocar_H
 
+//@if compensator
+#include <stdint.h>
+
+//@end
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -89,9 +93,3 @@ double trocar_step(trocar_state *state, double displacement_m, double duration_s
 
 /* Advances to position_m within duration_s; as trocar_step. */
 double trocar_step_to(trocar_state *state, double position_m, double duration_s);
-
-#ifdef __cplusplus
-}
-#endif
-
-#endif

@@ -1,13 +1,3 @@
-static void trocar_rest_seal(trocar_state *state)
-{
-    int i;
-    for (i = 0; i < trocar_elements; ++i) {
-        state->element_force_n[i] = 0.0;
-    }
-    state->deflection_m = 0.0;
-    state->seal_force_n = 0.0;
-}
-
 /* F_h, the sum of f_i, N. */
 static double trocar_bank_force(const trocar_state *state)
 {
@@ -17,6 +7,23 @@ static double trocar_bank_force(const trocar_state *state)
         sum += state->element_force_n[i];
     }
     return sum;
+}
+
+static void trocar_rest_with(trocar_state *state, double force)
+{
+    const double held = trocar_held(force, trocar_sliding.static_force_n);
+    int i;
+    state->deflection_m = 0.0;
+    for (i = 0; i < trocar_elements; ++i) {
+        double deflection;
+        state->element_force_n[i] = held / trocar_limit_n * trocar_limit_force_n[i];
+        deflection = state->element_force_n[i] / trocar_stiffness_n_m[i];
+        /* z is that of the longest element, the one that never yields. */
+        if (fabs(deflection) > fabs(state->deflection_m)) {
+            state->deflection_m = deflection;
+        }
+    }
+    state->seal_force_n = trocar_bank_force(state);
 }
 
 /* Sum of k_i of the elements that have not yielded, N/m; *room is the way of z to the next one that does, m. */
@@ -54,7 +61,7 @@ static double trocar_bank_advance(trocar_state *state, double heading, double wa
 }
 
 /* dz/dx = 1 - sgn(r)*|r|^n, LAMPAERT. */
-static double trocar_gain(double ratio)
+static double trocar_bank_gain(double ratio)
 {
 //@if n_is_one
     return 1.0 - ratio;
@@ -107,7 +114,7 @@ static double trocar_load(trocar_state *state, double s, double level, double le
     for (part = 0; part < 57 && left > 0.0; ++part) {
         const double ratio = s * hysteresis / level;
         double heading, stiffness, room, start, settled, stride, far, there, end, needed, moved;
-        gain = known ? gain : trocar_gain(ratio);
+        gain = known ? gain : trocar_bank_gain(ratio);
         heading = s * trocar_sign(gain);
         stiffness = trocar_bank_ahead(state, heading, &room);
         if (heading == 0.0 || stiffness == 0.0) {
@@ -118,7 +125,7 @@ static double trocar_load(trocar_state *state, double s, double level, double le
         stride = strides < 24 ? trocar_stride(ratio) * level / stiffness : HUGE_VAL;
         strides += stride < room ? 1 : 0;
         far = trocar_least(trocar_least(trocar_least(room, settled), stride), start * left);
-        there = far < settled ? trocar_gain(ratio + s * heading * stiffness * far / level) : 0.0;
+        there = far < settled ? trocar_bank_gain(ratio + s * heading * stiffness * far / level) : 0.0;
         end = fabs(there);
         needed = far < start * left ? trocar_chord_travel(far, start, end) : HUGE_VAL;
         if (needed < left) {
@@ -153,7 +160,7 @@ static void trocar_step_seal(trocar_state *state, double velocity, double displa
     hysteresis = trocar_load(state, s, level, fabs(displacement));
     force = hysteresis + trocar_sliding.viscous_damping_n_s_m * velocity;
 //@if micro_damping
-    force += trocar_micro_damping_n_s_m * velocity * trocar_gain(s * hysteresis / level);
+    force += trocar_micro_damping_n_s_m * velocity * trocar_bank_gain(s * hysteresis / level);
 //@end
     state->seal_force_n = force;
 }

@@ -1,7 +1,7 @@
-static void trocar_rest_seal(trocar_state *state)
+static void trocar_rest_with(trocar_state *state, double force)
 {
-    state->deflection_m = 0.0;
-    state->seal_force_n = 0.0;
+    state->deflection_m = trocar_held(force, trocar_sliding.static_force_n) / trocar_stiffness_n_m;
+    state->seal_force_n = trocar_stiffness_n_m * state->deflection_m;
 }
 
 /* sigma_1(v), N s/m. */

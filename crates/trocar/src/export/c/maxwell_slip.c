@@ -1,10 +1,12 @@
-static void trocar_rest_seal(trocar_state *state)
+static void trocar_rest_with(trocar_state *state, double force)
 {
+    const double held = trocar_held(force, trocar_limit_n);
     int i;
+    state->seal_force_n = -0.0;
     for (i = 0; i < trocar_elements; ++i) {
-        state->element_force_n[i] = 0.0;
+        state->element_force_n[i] = held / trocar_limit_n * trocar_limit_force_n[i];
+        state->seal_force_n += state->element_force_n[i];
     }
-    state->seal_force_n = 0.0;
 }
 
 /* Springs with a dry slider each, EMS (1) to (3). */

@@ -13,8 +13,9 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 use trocar_model::profile::FADE;
-use trocar_model::{PositionProfile, Seal};
+use trocar_model::{PositionProfile, Seal, Stages};
 
+use crate::compensate::{CompensateError, CompensateOptions, Compensator};
 use crate::model_file::{ModelFile, ModelFileError, OriginKind};
 use crate::output::OutputError;
 
@@ -23,6 +24,7 @@ pub use files::{CFiles, stem};
 use template::{Filling, hexadecimal, number, remark};
 
 mod classical;
+mod compensator;
 mod element;
 mod files;
 mod single;
@@ -31,7 +33,7 @@ mod template;
 /// Default prefix of all names in the files.
 pub const DEFAULT_PREFIX: &str = "trocar";
 
-/// Longest prefix: C99 guarantees 31 significant characters in external names, and `_step_to`
+/// Longest prefix: C99 guarantees 31 significant characters in external names, and `_compensate`
 /// follows.
 pub const LONGEST_PREFIX: usize = 20;
 
@@ -66,6 +68,9 @@ pub enum CError {
     /// The model cannot be read or run.
     #[error(transparent)]
     Model(#[from] ModelFileError),
+    /// The model cannot compensate.
+    #[error(transparent)]
+    Compensate(#[from] CompensateError),
     /// The files cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -90,13 +95,16 @@ pub struct COptions<'a> {
     pub stem: &'a str,
     /// Numbers.
     pub precision: Precision,
+    /// The observer of the tissue force beside the model.
+    pub compensator: Option<&'a CompensateOptions>,
 }
 
 /// The model file at `path` in C.
 ///
 /// # Errors
 /// [`CError::Prefix`] for an invalid prefix, [`CError::Model`] for an invalid model,
-/// [`CError::Single`] for one that single precision cannot hold.
+/// [`CError::Single`] for one that single precision cannot hold, [`CError::Compensate`] for one that
+/// cannot compensate.
 pub fn from_file(path: &Path, options: COptions) -> Result<CFiles, CError> {
     check_prefix(options.prefix)?;
     let read = || {
@@ -124,14 +132,19 @@ pub fn from_text(text: &str, name: &str, options: COptions) -> Result<CFiles, CE
 /// # Errors
 /// As for [`from_file`].
 pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFiles, CError> {
-    let COptions { prefix, stem, precision } = options;
+    let COptions { prefix, stem, precision, compensator } = options;
     check_prefix(prefix)?;
     let trocar = &model.trocar;
     let mut filling = Filling::default();
     filling.set("single", precision == Precision::Single);
     filling.set("profile", trocar.profile().is_some());
+    let observer = compensator.map(|options| Compensator::new(model, options)).transpose()?;
+    let known = observer.as_ref().map(Compensator::constants);
+    let observed =
+        known.map_or_else(String::new, |known| compensator::constants(&known, &mut filling));
+    let stiff = known.and_then(|known| known.stiff?.stages()).map_or(&[][..], Stages::elements);
     let (types, constants, code) = match trocar.seal() {
-        Seal::Ems(stages) => element::parts(stages.elements(), &mut filling, prefix),
+        Seal::Ems(stages) => element::parts(stages.elements(), stiff, &mut filling, prefix),
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
     filling.value("STEM", stem);
@@ -140,22 +153,30 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
         format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")),
     );
     filling.value("ORIGIN", origin_lines(model, origin));
+    filling.set("integers", filling.has("bits") || known.is_some());
     let profile = trocar.profile().map_or_else(String::new, profile_constants);
     let source = [
         include_str!("head.c"),
         types,
         &constants,
         &profile,
+        &observed,
         include_str!("arithmetic.c"),
         include_str!("sliding.c"),
         &code,
         include_str!("public.c"),
+        if known.is_some() { include_str!("compensator.c") } else { "" },
+    ];
+    let header = [
+        include_str!("header.h"),
+        if known.is_some() { include_str!("compensator.h") } else { "" },
+        include_str!("header_end.h"),
     ];
     let write = |template: &str| {
         let code = filling.fill(template, prefix);
         if precision == Precision::Single { single::to_single(&code) } else { Ok(code) }
     };
-    Ok(CFiles { header: write(include_str!("header.h"))?, source: write(&source.concat())? })
+    Ok(CFiles { header: write(&header.concat())?, source: write(&source.concat())? })
 }
 
 /// Whether names in C may begin with `prefix`.

@@ -20,8 +20,7 @@ static double trocar_at_position(const double *values, double none, double x)
 }
 
 //@end
-/* The force at position x where the seal is as it is: F = F_0(x) + gain(x)*F_seal. */
-static double trocar_force_at(const trocar_state *state, double x)
+static double trocar_seal_force(const trocar_state *state)
 {
 //@if ems
     double force = -0.0;
@@ -29,9 +28,16 @@ static double trocar_force_at(const trocar_state *state, double x)
     for (k = 0; k < trocar_elements; ++k) {
         force += state->element[k].force_n;
     }
+    return force;
 //@else
-    const double force = state->seal_force_n;
+    return state->seal_force_n;
 //@end
+}
+
+/* The force at position x where the seal is as it is: F = F_0(x) + gain(x)*F_seal. */
+static double trocar_force_at(const trocar_state *state, double x)
+{
+    const double force = trocar_seal_force(state);
 //@if profile
     return trocar_at_position(trocar_offset_n, 0.0, x) + trocar_at_position(trocar_gain, 1.0, x) * force;
 //@else
@@ -40,16 +46,23 @@ static double trocar_force_at(const trocar_state *state, double x)
 //@end
 }
 
+//@if ems
+static void trocar_step_elements(const trocar_element *elements, trocar_state *state, double velocity, double duration)
+{
+    int k;
+    for (k = 0; k < trocar_elements; ++k) {
+        trocar_step_element(&elements[k], &state->element[k], velocity, duration);
+    }
+}
+
+//@end
 static double trocar_advance_to(trocar_state *state, double position, double displacement, double duration)
 {
     if (duration > 0.0 && duration <= trocar_greatest && fabs(position) <= trocar_greatest) {
         const double velocity = displacement / duration;
         if (fabs(velocity) <= trocar_greatest) {
 //@if ems
-            int k;
-            for (k = 0; k < trocar_elements; ++k) {
-                trocar_step_element(&trocar_element_constants[k], &state->element[k], velocity, duration);
-            }
+            trocar_step_elements(trocar_element_constants, state, velocity, duration);
 //@else
             trocar_step_seal(state, velocity, displacement, duration);
 //@end
@@ -63,7 +76,11 @@ static double trocar_advance_to(trocar_state *state, double position, double dis
 void trocar_rest(trocar_state *state, double position_m)
 {
     state->position_m = fabs(position_m) <= trocar_greatest ? position_m : 0.0;
-    trocar_rest_seal(state);
+//@if ems
+    trocar_rest_elements(state);
+//@else
+    trocar_rest_with(state, 0.0);
+//@end
     state->force_n = trocar_force_at(state, state->position_m);
 }
 

@@ -4,10 +4,12 @@ use super::CError;
 use super::template::hexadecimal;
 
 /// Words of the code in double precision, and what takes their place.
-const WORDS: [(&str, &str); 6] = [
+const WORDS: [(&str, &str); 8] = [
     ("double", "float"),
     ("HUGE_VAL", "INFINITY"),
+    ("exp", "expf"),
     ("fabs", "fabsf"),
+    ("floor", "floorf"),
     ("log", "logf"),
     ("log1p", "log1pf"),
     ("sqrt", "sqrtf"),

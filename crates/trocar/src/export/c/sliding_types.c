@@ -1,7 +1,7 @@
 /* Sliding friction, EMS (11). */
 typedef struct {
     double coulomb_force_n; /* F_c */
-//@if static
+//@if static_force
     double static_force_n; /* F_s */
 //@end
     double viscous_damping_n_s_m; /* beta */

@@ -1,7 +1,7 @@
-static void trocar_rest_seal(trocar_state *state)
+static void trocar_rest_with(trocar_state *state, double force)
 {
-    state->held_force_n = 0.0;
-    state->seal_force_n = 0.0;
+    state->held_force_n = trocar_held(force, trocar_sliding.static_force_n);
+    state->seal_force_n = state->held_force_n;
 }
 
 /* EMS (11); at rest the force of the last motion without its viscous part. */
