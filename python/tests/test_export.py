@@ -75,6 +75,10 @@ def test_an_fmu_is_that_of_the_command_line(model: trocar.Model, tmp_path: Path)
         assert all(
             len(own[name]) > 100_000 for name in own if name.startswith("binaries/") and "." in name
         )
+        model.export_fmu(tmp_path / "source.fmu", fmi=fmi, source=True)
+        source = parts(tmp_path / "source.fmu")
+        assert f"sources/fmi{fmi}.c" in source and b"seal_step(" in source["sources/seal.c"]
+        assert not any(name.startswith("binaries/") for name in source)
     with pytest.raises(trocar.ParameterError, match="fmi must be 2 or 3, got 1"):
         model.export_fmu(tmp_path / "none.fmu", fmi=1)  # type: ignore[arg-type]
     with pytest.raises(trocar.ParameterError, match='input "force": expected position or velocity'):

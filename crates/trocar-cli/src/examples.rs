@@ -136,6 +136,10 @@ const EXAMPLES: [Example; 16] = [
                 "FMI 3.0, driven by the position at the end of each step",
                 "trocar export fmu result --fmi 3 --input position --out seal.fmu",
             ),
+            (
+                "As source code, for platforms without a library",
+                "trocar export fmu result --source --out seal.fmu",
+            ),
         ],
     ),
     ("demo", &[("Record, identify, validate and report", "trocar demo --out trocar-demo")]),

@@ -29,5 +29,5 @@ pub use embedded::Embedded;
 pub use error::{FmuError, Phase};
 pub use ffi::{Logger2, Logger3};
 pub use instance::Instance;
-pub use package::{Binary, Contents, PackageError, Platform, Version, package};
+pub use package::{Binary, Contents, PackageError, Platform, Source, Version, package};
 pub use variables::{Input, Role, Variable, token, variables};

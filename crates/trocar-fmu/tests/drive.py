@@ -4,25 +4,41 @@ MOTION is a CSV file with the columns time_s and position_m. Prints one force in
 give the number back. The first row is where the instrument stands; a row at the time of the row before changes nothing.
 An FMU driven by velocity gets the velocity that leads to the position of the row.
 
-Needs FMPy 0.3.32, and with it Python 3.10: pip install --no-deps -r requirements.txt
+Needs FMPy 0.3.32, and with it Python 3.10, for FMUs with source code also CMake: pip install --no-deps -r requirements.txt
 """
 
 import csv
+import os
 import shutil
 import sys
 
 import fmpy
+from fmpy.build import build_platform_binary
 from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Slave
 
 
+def build(folder):
+    """Compiles the source code of an FMU by CMake; what that prints goes to standard error."""
+    sys.stdout.flush()
+    output = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        build_platform_binary(folder)
+    finally:
+        os.dup2(output, 1)
+        os.close(output)
+
+
 class Unit:
-    """An decompressed FMU."""
+    """A decompressed FMU; one with source code is compiled."""
 
     def __init__(self, path):
         self.description = fmpy.read_model_description(path)
         self.folder = fmpy.extract(path)
+        if not os.path.isdir(os.path.join(self.folder, "binaries")):
+            build(self.folder)
         self.references = {v.name: v.valueReference for v in self.description.modelVariables}
         self.starts = {v.name: float(v.start) for v in self.description.modelVariables if v.start is not None}
 

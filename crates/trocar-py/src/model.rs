@@ -13,7 +13,7 @@ use trocar::compensate::CompensateOptions;
 use trocar::export::c::{COptions, DEFAULT_PREFIX, Precision, from_text, stem};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::{AtomicFile, OutputError};
-use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Version, package};
+use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Source, Version, package};
 use trocar_model::{Declaration, ParameterId, Seal, Trocar};
 
 use crate::errors::number;
@@ -201,8 +201,9 @@ impl Model {
     /// `fmi` is the version of FMI, 2 or 3; `input` is what drives the model: "position" (m, at the
     /// end of a step) or "velocity" (m/s, during it); `name` that of the model in the description.
     /// The FMU runs on all `platforms` that this package carries a library for, or on those named
-    /// ("x86_64-linux", "x86_64-windows"); the command line can add libraries for others.
-    #[pyo3(signature = (path, *, fmi=2, input="velocity", name="model", platforms=None))]
+    /// ("x86_64-linux", "x86_64-windows"); the command line can add libraries for others. With `source`
+    /// it holds source code in C instead, which the importer compiles, and its parameters are constants.
+    #[pyo3(signature = (path, *, fmi=2, input="velocity", name="model", platforms=None, source=false))]
     fn export_fmu(
         &self,
         py: Python<'_>,
@@ -211,6 +212,7 @@ impl Model {
         input: &str,
         name: &str,
         platforms: Option<Vec<String>>,
+        source: bool,
     ) -> PyResult<()> {
         let version = match fmi {
             2 => Version::V2,
@@ -233,9 +235,27 @@ impl Model {
         let platforms: Option<Result<Vec<Platform>, _>> =
             platforms.map(|names| names.iter().map(|name| name.parse()).collect());
         let platforms = platforms.transpose().map_err(refuse)?;
-        let binaries = INSIDE.binaries(platforms.as_deref()).map_err(refuse)?;
+        if source && platforms.is_some() {
+            return Err(refuse(PackageError::Both));
+        }
         let (trocar, text) = (self.trocar().borrowed(), self.0.to_json());
-        let contents = Contents { name, trocar, input, version, text: &text, binaries: &binaries };
+        let code = source.then(|| from_text(&text, "model.json", COptions::IN_FMU)).transpose();
+        let code = code.map_err(Raise::raise)?;
+        let binaries = match code {
+            Some(_) => Vec::new(),
+            None => INSIDE.binaries(platforms.as_deref()).map_err(refuse)?,
+        };
+        let contents = Contents {
+            name,
+            trocar,
+            input,
+            version,
+            text: &text,
+            binaries: &binaries,
+            source: code
+                .as_ref()
+                .map(|files| Source { header: &files.header, code: &files.source }),
+        };
         let bytes = package(&contents).map_err(refuse)?;
         py.detach(|| store(&path, &bytes)).map_err(Raise::raise)
     }
@@ -349,6 +369,17 @@ impl Model {
 }
 
 /// Writes a file that appears whole or not at all.
+/// The library of FMUs for this platform.
+fn library() -> PyResult<Binary> {
+    let Some(platform) = Platform::native().filter(|_| !LIBRARY.is_empty()) else {
+        let why = if REASON.is_empty() { "FMI has no name for this platform" } else { REASON };
+        return Err(TrocarError::new_err(format!(
+            "this trocar carries no library for FMUs: {why}"
+        )));
+    };
+    Ok(Binary { platform, bytes: LIBRARY.to_vec() })
+}
+
 fn store(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(bytes).map_err(|source| file.write_error(source))?;

@@ -1,6 +1,6 @@
 //! `modelDescription.xml`, for both versions of FMI from the same table.
 
-use super::Version;
+use super::{Form, Version, source};
 use crate::ffi::{ERRORS, WARNINGS};
 use crate::variables::{Role, Variable};
 
@@ -13,6 +13,7 @@ pub(super) struct Description<'a> {
     pub(super) identifier: &'a str,
     pub(super) token: &'a str,
     pub(super) variables: &'a [Variable],
+    pub(super) form: Form,
     /// Whether the model reports if it deforms or slides.
     pub(super) has_mode: bool,
 }
@@ -104,7 +105,7 @@ impl Description<'_> {
             ("variableNamingConvention", "structured"),
         ]);
         lines.within("fmiModelDescription", &head, |lines| {
-            lines.put(&format!("<CoSimulation{}/>", self.abilities(version)));
+            self.interface(lines, version);
             lines.within("UnitDefinitions", "", units);
             if self.has_mode {
                 lines.within("TypeDefinitions", "", |lines| mode_type(lines, version));
@@ -117,11 +118,26 @@ impl Description<'_> {
                 .collect();
             lines.put(&format!("<DefaultExperiment{experiment}/>"));
             lines.within("ModelVariables", "", |lines| {
-                self.variables.iter().for_each(|v| variable(lines, v, version))
+                self.variables.iter().for_each(|v| variable(lines, v, version, self.form))
             });
             lines.within("ModelStructure", "", |lines| self.structure(lines, version));
         });
         lines.text
+    }
+
+    /// FMI 2.0 lists the sources here, FMI 3.0 in a file of its own.
+    fn interface(&self, lines: &mut Lines, version: Version) {
+        let abilities = self.abilities(version);
+        if self.form == Form::Library || version == Version::V3 {
+            return lines.put(&format!("<CoSimulation{abilities}/>"));
+        }
+        lines.within("CoSimulation", &abilities, |lines| {
+            lines.within("SourceFiles", "", |lines| {
+                for name in source::compiled(version) {
+                    lines.put(&format!("<File{}/>", attribute("name", name)));
+                }
+            });
+        });
     }
 
     fn abilities(&self, version: Version) -> String {
@@ -163,7 +179,7 @@ impl Description<'_> {
             .variables
             .iter()
             .zip(1..)
-            .filter(|(variable, _)| causality(variable.role) == "output")
+            .filter(|(variable, _)| causality(variable.role, self.form) == "output")
             .map(|(variable, place)| match version {
                 Version::V2 => attribute("index", &place.to_string()),
                 Version::V3 => attribute("valueReference", &variable.role.reference().to_string()),
@@ -187,6 +203,23 @@ impl Description<'_> {
             }
         }
     }
+}
+
+/// `sources/buildDescription.xml` of FMI 3.0.
+pub(super) fn build_description(identifier: &str) -> String {
+    let mut lines = Lines::default();
+    lines.put("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
+    lines.within("fmiBuildDescription", &attribute("fmiVersion", "3.0"), |lines| {
+        let configuration = attribute("modelIdentifier", identifier);
+        lines.within("BuildConfiguration", &configuration, |lines| {
+            lines.within("SourceFileSet", &attribute("language", "C99"), |lines| {
+                for name in source::compiled(Version::V3) {
+                    lines.put(&format!("<SourceFile{}/>", attribute("name", name)));
+                }
+            });
+        });
+    });
+    lines.text
 }
 
 fn units(lines: &mut Lines) {
@@ -232,40 +265,42 @@ fn categories(lines: &mut Lines) {
     }
 }
 
-pub(super) fn causality(role: Role) -> &'static str {
+pub(super) fn causality(role: Role, form: Form) -> &'static str {
     match role {
         Role::Time => "independent",
         Role::Input(_) => "input",
         Role::Force | Role::Deflection | Role::Mode | Role::Position => "output",
+        Role::Tunable(_) if form == Form::Source => "local",
         Role::InitialForce | Role::InitialDeflection | Role::InitialPosition | Role::Tunable(_) => {
             "parameter"
         }
     }
 }
 
-pub(super) fn variability(role: Role) -> &'static str {
+pub(super) fn variability(role: Role, form: Form) -> &'static str {
     match role {
         Role::Time | Role::Input(_) | Role::Force | Role::Deflection | Role::Position => {
             "continuous"
         }
         Role::Mode => "discrete",
         Role::InitialForce | Role::InitialDeflection | Role::InitialPosition => "fixed",
+        Role::Tunable(_) if form == Form::Source => "constant",
         Role::Tunable(_) => "tunable",
     }
 }
 
-fn variable(lines: &mut Lines, variable: &Variable, version: Version) {
+fn variable(lines: &mut Lines, variable: &Variable, version: Version, form: Form) {
     let Variable { role, name, unit, description, start, least } = variable;
     let mut common = attributes(&[
         ("name", name),
         ("valueReference", &role.reference().to_string()),
         ("description", description),
-        ("causality", causality(*role)),
-        ("variability", variability(*role)),
+        ("causality", causality(*role, form)),
+        ("variability", variability(*role, form)),
     ]);
-    match causality(*role) {
+    match causality(*role, form) {
         "output" => common += &attribute("initial", "calculated"),
-        "parameter" => common += &attribute("initial", "exact"),
+        "parameter" | "local" => common += &attribute("initial", "exact"),
         _ => {}
     }
     let mut typed = if *role == Role::Mode {

@@ -8,12 +8,13 @@ use trocar_model::Trocar;
 
 use crate::resource::{MODEL, to_bytes, to_row};
 use crate::variables::{Input, Role, token, variables};
-use description::Description;
+use description::{Description, build_description};
 use page::page;
 use zip::Archive;
 
 mod description;
 mod page;
+mod source;
 mod zip;
 
 /// Base name of the libraries, `modelIdentifier` in the description.
@@ -36,6 +37,23 @@ pub enum Version {
     V3,
 }
 
+/// Whether an FMU holds libraries or source code.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Form {
+    Library,
+    Source,
+}
+
+/// The model in C with names that begin with `seal_`, as `trocar export c --name seal --out seal.c`
+/// writes it.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    /// `seal.h`.
+    pub header: &'a str,
+    /// `seal.c`.
+    pub code: &'a str,
+}
+
 /// Contents of an FMU.
 #[derive(Debug, Clone)]
 pub struct Contents<'a> {
@@ -51,6 +69,9 @@ pub struct Contents<'a> {
     pub text: &'a str,
     /// This crate as a library, one per platform.
     pub binaries: &'a [Binary],
+    /// Source code in place of libraries; the importer compiles it. Parameters are then constants,
+    /// and the seal begins undeformed.
+    pub source: Option<Source<'a>>,
 }
 
 /// This crate as a shared library.
@@ -164,6 +185,8 @@ pub enum PackageError {
         /// Why it carries none; empty if it carries one.
         reason: &'static str,
     },
+    /// Libraries beside source code, whose parameters are constants.
+    Both,
     /// Two libraries for one platform.
     Twice {
         /// Platform.
@@ -197,6 +220,7 @@ impl fmt::Display for PackageError {
                     names => write!(f, ", but for {}", names.join(", ")),
                 }
             }
+            Self::Both => f.write_str("an FMU holds either libraries or source code"),
             Self::Twice { platform } => write!(f, "two libraries for {platform}"),
             Self::NotBinary { platform } => write!(f, "not a shared library for {platform}"),
             Self::TooLarge => f.write_str("an FMU cannot be larger than 4 GB"),
@@ -211,16 +235,23 @@ impl Error for PackageError {}
 /// # Errors
 /// [`PackageError`] without a library, for two libraries of one platform, or for an invalid one.
 pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
-    let Contents { name, trocar, input, version, text, binaries } = *contents;
+    let Contents { name, trocar, input, version, text, binaries, source } = *contents;
+    let form = if source.is_some() { Form::Source } else { Form::Library };
     let row = to_row(&trocar);
-    let variables = variables(&trocar, input);
+    let mut variables = variables(&trocar, input);
+    let mut token = token(&row, input);
+    if form == Form::Source {
+        let is_start = |role| matches!(role, Role::InitialForce | Role::InitialDeflection);
+        variables.retain(|variable| !is_start(variable.role));
+        token = token.replace('}', "-source}");
+    }
     let has_mode = variables.iter().any(|variable| variable.role == Role::Mode);
-    let token = token(&row, input);
     let description = Description {
         name,
         identifier: IDENTIFIER,
         token: &token,
         variables: &variables,
+        form,
         has_mode,
     };
     let mut archive = Archive::default();
@@ -236,12 +267,25 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
         let folder = if version == Version::V2 { platform.short } else { platform.tuple };
         archive.add(&format!("binaries/{folder}/{}", platform.file()), bytes)?;
     }
-    if binaries.is_empty() {
-        return Err(PackageError::NoBinary);
+    match source {
+        None if binaries.is_empty() => return Err(PackageError::NoBinary),
+        None => archive.add(&format!("resources/{MODEL}"), &to_bytes(&row))?,
+        Some(_) if !binaries.is_empty() => return Err(PackageError::Both),
+        Some(model) => {
+            let elements = trocar.seal().stages().map_or(0, |stages| stages.elements().len());
+            let header = source::header(&token, input, elements, &variables);
+            let own = [("seal.c", model.code), ("seal.h", model.header), ("variables.h", &header)];
+            for (name, text) in own.into_iter().chain(source::interface(version)) {
+                archive.add(&format!("sources/{name}"), text.as_bytes())?;
+            }
+            if version == Version::V3 {
+                let build = build_description(IDENTIFIER);
+                archive.add("sources/buildDescription.xml", build.as_bytes())?;
+            }
+        }
     }
-    archive.add(&format!("resources/{MODEL}"), &to_bytes(&row))?;
     archive.add("resources/model.json", text.as_bytes())?;
-    archive.add("documentation/index.html", page(name, &variables, input).as_bytes())?;
+    archive.add("documentation/index.html", page(name, &variables, input, form).as_bytes())?;
     archive.add("documentation/licenses/license.txt", LICENCES.as_bytes())?;
     archive.finish()
 }

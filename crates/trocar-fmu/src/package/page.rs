@@ -1,10 +1,11 @@
 //! `documentation/index.html`: readable description of the variables.
 
+use super::Form;
 use super::description::{causality, escaped, variability};
 use crate::variables::{Input, Variable};
 
 /// The page of an FMU called `name`.
-pub(super) fn page(name: &str, variables: &[Variable], input: Input) -> String {
+pub(super) fn page(name: &str, variables: &[Variable], input: Input, form: Form) -> String {
     let name = escaped(name);
     let step = match input {
         Input::Position => {
@@ -13,7 +14,7 @@ pub(super) fn page(name: &str, variables: &[Variable], input: Input) -> String {
         }
         Input::Velocity => "Before each step, set the velocity during it.",
     };
-    let rows: String = variables.iter().map(row).collect();
+    let rows: String = variables.iter().map(|variable| row(variable, form)).collect();
     format!(
         "<!DOCTYPE html>\n<html lang=\"en\">\n<head><meta charset=\"utf-8\"><title>{name}</title></head>\n<body>\n\
          <h1>{name}</h1>\n<p>Force between a surgical instrument and the seal of its trocar, for co-simulation. {step} \
@@ -24,11 +25,12 @@ pub(super) fn page(name: &str, variables: &[Variable], input: Input) -> String {
     )
 }
 
-fn row(variable: &Variable) -> String {
+fn row(variable: &Variable, form: Form) -> String {
     let Variable { role, name, unit, description, start, .. } = variable;
-    let causality = match variability(*role) {
+    let causality = match variability(*role, form) {
         "tunable" => "tunable parameter",
-        _ => causality(*role),
+        "constant" => "constant",
+        _ => causality(*role, form),
     };
     let start = start.map(|start| format!("{start:?}")).unwrap_or_default();
     let cells = [name.as_str(), unit, causality, &start, description]

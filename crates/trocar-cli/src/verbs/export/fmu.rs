@@ -2,13 +2,14 @@
 
 use std::fs;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use clap::ValueEnum;
+use trocar::export::c::{CFiles, COptions, from_file};
 use trocar::model_file::ModelFile;
 use trocar::output::AtomicFile;
-use trocar_fmu::{Binary, Contents, Embedded, Input, Platform, Version, package};
+use trocar_fmu::{Binary, Contents, Embedded, Input, Platform, Source, Version, package};
 
 use crate::Completion;
 use crate::console::{BadArgument, Console};
@@ -46,6 +47,10 @@ pub(crate) struct Args {
     /// x86_64-windows=trocar_fmu.dll, in place of the one that this program carries; may be repeated
     #[arg(long, value_name = "PLATFORM=FILE", value_parser = library)]
     library: Vec<(Platform, PathBuf)>,
+    /// Source code in C in place of a library: for any platform whose importer compiles it. The
+    /// parameters are then constants
+    #[arg(long, conflicts_with_all = ["library", "platform"])]
+    source: bool,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -72,7 +77,12 @@ fn library(text: &str) -> Result<(Platform, PathBuf), String> {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
-    let binaries = binaries(INSIDE, &args.platform, &args.library)?;
+    let code = args.source.then(|| source(&args.model)).transpose()?;
+    let binaries = if args.source {
+        Vec::new()
+    } else {
+        binaries(INSIDE, &args.platform, &args.library)?
+    };
     let name = args.name.clone().unwrap_or_else(|| name_of(&args.model));
     let bytes = package(&Contents {
         name: &name,
@@ -87,6 +97,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         },
         text: &model.to_json(),
         binaries: &binaries,
+        source: code.as_ref().map(|files| Source { header: &files.header, code: &files.source }),
     })?;
     let mut file = AtomicFile::create(&args.out)?;
     let outcome = file.write_all(&bytes);
@@ -94,16 +105,18 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     file.commit()?;
     let platforms: Vec<String> =
         binaries.iter().map(|binary| binary.platform.to_string()).collect();
-    console.remark(&format!(
-        "{} bytes for {} -> {}",
-        bytes.len(),
-        platforms.join(", "),
-        args.out.display()
-    ));
+    let runs_on =
+        if args.source { "importers that compile C".to_owned() } else { platforms.join(", ") };
+    console.remark(&format!("{} bytes for {runs_on} -> {}", bytes.len(), args.out.display()));
     Ok(Completion::Clean)
 }
 
-fn name_of(model: &std::path::Path) -> String {
+/// The model in C as an FMU takes it.
+fn source(model: &Path) -> anyhow::Result<CFiles> {
+    Ok(from_file(model, COptions::IN_FMU)?)
+}
+
+fn name_of(model: &Path) -> String {
     model
         .file_stem()
         .map_or_else(|| "trocar".to_owned(), |stem| stem.to_string_lossy().into_owned())

@@ -99,6 +99,12 @@ pub struct COptions<'a> {
     pub compensator: Option<&'a CompensateOptions>,
 }
 
+impl COptions<'_> {
+    /// As the source code inside an FMU: `seal.c` and `seal.h`, the forces of the library.
+    pub const IN_FMU: Self =
+        COptions { prefix: "seal", stem: "seal", precision: Precision::Double, compensator: None };
+}
+
 /// The model file at `path` in C.
 ///
 /// # Errors
