@@ -22,7 +22,7 @@ impl CFiles {
     /// [`CError::Output`] when a file cannot be written.
     pub fn store(&self, path: &Path) -> Result<(), CError> {
         let header = path.with_extension("h");
-        write_together(&[(&header, self.header.as_bytes()), (path, self.source.as_bytes())])?;
+        write_together(&[(path, self.source.as_bytes()), (&header, self.header.as_bytes())])?;
         Ok(())
     }
 }
