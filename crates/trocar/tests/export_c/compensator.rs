@@ -179,15 +179,15 @@ fn variant(model: &ModelFile, k: usize) -> (ModelFile, CompensateOptions) {
     model.force_error = Some(ForceError {
         deforming_n: Some(0.05),
         sliding_n: Some(0.03),
-        held_n: (k % 5 != 0).then_some(0.04),
-        partial_n: (k % 3 == 0).then_some(0.08),
+        held_n: (!k.is_multiple_of(5)).then_some(0.04),
+        partial_n: k.is_multiple_of(3).then_some(0.08),
         source: ErrorSource::Validation,
     });
     let options = CompensateOptions {
         offset_n: Some(0.2),
-        moving_mass_kg: Some(if k % 2 == 0 { 0.0 } else { 0.3 }),
+        moving_mass_kg: Some(if k.is_multiple_of(2) { 0.0 } else { 0.3 }),
         gravity_m_s2: if k % 4 == 1 { -9.81 } else { 0.0 },
-        sensor_limit_n: (k % 2 == 0).then_some(40.0),
+        sensor_limit_n: k.is_multiple_of(2).then_some(40.0),
         force_error_n: None,
         adaptation: k % 7 != 6,
     };
