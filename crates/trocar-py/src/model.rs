@@ -369,17 +369,6 @@ impl Model {
 }
 
 /// Writes a file that appears whole or not at all.
-/// The library of FMUs for this platform.
-fn library() -> PyResult<Binary> {
-    let Some(platform) = Platform::native().filter(|_| !LIBRARY.is_empty()) else {
-        let why = if REASON.is_empty() { "FMI has no name for this platform" } else { REASON };
-        return Err(TrocarError::new_err(format!(
-            "this trocar carries no library for FMUs: {why}"
-        )));
-    };
-    Ok(Binary { platform, bytes: LIBRARY.to_vec() })
-}
-
 fn store(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
     let mut file = AtomicFile::create(path)?;
     file.write_all(bytes).map_err(|source| file.write_error(source))?;

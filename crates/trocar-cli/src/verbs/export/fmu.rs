@@ -78,11 +78,8 @@ fn library(text: &str) -> Result<(Platform, PathBuf), String> {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = ModelFile::read(&args.model)?;
     let code = args.source.then(|| source(&args.model)).transpose()?;
-    let binaries = if args.source {
-        Vec::new()
-    } else {
-        binaries(INSIDE, &args.platform, &args.library)?
-    };
+    let binaries =
+        if args.source { Vec::new() } else { binaries(INSIDE, &args.platform, &args.library)? };
     let name = args.name.clone().unwrap_or_else(|| name_of(&args.model));
     let bytes = package(&Contents {
         name: &name,
@@ -208,7 +205,7 @@ mod tests {
         let linux = [platform("linux64"), platform("x86_64-linux")];
         assert_eq!(bytes(&linux, &[]), [b"\x7fELF inside"]);
         assert_eq!(
-            bytes(&[], &[windows.clone()]),
+            bytes(&[], std::slice::from_ref(&windows)),
             [b"MZ named".to_vec(), b"\x7fELF inside".to_vec()]
         );
         assert_eq!(bytes(&[platform("win64")], &[windows]), [b"MZ named"]);
