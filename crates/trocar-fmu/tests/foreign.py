@@ -78,7 +78,7 @@ def main():
         for fmi in "23":
             unit = os.path.join(folder, f"{os.path.splitext(file)[0]}.{fmi}")
             path = unit + ".fmu"
-            command = [trocar, "--quiet", "export", "fmu", model, "--fmi", fmi, "--out", path]
+            command = [trocar, "--quiet", "export", "fmu", model, "--fmi", fmi, "--input", "position", "--out", path]
             subprocess.run([*command, "--library", f"{name}={library}"], check=True)
             with zipfile.ZipFile(path) as archive:
                 inside = {entry.split("/")[1] for entry in archive.namelist() if entry.startswith("binaries/")}

@@ -204,6 +204,7 @@ impl Model {
     /// ("x86_64-linux", "x86_64-windows"); the command line can add libraries for others. With `source`
     /// it holds source code in C instead, which the importer compiles, and its parameters are constants.
     #[pyo3(signature = (path, *, fmi=2, input="velocity", name="model", platforms=None, source=false))]
+    #[allow(clippy::too_many_arguments)] // keywords in Python
     fn export_fmu(
         &self,
         py: Python<'_>,

@@ -676,7 +676,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "../../trocar-runtime/src/compensate/faults.rs",
             "../../trocar-runtime/src/compensate/inertia.rs",
         ],
-        0xbf1a3ea7bed5648c,
+        0x132acce93d82bdf4,
     ),
 ];
 

@@ -64,7 +64,7 @@ struct Answer {
     fraction: f64,
     /// Whether it comes to rest in the tissue after a push.
     settles: bool,
-    /// None where the loop diverges.
+    /// None where it does not, or diverges.
     figures: Option<Merit>,
     /// When it diverged, s.
     unstable_after_s: Option<f64>,
@@ -88,10 +88,12 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         write_course(samples, out)?;
     }
     let surface = config.tissue.surface_m;
+    let settles = Trial::default().is_stable(&config, &file.trocar, in_compensator, surface)?;
+    let stable = samples.as_ref().ok().filter(|_| settles);
     let answer = Answer {
         fraction: config.compensation.fraction,
-        settles: Trial::default().is_stable(&config, &file.trocar, in_compensator, surface)?,
-        figures: samples.as_ref().ok().map(|samples| Merit::of(&config, samples)),
+        settles,
+        figures: stable.map(|samples| Merit::of(&config, samples)),
         unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
         advice: args.advise.then(|| advice(console, &config, in_compensator, &file)).transpose()?,
         map: args
@@ -107,7 +109,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let advised = answer.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
     let unstable = match samples {
         Err(diverged) => Some(diverged.to_string()),
-        Ok(_) if !answer.settles => Some(
+        Ok(_) if !settles => Some(
             "the loop is unstable: after a push into the tissue it does not come to rest"
                 .to_owned(),
         ),
@@ -177,7 +179,7 @@ fn text(answer: &Answer) -> String {
             text += &figures_table(figures);
         }
         (None, Some(time)) => text += &format!("unstable: diverged after {} s\n", number(time)),
-        (None, None) => {}
+        (None, None) => text += "unstable: it does not come to rest after a push into the tissue\n",
     }
     if let Some(advice) = &answer.advice {
         text += &advice_text(advice);
