@@ -106,8 +106,9 @@ impl Header<'_> {
             reading.take_if(|own| own.quantity == Quantity::Position && self.is_angle(k));
         }
         for k in self.timestamps {
-            // The unit of a date is known.
-            let own = readings[*k].as_mut().filter(|own| own.quantity == Quantity::Time);
+            // The unit of a date is known. A row may have more cells than the header.
+            let own = readings.get_mut(*k).and_then(Option::as_mut);
+            let own = own.filter(|own| own.quantity == Quantity::Time);
             own.into_iter().for_each(|own| own.per_si = Some(1.0));
         }
         for named in given {

@@ -19,8 +19,8 @@ pub struct Merit {
     pub force_error_peak_n: f64,
     /// Rms of that in just noticeable differences of the force on the tissue, 1.
     pub force_error_rms_jnd: f64,
-    /// Slope of the motor's force over the depth of the tip in the tissue while it goes deeper, at equal
-    /// velocity, N/m; none without contact.
+    /// Slope of the motor's force over the depth of the tip in the tissue while it goes deeper, N/m; none
+    /// without contact. Damping counts: compare it with the true one, not with the tissue's stiffness.
     pub displayed_stiffness_n_m: Option<f64>,
     /// The same of the force on the tissue, N/m.
     pub true_stiffness_n_m: Option<f64>,
@@ -67,8 +67,7 @@ impl Merit {
     }
 }
 
-/// Slope of `y` over `x` by least squares on `x` and the slave's velocity, which takes out what damping
-/// adds; `None` for fewer than ten samples, or where the two do not differ.
+/// Slope of `y` over `x` by least squares; `None` for fewer than ten samples or all at one place.
 fn slope(
     samples: &[&Sample],
     x: impl Fn(&Sample) -> f64,
@@ -76,15 +75,11 @@ fn slope(
 ) -> Option<f64> {
     let count = samples.len() as f64;
     let mean = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(|s| of(s)).sum::<f64>() / count;
-    let velocity = |sample: &Sample| sample.slave_velocity;
-    let (x0, v0, y0) = (mean(&x), mean(&velocity), mean(&y));
-    let (mut xx, mut xv, mut vv, mut xy, mut vy) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    let (x0, y0) = (mean(&x), mean(&y));
+    let (mut xx, mut xy) = (0.0, 0.0);
     for sample in samples {
-        let (dx, dv, dy) = (x(sample) - x0, velocity(sample) - v0, y(sample) - y0);
-        (xx, xv, vv) = (xx + dx * dx, xv + dx * dv, vv + dv * dv);
-        (xy, vy) = (xy + dx * dy, vy + dv * dy);
+        let (dx, dy) = (x(sample) - x0, y(sample) - y0);
+        (xx, xy) = (xx + dx * dx, xy + dx * dy);
     }
-    let determinant = xx * vv - xv * xv;
-    let differ = determinant > 1e-9 * xx * vv;
-    (samples.len() >= 10 && differ).then(|| (xy * vv - vy * xv) / determinant)
+    (samples.len() >= 10 && xx > 0.0).then(|| xy / xx)
 }
