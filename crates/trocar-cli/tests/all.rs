@@ -11,5 +11,6 @@ mod fmu;
 mod live;
 mod readme;
 mod sweep;
+mod teleop;
 
 mod common;
