@@ -45,13 +45,21 @@ fn the_printed_loop_is_the_default() {
 #[test]
 fn what_is_no_loop_is_refused() {
     for (config, words) in [
-        ("[master]\nmass_kg = -1.0", ["loop.toml", "master.mass_kg", "above 0, got -1"]),
+        ("[master]\nmass_kg = -1.0", ["loop.toml", "master.mass_kg", "from 1e-6 to 1e15, got -1"]),
         ("[channel]\ndelay_s = 0.0015", ["channel.delay_s", "0.0015 s", "take 0.002 s"]),
         ("[tissue]\nstifness_n_m = 1.0", ["stifness_n_m", "line 2", "--print-config"]),
     ] {
         let place = place(config);
         place.run("teleop loop.toml --model plausible --out none.csv").ends_with(1).says(&words);
         assert!(!place.path("none.csv").exists());
+    }
+    for (config, options, words) in [
+        (SOFT, "--out - --json", "leave out --json"),
+        ("[sensor]\nplace = \"tip\"", "--advise", "changes nothing in this loop"),
+        ("[control]\narchitecture = \"wave\"", "--map", "changes nothing in this loop"),
+    ] {
+        let ran = place(config).run(&format!("teleop loop.toml --model plausible {options}"));
+        ran.ends_with(2).says(&[words]);
     }
     place("").run("teleop loop.toml --model none.json").ends_with(1).says(&["none.json"]);
 }

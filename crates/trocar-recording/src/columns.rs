@@ -642,8 +642,18 @@ impl Given {
     /// Index of the column among `names`: the same name, with its number if several columns have
     /// it, or the only one that differs only in case.
     pub(crate) fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
-        if let Some(index) = (0..names.len()).find(|k| numbered(names, *k) == self.column) {
+        let named = |name: &str| (0..names.len()).filter(|k| names[*k] == name).collect::<Vec<_>>();
+        // One of several columns of a name by its number, unless that is itself a name.
+        let own = named(&self.column);
+        if let [index] = own[..] {
             return Ok(index);
+        }
+        let numbered_as = self.column.rsplit_once('#').filter(|_| own.is_empty());
+        if let Some((name, Ok(number))) = numbered_as.map(|(name, n)| (name, n.parse::<usize>())) {
+            let all = named(name);
+            if let (true, Some(index)) = (all.len() > 1, all.get(number.wrapping_sub(1))) {
+                return Ok(*index);
+            }
         }
         let same: Vec<String> = (0..names.len())
             .filter(|k| names[*k] == self.column)

@@ -498,7 +498,10 @@ impl<R: Read> TextReader<R> {
     fn may_be_footer(&self) -> bool {
         let rest = &self.buffer[self.start..self.complete];
         let is_time = |slot: &Option<Slot>| slot.is_some_and(|slot| slot.is(Quantity::Time));
-        let time = self.layout.slots.iter().position(is_time).unwrap_or(0);
+        // Without a column of times, any that is used.
+        let slots = &self.layout.slots;
+        let time = slots.iter().position(is_time);
+        let time = time.or_else(|| slots.iter().position(Option::is_some)).unwrap_or(0);
         let is_text = |line: &[u8]| {
             let cells = self.cells(line);
             let time = cells.get(time).or(cells.first()).map_or(&b""[..], String::as_bytes);

@@ -67,6 +67,12 @@ std::vector<hardware_interface::StateInterface> TissueForceBroadcaster::on_expor
     return exported;
 }
 
+CallbackReturn TissueForceBroadcaster::on_deactivate(const rclcpp_lifecycle::State &) {
+    // What nobody computes any more must not look like a measurement.
+    export_nothing();
+    return CallbackReturn::SUCCESS;
+}
+
 std::vector<hardware_interface::CommandInterface> TissueForceBroadcaster::on_export_reference_interfaces() {
     return {};
 }
@@ -82,6 +88,7 @@ return_type TissueForceBroadcaster::update_and_write_commands(const rclcpp::Time
     tissue_->add_reading(time.nanoseconds(), axis_.sign * state(1));
     while (const std::optional<Sample> sample = tissue_->next()) {
         if (!sample->estimate) {
+            export_nothing();
             return return_type::ERROR;
         }
         values_[axis_.component] = axis_.sign * sample->tissue_force_n();

@@ -94,6 +94,9 @@ void exports_the_estimate() {
     CHECK(std::isinf(manager.exported("variance")) && manager.exported("fault") == TROCAR_FAULT_NO_READING);
     manager.broadcaster.assigned()[1].is_locked = false;
     CHECK(manager.update(1001) == return_type::OK && std::isfinite(manager.exported("force.z")));
+    // Nothing of it stays when nobody computes it any more.
+    CHECK(manager.broadcaster.on_deactivate({}) == CallbackReturn::SUCCESS);
+    CHECK(std::isnan(manager.exported("force.z")) && std::isinf(manager.exported("variance")));
     manager.activate();
     CHECK(std::isnan(manager.exported("force.z")));
 }

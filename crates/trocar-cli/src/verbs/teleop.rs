@@ -13,7 +13,7 @@ use trocar::teleop::{Config, Loop, plants, write_course};
 use trocar_model::Trocar;
 
 use crate::Completion;
-use crate::console::{self, Console};
+use crate::console::{self, BadArgument, Console};
 use crate::models;
 use crate::progress::Progress;
 use crate::table::{Table, number};
@@ -78,6 +78,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         return Ok(Completion::Clean);
     };
     let config = args.config.as_deref().map(read).transpose()?.unwrap_or_default();
+    check(args, &config)?;
     let file = model_of(model)?;
     let compensator = args.compensator.as_deref().map(model_of).transpose()?;
     let in_compensator = compensator.as_ref().map_or(&file.trocar, |other| &other.trocar);
@@ -115,6 +116,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         ),
         Ok(_) => None,
     };
+    if let (Some(out), true) = (&args.out, answer.unstable_after_s.is_some()) {
+        console.warn(&format!("{}: not written", out.display()));
+    }
     if let Some(why) = &unstable {
         console.warn(&format!(
             "{why}\n\nhint: --advise finds the fractions of the trocar's force with which it is stable; a lower force_gain, a \
@@ -122,6 +126,21 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         ));
     }
     Ok(Completion::doubtful_if(unstable.is_some() || !advised))
+}
+
+/// Refuses what would be computed in vain.
+fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
+    let to_stdout = args.out.as_deref() == Some(Path::new("-"));
+    if to_stdout && (args.json || args.advise || args.map) {
+        let text = "--out - prints the course alone\n\nhint: write it to a file, or leave out --json, --advise and --map";
+        return Err(BadArgument(text.to_owned()).into());
+    }
+    if (args.advise || args.map) && !config.uses_compensation() {
+        let text = "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
+                    sensor at the tip reads none of it\n\nhint: leave out --advise and --map";
+        return Err(BadArgument(text.to_owned()).into());
+    }
+    Ok(())
 }
 
 fn read(path: &Path) -> anyhow::Result<Config> {
@@ -144,7 +163,7 @@ fn advice(
     compensator: &Trocar<Vec<f64>>,
     file: &ModelFile,
 ) -> anyhow::Result<Advice> {
-    let plants = plants(file)?;
+    let plants = plants(file).context("the model at an end of its 95 % intervals")?;
     if plants.len() == 1 {
         console.remark(
             "the model has no 95 % intervals: the advice is for a trocar that equals the model",
@@ -234,7 +253,7 @@ fn advice_text(advice: &Advice) -> String {
 
 fn map_text(map: &Map) -> String {
     let mut text =
-        "\nstiffest tissue with which the loop is stable (N/m; 0: none, inf: above 20 000), delay of one direction in ms down, \
+        "\nstiffest tissue up to which the loop is stable (N/m, from 1 to 20 000; 0: none), delay of one direction in ms down, \
          percentage taken out across\n"
             .to_owned();
     text += "      ";

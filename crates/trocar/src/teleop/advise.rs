@@ -15,6 +15,8 @@ const APART: f64 = 0.025;
 /// Stiffest tissue that is tried, N/m, and the softest.
 const STIFFEST: f64 = 20_000.0;
 const SOFTEST: f64 = 1.0;
+/// Stiffnesses in between, evenly in their logarithm.
+const TRIED: u32 = 12;
 /// Accuracy of a stiffness, relative.
 const ACCURACY: f64 = 0.02;
 
@@ -120,8 +122,8 @@ pub struct Map {
     pub delays_s: Vec<f64>,
     /// Fractions γ.
     pub fractions: Vec<f64>,
-    /// Greatest stiffness, N/m, by delay, then by fraction; 0 where the loop is stable with no tissue,
-    /// and infinite above 20 kN/m.
+    /// Greatest stiffness, N/m, by delay, then by fraction; 0 where the loop is not even stable with
+    /// tissue of 1 N/m, 20 000 where it is up to there.
     pub stiffness_n_m: Vec<Vec<f64>>,
 }
 
@@ -155,8 +157,9 @@ pub fn map<K: AsRef<[f64]> + Clone + Sync>(
     })
 }
 
-/// Greatest stiffness of the tissue, N/m, at which the loop settles; 0 where it does with none, infinite above
-/// 20 kN/m.
+/// Greatest stiffness of the tissue, N/m, up to which the loop settles: 0 where it does not with tissue of
+/// 1 N/m, 20 000 where it does up to there. Twelve stiffnesses in between are tried upwards, and the first
+/// change is bisected.
 ///
 /// # Errors
 /// A value of `config` out of its range.
@@ -175,7 +178,11 @@ pub fn greatest_stiffness<K: AsRef<[f64]> + Clone>(
     if !settles(SOFTEST) {
         return Ok(0.0);
     }
-    // The stiffness is bisected in its logarithm.
-    let found = boundary([SOFTEST.ln(), STIFFEST.ln()], ACCURACY, |log| settles(log.exp()));
-    Ok(found.map_or(f64::INFINITY, f64::exp))
+    let ratio = (STIFFEST / SOFTEST).ln() / f64::from(TRIED);
+    let tried = (1..=TRIED).map(|k| SOFTEST.ln() + ratio * f64::from(k));
+    let Some(above) = tried.into_iter().find(|log| !settles(log.exp())) else {
+        return Ok(STIFFEST);
+    };
+    let found = boundary([above - ratio, above], ACCURACY, |log| settles(log.exp()));
+    Ok(found.unwrap_or(above).exp())
 }

@@ -127,7 +127,8 @@ pub enum Architecture {
     /// LAWRENCE's transparent choice: both positions and both forces are sent, and the masses are
     /// compensated.
     FourChannel,
-    /// NIEMEYER's wave variables; the slave's controller has the damping of the wave impedance.
+    /// NIEMEYER's wave variables. Nothing is reflected where the slave's damping equals the wave
+    /// impedance.
     Wave,
 }
 
@@ -141,7 +142,7 @@ pub struct Control {
     pub stiffness_n_m: f64,
     /// B of the position controllers, N s/m, ≥ 0.
     pub damping_n_s_m: f64,
-    /// λ, the fraction of the sensor's force that the master reflects, ≥ 0.
+    /// λ, the fraction of the sensor's force that the master reflects, ≥ 0; position-force only.
     pub force_gain: f64,
     /// b of the wave variables, N s/m, above 0.
     pub wave_impedance_n_s_m: f64,
@@ -333,10 +334,22 @@ pub enum ConfigError {
     },
 }
 
-/// Longest delay and longest experiment, in samples: what is stored.
+/// Longest experiment, in samples: what is stored.
 const MOST_SAMPLES: f64 = 1e6;
+/// Most steps of the plant in an experiment.
+const MOST_STEPS: f64 = 1e7;
+/// Longest delay, in samples.
+const LONGEST_DELAY: f64 = 1e4;
 
 impl Config {
+    /// Whether the fraction of the trocar's force that is taken out changes anything: an outside sensor,
+    /// whose force is sent.
+    pub fn uses_compensation(&self) -> bool {
+        let sends = [Architecture::PositionForce, Architecture::FourChannel]
+            .contains(&self.control.architecture);
+        sends && self.sensor.place == Place::Outside
+    }
+
     /// The loop that a TOML document describes; keys that are missing have their default.
     ///
     /// # Errors
@@ -353,25 +366,44 @@ impl Config {
     /// # Errors
     /// The first value out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
+        // Beyond these no device is meant, and the arithmetic of the plant could overflow.
+        let mass = |name, found: f64| {
+            check((1e-6..=1e15).contains(&found), name, "from 1e-6 to 1e15", found)
+        };
         let above_0 = |name, found: f64| {
-            check(found > 0.0 && found.is_finite(), name, "finite and above 0", found)
+            check(found > 0.0 && found <= 1e9, name, "above 0, at most 1e9", found)
         };
         let not_below_0 = |name, found: f64| {
-            check(found >= 0.0 && found.is_finite(), name, "finite and 0 or above", found)
+            check((0.0..=1e9).contains(&found), name, "0 or above, at most 1e9", found)
         };
+        let resolution = |name, found: f64| {
+            check(
+                found == 0.0 || (1e-12..=1.0).contains(&found),
+                name,
+                "0, or from 1e-12 to 1",
+                found,
+            )
+        };
+        let place = |name, found: f64| check(found.abs() <= 1.0, name, "from -1 to 1", found);
         let finite = |name, found: f64| check(found.is_finite(), name, "finite", found);
-        above_0("sample_time_s", self.sample_time_s)?;
+        let sample_time = self.sample_time_s;
+        check(
+            (1e-6..=0.1).contains(&sample_time),
+            "sample_time_s",
+            "from 1e-6 to 0.1",
+            sample_time,
+        )?;
         let substeps = f64::from(self.substeps);
         check((1.0..=1000.0).contains(&substeps), "substeps", "from 1 to 1000", substeps)?;
         not_below_0("operator.stiffness_n_m", self.operator.stiffness_n_m)?;
         not_below_0("operator.damping_n_s_m", self.operator.damping_n_s_m)?;
         not_below_0("operator.mass_kg", self.operator.mass_kg)?;
-        above_0("master.mass_kg", self.master.mass_kg)?;
+        mass("master.mass_kg", self.master.mass_kg)?;
         not_below_0("master.damping_n_s_m", self.master.damping_n_s_m)?;
-        not_below_0("master.encoder_step_m", self.master.encoder_step_m)?;
-        above_0("slave.mass_kg", self.slave.mass_kg)?;
+        resolution("master.encoder_step_m", self.master.encoder_step_m)?;
+        mass("slave.mass_kg", self.slave.mass_kg)?;
         not_below_0("slave.damping_n_s_m", self.slave.damping_n_s_m)?;
-        not_below_0("slave.encoder_step_m", self.slave.encoder_step_m)?;
+        resolution("slave.encoder_step_m", self.slave.encoder_step_m)?;
         not_below_0("control.stiffness_n_m", self.control.stiffness_n_m)?;
         not_below_0("control.damping_n_s_m", self.control.damping_n_s_m)?;
         not_below_0("control.force_gain", self.control.force_gain)?;
@@ -380,23 +412,26 @@ impl Config {
         not_below_0("sensor.moving_mass_kg", self.sensor.moving_mass_kg)?;
         not_below_0("sensor.noise_n", self.sensor.noise_n)?;
         finite("sensor.offset_n", self.sensor.offset_n)?;
-        not_below_0("sensor.resolution_n", self.sensor.resolution_n)?;
-        finite("tissue.surface_m", self.tissue.surface_m)?;
+        resolution("sensor.resolution_n", self.sensor.resolution_n)?;
+        place("tissue.surface_m", self.tissue.surface_m)?;
         not_below_0("tissue.stiffness_n_m", self.tissue.stiffness_n_m)?;
         not_below_0("tissue.damping_n_s_m", self.tissue.damping_n_s_m)?;
         not_below_0("tissue.dissipation_s_m", self.tissue.dissipation_s_m)?;
         not_below_0("tissue.breathing_m", self.tissue.breathing_m)?;
         not_below_0("tissue.breathing_hz", self.tissue.breathing_hz)?;
-        finite("motion.middle_m", self.motion.middle_m)?;
-        finite("motion.amplitude_m", self.motion.amplitude_m)?;
+        place("motion.middle_m", self.motion.middle_m)?;
+        place("motion.amplitude_m", self.motion.amplitude_m)?;
         not_below_0("motion.frequency_hz", self.motion.frequency_hz)?;
         above_0("motion.duration_s", self.motion.duration_s)?;
         let samples = self.motion.duration_s / self.sample_time_s;
+        let duration = self.motion.duration_s;
+        check(samples <= MOST_SAMPLES, "motion.duration_s", "at most a million samples", duration)?;
+        let steps = samples * substeps;
         check(
-            samples <= MOST_SAMPLES,
-            "motion.duration_s",
-            "at most a million samples",
-            self.motion.duration_s,
+            steps <= MOST_STEPS,
+            "substeps",
+            "so few that the experiment has at most 1e7 steps",
+            substeps,
         )?;
         let loss = self.channel.loss;
         check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
@@ -427,10 +462,10 @@ impl Config {
 
     fn whole(&self, name: &'static str, found: f64) -> Result<usize, ConfigError> {
         let samples = found / self.sample_time_s;
-        let is_allowed = (0.0..=MOST_SAMPLES).contains(&samples);
-        check(is_allowed, name, "from 0 to a million samples", found)?;
+        let is_allowed = (0.0..=LONGEST_DELAY).contains(&samples);
+        check(is_allowed, name, "from 0 to 10 000 samples", found)?;
         let whole = samples.round();
-        if (samples - whole).abs() > 1e-6 * whole.max(1.0) {
+        if (samples - whole).abs() > 1e-6 * whole.clamp(1.0, 1e3) {
             let sample_time_s = self.sample_time_s;
             let nearest = (whole * sample_time_s * 1e9).round() / 1e9;
             return Err(ConfigError::NotWholeSamples { name, sample_time_s, found, nearest });
@@ -461,7 +496,7 @@ impl Tissue {
     }
 
     /// Where the surface is and how fast it moves, m and m/s.
-    fn surface(&self, time: f64) -> (f64, f64) {
+    pub(crate) fn surface(&self, time: f64) -> (f64, f64) {
         if self.breathing_m == 0.0 {
             return (self.surface_m, 0.0);
         }

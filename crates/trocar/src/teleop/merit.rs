@@ -50,7 +50,7 @@ impl Merit {
             .iter()
             .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0)
             .collect();
-        let depth = |sample: &Sample| sample.slave_position - config.tissue.surface_m;
+        let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
         let energy = samples.last().map_or(0.0, |sample| {
             let [[a, b], [c, d]] = [sample.master_energies, sample.slave_energies];
             a - b + c - d

@@ -71,6 +71,7 @@ pub struct Loop<K> {
     /// Number of the next sample.
     count: u64,
     position: f64,
+    diverged: Option<Diverged>,
 }
 
 impl<K: AsRef<[f64]> + Clone> Loop<K> {
@@ -104,6 +105,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             arrived: Packet::at_rest(position),
             count: 0,
             position,
+            diverged: None,
             config: config.clone(),
         })
     }
@@ -118,8 +120,11 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
     /// intended position (m) and velocity (m/s) at a time (s).
     ///
     /// # Errors
-    /// [`Diverged`] where the loop is unstable; it then stays where it is.
+    /// [`Diverged`] where a device has left 10 m or 100 m/s; the loop then stays so.
     pub fn step(&mut self, hand: impl Fn(f64) -> (f64, f64)) -> Result<Sample, Diverged> {
+        if let Some(diverged) = self.diverged {
+            return Err(diverged);
+        }
         let hand = |time: f64| {
             let (position, velocity) = hand(time);
             Motion { position, velocity }
@@ -150,10 +155,11 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
                 && motion.velocity.abs() < FASTEST_M_S
         };
         if is_bounded(self.master.motion) && is_bounded(self.slave.motion) {
-            Ok(sample)
-        } else {
-            Err(Diverged { time_s: time })
+            return Ok(sample);
         }
+        let diverged = Diverged { time_s: time };
+        self.diverged = Some(diverged);
+        Err(diverged)
     }
 
     /// The next `count` samples.

@@ -40,6 +40,7 @@ class TissueForceBroadcaster : public controller_interface::ChainableControllerI
     controller_interface::InterfaceConfiguration state_interface_configuration() const override;
     controller_interface::CallbackReturn on_configure(const rclcpp_lifecycle::State &previous_state) override;
     controller_interface::CallbackReturn on_activate(const rclcpp_lifecycle::State &previous_state) override;
+    controller_interface::CallbackReturn on_deactivate(const rclcpp_lifecycle::State &previous_state) override;
 
   protected:
     std::vector<hardware_interface::StateInterface> on_export_state_interfaces() override;

@@ -172,8 +172,7 @@ static const char *fmu_set_time(fmu_values *fmu, double start, double stop)
 /* Advances from `point` by `duration`. Returns what is wrong, or 0; the state is then as before. */
 static const char *fmu_step(fmu_values *fmu, double point, double duration)
 {
-    const double before = fmu->state.position_m;
-    double tolerance, goal;
+    double tolerance, displacement;
     if (!(duration > 0.0 && isfinite(duration))) {
         return "the step must be longer than 0 and finite";
     }
@@ -185,16 +184,18 @@ static const char *fmu_step(fmu_values *fmu, double point, double duration)
         return "the step goes beyond the stop time";
     }
 #if FMU_DRIVEN_BY_VELOCITY
-    goal = before + fmu->input * duration;
-    seal_step(&fmu->state, fmu->input * duration, duration);
+    displacement = fmu->input * duration;
 #else
-    goal = fmu->input;
-    seal_step_to(&fmu->state, fmu->input, duration);
-    (void)before;
+    displacement = fmu->input - fmu->state.position_m;
 #endif
-    if (fmu->state.position_m != goal) {
+    if (!isfinite(fmu->state.position_m + displacement) || !isfinite(displacement / duration)) {
         return "the motion of the step is not finite";
     }
+#if FMU_DRIVEN_BY_VELOCITY
+    seal_step(&fmu->state, displacement, duration);
+#else
+    seal_step_to(&fmu->state, fmu->input, duration);
+#endif
     fmu->time_s = point + duration;
     return 0;
 }

@@ -30,6 +30,7 @@ class ChainableControllerInterface {
     virtual CallbackReturn on_init() = 0;
     virtual CallbackReturn on_configure(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
     virtual CallbackReturn on_activate(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
+    virtual CallbackReturn on_deactivate(const rclcpp_lifecycle::State &) { return CallbackReturn::SUCCESS; }
 
     return_type update(const rclcpp::Time &time, const rclcpp::Duration &period) {
         const return_type done = update_reference_from_subscribers(time, period);
