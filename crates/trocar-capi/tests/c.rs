@@ -4,15 +4,18 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::Write as _;
 use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use skipped::skipped;
 use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::model_file::{ModelFile, VERSION};
 use trocar_c::{CompensatorOptions, Drift, Estimate, Fault, State, Status, Tunable};
+
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// Where the library was installed, and a folder for programs.
 struct Installed {
@@ -33,12 +36,6 @@ fn here(path: &str) -> PathBuf {
 
 fn conformance(path: &str) -> PathBuf {
     here("../../conformance").join(path)
-}
-
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
-/// shown.
-fn skipped(why: &str) {
-    let _ = writeln!(std::io::stderr(), "skipped: {why}");
 }
 
 /// Whether `tool` is there; where not, the test is skipped, or fails if it is `needed` by the

@@ -4,10 +4,14 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
+use skipped::skipped;
 use trocar_recording::{
     Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity,
     read, write,
 };
+
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// Force noise in N of standard deviation 0.01, the same for every run.
 fn noise(k: usize) -> f64 {
@@ -1121,7 +1125,7 @@ fn shared() -> Option<PathBuf> {
         "{} is required",
         folder.display()
     );
-    println!("skipped: no {}", folder.display());
+    skipped(&format!("no {}", folder.display()));
     None
 }
 

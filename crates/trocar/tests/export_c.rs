@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::common;
+use crate::skipped::skipped;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -71,8 +72,7 @@ fn has_gcc() -> bool {
     let found =
         Command::new("gcc").arg("--version").output().is_ok_and(|output| output.status.success());
     if !found {
-        // Directly to standard error, since the output of a passing test is not shown.
-        let _ = writeln!(std::io::stderr(), "skipped: no gcc");
+        skipped("no gcc");
         assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs gcc");
     }
     found

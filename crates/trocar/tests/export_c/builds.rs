@@ -39,7 +39,7 @@ pub(super) fn size(folder: &Path, program: &str, object: &str) -> u32 {
 pub(super) fn has(compiler: &str) -> bool {
     let found = Command::new(compiler).arg("--version").output().is_ok_and(|o| o.status.success());
     if !found {
-        let _ = writeln!(std::io::stderr(), "skipped: no {compiler}");
+        skipped(&format!("no {compiler}"));
     }
     found
 }
