@@ -13,8 +13,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 /** Stands for the unknown time since the last sample after the clock was set back, s: long enough for TROCAR_FAULT_GAP. */
 constexpr double kUnknownDuration_s = 1.0;
 
-/** Stamps beyond this are none: differences of others fit their type, ns. */
-constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 62;
+/** Stamps beyond this are refused, so that the difference of any two others fits their type, ns. */
+constexpr std::int64_t kFarthest_ns = (std::int64_t{1} << 62) - 1;
 
 } // namespace
 
