@@ -200,12 +200,12 @@ fn fmpy_finds_what_simulate_finds() {
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .output()
         .unwrap();
-    let (told, errors) =
+    let (printed, errors) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    println!("{told}");
-    assert!(output.status.success(), "{told}\n{errors}");
+    println!("{printed}");
+    assert!(output.status.success(), "{printed}\n{errors}");
     let models = names_in(&conformance.join("models")).len();
-    assert_eq!(told.matches("rows bit-identical").count(), models);
+    assert_eq!(printed.matches("rows bit-identical").count(), models);
 }
 
 /// A platform whose library is built and run by emulation.
@@ -274,10 +274,10 @@ impl Foreign {
             .env("WINEDEBUG", "-all")
             .output()
             .unwrap();
-        let (told, errors) =
+        let (printed, errors) =
             (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert!(output.status.success(), "{told}\n{errors}");
-        assert!(told.contains(&format!("largest difference on {platform}: 0.0 N")), "{told}");
+        assert!(output.status.success(), "{printed}\n{errors}");
+        assert!(printed.contains(&format!("largest difference on {platform}: 0.0 N")), "{printed}");
     }
 }
 

@@ -41,13 +41,13 @@ Clock::Verdict Clock::take(std::int64_t stamp_ns, StreamCounts &counts) noexcept
     }
     stray_ns_.reset();
     last_ns_ = stamp_ns;
-    ++counts.taken;
+    ++counts.accepted;
     if (is_near) {
-        return Verdict::taken;
+        return Verdict::accepted;
     }
     if (step_ns > 0) {
         ++counts.resumed;
-        return Verdict::taken;
+        return Verdict::accepted;
     }
     ++counts.set_back;
     return Verdict::set_back;

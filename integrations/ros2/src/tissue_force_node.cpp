@@ -309,7 +309,7 @@ void TissueForceNode::add_values(DiagnosticStatus &status) const {
         const auto entry = [&](const char *what, std::uint64_t count) {
             add(status, (std::string(name) + " " + what).c_str(), std::to_string(count));
         };
-        entry("taken", stream.taken);
+        entry("accepted", stream.accepted);
         entry("not finite", stream.not_finite);
         entry("repeated", stream.repeated);
         entry("late", stream.late);

@@ -288,7 +288,7 @@ void wrong_stamps() {
     }
     CHECK(same(expected, all));
     for (const trocar_ros::StreamCounts &counts : {tissue.counts().positions, tissue.counts().readings}) {
-        CHECK(counts.taken == 1000 && counts.late == 20 && counts.stray == 40 && counts.set_back == 0);
+        CHECK(counts.accepted == 1000 && counts.late == 20 && counts.stray == 40 && counts.set_back == 0);
     }
 }
 
@@ -299,7 +299,7 @@ void farthest_stamps() {
         TissueForce tissue = made();
         tissue.add_position(stamp_ns, 0.0);
         tissue.add_reading(stamp_ns, 1.0);
-        CHECK(tissue.counts().positions.taken == 0 && tissue.counts().positions.stray == 1);
+        CHECK(tissue.counts().positions.accepted == 0 && tissue.counts().positions.stray == 1);
         CHECK(tissue.counts().readings.stray == 1 && !tissue.next() && !tissue.stamps_apart_s());
     }
     for (const std::int64_t sign : {1, -1}) {
@@ -309,7 +309,7 @@ void farthest_stamps() {
             tissue.add_reading(-sign * stamp_ns, 1.0);
             CHECK(!tissue.next());
         }
-        CHECK(tissue.counts().positions.taken == 1 && tissue.counts().readings.stray == 1);
+        CHECK(tissue.counts().positions.accepted == 1 && tissue.counts().readings.stray == 1);
         CHECK(std::abs(*tissue.stamps_apart_s() - static_cast<double>(sign) * 9.223372e9) < 1e4);
         // The stream that was set back goes on from there; the other would leave the range.
         tissue.add_position(-sign * (kEnd_ns - 1) + kMs, 0.0);
