@@ -58,7 +58,7 @@ typedef struct {
     double seal_force_n;       /* of the seal alone */
     double direction;          /* of the last motion: 1, 0, -1 */
     double remainder;          /* y = 1 - s*f/F_c */
-//@if bent
+//@if inverse_power
     double inverse_power; /* y^(1 - i) */
 //@end
 //@end
