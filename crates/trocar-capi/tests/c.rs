@@ -474,6 +474,26 @@ fn the_library_exports_the_functions_of_the_header_and_no_other() {
     assert!(String::from_utf8_lossy(&dynamic.stdout).contains(&soname), "no {soname}");
 }
 
+/// Nothing is installed if `strip` fails, and the message says so.
+#[test]
+fn a_failed_strip_stops_the_installation() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let (strip, prefix) = (folder.path().join("strip"), folder.path().join("prefix"));
+    fs::write(&strip, "#!/bin/sh\nexit 1\n").unwrap();
+    fs::set_permissions(&strip, fs::Permissions::from_mode(0o755)).unwrap();
+    let mut path = folder.path().as_os_str().to_owned();
+    path.push(":");
+    path.push(std::env::var_os("PATH").unwrap_or_default());
+    let test = std::env::current_exe().unwrap();
+    let mut install = Command::new(here("install"));
+    install.arg(&prefix).arg("--from").arg(test.parent().unwrap()).env("PATH", path);
+    let ran = install.output().unwrap();
+    let message = String::from_utf8_lossy(&ran.stderr);
+    assert!(!ran.status.success() && message.contains("install: strip failed on"), "{message}");
+    assert!(!prefix.exists());
+}
+
 #[test]
 fn pkg_config_knows_both_libraries() {
     if !compilers() || !has("pkg-config", false) {

@@ -345,6 +345,18 @@ mod tests {
     }
 
     #[test]
+    fn sources_are_compiled_without_fused_operations() {
+        let text = build_description("trocar_left");
+        let expected = [
+            "<BuildConfiguration modelIdentifier=\"trocar_left\">",
+            "<SourceFileSet language=\"C99\" compilerOptions=\"-ffp-contract=off\">",
+            "<SourceFile name=\"fmi3.c\"/>",
+            "<PreprocessorDefinition name=\"FMI3_OVERRIDE_FUNCTION_PREFIX\" value=\"\" optional=\"true\"",
+        ];
+        assert!(expected.iter().all(|part| text.contains(part)), "{text}");
+    }
+
+    #[test]
     fn every_unit_is_defined() {
         let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
         for input in Input::ALL {

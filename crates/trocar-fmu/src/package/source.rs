@@ -83,3 +83,15 @@ pub(super) fn header(description: &Description, version: Version, model: Model) 
     text.push_str("};\n");
     text
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identifiers_are_names_in_c() {
+        assert_eq!(identifier("left_2"), "trocar_left_2");
+        assert_eq!(identifier("5 mm, \"ä\""), "trocar_5_mm_____");
+        assert_eq!(identifier(""), "trocar_");
+    }
+}
