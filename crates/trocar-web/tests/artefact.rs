@@ -12,8 +12,9 @@ use module::{Page, artefact, read_motion};
 
 mod module;
 
-/// Largest module that a report may carry, bytes: a tenth of a report, before compression. REASON
-const LARGEST: u64 = 80_000;
+/// Largest module that a report may carry, bytes: a tenth of a report, before compression. The declarations of all parameters, which
+/// turning them checks, took it from 61 to 73 kB.
+const LARGEST: u64 = 76_000;
 /// Fewest models to compare on: one of every kind.
 const KINDS: usize = 14;
 
