@@ -22,6 +22,9 @@ fn artefact() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar/src/report/assets/teleop.wasm")
 }
 
+/// All columns of some samples.
+type Columns = Vec<Vec<f64>>;
+
 /// A running module, driven as a page drives it.
 struct Driven {
     store: Store<()>,
@@ -79,7 +82,7 @@ impl Driven {
     }
 
     /// All columns of the samples along these positions of the hand, and the figures.
-    fn along(&mut self, hands: &[f64]) -> Result<(Vec<Vec<f64>>, Vec<f64>), Box<dyn Error>> {
+    fn along(&mut self, hands: &[f64]) -> Result<(Columns, Vec<f64>), Box<dyn Error>> {
         let length = self.call::<(), u32>("block_length", ())? as usize;
         let mut columns = vec![Vec::new(); COLUMNS.len()];
         for some in hands.chunks(length) {
@@ -95,7 +98,7 @@ impl Driven {
 }
 
 /// The same by the library.
-fn host(config: &str, row: &[f64], at: f64, hands: &[f64]) -> (Vec<Vec<f64>>, Vec<f64>, bool) {
+fn host(config: &str, row: &[f64], at: f64, hands: &[f64]) -> (Columns, Vec<f64>, bool) {
     let mut memory = Box::new(Memory::ZERO);
     let mut page = Page::EMPTY;
     memory.text[..config.len()].copy_from_slice(config.as_bytes());
