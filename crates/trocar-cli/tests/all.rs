@@ -9,6 +9,7 @@ mod export_c;
 mod fleet;
 mod fmu;
 mod live;
+mod live_loop;
 mod readme;
 mod sweep;
 mod teleop;

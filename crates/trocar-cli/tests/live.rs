@@ -178,7 +178,7 @@ impl Motion {
 }
 
 /// Reports why nothing is tested; in CI it fails.
-fn skip(why: &str) {
+pub(crate) fn skip(why: &str) {
     assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "{why}");
     skipped(why);
 }
@@ -190,7 +190,7 @@ fn find(program: &str) -> Option<PathBuf> {
 }
 
 /// Browser and folder of `playwright-core`, or what is missing.
-fn tools() -> std::result::Result<[PathBuf; 2], String> {
+pub(crate) fn tools() -> std::result::Result<[PathBuf; 2], String> {
     if let Some(program) = ["node", "npm"].into_iter().find(|program| find(program).is_none()) {
         return Err(format!("no {program}"));
     }

@@ -14,8 +14,9 @@ mod module;
 #[path = "../../trocar-model/tests/common/skipped.rs"]
 mod skipped;
 
-/// Largest module that a report may carry, bytes: a tenth of a report, before compression.
-const LARGEST: u64 = 72_000;
+/// Largest module that a report may carry, bytes: a tenth of a report, before compression. The declarations of all parameters, which
+/// turning them checks, took it from 61 to 73 kB.
+const LARGEST: u64 = 76_000;
 /// Fewest models to compare on: one of every kind.
 const KINDS: usize = 14;
 

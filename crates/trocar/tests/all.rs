@@ -29,6 +29,7 @@ mod simulate;
 mod sweep;
 mod table;
 mod teleop;
+mod teleop_figures;
 #[path = "trust.rs"] // beside a folder of that name
 mod trust;
 mod validate;

@@ -165,6 +165,7 @@ fn unsafe_code_stays_at_foreign_interfaces() {
         "trocar-fmu/src/fmi2.rs",
         "trocar-fmu/src/fmi3.rs",
         "trocar-web/src/exports.rs",
+        "trocar-web-teleop/src/exports.rs",
         "trocar-proof/",
     ];
     only_in(&["unsafe {", "unsafe fn", "unsafe impl"], &edges);

@@ -1,10 +1,14 @@
 //! `trocar teleop`
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use serde::Serialize;
 use trocar::model_file::ModelFile;
+use trocar::output::AtomicFile;
+use trocar::report::teleop::{Source, SourcedModel, TeleopReport};
+use trocar::report::{self, teleop as teleop_report};
 use trocar::teleop::advise::{Advice, Map, advise, map};
 use trocar::teleop::config::EXAMPLE_TOML;
 use trocar::teleop::merit::Merit;
@@ -50,6 +54,10 @@ pub(crate) struct Args {
     /// output
     #[arg(long, value_name = "TABLE")]
     out: Option<PathBuf>,
+    /// Write a report, one HTML page that needs nothing else, with what --advise and --map find, and the loop
+    /// itself to try by hand
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
@@ -107,6 +115,28 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     if args.out.as_deref() != Some(Path::new("-")) {
         console::print(&text)?;
     }
+    if let Some(path) = &args.report {
+        let named = |trocar, path: &Path, file| {
+            Ok::<_, anyhow::Error>(SourcedModel { trocar, source: model_source(path, file)? })
+        };
+        let compensator = match (&args.compensator, &compensator) {
+            (Some(path), Some(other)) => Some(named(&other.trocar, path, other)?),
+            _ => None,
+        };
+        let input = TeleopReport {
+            config: &config,
+            config_source: args.config.as_deref().map(source).transpose()?,
+            trocar: named(&file.trocar, model, &file)?,
+            compensator,
+            course: samples.as_deref().map_err(|diverged| *diverged),
+            settles,
+            figures: answer.figures.as_ref(),
+            advice: answer.advice.as_ref(),
+            map: answer.map.as_ref(),
+        };
+        write_report(&input, path)?;
+        console.remark(&format!("report: {}", path.display()));
+    }
     let advised = answer.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
     let unstable = match samples {
         Err(diverged) => Some(diverged.to_string()),
@@ -135,6 +165,10 @@ fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
         let text = "--out - prints the course alone\n\nhint: write it to a file, or leave out --json, --advise and --map";
         return Err(BadArgument(text.to_owned()).into());
     }
+    if args.report.as_deref() == Some(Path::new("-")) {
+        let text = "--report - : the report is a page and needs a file";
+        return Err(BadArgument(text.to_owned()).into());
+    }
     if (args.advise || args.map) && !config.uses_compensation() {
         let text = "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
                     sensor at the tip reads none of it\n\nhint: leave out --advise and --map";
@@ -148,6 +182,28 @@ fn read(path: &Path) -> anyhow::Result<Config> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("{}: cannot read the loop", name()))?;
     Config::from_toml(&text).with_context(name)
+}
+
+fn write_report(input: &TeleopReport, path: &Path) -> anyhow::Result<()> {
+    let page = report::page(&teleop_report::document(input))?;
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;
+    Ok(file.commit()?)
+}
+
+/// The file at `path`, by its name without its folder.
+fn source(path: &Path) -> anyhow::Result<Source> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(Source::new(name, &bytes))
+}
+
+fn model_source(path: &Path, file: &ModelFile) -> anyhow::Result<Source> {
+    match path.to_str() {
+        Some("plausible") => Ok(Source::new("plausible", file.to_json().as_bytes())),
+        _ if path.is_dir() => source(&path.join("model.json")),
+        _ => source(path),
+    }
 }
 
 fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
@@ -210,17 +266,9 @@ fn text(answer: &Answer) -> String {
 }
 
 fn figures_table(figures: &Merit) -> String {
-    let or_none = |value: Option<f64>| value.map_or("no contact".to_owned(), number);
     let mut table = Table::headed(["figure", "value", "unit"]);
-    let rows = [
-        ("stiffness displayed", or_none(figures.displayed_stiffness_n_m), "N/m"),
-        ("stiffness of the tissue", or_none(figures.true_stiffness_n_m), "N/m"),
-        ("error of the force felt, rms", number(figures.force_error_rms_n), "N"),
-        ("error of the force felt, peak", number(figures.force_error_peak_n), "N"),
-        ("in just noticeable differences, rms", number(figures.force_error_rms_jnd), "1"),
-        ("error of position, rms", number(1e3 * figures.position_error_rms_m), "mm"),
-    ];
-    for (what, value, unit) in rows {
+    for (what, value, unit) in figures.rows() {
+        let value = value.map_or("no contact".to_owned(), number);
         table.row([what.to_owned(), value, unit.to_owned()]);
     }
     table.to_text()

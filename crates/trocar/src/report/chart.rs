@@ -97,6 +97,8 @@ struct ChartSeries<'a> {
     high: Option<Codes>,
     #[serde(skip_serializing_if = "Option::is_none")]
     labels: Option<&'a [String]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    size: Option<[f64; 2]>,
 }
 
 #[derive(Serialize)]
@@ -175,6 +177,7 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
             ("points", kept, None)
         }
         Kind::Labelled { .. } => ("labels", (0..series.x.len()).collect(), None),
+        Kind::Cells { .. } => ("cells", (0..series.x.len()).collect(), None),
         Kind::ErrorBars { low, high } => ("bars", (0..series.x.len()).collect(), Some((low, high))),
         Kind::Band { low, high } => {
             let mut kept = path(low);
@@ -195,7 +198,11 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
         y: (kind != "band").then(|| pick(&series.y)),
         low: edges.map(|(low, _)| pick(low)),
         high: edges.map(|(_, high)| pick(high)),
-        labels: if let Kind::Labelled { labels } = &series.kind { Some(labels) } else { None },
+        labels: match &series.kind {
+            Kind::Labelled { labels } | Kind::Cells { labels, .. } => Some(labels),
+            _ => None,
+        },
+        size: if let Kind::Cells { size, .. } = series.kind { Some(size) } else { None },
     }
 }
 

@@ -248,6 +248,17 @@ impl Series {
         Self { name: name.into(), role, kind: Kind::Band { low, high }, x, y: Vec::new() }
     }
 
+    /// Cells of a map around the points, with a text each.
+    pub fn cells(
+        name: impl Into<String>,
+        role: Role,
+        size: [f64; 2],
+        [x, y]: [Vec<f64>; 2],
+        labels: Vec<String>,
+    ) -> Self {
+        Self { name: name.into(), role, kind: Kind::Cells { size, labels }, x, y }
+    }
+
     /// Markers with a vertical bar from `low` to `high` (absolute values, not lengths).
     pub fn error_bars(
         name: impl Into<String>,
@@ -288,6 +299,8 @@ pub enum Role {
     Neutral,
     /// One of several equivalent series (recordings, speeds); colours and markers repeat after six.
     Category(u8),
+    /// A class of a map's values, from the lowest, 0, to the highest, 6.
+    Level(u8),
     /// A compared friction model: colour and marker by family, dashes by variant (three of them).
     Friction(Family, u8),
 }
@@ -329,6 +342,13 @@ pub enum Kind {
         low: Vec<f64>,
         /// Upper edge, unit of the y axis.
         high: Vec<f64>,
+    },
+    /// A filled rectangle around each point with its text inside where that fits: cells of a map, one series for each class of their values.
+    Cells {
+        /// Width and height, units of the axes.
+        size: [f64; 2],
+        /// The texts, one per point.
+        labels: Vec<String>,
     },
     /// Marker with a vertical bar.
     ErrorBars {
@@ -557,7 +577,22 @@ pub struct Excerpt {
     pub known_from: usize,
 }
 
-/// A section of the report: paragraphs, then tables, then figures, then an interactive model.
+/// An interactive loop in the page: what `trocar teleop` runs, with a hand that the reader moves.
+///
+/// Its numbers are in SI units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LiveLoop {
+    /// The configuration as JSON, with the keys of its file.
+    pub config: String,
+    /// The models of trocar and compensator in the form of [`trocar_model::Trocar::write_numbers`].
+    pub models: [Vec<f64>; 2],
+    /// Where the hand begins, m.
+    pub start: f64,
+    /// Range of its motion, m.
+    pub way: [f64; 2],
+}
+
+/// A section of the report: paragraphs, then tables, then figures, then an interactive model or loop.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Section {
     /// Heading.
@@ -570,6 +605,8 @@ pub struct Section {
     pub figures: Vec<Figure>,
     /// An interactive model; at most one in a document.
     pub live: Option<LiveModel>,
+    /// An interactive loop in place of it.
+    pub live_loop: Option<LiveLoop>,
 }
 
 impl Section {

@@ -27,6 +27,10 @@ pub(super) const PIXELS_PER_MILLIMETRE: f64 = 4.0;
 const FONT_FAMILY: &str = "'DejaVu Sans', Verdana, Arial, Helvetica, sans-serif";
 const TICK_SIZE: u32 = 11;
 const LABEL_SIZE: u32 = 12;
+/// Text inside a cell of a map.
+const CELL_SIZE: u32 = 8;
+/// As long as the label of a cell may be.
+const WIDEST_LABEL: &str = "8.8k";
 const LEGEND_ROW: f64 = 17.0;
 const TITLE_ROW: f64 = 19.0;
 const SWATCH: f64 = 24.0;
@@ -316,8 +320,9 @@ impl Sheet {
         self.head(panel, frame, letter);
         self.ranges(panel, frame);
         self.grid(frame);
-        let is_band = |series: &&Series| matches!(series.kind, Kind::Band { .. });
-        for series in panel.series.iter().filter(is_band) {
+        let is_area =
+            |series: &&Series| matches!(series.kind, Kind::Band { .. } | Kind::Cells { .. });
+        for series in panel.series.iter().filter(is_area) {
             self.series(series, frame);
         }
         self.mark_lines(panel, frame);
@@ -325,7 +330,7 @@ impl Sheet {
         let is_measured = |series: &&Series| {
             series.role == super::document::Role::Measured && matches!(series.kind, Kind::Line)
         };
-        let curves = || panel.series.iter().filter(|series| !is_band(series));
+        let curves = || panel.series.iter().filter(|series| !is_area(series));
         for series in
             curves().filter(|series| !is_measured(series)).chain(curves().filter(is_measured))
         {
@@ -358,6 +363,9 @@ impl Sheet {
             let (style, x) = (style::of(entry.role), left + offset);
             if entry.band {
                 self.rectangle([x, middle - 5.0, SWATCH, 10.0], style.light, BAND_OPACITY * 1.6);
+            }
+            if entry.cell {
+                self.rectangle([x, middle - 5.0, SWATCH, 10.0], style.light, 1.0);
             }
             if entry.line {
                 self.polyline(
@@ -537,7 +545,32 @@ impl Sheet {
                     .collect();
                 self.markers(&places, style, style::marker_radius(places.len()));
             }
+            Kind::Cells { size, labels } => self.cells(series, *size, labels, frame),
             Kind::ErrorBars { low, high } => self.error_bars(series, low, high, frame),
+        }
+    }
+
+    fn cells(&mut self, series: &Series, size: [f64; 2], labels: &[String], frame: &Frame<'_>) {
+        let (fill, ink) = (style::of(series.role).light, style::ink_upon(series.role));
+        let widest = text_width(WIDEST_LABEL, f64::from(CELL_SIZE));
+        for ((x, y), label) in series.x.iter().zip(&series.y).zip(labels) {
+            let corner = |part: f64| (frame.x(x + part * size[0]), frame.y(y + part * size[1]));
+            let ((left, bottom), (right, top)) = (corner(-0.5), corner(0.5));
+            // Half a pixel more, so that no line of light stands between two cells.
+            self.rectangle([left, top, right - left + 0.5, bottom - top + 0.5], fill, 1.0);
+            // All labels of a map or none.
+            if widest < right - left - 1.0 && f64::from(CELL_SIZE) < bottom - top {
+                self.scene.add(Primitive::Text {
+                    x: 0.5 * (left + right),
+                    y: 0.5 * (top + bottom) + 0.36 * f64::from(CELL_SIZE),
+                    content: literal(&view::printable(label)),
+                    size: CELL_SIZE,
+                    anchor: TextAnchor::Middle,
+                    rotate: None,
+                    bold: false,
+                    color: Some(Color::from(ink)),
+                });
+            }
         }
     }
 

@@ -17,7 +17,6 @@ const UPLOT_SCRIPT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const UPLOT_LICENCE: &str = include_str!("assets/uplot/LICENSE");
 const REPORT_SCRIPT: &str = include_str!("assets/report.js");
-const LIVE_SCRIPT: &str = include_str!("assets/live.js");
 const REPORT_STYLE: &str = include_str!("assets/report.css");
 
 /// Contents of one figure in the page.
@@ -28,9 +27,9 @@ pub(super) struct Drawn {
     pub(super) json: String,
 }
 
-/// The script of the page in its own scope, shared with the script of the live model.
+/// The script of the page in its own scope, shared with the scripts of the live model or loop.
 fn script(live: Option<&Embedded>) -> String {
-    let live = if live.is_some() { LIVE_SCRIPT } else { "" };
+    let live = live.map_or_else(String::new, |live| live.scripts.concat());
     format!("\"use strict\";\n(() => {{\n{REPORT_SCRIPT}{live}}})();\n")
 }
 
@@ -214,21 +213,24 @@ fn section<'d>(
     for (part, drawn) in section.figures.iter().zip(drawn) {
         figure(page, part, drawn);
     }
-    if let (Some(_), Some(live)) = (&section.live, live) {
-        live_model(page, live);
+    let is_live = section.live.is_some() || section.live_loop.is_some();
+    if let (true, Some(live)) = (is_live, live) {
+        live_part(page, live);
     }
     page.push_str("</section>\n");
 }
 
-/// The container in which the script builds the interactive model, with its initial content.
-fn live_model(page: &mut String, Embedded { module, json }: &Embedded) {
-    let on_paper = "Left out on paper: on a screen the identified model runs here.";
-    let _ = writeln!(page, "<p class=\"on-paper\">{on_paper}</p>");
-    page.push_str("<div id=\"live\" class=\"live\">\n<p class=\"live-absent\">");
-    page.push_str(
-        "The model runs only where JavaScript and WebAssembly do: in a browser of 2023 or later, on a screen. ",
+/// The container in which the script builds the interactive part, with its initial content.
+fn live_part(page: &mut String, Embedded { what, module, json, .. }: &Embedded) {
+    let _ = writeln!(
+        page,
+        "<p class=\"on-paper\">Left out on paper: on a screen {what} runs here.</p>"
     );
-    page.push_str("The rest of the report needs neither.</p>\n");
+    let _ = write!(
+        page,
+        "<div id=\"live\" class=\"live\">\n<p class=\"live-absent\">Here {what} runs where JavaScript and WebAssembly do: in a browser \
+         of 2023 or later, on a screen. The rest of the report needs neither.</p>\n"
+    );
     let _ = writeln!(page, "<script type=\"application/json\">{json}</script>");
     let _ = writeln!(page, "<script type=\"application/gzip\">{module}</script>\n</div>");
 }

@@ -1,4 +1,4 @@
-//! The live model of the page: its module, its numbers and its recorded motion as text in the page.
+//! The live model, or the live loop, of the page: its module and its numbers as text in the page.
 
 use std::io::Write as _;
 
@@ -9,14 +9,24 @@ use flate2::write::GzEncoder;
 use serde::Serialize;
 
 use super::chart::{Codes, inert};
-use super::document::{Excerpt, Knob, LiveModel};
+use super::document::{Excerpt, Knob, LiveLoop, LiveModel};
 
 /// `crates/trocar-web`, built by its script; a test there compares its forces with those of the
 /// library.
-const MODULE: &[u8] = include_bytes!("assets/model.wasm");
+const MODEL: &[u8] = include_bytes!("assets/model.wasm");
+/// `crates/trocar-web-teleop`, the same of the loop.
+const LOOP: &[u8] = include_bytes!("assets/teleop.wasm");
 
-/// Data of a live model in a page.
+const HANDLE_SCRIPT: &str = include_str!("assets/handle.js");
+const MODEL_SCRIPT: &str = include_str!("assets/live.js");
+const LOOP_SCRIPT: &str = include_str!("assets/teleop.js");
+
+/// Data of a live model or loop in a page.
 pub(super) struct Embedded {
+    /// What runs there, in words.
+    pub(super) what: &'static str,
+    /// What is added to the script of the page.
+    pub(super) scripts: [&'static str; 2],
     /// The module, compressed, base64.
     pub(super) module: String,
     /// Numbers, safe inside a script element.
@@ -28,22 +38,59 @@ pub(super) struct Embedded {
 /// # Errors
 /// None in practice: the data are only written to memory.
 pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
-    let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
-    compressed.write_all(MODULE).map_err(serde_json::Error::io)?;
-    let module = STANDARD.encode(compressed.finish().map_err(serde_json::Error::io)?);
-    let bytes: Vec<u8> = model.row.iter().flat_map(|number| number.to_le_bytes()).collect();
     let page = Page {
-        row: STANDARD.encode(bytes),
+        row: encoded(&model.row),
         way: model.way,
         knobs: model.knobs.iter().map(PageKnob::from).collect(),
         excerpt: model.excerpt.as_ref().map(PageExcerpt::from),
     };
-    Ok(Embedded { module, json: inert(&serde_json::to_string(&page)?) })
+    Ok(Embedded {
+        what: "the identified model",
+        scripts: [HANDLE_SCRIPT, MODEL_SCRIPT],
+        module: compressed(MODEL)?,
+        json: inert(&serde_json::to_string(&page)?),
+    })
+}
+
+/// The texts of `live`.
+///
+/// # Errors
+/// A configuration that is no JSON.
+pub(super) fn embed_loop(live: &LiveLoop) -> Result<Embedded, serde_json::Error> {
+    let [trocar, compensator] = live.models.each_ref().map(|row| encoded(row));
+    let config = serde_json::from_str(&live.config)?;
+    let page = LoopPage { config, trocar, compensator, start: live.start, way: live.way };
+    Ok(Embedded {
+        what: "the loop",
+        scripts: [HANDLE_SCRIPT, LOOP_SCRIPT],
+        module: compressed(LOOP)?,
+        json: inert(&serde_json::to_string(&page)?),
+    })
+}
+
+fn compressed(module: &[u8]) -> Result<String, serde_json::Error> {
+    let mut compressed = GzEncoder::new(Vec::new(), Compression::best());
+    compressed.write_all(module).map_err(serde_json::Error::io)?;
+    Ok(STANDARD.encode(compressed.finish().map_err(serde_json::Error::io)?))
+}
+
+/// 64-bit numbers, little endian, base64: exact, including infinite ones.
+fn encoded(row: &[f64]) -> String {
+    let bytes: Vec<u8> = row.iter().flat_map(|number| number.to_le_bytes()).collect();
+    STANDARD.encode(bytes)
+}
+
+#[derive(Serialize)]
+struct LoopPage {
+    config: serde_json::Value,
+    trocar: String,
+    compensator: String,
+    start: f64,
+    way: [f64; 2],
 }
 
 #[derive(Serialize)]
 struct Page<'a> {
-    /// 64-bit numbers, little endian, base64: exact, including infinite ones.
     row: String,
     way: [f64; 2],
     knobs: Vec<PageKnob<'a>>,

@@ -6,7 +6,7 @@
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
 //! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
-//! Only [`identification`], [`comparison`], [`fleet`], [`validation`] and [`recording`] depend on
+//! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`] and `teleop` depend on
 //! results; they fill documents from them.
 
 mod chart;
@@ -23,6 +23,8 @@ mod number;
 pub mod recording;
 mod style;
 mod svg;
+#[cfg(feature = "bench")]
+pub mod teleop;
 pub mod validation;
 mod view;
 mod workflow;
@@ -36,8 +38,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveModel, Mark,
-    Panel, Role, Section, Series, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveLoop, LiveModel,
+    Mark, Panel, Role, Section, Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -93,7 +95,7 @@ pub enum ReportError {
         /// Columns of the table.
         expected: usize,
     },
-    /// A document has two live models, or one with inconsistent numbers.
+    /// A document has two live models or loops, or one with inconsistent numbers.
     #[error("live model: {reason}")]
     Live {
         /// What is wrong.
@@ -165,8 +167,16 @@ pub fn page(document: &Document) -> Result<String, ReportError> {
 
 fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportError> {
     let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    let live = document.sections.iter().find_map(|section| section.live.as_ref()).map(live::embed);
-    let live = live.transpose().map_err(|error| drawing_error("live", error))?;
+    let embed = |section: &Section| {
+        let model = section.live.as_ref().map(live::embed);
+        model.or_else(|| section.live_loop.as_ref().map(live::embed_loop))
+    };
+    let live = document
+        .sections
+        .iter()
+        .find_map(embed)
+        .transpose()
+        .map_err(|error| drawing_error("live", error))?;
     Ok(html::page(document, drawn, &styles, live.as_ref()))
 }
 
@@ -227,12 +237,21 @@ fn check(document: &Document) -> Result<(), ReportError> {
 }
 
 fn check_live(document: &Document) -> Result<(), ReportError> {
-    let mut models = document.sections.iter().filter_map(|section| section.live.as_ref());
-    let Some(model) = models.next() else { return Ok(()) };
     let refuse = |reason| Err(ReportError::Live { reason });
-    if models.next().is_some() {
+    let sections = || document.sections.iter();
+    let [models, loops] = [
+        sections().filter(|section| section.live.is_some()).count(),
+        sections().filter(|section| section.live_loop.is_some()).count(),
+    ];
+    if models + loops > 1 {
         return refuse("a document can carry one");
     }
+    let rows = sections().filter_map(|section| section.live_loop.as_ref()).flat_map(|l| &l.models);
+    let mut rows = rows.map(|row| trocar_model::Trocar::from_numbers(row));
+    if rows.any(|row| row.is_err()) {
+        return refuse("its row is no model");
+    }
+    let Some(model) = sections().find_map(|section| section.live.as_ref()) else { return Ok(()) };
     let Ok(trocar) = trocar_model::Trocar::from_numbers(&model.row) else {
         return refuse("its row is no model");
     };
@@ -259,7 +278,9 @@ fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
     let y = ("y", series.y.len());
     let columns = match &series.kind {
         Kind::Line | Kind::Points => vec![y],
-        Kind::Labelled { labels } => vec![y, ("labels", labels.len())],
+        Kind::Labelled { labels } | Kind::Cells { labels, .. } => {
+            vec![y, ("labels", labels.len())]
+        }
         Kind::Band { low, high } => vec![("low", low.len()), ("high", high.len())],
         Kind::ErrorBars { low, high } => vec![y, ("low", low.len()), ("high", high.len())],
     };

@@ -72,9 +72,17 @@ const MAXWELL_SLIP_DEEP: [&str; 2] = ["#4d1d00", "#ffe0c8"];
 const GMS: [&str; 2] = ["#a32020", "#ff7a70"];
 const GMS_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
 
+/// Classes of a map's values.
+const LEVELS: usize = 7;
+
+/// A class of a map: the same area in both modes, so one colour.
+const fn level(class: &'static str, colour: &'static str) -> Style {
+    style(class, [colour, colour], 0.0, SOLID, Marker::Square)
+}
+
 // Okabe and Ito's hues, darkened (brightened) to a contrast of 3:1 with white (the dark page).
 // Lightness differs between roles in the same panel; where it cannot, dashes and markers differ.
-const STYLES: [Style; 16 + 3 * 7 + 1] = [
+const STYLES: [Style; 16 + 3 * 7 + 1 + LEVELS] = [
     style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
     style("model", ["#0064b0", "#5db3ff"], 2.4, &[], Marker::Square),
     style("fit", ["#c8420a", "#ff9a66"], 1.8, &[], Marker::Diamond),
@@ -113,6 +121,13 @@ const STYLES: [Style; 16 + 3 * 7 + 1] = [
     style("gms-1", GMS_DEEP, 1.6, DASHED, Marker::Circle),
     style("gms-2", GMS_DEEP, 1.6, DOTTED, Marker::Circle),
     style("backdrop", ["#a9afb5", "#6f777f"], 3.2, SOLID, Marker::Circle),
+    level("level-0", "#440154"),
+    level("level-1", "#443983"),
+    level("level-2", "#31688e"),
+    level("level-3", "#21918c"),
+    level("level-4", "#35b779"),
+    level("level-5", "#90d743"),
+    level("level-6", "#fde725"),
 ];
 
 /// Every style, for the style sheet.
@@ -135,9 +150,15 @@ pub(super) fn of(role: Role) -> Style {
         Role::Neutral => 9,
         Role::Category(n) => 10 + usize::from(n) % 6,
         Role::Backdrop => 16 + 3 * 7,
+        Role::Level(n) => 16 + 3 * 7 + 1 + usize::from(n).min(LEVELS - 1),
         Role::Friction(family, variant) => 16 + 3 * family as usize + usize::from(variant) % 3,
     };
     STYLES[index]
+}
+
+/// Colour of a text upon an area of a map: white upon the lower half of the classes, black upon the others.
+pub(super) fn ink_upon(role: Role) -> &'static str {
+    if matches!(role, Role::Level(0..=2)) { "#ffffff" } else { "#1a1a1a" }
 }
 
 /// Opacity of a filled band.
@@ -174,8 +195,9 @@ mod tests {
 
     #[test]
     fn every_role_contrasts_with_both_pages() {
-        // Wide lines behind all others need less contrast.
-        for style in all().iter().filter(|style| style.class != "backdrop") {
+        // Wide lines behind all others need less contrast, and areas stand beside each other.
+        let is_line = |style: &&Style| style.class != "backdrop" && style.width > 0.0;
+        for style in all().iter().filter(is_line) {
             assert!(contrast(style.light, "#ffffff") >= 4.5, "{} on white", style.class);
             assert!(contrast(style.dark, "#16191d") >= 4.5, "{} on the dark page", style.class);
         }

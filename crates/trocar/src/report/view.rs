@@ -27,16 +27,24 @@ pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
     }
     let y = figure.panels.iter().map(y_span);
     let spans = x.iter().zip(y).zip(&figure.panels);
-    let padded = |span: Span, axis: &Axis, share| {
+    let padded = |span: Span, axis: &Axis, share: f64| {
         if axis.logarithmic { span.padded_by_ratio(share) } else { span.padded(share) }
     };
     spans
-        .map(|((x, y), p)| Limits { x: padded(*x, &p.x, 0.02), y: padded(y, &p.y, 0.05) })
+        .map(|((x, y), p)| {
+            // A map fills its axes.
+            let margin = if p.series.iter().any(is_map) { 0.0 } else { 1.0 };
+            Limits { x: padded(*x, &p.x, 0.02 * margin), y: padded(y, &p.y, 0.05 * margin) }
+        })
         .collect()
 }
 
+fn is_map(series: &Series) -> bool {
+    matches!(series.kind, Kind::Cells { .. })
+}
+
 fn x_span(panel: &Panel) -> Span {
-    let data = panel.series.iter().flat_map(|series| series.x.iter().copied());
+    let data = panel.series.iter().flat_map(|series| around(series, &series.x, 0));
     let marks = panel.marks.iter().flat_map(|mark| match *mark {
         Mark::X { at, .. } => [at, at],
         Mark::XRange { from, to, .. } => [from, to],
@@ -56,7 +64,7 @@ fn y_span(panel: &Panel) -> Span {
     if !panel.y.names.is_empty() {
         return Span { low: -0.5, high: panel.y.names.len() as f64 - 0.5 };
     }
-    let data = panel.series.iter().flat_map(ordinates).copied();
+    let data = panel.series.iter().flat_map(ordinates);
     let marks = panel.marks.iter().flat_map(|mark| match *mark {
         Mark::Y { at, .. } => [at, at],
         Mark::YRange { from, to, .. } => [from, to],
@@ -66,12 +74,22 @@ fn y_span(panel: &Panel) -> Span {
     data.chain(marks).chain([zero]).filter(shown_on(&panel.y)).fold(Span::EMPTY, Span::with)
 }
 
-fn ordinates(series: &Series) -> impl Iterator<Item = &f64> {
+fn ordinates(series: &Series) -> impl Iterator<Item = f64> {
     let edges: [&[f64]; 2] = match &series.kind {
         Kind::Band { low, high } | Kind::ErrorBars { low, high } => [low, high],
-        Kind::Line | Kind::Points | Kind::Labelled { .. } => [&[], &[]],
+        Kind::Line | Kind::Points | Kind::Labelled { .. } | Kind::Cells { .. } => [&[], &[]],
     };
-    series.y.iter().chain(edges[0]).chain(edges[1])
+    around(series, &series.y, 1).chain(edges[0].iter().chain(edges[1]).copied())
+}
+
+/// `values` along `axis` (x is 0, y is 1) with what is drawn around them.
+fn around<'s>(
+    series: &Series,
+    values: &'s [f64],
+    axis: usize,
+) -> impl Iterator<Item = f64> + use<'s> {
+    let half = if let Kind::Cells { size, .. } = &series.kind { 0.5 * size[axis] } else { 0.0 };
+    values.iter().flat_map(move |value| [value - half, value + half])
 }
 
 #[derive(Clone, Copy)]
@@ -122,6 +140,7 @@ pub(super) struct Entry<'a> {
     pub(super) line: bool,
     pub(super) marker: bool,
     pub(super) band: bool,
+    pub(super) cell: bool,
 }
 
 /// The legend of a panel, in order of appearance; series without a name have no entry.
@@ -131,7 +150,14 @@ pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
         let same = |entry: &Entry<'_>| entry.name == series.name && entry.role == series.role;
         let at = entries.iter().position(same).unwrap_or_else(|| {
             let (name, role) = (series.name.as_str(), series.role);
-            entries.push(Entry { name, role, line: false, marker: false, band: false });
+            entries.push(Entry {
+                name,
+                role,
+                line: false,
+                marker: false,
+                band: false,
+                cell: false,
+            });
             entries.len() - 1
         });
         match series.kind {
@@ -140,6 +166,7 @@ pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
                 entries[at].marker = true
             }
             Kind::Band { .. } => entries[at].band = true,
+            Kind::Cells { .. } => entries[at].cell = true,
         }
     }
     entries

@@ -65,6 +65,18 @@ impl Merit {
             energy_j: energy,
         }
     }
+
+    /// The figures as people read them: name, value, `None` without contact, and unit.
+    pub fn rows(&self) -> [(&'static str, Option<f64>, &'static str); 6] {
+        [
+            ("stiffness displayed", self.displayed_stiffness_n_m, "N/m"),
+            ("stiffness of the tissue", self.true_stiffness_n_m, "N/m"),
+            ("error of the force felt, rms", Some(self.force_error_rms_n), "N"),
+            ("error of the force felt, peak", Some(self.force_error_peak_n), "N"),
+            ("in just noticeable differences, rms", Some(self.force_error_rms_jnd), "1"),
+            ("error of position, rms", Some(1e3 * self.position_error_rms_m), "mm"),
+        ]
+    }
 }
 
 /// Slope of `y` over `x` by least squares; `None` for fewer than ten samples or all at one place.

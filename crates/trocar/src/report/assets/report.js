@@ -32,11 +32,11 @@ function shown(value, span) {
 }
 
 function prepare(series) {
-  const { name, style, kind, labels } = series;
+  const { name, style, kind, labels, size } = series;
   const [x, y, low, high] = [series.x, series.y, series.low, series.high].map(decode);
   let sorted = series.sorted !== false;
   for (let i = 1; i < x.length && sorted; i++) sorted = !(x[i] < x[i - 1]);
-  return { name, style, kind, labels, x, y: y || low, low, high, sorted, visible: true, look: styles[style] };
+  return { name, style, kind, labels, size, x, y: y || low, low, high, sorted, visible: true, look: styles[style] };
 }
 
 // Panels of one figure; linked ones follow each other along x.
@@ -192,7 +192,10 @@ class Panel {
   drawSeries(u) {
     this.clipped(u, (ctx, ratio) => {
       const visible = this.series.filter((series) => series.visible);
-      for (const series of visible) if (series.kind === "band") drawBand(u, ctx, series);
+      for (const series of visible) {
+        if (series.kind === "band") drawBand(u, ctx, series);
+        if (series.kind === "cells") drawCells(u, ctx, series, ratio);
+      }
       this.drawMarkLines(u, ctx, ratio);
       // Measured curves lie over those of models, which are wider.
       const isMeasured = (series) => series.kind === "line" && series.style === "measured";
@@ -307,6 +310,7 @@ class Panel {
     this.readout.textContent = this.data.x[0] + " " + shown(at, this.span("x")) + unit(this.data.x);
     for (const series of this.series) {
       if (!series.visible) continue;
+      if (series.kind === "cells") { this.readCell(series, at, u.posToVal(top, "y")); continue; }
       const i = series.sorted ? nearest(series.x, at) : closest(u, series, left, top >= 0 ? top : u.over.clientHeight / 2);
       if (i < 0 || !Number.isFinite(series.y[i])) continue;
       const px = u.valToPos(series.x[i], "x"), py = u.valToPos(series.y[i], "y");
@@ -320,6 +324,14 @@ class Panel {
       dot.style.background = css(series.style);
     }
     this.figure.pointed(this, at);
+  }
+
+  readCell(series, x, y) {
+    const [width, height] = series.size;
+    const i = series.x.findIndex((own, k) => Math.abs(own - x) <= width / 2 && Math.abs(series.y[k] - y) <= height / 2);
+    if (i < 0) return;
+    this.readout.append(" \u00b7 " + this.data.y[0] + " " + shown(series.y[i], this.span("y")) + unit(this.data.y) + " \u00b7 " + series.name + ": ");
+    make("b", "", this.readout).textContent = series.labels[i];
   }
 
   value(series, i) {
@@ -436,6 +448,25 @@ function drawBand(u, ctx, series) {
   ctx.globalAlpha = 1;
 }
 
+// Cells of a map, each with its text where that fits.
+function drawCells(u, ctx, series, ratio) {
+  const [width, height] = series.size, ink = /[012]$/.test(series.style) ? "#ffffff" : "#1a1a1a";
+  ctx.font = 9 * ratio + "px system-ui, sans-serif";
+  ctx.textAlign = "center";
+  ctx.textBaseline = "middle";
+  const widest = ctx.measureText("8.8k").width;  // all labels of a map or none
+  for (let i = 0; i < series.x.length; i++) {
+    const [left, bottom] = place(u, series.x[i] - width / 2, series.y[i] - height / 2);
+    const [right, top] = place(u, series.x[i] + width / 2, series.y[i] + height / 2);
+    ctx.fillStyle = css(series.style);
+    ctx.fillRect(left, top, right - left + 0.5, bottom - top + 0.5);
+    if (widest > right - left - ratio || bottom - top < 10 * ratio) continue;
+    ctx.fillStyle = ink;
+    ctx.fillText(series.labels[i], (left + right) / 2, (top + bottom) / 2);
+  }
+  ctx.textBaseline = "alphabetic";
+}
+
 function drawBars(u, ctx, series, ratio) {
   ctx.strokeStyle = css(series.style);
   ctx.lineWidth = 1.2 * ratio;
@@ -467,7 +498,7 @@ function drawPointLabels(u, ctx, all, ratio) {
   const box = (x, y, w, h) => ({ x, y, w, h });
   const near = (a) => box(a.x, a.y, a.w + 5 * ratio, a.h + 5 * ratio);
   const hits = (a, others) => others.filter((b) => Math.abs(a.x - b.x) < a.w + b.w && Math.abs(a.y - b.y) < a.h + b.h).length;
-  for (const series of all.filter((one) => one.kind !== "band")) {
+  for (const series of all.filter((one) => one.kind !== "band" && one.kind !== "cells")) {
     const at = Array.from(series.x, (x, i) => place(u, x, series.y[i]));
     if (series.kind !== "line") markers.push(...at.map(([x, y]) => box(x, y, 4 * ratio, 4 * ratio)));
     else for (let i = 1; i < at.length; i++) for (let k = 0; k <= 20; k++)
@@ -479,7 +510,7 @@ function drawPointLabels(u, ctx, all, ratio) {
   ctx.lineWidth = 4 * ratio;
   ctx.lineJoin = "round";
   ctx.strokeStyle = css("page");
-  for (const series of all.filter((one) => one.labels)) for (let i = 0; i < series.x.length; i++) {
+  for (const series of all.filter((one) => one.kind === "labels")) for (let i = 0; i < series.x.length; i++) {
     const [px, py] = place(u, series.x[i], series.y[i]);
     if (px < left || px > left + width || py < top || py > top + height) continue;
     const w = textWidth(series.labels[i]) / 2 * ratio, h = 7 * ratio;
@@ -520,6 +551,7 @@ function swatch(group) {
   const { style, look } = group[0], colour = "var(--" + style + ")";
   const svg = node("svg", { width: 24, height: 12, viewBox: "0 0 24 12", "aria-hidden": "true" }, document.createDocumentFragment());
   for (const { kind } of group) {
+    if (kind === "cells") node("rect", { x: 0, y: 1, width: 24, height: 10, fill: colour }, svg);
     if (kind === "band") node("rect", { x: 0, y: 1, width: 24, height: 10, fill: colour, "fill-opacity": 0.3 }, svg);
     if (kind === "line") node("line", { x1: 0, y1: 6, x2: 24, y2: 6, stroke: colour, "stroke-width": look.width + 0.4, "stroke-dasharray": look.dash.join(" ") }, svg);
     if (kind === "points" || kind === "bars" || kind === "labels") {

@@ -121,7 +121,7 @@ fn obstacles(panel: &Panel, frame: &Frame<'_>) -> (Vec<Area>, Vec<Area>) {
                 );
             }
             Kind::Line => lines.extend(at.windows(2).flat_map(|pair| along(pair[0], pair[1]))),
-            Kind::Band { .. } => {}
+            Kind::Band { .. } | Kind::Cells { .. } => {}
         }
     }
     for mark in &panel.marks {

@@ -12,6 +12,8 @@ mod reversal;
 mod sliding;
 mod speeds;
 mod tables;
+#[cfg(feature = "bench")]
+pub(super) mod teleop;
 mod validation;
 
 use std::borrow::Cow;

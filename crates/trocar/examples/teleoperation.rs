@@ -1,0 +1,144 @@
+//! What an operator feels through seals of different friction, and where a loop is stable: the figures of
+//! docs/teleoperation.md.
+//!
+//! ```text
+//! cargo run --release -p trocar --example teleoperation [-- FOLDER]
+//! ```
+//! prints the stiffness that is displayed, and writes the drawings to `FOLDER/figures/displayed-stiffness.svg` and
+//! `stability-map.svg`.
+
+use std::error::Error;
+use std::path::Path;
+
+use trocar::model_file::ModelFile;
+use trocar::report::{
+    Axis, Document, Figure, Mark, Panel, Role, Section, Series, teleop, write_document,
+};
+use trocar::teleop::Config;
+use trocar::teleop::advise::{Tried, advise, map};
+use trocar::teleop::config::Press;
+use trocar_model::{PositionProfile, Trocar};
+
+/// Friction of the seals in sliding, N: what is reported for trocars.
+const FRICTION: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
+/// Stiffness of the tissues, N/m.
+const TISSUES: [f64; 2] = [50.0, 200.0];
+/// Friction of the plausible seal, N.
+const PLAUSIBLE: f64 = 3.0;
+/// Largest fraction that is drawn.
+const MOST: f64 = 1.25;
+/// One push by 40 mm from the surface of the tissue and back: with the default grip even the stiffest seal slides.
+const PUSH: Press = Press { middle_m: 0.14, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 2.0 };
+/// Cells of the map along each axis, with the distance of delays (s) and of fractions.
+const CELLS: u32 = 11;
+const APART: [f64; 2] = [2e-3, 0.15];
+
+#[allow(dead_code)] // the test takes what it calls
+fn main() -> Result<(), Box<dyn Error>> {
+    let curves = curves()?;
+    if let Some(folder) = std::env::args().nth(1) {
+        write_document(Path::new(&folder), &document(&curves)?)?;
+    }
+    print!("{}", table(&curves));
+    Ok(())
+}
+
+/// The plausible seal with all its forces scaled so that it slides at `friction`, N.
+fn scaled(friction: f64) -> Result<Trocar<Vec<f64>>, Box<dyn Error>> {
+    let seal = *ModelFile::plausible_10_5_mm()?.trocar.seal();
+    let gain = vec![friction / PLAUSIBLE; 2];
+    Ok(Trocar::new(seal, Some(PositionProfile::new(-1.0, 1.0, vec![0.0; 2], gain)?)))
+}
+
+/// What was tried with one tissue and one seal.
+pub(crate) struct Curve {
+    tissue: f64,
+    friction: f64,
+    tried: Vec<Tried>,
+}
+
+pub(crate) fn curves() -> Result<Vec<Curve>, Box<dyn Error>> {
+    let mut curves = Vec::new();
+    for tissue in TISSUES {
+        for friction in FRICTION {
+            let mut config = Config::default();
+            config.tissue.stiffness_n_m = tissue;
+            config.motion = PUSH;
+            let trocar = scaled(friction)?;
+            let tried = advise(&config, &trocar, std::slice::from_ref(&trocar))?.tried;
+            curves.push(Curve { tissue, friction, tried });
+        }
+    }
+    Ok(curves)
+}
+
+/// Stiffness displayed at some fractions, as a table of Markdown.
+pub(crate) fn table(curves: &[Curve]) -> String {
+    let shown = [0.0, 0.5, 0.8, 0.9, 1.0, 1.1];
+    let heads: String = shown.iter().map(|f| format!(" γ = {f} |")).collect();
+    let mut text = format!("| tissue, N/m | friction, N |{heads}\n|---|---|{}\n", "---|".repeat(6));
+    for Curve { tissue, friction, tried } in curves {
+        let cell = |fraction: &f64| {
+            let at = tried.iter().find(|tried| (tried.fraction - fraction).abs() < 1e-9);
+            match at.and_then(|tried| tried.merit).map(|merit| merit.displayed_stiffness_n_m) {
+                None => " unstable |".to_owned(),
+                Some(None) => " no contact |".to_owned(),
+                Some(Some(value)) => format!(" {value:.0} |"),
+            }
+        };
+        let cells: String = shown.iter().map(cell).collect();
+        text += &format!("| {tissue} | {friction} |{cells}\n");
+    }
+    text
+}
+
+/// Both figures.
+///
+/// # Errors
+/// None in practice: loops and seals are constants.
+pub(crate) fn document(curves: &[Curve]) -> Result<Document, Box<dyn Error>> {
+    let section = Section::new("Teleoperation").figure(displayed(curves)).figure(stability()?);
+    let mut document =
+        Document { title: "Teleoperation".into(), sections: vec![section], ..Document::default() };
+    document.sections[0].figures.iter_mut().zip(1..).for_each(|(figure, n)| figure.number = n);
+    Ok(document)
+}
+
+/// Displayed stiffness over the fraction, a panel for each tissue.
+fn displayed(curves: &[Curve]) -> Figure {
+    let caption = format!(
+        "Slope of the force felt over the depth of the tip while it goes deeper, in one push by 40 mm from the surface of the tissue, for seals \
+         that slide at {} N (the plausible seal, scaled). Position-force without delay, sensor outside the body, firm grip. A gap: not stable.",
+        FRICTION.map(|friction| friction.to_string()).join(", ")
+    );
+    let figure = Figure::new("displayed-stiffness", 1, "Stiffness displayed through a trocar");
+    TISSUES.iter().fold(figure.caption(caption).columns(2), |figure, tissue| {
+        let mut panel = Panel::new(
+            Axis::new("fraction taken out γ", "%").with_zero(),
+            Axis::new("stiffness displayed", "N/m").logarithmic(),
+        )
+        .title(format!("tissue of {tissue} N/m"))
+        .aspect(0.95);
+        for (k, curve) in (0..).zip(curves.iter().filter(|curve| curve.tissue == *tissue)) {
+            let shown: Vec<&Tried> = curve.tried.iter().filter(|t| t.fraction <= MOST).collect();
+            let x = shown.iter().map(|tried| 100.0 * tried.fraction).collect();
+            let value = |tried: &&Tried| tried.merit.and_then(|m| m.displayed_stiffness_n_m);
+            let y = shown.iter().map(|tried| value(tried).unwrap_or(f64::NAN)).collect();
+            let name = format!("{} N", curve.friction);
+            panel = panel.series(Series::line(name, Role::Category(k), x, y));
+        }
+        figure.panel(panel.mark(Mark::y(*tissue, "")))
+    })
+}
+
+/// The map of the default loop with the plausible seal.
+fn stability() -> Result<Figure, Box<dyn Error>> {
+    let config = Config::default();
+    let trocar = ModelFile::plausible_10_5_mm()?.trocar;
+    let steps = |apart: f64| (0..CELLS).map(|k| apart * f64::from(k)).collect::<Vec<f64>>();
+    let [delays, fractions] = APART.map(steps);
+    let map = map(&config, [&trocar, &trocar], &delays, &fractions, || {})?;
+    let mut figure = teleop::stability_map(&config, &map);
+    figure.id = "stability-map".into();
+    Ok(figure)
+}

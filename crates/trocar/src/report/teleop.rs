@@ -1,0 +1,307 @@
+//! Creates a report from a teleoperation loop that ran.
+//!
+//! This module runs no loop. It evaluates linear theory over frequency, because the results contain no curves of it.
+
+use sha2::{Digest as _, Sha256};
+use trocar_model::Trocar;
+
+use super::document::{Cell, Document, Figure, LiveLoop, Section, Table, Tile};
+use super::figures::MM;
+use super::figures::teleop as figures;
+use super::figures::teleop::plain;
+use super::number::significant;
+use crate::summary::PROGRAM;
+use crate::teleop::advise::{Advice, Map};
+use crate::teleop::config::{Config, TissueKind};
+use crate::teleop::merit::Merit;
+use crate::teleop::{Diverged, Sample};
+
+/// An input by its name, without a folder, and the SHA-256 of its bytes.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Source {
+    name: String,
+    sha256: String,
+}
+
+impl Source {
+    /// The input `name` with its `bytes`.
+    pub fn new(name: impl Into<String>, bytes: &[u8]) -> Self {
+        let digest = Sha256::digest(bytes);
+        let sha256 = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        Self { name: name.into(), sha256 }
+    }
+}
+
+/// A model with where it comes from.
+#[derive(Debug, Clone)]
+pub struct SourcedModel<'a> {
+    /// The model.
+    pub trocar: &'a Trocar<Vec<f64>>,
+    /// Its file.
+    pub source: Source,
+}
+
+/// What a report on a loop shows.
+#[derive(Debug, Clone)]
+pub struct TeleopReport<'a> {
+    /// The loop.
+    pub config: &'a Config,
+    /// Its file; `None` for the defaults.
+    pub config_source: Option<Source>,
+    /// Model of the trocar.
+    pub trocar: SourcedModel<'a>,
+    /// Model in the compensator; `None` for the same.
+    pub compensator: Option<SourcedModel<'a>>,
+    /// The course of the loop.
+    pub course: Result<&'a [Sample], Diverged>,
+    /// Whether it comes to rest after a push into the tissue.
+    pub settles: bool,
+    /// Figures of the course; `None` where the loop is not stable.
+    pub figures: Option<&'a Merit>,
+    /// The fraction to take out, if it was asked for.
+    pub advice: Option<&'a Advice>,
+    /// Where the loop is stable, if it was asked for.
+    pub map: Option<&'a Map>,
+}
+
+impl TeleopReport<'_> {
+    fn in_compensator(&self) -> &Trocar<Vec<f64>> {
+        self.compensator.as_ref().map_or(self.trocar.trocar, |model| model.trocar)
+    }
+}
+
+/// Most numbers of a row in the module.
+const LONGEST_ROW: usize = 24_576;
+/// How far the hand of the live loop reaches before and beyond the surface at least, m.
+const REACH: [f64; 2] = [0.03, 0.04];
+
+/// The report: verdict, what is felt, how much to take out, where the loop is stable, the live loop, linear
+/// theory, energy, configuration.
+///
+/// Equal input gives equal documents. A loop that is not stable has no figures of merit. Where data are missing, a
+/// sentence says what is missing.
+pub fn document(input: &TeleopReport) -> Document {
+    let mut document = Document {
+        title: "Teleoperation through a trocar".to_owned(),
+        subtitle: subtitle(input),
+        tiles: tiles(input),
+        warnings: warning(input).into_iter().collect(),
+        notes: Vec::new(),
+        sections: vec![
+            felt(input),
+            live(input),
+            advised(input),
+            map(input),
+            linear(input),
+            energy(input),
+            configuration(input.config),
+        ],
+        provenance: provenance(input),
+    };
+    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
+    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
+    document
+}
+
+fn percent(fraction: f64) -> String {
+    plain(100.0 * fraction) + " %"
+}
+
+fn subtitle(input: &TeleopReport) -> String {
+    let Config { control, channel, tissue, compensation, .. } = input.config;
+    let tissue = match tissue.kind {
+        TissueKind::None => "no tissue".to_owned(),
+        _ => format!("tissue of {} N/m", plain(tissue.stiffness_n_m)),
+    };
+    format!(
+        "{}, {} ms each way, {tissue}; {} of the trocar's force taken out",
+        figures::in_words(control.architecture),
+        plain(MM * channel.delay_s),
+        percent(compensation.fraction)
+    )
+}
+
+/// Why the loop is not stable; `None` where it is.
+fn warning(input: &TeleopReport) -> Option<String> {
+    match input.course {
+        Err(Diverged { time_s }) => Some(format!(
+            "The loop is unstable: it diverged after {} s. A loop that is unstable has no figures of merit.",
+            significant(time_s, 4)
+        )),
+        Ok(_) if !input.settles => Some(
+            "The loop is unstable: after a push into the tissue it does not come to rest. A loop that is unstable has no figures of merit."
+                .to_owned(),
+        ),
+        Ok(_) => None,
+    }
+}
+
+fn tiles(input: &TeleopReport) -> Vec<Tile> {
+    let verdict = match (input.course, input.settles) {
+        (Err(Diverged { time_s }), _) => {
+            ("unstable", format!("diverged after {} s", significant(time_s, 4)))
+        }
+        (Ok(_), false) => ("unstable", "no rest after a push into the tissue".to_owned()),
+        (Ok(_), true) => ("stable", "comes to rest after a push into the tissue".to_owned()),
+    };
+    let mut tiles = vec![Tile::new("The loop", verdict.0, verdict.1)];
+    if let Some(Advice { fraction, stable, .. }) = input.advice {
+        let value = fraction.map_or_else(|| "no fraction".to_owned(), percent);
+        let note = if stable.is_empty() { "none is stable".to_owned() } else { ranges(stable) };
+        tiles.push(Tile::new("Take out of the trocar's force", value, note));
+    }
+    let Some(merit) = input.figures else { return tiles };
+    if let (Some(shown), Some(own)) = (merit.displayed_stiffness_n_m, merit.true_stiffness_n_m) {
+        let note = format!("of the tissue {} N/m", significant(own, 4));
+        tiles.push(Tile::new(
+            "Stiffness displayed",
+            format!("{} N/m", significant(shown, 4)),
+            note,
+        ));
+    }
+    tiles.push(Tile::new(
+        "Error of the force felt (rms)",
+        format!("{} N", significant(merit.force_error_rms_n, 4)),
+        format!("{} just noticeable differences", significant(merit.force_error_rms_jnd, 4)),
+    ));
+    tiles
+}
+
+/// "stable from 67.5 to 150 %".
+fn ranges(stable: &[[f64; 2]]) -> String {
+    let all: Vec<String> = stable
+        .iter()
+        .map(|[low, high]| format!("{} to {}", plain(100.0 * low), percent(*high)))
+        .collect();
+    format!("stable from {}", all.join(", "))
+}
+
+fn merit_table(caption: &str, merit: &Merit) -> Table {
+    let table = Table::new(caption, ["Figure", "Value", "Unit"]);
+    merit.rows().into_iter().fold(table, |table, (name, value, unit)| {
+        let value =
+            value.map_or_else(|| "no contact".into(), |v| Cell::Number { value: v, digits: 4 });
+        table.row([name.into(), value, unit.into()])
+    })
+}
+
+fn felt(input: &TeleopReport) -> Section {
+    let section = Section::new("What is felt");
+    let Ok(samples) = input.course else {
+        return section.paragraph("The loop diverged: there is no course to show.");
+    };
+    let section = match input.figures {
+        Some(merit) => section.table(merit_table("Figures of merit", merit)),
+        None => section.paragraph("The loop is unstable; the figures below show its motion only."),
+    };
+    let section = section.figure(figures::course(input.config, samples));
+    match figures::depth(input.config, samples, input.figures) {
+        Ok(figure) => section.figure(figure),
+        Err(why) => section.paragraph(why),
+    }
+}
+
+fn advised(input: &TeleopReport) -> Section {
+    let section = Section::new("How much to take out");
+    let Some(advice) = input.advice else {
+        return section.paragraph("Not asked for: --advise tries fractions from 0 to 150 %.");
+    };
+    let words = match advice.fraction {
+        Some(fraction) => format!(
+            "Take out {} of the trocar's force: the least error of the force felt among the fractions that are stable with the model and with \
+             all its parameters at the lower and at the upper ends of their 95 % intervals ({}).",
+            percent(fraction),
+            ranges(&advice.stable)
+        ),
+        None => "No fraction from 0 to 150 % makes the loop stable.".to_owned(),
+    };
+    let mut section = section.paragraph(words);
+    if let Some(merit) = &advice.with {
+        section = section
+            .table(merit_table("With that fraction, the trocar with the largest error", merit));
+    }
+    section.table(figures::tried(advice)).figure(figures::errors(input.config, advice))
+}
+
+/// The map alone, as in the report; the cell of `config` is framed.
+pub fn stability_map(config: &Config, map: &Map) -> Figure {
+    figures::map(config, map)
+}
+
+fn map(input: &TeleopReport) -> Section {
+    let section = Section::new("Where the loop is stable");
+    match input.map {
+        Some(map) => section.figure(figures::map(input.config, map)).table(figures::map_table(map)),
+        None => section
+            .paragraph("Not asked for: --map finds the stiffest tissue over delay and fraction."),
+    }
+}
+
+fn linear(input: &TeleopReport) -> Section {
+    let section = Section::new("Linear theory over frequency").paragraph(
+        "The same loop without sampling. A seal is not linear: it enters as its describing function, the first harmonic of its force at the \
+         stated amplitude around the surface of the tissue, and the figures hold for that amplitude.",
+    );
+    let [matrix, transmitted] = figures::hybrid(input.config, input.trocar.trocar);
+    section.figure(matrix).figure(transmitted)
+}
+
+fn energy(input: &TeleopReport) -> Section {
+    let section = Section::new("Energy");
+    match input.course {
+        Ok(samples) => section.figure(figures::energy(samples)),
+        Err(_) => section.paragraph("The loop diverged: there is no course to show."),
+    }
+}
+
+fn live(input: &TeleopReport) -> Section {
+    let section = Section::new("The loop, live");
+    let rows = [input.trocar.trocar, input.in_compensator()].map(|trocar| {
+        let mut row = vec![0.0; trocar.count_numbers()];
+        trocar.write_numbers(&mut row).ok().map(|_| row)
+    });
+    let ([Some(trocar), Some(compensator)], Ok(config)) =
+        (rows, serde_json::to_string(input.config))
+    else {
+        return section.paragraph("This loop cannot be written as numbers for a page.");
+    };
+    if trocar.len().max(compensator.len()) > LONGEST_ROW {
+        return section
+            .paragraph("The model has too many knots over the position to run in a page.");
+    }
+    let Config { motion, tissue, .. } = input.config;
+    let (first, last) = (motion.start_m(), motion.middle_m + motion.amplitude_m);
+    let way = [
+        first.min(last).min(tissue.surface_m - REACH[0]),
+        first.max(last).max(tissue.surface_m + REACH[1]),
+    ];
+    let live = LiveLoop { config, models: [trocar, compensator], start: first, way };
+    Section { live_loop: Some(live), ..section.paragraph(LIVE) }
+}
+
+const LIVE: &str = "The loop itself runs here, the same steps as in every other program of this project. Change the fraction, the delay, the \
+                    tissue and the architecture, watch the motion of the configuration, or drag the master's handle: the forces felt, on the \
+                    tissue and of the trocar follow at once.";
+
+fn configuration(config: &Config) -> Section {
+    let table = Table::new("All keys of the configuration", ["Key", "Value"]);
+    let table = figures::keys(config)
+        .into_iter()
+        .fold(table, |table, (key, value)| table.row([Cell::Code(key), Cell::Text(value)]));
+    Section::new("Configuration").table(Table { collapsed: true, ..table })
+}
+
+fn provenance(input: &TeleopReport) -> Vec<(String, String)> {
+    let named = |Source { name, sha256 }: &Source| format!("{name}, SHA-256 {sha256}");
+    let config = input.config_source.as_ref().map_or_else(|| "defaults".to_owned(), named);
+    let mut all = vec![
+        ("Program".to_owned(), PROGRAM.to_owned()),
+        ("Configuration".to_owned(), config),
+        ("Model".to_owned(), named(&input.trocar.source)),
+    ];
+    if let Some(other) = &input.compensator {
+        all.push(("Compensator".to_owned(), named(&other.source)));
+    }
+    all.push(("Seed".to_owned(), input.config.seed.to_string()));
+    all
+}

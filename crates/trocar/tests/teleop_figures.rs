@@ -1,0 +1,26 @@
+//! The figures and the table of docs/teleoperation.md are those that their command gives.
+
+use std::path::Path;
+
+#[path = "../examples/teleoperation.rs"]
+mod example;
+
+const PAGE: &str = include_str!("../../../docs/teleoperation.md");
+
+#[test]
+fn the_figures_of_the_docs_are_those_of_the_command() {
+    let curves = example::curves().unwrap();
+    let table = example::table(&curves);
+    assert!(PAGE.contains(&table), "docs/teleoperation.md has not\n{table}");
+    let document = example::document(&curves).unwrap();
+    let drawn = trocar::report::vectors(&document).unwrap();
+    assert_eq!(drawn.len(), 2);
+    for (id, svg) in drawn {
+        let file = format!("../../docs/figures/{id}.svg");
+        let kept = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(file));
+        assert!(
+            kept.is_ok_and(|kept| kept == svg),
+            "docs/figures/{id}.svg: run cargo run --release -p trocar --example teleoperation -- docs"
+        );
+    }
+}
