@@ -5,6 +5,7 @@ use std::path::Path;
 use trocar_model::{ParamError, Trocar, Tunable};
 
 use super::simulation::Sample;
+use crate::bench::noise::{Noise, Source};
 use crate::error::OutputError;
 use crate::model_file::ModelFile;
 use crate::table::{Field, TableCell, TableWriter};
@@ -34,6 +35,65 @@ pub fn plants(file: &ModelFile) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
         }
     }
     Ok(plants)
+}
+
+/// Draws of the trocars that a model file stands for: each parameter with a 95 % interval is drawn from a normal
+/// distribution that has this interval, each side by itself; a draw that makes no model is drawn again. Parameters are drawn
+/// independently, since a model file holds no covariance: that exaggerates the scatter of what depends on several of
+/// them.
+///
+/// # Errors
+/// [`ParamError`] where a thousand draws in a row make no model.
+pub fn draws(
+    file: &ModelFile,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let mut noise = Noise::new(seed, Source::Draws);
+    let seal = file.trocar.seal();
+    let mut drawn = |Tunable { id, value }: Tunable| {
+        let [low, high] = file.intervals.get(&id.to_string()).map_or([None; 2], |i| i.ci95);
+        let deviate = noise.normal();
+        let end = if deviate < 0.0 { low } else { high };
+        end.map_or(value, |end| value + deviate.abs() * (end - value) / NORMAL_95)
+    };
+    let mut one = || {
+        let mut tried = seal.tuned(&seal.tunables().map(&mut drawn).collect::<Vec<_>>());
+        for _ in 1..MOST_DRAWS {
+            if tried.is_ok() {
+                break;
+            }
+            tried = seal.tuned(&seal.tunables().map(&mut drawn).collect::<Vec<_>>());
+        }
+        tried.map(|seal| file.trocar.with_seal(seal))
+    };
+    (0..count).map(|_| one()).collect()
+}
+
+/// Draws in a row that may make no model.
+const MOST_DRAWS: u32 = 1000;
+/// 95 % quantile of a normal distribution, two-sided.
+const NORMAL_95: f64 = 1.96;
+
+/// The trocar with the friction scale λ = `scale`, above 0: its seal has the force λ·F(x/λ), as that of a seal once it is wetted
+/// (`docs/compensation.md`); viscous damping and the offset of its profile stay.
+///
+/// # Errors
+/// Parameters that make no model at this scale.
+pub fn scaled<K: AsRef<[f64]> + Clone>(
+    trocar: &Trocar<K>,
+    scale: f64,
+) -> Result<Trocar<K>, ParamError> {
+    let seal = trocar.seal();
+    // Forces and lengths are proportional to λ.
+    let value = |Tunable { id, value }: Tunable| match id.unit().si {
+        "N" | "m" | "m/s" | "N/s" => value * scale,
+        "N s^2/m^2" => value / scale,
+        "N s^3/m^3" => value / (scale * scale),
+        _ => value,
+    };
+    let values: Vec<f64> = seal.tunables().map(value).collect();
+    Ok(trocar.with_seal(seal.tuned(&values)?))
 }
 
 /// A column of a course: its name with the unit, and its values.

@@ -80,6 +80,8 @@ pub(crate) struct Master {
     operator: Operator,
     device: Device,
     pub(crate) motion: Motion,
+    /// Of the operator on the master, J.
+    pub(crate) work: f64,
 }
 
 impl Master {
@@ -92,14 +94,18 @@ impl Master {
             operator.stiffness_n_m,
             duration,
         );
-        Self { mass, operator, device, motion: Motion { position, velocity: 0.0 } }
+        let motion = Motion { position, velocity: 0.0 };
+        Self { mass, operator, device, motion, work: 0.0 }
     }
 
     /// One substep under the motor force `motor` (N, against the operator); `hand` is the intended motion at its
     /// start and end.
     pub(crate) fn step(&mut self, motor: f64, hand: [Motion; 2]) {
         let forces = hand.map(|hand| self.pull(hand) - motor);
+        let (before, from) = (self.operator_force(hand[0], motor), self.motion.position);
         self.motion = self.mass.moved(self.motion, forces);
+        let mean = 0.5 * (before + self.operator_force(hand[1], motor));
+        self.work += mean * (self.motion.position - from);
     }
 
     fn pull(&self, hand: Motion) -> f64 {
@@ -135,6 +141,10 @@ pub(crate) struct Slave<K> {
     pub(crate) tissue_force: f64,
     /// Acceleration, m/s².
     pub(crate) acceleration: f64,
+    /// Of the instrument on the trocar, J.
+    pub(crate) trocar_work: f64,
+    /// Of the instrument on the tissue, J.
+    pub(crate) tissue_work: f64,
 }
 
 /// What the slave meets at the end of a substep.
@@ -165,6 +175,8 @@ impl<K: AsRef<[f64]>> Slave<K> {
             seal,
             motion: Motion { position, velocity: 0.0 },
             acceleration: 0.0,
+            trocar_work: 0.0,
+            tissue_work: 0.0,
         }
     }
 
@@ -194,6 +206,9 @@ impl<K: AsRef<[f64]>> Slave<K> {
 
     fn arrive(&mut self, motion: Motion, met: Met, motor: f64) {
         let Met { seal, trocar_force, tissue_force } = met;
+        let half_way = 0.5 * (motion.position - self.motion.position);
+        self.trocar_work += half_way * (self.trocar_force + trocar_force);
+        self.tissue_work += half_way * (self.tissue_force + tissue_force);
         (self.seal, self.trocar_force, self.tissue_force) = (seal, trocar_force, tissue_force);
         self.motion = motion;
         self.acceleration =
