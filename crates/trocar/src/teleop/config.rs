@@ -161,6 +161,9 @@ pub struct Control {
     /// Friction scale λ of the trocar with the least friction that is reckoned with, above 0, at most 1:
     /// the credit is what a trocar of this scale has surely dissipated.
     pub credit_friction_scale: f64,
+    /// Energy that the passivity control may give beyond what it has received, J, ≥ 0, half of it at each port. A slave
+    /// whose force is compensated needs some to begin to move, before the credit comes.
+    pub passivity_reserve_j: f64,
 }
 
 /// Energy that the passivity control is given back, FRANKEN.
@@ -298,6 +301,7 @@ impl Default for Control {
             passivity: false,
             passivity_credit: PassivityCredit::None,
             credit_friction_scale: 0.5,
+            passivity_reserve_j: 0.0,
         }
     }
 }
@@ -472,6 +476,7 @@ impl Config {
             "from 0.01 to 1",
             credit,
         )?;
+        not_below_0("control.passivity_reserve_j", self.control.passivity_reserve_j)?;
         not_below_0("compensation.fraction", self.compensation.fraction)?;
         let scale = self.compensation.friction_scale;
         check(

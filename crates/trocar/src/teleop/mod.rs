@@ -32,5 +32,5 @@ mod simulation;
 pub mod stability;
 
 pub use config::{Config, ConfigError};
-pub use model::{draws, plants, scaled, write_course};
+pub use model::{draws, plants, scaled, write_course, write_response};
 pub use simulation::{Diverged, Loop, Sample};

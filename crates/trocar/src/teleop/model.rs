@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
-use trocar_model::{ParamError, Trocar, Tunable};
+use trocar_model::{Element, ParamError, Seal, Stages, Trocar, Tunable};
 
+use super::hybrid::Response;
 use super::simulation::Sample;
 use crate::bench::noise::{Noise, Source};
 use crate::error::OutputError;
@@ -88,12 +89,70 @@ pub fn scaled<K: AsRef<[f64]> + Clone>(
     // Forces and lengths are proportional to λ.
     let value = |Tunable { id, value }: Tunable| match id.unit().si {
         "N" | "m" | "m/s" | "N/s" => value * scale,
-        "N s^2/m^2" => value / scale,
-        "N s^3/m^3" => value / (scale * scale),
         _ => value,
     };
     let values: Vec<f64> = seal.tunables().map(value).collect();
-    Ok(trocar.with_seal(seal.tuned(&values)?))
+    let seal = match seal.tuned(&values)? {
+        Seal::Ems(stages) => with_damping_at(&stages, scale)?,
+        other => other,
+    };
+    Ok(trocar.with_seal(seal))
+}
+
+/// Seal damping that depends on the speed: of its polynomial only the first coefficient is tunable.
+fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
+    let of = |element: &Element| {
+        let mut params = *element.params();
+        let [s0, s1, s2] = params.damping.coefficients;
+        params.damping.coefficients = [s0, s1 / scale, s2 / (scale * scale)];
+        Element::new(params)
+    };
+    let elements =
+        stages.elements().iter().map(of).collect::<Result<Vec<Element>, ParamError>>()?;
+    Ok(Seal::Ems(Stages::new(&elements).unwrap_or(*stages)))
+}
+
+/// A column of a response: its name with the unit, and its values.
+type ResponseColumn = (&'static str, fn(&Response) -> f64);
+
+const RESPONSE_COLUMNS: [ResponseColumn; 14] = [
+    ("frequency_hz", |r| r.frequency_hz),
+    ("h11_real_n_s_m", |r| r.hybrid.h11.re),
+    ("h11_imaginary_n_s_m", |r| r.hybrid.h11.im),
+    ("h12_real", |r| r.hybrid.h12.re),
+    ("h12_imaginary", |r| r.hybrid.h12.im),
+    ("h21_real", |r| r.hybrid.h21.re),
+    ("h21_imaginary", |r| r.hybrid.h21.im),
+    ("h22_real_m_n_s", |r| r.hybrid.h22.re),
+    ("h22_imaginary_m_n_s", |r| r.hybrid.h22.im),
+    ("llewellyn_margin", |r| r.llewellyn),
+    ("tissue_real_n_s_m", |r| r.tissue.re),
+    ("tissue_imaginary_n_s_m", |r| r.tissue.im),
+    ("transmitted_real_n_s_m", |r| r.transmitted.re),
+    ("transmitted_imaginary_n_s_m", |r| r.transmitted.im),
+];
+
+/// Writes `rows` as a table; the format follows from the file extension.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_response(rows: &[Response], path: impl AsRef<Path>) -> Result<(), OutputError> {
+    write(rows, &RESPONSE_COLUMNS, path)
+}
+
+fn write<R>(
+    rows: &[R],
+    columns: &[(&'static str, fn(&R) -> f64)],
+    path: impl AsRef<Path>,
+) -> Result<(), OutputError> {
+    let fields: Vec<Field> = columns.iter().map(|(name, _)| Field::number(*name)).collect();
+    let mut table = TableWriter::create(path, &fields)?;
+    for row in rows {
+        let cells: Vec<TableCell> =
+            columns.iter().map(|(_, of)| TableCell::Number(of(row))).collect();
+        table.row(&cells)?;
+    }
+    table.commit()
 }
 
 /// A column of a course: its name with the unit, and its values.
@@ -121,11 +180,5 @@ const COLUMNS: [CourseColumn; 11] = [
 /// # Errors
 /// A file that cannot be written.
 pub fn write_course(samples: &[Sample], path: impl AsRef<Path>) -> Result<(), OutputError> {
-    let fields: Vec<Field> = COLUMNS.iter().map(|(name, _)| Field::number(*name)).collect();
-    let mut table = TableWriter::create(path, &fields)?;
-    for sample in samples {
-        let cells = COLUMNS.map(|(_, of)| TableCell::Number(of(sample)));
-        table.row(&cells)?;
-    }
-    table.commit()
+    write(samples, &COLUMNS, path)
 }

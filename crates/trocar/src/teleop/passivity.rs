@@ -19,8 +19,6 @@ pub(crate) struct Port {
     duration: f64,
     received: f64,
     given: f64,
-    /// What the damper has taken, J.
-    damped: f64,
     last: Option<Held>,
 }
 
@@ -37,16 +35,14 @@ struct Held {
 
 impl Port {
     pub(crate) fn new(mass: f64, duration: f64) -> Self {
-        Self { mass, duration, received: 0.0, given: 0.0, damped: 0.0, last: None }
+        Self { mass, duration, received: 0.0, given: 0.0, last: None }
     }
 
     /// Notes the motion since the last sample to `position`, m, and what the device has surely dissipated meanwhile,
     /// `credit`, J; returns the energy received so far, J.
     pub(crate) fn observe(&mut self, position: f64, credit: f64) -> f64 {
         if let Some(held) = self.last {
-            let way = position - held.position;
-            let energy = held.force * way + credit;
-            self.damped += held.damper * way;
+            let energy = held.force * (position - held.position) + credit;
             self.received += energy.max(0.0);
             self.given -= energy.min(0.0);
         }
@@ -69,9 +65,9 @@ impl Port {
         sent
     }
 
-    /// Energy that the damper has taken so far, J.
-    pub(crate) fn damped(&self) -> f64 {
-        self.damped
+    /// The damper's share of the force of this sample, N.
+    pub(crate) fn added(&self) -> f64 {
+        self.last.map_or(0.0, |held| held.damper)
     }
 
     /// Energy received and given so far, J.

@@ -190,7 +190,13 @@ impl<K: AsRef<[f64]>> Slave<K> {
             let change = met.force() - force;
             force = met.force();
             if change.abs() <= CONVERGED_N {
-                return self.arrive(motion, met, motor);
+                let way = motion.position - self.motion.position;
+                // ∫F·v dt of a force and a velocity that are linear in time.
+                let beside = (motion.velocity - self.motion.velocity) * self.duration / 12.0;
+                let work = |before: f64, after: f64| {
+                    0.5 * way * (before + after) + beside * (after - before)
+                };
+                return self.arrive(motion, met, motor, work);
             }
         }
         self.step_stiffly(motor, time);
@@ -204,11 +210,11 @@ impl<K: AsRef<[f64]>> Slave<K> {
         Met { seal, trocar_force, tissue_force }
     }
 
-    fn arrive(&mut self, motion: Motion, met: Met, motor: f64) {
+    /// `work` is that of a force with its values before and after the substep, by the rule by which it was taken.
+    fn arrive(&mut self, motion: Motion, met: Met, motor: f64, work: impl Fn(f64, f64) -> f64) {
         let Met { seal, trocar_force, tissue_force } = met;
-        let half_way = 0.5 * (motion.position - self.motion.position);
-        self.trocar_work += half_way * (self.trocar_force + trocar_force);
-        self.tissue_work += half_way * (self.tissue_force + tissue_force);
+        self.trocar_work += work(self.trocar_force, trocar_force);
+        self.tissue_work += work(self.tissue_force, tissue_force);
         (self.seal, self.trocar_force, self.tissue_force) = (seal, trocar_force, tissue_force);
         self.motion = motion;
         self.acceleration =
@@ -250,7 +256,9 @@ impl<K: AsRef<[f64]>> Slave<K> {
         let mut met = self.met(motion(velocity), time);
         // Friction that jumps gives the force that the balance asks for.
         met.trocar_force = needed(velocity) - met.tissue_force;
-        self.arrive(motion(velocity), met, motor);
+        let motion = motion(velocity);
+        let way = motion.position - from.position;
+        self.arrive(motion, met, motor, |_, after| way * after);
     }
 }
 

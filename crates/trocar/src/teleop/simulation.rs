@@ -47,8 +47,8 @@ pub struct Sample {
     /// Energy that it has received from and given to the slave, J; with a credit, slave and what its trocar has surely
     /// dissipated.
     pub slave_energies: [f64; 2],
-    /// Energy that the passivity control's dampers at master and slave have taken, J.
-    pub damped: [f64; 2],
+    /// What the passivity control adds to the forces of the motors at master and slave, N, against the motion.
+    pub passivity_forces: [f64; 2],
     /// Work of the operator on the master, J.
     pub operator_work: f64,
     /// Work of the instrument on the trocar, J.
@@ -197,7 +197,9 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
     /// Force of a port against its motion, with the damper of the passivity control.
     fn guard(&mut self, port: usize, own: &Reading, force: f64, budget: f64) -> f64 {
         // Without the control the observer's budget has no end.
-        let budget = if self.config.control.passivity { budget } else { f64::INFINITY };
+        let control = self.config.control;
+        let reserve = 0.5 * control.passivity_reserve_j;
+        let budget = if control.passivity { budget + reserve } else { f64::INFINITY };
         self.ports[port].guard(own.position, own.velocity, force, budget)
     }
 
@@ -225,7 +227,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             estimate,
             master_energies: self.ports[0].energies(),
             slave_energies: self.ports[1].energies(),
-            damped: [self.ports[0].damped(), self.ports[1].damped()],
+            passivity_forces: [self.ports[0].added(), self.ports[1].added()],
             operator_work: self.master.work,
             trocar_work: self.slave.trocar_work,
             tissue_work: self.slave.tissue_work,
