@@ -19,6 +19,13 @@ pub struct Trial {
     pub at_rest_m_s: f64,
 }
 
+/// Velocity below which nothing counts as growing, m/s: above what rounding and the iterations of the plant leave.
+const STILL_M_S: f64 = 1e-10;
+/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast.
+const STRUCK_M_S: f64 = 1e-3;
+/// Most times that half of the watch is repeated while the velocity grows.
+const LONGEST_WATCH: u32 = 60;
+
 impl Default for Trial {
     /// A push by 10 mm, 1 s to settle, watched for 1 s, at rest below 1 mm/s.
     fn default() -> Self {
@@ -28,8 +35,10 @@ impl Default for Trial {
 
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
-    /// [`Trial::push_m`] within 0.1 s: the rms velocity of both devices over the second half of
-    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half.
+    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 1 mm/s: the rms velocity of both devices over the second half of
+    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half. Where it
+    /// grows from the first half to the second, the watch goes on until it no longer does, for up to sixty halves: a slow
+    /// growth from far below is unstable, too.
     /// Both times are longer where the channel's delay asks for it. The sensor's noise and breathing,
     /// which keep a stable loop in motion, are left out.
     ///
@@ -44,7 +53,8 @@ impl Trial {
     ) -> Result<bool, ConfigError> {
         let mut quiet = config.clone();
         (quiet.tissue.breathing_m, quiet.sensor.noise_n) = (0.0, 0.0);
-        let mut tried = Loop::new(&quiet, trocar.clone(), compensator.clone(), position)?;
+        let tried = Loop::new(&quiet, trocar.clone(), compensator.clone(), position)?;
+        let mut tried = tried.with_slave_velocity(STRUCK_M_S);
         let hand = |time: f64| {
             let part = (time / 0.1).min(1.0);
             // Minimum jerk.
@@ -67,12 +77,17 @@ impl Trial {
         };
         let half = samples(0.5 * self.watch_s, 2.0);
         let windows = [samples(self.settle_s, 5.0), half, half].map(&mut rms);
-        Ok(match windows {
-            [Some(_), Some(first), Some(second)] => {
-                second < self.at_rest_m_s || second < 0.5 * first
+        let [Some(_), Some(mut first), Some(mut second)] = windows else { return Ok(false) };
+        let grows = |first: f64, second: f64| second > first && second > STILL_M_S;
+        for _ in 0..LONGEST_WATCH {
+            if !grows(first, second) || second >= self.at_rest_m_s {
+                break;
             }
-            _ => false,
-        })
+            let Some(next) = rms(half) else { return Ok(false) };
+            (first, second) = (second, next);
+        }
+        let rests = second < self.at_rest_m_s && !grows(first, second);
+        Ok(rests || second < 0.5 * first)
     }
 }
 
