@@ -103,6 +103,7 @@ const EXAMPLES: [Example; 16] = [
         &[
             ("The defaults with a made-up seal", "trocar teleop --model plausible"),
             ("A loop of your own: change the file, then run it", "trocar teleop --print-config"),
+            ("The same of a device", "trocar teleop --print-config dvrk"),
             ("", "trocar teleop loop.toml --model result --out course.parquet"),
             (
                 "How much of the trocar's force to take out",

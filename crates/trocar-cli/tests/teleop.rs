@@ -124,6 +124,66 @@ fn the_printed_loop_is_the_default() {
 }
 
 #[test]
+fn loops_of_devices_are_printed_and_run() {
+    for device in ["dvrk", "phantom"] {
+        let printed = Place::new().run(&format!("teleop --print-config {device}")).ends_with(0);
+        let ran = place(&printed.stdout).run("teleop loop.toml --model plausible").ends_with(0);
+        assert!(ran.stdout.starts_with("stable with tissue of 0 to "), "{}", ran.stdout);
+    }
+    Place::new().run("teleop --print-config omni").ends_with(2).says(&["dvrk, phantom"]);
+}
+
+/// Intervals of 20 % for the Coulomb forces: with how many of the draws a fraction is stable is printed.
+#[test]
+fn advice_over_draws_counts_them() {
+    let ems = include_str!("../../../conformance/models/ems.json");
+    let mut model: serde_json::Value = serde_json::from_str(ems).unwrap();
+    for direction in ["insertion", "withdrawal"] {
+        let value = model["elements"][0][direction]["coulomb_force_n"].as_f64().unwrap();
+        let ci95 = [0.8 * value, 1.2 * value];
+        let interval = serde_json::json!({ "value": value, "ci95": ci95 });
+        model["intervals"][format!("{direction}_coulomb_force_n")] = interval;
+    }
+    let place = place(&format!("{FAR}[motion]\nduration_s = 1.0\n"));
+    fs::write(place.path("model.json"), model.to_string()).unwrap();
+    let ran = place.run("teleop loop.toml --model model.json --advise --draws 4 --json");
+    let printed: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(printed["advice"]["plants"], 7, "{ran:#?}");
+    let shares = printed["advice"]["tried"].as_array().unwrap().iter();
+    let shares: Vec<f64> = shares.map(|tried| tried["stable_share"].as_f64().unwrap()).collect();
+    assert!(shares.iter().any(|share| *share == 1.0), "{shares:?}");
+    let text = place.run("teleop loop.toml --model model.json --advise --draws 4").stdout;
+    assert!(text.contains("best for each of the 7 trocars by itself: "), "{text}");
+}
+
+#[test]
+fn a_hybrid_matrix_is_written() {
+    let place = place(SOFT);
+    place.run("teleop loop.toml --model plausible --hybrid matrix.csv").ends_with(0);
+    let matrix = fs::read_to_string(place.path("matrix.csv")).unwrap();
+    assert!(matrix.starts_with("frequency_hz,h11_real_n_s_m,h11_imaginary_n_s_m,h12_real,"));
+    assert_eq!(matrix.lines().count(), 62);
+}
+
+#[test]
+fn a_tip_that_does_not_reach_the_tissue_is_reported() {
+    let far_off = "[tissue]\nsurface_m = 0.5\n";
+    let ran = place(far_off).run("teleop loop.toml --model plausible").ends_with(3);
+    ran.says(&["does not reach the tissue"]);
+    let none = "[tissue]\nsurface_m = 0.5\nkind = \"none\"\n";
+    place(none).run("teleop loop.toml --model plausible").ends_with(0);
+}
+
+#[test]
+fn adaptation_needs_the_error_of_the_model() {
+    let adaptive = "[compensation]\nadaptation = true\nfraction = 1.0\n";
+    let ran = place(adaptive).run("teleop loop.toml --model plausible").ends_with(1);
+    ran.says(&["compensation.force_error_n"]);
+    let stated = format!("{adaptive}force_error_n = 0.1\n");
+    place(&stated).run("teleop loop.toml --model plausible").ends_with(0);
+}
+
+#[test]
 fn what_is_no_loop_is_refused() {
     for (config, words) in [
         ("[master]\nmass_kg = -1.0", ["loop.toml", "master.mass_kg", "from 1e-6 to 1e15, got -1"]),
@@ -136,6 +196,7 @@ fn what_is_no_loop_is_refused() {
     }
     for (config, options, words) in [
         (SOFT, "--out - --json", "leave out --json"),
+        (SOFT, "--advise --draws 5", "a model with 95 % intervals"),
         ("[sensor]\nplace = \"tip\"", "--advise", "changes nothing in this loop"),
         ("[control]\narchitecture = \"wave\"", "--map", "changes nothing in this loop"),
     ] {

@@ -20,6 +20,7 @@ pub(crate) enum Source {
     ToSlave = 11,
     ToMaster = 12,
     RemoteSensor = 13,
+    Draws = 14,
 }
 
 /// One reproducible stream of uniform and normal numbers.

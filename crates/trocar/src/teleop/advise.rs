@@ -5,20 +5,17 @@ use serde::Serialize;
 use trocar_model::Trocar;
 
 use super::config::{Config, ConfigError};
-use super::merit::Merit;
+use super::merit::{Merit, STIFFNESS_NOTICEABLE};
 use super::simulation::Loop;
-use super::stability::{Trial, boundary};
+use super::stability::{Trial, ZWidth, boundary};
 
 /// Fractions that are tried, from 0, and their distance.
 const MOST: f64 = 1.5;
 const APART: f64 = 0.025;
-/// Stiffest tissue that is tried, N/m, and the softest.
-const STIFFEST: f64 = 20_000.0;
-const SOFTEST: f64 = 1.0;
-/// Stiffnesses in between, evenly in their logarithm.
-const TRIED: u32 = 12;
-/// Accuracy of a stiffness, relative.
-const ACCURACY: f64 = 0.02;
+/// Tissue up to so many times as stiff is tried for a step that is noticed.
+const STIFFEST_STEP: f64 = 10.0;
+/// Accuracy of that step, relative to the tissue's stiffness.
+const STEP_ACCURACY: f64 = 0.01;
 
 /// Advice on the fraction γ for one loop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -33,6 +30,16 @@ pub struct Advice {
     pub without: Option<Merit>,
     /// Each γ that was tried.
     pub tried: Vec<Tried>,
+    /// Number of plants.
+    pub plants: usize,
+    /// Lowest and highest of the best γ of each plant by itself: stable, with the least force error. None where no plant has
+    /// one.
+    pub best: Option<[f64; 2]>,
+    /// Least step of the tissue's stiffness that is noticed with that γ, N/m, with the first plant
+    /// ([`noticeable_step`]); none where there is no such γ or step.
+    pub noticeable_with_n_m: Option<f64>,
+    /// The same without compensation; none where the loop is then unstable, too.
+    pub noticeable_without_n_m: Option<f64>,
 }
 
 /// One fraction.
@@ -42,6 +49,8 @@ pub struct Tried {
     pub fraction: f64,
     /// Whether the loop is stable with every plant.
     pub stable: bool,
+    /// Share of the plants with which it is, 0 to 1.
+    pub stable_share: f64,
     /// Figures of the plant with the largest force error; none where it is not stable.
     pub merit: Option<Merit>,
 }
@@ -61,48 +70,113 @@ pub fn advise<K: AsRef<[f64]> + Clone + Sync>(
 ) -> Result<Advice, ConfigError> {
     config.check()?;
     let count = (MOST / APART).round() as u32;
-    let tried = (0..=count)
+    let outcomes = (0..=count)
         .into_par_iter()
-        .map(|k| attempt(config, model, plants, f64::from(k) * APART))
-        .collect::<Result<Vec<Tried>, ConfigError>>()?;
-    let error = |tried: &Tried| tried.merit.map_or(f64::INFINITY, |merit| merit.force_error_rms_n);
-    let best = tried.iter().filter(|t| t.stable).min_by(|a, b| error(a).total_cmp(&error(b)));
+        .map(|k| outcomes(config, model, plants, f64::from(k) * APART))
+        .collect::<Result<Vec<Outcomes>, ConfigError>>()?;
+    let tried: Vec<Tried> = outcomes.iter().map(Outcomes::tried).collect();
+    let best =
+        tried.iter().filter(|t| t.stable).min_by(|a, b| error(a.merit).total_cmp(&error(b.merit)));
     let stable = tried.chunk_by(|a, b| a.stable == b.stable).filter(|run| run[0].stable);
+    let own = (0..plants.len()).filter_map(|plant| own_best(&outcomes, plant));
+    let step = |fraction: f64| match plants.first() {
+        Some(plant) => noticeable_step(&with_fraction(config, fraction), [model, plant]),
+        None => Ok(None),
+    };
+    let without = tried[0].merit.filter(|_| tried[0].stable);
     Ok(Advice {
         fraction: best.map(|best| best.fraction),
         stable: stable.map(|run| [run[0].fraction, run[run.len() - 1].fraction]).collect(),
         with: best.and_then(|best| best.merit),
-        without: tried[0].merit.filter(|_| tried[0].stable),
+        without,
+        plants: plants.len(),
+        best: own.fold(None, |range: Option<[f64; 2]>, own| {
+            Some(range.map_or([own; 2], |[low, high]| [low.min(own), high.max(own)]))
+        }),
+        noticeable_with_n_m: best.map_or(Ok(None), |best| step(best.fraction))?,
+        noticeable_without_n_m: without.map_or(Ok(None), |_| step(0.0))?,
         tried,
     })
 }
 
-fn attempt<K: AsRef<[f64]> + Clone>(
+fn error(merit: Option<Merit>) -> f64 {
+    merit.map_or(f64::INFINITY, |merit| merit.force_error_rms_n)
+}
+
+/// Figures of every plant at one fraction; none where the loop is unstable.
+struct Outcomes {
+    fraction: f64,
+    merits: Vec<Option<Merit>>,
+}
+
+impl Outcomes {
+    fn tried(&self) -> Tried {
+        let held = self.merits.iter().flatten().count();
+        let stable = held == self.merits.len() && held > 0;
+        let worst = self.merits.iter().max_by(|a, b| error(**a).total_cmp(&error(**b)));
+        Tried {
+            fraction: self.fraction,
+            stable,
+            stable_share: held as f64 / self.merits.len().max(1) as f64,
+            merit: worst.copied().flatten().filter(|_| stable),
+        }
+    }
+}
+
+/// γ with which `plant` is stable with the least force error.
+fn own_best(outcomes: &[Outcomes], plant: usize) -> Option<f64> {
+    let held = outcomes.iter().filter(|outcome| outcome.merits[plant].is_some());
+    let best = held.min_by(|a, b| error(a.merits[plant]).total_cmp(&error(b.merits[plant])));
+    best.map(|best| best.fraction)
+}
+
+fn outcomes<K: AsRef<[f64]> + Clone>(
     config: &Config,
     model: &Trocar<K>,
     plants: &[Trocar<K>],
     fraction: f64,
-) -> Result<Tried, ConfigError> {
+) -> Result<Outcomes, ConfigError> {
     let config = with_fraction(config, fraction);
-    let mut worst: Option<Merit> = None;
-    for plant in plants {
-        let is_stable =
-            Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)?;
-        let Some(merit) = figures(&config, model, plant)?.filter(|_| is_stable) else {
-            return Ok(Tried { fraction, stable: false, merit: None });
-        };
-        if worst.is_none_or(|worst| merit.force_error_rms_n > worst.force_error_rms_n) {
-            worst = Some(merit);
+    let merit = |plant: &Trocar<K>| {
+        let surface = config.tissue.surface_m;
+        match Trial::default().is_stable(&config, plant, model, surface)? {
+            true => figures(&config, [model, plant]),
+            false => Ok(None),
         }
-    }
-    Ok(Tried { fraction, stable: worst.is_some(), merit: worst })
+    };
+    Ok(Outcomes { fraction, merits: plants.iter().map(merit).collect::<Result<_, _>>()? })
+}
+
+/// The least step by which the tissue must be stiffer for the stiffness displayed to differ by 23 %, which a person notices
+/// (JONES), N/m, with `model` in the compensator and `plant` as the trocar. `None` where not even tissue ten times as stiff
+/// makes that difference, the loop diverges with it, or the tip does not touch the tissue.
+///
+/// # Errors
+/// A value of `config` out of its range.
+pub fn noticeable_step<K: AsRef<[f64]> + Clone>(
+    config: &Config,
+    models: [&Trocar<K>; 2],
+) -> Result<Option<f64>, ConfigError> {
+    let stiffness = config.tissue.stiffness_n_m;
+    let displayed = |ratio: f64| {
+        let mut config = config.clone();
+        config.tissue.stiffness_n_m = ratio * stiffness;
+        let merit = figures(&config, models)?;
+        Ok::<_, ConfigError>(merit.and_then(|merit| merit.displayed_stiffness_n_m))
+    };
+    let Some(first) = displayed(1.0)? else { return Ok(None) };
+    let stays = |ratio: f64| {
+        let differs = |other: f64| (other - first).abs() >= STIFFNESS_NOTICEABLE * first.abs();
+        Ok(!displayed(ratio)?.is_some_and(differs))
+    };
+    let found = boundary([1.0, STIFFEST_STEP], STEP_ACCURACY, stays)?;
+    Ok(found.map(|ratio| (ratio - 1.0) * stiffness))
 }
 
 /// Figures along the motion of `config`; `None` where the loop diverges.
 fn figures<K: AsRef<[f64]> + Clone>(
     config: &Config,
-    model: &Trocar<K>,
-    plant: &Trocar<K>,
+    [model, plant]: [&Trocar<K>; 2],
 ) -> Result<Option<Merit>, ConfigError> {
     let samples = Loop::new(config, plant.clone(), model.clone(), config.motion.start_m())?
         .run(config.samples(), |time| config.motion.at(time));
@@ -115,74 +189,51 @@ fn with_fraction(config: &Config, fraction: f64) -> Config {
     config
 }
 
-/// Greatest stiffness of the tissue at which a loop is stable, over delays and fractions.
+/// Stiffnesses of the tissue with which a loop is stable, over delays and fractions ([`ZWidth`]).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
     /// Delays of one direction, s.
     pub delays_s: Vec<f64>,
     /// Fractions γ.
     pub fractions: Vec<f64>,
-    /// Greatest stiffness, N/m, by delay, then by fraction; 0 where the loop is not even stable with
-    /// tissue of 1 N/m, 20 000 where it is up to there.
+    /// Greatest stiffness, N/m, by delay, then by fraction; 0 where the loop is stable with no stiffness that is tried, 20 000
+    /// where it is up to there.
     pub stiffness_n_m: Vec<Vec<f64>>,
+    /// Least stiffness, N/m; none where the loop is stable with no stiffness that is tried.
+    pub least_stiffness_n_m: Vec<Vec<Option<f64>>>,
 }
 
-/// The map of `config` over `delays_s` (s) and `fractions`, with `model` in the compensator and `plant` as the trocar.
+/// The map of `config` over `delays_s` (s) and `fractions`; of `models` the first is in the compensator, the second the
+/// trocar.
 /// `done` is called after each cell.
 ///
 /// # Errors
 /// A value of `config` or a delay out of its range.
 pub fn map<K: AsRef<[f64]> + Clone + Sync>(
     config: &Config,
-    [model, plant]: [&Trocar<K>; 2],
+    models: [&Trocar<K>; 2],
     delays_s: &[f64],
     fractions: &[f64],
     done: impl Fn() + Sync,
 ) -> Result<Map, ConfigError> {
     let cells = delays_s.len() * fractions.len();
-    let values = (0..cells)
+    let widths = (0..cells)
         .into_par_iter()
         .map(|cell| {
             let mut config = with_fraction(config, fractions[cell % fractions.len()]);
             config.channel.delay_s = delays_s[cell / fractions.len()];
-            let value = greatest_stiffness(&config, model, plant);
+            let width = ZWidth::of(&config, models);
             done();
-            value
+            width
         })
-        .collect::<Result<Vec<f64>, ConfigError>>()?;
+        .collect::<Result<Vec<Option<ZWidth>>, ConfigError>>()?;
+    let rows = || widths.chunks(fractions.len().max(1));
+    let greatest = |width: &Option<ZWidth>| width.map_or(0.0, |width| width.greatest_n_m);
+    let least = |width: &Option<ZWidth>| width.map(|width| width.least_n_m);
     Ok(Map {
         delays_s: delays_s.to_vec(),
         fractions: fractions.to_vec(),
-        stiffness_n_m: values.chunks(fractions.len().max(1)).map(<[f64]>::to_vec).collect(),
+        stiffness_n_m: rows().map(|row| row.iter().map(greatest).collect()).collect(),
+        least_stiffness_n_m: rows().map(|row| row.iter().map(least).collect()).collect(),
     })
-}
-
-/// Greatest stiffness of the tissue, N/m, up to which the loop settles: 0 where it does not with tissue of
-/// 1 N/m, 20 000 where it does up to there. Twelve stiffnesses in between are tried upwards, and the first
-/// change is bisected.
-///
-/// # Errors
-/// A value of `config` out of its range.
-pub fn greatest_stiffness<K: AsRef<[f64]> + Clone>(
-    config: &Config,
-    model: &Trocar<K>,
-    plant: &Trocar<K>,
-) -> Result<f64, ConfigError> {
-    config.check()?;
-    let settles = |stiffness: f64| {
-        let mut config = config.clone();
-        config.tissue.stiffness_n_m = stiffness;
-        let tried = Trial::default().is_stable(&config, plant, model, config.tissue.surface_m);
-        tried.is_ok_and(|is_stable| is_stable)
-    };
-    if !settles(SOFTEST) {
-        return Ok(0.0);
-    }
-    let ratio = (STIFFEST / SOFTEST).ln() / f64::from(TRIED);
-    let tried = (1..=TRIED).map(|k| SOFTEST.ln() + ratio * f64::from(k));
-    let Some(above) = tried.into_iter().find(|log| !settles(log.exp())) else {
-        return Ok(STIFFEST);
-    };
-    let found = boundary([above - ratio, above], ACCURACY, |log| settles(log.exp()));
-    Ok(found.unwrap_or(above).exp())
 }

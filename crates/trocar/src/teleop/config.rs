@@ -2,12 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+use trocar_model::ParamError;
 
 pub use crate::bench::config::TissueKind;
 use crate::bench::surroundings::contact_force;
+use crate::model_file::ModelFile;
 
 /// The loop with every key at its default, described.
 pub const EXAMPLE_TOML: &str = include_str!("../../data/teleop.toml");
+
+/// Loops of devices by name, described as [`EXAMPLE_TOML`] is, with the source of each value.
+pub const PRESETS: [(&str, &str); 2] = [
+    ("dvrk", include_str!("../../data/teleop_dvrk.toml")),
+    ("phantom", include_str!("../../data/teleop_phantom.toml")),
+];
 
 /// A teleoperation loop and what the operator does with it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -148,6 +156,26 @@ pub struct Control {
     pub wave_impedance_n_s_m: f64,
     /// Time-domain passivity control at both ports.
     pub passivity: bool,
+    /// Energy that the passivity control is given back.
+    pub passivity_credit: PassivityCredit,
+    /// Friction scale λ of the trocar with the least friction that is reckoned with, above 0, at most 1:
+    /// the credit is what a trocar of this scale has surely dissipated.
+    pub credit_friction_scale: f64,
+    /// Energy that the passivity control may give beyond what it has received, J, ≥ 0, half of it at each port. A slave
+    /// whose force is compensated needs some to begin to move, before the credit comes.
+    pub passivity_reserve_j: f64,
+}
+
+/// Energy that the passivity control is given back, FRANKEN.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PassivityCredit {
+    /// None: both ports are passive by themselves.
+    None,
+    /// What a trocar with the compensator's law has surely dissipated, whatever its friction scale from
+    /// [`Control::credit_friction_scale`] to that of the model: the ports are passive together with the trocar. No bound for
+    /// a trocar with less friction, or of another law.
+    Trocar,
 }
 
 /// Compensation of the trocar's force.
@@ -156,6 +184,16 @@ pub struct Control {
 pub struct Compensation {
     /// γ, the fraction of the model's force that is taken out of the sensor's reading, ≥ 0.
     pub fraction: f64,
+    /// Friction scale λ of the compensator's model relative to the one it is given, above 0: that model's force
+    /// is λ·F(x/λ). 1.25 is a model 25 % too strong, as that of a dry seal is once the seal is wetted to 0.8.
+    pub friction_scale: f64,
+    /// Whether the compensator adapts friction and viscosity to the readings
+    /// ([`crate::compensate::Compensator`]).
+    pub adaptation: bool,
+    /// Standard deviation of the model's force, N, above 0, by which the adaptation weighs the readings;
+    /// without it, that of the model file ([`Config::with_force_error`]).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub force_error_n: Option<f64>,
 }
 
 /// Where a force sensor is.
@@ -261,14 +299,17 @@ impl Default for Control {
             force_gain: 1.0,
             wave_impedance_n_s_m: 20.0,
             passivity: false,
+            passivity_credit: PassivityCredit::None,
+            credit_friction_scale: 0.5,
+            passivity_reserve_j: 0.0,
         }
     }
 }
 
 impl Default for Compensation {
-    /// None.
+    /// None; the model as it is, without adaptation.
     fn default() -> Self {
-        Self { fraction: 0.0 }
+        Self { fraction: 0.0, friction_scale: 1.0, adaptation: false, force_error_n: None }
     }
 }
 
@@ -331,6 +372,26 @@ pub enum ConfigError {
         found: f64,
         /// The nearest multiple, s.
         nearest: f64,
+    },
+    /// Adaptation without the error of the model.
+    #[error(
+        "adaptation needs to know how far off the model's force is, which the model does not say \
+         (force_error)\n\nhint: state the standard deviation as compensation.force_error_n, or identify the model \
+         again with --validate"
+    )]
+    NoForceError,
+    /// The compensator cannot be made.
+    #[error("compensation: {0}")]
+    Compensator(String),
+    /// The compensator's model with its friction scale.
+    #[error("the compensator's model with {name} = {scale}: {why}")]
+    Model {
+        /// Name of the friction scale with its section.
+        name: &'static str,
+        /// The friction scale.
+        scale: f64,
+        /// The problem.
+        why: ParamError,
     },
 }
 
@@ -408,7 +469,25 @@ impl Config {
         not_below_0("control.damping_n_s_m", self.control.damping_n_s_m)?;
         not_below_0("control.force_gain", self.control.force_gain)?;
         above_0("control.wave_impedance_n_s_m", self.control.wave_impedance_n_s_m)?;
+        let credit = self.control.credit_friction_scale;
+        check(
+            (0.01..=1.0).contains(&credit),
+            "control.credit_friction_scale",
+            "from 0.01 to 1",
+            credit,
+        )?;
+        not_below_0("control.passivity_reserve_j", self.control.passivity_reserve_j)?;
         not_below_0("compensation.fraction", self.compensation.fraction)?;
+        let scale = self.compensation.friction_scale;
+        check(
+            (0.01..=100.0).contains(&scale),
+            "compensation.friction_scale",
+            "from 0.01 to 100",
+            scale,
+        )?;
+        if let Some(error) = self.compensation.force_error_n {
+            above_0("compensation.force_error_n", error)?;
+        }
         not_below_0("sensor.moving_mass_kg", self.sensor.moving_mass_kg)?;
         not_below_0("sensor.noise_n", self.sensor.noise_n)?;
         finite("sensor.offset_n", self.sensor.offset_n)?;
@@ -437,6 +516,14 @@ impl Config {
         check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
         self.delay_samples()?;
         self.jitter_samples().map(|_| ())
+    }
+
+    /// The same with the error of the model's force from `file`, the compensator's, unless it is stated already.
+    pub fn with_force_error(mut self, file: &ModelFile) -> Self {
+        let error = file.force_error;
+        let of_file = error.and_then(|error| error.sliding_n.or(error.largest()));
+        self.compensation.force_error_n = self.compensation.force_error_n.or(of_file);
+        self
     }
 
     /// Samples of the experiment.

@@ -11,7 +11,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
-use super::config::{Architecture, Config, Place, TissueKind};
+use super::config::{Architecture, Config, ConfigError, Place, TissueKind};
 
 /// Hybrid matrix, `[F_h; −v_s] = H·[v_m; F_e]`; ideal is `[[0, 1], [−1, 0]]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +24,56 @@ pub struct Hybrid {
     pub h21: Complex<f64>,
     /// m/(N s)
     pub h22: Complex<f64>,
+}
+
+/// A loop at one frequency.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Response {
+    /// Hz
+    pub frequency_hz: f64,
+    /// With the trocar as its describing function.
+    pub hybrid: Hybrid,
+    /// Margin of Llewellyn's criterion ([`Hybrid::llewellyn`]).
+    pub llewellyn: f64,
+    /// Impedance of the tissue in contact, N s/m.
+    pub tissue: Complex<f64>,
+    /// Impedance that the operator feels of it, N s/m.
+    pub transmitted: Complex<f64>,
+}
+
+/// The hybrid matrix of `config` at each of `frequencies_hz`, with the describing functions of the model in the compensator (at
+/// its friction scale) and of the trocar, `models`, for strokes of `amplitude_m` around the surface of the tissue. An
+/// adaptive compensator counts as its model.
+///
+/// # Errors
+/// A value of `config`, the amplitude or a frequency out of its range.
+pub fn response<K: AsRef<[f64]> + Clone>(
+    config: &Config,
+    [model, plant]: [&Trocar<K>; 2],
+    amplitude_m: f64,
+    frequencies_hz: &[f64],
+) -> Result<Vec<Response>, ConfigError> {
+    config.check()?;
+    let positive = |name, found: f64| {
+        if (1e-9..=1e6).contains(&found) {
+            return Ok(());
+        }
+        Err(ConfigError::OutOfRange { name, allowed: "from 1e-9 to 1e6", found })
+    };
+    positive("amplitude_m", amplitude_m)?;
+    let model = config.compensation.model(model)?;
+    let row = |&frequency_hz: &f64| {
+        positive("frequency_hz", frequency_hz)?;
+        let impedance = |trocar: &Trocar<K>| {
+            seal_impedance(trocar, config.tissue.surface_m, amplitude_m, frequency_hz)
+        };
+        let impedances = [impedance(&model), impedance(plant)];
+        let hybrid = Hybrid::with_compensator(config, impedances, frequency_hz);
+        let tissue = tissue_impedance(config, frequency_hz);
+        let (llewellyn, transmitted) = (hybrid.llewellyn(), hybrid.transmitted(tissue));
+        Ok(Response { frequency_hz, hybrid, llewellyn, tissue, transmitted })
+    };
+    frequencies_hz.iter().map(row).collect()
 }
 
 /// Steps of one period for the describing function.
@@ -55,9 +105,18 @@ pub fn seal_impedance<K: AsRef<[f64]>>(
 }
 
 impl Hybrid {
-    /// The matrix of `config` at `frequency_hz`, with the impedance of the trocar, `seal` (N s/m), and the fraction of it in the
-    /// compensator's model, which is that of the plant.
+    /// The matrix of `config` at `frequency_hz`, with the impedance of the trocar, `seal` (N s/m), which is also that of the
+    /// compensator's model.
     pub fn of(config: &Config, seal: Complex<f64>, frequency_hz: f64) -> Self {
+        Self::with_compensator(config, [seal, seal], frequency_hz)
+    }
+
+    /// The same with the impedances of the compensator's model and of the trocar, N s/m.
+    pub fn with_compensator(
+        config: &Config,
+        [model, seal]: [Complex<f64>; 2],
+        frequency_hz: f64,
+    ) -> Self {
         let s = Complex::new(0.0, TAU * frequency_hz);
         let one = Complex::new(1.0, 0.0);
         let delay = (-s * config.channel.delay_s).exp();
@@ -69,7 +128,7 @@ impl Hybrid {
         let beside = match config.sensor.place {
             Place::Tip => Complex::new(0.0, 0.0),
             Place::Outside => {
-                seal * (1.0 - config.compensation.fraction) + s * config.sensor.moving_mass_kg
+                seal - model * config.compensation.fraction + s * config.sensor.moving_mass_kg
             }
         };
         match control.architecture {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::config::Config;
+use super::config::{Architecture, Config};
 use super::simulation::Sample;
 
 /// Just noticeable difference of a force, as a fraction of it, PANG.
@@ -10,16 +10,22 @@ const NOTICEABLE: f64 = 0.07;
 /// Force below which that fraction grows, N: the difference stays that of this force.
 const WEAKEST_N: f64 = 2.5;
 
+/// Just noticeable difference of a stiffness, as a fraction of it, JONES.
+pub const STIFFNESS_NOTICEABLE: f64 = 0.23;
+
 /// How well the operator feels the tissue.
+///
+/// The force felt is that of the master's motor, F_mc. Where the controller compensates the master's mass (four-channel), F_mc
+/// holds the force that moves it; the force felt is then that of the operator, F_h.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Merit {
-    /// Rms of what the master's motor gives less the force on the tissue, N.
+    /// Rms of the force felt less the force on the tissue, N.
     pub force_error_rms_n: f64,
     /// Largest magnitude of that, N.
     pub force_error_peak_n: f64,
     /// Rms of that in just noticeable differences of the force on the tissue, 1.
     pub force_error_rms_jnd: f64,
-    /// Slope of the motor's force over the depth of the tip in the tissue while it goes deeper, N/m; none
+    /// Slope of the force felt over the depth of the tip in the tissue while it goes deeper, N/m; none
     /// without contact. Damping counts: compare it with the true one, not with the tissue's stiffness.
     pub displayed_stiffness_n_m: Option<f64>,
     /// The same of the force on the tissue, N/m.
@@ -28,6 +34,10 @@ pub struct Merit {
     pub position_error_rms_m: f64,
     /// Energy that the network has received at both ports less what it has given, J; below 0 where it was active.
     pub energy_j: f64,
+    /// The same at the master's port alone, J.
+    pub master_energy_j: f64,
+    /// The same at the slave's port alone, J.
+    pub slave_energy_j: f64,
 }
 
 /// The force that a person notices as different from `force`, N: 7 % of it (2.5 to 10 N, PANG), and below
@@ -43,7 +53,11 @@ impl Merit {
             let squares: f64 = samples.iter().map(|sample| of(sample).powi(2)).sum();
             (squares / samples.len().max(1) as f64).sqrt()
         };
-        let error = |sample: &Sample| sample.master_force - sample.tissue_force;
+        let felt = |sample: &Sample| match config.control.architecture {
+            Architecture::FourChannel => sample.operator_force,
+            _ => sample.master_force,
+        };
+        let error = |sample: &Sample| felt(sample) - sample.tissue_force;
         let in_steps =
             |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
         let loading: Vec<&Sample> = samples
@@ -51,23 +65,25 @@ impl Merit {
             .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0)
             .collect();
         let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
-        let energy = samples.last().map_or(0.0, |sample| {
-            let [[a, b], [c, d]] = [sample.master_energies, sample.slave_energies];
-            a - b + c - d
+        let [master_energy_j, slave_energy_j] = samples.last().map_or([0.0; 2], |sample| {
+            [sample.master_energies, sample.slave_energies]
+                .map(|[received, given]| received - given)
         });
         Self {
             force_error_rms_n: rms(&error),
             force_error_peak_n: samples.iter().map(|s| error(s).abs()).fold(0.0, f64::max),
             force_error_rms_jnd: rms(&in_steps),
-            displayed_stiffness_n_m: slope(&loading, depth, |sample| sample.master_force),
+            displayed_stiffness_n_m: slope(&loading, depth, felt),
             true_stiffness_n_m: slope(&loading, depth, |sample| sample.tissue_force),
             position_error_rms_m: rms(&|sample| sample.master_position - sample.slave_position),
-            energy_j: energy,
+            energy_j: master_energy_j + slave_energy_j,
+            master_energy_j,
+            slave_energy_j,
         }
     }
 
     /// The figures as people read them: name, value, `None` without contact, and unit.
-    pub fn rows(&self) -> [(&'static str, Option<f64>, &'static str); 6] {
+    pub fn rows(&self) -> [(&'static str, Option<f64>, &'static str); 8] {
         [
             ("stiffness displayed", self.displayed_stiffness_n_m, "N/m"),
             ("stiffness of the tissue", self.true_stiffness_n_m, "N/m"),
@@ -75,6 +91,8 @@ impl Merit {
             ("error of the force felt, peak", Some(self.force_error_peak_n), "N"),
             ("in just noticeable differences, rms", Some(self.force_error_rms_jnd), "1"),
             ("error of position, rms", Some(1e3 * self.position_error_rms_m), "mm"),
+            ("energy from the master", Some(1e3 * self.master_energy_j), "mJ"),
+            ("energy to the slave", Some(-1e3 * self.slave_energy_j), "mJ"),
         ]
     }
 }

@@ -21,6 +21,8 @@ pub mod advise;
 mod channel;
 pub mod config;
 mod control;
+mod credit;
+mod estimate;
 pub mod hybrid;
 pub mod merit;
 mod model;
@@ -30,5 +32,5 @@ mod simulation;
 pub mod stability;
 
 pub use config::{Config, ConfigError};
-pub use model::{plants, write_course};
+pub use model::{draws, plants, scaled, write_course, write_response};
 pub use simulation::{Diverged, Loop, Sample};

@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
-use trocar_model::{ParamError, Trocar, Tunable};
+use trocar_model::{Element, ParamError, Seal, Stages, Trocar, Tunable};
 
+use super::hybrid::Response;
 use super::simulation::Sample;
+use crate::bench::noise::{Noise, Source};
 use crate::error::OutputError;
 use crate::model_file::ModelFile;
 use crate::table::{Field, TableCell, TableWriter};
@@ -36,6 +38,123 @@ pub fn plants(file: &ModelFile) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
     Ok(plants)
 }
 
+/// Draws of the trocars that a model file stands for: each parameter with a 95 % interval is drawn from a normal
+/// distribution that has this interval, each side by itself; a draw that makes no model is drawn again. Parameters are drawn
+/// independently, since a model file holds no covariance: that exaggerates the scatter of what depends on several of
+/// them.
+///
+/// # Errors
+/// [`ParamError`] where a thousand draws in a row make no model.
+pub fn draws(
+    file: &ModelFile,
+    count: usize,
+    seed: u64,
+) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let mut noise = Noise::new(seed, Source::Draws);
+    let seal = file.trocar.seal();
+    let mut drawn = |Tunable { id, value }: Tunable| {
+        let [low, high] = file.intervals.get(&id.to_string()).map_or([None; 2], |i| i.ci95);
+        let deviate = noise.normal();
+        let end = if deviate < 0.0 { low } else { high };
+        end.map_or(value, |end| value + deviate.abs() * (end - value) / NORMAL_95)
+    };
+    let mut one = || {
+        let mut tried = seal.tuned(&seal.tunables().map(&mut drawn).collect::<Vec<_>>());
+        for _ in 1..MOST_DRAWS {
+            if tried.is_ok() {
+                break;
+            }
+            tried = seal.tuned(&seal.tunables().map(&mut drawn).collect::<Vec<_>>());
+        }
+        tried.map(|seal| file.trocar.with_seal(seal))
+    };
+    (0..count).map(|_| one()).collect()
+}
+
+/// Draws in a row that may make no model.
+const MOST_DRAWS: u32 = 1000;
+/// 95 % quantile of a normal distribution, two-sided.
+const NORMAL_95: f64 = 1.96;
+
+/// The trocar with the friction scale λ = `scale`, above 0: its seal has the force λ·F(x/λ), as that of a seal once it is wetted
+/// (`docs/compensation.md`); viscous damping and the offset of its profile stay.
+///
+/// # Errors
+/// Parameters that make no model at this scale.
+pub fn scaled<K: AsRef<[f64]> + Clone>(
+    trocar: &Trocar<K>,
+    scale: f64,
+) -> Result<Trocar<K>, ParamError> {
+    let seal = trocar.seal();
+    // Forces and lengths are proportional to λ.
+    let value = |Tunable { id, value }: Tunable| match id.unit().si {
+        "N" | "m" | "m/s" | "N/s" => value * scale,
+        _ => value,
+    };
+    let values: Vec<f64> = seal.tunables().map(value).collect();
+    let seal = match seal.tuned(&values)? {
+        Seal::Ems(stages) => with_damping_at(&stages, scale)?,
+        other => other,
+    };
+    Ok(trocar.with_seal(seal))
+}
+
+/// Seal damping that depends on the speed: of its polynomial only the first coefficient is tunable.
+fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
+    let of = |element: &Element| {
+        let mut params = *element.params();
+        let [s0, s1, s2] = params.damping.coefficients;
+        params.damping.coefficients = [s0, s1 / scale, s2 / (scale * scale)];
+        Element::new(params)
+    };
+    let elements =
+        stages.elements().iter().map(of).collect::<Result<Vec<Element>, ParamError>>()?;
+    Ok(Seal::Ems(Stages::new(&elements).unwrap_or(*stages)))
+}
+
+/// A column of a response: its name with the unit, and its values.
+type ResponseColumn = (&'static str, fn(&Response) -> f64);
+
+const RESPONSE_COLUMNS: [ResponseColumn; 14] = [
+    ("frequency_hz", |r| r.frequency_hz),
+    ("h11_real_n_s_m", |r| r.hybrid.h11.re),
+    ("h11_imaginary_n_s_m", |r| r.hybrid.h11.im),
+    ("h12_real", |r| r.hybrid.h12.re),
+    ("h12_imaginary", |r| r.hybrid.h12.im),
+    ("h21_real", |r| r.hybrid.h21.re),
+    ("h21_imaginary", |r| r.hybrid.h21.im),
+    ("h22_real_m_n_s", |r| r.hybrid.h22.re),
+    ("h22_imaginary_m_n_s", |r| r.hybrid.h22.im),
+    ("llewellyn_margin", |r| r.llewellyn),
+    ("tissue_real_n_s_m", |r| r.tissue.re),
+    ("tissue_imaginary_n_s_m", |r| r.tissue.im),
+    ("transmitted_real_n_s_m", |r| r.transmitted.re),
+    ("transmitted_imaginary_n_s_m", |r| r.transmitted.im),
+];
+
+/// Writes `rows` as a table; the format follows from the file extension.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_response(rows: &[Response], path: impl AsRef<Path>) -> Result<(), OutputError> {
+    write(rows, &RESPONSE_COLUMNS, path)
+}
+
+fn write<R>(
+    rows: &[R],
+    columns: &[(&'static str, fn(&R) -> f64)],
+    path: impl AsRef<Path>,
+) -> Result<(), OutputError> {
+    let fields: Vec<Field> = columns.iter().map(|(name, _)| Field::number(*name)).collect();
+    let mut table = TableWriter::create(path, &fields)?;
+    for row in rows {
+        let cells: Vec<TableCell> =
+            columns.iter().map(|(_, of)| TableCell::Number(of(row))).collect();
+        table.row(&cells)?;
+    }
+    table.commit()
+}
+
 /// A column of a course: its name with the unit, and its values.
 type CourseColumn = (&'static str, fn(&Sample) -> f64);
 
@@ -61,11 +180,5 @@ const COLUMNS: [CourseColumn; 11] = [
 /// # Errors
 /// A file that cannot be written.
 pub fn write_course(samples: &[Sample], path: impl AsRef<Path>) -> Result<(), OutputError> {
-    let fields: Vec<Field> = COLUMNS.iter().map(|(name, _)| Field::number(*name)).collect();
-    let mut table = TableWriter::create(path, &fields)?;
-    for sample in samples {
-        let cells = COLUMNS.map(|(_, of)| TableCell::Number(of(sample)));
-        table.row(&cells)?;
-    }
-    table.commit()
+    write(samples, &COLUMNS, path)
 }

@@ -4,12 +4,13 @@
 /// more than the other one is known to have received.
 ///
 /// ```text
-/// ΔE = f(n−1)·(x(n) − x(n−1))                 J, into the network; f is held between samples: exact
+/// ΔE = f(n−1)·(x(n) − x(n−1)) + credit        J, into the network; f is held between samples: exact
 /// received += ΔE where it is above 0, given −= ΔE where it is below
 /// given(n) <= received by the other port, as it arrives over the channel
 /// f_d = α·v,  α = excess/(T_s·v²)
 /// ```
-/// While there is an excess the motor only brakes, by at most m·v/(2·T_s): more could turn the motion round
+/// The credit is energy that the device has surely dissipated in the meantime ([`super::credit`]): the port is then that of
+/// network and dissipation together. While there is an excess the motor only brakes, by at most m·v/(2·T_s): more could turn the motion round
 /// within the sample, and so give energy.
 #[derive(Debug, Clone)]
 pub(crate) struct Port {
@@ -18,8 +19,18 @@ pub(crate) struct Port {
     duration: f64,
     received: f64,
     given: f64,
-    /// Position, m, and force, N, of the last sample, with the damper's share.
-    last: Option<(f64, f64)>,
+    last: Option<Held>,
+}
+
+/// The port at the last sample.
+#[derive(Debug, Clone, Copy)]
+struct Held {
+    /// m
+    position: f64,
+    /// With the damper's share, N.
+    force: f64,
+    /// The damper's share, N.
+    damper: f64,
 }
 
 impl Port {
@@ -27,10 +38,11 @@ impl Port {
         Self { mass, duration, received: 0.0, given: 0.0, last: None }
     }
 
-    /// Notes the motion since the last sample to `position`, m; returns the energy received so far, J.
-    pub(crate) fn observe(&mut self, position: f64) -> f64 {
-        if let Some((before, force)) = self.last {
-            let energy = force * (position - before);
+    /// Notes the motion since the last sample to `position`, m, and what the device has surely dissipated meanwhile,
+    /// `credit`, J; returns the energy received so far, J.
+    pub(crate) fn observe(&mut self, position: f64, credit: f64) -> f64 {
+        if let Some(held) = self.last {
+            let energy = held.force * (position - held.position) + credit;
             self.received += energy.max(0.0);
             self.given -= energy.min(0.0);
         }
@@ -49,8 +61,13 @@ impl Port {
             let along = (force + damping.min(most) * velocity) * velocity.signum();
             sent = along.clamp(0.0, most * velocity.abs()) * velocity.signum();
         }
-        self.last = Some((position, sent));
+        self.last = Some(Held { position, force: sent, damper: sent - force });
         sent
+    }
+
+    /// The damper's share of the force of this sample, N.
+    pub(crate) fn added(&self) -> f64 {
+        self.last.map_or(0.0, |held| held.damper)
     }
 
     /// Energy received and given so far, J.

@@ -80,6 +80,8 @@ pub(crate) struct Master {
     operator: Operator,
     device: Device,
     pub(crate) motion: Motion,
+    /// Of the operator on the master, J.
+    pub(crate) work: f64,
 }
 
 impl Master {
@@ -92,14 +94,18 @@ impl Master {
             operator.stiffness_n_m,
             duration,
         );
-        Self { mass, operator, device, motion: Motion { position, velocity: 0.0 } }
+        let motion = Motion { position, velocity: 0.0 };
+        Self { mass, operator, device, motion, work: 0.0 }
     }
 
     /// One substep under the motor force `motor` (N, against the operator); `hand` is the intended motion at its
     /// start and end.
     pub(crate) fn step(&mut self, motor: f64, hand: [Motion; 2]) {
         let forces = hand.map(|hand| self.pull(hand) - motor);
+        let (before, from) = (self.operator_force(hand[0], motor), self.motion.position);
         self.motion = self.mass.moved(self.motion, forces);
+        let mean = 0.5 * (before + self.operator_force(hand[1], motor));
+        self.work += mean * (self.motion.position - from);
     }
 
     fn pull(&self, hand: Motion) -> f64 {
@@ -135,6 +141,10 @@ pub(crate) struct Slave<K> {
     pub(crate) tissue_force: f64,
     /// Acceleration, m/s².
     pub(crate) acceleration: f64,
+    /// Of the instrument on the trocar, J.
+    pub(crate) trocar_work: f64,
+    /// Of the instrument on the tissue, J.
+    pub(crate) tissue_work: f64,
 }
 
 /// What the slave meets at the end of a substep.
@@ -165,6 +175,8 @@ impl<K: AsRef<[f64]>> Slave<K> {
             seal,
             motion: Motion { position, velocity: 0.0 },
             acceleration: 0.0,
+            trocar_work: 0.0,
+            tissue_work: 0.0,
         }
     }
 
@@ -178,7 +190,13 @@ impl<K: AsRef<[f64]>> Slave<K> {
             let change = met.force() - force;
             force = met.force();
             if change.abs() <= CONVERGED_N {
-                return self.arrive(motion, met, motor);
+                let way = motion.position - self.motion.position;
+                // ∫F·v dt of a force and a velocity that are linear in time.
+                let beside = (motion.velocity - self.motion.velocity) * self.duration / 12.0;
+                let work = |before: f64, after: f64| {
+                    0.5 * way * (before + after) + beside * (after - before)
+                };
+                return self.arrive(motion, met, motor, work);
             }
         }
         self.step_stiffly(motor, time);
@@ -192,8 +210,11 @@ impl<K: AsRef<[f64]>> Slave<K> {
         Met { seal, trocar_force, tissue_force }
     }
 
-    fn arrive(&mut self, motion: Motion, met: Met, motor: f64) {
+    /// `work` is that of a force with its values before and after the substep, by the rule by which it was taken.
+    fn arrive(&mut self, motion: Motion, met: Met, motor: f64, work: impl Fn(f64, f64) -> f64) {
         let Met { seal, trocar_force, tissue_force } = met;
+        self.trocar_work += work(self.trocar_force, trocar_force);
+        self.tissue_work += work(self.tissue_force, tissue_force);
         (self.seal, self.trocar_force, self.tissue_force) = (seal, trocar_force, tissue_force);
         self.motion = motion;
         self.acceleration =
@@ -235,7 +256,9 @@ impl<K: AsRef<[f64]>> Slave<K> {
         let mut met = self.met(motion(velocity), time);
         // Friction that jumps gives the force that the balance asks for.
         met.trocar_force = needed(velocity) - met.tissue_force;
-        self.arrive(motion(velocity), met, motor);
+        let motion = motion(velocity);
+        let way = motion.position - from.position;
+        self.arrive(motion, met, motor, |_, after| way * after);
     }
 }
 

@@ -1,13 +1,15 @@
 //! The loop in time.
 
-use trocar_model::{Trocar, TrocarState};
+use trocar_model::Trocar;
 
 use super::channel::{Channel, Packet};
-use super::config::{Config, ConfigError, Place};
+use super::config::{Config, ConfigError, PassivityCredit};
 use super::control::{Controllers, Encoder, Reading};
+use super::credit::Credit;
+use super::estimate::Estimator;
 use super::passivity::Port;
 use super::plant::{Master, Motion, Slave};
-use crate::bench::noise::{Noise, Source};
+use crate::bench::noise::Source;
 
 /// Beyond these a loop counts as unstable, m and m/s: far outside any device.
 const FARTHEST_M: f64 = 10.0;
@@ -42,8 +44,17 @@ pub struct Sample {
     pub estimate: f64,
     /// Energy that the network has received from and given to the master, J.
     pub master_energies: [f64; 2],
-    /// Energy that it has received from and given to the slave, J.
+    /// Energy that it has received from and given to the slave, J; with a credit, slave and what its trocar has surely
+    /// dissipated.
     pub slave_energies: [f64; 2],
+    /// What the passivity control adds to the forces of the motors at master and slave, N, against the motion.
+    pub passivity_forces: [f64; 2],
+    /// Work of the operator on the master, J.
+    pub operator_work: f64,
+    /// Work of the instrument on the trocar, J.
+    pub trocar_work: f64,
+    /// Work of the instrument on the tissue, J.
+    pub tissue_work: f64,
 }
 
 /// A loop that runs.
@@ -59,11 +70,10 @@ pub struct Loop<K> {
     controllers: Controllers,
     to_slave: Channel,
     to_master: Channel,
-    noise: Noise,
-    /// Model in the compensator, driven by the slave's encoder.
-    compensator: Trocar<K>,
-    compensator_state: TrocarState,
+    estimator: Estimator<K>,
     ports: [Port; 2],
+    /// Where the passivity control has one.
+    credit: Option<Credit<K>>,
     /// F_mc and F_sc as held since the last sample, N.
     held: [f64; 2],
     /// What the master has from the slave.
@@ -79,7 +89,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
     /// need not be the same.
     ///
     /// # Errors
-    /// A value of `config` out of its range.
+    /// A value of `config` out of its range, or a model that cannot be made with it.
     pub fn new(
         config: &Config,
         trocar: Trocar<K>,
@@ -96,9 +106,8 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             controllers: Controllers::new(config, position),
             to_slave: Channel::new(config, Source::ToSlave, position)?,
             to_master: Channel::new(config, Source::ToMaster, position)?,
-            noise: Noise::new(config.seed, Source::RemoteSensor),
-            compensator_state: compensator.rest(position),
-            compensator,
+            estimator: Estimator::new(config, &compensator, position)?,
+            credit: credit(config, &compensator, position)?,
             ports: [config.master, config.slave]
                 .map(|device| Port::new(device.mass_kg, config.sample_time_s)),
             held: [0.0; 2],
@@ -132,14 +141,16 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         let duration = self.config.sample_time_s;
         let time = self.count as f64 * duration;
         let [own_master, own_slave] = self.read();
-        let estimate = self.estimate(&own_slave);
+        let estimate = self.estimator.estimate(&self.slave, &own_slave);
         let operator_force = self.master.operator_force(hand(time), self.held[0]);
         let mut sent =
             self.controllers.sent_by_master(&own_master, operator_force, self.arrived.force);
-        sent.energy = self.ports[0].observe(own_master.position);
+        sent.energy = self.ports[0].observe(own_master.position, 0.0);
         let at_slave = self.to_slave.send(sent);
         let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
-        back.energy = self.ports[1].observe(own_slave.position);
+        let dissipated = |credit: &mut Credit<K>| credit.advance(own_slave.position, duration);
+        let credit = self.credit.as_mut().map_or(0.0, dissipated);
+        back.energy = self.ports[1].observe(own_slave.position, credit);
         self.arrived = self.to_master.send(back);
         let master_force = self.controllers.master(self.arrived, &own_master);
         let forces = [
@@ -183,36 +194,12 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         ]
     }
 
-    /// The tissue's force: the reading less the fraction γ of the model's force.
-    fn estimate(&mut self, own: &Reading) -> f64 {
-        let sensor = self.config.sensor;
-        let true_force = match sensor.place {
-            Place::Tip => self.slave.tissue_force,
-            Place::Outside => {
-                self.slave.tissue_force
-                    + self.slave.trocar_force
-                    + sensor.moving_mass_kg * self.slave.acceleration
-            }
-        };
-        let noise = if sensor.noise_n > 0.0 { sensor.noise_n * self.noise.normal() } else { 0.0 };
-        let mut reading = true_force + sensor.offset_n + noise;
-        if sensor.resolution_n > 0.0 {
-            reading = (reading / sensor.resolution_n).round() * sensor.resolution_n;
-        }
-        let duration = self.config.sample_time_s;
-        let state = &mut self.compensator_state;
-        let model = self.compensator.step_to(state, own.position, duration);
-        let fraction = match sensor.place {
-            Place::Tip => 0.0,
-            Place::Outside => self.config.compensation.fraction,
-        };
-        reading - fraction * model
-    }
-
     /// Force of a port against its motion, with the damper of the passivity control.
     fn guard(&mut self, port: usize, own: &Reading, force: f64, budget: f64) -> f64 {
         // Without the control the observer's budget has no end.
-        let budget = if self.config.control.passivity { budget } else { f64::INFINITY };
+        let control = self.config.control;
+        let reserve = 0.5 * control.passivity_reserve_j;
+        let budget = if control.passivity { budget + reserve } else { f64::INFINITY };
         self.ports[port].guard(own.position, own.velocity, force, budget)
     }
 
@@ -240,6 +227,10 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             estimate,
             master_energies: self.ports[0].energies(),
             slave_energies: self.ports[1].energies(),
+            passivity_forces: [self.ports[0].added(), self.ports[1].added()],
+            operator_work: self.master.work,
+            trocar_work: self.slave.trocar_work,
+            tissue_work: self.slave.tissue_work,
         }
     }
 
@@ -251,6 +242,22 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             self.slave.step(slave, to);
         }
     }
+}
+
+/// The credit of the passivity control, of the model in the compensator.
+fn credit<K: AsRef<[f64]> + Clone>(
+    config: &Config,
+    compensator: &Trocar<K>,
+    position: f64,
+) -> Result<Option<Credit<K>>, ConfigError> {
+    let control = config.control;
+    if !control.passivity || control.passivity_credit == PassivityCredit::None {
+        return Ok(None);
+    }
+    let (name, scale) = ("control.credit_friction_scale", control.credit_friction_scale);
+    let model = config.compensation.model(compensator)?;
+    let credit = Credit::new(&model, scale, position);
+    credit.map(Some).map_err(|why| ConfigError::Model { name, scale, why })
 }
 
 /// The loop is unstable: a device left its range.

@@ -1,5 +1,6 @@
 //! Where a loop is stable: by running it.
 
+use serde::Serialize;
 use trocar_model::Trocar;
 
 use super::config::{Config, ConfigError};
@@ -18,6 +19,13 @@ pub struct Trial {
     pub at_rest_m_s: f64,
 }
 
+/// Velocity below which nothing counts as growing, m/s: above what rounding and the iterations of the plant leave.
+const STILL_M_S: f64 = 1e-10;
+/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast.
+const STRUCK_M_S: f64 = 1e-3;
+/// Most times that half of the watch is repeated while the velocity grows.
+const LONGEST_WATCH: u32 = 60;
+
 impl Default for Trial {
     /// A push by 10 mm, 1 s to settle, watched for 1 s, at rest below 1 mm/s.
     fn default() -> Self {
@@ -27,8 +35,10 @@ impl Default for Trial {
 
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
-    /// [`Trial::push_m`] within 0.1 s: the rms velocity of both devices over the second half of
-    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half.
+    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 1 mm/s: the rms velocity of both devices over the second half of
+    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half. Where it
+    /// grows from the first half to the second, the watch goes on until it no longer does, for up to sixty halves: a slow
+    /// growth from far below is unstable, too.
     /// Both times are longer where the channel's delay asks for it. The sensor's noise and breathing,
     /// which keep a stable loop in motion, are left out.
     ///
@@ -43,7 +53,8 @@ impl Trial {
     ) -> Result<bool, ConfigError> {
         let mut quiet = config.clone();
         (quiet.tissue.breathing_m, quiet.sensor.noise_n) = (0.0, 0.0);
-        let mut tried = Loop::new(&quiet, trocar.clone(), compensator.clone(), position)?;
+        let tried = Loop::new(&quiet, trocar.clone(), compensator.clone(), position)?;
+        let mut tried = tried.with_slave_velocity(STRUCK_M_S);
         let hand = |time: f64| {
             let part = (time / 0.1).min(1.0);
             // Minimum jerk.
@@ -66,29 +77,117 @@ impl Trial {
         };
         let half = samples(0.5 * self.watch_s, 2.0);
         let windows = [samples(self.settle_s, 5.0), half, half].map(&mut rms);
-        Ok(match windows {
-            [Some(_), Some(first), Some(second)] => {
-                second < self.at_rest_m_s || second < 0.5 * first
+        let [Some(_), Some(mut first), Some(mut second)] = windows else { return Ok(false) };
+        let grows = |first: f64, second: f64| second > first && second > STILL_M_S;
+        for _ in 0..LONGEST_WATCH {
+            if !grows(first, second) || second >= self.at_rest_m_s {
+                break;
             }
-            _ => false,
-        })
+            let Some(next) = rms(half) else { return Ok(false) };
+            (first, second) = (second, next);
+        }
+        let rests = second < self.at_rest_m_s && !grows(first, second);
+        Ok(rests || second < 0.5 * first)
     }
 }
 
 /// The value between `low`, where `holds` is true, and `high`, where it is not, at which that changes, to within
 /// `accuracy`. `None` where it does not change: the whole interval holds, or not even `low`.
-pub fn boundary(
+///
+/// # Errors
+/// Those of `holds`.
+pub fn boundary<E>(
     [low, high]: [f64; 2],
     accuracy: f64,
-    mut holds: impl FnMut(f64) -> bool,
-) -> Option<f64> {
-    if !holds(low) || holds(high) {
-        return None;
+    mut holds: impl FnMut(f64) -> Result<bool, E>,
+) -> Result<Option<f64>, E> {
+    if !holds(low)? || holds(high)? {
+        return Ok(None);
     }
-    let (mut low, mut high) = (low, high);
+    bisect([low, high], accuracy, holds).map(Some)
+}
+
+/// The same where `low` is known to hold, and `high` not to.
+fn bisect<E>(
+    [mut low, mut high]: [f64; 2],
+    accuracy: f64,
+    mut holds: impl FnMut(f64) -> Result<bool, E>,
+) -> Result<f64, E> {
     while high - low > accuracy {
         let middle = 0.5 * (low + high);
-        if holds(middle) { low = middle } else { high = middle }
+        if holds(middle)? { low = middle } else { high = middle }
     }
-    Some(0.5 * (low + high))
+    Ok(0.5 * (low + high))
+}
+
+/// Softest and stiffest tissue that are tried, N/m; beside them, none at all.
+const RANGE_N_M: [f64; 2] = [1.0, 20_000.0];
+/// Stiffnesses in between, evenly in their logarithm.
+const TRIED: u32 = 12;
+/// Accuracy of a stiffness, relative.
+const ACCURACY: f64 = 0.02;
+
+/// Stiffnesses of the tissue with which a loop is stable.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ZWidth {
+    /// Least, N/m; 0 where it is stable without any.
+    pub least_n_m: f64,
+    /// Greatest, N/m; 20 000 where it is stable up to there, the stiffest that is tried.
+    pub greatest_n_m: f64,
+}
+
+impl ZWidth {
+    /// The stiffnesses with which the loop of `config` settles ([`Trial`]) at the surface of its tissue, with `model` in the
+    /// compensator and `plant` as the trocar: 0, 1 and 20 000 N/m and twelve in between are tried upwards, and both ends of
+    /// the first run that settles are bisected to within 2 %. `None` where none settles.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range.
+    pub fn of<K: AsRef<[f64]> + Clone>(
+        config: &Config,
+        [model, plant]: [&Trocar<K>; 2],
+    ) -> Result<Option<Self>, ConfigError> {
+        let mut config = config.clone();
+        let settles = |stiffness: f64| {
+            config.tissue.stiffness_n_m = stiffness;
+            Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)
+        };
+        first_run(settles)
+            .map(|run| run.map(|[least_n_m, greatest_n_m]| Self { least_n_m, greatest_n_m }))
+    }
+}
+
+/// Ends of the first run of stiffnesses that settle.
+fn first_run<E>(mut settles: impl FnMut(f64) -> Result<bool, E>) -> Result<Option<[f64; 2]>, E> {
+    let [softest, stiffest] = RANGE_N_M.map(f64::ln);
+    let log = |k: u32| softest + (stiffest - softest) * f64::from(k) / f64::from(TRIED);
+    let (mut least, mut below) = (None, None);
+    if settles(0.0)? {
+        least = Some(0.0);
+    }
+    for k in 0..=TRIED {
+        let (here, holds) = (log(k), settles(log(k).exp())?);
+        match (least, holds) {
+            (None, true) => {
+                least = Some(match below {
+                    None => RANGE_N_M[0],
+                    // From what does not settle to what does.
+                    Some(below) => {
+                        bisect([below, here], ACCURACY, |log| settles(log.exp()).map(|is| !is))?
+                            .exp()
+                    }
+                });
+            }
+            (Some(least), false) => {
+                let greatest = match below {
+                    None => RANGE_N_M[0],
+                    Some(below) => bisect([below, here], ACCURACY, |log| settles(log.exp()))?.exp(),
+                };
+                return Ok(Some([least, greatest]));
+            }
+            _ => {}
+        }
+        below = Some(here);
+    }
+    Ok(least.map(|least| [least, RANGE_N_M[1]]))
 }
