@@ -122,6 +122,20 @@ def test_a_sweep_is_interrupted(tmp_path: Path) -> None:
         assert not list(tmp_path.iterdir()), "neither a table nor a half of one"
 
 
+def test_teleoperation_is_interrupted(found: trocar.Identification) -> None:
+    works: list[Callable[[], object]] = [
+        lambda: trocar.teleop(found.model, advise=True, draws=1000),
+        lambda: trocar.teleop(found.model, map=True, delays_s=1e-3 * np.arange(100), fractions=1e-2 * np.arange(100)),
+        # One run of the loop, the longest there is.
+        lambda: trocar.teleop(found.model, substeps=10, motion={"duration_s": 1000.0}),
+    ]
+    for work in works:
+        assert interrupted(work, 0.3) < ARRIVES
+        before = time.process_time()
+        time.sleep(2 * ENDS)
+        assert time.process_time() - before < ENDS
+
+
 @pytest.mark.parametrize(
     "document",
     [

@@ -50,6 +50,7 @@ def instances(
     stepper.step(1e-3, 0.01)
     assert found.validation is not None and found.covariance is not None
     parameter = found.params["half_width_m"]
+    loop = trocar.teleop(found.model, advise=True, map=True, delays_s=[0.0], fractions=[0.0, 1.0], hybrid=True)
     made = [
         recording,
         found,
@@ -72,6 +73,11 @@ def instances(
         compensation,
         compensation.drift,
         trocar.sweep(SWEEP),
+        loop,
+        loop.figures,
+        loop.advice,
+        loop.map,
+        loop.hybrid,
         fleet.Config(columns={"position_mm": "pos"}),
         fleet.Outcome(Path("table.csv"), 2, 1, 0, (("b.csv", "empty"),), 0, ()),
     ]

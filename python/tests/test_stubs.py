@@ -113,6 +113,10 @@ def test_mypy_is_content(tmp_path: Path) -> None:
         "    report: str = found.fit_report(0.5) + str(found.covariance and found.covariance.names[0])\n"
         "    rest: float = found.predict(other).sum() + found.residuals[0].sum() + found.predict([0.0], [0.0]).sum()\n"
         "    trocar.identify(recording, progress=False).plot()\n"
+        "    loop = trocar.teleop(model, 'dvrk', advise=True, map=True, delays_s=[0.0], tissue={'stiffness_n_m': 400.0})\n"
+        "    share: float | None = loop.advice.fraction if loop.advice else None\n"
+        "    displayed = loop.figures.displayed_stiffness_n_m if loop.figures else share\n"
+        "    felt: float = loop.felt_force_n.max() + loop['time_s'].sum() + (displayed or 0.0)\n"
         "    return stepper.step(1e-3, 1e-3) + float(force.sum()) + comparison.best.fit_percent + estimate.drift.level\n"
     )
     config = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(tmp_path / "cache")]

@@ -38,6 +38,7 @@ from ._core import (
     RecordingError,
     Stepper,
     SweepError,
+    TeleopError,
     TissueForce,
     TrocarError,
     Tunable,
@@ -52,6 +53,7 @@ from ._arrays import column as _column, count as _count
 from ._many import simulate_many, squared_error_many
 from ._progress import Progress as _Progress, watched as _watched
 from ._sweep import sweep
+from ._teleop import Advice, HybridMatrix, Merit, StabilityMap, Teleoperation, teleop, teleop_config
 from .results import (
     ComparedModel,
     Comparison,
@@ -74,6 +76,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 __all__ = [
+    "Advice",
     "ArrayError",
     "BenchError",
     "CompareError",
@@ -85,9 +88,11 @@ __all__ = [
     "Drift",
     "Figure",
     "Forces",
+    "HybridMatrix",
     "Identification",
     "IdentifyError",
     "InternalError",
+    "Merit",
     "Model",
     "ModelFileError",
     "MotionError",
@@ -100,9 +105,12 @@ __all__ = [
     "RecordingValidation",
     "ResultWarning",
     "Simulation",
+    "StabilityMap",
     "Stepper",
     "SweepError",
     "SweepTable",
+    "TeleopError",
+    "Teleoperation",
     "TissueForce",
     "TrocarError",
     "Tunable",
@@ -121,6 +129,8 @@ __all__ = [
     "squared_error_many",
     "sweep",
     "sweep_config",
+    "teleop",
+    "teleop_config",
     "validate",
 ]
 

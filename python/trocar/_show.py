@@ -12,6 +12,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from ._core import Model, Recording
+    from ._teleop import Advice, Merit, StabilityMap, Teleoperation
     from .results import Comparison, Compensation, Figure, Identification, Parameter, SweepTable, Validation
 
 #: Figures of an identification that are shown by default, if they exist.
@@ -203,3 +204,66 @@ def sweep(found: SweepTable) -> str:
     head = ("column", "least", "5 %", "median", "95 %", "greatest", "runs")
     failure = [] if found.first_failure is None else [f"{found.failed} runs, the first: {found.first_failure}"]
     return f"<div>{_table(head, rows, f'<b>Sweep</b> of {found.rows} runs')}{_list('<b>Failed:</b>', failure)}</div>"
+
+
+def _merits(cases: Sequence[tuple[str, Merit]]) -> str:
+    """Figures of merit side by side, each under its heading."""
+
+    def row(name: str, unit: str, values: Iterable[float | None]) -> tuple[str, ...]:
+        cells = ("no contact" if value is None else _number(value) for value in values)
+        return (name, *cells, unit)
+
+    merits = [merit for _, merit in cases]
+    rows = [
+        row("stiffness displayed", "N/m", (m.displayed_stiffness_n_m for m in merits)),
+        row("stiffness of the tissue", "N/m", (m.true_stiffness_n_m for m in merits)),
+        row("error of the force felt, rms", "N", (m.force_error_rms_n for m in merits)),
+        row("error of the force felt, peak", "N", (m.force_error_peak_n for m in merits)),
+        row("in just noticeable differences, rms", "1", (m.force_error_rms_jnd for m in merits)),
+        row("error of position, rms", "mm", (1e3 * m.position_error_rms_m for m in merits)),
+        row("energy from the master", "mJ", (1e3 * m.master_energy_j for m in merits)),
+        row("energy to the slave", "mJ", (-1e3 * m.slave_energy_j for m in merits)),
+    ]
+    return _table(("figure", *(heading for heading, _ in cases), "unit"), rows)
+
+
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.4g} %"
+
+
+def advice(found: Advice) -> str:
+    if found.fraction is None:
+        return "<p>No fraction from 0 to 150 % makes the loop stable.</p>"
+    ranges = ", ".join(f"{_percent(low)} to {_percent(high)}" for low, high in found.stable)
+    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable with {found.plants} trocars: {ranges}"
+    cases = [("without", found.figures_without), (_percent(found.fraction), found.figures_with)]
+    table = _merits([(heading, merit) for heading, merit in cases if merit is not None])
+    unstable = "" if found.figures_without is not None else "<p>Without compensation the loop is unstable.</p>"
+    return f'<p style="margin:0.5em 0 0">{text}</p>{table}{unstable}'
+
+
+def stability_map(found: StabilityMap) -> str:
+    head = ("delay", *(_percent(fraction) for fraction in found.fractions))
+    rows = [
+        (f"{1e3 * delay:.4g} ms", *("–" if stiffness == 0 else f"{stiffness:.0f}" for stiffness in row))
+        for delay, row in zip(found.delays_s, found.stiffness_n_m)
+    ]
+    caption = "<b>Greatest stiffness of the tissue, N/m,</b> with which the loop is stable, over delay and fraction taken out; –: none"
+    return _table(head, rows, caption)
+
+
+def teleoperation(found: Teleoperation) -> str:
+    control, fraction = found.config["control"], found.config["compensation"]["fraction"]
+    delay = f"{1e3 * found.config['channel']['delay_s']:.4g} ms of delay each way"
+    caption = f"<b>Teleoperation</b>, <code>{escape(control['architecture'])}</code>, {delay}"
+    table = "" if found.figures is None else _merits([(f"{_percent(fraction)} taken out", found.figures)])
+    width = "Stable with no tissue from 0 to 20,000 N/m"
+    if found.z_width_n_m is not None:
+        width = "Stable with tissue of {:,.0f} to {:,.0f} N/m".format(*found.z_width_n_m)
+    parts = [
+        f'<p style="margin:0">{caption}</p>{table}<p style="margin:0">{width}.</p>',
+        _list("<b>Doubtful:</b>", found.warnings),
+        "" if found.advice is None else advice(found.advice),
+        "" if found.map is None else _fold("Stability map", stability_map(found.map)),
+    ]
+    return f"<div>{''.join(parts)}</div>"

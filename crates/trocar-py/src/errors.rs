@@ -46,6 +46,7 @@ create_exception!(
 );
 create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
 create_exception!(trocar, SweepError, TrocarError, "A sweep that cannot be made.");
+create_exception!(trocar, TeleopError, TrocarError, "A teleoperation loop that cannot run.");
 create_exception!(
     trocar,
     InternalError,
@@ -161,6 +162,12 @@ impl Raise for trocar::sweep::SweepError {
     }
 }
 
+impl Raise for trocar::teleop::ConfigError {
+    fn raise(self) -> PyErr {
+        TeleopError::new_err(in_python(&self.to_string()))
+    }
+}
+
 impl Raise for trocar_model::ParamError {
     fn raise(self) -> PyErr {
         ParameterError::new_err(self.to_string())
@@ -203,13 +210,15 @@ pub(crate) fn os_error(source: &io::Error, text: String) -> PyErr {
 pub(crate) fn in_python(text: &str) -> String {
     let text = text
         .replace("`trocar sweep --print-config` prints", "trocar.sweep_config() gives")
-        .replace("`trocar bench --print-config` prints", "trocar.bench_config() gives");
+        .replace("`trocar bench --print-config` prints", "trocar.bench_config() gives")
+        .replace("`trocar teleop --print-config` prints", "trocar.teleop_config() gives");
     let mut words = text.split(' ').peekable();
     let mut out: Vec<String> = Vec::new();
     while let Some(word) = words.next() {
         match word {
             "--flip-force" => out.push("flip_force=True".to_owned()),
             "--validate," => out.push("validate=...,".to_owned()),
+            "--validate" => out.push("validate=...".to_owned()),
             "--force-error-n" => out.push("force_error_n".to_owned()),
             "--out" => out.push("another path".to_owned()),
             "--columns" => match words.next_if(|next| next.contains(',') || next.starts_with('\''))

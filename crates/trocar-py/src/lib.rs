@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Identified, Validated, Compared ─▶ Python results
-//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep
+//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep, teleop
 //! ```
 //! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception
 //! with the library's message; a panic becomes `InternalError` and never reaches the interpreter.
@@ -23,6 +23,7 @@ mod shared;
 mod simulate;
 mod stepper;
 mod sweep;
+mod teleop;
 mod validate;
 mod work;
 
@@ -40,7 +41,8 @@ mod _core {
     #[pymodule_export]
     use crate::errors::{
         ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError,
-        MotionError, NotConverged, ParameterError, RecordingError, SweepError, TrocarError,
+        MotionError, NotConverged, ParameterError, RecordingError, SweepError, TeleopError,
+        TrocarError,
     };
     #[pymodule_export]
     use crate::fleet::{
@@ -60,6 +62,8 @@ mod _core {
     use crate::stepper::Stepper;
     #[pymodule_export]
     use crate::sweep::{sweep, sweep_config};
+    #[pymodule_export]
+    use crate::teleop::{teleop, teleop_example, teleop_presets};
     #[pymodule_export]
     use crate::validate::{Validated, validate};
 

@@ -12,6 +12,7 @@ use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
 use super::config::{Architecture, Config, ConfigError, Place, TissueKind};
+use crate::cancel;
 
 /// Hybrid matrix, `[F_h; −v_s] = H·[v_m; F_e]`; ideal is `[[0, 1], [−1, 0]]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,6 +64,7 @@ pub fn response<K: AsRef<[f64]> + Clone>(
     positive("amplitude_m", amplitude_m)?;
     let model = config.compensation.model(model)?;
     let row = |&frequency_hz: &f64| {
+        cancel::check();
         positive("frequency_hz", frequency_hz)?;
         let impedance = |trocar: &Trocar<K>| {
             seal_impedance(trocar, config.tissue.surface_m, amplitude_m, frequency_hz)

@@ -32,5 +32,7 @@ mod simulation;
 pub mod stability;
 
 pub use config::{Config, ConfigError};
-pub use model::{draws, plants, scaled, write_course, write_response};
+pub use model::{
+    course_columns, draws, plants, response_columns, scaled, write_course, write_response,
+};
 pub use simulation::{Diverged, Loop, Sample};

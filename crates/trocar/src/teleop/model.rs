@@ -112,10 +112,10 @@ fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
     Ok(Seal::Ems(Stages::new(&elements).unwrap_or(*stages)))
 }
 
-/// A column of a response: its name with the unit, and its values.
-type ResponseColumn = (&'static str, fn(&Response) -> f64);
+/// A column of a table with a row for each `R`: its name with the unit, and its values.
+type Column<R> = (&'static str, fn(&R) -> f64);
 
-const RESPONSE_COLUMNS: [ResponseColumn; 14] = [
+const RESPONSE_COLUMNS: [Column<Response>; 14] = [
     ("frequency_hz", |r| r.frequency_hz),
     ("h11_real_n_s_m", |r| r.hybrid.h11.re),
     ("h11_imaginary_n_s_m", |r| r.hybrid.h11.im),
@@ -132,6 +132,11 @@ const RESPONSE_COLUMNS: [ResponseColumn; 14] = [
     ("transmitted_imaginary_n_s_m", |r| r.transmitted.im),
 ];
 
+/// The columns of `rows`: names with their units, and values.
+pub fn response_columns(rows: &[Response]) -> Vec<(&'static str, Vec<f64>)> {
+    columns_of(rows, &RESPONSE_COLUMNS)
+}
+
 /// Writes `rows` as a table; the format follows from the file extension.
 ///
 /// # Errors
@@ -140,11 +145,11 @@ pub fn write_response(rows: &[Response], path: impl AsRef<Path>) -> Result<(), O
     write(rows, &RESPONSE_COLUMNS, path)
 }
 
-fn write<R>(
-    rows: &[R],
-    columns: &[(&'static str, fn(&R) -> f64)],
-    path: impl AsRef<Path>,
-) -> Result<(), OutputError> {
+fn columns_of<R>(rows: &[R], columns: &[Column<R>]) -> Vec<(&'static str, Vec<f64>)> {
+    columns.iter().map(|(name, of)| (*name, rows.iter().map(of).collect())).collect()
+}
+
+fn write<R>(rows: &[R], columns: &[Column<R>], path: impl AsRef<Path>) -> Result<(), OutputError> {
     let fields: Vec<Field> = columns.iter().map(|(name, _)| Field::number(*name)).collect();
     let mut table = TableWriter::create(path, &fields)?;
     for row in rows {
@@ -155,10 +160,7 @@ fn write<R>(
     table.commit()
 }
 
-/// A column of a course: its name with the unit, and its values.
-type CourseColumn = (&'static str, fn(&Sample) -> f64);
-
-const COLUMNS: [CourseColumn; 11] = [
+const COLUMNS: [Column<Sample>; 11] = [
     ("time_s", |s| s.time),
     ("hand_position_m", |s| s.hand_position),
     ("master_position_m", |s| s.master_position),
@@ -174,6 +176,11 @@ const COLUMNS: [CourseColumn; 11] = [
         a - b + c - d
     }),
 ];
+
+/// The columns of `samples`: names with their units, and values.
+pub fn course_columns(samples: &[Sample]) -> Vec<(&'static str, Vec<f64>)> {
+    columns_of(samples, &COLUMNS)
+}
 
 /// Writes `samples` as a table, one row each; the format follows from the file extension.
 ///

@@ -10,10 +10,13 @@ use super::estimate::Estimator;
 use super::passivity::Port;
 use super::plant::{Master, Motion, Slave};
 use crate::bench::noise::Source;
+use crate::cancel;
 
 /// Beyond these a loop counts as unstable, m and m/s: far outside any device.
 const FARTHEST_M: f64 = 10.0;
 const FASTEST_M_S: f64 = 100.0;
+/// Samples after which a loop looks again whether its work was cancelled: a millisecond of work.
+const SAMPLES_BETWEEN_CHECKS: u64 = 1024;
 
 /// The loop at one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -133,6 +136,9 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
     pub fn step(&mut self, hand: impl Fn(f64) -> (f64, f64)) -> Result<Sample, Diverged> {
         if let Some(diverged) = self.diverged {
             return Err(diverged);
+        }
+        if self.count.is_multiple_of(SAMPLES_BETWEEN_CHECKS) {
+            cancel::check();
         }
         let hand = |time: f64| {
             let (position, velocity) = hand(time);

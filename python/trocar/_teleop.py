@@ -1,0 +1,531 @@
+"""Teleoperation through a trocar; the package re-exports what is public."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _core, _plot, _report, _show
+from ._arrays import column, count, plain
+from ._core import Model, ParameterError, TeleopError, TrocarError
+from ._progress import Progress, watched
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+_Path = Union[str, "os.PathLike[str]"]
+_Array = npt.NDArray[np.float64]
+
+#: Most draws of trocars, as on the command line.
+_MOST_DRAWS = 1000
+
+
+def teleop(
+    model: Model,
+    config: Union[_Path, Mapping[str, Any], None] = None,
+    *,
+    compensator: Optional[Model] = None,
+    advise: bool = False,
+    draws: int = 0,
+    map: bool = False,
+    delays_s: Optional[ArrayLike] = None,
+    fractions: Optional[ArrayLike] = None,
+    hybrid: bool = False,
+    frequencies_hz: Optional[ArrayLike] = None,
+    threads: int = 0,
+    progress: Union[Progress, bool, None] = None,
+    **changes: Any,
+) -> Teleoperation:
+    """Runs a teleoperation loop through a trocar: what the operator feels, and whether it is stable (``trocar teleop``).
+
+    Operator, master, channel, slave, trocar, tissue and force sensor move along the axis of the instrument. Part of the
+    trocar's force is subtracted from the reading of the sensor before the master reflects it: ``compensation.fraction``.
+    The same loop and model give the same numbers as the command line.
+
+        found = trocar.teleop(model, "dvrk", tissue={"stiffness_n_m": 400.0}, compensation={"fraction": 0.9})
+        found.figures.displayed_stiffness_n_m
+        trocar.teleop(model, channel={"delay_s": 0.01}, advise=True).advice.fraction
+
+    :param model: the trocar
+    :param config: the loop, in SI units: name of a device ("dvrk", "phantom"), path of a TOML file, TOML text (of several
+        lines), or a dictionary with the same keys and sections. Keys left out keep their defaults. ``teleop_config()``
+        gives a text that describes every key
+    :param compensator: model in the compensator; by default the same
+    :param advise: find the fraction of the trocar's force to take out (``.advice``)
+    :param draws: with ``advise``, try this many trocars drawn from the model's 95 % intervals (seed of the loop), up to
+        1000, besides the model and both ends of the intervals
+    :param map: find the stiffest and the softest tissue with which the loop is stable, over delay and fraction (``.map``)
+    :param delays_s: delays of the map, of one direction, s; by default 0 to 19 samples
+    :param fractions: fractions of the map; by default 0 to 1.425
+    :param hybrid: compute the hybrid matrix over frequency, with the trocar as its describing function at the amplitude of
+        the motion (``.hybrid``)
+    :param frequencies_hz: frequencies of the hybrid matrix, Hz; by default 0.1 to 100
+    :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
+    :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
+        default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
+        shows none
+    :param changes: keys and sections of the loop that replace those of ``config``; a section changes only the keys it has
+    :raises TeleopError: if the loop cannot run: an unknown key, a value out of its range. A loop that is unstable is a
+        result
+    """
+    if count("draws", draws) > _MOST_DRAWS:
+        raise ParameterError(f"draws must be from 0 to {_MOST_DRAWS}, got {draws}")
+    for name, is_given, option, is_on in (
+        ("draws", draws > 0, "advise", advise),
+        ("delays_s", delays_s is not None, "map", map),
+        ("fractions", fractions is not None, "map", map),
+        ("frequencies_hz", frequencies_hz is not None, "hybrid", hybrid),
+    ):
+        if is_given and not is_on:
+            raise ParameterError(f"{name} changes nothing without {option}=True")
+    text, file, keys = _document(config)
+    with watched(progress) as watching:
+        summary, course, matrix = _core.teleop(
+            model,
+            compensator=compensator,
+            text=text,
+            name=file,
+            changes=_json(_merged(keys, changes)),
+            advise=advise,
+            draws=draws,
+            map=map,
+            delays_s=_numbers("delays_s", delays_s),
+            fractions=_numbers("fractions", fractions),
+            hybrid=hybrid,
+            frequencies_hz=_numbers("frequencies_hz", frequencies_hz),
+            threads=count("threads", threads),
+            progress=watching,
+        )
+    return Teleoperation._of(json.loads(summary), course, matrix)
+
+
+def teleop_config(device: Optional[str] = None) -> str:
+    """A loop with every key as a documented TOML text: all defaults, or those of a device ("dvrk", "phantom")."""
+    if device is None:
+        return _core.teleop_example()
+    presets = dict(_core.teleop_presets())
+    if device not in presets:
+        raise ParameterError(f"device must be one of {', '.join(presets)}, got {device!r}")
+    return presets[device]
+
+
+def _document(
+    config: Union[_Path, Mapping[str, Any], None],
+) -> tuple[Optional[str], Optional[str], Mapping[str, Any]]:
+    """Text of a loop, its name, and the keys of a dictionary."""
+    if config is None:
+        return None, None, {}
+    if isinstance(config, Mapping):
+        return None, None, config
+    if isinstance(config, str) and "\n" in config:
+        return config, None, {}
+    if not isinstance(config, (str, os.PathLike)):
+        what = "config must be the name of a device, a path, a TOML text or a dictionary"
+        raise TypeError(f"{what}, got {type(config).__name__}")
+    presets = dict(_core.teleop_presets())
+    path = os.fspath(config)
+    if isinstance(config, str) and path in presets:
+        return presets[path], None, {}
+    try:
+        with open(path, encoding="utf-8") as file:
+            return file.read(), str(path), {}
+    except FileNotFoundError as error:
+        why = f"{error.strerror}, and no device has this name ({', '.join(presets)})"
+        raise FileNotFoundError(error.errno, why, str(path)) from None
+
+
+def _merged(keys: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(keys)
+    for name, value in changes.items():
+        old = merged.get(name)
+        are_sections = isinstance(old, Mapping) and isinstance(value, Mapping)
+        merged[name] = {**old, **value} if are_sections else value  # type: ignore[dict-item]
+    return merged
+
+
+def _json(keys: Mapping[str, Any]) -> str:
+    """``keys`` as JSON, which has no numbers that are not finite."""
+    for name, value in keys.items():
+        own = value if isinstance(value, Mapping) else {"": value}
+        for inner, leaf in own.items():
+            number = leaf.tolist() if hasattr(leaf, "tolist") else leaf
+            if isinstance(number, float) and not math.isfinite(number):
+                raise TeleopError(f"{name}{'.' if inner else ''}{inner} must be finite, got {number}")
+    return json.dumps(keys, default=plain, allow_nan=False)
+
+
+def _numbers(name: str, values: Optional[ArrayLike]) -> Optional[list[float]]:
+    if values is None:
+        return None
+    found = column(name, values)
+    if not len(found):
+        raise ParameterError(f"{name} must hold at least one number")
+    return [float(number) for number in found]
+
+
+@dataclass(frozen=True)
+class Merit:
+    """Figures of merit of a loop: how well the operator feels the tissue.
+
+    The force felt is that of the master's motor; with ``four_channel``, which compensates the master's mass, that of the
+    operator.
+    """
+
+    #: Force felt less force on the tissue, N: root mean square, and largest magnitude.
+    force_error_rms_n: float
+    force_error_peak_n: float
+    #: Root mean square of the same in just noticeable differences of the force on the tissue.
+    force_error_rms_jnd: float
+    #: Slope of the force felt over the depth of the tip while it goes deeper, N/m; None without contact. Compare it with
+    #: that of the force on the tissue, which includes damping.
+    displayed_stiffness_n_m: Optional[float]
+    true_stiffness_n_m: Optional[float]
+    #: Root mean square of the difference of the devices' positions, m.
+    position_error_rms_m: float
+    #: Energy received at both ports less energy given, J, below 0 where the loop was active; at each port alone.
+    energy_j: float
+    master_energy_j: float
+    slave_energy_j: float
+
+    @classmethod
+    def _of(cls, found: Optional[Mapping[str, Any]]) -> Optional[Merit]:
+        return None if found is None else cls(**{own.name: found[own.name] for own in fields(cls)})
+
+
+def _row(found: Optional[Mapping[str, Any]], name: str) -> float:
+    value = None if found is None else found[name]
+    return math.nan if value is None else float(value)
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """Which fraction of the trocar's force to take out in a loop, from fractions between 0 and 1.5.
+
+    A fraction counts as stable if the loop is stable with every trocar that was tried.
+    """
+
+    #: Stable fraction with the smallest force error; None if there is none.
+    fraction: Optional[float]
+    #: Intervals of stable fractions, lowest and highest.
+    stable: tuple[tuple[float, float], ...]
+    #: Figures with that fraction and without compensation, of the trocar with the largest force error; None if unstable.
+    figures_with: Optional[Merit]
+    figures_without: Optional[Merit]
+    #: Number of trocars: the model, both ends of its 95 % intervals, and draws.
+    plants: int
+    #: Lowest and highest of the fractions that are best for each trocar by itself; None if no trocar has one.
+    best: Optional[tuple[float, float]]
+    #: Smallest step of the tissue's stiffness that a person notices with that fraction and without compensation, N/m;
+    #: None if there is none up to ten times the stiffness, or the loop is unstable.
+    noticeable_with_n_m: Optional[float]
+    noticeable_without_n_m: Optional[float]
+    _tried: dict[str, npt.NDArray[Any]] = field(repr=False)
+
+    @classmethod
+    def _of(cls, found: Mapping[str, Any]) -> Advice:
+        tried = found["tried"]
+        columns: dict[str, npt.NDArray[Any]] = {
+            name: np.array([row[name] for row in tried]) for name in ("fraction", "stable", "stable_share")
+        }
+        for own in fields(Merit):
+            columns[own.name] = np.array([_row(row["merit"], own.name) for row in tried])
+        best = found["best"]
+        return cls(
+            fraction=found["fraction"],
+            stable=tuple((low, high) for low, high in found["stable"]),
+            figures_with=Merit._of(found["with"]),
+            figures_without=Merit._of(found["without"]),
+            plants=found["plants"],
+            best=None if best is None else (best[0], best[1]),
+            noticeable_with_n_m=found["noticeable_with_n_m"],
+            noticeable_without_n_m=found["noticeable_without_n_m"],
+            _tried=columns,
+        )
+
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """Each fraction that was tried: whether it is stable, the share of trocars with which it is, and its figures.
+
+        The figures are those of the trocar with the largest force error, and nan where the fraction is not stable.
+        """
+        return dict(self._tried)
+
+    def to_frame(self) -> Any:
+        """``columns`` as a data frame, by fraction: pandas', or polars'.
+
+        :raises ImportError: if neither pandas nor polars is installed
+        """
+        return _report.frame(self.columns(), "fraction")
+
+    def plot(self, ax: Any = None) -> Any:
+        """Force error, N rms, over the fraction, with the fractions that are not stable shaded.
+
+        :param ax: axes of matplotlib to draw into; by default those of a new figure
+        :returns: the axes
+        :raises ImportError: if matplotlib is not installed
+        """
+        return _plot.advice(self, ax)
+
+    def __repr__(self) -> str:
+        ranges = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in self.stable)
+        if self.fraction is None:
+            return f"<trocar.Advice: no stable fraction, {self.plants} trocars>"
+        return f"<trocar.Advice: fraction {self.fraction:.4g}, stable {ranges}, {self.plants} trocars>"
+
+    def _repr_html_(self) -> str:
+        return f"<div>{_show.advice(self)}</div>"
+
+
+@dataclass(frozen=True, eq=False)
+class StabilityMap:
+    """Stiffnesses of the tissue with which a loop is stable, over delay and fraction; 0 to 20,000 N/m are tried."""
+
+    #: Delays of one direction, s, and fractions.
+    delays_s: _Array
+    fractions: _Array
+    #: Greatest stable stiffness, N/m, a row for each delay; 0 where there is none, 20,000 where it is stable up to there.
+    stiffness_n_m: _Array
+    #: Smallest stable stiffness, N/m; nan where there is none.
+    least_stiffness_n_m: _Array
+
+    @classmethod
+    def _of(cls, found: Mapping[str, Any]) -> StabilityMap:
+        names = (own.name for own in fields(cls))
+        return cls(**{name: np.array(found[name], dtype=np.float64) for name in names})
+
+    def columns(self) -> dict[str, _Array]:
+        """A row for each delay and fraction, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept."""
+        delays, fractions = np.meshgrid(self.delays_s, self.fractions, indexing="ij")
+        return {
+            "delay_s": delays.ravel(),
+            "fraction": fractions.ravel(),
+            "stiffness_n_m": self.stiffness_n_m.ravel(),
+            "least_stiffness_n_m": self.least_stiffness_n_m.ravel(),
+        }
+
+    def to_frame(self) -> Any:
+        """``columns`` as a data frame, by delay: pandas', or polars'.
+
+        :raises ImportError: if neither pandas nor polars is installed
+        """
+        return _report.frame(self.columns(), "delay_s")
+
+    def plot(self, ax: Any = None) -> Any:
+        """Greatest stable stiffness over fraction and delay as a heat map.
+
+        :param ax: axes of matplotlib to draw into; by default those of a new figure
+        :returns: the axes
+        :raises ImportError: if matplotlib is not installed
+        """
+        return _plot.stability_map(self, ax)
+
+    def __repr__(self) -> str:
+        delays, fractions = self.stiffness_n_m.shape
+        held = float((self.stiffness_n_m > 0).mean())
+        return f"<trocar.StabilityMap: {delays} delays, {fractions} fractions, stable in {100 * held:.0f} %>"
+
+    def _repr_html_(self) -> str:
+        return f"<div>{_show.stability_map(self)}</div>"
+
+
+@dataclass(frozen=True, eq=False)
+class HybridMatrix:
+    """Hybrid matrix of a loop over frequency, [F_h; −v_s] = H·[v_m; F_e]; ideal is [[0, 1], [−1, 0]].
+
+    Sampling is left out, and the trocar is its describing function at the amplitude of the motion.
+    """
+
+    frequency_hz: _Array
+    #: Elements: h11 in N s/m, h12 and h21 as numbers, h22 in m/(N s).
+    h11: npt.NDArray[np.complex128]
+    h12: npt.NDArray[np.complex128]
+    h21: npt.NDArray[np.complex128]
+    h22: npt.NDArray[np.complex128]
+    #: Margin of Llewellyn's criterion: stable with any passive operator and tissue if it, Re h11 and Re h22 are not below 0.
+    llewellyn_margin: _Array
+    #: Impedance of the tissue in contact, and what the operator feels of it, N s/m.
+    tissue_n_s_m: npt.NDArray[np.complex128]
+    transmitted_n_s_m: npt.NDArray[np.complex128]
+    _columns: dict[str, _Array] = field(repr=False)
+
+    @classmethod
+    def _of(cls, columns: dict[str, _Array]) -> HybridMatrix:
+        def complex_(name: str, unit: str) -> npt.NDArray[np.complex128]:
+            return columns[f"{name}_real{unit}"] + 1j * columns[f"{name}_imaginary{unit}"]
+
+        return cls(
+            columns["frequency_hz"],
+            complex_("h11", "_n_s_m"),
+            complex_("h12", ""),
+            complex_("h21", ""),
+            complex_("h22", "_m_n_s"),
+            columns["llewellyn_margin"],
+            complex_("tissue", "_n_s_m"),
+            complex_("transmitted", "_n_s_m"),
+            columns,
+        )
+
+    def columns(self) -> dict[str, _Array]:
+        """All columns, real and imaginary parts by themselves, as the table of the command line has them."""
+        return dict(self._columns)
+
+    def to_frame(self) -> Any:
+        """``columns`` as a data frame, by frequency: pandas', or polars'.
+
+        :raises ImportError: if neither pandas nor polars is installed
+        """
+        return _report.frame(self.columns(), "frequency_hz")
+
+    def plot(self, ax: Any = None) -> Any:
+        """Impedances of the tissue and of what is felt, N s/m, and Llewellyn's margin, over frequency.
+
+        :param ax: two axes of matplotlib to draw into, or one for the impedances alone; by default
+            those of a new figure
+        :returns: the axes
+        :raises ImportError: if matplotlib is not installed
+        """
+        return _plot.hybrid(self, ax)
+
+    def __len__(self) -> int:
+        return len(self.frequency_hz)
+
+    def __repr__(self) -> str:
+        ends = f"{self.frequency_hz.min():.4g} to {self.frequency_hz.max():.4g} Hz"
+        return f"<trocar.HybridMatrix: {ends}, least margin {self.llewellyn_margin.min():.4g}>"
+
+
+@dataclass(frozen=True, eq=False)
+class Teleoperation:
+    """A teleoperation loop through a trocar: whether it is stable, what is felt, and its course."""
+
+    #: Whether the loop comes to rest after a push into the tissue.
+    settles: bool
+    #: Figures of merit along the motion; None if the loop is unstable.
+    figures: Optional[Merit]
+    #: Least and greatest stiffness of the tissue with which the loop is stable, N/m; None if there is none.
+    z_width_n_m: Optional[tuple[float, float]]
+    #: When a device left 10 m or 100 m/s, s; None if the loop did not diverge.
+    unstable_after_s: Optional[float]
+    #: What ``advise``, ``map`` and ``hybrid`` asked for.
+    advice: Optional[Advice]
+    map: Optional[StabilityMap]
+    hybrid: Optional[HybridMatrix]
+    #: The loop with all its keys.
+    config: Mapping[str, Any] = field(repr=False)
+    #: The contents of the JSON of the command line, and ``config``.
+    summary: Mapping[str, Any] = field(repr=False)
+    _course: Optional[dict[str, _Array]] = field(repr=False)
+
+    @classmethod
+    def _of(
+        cls,
+        summary: Mapping[str, Any],
+        course: Optional[list[tuple[str, _Array]]],
+        hybrid: Optional[list[tuple[str, _Array]]],
+    ) -> Teleoperation:
+        width, advice, found = summary["z_width"], summary["advice"], summary["map"]
+        return cls(
+            settles=summary["settles"],
+            figures=Merit._of(summary["figures"]),
+            z_width_n_m=None if width is None else (width["least_n_m"], width["greatest_n_m"]),
+            unstable_after_s=summary["unstable_after_s"],
+            advice=None if advice is None else Advice._of(advice),
+            map=None if found is None else StabilityMap._of(found),
+            hybrid=None if hybrid is None else HybridMatrix._of(dict(hybrid)),
+            config=summary["config"],
+            summary=summary,
+            _course=None if course is None else dict(course),
+        )
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether the loop comes to rest after a push, and did not diverge along the motion."""
+        return self.figures is not None
+
+    @property
+    def is_doubtful(self) -> bool:
+        """Whether there are warnings: the loop is unstable, does not touch its tissue, or nothing can be advised."""
+        return bool(self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What makes the result doubtful, as sentences."""
+        found = []
+        if self.unstable_after_s is not None:
+            found.append(f"the loop is unstable: it diverged after {self.unstable_after_s:.4g} s")
+        elif not self.settles:
+            found.append("the loop is unstable: after a push into the tissue it does not come to rest")
+        has_tissue = self.config["tissue"]["kind"] != "none"
+        if self.figures is not None and has_tissue and self.figures.true_stiffness_n_m is None:
+            found.append("the tip does not reach the tissue: the figures are those of free motion")
+        if self.advice is not None and self.advice.fraction is None:
+            found.append("no fraction from 0 to 1.5 makes the loop stable")
+        return tuple(found)
+
+    def columns(self) -> dict[str, _Array]:
+        """The course of the loop, a row for each sample, as the table of the command line has it.
+
+        :raises TrocarError: if the loop diverged
+        """
+        if self._course is None:
+            time = f"{self.unstable_after_s:.4g}"
+            hint = "hint: advise=True finds the fractions of the trocar's force with which it is stable"
+            raise TrocarError(f"there is no course: the loop diverged after {time} s\n\n{hint}")
+        return dict(self._course)
+
+    def __getitem__(self, name: str) -> _Array:
+        columns = self.columns()
+        if name not in columns:
+            raise KeyError(f"no column {name!r}; there are {', '.join(columns)}")
+        return columns[name]
+
+    def to_frame(self) -> Any:
+        """``columns`` as a data frame, by time: pandas', or polars'.
+
+        :raises ImportError: if neither pandas nor polars is installed
+        """
+        return _report.frame(self.columns(), "time_s")
+
+    @property
+    def felt_force_n(self) -> _Array:
+        """Force that the operator feels along the course, N (see ``Merit``)."""
+        is_four_channel = self.config["control"]["architecture"] == "four_channel"
+        return self["operator_force_n" if is_four_channel else "master_force_n"]
+
+    @property
+    def depth_m(self) -> _Array:
+        """Position of the tip beyond the surface of the tissue at rest, m, along the course."""
+        depth: _Array = self["slave_position_m"] - self.config["tissue"]["surface_m"]
+        return depth
+
+    def plot(self, ax: Any = None) -> Any:
+        """Force felt and force on the tissue, N, over time, s, and over the depth of the tip, mm.
+
+        :param ax: two axes of matplotlib to draw into, or one for the forces over time alone; by
+            default those of a new figure
+        :returns: the axes
+        :raises ImportError: if matplotlib is not installed
+        :raises TrocarError: if the loop diverged
+        """
+        return _plot.course(self, ax)
+
+    def __repr__(self) -> str:
+        taken_out = f"{100 * self.config['compensation']['fraction']:.4g} % of the trocar's force taken out"
+        if self.unstable_after_s is not None:
+            return f"<trocar.Teleoperation: {taken_out}, unstable, diverged after {self.unstable_after_s:.4g} s>"
+        if self.figures is None:
+            return f"<trocar.Teleoperation: {taken_out}, unstable>"
+        error = f"force error {self.figures.force_error_rms_n:.4g} N rms"
+        displayed, true = self.figures.displayed_stiffness_n_m, self.figures.true_stiffness_n_m
+        if displayed is None or true is None:
+            return f"<trocar.Teleoperation: {taken_out}, no contact, {error}>"
+        return f"<trocar.Teleoperation: {taken_out}, {displayed:.4g} N/m displayed for {true:.4g} N/m, {error}>"
+
+    def _repr_html_(self) -> str:
+        return _show.teleoperation(self)
