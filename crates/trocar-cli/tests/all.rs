@@ -9,6 +9,7 @@ mod export_c;
 mod fleet;
 mod fmu;
 mod live;
+mod ranges;
 mod readme;
 mod sweep;
 mod teleop;
