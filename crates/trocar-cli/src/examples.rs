@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-const EXAMPLES: [Example; 16] = [
+const EXAMPLES: [Example; 17] = [
     (
         "inspect",
         &[
@@ -27,6 +27,10 @@ const EXAMPLES: [Example; 16] = [
                 "trocar bench --print-config",
             ),
             ("", "trocar bench surgeon --rig rig.toml --seal model.json --out surgeon.csv"),
+            (
+                "A seal whose friction lies within published ranges, by the seed",
+                "trocar bench steady --like dobbelsteen-2007 --seed 3 --out steady.csv",
+            ),
         ],
     ),
     (
@@ -96,6 +100,14 @@ const EXAMPLES: [Example; 16] = [
             ("A documented example; change it, then run it", "trocar sweep --print-config"),
             ("", "trocar sweep sweep.toml --out runs.parquet"),
             ("The parameters that can be varied", "trocar sweep --list result"),
+        ],
+    ),
+    (
+        "ranges",
+        &[
+            ("What the literature prints, and from where", "trocar ranges"),
+            ("One study, and the seals drawn from it", "trocar ranges imeche-2015"),
+            ("A measured seal before it is contributed", "trocar ranges --check my-seal"),
         ],
     ),
     (

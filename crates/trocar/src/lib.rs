@@ -6,6 +6,8 @@ pub mod bench;
 pub mod cancel;
 pub mod compare;
 pub mod compensate;
+#[cfg(feature = "bench")]
+pub mod contribution;
 pub mod error;
 pub mod export;
 pub mod fleet;

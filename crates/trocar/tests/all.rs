@@ -17,6 +17,7 @@ mod free_motion;
 mod model_file;
 mod profile;
 mod published;
+mod ranges;
 mod recover;
 mod recover_classical;
 mod replay;

@@ -7,11 +7,13 @@ use trocar::bench::config::DEFAULT_TOML;
 use trocar::bench::{self, BenchConfig, BenchRun, Protocol};
 use trocar::model_file::ModelFile;
 use trocar::table::{Column, Field, TableWriter};
-use trocar_model::Element;
+use trocar_model::{Element, ElementParams};
 
 use crate::Completion;
 use crate::console::{self, Console};
 use crate::progress::Progress;
+use crate::table::number;
+use crate::verbs::ranges::seals_like;
 
 /// Rows per write.
 const PIECE: usize = 1 << 16;
@@ -37,7 +39,10 @@ pub(crate) struct Args {
     /// Seal to test, model.json [default: a plausible, made-up one-stage 10.5 mm trocar]
     #[arg(long, value_name = "MODEL")]
     seal: Option<PathBuf>,
-    /// Seed of noise, fluctuation and hand-like motion
+    /// Draw the seal, by the seed, from published friction forces: a key of `trocar ranges`
+    #[arg(long, value_name = "KEY", conflicts_with = "seal")]
+    like: Option<String>,
+    /// Seed of noise, fluctuation, hand-like motion and the seal of --like
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Also write what only a simulation knows (true motion, forces and deflections)
@@ -54,7 +59,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
         return Ok(Completion::Clean);
     };
-    let elements = seal(console, args.seal.as_deref())?;
+    let elements = match &args.like {
+        Some(key) => vec![seal_like(console, key, args.seed)?],
+        None => seal(console, args.seal.as_deref())?,
+    };
     let progress = Progress::new(console);
     progress.report(protocol.name(), 0.0);
     let run = bench::run(&config.unwrap_or_default(), protocol, &elements, args.seed)?;
@@ -82,6 +90,21 @@ fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> 
     let model = ModelFile::read(path)?;
     let stages = model.stages().map_err(|error| error.in_file(path))?;
     Ok(stages.elements().to_vec())
+}
+
+/// A seal drawn from the published ranges of `key`.
+fn seal_like(console: &Console, key: &str, seed: u64) -> anyhow::Result<Element> {
+    let params = bench::random_seal(&seals_like(key)?, seed);
+    let ElementParams { deformation, insertion, withdrawal, .. } = &params;
+    console.remark(&format!(
+        "seal: drawn from {key}: F_c {} N in, {} N out; made up: β {} N s/m in, {} N s/m out, c {} mm",
+        number(insertion.coulomb_force),
+        number(withdrawal.coulomb_force),
+        number(insertion.viscous_damping),
+        number(withdrawal.viscous_damping),
+        number(1e3 * deformation.half_width())
+    ));
+    Ok(Element::new(params)?)
 }
 
 pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()> {

@@ -29,6 +29,7 @@ pub mod config;
 mod fluctuation;
 mod motion;
 pub(crate) mod noise;
+pub mod published;
 pub mod random;
 mod rig;
 mod sensors;

@@ -30,6 +30,9 @@ pub struct SweepConfig {
     /// File of the model to vary; none selects the plausible trocar.
     #[serde(default)]
     pub model: Option<PathBuf>,
+    /// Key of published ranges from which each run draws a seal of its own, in place of a model.
+    #[serde(default)]
+    pub like: Option<String>,
     /// The motion.
     pub motion: Motion,
     /// Parameters of the seal by name.
@@ -216,6 +219,9 @@ impl SweepConfig {
                     wanted,
                 });
             }
+        }
+        if self.like.is_some() && (self.model.is_some() || !self.seal.is_empty()) {
+            return Err(SweepError::LikeAlone { line: line_of(text, "like") });
         }
         if self.runs == 0 {
             return Err(SweepError::NoRuns { line: line_of(text, "runs") });

@@ -3,6 +3,8 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use trocar_model::ElementParams;
+
 use super::config::{Law, SweepConfig};
 
 /// The values of one run, in the order of the names.
@@ -14,6 +16,8 @@ pub(crate) struct Drawn {
     pub(crate) rig: Vec<f64>,
     /// Seed of the rig's noise.
     pub(crate) seed: u64,
+    /// A seal drawn from published ranges, in place of the model.
+    pub(crate) own: Option<ElementParams>,
 }
 
 impl Drawn {
@@ -37,7 +41,7 @@ impl Drawn {
             }
         }
         let rig = values.split_off(config.seal.len());
-        Self { seal: values, rig, seed }
+        Self { seal: values, rig, seed, own: None }
     }
 }
 

@@ -26,9 +26,10 @@ use std::path::{Path as FilePath, PathBuf};
 use rayon::prelude::*;
 use thiserror::Error;
 use trocar_model::batch::Many;
-use trocar_model::{Element, Friction, ParamError, ParameterId, Seal, Tunable};
+use trocar_model::{Element, ElementParams, Friction, ParamError, ParameterId, Seal, Tunable};
 
-use crate::bench::{self, BenchConfig, Protocol};
+use crate::bench::published::{self, PublishedError};
+use crate::bench::{self, BenchConfig, PlausibleSeals, Protocol, random_seal};
 use crate::cancel;
 use crate::error::{OutputError, RecordingError};
 use crate::many;
@@ -51,6 +52,15 @@ const TASK: u64 = 64;
 
 /// Force that fully deforms every seal backwards, N.
 const BACKWARDS: f64 = -1e6;
+
+/// Columns of a seal drawn from published ranges.
+const DRAWN_SEAL: [&str; 5] = [
+    "half_width_m",
+    "insertion_coulomb_force_n",
+    "insertion_viscous_damping_n_s_m",
+    "withdrawal_coulomb_force_n",
+    "withdrawal_viscous_damping_n_s_m",
+];
 
 /// Why a sweep is not possible.
 #[derive(Debug, Error)]
@@ -95,6 +105,15 @@ pub enum SweepError {
         /// The name found and those available.
         unknown: String,
     },
+    /// Published ranges together with a model or its parameters.
+    #[error("{}like draws the whole seal of each run\n\nhint: leave out model and [seal]", at(*line))]
+    LikeAlone {
+        /// Line of the document.
+        line: usize,
+    },
+    /// No published ranges of this key, or none of forces.
+    #[error(transparent)]
+    Published(#[from] PublishedError),
     /// A parameter that the model does not have.
     #[error("{}[seal] has no {key:?} for this model\n\nhint: it has {known}", at(*line))]
     UnknownParameter {
@@ -172,6 +191,8 @@ fn at(line: usize) -> String {
 pub struct Sweep {
     config: SweepConfig,
     model: ModelFile,
+    /// Ranges from which each run draws its seal, in place of the model.
+    like: Option<PlausibleSeals>,
     protocol: Option<Protocol>,
     rig: toml::Table,
     /// The motion shared by all runs; none if each run has its own rig.
@@ -220,6 +241,10 @@ impl Sweep {
         model: Option<ModelFile>,
     ) -> Result<Self, SweepError> {
         config.check(text)?;
+        let like = config.like.as_deref().map(|key| published::study(key)?.seals()).transpose()?;
+        if like.is_some() && model.is_some() {
+            return Err(SweepError::LikeAlone { line: line_of(text, "like") });
+        }
         let model = match (model, &config.model) {
             (Some(model), _) => model,
             (None, Some(path)) => ModelFile::read(&folder.join(path))?,
@@ -241,7 +266,7 @@ impl Sweep {
             present.push(number_at(&rig, key).ok_or_else(unknown)?);
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
-        let mut sweep = Self { config, model, protocol, rig, shared: None, places, present };
+        let mut sweep = Self { config, model, like, protocol, rig, shared: None, places, present };
         sweep.shared = sweep.shared_path(folder)?;
         Ok(sweep)
     }
@@ -332,9 +357,10 @@ impl Sweep {
     pub fn fields(&self) -> Vec<Field> {
         let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Integer));
         let parameters = self.config.seal.keys().chain(self.config.rig.keys()).map(Field::number);
+        let drawn = DRAWN_SEAL.iter().filter(|_| self.like.is_some()).copied().map(Field::number);
         let results = RESULTS.map(Field::number);
         let failure = Field::new("failure", Kind::Text);
-        whole.into_iter().chain(parameters).chain(results).chain([failure]).collect()
+        whole.into_iter().chain(parameters).chain(drawn).chain(results).chain([failure]).collect()
     }
 
     fn columns(&self, first: u64, rows: &[SweepRow]) -> Vec<Column> {
@@ -346,6 +372,13 @@ impl Sweep {
         }
         for k in 0..self.config.rig.len() {
             columns.push(Column::Number(rows.iter().map(|row| row.drawn.rig[k]).collect()));
+        }
+        if self.like.is_some() {
+            for k in 0..DRAWN_SEAL.len() {
+                let number =
+                    |row: &SweepRow| row.drawn.own.map_or(f64::NAN, |own| drawn_numbers(&own)[k]);
+                columns.push(Column::Number(rows.iter().map(number).collect()));
+            }
         }
         for k in 0..RESULTS.len() {
             let result =
@@ -398,10 +431,14 @@ impl Sweep {
                 *value *= present;
             }
         }
+        drawn.own = self.like.as_ref().map(|ranges| random_seal(ranges, drawn.seed));
         drawn
     }
 
     fn tuned(&self, drawn: &Drawn) -> Result<Seal, String> {
+        if let Some(own) = drawn.own {
+            return Ok(Element::new(own).map_err(|error| error.to_string())?.into());
+        }
         let mut values: Vec<f64> =
             self.model.trocar.seal().tunables().map(|tunable| tunable.value).collect();
         for (places, value) in self.places.iter().zip(&drawn.seal) {
@@ -520,6 +557,18 @@ impl Summary {
             self.first_failure.get_or_insert_with(|| why.clone());
         }
     }
+}
+
+/// The columns [`DRAWN_SEAL`].
+fn drawn_numbers(seal: &ElementParams) -> [f64; 5] {
+    let ElementParams { deformation, insertion, withdrawal, .. } = seal;
+    [
+        deformation.half_width(),
+        insertion.coulomb_force,
+        insertion.viscous_damping,
+        withdrawal.coulomb_force,
+        withdrawal.viscous_damping,
+    ]
 }
 
 /// The element of a seal that has exactly one.

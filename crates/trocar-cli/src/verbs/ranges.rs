@@ -1,0 +1,175 @@
+//! `trocar ranges`
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use trocar::bench::PlausibleSeals;
+use trocar::bench::published::{self, Printed, PublishedError, Quantity, Study};
+use trocar::contribution;
+
+use crate::Completion;
+use crate::console::{self, BadArgument, Console};
+use crate::table::Table;
+
+/// List what the literature prints about trocar friction
+///
+/// Each study has a key; `trocar bench --like KEY` and `like` of `trocar sweep` draw seals whose
+/// friction lies within its range. With a key, prints all its numbers, how they were read, and
+/// what is drawn.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Study to print [default: a table of all]
+    key: Option<String>,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// Check a measured seal for contribution: a folder with model.json, conditions.toml and the
+    /// recordings
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["key", "json"])]
+    check: Option<PathBuf>,
+}
+
+/// A study with what is drawn from it.
+#[derive(Serialize)]
+struct Listed {
+    #[serde(flatten)]
+    study: &'static Study,
+    drawn: Option<Drawn>,
+}
+
+/// Ranges of drawn seals; only the Coulomb force is from the study.
+#[derive(Serialize)]
+struct Drawn {
+    coulomb_force_n: [f64; 2],
+    viscous_damping_n_s_m: [f64; 2],
+    half_width_m: [f64; 2],
+}
+
+impl Listed {
+    fn new(study: &'static Study) -> Self {
+        let drawn = |seals: PlausibleSeals| Drawn {
+            coulomb_force_n: study.friction_force().unwrap_or(seals.coulomb_force.into()),
+            viscous_damping_n_s_m: seals.viscous_damping.into(),
+            half_width_m: seals.half_width.into(),
+        };
+        Self { study, drawn: study.seals().ok().map(drawn) }
+    }
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    if let Some(folder) = &args.check {
+        return check(console, folder);
+    }
+    let text = match (&args.key, args.json) {
+        (None, false) => table(published::studies()),
+        (None, true) => json(&published::studies().iter().map(Listed::new).collect::<Vec<_>>())?,
+        (Some(key), false) => details(study(key)?),
+        (Some(key), true) => json(&Listed::new(study(key)?))?,
+    };
+    console::print(&text)?;
+    Ok(Completion::Clean)
+}
+
+fn study(key: &str) -> Result<&'static Study, BadArgument> {
+    published::study(key).map_err(bad)
+}
+
+/// Ranges of the seals of `key`, for verbs that draw one.
+pub(crate) fn seals_like(key: &str) -> Result<PlausibleSeals, BadArgument> {
+    study(key)?.seals().map_err(bad)
+}
+
+fn bad(error: PublishedError) -> BadArgument {
+    BadArgument(error.to_string())
+}
+
+fn json<T: Serialize>(value: &T) -> anyhow::Result<String> {
+    Ok(serde_json::to_string_pretty(value)? + "\n")
+}
+
+fn table(studies: &[Study]) -> String {
+    let mut table = Table::headed(["key", "trocar", "force N", "conditions", "read", "source"]);
+    for study in studies {
+        let force = |number: &&Printed| number.quantity == Quantity::FrictionForceN;
+        let number = study.numbers.iter().find(force);
+        table.row([
+            study.key.clone(),
+            study.trocar.clone(),
+            number.map_or("not printed".to_owned(), |number| span(number.range)),
+            number.map_or(String::new(), |number| number.conditions.clone()),
+            study.read.name().to_owned(),
+            study.source.clone(),
+        ]);
+    }
+    table.to_text()
+}
+
+fn span([from, to]: [f64; 2]) -> String {
+    if from == to { format!("{from}") } else { format!("{from} to {to}") }
+}
+
+fn details(study: &Study) -> String {
+    let mut text = String::new();
+    let mut line = |name: &str, words: &str| {
+        let _ = writeln!(text, "  {name:<25} {words}");
+    };
+    line("trocar", &study.trocar);
+    if let Some(seal) = &study.seal {
+        line("seal", seal);
+    }
+    line("instrument", &study.instrument);
+    line("source", &format!("{} in SOURCES.md, read: {}", study.source, study.read.name()));
+    for number in &study.numbers {
+        let (name, unit) = number.quantity.words();
+        let about = if number.about { "about " } else { "" };
+        let Printed { range, conditions, .. } = number;
+        line(name, &format!("{about}{} {unit}: {conditions}", span(*range)));
+    }
+    study.notes.iter().for_each(|note| line("note", note));
+    match study.seals() {
+        Ok(seals) => drawn(&mut line, study, &seals),
+        Err(_) => line("drawn seals", "none, as no friction force is printed"),
+    }
+    text
+}
+
+fn drawn(line: &mut impl FnMut(&str, &str), study: &Study, seals: &PlausibleSeals) {
+    let force = study.friction_force().map(span).unwrap_or_default();
+    line("drawn seals", &format!("F_c {force} N in both directions, without the viscous part"));
+    let (beta, c) = (seals.viscous_damping, seals.half_width);
+    line(
+        "not from the source",
+        &format!(
+            "β {} N s/m, c {} mm, shape of the branches: made up",
+            span(beta.into()),
+            span([1e3 * c.0, 1e3 * c.1])
+        ),
+    );
+}
+
+fn check(console: &Console, folder: &Path) -> anyhow::Result<Completion> {
+    let found = contribution::check(folder)?;
+    let mut table = Table::headed(["recording", "SHA-256"]);
+    for (recording, is_here) in &found.recordings {
+        let verdict = if *is_here { "agrees" } else { "not checked: file not in the folder" };
+        table.row([recording.name.clone(), verdict.to_owned()]);
+    }
+    let conditions = &found.conditions;
+    console::print(&format!(
+        "  {}, {} mm, {}: model and conditions are valid\n\n{}",
+        conditions.trocar,
+        conditions.size_mm,
+        conditions.lubrication,
+        table.to_text()
+    ))?;
+    let missing = found.recordings.iter().filter(|(_, is_here)| !is_here).count();
+    if missing > 0 {
+        console.warn(&format!(
+            "{missing} of {} recordings are not in {}: their hashes were not checked",
+            found.recordings.len(),
+            folder.display()
+        ));
+    }
+    Ok(Completion::doubtful_if(missing > 0))
+}

@@ -1,0 +1,258 @@
+//! What the literature prints about trocar friction, and seals drawn from it.
+//!
+//! `data/published.toml` holds the numbers and is part of the library. The sources print ranges
+//! over trocars, speeds and directions, never the parameters of a seal. Of a drawn seal only F_c
+//! is from the source; the other ranges are those of [`PlausibleSeals::default`].
+
+use std::sync::LazyLock;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::PlausibleSeals;
+
+/// The document with all numbers.
+pub const PUBLISHED_TOML: &str = include_str!("../../data/published.toml");
+
+static STUDIES: LazyLock<Vec<Study>> =
+    LazyLock::new(|| parse(PUBLISHED_TOML).expect("a test reads this document"));
+
+/// One publication.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// Name on the command line.
+    pub key: String,
+    /// Key of the citation in SOURCES.md.
+    pub source: String,
+    /// How much of it was read.
+    pub read: Extent,
+    /// The trocars.
+    pub trocar: String,
+    /// The seals, where they are described.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub seal: Option<String>,
+    /// What moved through the trocar.
+    pub instrument: String,
+    /// Findings without a number.
+    #[serde(default)]
+    pub notes: Vec<String>,
+    /// The numbers.
+    #[serde(rename(deserialize = "number"))]
+    pub numbers: Vec<Printed>,
+}
+
+/// How much of a publication was read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Extent {
+    /// Its abstract.
+    #[serde(rename = "abstract")]
+    Abstract,
+    /// All of it.
+    #[serde(rename = "full text")]
+    FullText,
+}
+
+impl Extent {
+    /// The words of the document.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Abstract => "abstract",
+            Self::FullText => "full text",
+        }
+    }
+}
+
+/// A printed number or range.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Printed {
+    /// What was measured.
+    pub quantity: Quantity,
+    /// Lowest and highest value in the unit of the quantity; equal for a single value.
+    pub range: [f64; 2],
+    /// Whether the source calls it approximate.
+    #[serde(default)]
+    pub about: bool,
+    /// Conditions under which it holds.
+    pub conditions: String,
+    /// Words of the source.
+    pub words: String,
+}
+
+/// Quantities that the sources print.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Friction force without sign, N.
+    FrictionForceN,
+    /// Fluctuation of the force at the start or reversal of the motion, N.
+    ReversalFluctuationN,
+    /// Change of the friction against the dry shaft, %.
+    FrictionChangePercent,
+    /// Change of the peak force against the dry shaft, %.
+    PeakForceChangePercent,
+    /// Deformation of the seal, m.
+    DeformationM,
+    /// Speed of the instrument, m/s.
+    SpeedMS,
+    /// Error of the source's model, N rms.
+    ModelErrorN,
+}
+
+impl Quantity {
+    /// Name and unit for people.
+    pub const fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::FrictionForceN => ("friction force", "N"),
+            Self::ReversalFluctuationN => ("fluctuation at reversals", "N"),
+            Self::FrictionChangePercent => ("change of friction", "%"),
+            Self::PeakForceChangePercent => ("change of peak force", "%"),
+            Self::DeformationM => ("deformation", "m"),
+            Self::SpeedMS => ("speed", "m/s"),
+            Self::ModelErrorN => ("rms error of its model", "N"),
+        }
+    }
+
+    /// Lowest and highest value that makes sense.
+    const fn bounds(self) -> (f64, f64) {
+        match self {
+            Self::FrictionChangePercent | Self::PeakForceChangePercent => (-100.0, f64::MAX),
+            _ => (f64::MIN_POSITIVE, f64::MAX),
+        }
+    }
+}
+
+/// Why there are no seals for a key.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum PublishedError {
+    /// No such study.
+    #[error("no published ranges {key:?}\n\nhint: there are {known}; `trocar ranges` lists them")]
+    Unknown {
+        /// The key found.
+        key: String,
+        /// Keys that exist.
+        known: String,
+    },
+    /// The study prints no friction force.
+    #[error(
+        "{key} prints no friction force, so no seal can be drawn from it\n\nhint: {known} print one"
+    )]
+    NoForce {
+        /// The key of the study.
+        key: String,
+        /// Keys of studies that print one.
+        known: String,
+    },
+}
+
+/// A number of the document that cannot be right.
+#[non_exhaustive]
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum DocumentError {
+    /// Not the form of the document.
+    #[error("{0}")]
+    Syntax(String),
+    /// A key twice.
+    #[error("study {key:?} appears twice")]
+    Twice {
+        /// The key.
+        key: String,
+    },
+    /// A range that is not ordered, not finite or impossible.
+    #[error(
+        "study {key:?}: {quantity:?} from {} to {}: expected finite numbers, the lower first, from {lowest:e} upwards",
+        range[0],
+        range[1]
+    )]
+    Range {
+        /// The key of the study.
+        key: String,
+        /// The quantity.
+        quantity: Quantity,
+        /// The range found.
+        range: [f64; 2],
+        /// Lowest possible value.
+        lowest: f64,
+    },
+}
+
+/// All studies, in the order of the document.
+pub fn studies() -> &'static [Study] {
+    &STUDIES
+}
+
+/// The study called `key`.
+///
+/// # Errors
+/// [`PublishedError::Unknown`] with the keys that exist.
+pub fn study(key: &str) -> Result<&'static Study, PublishedError> {
+    let unknown = || PublishedError::Unknown { key: key.to_owned(), known: keys(|_| true) };
+    STUDIES.iter().find(|study| study.key == key).ok_or_else(unknown)
+}
+
+fn keys(wanted: impl Fn(&&Study) -> bool) -> String {
+    let keys: Vec<&str> = STUDIES.iter().filter(wanted).map(|study| study.key.as_str()).collect();
+    keys.join(", ")
+}
+
+impl Study {
+    /// The printed range of the friction force, N.
+    pub fn friction_force(&self) -> Option<[f64; 2]> {
+        let is_force = |number: &&Printed| number.quantity == Quantity::FrictionForceN;
+        self.numbers.iter().find(is_force).map(|number| number.range)
+    }
+
+    /// Ranges of seals with F_c of both directions within the printed friction force; all else as
+    /// in [`PlausibleSeals::default`].
+    ///
+    /// The printed force includes the viscous part of its speeds, which the sources do not
+    /// separate; F_c + β·v of a drawn seal may exceed the printed range.
+    ///
+    /// # Errors
+    /// [`PublishedError::NoForce`] when the study prints no friction force.
+    pub fn seals(&self) -> Result<PlausibleSeals, PublishedError> {
+        let rest = PlausibleSeals::default();
+        let Some([low, high]) = self.friction_force() else {
+            let known = keys(|study| study.friction_force().is_some());
+            return Err(PublishedError::NoForce { key: self.key.clone(), known });
+        };
+        // The mean of both directions keeps this distance from the ends.
+        let tilt = rest.friction_asymmetry;
+        let coulomb_force = (low / (1.0 - tilt), high / (1.0 + tilt));
+        Ok(PlausibleSeals { coulomb_force, ..rest })
+    }
+}
+
+/// Reads a document of studies.
+///
+/// # Errors
+/// [`DocumentError`]: not the form, a key twice, an impossible range.
+pub fn parse(text: &str) -> Result<Vec<Study>, DocumentError> {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Document {
+        study: Vec<Study>,
+    }
+    let Document { study: studies } =
+        toml::from_str(text).map_err(|error| DocumentError::Syntax(error.to_string()))?;
+    for (i, study) in studies.iter().enumerate() {
+        if studies[..i].iter().any(|other| other.key == study.key) {
+            return Err(DocumentError::Twice { key: study.key.clone() });
+        }
+        study.numbers.iter().try_for_each(|number| checked(study, number))?;
+    }
+    Ok(studies)
+}
+
+fn checked(study: &Study, number: &Printed) -> Result<(), DocumentError> {
+    let Printed { quantity, range, .. } = *number;
+    let (lowest, highest) = quantity.bounds();
+    let [from, to] = range;
+    // NaN is in no range.
+    if lowest <= from && from <= to && to <= highest {
+        return Ok(());
+    }
+    Err(DocumentError::Range { key: study.key.clone(), quantity, range, lowest })
+}
