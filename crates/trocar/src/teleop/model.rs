@@ -112,10 +112,10 @@ fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
     Ok(Seal::Ems(Stages::new(&elements).unwrap_or(*stages)))
 }
 
-/// A column of a response: its name with the unit, and its values.
-type ResponseColumn = (&'static str, fn(&Response) -> f64);
+/// A column of rows `R`: its name with the unit, and its values.
+type Column<R> = (&'static str, fn(&R) -> f64);
 
-const RESPONSE_COLUMNS: [ResponseColumn; 14] = [
+const RESPONSE_COLUMNS: [Column<Response>; 14] = [
     ("frequency_hz", |r| r.frequency_hz),
     ("h11_real_n_s_m", |r| r.hybrid.h11.re),
     ("h11_imaginary_n_s_m", |r| r.hybrid.h11.im),
@@ -140,11 +140,7 @@ pub fn write_response(rows: &[Response], path: impl AsRef<Path>) -> Result<(), O
     write(rows, &RESPONSE_COLUMNS, path)
 }
 
-fn write<R>(
-    rows: &[R],
-    columns: &[(&'static str, fn(&R) -> f64)],
-    path: impl AsRef<Path>,
-) -> Result<(), OutputError> {
+fn write<R>(rows: &[R], columns: &[Column<R>], path: impl AsRef<Path>) -> Result<(), OutputError> {
     let fields: Vec<Field> = columns.iter().map(|(name, _)| Field::number(*name)).collect();
     let mut table = TableWriter::create(path, &fields)?;
     for row in rows {
@@ -155,10 +151,7 @@ fn write<R>(
     table.commit()
 }
 
-/// A column of a course: its name with the unit, and its values.
-type CourseColumn = (&'static str, fn(&Sample) -> f64);
-
-const COLUMNS: [CourseColumn; 11] = [
+const COLUMNS: [Column<Sample>; 11] = [
     ("time_s", |s| s.time),
     ("hand_position_m", |s| s.hand_position),
     ("master_position_m", |s| s.master_position),
