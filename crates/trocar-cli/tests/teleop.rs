@@ -151,7 +151,7 @@ fn advice_over_draws_counts_them() {
     assert_eq!(printed["advice"]["plants"], 7, "{ran:#?}");
     let shares = printed["advice"]["tried"].as_array().unwrap().iter();
     let shares: Vec<f64> = shares.map(|tried| tried["stable_share"].as_f64().unwrap()).collect();
-    assert!(shares.iter().any(|share| *share == 1.0), "{shares:?}");
+    assert!(shares.contains(&1.0), "{shares:?}");
     let text = place.run("teleop loop.toml --model model.json --advise --draws 4").stdout;
     assert!(text.contains("best for each of the 7 trocars by itself: "), "{text}");
 }

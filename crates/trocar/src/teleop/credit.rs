@@ -14,7 +14,7 @@
 //! S_i is the largest work that comes back when the seal, sliding, is reversed, at 1 and at 100 mm/s. Within a sample the
 //! smaller of the forces at its ends counts.
 
-use trocar_model::{Friction, ParamError, Seal, Trocar, TrocarState};
+use trocar_model::{ParamError, Seal, Trocar, TrocarState};
 
 use super::model::scaled;
 
@@ -96,18 +96,19 @@ fn greatest_gain<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> f64 {
 
 /// Most energy, J, that comes back of a seal that slides and is reversed.
 fn most_stored(seal: &Seal) -> f64 {
+    let alone = Trocar::of_seal(*seal);
     let mut most = 0.0_f64;
     for (there, back) in SPEEDS.into_iter().flat_map(|there| SPEEDS.map(|back| (there, back))) {
         for direction in [-1.0, 1.0] {
-            let mut state = seal.rest();
+            let mut state = alone.rest(0.0);
             for _ in 0..SLIDES {
-                seal.step(&mut state, direction * SLIDE, SLIDE / there);
+                alone.step(&mut state, direction * SLIDE, SLIDE / there);
             }
             let (mut returned, mut step) = (0.0, SHORTEST);
             while step < LONGEST {
-                let before = direction * Seal::force(&state);
-                seal.step(&mut state, -direction * step, step / back);
-                returned += step * before.max(direction * Seal::force(&state));
+                let before = direction * state.force();
+                let after = direction * alone.step(&mut state, -direction * step, step / back);
+                returned += step * before.max(after);
                 most = most.max(returned);
                 step *= GROWTH;
             }

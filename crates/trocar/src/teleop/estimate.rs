@@ -26,7 +26,7 @@ enum Observer<K> {
     /// A sensor at the tip does not read it.
     None,
     /// A model, driven by the slave's encoder.
-    Model(Trocar<K>, TrocarState),
+    Model(Box<(Trocar<K>, TrocarState)>),
     /// The same, adapted to the readings.
     Adaptive(Box<Compensator>),
 }
@@ -47,7 +47,7 @@ impl<K: AsRef<[f64]> + Clone> Estimator<K> {
                     true => Observer::Adaptive(Box::new(adaptive(&model, &compensation, &sensor)?)),
                     false => {
                         let state = model.rest(position);
-                        Observer::Model(model, state)
+                        Observer::Model(Box::new((model, state)))
                     }
                 }
             }
@@ -61,7 +61,10 @@ impl<K: AsRef<[f64]> + Clone> Estimator<K> {
         let reading = self.reading(slave);
         let trocar_force = match &mut self.observer {
             Observer::None => return reading,
-            Observer::Model(model, state) => model.step_to(state, own.position, self.duration),
+            Observer::Model(model) => {
+                let (model, state) = &mut **model;
+                model.step_to(state, own.position, self.duration)
+            }
             Observer::Adaptive(compensator) => {
                 compensator.step(own.position, reading, self.duration).trocar_force
             }
