@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-const EXAMPLES: [Example; 16] = [
+const EXAMPLES: [Example; 17] = [
     (
         "inspect",
         &[
@@ -88,6 +88,21 @@ const EXAMPLES: [Example; 16] = [
                 "trocar compensate result recording.csv --out tissue.csv",
             ),
             ("Row by row, as a sensor sends them", "trocar compensate result - --out -"),
+        ],
+    ),
+    (
+        "plan",
+        &[
+            ("One minute that tells most about a seal never seen", "trocar plan --out motion.csv"),
+            (
+                "What to record next to know the viscous damping within 5 %",
+                "trocar plan --model result --after steady.csv --for viscous_damping_n_s_m:5% --out next.csv",
+            ),
+            ("The rig, its noise and the seals that are expected", "trocar plan --print-config"),
+            (
+                "Try the motion on the virtual bench",
+                "trocar bench --motion motion.csv --out planned.csv",
+            ),
         ],
     ),
     (
