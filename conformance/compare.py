@@ -9,14 +9,17 @@ import struct
 import sys
 
 # Largest difference allowed, over the largest force of the run. The library's step is run everywhere but in exported C,
-# also inside an FMU with source code, which brings its own exponential and takes log and log1p from the C library.
+# also inside an FMU with source code, which brings its own exponential and takes log and log1p from the C library. In single
+# precision a position of 0.1 m is rounded to 7 nm; docs/microcontroller.md lists the error model by model.
 EXACT = 0.0
 EXPORTED = 1e-12
+SINGLE = 5e-4
 INTERFACES = {
     "command line": EXACT,
     "C": EXACT,
     "C++": EXACT,
     "exported C": EXPORTED,
+    "exported C, single precision": SINGLE,
     "Python": EXACT,
     "FMI 2.0": EXACT,
     "FMI 3.0": EXACT,
@@ -47,17 +50,18 @@ def main(folder):
     print("|---|---|---|---|---|")
     failed = []
     for interface, allowed in INTERFACES.items():
-        equal, worst = 0, (0.0, 0.0, "-")
+        equal, worst = 0, (0.0, 0.0, "-")  # of the largest force, N, model
         for name, expected in library.items():
             found = forces(folder / f"{interface}.forces" / name)
             if len(found) != len(expected):
                 sys.exit(f"{interface}, {name}: {len(found)} forces, expected {len(expected)}")
             equal += bits(found) == bits(expected)
             difference = max(abs(a - b) for a, b in zip(found, expected))
-            if not difference <= worst[0]:
-                worst = (difference, difference / max(map(abs, expected)), name)
-        print(f"| {interface} | {equal} of {len(library)} | {worst[0]:.1e} | {worst[1]:.1e} | {worst[2]} |")
-        if not worst[1] <= allowed or (allowed == EXACT and equal < len(library)):
+            relative = difference / max(map(abs, expected))
+            if not relative <= worst[0]:
+                worst = (relative, difference, name)
+        print(f"| {interface} | {equal} of {len(library)} | {worst[1]:.1e} | {worst[0]:.1e} | {worst[2]} |")
+        if not worst[0] <= allowed or (allowed == EXACT and equal < len(library)):
             failed.append(interface)
     if failed:
         sys.exit(f"further off than allowed: {', '.join(failed)}")

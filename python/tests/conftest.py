@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,14 @@ CONFORMANCE = ROOT / "conformance"
 
 #: Mass of the bench's rod, as in its configuration.
 ROD_KG = 0.04
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Appends the reason of each skip to the file that TROCAR_SKIPPED names: ./test lists them at its end."""
+    if "TROCAR_SKIPPED" in os.environ:
+        with open(os.environ["TROCAR_SKIPPED"], "a") as skipped:
+            for report in terminalreporter.getreports("skipped"):
+                print(f"skipped: {report.nodeid}: {report.longrepr[2]}", file=skipped)
 
 
 @pytest.fixture(scope="session")

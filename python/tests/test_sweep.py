@@ -130,13 +130,13 @@ def test_a_row_is_what_simulate_gives(tmp_path: Path) -> None:
 
 
 def test_progress_is_told() -> None:
-    told: list[tuple[str, float]] = []
+    reported: list[tuple[str, float]] = []
     # Progress is reported every 50 ms and after each 256 rows of a thread; the whole sweep takes some hundreds of milliseconds.
     document = DOCUMENT.replace("runs = 40", "runs = 2000").replace("step", "validation")
-    trocar.sweep(document, threads=1, progress=lambda *news: told.append(news))
-    parts = [part for _, part in told]
+    trocar.sweep(document, threads=1, progress=lambda *news: reported.append(news))
+    parts = [part for _, part in reported]
     assert parts == sorted(parts) and all(0 < part <= 1 for part in parts)
-    assert {stage for stage, _ in told} == {"sweep"}, "of something that lasts, something is told"
+    assert {stage for stage, _ in reported} == {"sweep"}, "a sweep reports its progress"
 
 
 def test_the_printed_example_is_a_document() -> None:

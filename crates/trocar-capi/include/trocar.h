@@ -177,7 +177,7 @@ enum trocar_fault
      */
     TROCAR_FAULT_FROZEN = 5,
     /**
-     * The position moved faster than 1 m/s, and by more than 1 mm: taken as a new zero of the encoder, not as a motion.
+     * The position moved faster than 1 m/s, and by more than 1 mm: a new zero of the encoder, not a motion.
      */
     TROCAR_FAULT_JUMP = 6,
     /**
@@ -326,7 +326,7 @@ typedef struct {
 
 /**
  * What changes while a model runs. The caller owns it: on the stack, in a struct, in an array, TROCAR_STATE_SIZE bytes
- * aligned to 8. It holds no pointer and needs no end; a copy made while nobody steps it is a state as good. Before the
+ * aligned to 8. It holds no pointer and need not be freed; a copy made while nobody steps it is a valid state. Before the
  * first use trocar_state_init() or its like must fill it: memory without its mark, or with a number that is not finite, is
  * refused, TROCAR_STATUS_NOT_A_STATE. Finite numbers written over its own are not noticed.
  *
@@ -387,7 +387,7 @@ trocar_status trocar_compensator_free(trocar_compensator *compensator);
  * Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) of the sensor,
  * duration_s (s) after the last one; the first sample starts, whatever its duration. No allocation, bounded work.
  *
- * Any numbers are taken, NaN too: see the fault in *estimate. Where the call is refused, *estimate has no tissue force
+ * Any number is accepted, also NaN: see the fault in *estimate. If the call is refused, *estimate has no tissue force
  * (NaN) and a trocar force of 0.
  *
  * Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.
@@ -616,7 +616,7 @@ trocar_status trocar_step_velocity(const trocar_model *model,
  * the state.
  *
  * Stops at the first row that cannot be followed, with the status of that step; *done (may be NULL) is the number of
- * forces that count, and state stands after the last of them.
+ * valid forces, and state is that after the last of them.
  */
 trocar_status trocar_simulate(const trocar_model *model,
                               trocar_state *state,

@@ -78,7 +78,7 @@ pub enum Fault {
     Saturated = 4,
     /// The reading has not changed although the force must have: no tissue force.
     Frozen = 5,
-    /// The position moved faster than 1 m/s, and by more than 1 mm: taken as a new zero of the encoder, not as a motion.
+    /// The position moved faster than 1 m/s, and by more than 1 mm: a new zero of the encoder, not a motion.
     Jump = 6,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap = 7,
@@ -364,7 +364,7 @@ pub unsafe extern "C" fn trocar_compensator_free(compensator: *mut Compensator) 
 /// Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) of the sensor,
 /// duration_s (s) after the last one; the first sample starts, whatever its duration. No allocation, bounded work.
 ///
-/// Any numbers are taken, NaN too: see the fault in *estimate. Where the call is refused, *estimate has no tissue force
+/// Any number is accepted, also NaN: see the fault in *estimate. If the call is refused, *estimate has no tissue force
 /// (NaN) and a trocar force of 0.
 ///
 /// Refuses: TROCAR_STATUS_NOT_A_COMPENSATOR, TROCAR_STATUS_STATE_BUSY.

@@ -40,7 +40,7 @@ const _: () = assert!(STATE_NUMBERS == trocar_model::flat::STATE_NUMBERS);
 const _: () = assert!(NUMBERS + STATE_NUMBERS <= WORDS && size_of::<State>() == STATE_SIZE);
 
 /// What changes while a model runs. The caller owns it: on the stack, in a struct, in an array, TROCAR_STATE_SIZE bytes
-/// aligned to 8. It holds no pointer and needs no end; a copy made while nobody steps it is a state as good. Before the
+/// aligned to 8. It holds no pointer and need not be freed; a copy made while nobody steps it is a valid state. Before the
 /// first use trocar_state_init() or its like must fill it: memory without its mark, or with a number that is not finite, is
 /// refused, TROCAR_STATUS_NOT_A_STATE. Finite numbers written over its own are not noticed.
 ///

@@ -141,7 +141,7 @@ pub unsafe extern "C" fn trocar_step_velocity(
 /// the state.
 ///
 /// Stops at the first row that cannot be followed, with the status of that step; *done (may be NULL) is the number of
-/// forces that count, and state stands after the last of them.
+/// valid forces, and state is that after the last of them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_simulate(
     model: *const Model,

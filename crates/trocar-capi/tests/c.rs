@@ -4,15 +4,18 @@
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::Write as _;
 use std::mem::offset_of;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use skipped::skipped;
 use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::model_file::{ModelFile, VERSION};
 use trocar_c::{CompensatorOptions, Drift, Estimate, Fault, State, Status, Tunable};
+
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// Where the library was installed, and a folder for programs.
 struct Installed {
@@ -33,12 +36,6 @@ fn here(path: &str) -> PathBuf {
 
 fn conformance(path: &str) -> PathBuf {
     here("../../conformance").join(path)
-}
-
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
-/// shown.
-fn skipped(why: &str) {
-    let _ = writeln!(std::io::stderr(), "skipped: {why}");
 }
 
 /// Whether `tool` is there; where not, the test is skipped, or fails if it is `needed` by the
@@ -324,10 +321,10 @@ fn the_loops_run_and_agree() {
 
     let mut wrong = Command::new(compiled(c, Link::Shared, &[]));
     let refused = wrong.arg(here("Cargo.toml")).output().unwrap();
-    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    let errors = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(
-        refused.status.code() == Some(1) && told.contains("Cargo.toml: line 1 column"),
-        "{told}"
+        refused.status.code() == Some(1) && errors.contains("Cargo.toml: line 1 column"),
+        "{errors}"
     );
 }
 
@@ -364,7 +361,7 @@ fn newer_model() -> PathBuf {
 }
 
 #[test]
-fn faults_of_the_caller_are_told_and_harm_nothing() {
+fn faults_of_the_caller_are_reported_and_harm_nothing() {
     if !compilers() {
         return;
     }
@@ -383,7 +380,7 @@ fn faults_of_the_caller_are_told_and_harm_nothing() {
 }
 
 #[test]
-fn threads_share_a_model_and_are_told_of_a_shared_state() {
+fn threads_share_a_model_and_a_shared_state_is_refused() {
     if !compilers() {
         return;
     }
@@ -558,6 +555,6 @@ fn cmake_finds_both_libraries() {
     );
     let script = programs.join("version.cmake");
     fs::write(&script, text).unwrap();
-    let told = done(Command::new(&cmake).arg("-P").arg(script)).stderr;
-    assert!(String::from_utf8_lossy(&told).contains("compatible: FALSE"));
+    let printed = done(Command::new(&cmake).arg("-P").arg(script)).stderr;
+    assert!(String::from_utf8_lossy(&printed).contains("compatible: FALSE"));
 }

@@ -5,9 +5,13 @@
 //! needs nothing installed.
 
 use std::collections::BTreeSet;
-use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
+
+use skipped::skipped;
+
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// A declaration in the tokens of C, and what is said about it.
 type Item = (String, String);
@@ -173,19 +177,13 @@ fn the_header_says_what_the_source_says() {
     );
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
-/// shown.
-fn skip(why: &str) {
-    let _ = writeln!(std::io::stderr(), "skipped: {}", why.trim());
-}
-
 #[test]
 fn cbindgen_makes_the_same_header() {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("header");
     let ran = match Command::new(&script).arg("--check").output() {
         Ok(ran) if ran.status.code() != Some(2) => ran,
-        Ok(ran) => return skip(&String::from_utf8_lossy(&ran.stderr)),
-        Err(error) => return skip(&error.to_string()),
+        Ok(ran) => return skipped(&String::from_utf8_lossy(&ran.stderr)),
+        Err(error) => return skipped(&error.to_string()),
     };
     assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stdout));
 }

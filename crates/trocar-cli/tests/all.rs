@@ -14,3 +14,5 @@ mod sweep;
 mod teleop;
 
 mod common;
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;

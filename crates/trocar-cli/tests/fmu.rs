@@ -3,12 +3,12 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use crate::common::{Ran, names_in};
+use crate::skipped::skipped;
 
 const TROCAR: &str = env!("CARGO_BIN_EXE_trocar");
 
@@ -131,10 +131,9 @@ fn an_fmu_has_a_folder_for_each_platform() {
     }
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
-/// shown. In CI it fails.
+/// Reports why nothing is tested; in CI it fails.
 fn skip(why: &str) {
-    let _ = writeln!(std::io::stderr(), "skipped: {why}");
+    skipped(why);
     assert!(std::env::var("CI").as_deref() != Ok("true"), "{why}");
 }
 
@@ -201,12 +200,12 @@ fn fmpy_finds_what_simulate_finds() {
         .env("PYTHONDONTWRITEBYTECODE", "1")
         .output()
         .unwrap();
-    let (told, errors) =
+    let (printed, errors) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    println!("{told}");
-    assert!(output.status.success(), "{told}\n{errors}");
+    println!("{printed}");
+    assert!(output.status.success(), "{printed}\n{errors}");
     let models = names_in(&conformance.join("models")).len();
-    assert_eq!(told.matches("rows bit-identical").count(), models);
+    assert_eq!(printed.matches("rows bit-identical").count(), models);
 }
 
 /// A platform whose library is built and run by emulation.
@@ -256,8 +255,7 @@ impl Foreign {
         }
         if let Some(why) = self.missing() {
             // Not a failure in CI.
-            let _ = writeln!(std::io::stderr(), "skipped: the FMU library for {platform}: {why}");
-            return;
+            return skipped(&format!("the FMU library for {platform}: {why}"));
         }
         let python = match python() {
             Ok(python) => python,
@@ -276,10 +274,10 @@ impl Foreign {
             .env("WINEDEBUG", "-all")
             .output()
             .unwrap();
-        let (told, errors) =
+        let (printed, errors) =
             (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        assert!(output.status.success(), "{told}\n{errors}");
-        assert!(told.contains(&format!("largest difference on {platform}: 0.0 N")), "{told}");
+        assert!(output.status.success(), "{printed}\n{errors}");
+        assert!(printed.contains(&format!("largest difference on {platform}: 0.0 N")), "{printed}");
     }
 }
 

@@ -5,7 +5,6 @@
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -15,6 +14,7 @@ use serde::Deserialize;
 use trocar_model::{Seal, Trocar, TrocarState};
 
 use crate::common::Ran;
+use crate::skipped::skipped;
 
 const PLAYWRIGHT: &str = "playwright-core@1.64.1";
 const BROWSERS: [&str; 4] =
@@ -177,11 +177,10 @@ impl Motion {
     }
 }
 
-/// Says why nothing is tested, on the standard error itself: what a passing test prints is not
-/// shown. In CI it fails.
+/// Reports why nothing is tested; in CI it fails.
 fn skip(why: &str) {
     assert_ne!(std::env::var("CI").as_deref(), Ok("true"), "{why}");
-    let _ = writeln!(std::io::stderr(), "skipped: {why}");
+    skipped(why);
 }
 
 /// Where a program is.

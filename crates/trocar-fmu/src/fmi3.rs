@@ -365,13 +365,13 @@ pub unsafe extern "C" fn fmi3DoStep(
     // SAFETY: pointers as FMI requires.
     unsafe {
         call(handle, "fmi3DoStep", |c| {
-            let told = "a result";
+            let name = "a result";
             let flags = [
-                Room::new(event, 1, told)?,
-                Room::new(terminate, 1, told)?,
-                Room::new(early, 1, told)?,
+                Room::new(event, 1, name)?,
+                Room::new(terminate, 1, name)?,
+                Room::new(early, 1, name)?,
             ];
-            let mut time = Room::new(last_time, 1, told)?;
+            let mut time = Room::new(last_time, 1, name)?;
             let outcome = c.instance.step(point, size);
             flags.into_iter().for_each(|mut flag| flag.put(0, false));
             time.put(0, c.instance.time());

@@ -13,7 +13,7 @@ import sys
 import zipfile
 
 import fmpy
-from check import HEADERS, check, check_refusals, simulate
+from check import HEADERS, check, check_words, refusals, simulate
 
 
 class Windows:
@@ -89,7 +89,7 @@ def main():
             check(len(found) == len(forces), f"{len(found)} forces of {len(forces)}")
             largest = max([largest] + [abs(ours - theirs) for ours, theirs in zip(forces, found)])
             # The message of FMI 2.0 is a printf format.
-            check_refusals(messages, "no such%/folder" if fmi == "2" else "/no such/folder")
+            check_words(refusals(fmi, "no such%/folder" if fmi == "2" else "/no such/folder"), messages)
     print(f"largest difference on {name}: {largest} N")
     check(largest == 0.0, f"the library for {name} finds other forces")
 

@@ -20,7 +20,7 @@
 #include "fmi2FunctionTypes.h"
 #include "fmi3FunctionTypes.h"
 
-enum { INPUT = 1, FORCE = 2, ROWS = 100000 };
+enum { INPUT = 1, FORCE = 2, MODE = 4, ROWS = 100000 };
 
 #ifdef _WIN32
 static HMODULE library;
@@ -66,17 +66,26 @@ static void *function(const char *name) {
             exit(1);                                                                                                   \
         }                                                                                                              \
     } while (0)
-#define REFUSE(call)                                                                                                   \
-    do {                                                                                                               \
-        if ((call) != 3) {                                                                                             \
-            fprintf(stderr, "not refused: %s\n", #call);                                                               \
-            exit(1);                                                                                                   \
-        }                                                                                                              \
-    } while (0)
+/* Refused, with one message. */
+#define REFUSE(call) refuse((call) == 3, 1, #call)
+#define REFUSE_START(call) refuse(!(call), 1, #call)
+/* Without an instance, which has the logger, nobody can be told. */
+#define REFUSE_SILENTLY(call) refuse((call) == 3, 0, #call)
+
+static int messages, messages_before;
+
+static void refuse(int refused, int expected, const char *call) {
+    if (!refused || messages - messages_before != expected) {
+        fprintf(stderr, "%s: %s, %d messages\n", call, refused ? "refused" : "not refused", messages - messages_before);
+        exit(1);
+    }
+    messages_before = messages;
+}
 
 static void log2_(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status, fmi2String kind, fmi2String text, ...) {
     va_list rest;
     (void)e;
+    messages++;
     fprintf(stderr, "%s %d %s: ", name, (int)status, kind);
     va_start(rest, text);
     vfprintf(stderr, text, rest);
@@ -86,6 +95,7 @@ static void log2_(fmi2ComponentEnvironment e, fmi2String name, fmi2Status status
 
 static void log3_(fmi3InstanceEnvironment e, fmi3Status status, fmi3String kind, fmi3String text) {
     (void)e;
+    messages++;
     fprintf(stderr, "%d %s: %s\n", (int)status, kind, text);
 }
 
@@ -100,6 +110,73 @@ static void read_motion(const char *path) {
         positions[rows] = strtod(comma + 1, NULL);
     }
     fclose(file);
+}
+
+static void refuse_null_pointers2(fmi2Component c) {
+    LOAD(fmi2SetDebugLogging); LOAD(fmi2SetupExperiment); LOAD(fmi2EnterInitializationMode); LOAD(fmi2Terminate);
+    LOAD(fmi2Reset); LOAD(fmi2GetReal); LOAD(fmi2SetReal); LOAD(fmi2GetInteger); LOAD(fmi2GetString); LOAD(fmi2DoStep);
+    LOAD(fmi2GetFMUstate); LOAD(fmi2SetFMUstate); LOAD(fmi2FreeFMUstate); LOAD(fmi2SerializedFMUstateSize);
+    LOAD(fmi2SerializeFMUstate); LOAD(fmi2DeSerializeFMUstate); LOAD(fmi2CancelStep);
+    const fmi2ValueReference input = INPUT, mode = MODE;
+    fmi2FMUstate state = NULL, copy = NULL;
+    size_t size;
+    fmi2Byte *bytes;
+    double value = 0.0;
+    int integer;
+    DO(fmi2GetFMUstate(c, &state));
+    DO(fmi2SerializedFMUstateSize(c, state, &size));
+    bytes = malloc(size);
+    DO(fmi2SerializeFMUstate(c, state, bytes, size));
+    REFUSE(fmi2SetDebugLogging(c, 1, 1, NULL));
+    REFUSE(fmi2GetReal(c, NULL, 1, &value));
+    REFUSE(fmi2GetReal(c, &input, 1, NULL));
+    REFUSE(fmi2SetReal(c, NULL, 1, &value));
+    REFUSE(fmi2SetReal(c, &input, 1, NULL));
+    REFUSE(fmi2GetInteger(c, NULL, 1, &integer));
+    REFUSE(fmi2GetInteger(c, &mode, 1, NULL));
+    REFUSE(fmi2GetString(c, NULL, 1, NULL));
+    REFUSE(fmi2GetFMUstate(c, NULL));
+    REFUSE(fmi2SetFMUstate(c, NULL));
+    REFUSE(fmi2SerializedFMUstateSize(c, NULL, &size));
+    REFUSE(fmi2SerializedFMUstateSize(c, state, NULL));
+    REFUSE(fmi2SerializeFMUstate(c, NULL, bytes, size));
+    REFUSE(fmi2SerializeFMUstate(c, state, NULL, size));
+    REFUSE(fmi2DeSerializeFMUstate(c, NULL, size, &copy));
+    REFUSE(fmi2DeSerializeFMUstate(c, bytes, size, NULL));
+    DO(fmi2FreeFMUstate(c, NULL));
+    DO(fmi2FreeFMUstate(c, &copy));
+    DO(fmi2GetReal(c, NULL, 0, NULL));
+    REFUSE_SILENTLY(fmi2SetDebugLogging(NULL, 1, 0, NULL));
+    REFUSE_SILENTLY(fmi2SetupExperiment(NULL, 0, 0.0, 0.0, 0, 0.0));
+    REFUSE_SILENTLY(fmi2EnterInitializationMode(NULL));
+    REFUSE_SILENTLY(fmi2Terminate(NULL));
+    REFUSE_SILENTLY(fmi2Reset(NULL));
+    REFUSE_SILENTLY(fmi2GetReal(NULL, &input, 1, &value));
+    REFUSE_SILENTLY(fmi2SetReal(NULL, &input, 1, &value));
+    REFUSE_SILENTLY(fmi2GetInteger(NULL, &mode, 1, &integer));
+    REFUSE_SILENTLY(fmi2GetString(NULL, &mode, 1, NULL));
+    REFUSE_SILENTLY(fmi2GetFMUstate(NULL, &copy));
+    REFUSE_SILENTLY(fmi2SetFMUstate(NULL, state));
+    REFUSE_SILENTLY(fmi2SerializedFMUstateSize(NULL, state, &size));
+    REFUSE_SILENTLY(fmi2SerializeFMUstate(NULL, state, bytes, size));
+    REFUSE_SILENTLY(fmi2DeSerializeFMUstate(NULL, bytes, size, &copy));
+    REFUSE_SILENTLY(fmi2DoStep(NULL, 0.0, 1e-3, 1));
+    REFUSE_SILENTLY(fmi2CancelStep(NULL));
+    DO(fmi2FreeFMUstate(c, &state));
+    free(bytes);
+}
+
+static void refuse_instances2(const char *resources, const char *token) {
+    LOAD(fmi2Instantiate); LOAD(fmi2FreeInstance);
+    const fmi2CallbackFunctions callbacks = {log2_, NULL, NULL, NULL, NULL}, silent = {NULL, NULL, NULL, NULL, NULL};
+    const char *nowhere = "file:///no%20such%25/folder";
+    REFUSE_START(fmi2Instantiate("100% #r1#", fmi2CoSimulation, "wrong", nowhere, &callbacks, 0, 0));
+    REFUSE_START(fmi2Instantiate("first", fmi2ModelExchange, token, resources, &callbacks, 0, 0));
+    REFUSE_START(fmi2Instantiate("first", fmi2CoSimulation, NULL, resources, &callbacks, 0, 0));
+    REFUSE_START(fmi2Instantiate(NULL, fmi2CoSimulation, token, resources, &callbacks, 0, 0));
+    if (fmi2Instantiate("first", fmi2CoSimulation, token, resources, NULL, 0, 0)) exit(1);
+    if (fmi2Instantiate("first", fmi2CoSimulation, "wrong", resources, &silent, 0, 0)) exit(1);
+    fmi2FreeInstance(NULL);
 }
 
 static void run2(const char *resources, const char *token) {
@@ -147,15 +224,93 @@ static void run2(const char *resources, const char *token) {
     value = 0.0 / 0.0;
     REFUSE(fmi2SetReal(c, &input, 1, &value));
     REFUSE(fmi2SetReal(c, &none, 1, &value));
-    REFUSE(fmi2SetReal(c, NULL, 1, &value));
     REFUSE(fmi2DoStep(c, times[rows - 1], 0.0, 1));
     REFUSE(fmi2CancelStep(c));
-    if (fmi2Instantiate("100% #r1#", fmi2CoSimulation, "wrong", "file:///no%20such%25/folder", &callbacks, 0, 0)) exit(1);
+    refuse_null_pointers2(c);
+    refuse_instances2(resources, token);
     fmi2FreeInstance(c);
 }
 
+static void refuse_null_pointers3(fmi3Instance c) {
+    LOAD(fmi3SetDebugLogging); LOAD(fmi3EnterInitializationMode); LOAD(fmi3Terminate); LOAD(fmi3Reset); LOAD(fmi3DoStep);
+    LOAD(fmi3GetFloat64); LOAD(fmi3SetFloat64); LOAD(fmi3GetInt64); LOAD(fmi3GetString); LOAD(fmi3GetFMUState);
+    LOAD(fmi3SetFMUState); LOAD(fmi3FreeFMUState); LOAD(fmi3SerializedFMUStateSize); LOAD(fmi3SerializeFMUState);
+    LOAD(fmi3DeserializeFMUState); LOAD(fmi3EnterEventMode);
+    const fmi3ValueReference input = INPUT, mode = MODE;
+    fmi3FMUState state = NULL, copy = NULL;
+    size_t size;
+    fmi3Byte *bytes;
+    double value = 0.0, last;
+    fmi3Int64 integer;
+    bool event, end, early;
+    DO(fmi3GetFMUState(c, &state));
+    DO(fmi3SerializedFMUStateSize(c, state, &size));
+    bytes = malloc(size);
+    DO(fmi3SerializeFMUState(c, state, bytes, size));
+    REFUSE(fmi3SetDebugLogging(c, true, 1, NULL));
+    REFUSE(fmi3GetFloat64(c, NULL, 1, &value, 1));
+    REFUSE(fmi3GetFloat64(c, &input, 1, NULL, 1));
+    REFUSE(fmi3GetFloat64(c, &input, 1, &value, 0));
+    REFUSE(fmi3SetFloat64(c, NULL, 1, &value, 1));
+    REFUSE(fmi3SetFloat64(c, &input, 1, NULL, 1));
+    REFUSE(fmi3GetInt64(c, NULL, 1, &integer, 1));
+    REFUSE(fmi3GetInt64(c, &mode, 1, NULL, 1));
+    REFUSE(fmi3GetString(c, NULL, 1, NULL, 1));
+    REFUSE(fmi3DoStep(c, 0.0, 1e-3, true, NULL, &end, &early, &last));
+    REFUSE(fmi3DoStep(c, 0.0, 1e-3, true, &event, NULL, &early, &last));
+    REFUSE(fmi3DoStep(c, 0.0, 1e-3, true, &event, &end, NULL, &last));
+    REFUSE(fmi3DoStep(c, 0.0, 1e-3, true, &event, &end, &early, NULL));
+    REFUSE(fmi3GetFMUState(c, NULL));
+    REFUSE(fmi3SetFMUState(c, NULL));
+    REFUSE(fmi3SerializedFMUStateSize(c, NULL, &size));
+    REFUSE(fmi3SerializedFMUStateSize(c, state, NULL));
+    REFUSE(fmi3SerializeFMUState(c, NULL, bytes, size));
+    REFUSE(fmi3SerializeFMUState(c, state, NULL, size));
+    REFUSE(fmi3DeserializeFMUState(c, NULL, size, &copy));
+    REFUSE(fmi3DeserializeFMUState(c, bytes, size, NULL));
+    DO(fmi3FreeFMUState(c, NULL));
+    DO(fmi3FreeFMUState(c, &copy));
+    DO(fmi3GetFloat64(c, NULL, 0, NULL, 0));
+    REFUSE_SILENTLY(fmi3SetDebugLogging(NULL, true, 0, NULL));
+    REFUSE_SILENTLY(fmi3EnterInitializationMode(NULL, false, 0.0, 0.0, false, 0.0));
+    REFUSE_SILENTLY(fmi3Terminate(NULL));
+    REFUSE_SILENTLY(fmi3Reset(NULL));
+    REFUSE_SILENTLY(fmi3GetFloat64(NULL, &input, 1, &value, 1));
+    REFUSE_SILENTLY(fmi3SetFloat64(NULL, &input, 1, &value, 1));
+    REFUSE_SILENTLY(fmi3GetInt64(NULL, &mode, 1, &integer, 1));
+    REFUSE_SILENTLY(fmi3GetString(NULL, &mode, 1, NULL, 1));
+    REFUSE_SILENTLY(fmi3DoStep(NULL, 0.0, 1e-3, true, &event, &end, &early, &last));
+    REFUSE_SILENTLY(fmi3GetFMUState(NULL, &copy));
+    REFUSE_SILENTLY(fmi3SetFMUState(NULL, state));
+    REFUSE_SILENTLY(fmi3SerializedFMUStateSize(NULL, state, &size));
+    REFUSE_SILENTLY(fmi3SerializeFMUState(NULL, state, bytes, size));
+    REFUSE_SILENTLY(fmi3DeserializeFMUState(NULL, bytes, size, &copy));
+    REFUSE_SILENTLY(fmi3EnterEventMode(NULL));
+    DO(fmi3FreeFMUState(c, &state));
+    free(bytes);
+}
+
+static fmi3Instance start3(const char *name, const char *token, const char *resources, bool event_mode,
+                           fmi3LogMessageCallback log) {
+    LOAD(fmi3InstantiateCoSimulation);
+    const fmi3ValueReference force = FORCE;
+    return fmi3InstantiateCoSimulation(name, token, resources, false, false, event_mode, true, &force, 1, NULL, log, NULL);
+}
+
+static void refuse_instances3(const char *resources, const char *token) {
+    LOAD(fmi3InstantiateModelExchange); LOAD(fmi3InstantiateScheduledExecution); LOAD(fmi3FreeInstance);
+    REFUSE_START(start3("third", "wrong", "/no such/folder/", false, log3_));
+    REFUSE_START(start3("third", token, resources, true, log3_));
+    REFUSE_START(start3("third", NULL, resources, false, log3_));
+    REFUSE_START(start3(NULL, token, resources, false, log3_));
+    REFUSE_START(fmi3InstantiateModelExchange("third", token, resources, false, false, NULL, log3_));
+    REFUSE_START(fmi3InstantiateScheduledExecution("third", token, resources, false, false, NULL, log3_, NULL, NULL, NULL));
+    if (start3("third", "wrong", resources, false, NULL)) exit(1);
+    fmi3FreeInstance(NULL);
+}
+
 static void run3(const char *resources, const char *token) {
-    LOAD(fmi3InstantiateCoSimulation); LOAD(fmi3FreeInstance); LOAD(fmi3EnterInitializationMode);
+    LOAD(fmi3FreeInstance); LOAD(fmi3EnterInitializationMode);
     LOAD(fmi3ExitInitializationMode); LOAD(fmi3SetFloat64); LOAD(fmi3GetFloat64); LOAD(fmi3DoStep);
     LOAD(fmi3GetFMUState); LOAD(fmi3FreeFMUState); LOAD(fmi3SerializedFMUStateSize); LOAD(fmi3SerializeFMUState);
     LOAD(fmi3DeserializeFMUState); LOAD(fmi3SetFMUState); LOAD(fmi3EnterEventMode); LOAD(fmi3GetVersion);
@@ -167,7 +322,7 @@ static void run3(const char *resources, const char *token) {
     fmi3Byte *bytes;
     bool event = true, end = true, early = true;
     double value, step, last = -1.0;
-    c = fmi3InstantiateCoSimulation("first", token, resources, false, false, false, true, &force, 1, NULL, log3_, NULL);
+    c = start3("first", token, resources, false, log3_);
     if (!c || strcmp(fmi3GetVersion(), "3.0") != 0) exit(1);
     DO(fmi3EnterInitializationMode(c, false, 0.0, times[0], false, 0.0));
     DO(fmi3SetFloat64(c, &input, 1, &positions[0], 1));
@@ -186,8 +341,7 @@ static void run3(const char *resources, const char *token) {
             DO(fmi3SerializedFMUStateSize(c, state, &size));
             bytes = malloc(size);
             DO(fmi3SerializeFMUState(c, state, bytes, size));
-            other = fmi3InstantiateCoSimulation("second", token, resources, false, false, false, false, NULL, 0, NULL,
-                                                log3_, NULL);
+            other = start3("second", token, resources, false, log3_);
             REFUSE(fmi3DeserializeFMUState(other, bytes, size - 1, &copy));
             DO(fmi3DeserializeFMUState(other, bytes, size, &copy));
             DO(fmi3SetFMUState(other, copy));
@@ -201,14 +355,11 @@ static void run3(const char *resources, const char *token) {
     value = 0.0 / 0.0;
     REFUSE(fmi3SetFloat64(c, &input, 1, &value, 1));
     REFUSE(fmi3SetFloat64(c, &none, 1, &value, 1));
-    REFUSE(fmi3SetFloat64(c, &input, 1, NULL, 1));
     REFUSE(fmi3DoStep(c, times[rows - 1], -1.0, true, &event, &end, &early, &last));
-    REFUSE(fmi3DoStep(c, times[rows - 1], 1.0, true, NULL, NULL, NULL, NULL));
     REFUSE(fmi3EnterEventMode(c));
     REFUSE(fmi3GetBinary(c, &force, 1, NULL, NULL, 0));
-    if (fmi3InstantiateCoSimulation("third", "wrong", "/no such/folder/", false, false, false, false, NULL, 0, NULL,
-                                    log3_, NULL))
-        exit(1);
+    refuse_null_pointers3(c);
+    refuse_instances3(resources, token);
     fmi3FreeInstance(c);
 }
 

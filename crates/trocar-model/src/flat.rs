@@ -57,7 +57,7 @@ pub enum FlatError {
         /// Numbers there are.
         found: usize,
     },
-    /// A number that says what follows is not one of those it may be.
+    /// A type tag, which determines what the next numbers are, is not valid.
     Tag {
         /// Where it stands, from 0.
         place: usize,
@@ -79,7 +79,7 @@ impl core::fmt::Display for FlatError {
         match self {
             Self::Length { found } => write!(f, "{found} numbers are too few"),
             Self::Tag { place, found } => {
-                write!(f, "number {place} says what follows, and cannot be {found}")
+                write!(f, "number {place} must be a valid type tag, got {found}")
             }
             Self::Parameter(error) => error.fmt(f),
         }

@@ -20,3 +20,5 @@ mod vectors_maxwell;
 mod common;
 #[path = "common/shared.rs"]
 mod shared;
+#[path = "common/skipped.rs"]
+mod skipped;

@@ -99,7 +99,7 @@ fn noise_beyond_the_width_is_damped() {
     assert!(with < 0.6 * without, "{with} {without}");
 }
 
-/// Reversals told over the readings.
+/// Reversals reported over the readings.
 fn reversals(filter: &BacklashFilter, readings: impl Iterator<Item = f64>) -> usize {
     let mut state = BacklashState::default();
     readings
@@ -218,11 +218,11 @@ fn a_reversal_tells_direction_and_turning_point() {
     (1..=100).for_each(|k| assert_eq!(feed(1e-5 * f64::from(k)).reversal(), None));
     assert_eq!(feed(1e-3).direction(), Some(Direction::Insertion));
     feed(1e-3);
-    let told: Vec<_> =
+    let reported: Vec<_> =
         (0..50).filter_map(|k| feed(1e-3 - 1e-5 * f64::from(k)).reversal()).collect();
-    assert_eq!(told.len(), 1);
-    assert_eq!(told[0].to, Direction::Withdrawal);
-    assert!((told[0].turning_point - 1e-3).abs() < 1e-12, "{told:?}");
+    assert_eq!(reported.len(), 1);
+    assert_eq!(reported[0].to, Direction::Withdrawal);
+    assert!((reported[0].turning_point - 1e-3).abs() < 1e-12, "{reported:?}");
     assert_eq!(feed(5e-4).direction(), Some(Direction::Withdrawal));
 }
 

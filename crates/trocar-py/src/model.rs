@@ -189,6 +189,7 @@ impl Model {
                 stem: stem(&path)?,
                 precision,
                 compensator: compensator.then_some(&observing),
+                internal: false,
             };
             from_text(&self.0.to_json(), "model.json", options)?.store(&path)
         };
@@ -199,7 +200,8 @@ impl Model {
     /// or not at all.
     ///
     /// `fmi` is the version of FMI, 2 or 3; `input` is what drives the model: "position" (m, at the
-    /// end of a step) or "velocity" (m/s, during it); `name` that of the model in the description.
+    /// end of a step) or "velocity" (m/s, during it); `name` that of the model in the description
+    /// (with `source` also in its model identifier, trocar_NAME).
     /// The FMU runs on all `platforms` that this package carries a library for, or on those named
     /// ("x86_64-linux", "x86_64-windows"); the command line can add libraries for others. With `source`
     /// it holds source code in C instead, which the importer compiles, and its parameters are constants.

@@ -108,8 +108,8 @@ fn outcome<T: Send>(
                 return Err(InternalError::new_err("the work was lost"));
             }
             Err(RecvTimeoutError::Timeout) => {
-                let told = py.check_signals().and_then(|()| tell(py, progress, news));
-                told.inspect_err(|_| cancel.cancel())?;
+                let reported = py.check_signals().and_then(|()| tell(py, progress, news));
+                reported.inspect_err(|_| cancel.cancel())?;
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::columns::{Given, Layout, Quantity};
 use super::container::{Container, Table};
-use super::header::Header;
+use super::header::{Header, Text};
 use super::{RecordingError, columns};
 
 /// Most columns of a table that are read to guess a unit.
@@ -101,7 +101,7 @@ pub(super) fn pick(
     let allowed = allowed(file, tables, &choice.topics)?;
     let mut found = Vec::new();
     let mut refused = None;
-    for table in allowed {
+    for &table in &allowed {
         match layout_of(file, container, table, choice, needed) {
             Ok(layout) => found.push((table, layout)),
             // The table with the most numeric columns gives the most informative error.
@@ -141,12 +141,49 @@ pub(super) fn pick(
         });
     }
     let Some((table, layout)) = found.pop() else {
+        if let Some(found) = in_several(file, container, &allowed, choice, needed) {
+            return Err(RecordingError::SeparateTables { file: file.to_owned(), found });
+        }
         return Err(refused
             .map_or_else(|| RecordingError::Empty { file: file.to_owned() }, |(_, error)| error));
     };
     let read = layout.slots.iter().enumerate().filter(|(_, slot)| slot.is_some());
     let columns = read.map(|(k, _)| k).collect();
     Ok(Picked { table, columns, layout })
+}
+
+/// Where each quantity is, if they are in several of the tables: as a column, or by the table's name.
+fn in_several(
+    file: &str,
+    container: &dyn Container,
+    tables: &[usize],
+    choice: &Choice,
+    needed: &[Quantity],
+) -> Option<String> {
+    let name = |table: usize| container.tables()[table].name.as_str();
+    let place = |quantity: Quantity| {
+        let has_column =
+            |table: &usize| layout_of(file, container, *table, choice, &[quantity]).is_ok();
+        let is_named = |table: &usize| {
+            let leaf = name(*table).rsplit(['/', '.']).next().unwrap_or_default();
+            columns::quantity_named(leaf) == Some(quantity)
+        };
+        let mut all = tables.iter().copied();
+        all.find(has_column).or_else(|| tables.iter().copied().find(is_named))
+    };
+    let mut places = Vec::new();
+    for quantity in choice.needed_columns(needed) {
+        places.push((quantity, place(quantity)?));
+    }
+    let is_apart = places.windows(2).any(|pair| pair[0].1 != pair[1].1);
+    let words = places.iter().map(|(quantity, table)| {
+        let table = match name(*table) {
+            "" => "the file itself".to_owned(),
+            name => format!("'{name}'"),
+        };
+        format!("{} in {table}", quantity.name())
+    });
+    is_apart.then(|| words.collect::<Vec<_>>().join(", "))
 }
 
 /// The tables named by `topics`: by full name, or by the part after a slash.
@@ -249,6 +286,7 @@ fn layout_of(
                 units,
                 timestamps: &dates,
                 first_rows: &first_rows,
+                first_text: &|k| (!table.columns[k].is_numeric).then_some(Text::Other),
             };
             header.layout(&given, needed)?
         }

@@ -1,6 +1,7 @@
 //! Column names and units: which column of a file holds which quantity.
 
 use super::RecordingError;
+use super::format::Format;
 use super::header::Header;
 
 /// Quantities that a column can hold.
@@ -503,6 +504,7 @@ impl TableColumns {
                     units,
                     timestamps,
                     first_rows: &Vec::new,
+                    first_text: &|_| None,
                 };
                 header.layout(&given, &needed)?
             }
@@ -744,9 +746,26 @@ pub fn time_unit(name: &str, unit: Option<&str>) -> Option<Option<f64>> {
     (reading.quantity == Quantity::Time).then_some(reading.per_si)
 }
 
+/// The quantity that a name denotes.
+pub(crate) fn quantity_named(name: &str) -> Option<Quantity> {
+    recognise(name).map(|reading| reading.quantity)
+}
+
 /// Whether the name denotes one of the quantities.
 pub(crate) fn is_recognised(name: &str) -> bool {
     recognise(name).is_some()
+}
+
+/// Remedy for a cell with a number and its unit.
+pub(crate) const UNIT_IN_CELL: &str = "write the numbers alone into the cells and the unit into the name of the column, such as force_n";
+
+/// Whether a cell is a number with its unit, such as `1.2 N`.
+pub(crate) fn has_unit(cell: &str, format: Format) -> bool {
+    cell.char_indices().any(|(at, _)| {
+        let (number, unit) = cell.split_at(at);
+        format.number(number.as_bytes()).is_some_and(f64::is_finite)
+            && units_named(&words_of(&lower(unit)).join("_")).next().is_some()
+    })
 }
 
 /// Whether every cell is only a unit, as in the second header line of some loggers.

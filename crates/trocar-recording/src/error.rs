@@ -142,6 +142,16 @@ pub enum RecordingError {
         /// One of them.
         example: String,
     },
+    /// The required quantities are in different tables of a file.
+    #[error(
+        "{file}: {found}, expected all as columns of one table\n\nhint: save them together: arrays of equal length in one group, at common times; `trocar inspect` lists all tables"
+    )]
+    SeparateTables {
+        /// File name as given by the caller.
+        file: String,
+        /// Each quantity with its table.
+        found: String,
+    },
     /// No table, or more than one, has the requested name.
     #[error(
         "{file}: {found} topics or tables are named '{topic}', expected one\n\nhint: the file holds {expected}"
@@ -210,7 +220,7 @@ pub enum RecordingError {
     },
     /// A cell of a used column of a spreadsheet is not a number.
     #[error(
-        "{file} sheet '{sheet}' cell {cell}: found '{found}' in column {column}, expected a number\n\nhint: correct the cell, or clear it: an empty cell is a missing number"
+        "{file} sheet '{sheet}' cell {cell}: found '{found}' in column {column}, expected a number\n\nhint: {hint}"
     )]
     CellNotANumber {
         /// File name as given by the caller.
@@ -223,6 +233,8 @@ pub enum RecordingError {
         column: Box<str>,
         /// Its content, shortened.
         found: Box<str>,
+        /// Remedy.
+        hint: &'static str,
     },
     /// A cell is empty, NaN or infinite where every row is required (`simulate`).
     #[error(

@@ -20,8 +20,19 @@ const MISSING: [&[u8]; 8] = [b"NA", b"N/A", b"#N/A", b"<NA>", b"null", b"None", 
 /// Whether a line is a comment: the signs of Python, of MATLAB and of C.
 pub(crate) fn is_comment(line: &[u8]) -> bool {
     let line = line.trim_ascii_start();
-    [&b"#"[..], b"%", b"//"].iter().any(|sign| line.starts_with(sign))
+    COMMENT_SIGNS.iter().any(|sign| line.starts_with(sign))
 }
+
+/// The text of a comment line. A single slash is a part of it, such as that of a topic's name.
+pub(crate) fn comment_text(line: &[u8]) -> &[u8] {
+    let mut text = line.trim_ascii();
+    while let Some(rest) = COMMENT_SIGNS.iter().find_map(|sign| text.strip_prefix(*sign)) {
+        text = rest;
+    }
+    text.trim_ascii()
+}
+
+const COMMENT_SIGNS: [&[u8]; 3] = [b"#", b"%", b"//"];
 
 /// In order of preference if several fit the lines equally well.
 const CANDIDATES: [Format; 9] = [

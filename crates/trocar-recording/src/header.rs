@@ -5,8 +5,8 @@
 
 use super::RecordingError;
 use super::columns::{
-    AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, entry, is_angle, is_related,
-    listed, numbered, reading_with, unit_alone,
+    AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, UNIT_IN_CELL, entry, is_angle,
+    is_related, listed, numbered, reading_with, unit_alone,
 };
 
 /// The names of the columns, and what else tells their meaning.
@@ -22,6 +22,15 @@ pub(crate) struct Header<'a> {
     /// Numbers of the first rows by column, for a guess of the units; a column without numbers is
     /// empty, and all are if the rows are not known.
     pub(crate) first_rows: &'a dyn Fn() -> Vec<Vec<f64>>,
+    /// The first cell of a column in these rows that is neither a number nor missing.
+    pub(crate) first_text: &'a dyn Fn(usize) -> Option<Text>,
+}
+
+/// A cell without a number of its own.
+pub(crate) enum Text {
+    /// A number and its unit, as written.
+    WithUnit(String),
+    Other,
 }
 
 /// What is unclear about a quantity that is needed.
@@ -46,7 +55,7 @@ struct Proposed {
 const OR_DATES: &str = " or as dates such as 2026-11-22T10:15:00.123";
 
 /// Whether a column has no numbers in rows that are known.
-fn is_text(rows: &[Vec<f64>], column: usize) -> bool {
+fn has_no_numbers(rows: &[Vec<f64>], column: usize) -> bool {
     rows.iter().any(|own| !own.is_empty()) && rows.get(column).is_some_and(Vec::is_empty)
 }
 
@@ -268,9 +277,10 @@ impl Header<'_> {
         for (quantity, doubt) in doubts {
             match doubt {
                 Doubt::Missing => {}
-                Doubt::Unit(index) if is_text(&rows, *index) => problems.push(format!(
-                    "column '{}' holds text, expected {} as numbers{}",
+                Doubt::Unit(index) if has_no_numbers(&rows, *index) => problems.push(format!(
+                    "column '{}' {}, expected {} as numbers{}",
                     self.names[*index],
+                    self.instead_of_numbers(*index),
                     quantity.name(),
                     if *quantity == Quantity::Time { OR_DATES } else { "" }
                 )),
@@ -298,6 +308,17 @@ impl Header<'_> {
             place: self.place.into(),
             problems: problems.join("; ").into(),
             hint: self.hint(doubts, readings, slots, &rows).into(),
+        }
+    }
+
+    /// What a column without numbers holds.
+    fn instead_of_numbers(&self, column: usize) -> String {
+        match (self.first_text)(column) {
+            None => "is empty in the first rows".to_owned(),
+            Some(Text::WithUnit(cell)) => {
+                format!("holds numbers with their unit, such as '{cell}'")
+            }
+            Some(Text::Other) => "holds text".to_owned(),
         }
     }
 
@@ -350,11 +371,20 @@ impl Header<'_> {
                 left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
             sentences.push(format!("no column is left that could be {}", either(&names)));
         }
+        let cell_has_unit = |doubt: &Doubt| match doubt {
+            Doubt::Unit(index) if has_no_numbers(rows, *index) => {
+                matches!((self.first_text)(*index), Some(Text::WithUnit(_)))
+            }
+            _ => false,
+        };
+        if doubts.iter().any(|(_, doubt)| cell_has_unit(doubt)) {
+            sentences.push(UNIT_IN_CELL.to_owned());
+        }
         let is_unusable = |(quantity, doubt): &(Quantity, Doubt)| {
             *quantity == Quantity::Time
                 && match doubt {
                     Doubt::Missing => true,
-                    Doubt::Unit(index) => is_text(rows, *index),
+                    Doubt::Unit(index) => has_no_numbers(rows, *index),
                     Doubt::Several(_) => false,
                 }
         };
@@ -379,7 +409,7 @@ impl Header<'_> {
         for (quantity, doubt) in doubts {
             match doubt {
                 Doubt::Missing => {}
-                Doubt::Unit(index) if is_text(rows, *index) => {}
+                Doubt::Unit(index) if has_no_numbers(rows, *index) => {}
                 Doubt::Unit(index) => columns.push((*quantity, *index)),
                 // A force along the instrument changes more than those across it.
                 Doubt::Several(several) => {

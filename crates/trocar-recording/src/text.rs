@@ -14,11 +14,11 @@ use sha2::{Digest, Sha256};
 
 use super::block::Block;
 use super::choice::Choice;
-use super::columns::{Given, Layout, Quantity, Slot, is_unit_row};
+use super::columns::{Given, Layout, Quantity, Slot, has_unit, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
 use super::decompress::TextInput;
-use super::format::{Format, Separator, is_comment, whitespace_cells};
-use super::header::{Header, in_order};
+use super::format::{Format, Separator, comment_text, is_comment, whitespace_cells};
+use super::header::{Header, Text, in_order};
 use super::quality::{LONGEST_FOOTER, RowList, warn_of_footer, warn_of_repeated};
 use super::{RecordingError, columns, timestamp};
 
@@ -40,6 +40,9 @@ const ROWS_AFTER_PREAMBLE: usize = 3;
 /// Remedy if nothing can be read below what looks like the header.
 const HEADER_BELOW: &str =
     "\n\nhint: if the header is further below, skip the lines before it with --skip-rows";
+
+/// Remedy for a cell with a number and its unit.
+const UNIT_IN_CELL: &str = "\n\nhint: write the numbers alone into the cells and the unit into the name of the column, such as force_n";
 
 /// Most rows read to guess a unit.
 const GUESSED_ROWS: usize = 20_000;
@@ -398,8 +401,15 @@ impl<R: Read> TextReader<R> {
                 let (file, place) = (&self.file, &format!(" line {line}"));
                 let first_rows = || self.first_rows(names.len());
                 let (names, timestamps) = (&names, &self.timestamps());
-                let header =
-                    Header { file, place, names, units, timestamps, first_rows: &first_rows };
+                let header = Header {
+                    file,
+                    place,
+                    names,
+                    units,
+                    timestamps,
+                    first_rows: &first_rows,
+                    first_text: &|k| self.first_text(k),
+                };
                 Ok(header.layout(&given, &choice.needed_columns(needed))?.at_rate(choice.rate_hz))
             }
             Wanted::All(_) => {
@@ -538,6 +548,20 @@ impl<R: Read> TextReader<R> {
         rows
     }
 
+    /// The first cell with text in a column of the rows in the buffer.
+    fn first_text(&self, column: usize) -> Option<Text> {
+        let lines = self.buffer[self.start..self.complete].split(|&b| b == b'\n');
+        let mut splitter = Splitter::new(self.format.separator);
+        lines.take(GUESSED_ROWS).filter(|line| !is_nothing(line)).find_map(|line| {
+            let cell = (splitter.split(line) > column).then(|| splitter.cell(column))?;
+            let quoted = || quoted(cell.trim_ascii());
+            self.format.number(cell).is_none().then(|| match has_unit(&quoted(), self.format) {
+                true => Text::WithUnit(quoted()),
+                false => Text::Other,
+            })
+        })
+    }
+
     /// Skips blank and comment lines; returns the last comment with its line.
     fn skip_blank(&mut self) -> Result<Option<(u64, Vec<u8>)>, RecordingError> {
         let mut comment = None;
@@ -547,9 +571,7 @@ impl<R: Read> TextReader<R> {
             }
             let line = self.peek_line(0).unwrap_or_default().trim_ascii();
             if is_comment(line) {
-                let signs = line.iter().take_while(|byte| b"#%/".contains(byte)).count();
-                let text = line[signs..].trim_ascii();
-                comment = Some((self.line, text.to_vec()));
+                comment = Some((self.line, comment_text(line).to_vec()));
             } else if !line.is_empty() {
                 return Ok(comment);
             }
@@ -587,6 +609,8 @@ impl<R: Read> TextReader<R> {
             Fault::NotANumber(column, found) => {
                 let hint = if found.contains(',') {
                     "\n\nhint: decimal commas must be used throughout, without thousands separators"
+                } else if has_unit(&found, self.format) {
+                    UNIT_IN_CELL
                 } else if self.line == self.first_row {
                     HEADER_BELOW
                 } else {

@@ -272,6 +272,26 @@ fn excel_sheets_of_openpyxl() {
     assert!(error.contains("holds no numbers"), "{error}");
 }
 
+#[test]
+fn quantities_in_several_tables_are_located_with_the_remedy() {
+    let path = fixture("h5py_apart.h5");
+    let error = read(&path, &ReadOptions::default()).unwrap_err().to_string();
+    let found = "time in 'load', position in 'position', force in 'load'";
+    assert!(error.contains(found) && error.contains("hint: save them together"), "{error}");
+    let all = tables(&path).unwrap();
+    let named = |name: &str| all.iter().find(|table| table.name == name);
+    assert_eq!(named("position").unwrap().columns.len(), 2);
+    assert_eq!(named("load").unwrap().rows, Some(ROWS as u64 / 2));
+    // What cannot be read is listed with its reason.
+    let root = named("").unwrap();
+    assert!(root.kind.contains("log (a compound; save each field as an array)"), "{root:?}");
+    // Of one table alone its own columns are the matter.
+    let choice = Choice { topics: vec!["load".to_owned()], ..Choice::default() };
+    let options = ReadOptions { choice, ..ReadOptions::default() };
+    let error = read(&path, &options).unwrap_err().to_string();
+    assert!(error.contains("no position column among 'force_n, time_s'"), "{error}");
+}
+
 /// The signal of a sheet of `openpyxl_odd.xlsx`.
 fn odd_sheet(sheet: &str, skip_rows: u64) -> Result<Recording, String> {
     let choice = Choice { topics: vec![sheet.to_owned()], skip_rows, ..Choice::default() };
@@ -285,6 +305,8 @@ fn rows_of_a_sheet_that_are_no_readings_are_left_out_and_counted() {
         ("Again", 0, "2 rows that repeat the header left out: rows 103, 104"),
         ("Results", 0, "2 rows of text at the end of the table left out: rows 244, 245"),
         ("Skip", 2, ""),
+        // The times are last, and so are the words.
+        ("Last", 0, "2 rows of text at the end of the table left out: rows 243, 244"),
     ] {
         let found = odd_sheet(sheet, skip_rows).unwrap();
         assert_eq!(found.len(), ROWS, "{sheet}");
@@ -298,6 +320,9 @@ fn rows_of_a_sheet_that_are_no_readings_are_left_out_and_counted() {
     }
     let middle = odd_sheet("Middle", 0).unwrap_err();
     assert!(middle.contains("sheet 'Middle' cell A103: found 'paused' in column Time"), "{middle}");
+    let units = odd_sheet("Units", 0).unwrap_err();
+    assert!(units.contains("cell C103: found '1.2 N' in column Force"), "{units}");
+    assert!(units.contains("hint: write the numbers alone into the cells and the unit"), "{units}");
     let too_many = odd_sheet("Again", 5000).unwrap_err();
     assert!(too_many.contains("--skip-rows 5000 leaves no rows of numbers"), "{too_many}");
     let choice = Choice { skip_rows: 2, ..Choice::default() };

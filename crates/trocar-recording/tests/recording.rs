@@ -4,10 +4,14 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
+use skipped::skipped;
 use trocar_recording::{
     Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity,
     read, write,
 };
+
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// Force noise in N of standard deviation 0.01, the same for every run.
 fn noise(k: usize) -> f64 {
@@ -600,6 +604,47 @@ fn what_is_no_table_of_numbers_is_named() {
 }
 
 #[test]
+fn an_empty_column_is_named_as_empty() {
+    let without = |row: &String| format!("{},", row.rsplit_once(',').unwrap().0);
+    let lines: Vec<String> = rows(300).iter().map(without).collect();
+    let said = message(text("time_s,position_m,force", &lines));
+    assert_says(&said, &["column 'force' is empty in the first rows, expected force as numbers"]);
+    assert!(!said.contains("text"), "{said}");
+}
+
+#[test]
+fn a_cell_with_its_unit_is_named_with_the_remedy() {
+    let remedy = "write the numbers alone into the cells and the unit into the name of the column";
+    let lines: Vec<String> = rows(300).iter().map(|row| format!("{row} N")).collect();
+    let said = message(text("time_s,position_m,force", &lines));
+    let found = "column 'force' holds numbers with their unit, such as '";
+    assert_says(&said, &[found, " N', expected force as numbers", remedy]);
+    for cell in ["1.2 N", "1.2N", "-1.2e-3 mN", "3 newton"] {
+        let mut lines = rows(300);
+        lines[100] = format!("0.100,0.01,{cell}");
+        assert_says(&message(text(HEADER, &lines)), &["line 102", cell, remedy]);
+    }
+    for cell in ["N", "1.2 x", "overload", "1.2 N 3"] {
+        let mut lines = rows(300);
+        lines[100] = format!("0.100,0.01,{cell}");
+        let said = message(text(HEADER, &lines));
+        assert!(said.contains("expected a number") && !said.contains(remedy), "{cell}: {said}");
+    }
+}
+
+#[test]
+fn a_name_in_a_comment_keeps_its_slash() {
+    for comment in [
+        "#/arm/time_s,/arm/position_m,/sensor/force_n",
+        "% /arm/time_s,/arm/position_m,/sensor/force_n",
+    ] {
+        let contents = text(comment, &rows(300));
+        let columns = "time_s=/arm/time_s,position_m=/arm/position_m,force_n=/sensor/force_n";
+        same_as(&read_text(text(HEADER, &rows(300))), contents, &self::columns(columns));
+    }
+}
+
+#[test]
 fn text_in_utf_16_is_read() {
     let contents = text("Zeit [s],Weg [m],Kraft [N]", &rows(300));
     let plain = read_text(&contents);
@@ -1121,7 +1166,7 @@ fn shared() -> Option<PathBuf> {
         "{} is required",
         folder.display()
     );
-    println!("skipped: no {}", folder.display());
+    skipped(&format!("no {}", folder.display()));
     None
 }
 

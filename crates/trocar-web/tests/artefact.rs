@@ -1,7 +1,6 @@
 //! The module that reports carry against the library: the same forces, to the last bit.
 
 use std::error::Error;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -9,8 +8,11 @@ use trocar::model_file::ModelFile;
 use trocar_model::Trocar;
 
 use module::{Page, artefact, read_motion};
+use skipped::skipped;
 
 mod module;
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// Largest module that a report may carry, bytes: a tenth of a report, before compression.
 const LARGEST: u64 = 72_000;
@@ -170,12 +172,7 @@ fn a_fresh_build_gives_the_same_forces() -> Result<(), Box<dyn Error>> {
     match built.status.code() {
         Some(0) => compare(&folder),
         Some(2) => {
-            // Standard error itself: what a passing test prints is not shown.
-            writeln!(
-                std::io::stderr(),
-                "skipped: {}",
-                String::from_utf8_lossy(&built.stderr).trim()
-            )?;
+            skipped(&String::from_utf8_lossy(&built.stderr));
             Ok(())
         }
         _ => Err(String::from_utf8_lossy(&built.stderr).into()),

@@ -36,3 +36,5 @@ mod validate;
 
 #[path = "../../trocar-model/tests/common/mod.rs"]
 mod common;
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;

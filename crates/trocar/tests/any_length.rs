@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::io::Read;
 use std::path::PathBuf;
 
+use crate::skipped::skipped;
 use trocar::recording::{Choice, Pieces, ReadOptions, Recording, read};
 use trocar::simulate::Positions;
 use trocar::validate::{Validation, validate, validate_one};
@@ -102,7 +103,7 @@ fn the_hash_is_that_of_the_file_however_it_is_read() {
     let path = scratch.file("plain.csv", &plain(MANY));
     let sum = std::process::Command::new("sha256sum").arg(&path).output();
     let Ok(sum) = sum.map(|output| String::from_utf8(output.stdout).unwrap()) else {
-        println!("skipped: no sha256sum on this machine");
+        skipped("no sha256sum");
         return;
     };
     assert_eq!(read(&path, &options(None)).unwrap().sha256, sum.split_whitespace().next().unwrap());

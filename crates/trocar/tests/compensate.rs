@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
+use crate::skipped::skipped;
 use proptest::prelude::*;
 use trocar::bench::config::TissueKind;
 use trocar::bench::random::random_plausible_seal;
@@ -727,7 +728,7 @@ fn an_alien_seal_without_tissue() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/recordings/seal_a");
     if !folder.exists() {
         assert!(std::env::var_os("TROCAR_REQUIRE_SHARED").is_none(), "the recordings are missing");
-        println!("skipped: no recordings beside the checkout");
+        skipped("no recordings beside the checkout");
         return;
     }
     let record =

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::common;
+use crate::skipped::skipped;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
@@ -71,8 +72,7 @@ fn has_gcc() -> bool {
     let found =
         Command::new("gcc").arg("--version").output().is_ok_and(|output| output.status.success());
     if !found {
-        // Directly to standard error, since the output of a passing test is not shown.
-        let _ = writeln!(std::io::stderr(), "skipped: no gcc");
+        skipped("no gcc");
         assert!(std::env::var("CI").as_deref() != Ok("true"), "CI needs gcc");
     }
     found
@@ -87,7 +87,13 @@ fn gcc(folder: &Path, arguments: &[&str]) {
 }
 
 fn options(prefix: &str) -> COptions<'_> {
-    COptions { prefix, stem: prefix, precision: Precision::Double, compensator: None }
+    COptions {
+        prefix,
+        stem: prefix,
+        precision: Precision::Double,
+        compensator: None,
+        internal: false,
+    }
 }
 
 /// The C code of `model` in `folder` as NAME.c and NAME.h, with the prefix NAME.
@@ -329,13 +335,24 @@ static void run_NAME(FILE *calls)
 /// Runs `program` over `calls`; returns one row of results for each of `models` models, beginning
 /// with the initial state.
 fn run_c(program: &Path, start: f64, calls: &[Call], models: usize) -> Vec<Vec<Outcome>> {
+    run_by(Command::new(program), program, start, calls, models)
+}
+
+/// The same by `command`, which runs `program`.
+fn run_by(
+    mut command: Command,
+    program: &Path,
+    start: f64,
+    calls: &[Call],
+    models: usize,
+) -> Vec<Vec<Outcome>> {
     let path = program.with_extension("calls");
     let mut file = fs::File::create(&path).unwrap();
     let numbers =
         calls.iter().flat_map(|call| [f64::from(u8::from(call.to)), call.way, call.duration]);
     let bytes: Vec<u8> = [start].into_iter().chain(numbers).flat_map(f64::to_ne_bytes).collect();
     file.write_all(&bytes).unwrap();
-    let output = Command::new(program).arg(&path).stderr(Stdio::piped()).output().unwrap();
+    let output = command.arg(&path).stderr(Stdio::piped()).output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && errors.is_empty(), "{errors}");
     let number = |bytes: &[u8]| f64::from_ne_bytes(bytes.try_into().unwrap());

@@ -1,6 +1,7 @@
 //! Position-dependent force: estimates for a known profile, rejected profiles, and passivity in all
 //! motions.
 
+use crate::skipped::skipped;
 use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -325,7 +326,7 @@ fn held_out_strokes_of_real_seals_come_near_their_scatter() {
             "no recordings in {}",
             folder.display()
         );
-        println!("skipped: no recordings in {}", folder.display());
+        skipped(&format!("no recordings in {}", folder.display()));
         return;
     }
     for name in ["pk_1bar", "o_ring_1bar"] {

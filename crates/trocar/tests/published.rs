@@ -3,6 +3,7 @@
 
 use std::path::PathBuf;
 
+use crate::skipped::skipped;
 use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::validate::validate;
@@ -15,7 +16,7 @@ fn shared(name: &str) -> Option<PathBuf> {
         return Some(folder);
     }
     assert!(std::env::var_os("TROCAR_REQUIRE_SHARED").is_none(), "no recordings of {name}");
-    eprintln!("skipped: no recordings of {name}");
+    skipped(&format!("no recordings of {name}"));
     None
 }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 use std::time::Instant;
 
+use crate::skipped::skipped;
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::identify::{
     FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions, StrokeFriction, Term,
@@ -703,7 +704,7 @@ fn real_recordings_give_reports_without_empty_panels() {
             "no recordings in {}",
             shared.display()
         );
-        println!("skipped: no recordings in {}", shared.display());
+        skipped(&format!("no recordings in {}", shared.display()));
         return;
     }
     let sets: [(&[&str], f64); 3] = [

@@ -3,6 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use crate::skipped::skipped;
 use trocar::table::{Column, Field, Kind, TableWriter, read};
 
 /// Three blocks, so that row groups and batches begin and end inside and between them.
@@ -136,7 +137,7 @@ fn pyarrow_reads_what_we_write() {
         Ok(python) => python,
         Err(reason) => {
             assert!(std::env::var_os("CI").is_none_or(|ci| ci != "true"), "no pyarrow: {reason}");
-            println!("skipped: no pyarrow: {reason}");
+            skipped(&format!("no pyarrow: {reason}"));
             return;
         }
     };

@@ -3,7 +3,8 @@
 #include <cmath>
 #include <fstream>
 #include <limits>
-#include <utility>
+#include <set>
+#include <type_traits>
 
 #include <json/json.h>
 
@@ -16,8 +17,73 @@ constexpr double kUnitTolerance = 1e-3;
 
 std::int64_t nanoseconds(double time_s) { return std::llround(time_s * 1e9); }
 
-std::optional<double> number(const Json::Value &config, const char *name) {
-    return config.isMember(name) ? std::optional<double>(config[name].asDouble()) : std::nullopt;
+/** Each takes the value of a key; where its type is another one, what it must be. */
+const char *take(std::string &value, const Json::Value &given) {
+    if (!given.isString()) {
+        return "a string";
+    }
+    value = given.asString();
+    return nullptr;
+}
+
+const char *take(bool &value, const Json::Value &given) {
+    if (!given.isBool()) {
+        return "true or false";
+    }
+    value = given.asBool();
+    return nullptr;
+}
+
+const char *take(double &value, const Json::Value &given) {
+    if (!given.isNumeric() || !std::isfinite(given.asDouble())) {
+        return "a number";
+    }
+    value = given.asDouble();
+    return nullptr;
+}
+
+/** Whether value is inside of range. */
+template <typename Value> bool is_inside(const Value &value, const trocar_ros::Range &range) {
+    if constexpr (std::is_same_v<Value, double>) {
+        return value >= range.from && value <= range.to;
+    }
+    return true;
+}
+
+std::string text(const Json::Value &value) {
+    Json::StreamWriterBuilder writer;
+    writer["indentation"] = "";
+    writer["precision"] = 6;
+    return Json::writeString(writer, value);
+}
+
+/** Takes every key of the configuration; empty, or why it is refused. */
+std::string refusal(const Json::Value &config, mtsTrocarForceParameters &parameters) {
+    if (!config.isObject()) {
+        return "must be a JSON object";
+    }
+    std::string why;
+    std::set<std::string> unknown;
+    for (const std::string &name : config.getMemberNames()) {
+        unknown.insert(name);
+    }
+    std::string known;
+    parameters.each([&](const char *name, auto &value, const char *, const std::optional<trocar_ros::Range> &range) {
+        known += (known.empty() ? "" : ", ") + std::string(name);
+        if (unknown.erase(name) == 0 || !why.empty()) {
+            return;
+        }
+        const std::string got = std::string(", got ") + text(config[name]);
+        if (const char *wanted = take(value, config[name])) {
+            why = std::string(name) + " must be " + wanted + got;
+        } else if (range && !is_inside(value, *range)) {
+            why = std::string(name) + " must be from " + text(range->from) + " to " + text(range->to) + got;
+        }
+    });
+    if (why.empty() && !unknown.empty()) {
+        why = "unknown key \"" + *unknown.begin() + "\"; the keys are " + known;
+    }
+    return why;
 }
 
 } // namespace
@@ -57,49 +123,28 @@ void mtsTrocarForce::Configure(const std::string &filename) {
     std::ifstream file(filename);
     Json::Value config;
     Json::CharReaderBuilder reader;
+    reader["rejectDupKeys"] = true;
+    reader["failIfExtra"] = true;
     std::string errors;
     if (!file || !Json::parseFromStream(reader, file, &config, &errors)) {
         Report(filename + ": " + (file ? errors : "cannot be read"));
         return;
     }
-    try {
-        const std::string axis = config.get("force_axis", "z").asString();
-        const std::optional<trocar_ros::Axis> parsed = trocar_ros::Axis::parse(axis);
-        if (!parsed) {
-            Report(filename + ": force_axis must be x, y, z, -x, -y or -z, got \"" + axis + "\"");
-            return;
-        }
-        const std::string joint = config.get("joint", m_joint).asString();
-        const double longest_age = config.get("longest_age_s", m_longest_age).asDouble();
-        trocar_ros::Settings settings;
-        settings.longest_interval_s = config.get("longest_interval_s", settings.longest_interval_s).asDouble();
-        settings.compensator.adaptation = config.get("adaptation", true).asBool();
-        settings.compensator.force_error_n = number(config, "force_error_n");
-        settings.compensator.offset_n = number(config, "offset_n");
-        settings.compensator.moving_mass_kg = number(config, "moving_mass_kg");
-        settings.compensator.sensor_limit_n = number(config, "sensor_limit_n");
-        trocar::Refusal why;
-        std::optional<trocar_ros::TissueForce> made =
-            trocar_ros::TissueForce::try_load(config.get("model", "").asString(), settings, &why);
-        if (!made) {
-            Report(filename + ": " + why.text);
-            return;
-        }
-        m_tissue = std::move(made);
-        m_sample.reset();
-        m_axis = *parsed;
-        m_joint = joint;
-        m_longest_age = longest_age;
-        m_reason = "starting"; // so that the first estimate is reported
-    } catch (const Json::Exception &error) {
-        Report(filename + ": " + error.what());
+    mtsTrocarForceParameters wanted;
+    std::string why = refusal(config, wanted);
+    if (!why.empty() || !m_setup.validate(wanted, true, why)) {
+        Report(filename + ": " + why);
+        return;
     }
+    m_setup.apply();
+    m_sample.reset();
+    m_reason = "starting"; // so that the first estimate is reported
 }
 
 void mtsTrocarForce::Run(void) {
     ProcessQueuedCommands();
     ProcessQueuedEvents();
-    if (m_tissue) {
+    if (m_setup.tissue() != nullptr) {
         TakeSamples();
     }
     Publish();
@@ -108,18 +153,19 @@ void mtsTrocarForce::Run(void) {
 void mtsTrocarForce::TakeSamples(void) {
     // A state that was not renewed since the last period has the same stamp, and is not taken twice.
     if (measured_js(m_measured_js).IsOK() && m_measured_js.Valid()) {
-        for (m_place = 0; m_place < m_measured_js.Name().size() && m_measured_js.Name()[m_place] != m_joint;) {
+        for (m_place = 0; m_place < m_measured_js.Name().size() && m_measured_js.Name()[m_place] != m_setup.parameters().joint;) {
             ++m_place;
         }
         if (m_place < m_measured_js.Position().size()) {
-            m_tissue->add_position(nanoseconds(m_measured_js.Timestamp()), m_measured_js.Position()[m_place]);
+            m_setup.tissue()->add_position(nanoseconds(m_measured_js.Timestamp()),
+                                           Sign() * m_measured_js.Position()[m_place]);
         }
     }
     if (sensor_measured_cf(m_sensor_measured_cf).IsOK() && m_sensor_measured_cf.Valid()) {
         const auto &force = m_sensor_measured_cf.Force();
-        m_tissue->add_reading(nanoseconds(m_sensor_measured_cf.Timestamp()), m_axis.of({force[0], force[1], force[2]}));
+        m_setup.tissue()->add_reading(nanoseconds(m_sensor_measured_cf.Timestamp()), m_setup.axis().of({force[0], force[1], force[2]}));
     }
-    while (const std::optional<trocar_ros::Sample> sample = m_tissue->next()) {
+    while (const std::optional<trocar_ros::Sample> sample = m_setup.tissue()->next()) {
         m_sample = sample;
     }
 }
@@ -130,13 +176,13 @@ void mtsTrocarForce::Publish(void) {
     }
     m_measured_cf.SetValid(false);
     m_variance = std::numeric_limits<double>::infinity();
-    if (!m_tissue) {
+    if (m_setup.tissue() == nullptr) {
         Report(m_reason.empty() ? "Configure() was not called" : m_reason);
         return;
     }
     const double now_s = StateTable.GetTic();
-    if (!m_sample || now_s - static_cast<double>(m_sample->stamp_ns) / 1e9 > m_longest_age) {
-        Report("no new pair of measured_js (joint \"" + m_joint + "\") and measured_cf of the sensor");
+    if (!m_sample || now_s - static_cast<double>(m_sample->stamp_ns) / 1e9 > m_setup.parameters().longest_age_s) {
+        Report("no new pair of measured_js (joint \"" + m_setup.parameters().joint + "\") and measured_cf of the sensor");
         return;
     }
     if (!std::isfinite(m_sample->tissue_force_n())) {
@@ -171,12 +217,12 @@ std::optional<vct3> mtsTrocarForce::Insertion(std::string &why) {
         direction[row] = 0.0;
         for (std::size_t column = 0; column < 3; ++column) {
             direction[row] +=
-                m_measured_cp.Position().Rotation().Element(row, column) * m_body_jacobian.Element(column, m_place);
+                Sign() * m_measured_cp.Position().Rotation().Element(row, column) * m_body_jacobian.Element(column, m_place);
         }
         length += direction[row] * direction[row];
     }
     if (!(std::abs(std::sqrt(length) - 1.0) < kUnitTolerance)) {
-        why = "joint \"" + m_joint + "\" is not prismatic: its column of body/jacobian has length " +
+        why = "joint \"" + m_setup.parameters().joint + "\" is not prismatic: its column of body/jacobian has length " +
               std::to_string(std::sqrt(length));
         return std::nullopt;
     }

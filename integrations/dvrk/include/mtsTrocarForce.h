@@ -16,8 +16,23 @@
 #include <cisstParameterTypes/prmStateJoint.h>
 #include <cisstVector/vctDynamicMatrixTypes.h>
 
-#include <trocar_ros/axis.hpp>
+#include <trocar_ros/parameters.hpp>
+#include <trocar_ros/setup.hpp>
 #include <trocar_ros/tissue_force.hpp>
+
+/** Keys of the configuration: those that the ROS node has for the observer, and those of the component. */
+struct mtsTrocarForceParameters : trocar_ros::Parameters {
+    std::string joint = "insertion";
+    double longest_age_s = 0.1;
+
+    template <typename Visit> void each(Visit visit) {
+        trocar_ros::Parameters::each(visit);
+        visit("joint", joint, "Prismatic joint along the shaft, by its name in measured_js; its position is in m.",
+              std::optional<trocar_ros::Range>());
+        visit("longest_age_s", longest_age_s, "An older force is not valid, s.",
+              std::optional<trocar_ros::Range>({1e-3, 60.0}));
+    }
+};
 
 class mtsTrocarForce : public mtsTaskPeriodic {
     CMN_DECLARE_SERVICES(CMN_DYNAMIC_CREATION_ONEARG, CMN_LOG_ALLOW_DEFAULT);
@@ -38,15 +53,14 @@ class mtsTrocarForce : public mtsTaskPeriodic {
     void Publish(void);
     /** Direction of insertion in the orientation of measured_cp; nothing where it is not known, and why. */
     std::optional<vct3> Insertion(std::string &why);
+    /** 1 where the position of the joint grows on insertion, otherwise -1. */
+    double Sign(void) const { return m_setup.parameters().invert_position ? -1.0 : 1.0; }
     /** Sends a reason when it arises, not in every period. */
     void Report(const std::string &reason);
 
-    std::optional<trocar_ros::TissueForce> m_tissue;
+    trocar_ros::Setup<mtsTrocarForceParameters> m_setup;
     std::optional<trocar_ros::Sample> m_sample;
-    trocar_ros::Axis m_axis;
-    std::string m_joint = "insertion";
     std::size_t m_place = 0;
-    double m_longest_age = 0.1;
     std::string m_reason;
 
     mtsFunctionRead measured_js, measured_cp, body_jacobian, sensor_measured_cf;

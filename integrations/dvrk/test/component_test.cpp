@@ -3,6 +3,8 @@
 #include <fstream>
 #include <limits>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include <mtsTrocarForce.h>
 
@@ -20,7 +22,7 @@ class Robot {
     explicit Robot(const std::string &more = "", const std::string &model = model_path)
         : component(mtsTaskPeriodicConstructorArg{"TrocarForce", 0.001}) {
         const std::string config = folder + "/trocar-force.json";
-        std::ofstream(config) << "{\"model\": \"" << model << "\", \"force_error_n\": 0.1" << more << "}";
+        std::ofstream(config) << "{\"model_path\": \"" << model << "\", \"force_error_n\": 0.1" << more << "}";
         auto &arm = component.required["PSM"].functions;
         arm.at("measured_js")->source = &joints;
         arm.at("measured_cp")->source = &pose;
@@ -43,7 +45,7 @@ class Robot {
             const double time_s = tick * 1e-3;
             component.StateTable.tic = time_s;
             joints.SetTimestamp(time_s);
-            joints.Position()[2] = motion::position_m(time_s);
+            joints.Position()[2] = joint_sign * motion::position_m(time_s);
             sensor.SetTimestamp(time_s);
             sensor.Force()[0] = 9.0;
             sensor.Force()[2] = motion::reading_n(time_s, static_cast<unsigned long>(tick));
@@ -59,8 +61,13 @@ class Robot {
         const auto &messages = component.provided["TissueForce"].messages;
         return !messages.empty() && messages.back().find(part) != std::string::npos;
     }
+    std::string last() {
+        const auto &messages = component.provided["TissueForce"].messages;
+        return messages.empty() ? "" : messages.back();
+    }
     std::size_t messages() { return component.provided["TissueForce"].messages.size(); }
 
+    double joint_sign = 1.0;
     mtsTrocarForce component;
     prmStateJoint joints;
     prmPositionCartesianGet pose;
@@ -121,6 +128,51 @@ void not_valid() {
     CHECK(!robot.force().Valid());
 }
 
+/** Forces of a robot over a second. */
+std::vector<double> forces(Robot &robot) {
+    std::vector<double> all;
+    for (int tick = 0; tick < 1000; ++tick) {
+        robot.run(tick, tick + 1);
+        all.push_back(robot.force().Force()[0]);
+    }
+    return all;
+}
+
+/** A joint whose position falls on insertion: the same motion of the instrument, and the same force. */
+void joint_the_other_way() {
+    Robot plain;
+    Robot other(", \"invert_position\": true");
+    other.joint_sign = -1.0;
+    other.jacobian.Element(0, 2) = -0.8;
+    other.jacobian.Element(2, 2) = -0.6;
+    CHECK(forces(plain) == forces(other) && other.force().Valid());
+}
+
+/** The weight of the moving mass, along a shaft that is vertical. */
+void gravity() {
+    constexpr double kMass_kg = 0.1;
+    constexpr double kGravity_m_s2 = -9.81;
+    Robot robot(", \"moving_mass_kg\": 0.1, \"gravity_m_s2\": -9.81");
+    trocar::CompensatorOptions options;
+    options.force_error_n = 0.1;
+    options.moving_mass_kg = kMass_kg;
+    options.gravity_m_s2 = kGravity_m_s2;
+    trocar::Compensator observer(trocar::Model::load(model_path), options);
+    const std::vector<double> along_x = forces(robot);
+    double before_s = 0.0;
+    for (std::size_t tick = 0; tick < along_x.size(); ++tick) {
+        const double time_s = static_cast<double>(tick) * 1e-3;
+        const double exact_s = static_cast<double>(tick * 1'000'000) / 1e9; // of the stamp, which is in ns
+        const double own_n =
+            observer.step(motion::position_m(time_s), motion::reading_n(time_s, tick), exact_s - before_s).tissue_force_n;
+        before_s = exact_s;
+        CHECK(std::abs(along_x[tick] - 0.6 * own_n) < 1e-9);
+    }
+    Robot without(", \"moving_mass_kg\": 0.1");
+    const double difference_n = (forces(without).back() - along_x.back()) / 0.6;
+    CHECK(std::abs(std::abs(difference_n) - kMass_kg * 9.81) < 0.05);
+}
+
 void refused() {
     Robot joint(", \"joint\": \"yaw\"");
     joint.run(0, 100);
@@ -131,9 +183,27 @@ void refused() {
     Robot axis(", \"force_axis\": \"w\"");
     axis.run(0, 100);
     CHECK(!axis.force().Valid() && axis.said("force_axis must be"));
-    Robot type(", \"longest_interval_s\": \"soon\"");
-    type.run(0, 100);
-    CHECK(!type.force().Valid() && type.said("trocar-force.json"));
+    for (const auto &[more, reason] : {
+             std::pair<const char *, const char *>{"\"longest_interval_s\": \"soon\"",
+                                                   "trocar-force.json: longest_interval_s must be a number, got \"soon\""},
+             {"\"longest_interval_s\": 2", "longest_interval_s must be from"},
+             {"\"longest_age_s\": 0", "longest_age_s must be from 0.001 to 60.0, got 0"},
+             {"\"longest_age_s\": -0.1", "longest_age_s must be from 0.001 to 60.0, got -0.1"},
+             {"\"longest_age_s\": true", "longest_age_s must be a number, got true"},
+             {"\"longest_age_s\": 1e999", "is not a number"},
+             {"\"adaptation\": \"no\"", "adaptation must be true or false, got \"no\""},
+             {"\"adaptation\": 1", "adaptation must be true or false, got 1"},
+             {"\"joint\": 3", "joint must be a string, got 3"},
+             {"\"longest_age\": 0.2", "unknown key \"longest_age\"; the keys are model_path, force_axis"},
+             {"\"gravity_m_s2\": 98.1", "gravity_m_s2 must be from -20.0 to 20.0, got 98.1"},
+             {"\"moving_mass_kg\": -1", "moving_mass"},
+             {"\"force_error_n\": 0.2", "uplicate key"},
+         }) {
+        Robot robot(std::string(", ") + more);
+        robot.run(0, 100);
+        const bool is_so = !robot.force().Valid() && robot.said(reason);
+        CHECK(is_so || (std::fprintf(stderr, "%s: \"%s\"\n", more, robot.last().c_str()), false));
+    }
     Robot model("", "no/such/model.json");
     model.run(0, 100);
     CHECK(!model.force().Valid() && model.said("no/such/model.json"));
@@ -152,6 +222,8 @@ int main(int argc, char **argv) {
     folder = argv[2];
     along_the_shaft();
     not_valid();
+    joint_the_other_way();
+    gravity();
     refused();
     return failed;
 }

@@ -53,7 +53,7 @@ def simulate(tmp_path):
 
 @pytest.fixture
 def warnings():
-    """What the engine was told to warn of, instead of its log file."""
+    """Warnings of the engine, collected instead of written to its log file."""
     messages = []
     mujoco.set_mju_user_warning(messages.append)
     yield messages

@@ -57,33 +57,33 @@ def test_after_a_keyframe_the_seal_rests_where_the_keyframe_is(ems, simulate):
 
 
 def copied_into(m, d):
-    twin = mujoco.MjData(m)
-    mujoco.mj_copyData(twin, m, d)
-    return twin
+    second = mujoco.MjData(m)
+    mujoco.mj_copyData(second, m, d)
+    return second
 
 
-@pytest.mark.parametrize("copied", [
+@pytest.mark.parametrize("make_copy", [
     copied_into,
     lambda m, d: copy.copy(d),
     lambda m, d: copy.deepcopy(d),
 ], ids=["mj_copyData", "copy", "deepcopy"])
-def test_a_copy_goes_on_alike_and_outlives_the_original(m, copied):
+def test_a_copy_goes_on_alike_and_outlives_the_original(m, make_copy):
     d = mujoco.MjData(m)
     shaken(m, d, 300)
-    twin = copied(m, d)
+    copied = make_copy(m, d)
     expected = shaken(m, d, 400, 300)
     del d
-    assert shaken(m, twin, 400, 300) == expected
+    assert shaken(m, copied, 400, 300) == expected
 
 
 def test_a_copy_in_the_middle_of_a_step_goes_on_alike(m):
     d = mujoco.MjData(m)
     shaken(m, d, 300)
     mujoco.mj_step1(m, d)
-    twin = copy.copy(d)
+    copied = copy.copy(d)
     mujoco.mj_step2(m, d)
-    mujoco.mj_step2(m, twin)
-    assert shaken(m, twin, 400, 300) == shaken(m, d, 400, 300)
+    mujoco.mj_step2(m, copied)
+    assert shaken(m, copied, 400, 300) == shaken(m, d, 400, 300)
 
 
 @pytest.mark.parametrize("spec", [
@@ -138,10 +138,10 @@ def test_rollouts_on_threads_are_those_of_one_thread(m):
 def test_threads_that_share_a_model_and_copies_give_what_one_gives(m):
     d = mujoco.MjData(m)
     shaken(m, d, 100)
-    twins = [copy.copy(d) for _ in range(8)]
+    copies = [copy.copy(d) for _ in range(8)]
     expected = shaken(m, d, 2000, 100)
     with concurrent.futures.ThreadPoolExecutor(8) as pool:
-        for found in pool.map(lambda twin: shaken(m, twin, 2000, 100), twins):
+        for found in pool.map(lambda copied: shaken(m, copied, 2000, 100), copies):
             assert found == expected
 
 
@@ -175,11 +175,11 @@ def test_derivatives_of_a_step_contain_the_trocar(m):
     mujoco.mjd_transitionFD(m, d, 1e-7, True, transition, None, None, None)
 
     def velocity_after(position, velocity):
-        twin = copy.copy(d)
-        twin.qpos[0] += position
-        twin.qvel[0] += velocity
-        mujoco.mj_step(m, twin)
-        return twin.qvel[0]
+        copied = copy.copy(d)
+        copied.qpos[0] += position
+        copied.qvel[0] += velocity
+        mujoco.mj_step(m, copied)
+        return copied.qvel[0]
 
     by_position = (velocity_after(1e-7, 0.0) - velocity_after(-1e-7, 0.0)) / 2e-7
     by_velocity = (velocity_after(0.0, 1e-7) - velocity_after(0.0, -1e-7)) / 2e-7
@@ -265,19 +265,19 @@ def test_a_model_file_is_read_when_data_are_made(ems, tmp_path):
     file = tmp_path / "model.json"
     file.write_bytes(ems.read_bytes())
     m = mujoco.MjModel.from_xml_string(scene(file))
-    d, twin = mujoco.MjData(m), mujoco.MjData(m)
+    d, second = mujoco.MjData(m), mujoco.MjData(m)
     file.write_bytes(ems.with_name("dahl.json").read_bytes())
     other = mujoco.MjData(m)
     expected = shaken(m, d, 50)
-    assert shaken(m, twin, 50) == expected
+    assert shaken(m, second, 50) == expected
     assert shaken(m, other, 50) != expected
     mujoco.mj_copyData(other, m, d)
     assert shaken(m, other, 50, 50) == shaken(m, d, 50, 50), "a copy takes the seal with its state"
     file.unlink()
     with pytest.raises(mujoco.FatalError):
         mujoco.MjData(m)
-    mujoco.mj_copyData(twin, m, d)
-    assert shaken(m, twin, 50, 100) == shaken(m, d, 50, 100)
+    mujoco.mj_copyData(second, m, d)
+    assert shaken(m, second, 50, 100) == shaken(m, d, 50, 100)
 
 
 @pytest.mark.parametrize("spoil, reason", [

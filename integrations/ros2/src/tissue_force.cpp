@@ -13,8 +13,8 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 /** Stands for the unknown time since the last sample after the clock was set back, s: long enough for TROCAR_FAULT_GAP. */
 constexpr double kUnknownDuration_s = 1.0;
 
-/** Stamps beyond this are none: differences of others fit their type, ns. */
-constexpr std::int64_t kFarthest_ns = std::int64_t{1} << 62;
+/** Stamps beyond this are refused, so that the difference of any two others fits their type, ns. */
+constexpr std::int64_t kFarthest_ns = (std::int64_t{1} << 62) - 1;
 
 } // namespace
 
@@ -41,13 +41,13 @@ Clock::Verdict Clock::take(std::int64_t stamp_ns, StreamCounts &counts) noexcept
     }
     stray_ns_.reset();
     last_ns_ = stamp_ns;
-    ++counts.taken;
+    ++counts.accepted;
     if (is_near) {
-        return Verdict::taken;
+        return Verdict::accepted;
     }
     if (step_ns > 0) {
         ++counts.resumed;
-        return Verdict::taken;
+        return Verdict::accepted;
     }
     ++counts.set_back;
     return Verdict::set_back;

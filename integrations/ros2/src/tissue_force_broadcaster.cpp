@@ -5,6 +5,8 @@
 
 #include <pluginlib/class_list_macros.hpp>
 
+#include <trocar_ros/declare.hpp>
+
 namespace trocar_ros {
 
 namespace {

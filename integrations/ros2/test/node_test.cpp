@@ -325,6 +325,39 @@ void parameters_refused() {
     CHECK(bench.node->descriptors().size() == 14);
 }
 
+/** What the node accepts and another callback refuses changes nothing. */
+void parameters_refused_by_others() {
+    Bench bench;
+    bench.run(0, 100);
+    world().refused_parameter = "frame_id";
+    const bool is_set = bench.node->set_parameter({"frame_id", "tool"}).successful;
+    world().refused_parameter.clear();
+    CHECK(!is_set);
+    bench.run(100, 200);
+#if TROCAR_ROS_HAS_POST_SET
+    CHECK(bench.forces.back().header.frame_id == "sensor" && bench.forces.size() == 200);
+    bench.diagnose();
+    CHECK(bench.value("samples") == "200"); // the observer is the same
+#endif
+    CHECK(bench.node->set_parameter({"frame_id", "tool"}).successful);
+    bench.run(200, 300);
+    CHECK(bench.forces.back().header.frame_id == "tool");
+    bench.diagnose();
+    CHECK(bench.value("samples") == "100"); // a new one
+}
+
+/** An error is not hidden by a topic that has stopped. */
+void error_and_stopped() {
+    Bench bench;
+    bench.run(0, 100);
+    JointState message = bench.joints(kStart_ns + 100 * kMs, 0.1);
+    message.name = {"yaw", "pitch", "roll"};
+    bench.send(message);
+    world().steady_ns += 3000 * kMs;
+    CHECK(judged(bench.diagnose(), DiagnosticStatus::ERROR, "no position of joint \"insertion\""));
+    CHECK(holds(bench.last.message, "measured_cf has stopped"));
+}
+
 void second_instance() {
     Bench bench;
     bench.run(0, 100);
@@ -353,6 +386,8 @@ int main(int argc, char **argv) {
     not_a_number();
     bad_models();
     parameters_refused();
+    parameters_refused_by_others();
+    error_and_stopped();
     second_instance();
     return failed;
 }

@@ -8,6 +8,8 @@
 #include <vector>
 
 #include <trocar_ros/axis.hpp>
+#include <trocar_ros/health.hpp>
+#include <trocar_ros/setup.hpp>
 #include <trocar_ros/tissue_force.hpp>
 
 #include "check.hpp"
@@ -286,7 +288,34 @@ void wrong_stamps() {
     }
     CHECK(same(expected, all));
     for (const trocar_ros::StreamCounts &counts : {tissue.counts().positions, tissue.counts().readings}) {
-        CHECK(counts.taken == 1000 && counts.late == 20 && counts.stray == 40 && counts.set_back == 0);
+        CHECK(counts.accepted == 1000 && counts.late == 20 && counts.stray == 40 && counts.set_back == 0);
+    }
+}
+
+/** Stamps at the ends of their range: their differences do not overflow (test/CMakeLists.txt traps it). */
+void farthest_stamps() {
+    constexpr std::int64_t kEnd_ns = std::int64_t{1} << 62;
+    for (const std::int64_t stamp_ns : {kEnd_ns, -kEnd_ns, std::numeric_limits<std::int64_t>::max()}) {
+        TissueForce tissue = made();
+        tissue.add_position(stamp_ns, 0.0);
+        tissue.add_reading(stamp_ns, 1.0);
+        CHECK(tissue.counts().positions.accepted == 0 && tissue.counts().positions.stray == 1);
+        CHECK(tissue.counts().readings.stray == 1 && !tissue.next() && !tissue.stamps_apart_s());
+    }
+    for (const std::int64_t sign : {1, -1}) {
+        TissueForce tissue = made();
+        for (const std::int64_t stamp_ns : {kEnd_ns - 1, -(kEnd_ns - 1)}) {
+            tissue.add_position(sign * stamp_ns, 0.0);
+            tissue.add_reading(-sign * stamp_ns, 1.0);
+            CHECK(!tissue.next());
+        }
+        CHECK(tissue.counts().positions.accepted == 1 && tissue.counts().readings.stray == 1);
+        CHECK(std::abs(*tissue.stamps_apart_s() - static_cast<double>(sign) * 9.223372e9) < 1e4);
+        // The stream that was set back goes on from there; the other would leave the range.
+        tissue.add_position(-sign * (kEnd_ns - 1) + kMs, 0.0);
+        tissue.add_reading(sign * (kEnd_ns - 1) + kMs, 1.0);
+        CHECK(!tissue.next());
+        CHECK(tissue.counts().positions.set_back == (sign > 0) && tissue.counts().readings.set_back == (sign < 0));
     }
 }
 
@@ -356,6 +385,71 @@ void refusals() {
     CHECK(!TissueForce::try_load(model_path, settings, &why) && why.text.find("force_error") != std::string::npos);
 }
 
+trocar_ros::NodeParameters parameters() {
+    trocar_ros::NodeParameters parameters;
+    parameters.model_path = model_path;
+    parameters.force_error_n = 0.1;
+    return parameters;
+}
+
+/** A change that is validated runs when it is applied, not before, and not if another one was validated or refused since. */
+void change_in_two_steps() {
+    trocar_ros::Setup<trocar_ros::NodeParameters> setup;
+    setup.start(parameters());
+    CHECK(setup.tissue() != nullptr && setup.refusal().empty() && !setup.apply());
+    run(*setup.tissue(), 0, 100);
+    trocar_ros::NodeParameters wanted = parameters();
+    wanted.force_axis = "-x";
+    std::string why;
+    CHECK(setup.validate(wanted, false, why) && why.empty());
+    CHECK(setup.parameters().force_axis == "z" && setup.axis().component == 2 && setup.tissue()->counts().samples == 100);
+    trocar_ros::NodeParameters other = parameters();
+    other.force_axis = "y";
+    CHECK(setup.validate(other, false, why) && setup.apply());
+    CHECK(setup.parameters().force_axis == "y" && setup.axis().component == 1 && setup.tissue()->counts().samples == 0);
+    CHECK(!setup.apply() && setup.axis().component == 1);
+    // Refused: nothing is left to apply, of this change or of the one before.
+    CHECK(setup.validate(wanted, false, why));
+    for (const double stale_after_s : {kNan, std::numeric_limits<double>::infinity()}) {
+        other.stale_after_s = stale_after_s;
+        CHECK(!setup.validate(other, false, why) && why == "stale_after_s must be finite" && !setup.apply());
+    }
+    other = parameters();
+    other.model_path = "no/such/file.json";
+    CHECK(!setup.validate(other, true, why) && why.find("no/such/file.json") != std::string::npos && !setup.apply());
+    CHECK(setup.validate(wanted, false, why));
+    setup.forget();
+    CHECK(!setup.apply() && setup.parameters().force_axis == "y" && setup.tissue() != nullptr);
+}
+
+/** Without a model it waits, and reads one with the first change that is accepted. */
+void change_without_model() {
+    trocar_ros::Setup<trocar_ros::NodeParameters> setup;
+    setup.start(trocar_ros::NodeParameters());
+    CHECK(setup.tissue() == nullptr && setup.refusal().find("model_path is empty") != std::string::npos);
+    std::string why;
+    CHECK(setup.validate(parameters(), false, why) && setup.tissue() == nullptr);
+    CHECK(setup.apply() && setup.tissue() != nullptr && setup.refusal().empty());
+}
+
+/** The worst level wins, whatever the order of the findings, and no reason is lost. */
+void health() {
+    using trocar_ros::Level;
+    trocar_ros::Health health;
+    CHECK(health.level() == Level::ok && health.reasons().empty());
+    health.raise(Level::warn, "a");
+    CHECK(health.level() == Level::warn);
+    health.raise(Level::error, "b");
+    health.raise(Level::stale, "c");
+    CHECK(health.level() == Level::error && health.reasons() == "a; b; c");
+    trocar_ros::Health other;
+    other.raise(Level::stale, "c");
+    other.raise(Level::warn, "a");
+    CHECK(other.level() == Level::stale);
+    other.raise(Level::error, "b");
+    CHECK(other.level() == Level::error);
+}
+
 void axes() {
     using trocar_ros::Axis;
     CHECK(Axis::parse("z")->of({1.0, 2.0, 3.0}) == 3.0 && Axis::parse("-y")->of({1.0, 2.0, 3.0}) == -2.0);
@@ -385,6 +479,7 @@ int main(int argc, char **argv) {
     positions_stop(30'000);
     not_a_number();
     wrong_stamps();
+    farthest_stamps();
     clock_set_back(add_position);
     clock_set_back(add_reading);
     two_clocks();
@@ -392,5 +487,8 @@ int main(int argc, char **argv) {
     no_allocation();
     refusals();
     axes();
+    change_in_two_steps();
+    change_without_model();
+    health();
     return failed;
 }

@@ -178,7 +178,7 @@ static void anything(void)
     REFUSED(OK, trocar_compensator_free(observer));
 }
 
-/* A mistake of the caller: each call is done or told busy, and what it says is whole. */
+/* A mistake of the caller: each call is done or refused as busy, and its results are complete. */
 static void *shared(void *observer)
 {
     trocar_estimate said;

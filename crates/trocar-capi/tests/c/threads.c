@@ -33,16 +33,16 @@ static void *own_state(void *place)
     return place;
 }
 
-/* A mistake of the caller: each call is done or told busy, and reads stay finite. */
+/* A mistake of the caller: each call is done or refused as busy, and reads stay finite. */
 static void *shared_state(void *busy)
 {
-    unsigned long *told = busy;
+    unsigned long *refused = busy;
     double force_n;
     int k;
     for (k = 0; k < 20 * STEPS; k++) {
         const trocar_status status = trocar_step(model, &shared, k % 2 == 0 ? 1e-5 : -1e-5, 1e-3, &force_n);
         const trocar_status read = trocar_state_force(&shared, &force_n);
-        *told += status == TROCAR_STATUS_STATE_BUSY;
+        *refused += status == TROCAR_STATUS_STATE_BUSY;
         if ((status != TROCAR_STATUS_OK && status != TROCAR_STATUS_STATE_BUSY) ||
             (read != TROCAR_STATUS_OK && read != TROCAR_STATUS_STATE_BUSY) || !isfinite(force_n)) {
             return NULL;
@@ -89,6 +89,6 @@ int main(int argc, char **argv)
         fprintf(stderr, "a state stayed busy\n");
         return 1;
     }
-    printf("%d threads, the same forces; one state for two: told busy %lu times\n", THREADS, busy[0] + busy[1]);
+    printf("%d threads, the same forces; one state for two: refused as busy %lu times\n", THREADS, busy[0] + busy[1]);
     return trocar_model_free(model) != TROCAR_STATUS_OK;
 }

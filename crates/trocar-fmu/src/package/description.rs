@@ -133,9 +133,7 @@ impl Description<'_> {
         }
         lines.within("CoSimulation", &abilities, |lines| {
             lines.within("SourceFiles", "", |lines| {
-                for name in source::compiled(version) {
-                    lines.put(&format!("<File{}/>", attribute("name", name)));
-                }
+                lines.put(&format!("<File{}/>", attribute("name", source::compiled(version))));
             });
         });
     }
@@ -212,10 +210,18 @@ pub(super) fn build_description(identifier: &str) -> String {
     lines.within("fmiBuildDescription", &attribute("fmiVersion", "3.0"), |lines| {
         let configuration = attribute("modelIdentifier", identifier);
         lines.within("BuildConfiguration", &configuration, |lines| {
-            lines.within("SourceFileSet", &attribute("language", "C99"), |lines| {
-                for name in source::compiled(Version::V3) {
-                    lines.put(&format!("<SourceFile{}/>", attribute("name", name)));
-                }
+            let set =
+                attributes(&[("language", "C99"), ("compilerOptions", source::COMPILER_OPTIONS)]);
+            lines.within("SourceFileSet", &set, |lines| {
+                let file = attribute("name", source::compiled(Version::V3));
+                let without_prefix = attributes(&[
+                    ("name", source::without_prefix(Version::V3)),
+                    ("value", ""),
+                    ("optional", "true"),
+                    ("description", "for a shared library; not where FMUs are linked statically"),
+                ]);
+                lines.put(&format!("<SourceFile{file}/>"));
+                lines.put(&format!("<PreprocessorDefinition{without_prefix}/>"));
             });
         });
     });

@@ -17,7 +17,7 @@ mod page;
 mod source;
 mod zip;
 
-/// Base name of the libraries, `modelIdentifier` in the description.
+/// Base name of the libraries, `modelIdentifier` in the description of an FMU that holds them.
 const IDENTIFIER: &str = "trocar";
 
 /// Licences of the embedded library, under the name required by FMI 3.0.
@@ -44,8 +44,8 @@ enum Form {
     Source,
 }
 
-/// The model in C with names that begin with `seal_`, as `trocar export c --name seal --out seal.c`
-/// writes it.
+/// The model in C as `trocar export c --name seal --out seal.c` writes it, but with static functions
+/// only.
 #[derive(Debug, Clone, Copy)]
 pub struct Source<'a> {
     /// `seal.h`.
@@ -57,7 +57,8 @@ pub struct Source<'a> {
 /// Contents of an FMU.
 #[derive(Debug, Clone)]
 pub struct Contents<'a> {
-    /// Displayed name of the model.
+    /// Displayed name of the model. The model identifier of an FMU with source code is `trocar_` and
+    /// this name, with `_` for characters that a name in C cannot contain.
     pub name: &'a str,
     /// The model.
     pub trocar: Trocar<&'a [f64]>,
@@ -246,9 +247,13 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
         token = token.replace('}', "-source}");
     }
     let has_mode = variables.iter().any(|variable| variable.role == Role::Mode);
+    let identifier = match form {
+        Form::Library => IDENTIFIER.to_owned(),
+        Form::Source => source::identifier(name),
+    };
     let description = Description {
         name,
-        identifier: IDENTIFIER,
+        identifier: &identifier,
         token: &token,
         variables: &variables,
         form,
@@ -273,13 +278,13 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
         Some(_) if !binaries.is_empty() => return Err(PackageError::Both),
         Some(model) => {
             let elements = trocar.seal().stages().map_or(0, |stages| stages.elements().len());
-            let header = source::header(&token, input, elements, &variables);
+            let header = source::header(&description, version, source::Model { input, elements });
             let own = [("seal.c", model.code), ("seal.h", model.header), ("variables.h", &header)];
             for (name, text) in own.into_iter().chain(source::interface(version)) {
                 archive.add(&format!("sources/{name}"), text.as_bytes())?;
             }
             if version == Version::V3 {
-                let build = build_description(IDENTIFIER);
+                let build = build_description(&identifier);
                 archive.add("sources/buildDescription.xml", build.as_bytes())?;
             }
         }

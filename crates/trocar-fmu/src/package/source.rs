@@ -3,34 +3,77 @@
 use std::fmt::Write as _;
 
 use super::Version;
-use crate::variables::{Input, Role, Variable};
+use super::description::Description;
+use crate::variables::{Input, Role};
 
-/// Files that are compiled.
-pub(super) fn compiled(version: Version) -> [&'static str; 2] {
+/// What the code must know of the model beside its variables.
+#[derive(Clone, Copy)]
+pub(super) struct Model {
+    pub(super) input: Input,
+    /// Elements of an EMS model; 0 for another.
+    pub(super) elements: usize,
+}
+
+/// Options of the compiler that the code needs to compute the forces of the library: no fused
+/// multiply-add. gcc and clang know it; other compilers read the pragmas of the code.
+pub(super) const COMPILER_OPTIONS: &str = "-ffp-contract=off";
+
+/// The file that is compiled. It includes all others, so that everything but the functions of FMI
+/// is internal to it.
+pub(super) fn compiled(version: Version) -> &'static str {
     match version {
-        Version::V2 => ["fmi2.c", "seal.c"],
-        Version::V3 => ["fmi3.c", "seal.c"],
+        Version::V2 => "fmi2.c",
+        Version::V3 => "fmi3.c",
     }
 }
 
 /// The functions of FMI, with the headers that are the same for every model.
 pub(super) fn interface(version: Version) -> [(&'static str, &'static str); 2] {
     let functions = match version {
-        Version::V2 => ("fmi2.c", include_str!("sources/fmi2.c")),
-        Version::V3 => ("fmi3.c", include_str!("sources/fmi3.c")),
+        Version::V2 => include_str!("sources/fmi2.c"),
+        Version::V3 => include_str!("sources/fmi3.c"),
     };
-    [functions, ("fmu.h", include_str!("sources/fmu.h"))]
+    [(compiled(version), functions), ("fmu.h", include_str!("sources/fmu.h"))]
 }
 
-/// `variables.h`: what the functions of FMI know of the model of `elements` elements.
-pub(super) fn header(token: &str, input: Input, elements: usize, variables: &[Variable]) -> String {
+/// Beginning of the names of FMI's functions in C where FMUs are linked statically.
+fn prefix(version: Version) -> &'static str {
+    match version {
+        Version::V2 => "FMI2_FUNCTION_PREFIX",
+        Version::V3 => "FMI3_FUNCTION_PREFIX",
+    }
+}
+
+/// Macro that leaves the prefix out, for a shared library.
+pub(super) fn without_prefix(version: Version) -> &'static str {
+    match version {
+        Version::V2 => "FMI2_OVERRIDE_FUNCTION_PREFIX",
+        Version::V3 => "FMI3_OVERRIDE_FUNCTION_PREFIX",
+    }
+}
+
+/// The model identifier of an FMU with source code, which C names begin with: `name` with `_` for
+/// each character that they cannot contain.
+pub(super) fn identifier(name: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+    ["trocar_", &name.chars().map(plain).collect::<String>()].concat()
+}
+
+/// `variables.h`: what the functions of FMI know of the model.
+pub(super) fn header(description: &Description, version: Version, model: Model) -> String {
+    let Description { identifier, token, variables, .. } = description;
+    let Model { input, elements } = model;
+    let (prefix, without) = (prefix(version), without_prefix(version));
     let mut text = format!(
-        "/* The variables of this FMU. */\n\n#define FMU_TOKEN \"{token}\"\n#define FMU_DRIVEN_BY_VELOCITY {}\n\
+        "/* The variables of this FMU, and the beginning of its functions' names, by which several FMUs in one program\n \
+         * differ. For a shared library {without} is defined. */\n\n\
+         #ifndef {prefix}\n#define {prefix} {identifier}_\n#endif\n\
+         #define FMU_TOKEN \"{token}\"\n#define FMU_DRIVEN_BY_VELOCITY {}\n\
          #define FMU_ELEMENTS {elements} /* of an EMS model; 0 for another */\n\n\
          static const struct {{\n    unsigned reference;\n    double value;\n}} fmu_constants[] = {{\n",
         u8::from(input == Input::Velocity),
     );
-    for variable in variables {
+    for variable in *variables {
         if let (Role::Tunable(_), Some(value)) = (variable.role, variable.start) {
             let name = &variable.name;
             let _ =

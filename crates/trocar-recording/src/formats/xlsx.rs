@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use calamine::{CellErrorType, DataRef, Reader as _, SheetType, XlsxError, open_workbook};
 
 use super::Source;
-use crate::columns::{is_recognised, time_unit};
+use crate::columns::{UNIT_IN_CELL, has_unit, is_recognised, time_unit};
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
 use crate::format::Format;
 use crate::quality::{Footer, RowList, warn_of_repeated};
@@ -341,7 +341,7 @@ impl Container for Xlsx {
         let mut rows = Rows { columns: vec![Vec::new(); columns.len()], ..Rows::default() };
         let mut origins = vec![None; columns.len()];
         let (mut headers, mut footer) = (RowList::default(), Footer::default());
-        let first = sheet.columns.iter().find(|(_, kind)| *kind != Kind::Text);
+        let footers = FooterColumn::of(sheet, table);
         let read = self.source.guard(format!("sheet '{}'", sheet.name), || {
             let mut problem = None;
             let mut workbook = open_book(&self.path, &self.source)?;
@@ -353,7 +353,7 @@ impl Container for Xlsx {
                     headers.add(u64::from(row) + 1);
                     return true;
                 }
-                if first.is_some_and(|first| sheet.is_footer(cells, *first)) {
+                if footers.as_ref().is_some_and(|column| sheet.is_footer(cells, column)) {
                     let (column, cell) = &cells[0];
                     let name = sheet.columns.iter().position(|(own, _)| own == column);
                     let name = name.map_or("", |k| &table.columns[k].name);
@@ -420,6 +420,10 @@ impl Xlsx {
             sheet: sheet.name.as_str().into(),
             cell: cell_name(row, column).into(),
             column: name.into(),
+            hint: match has_unit(&found, sheet.format) {
+                true => UNIT_IN_CELL,
+                false => "correct the cell, or clear it: an empty cell is a missing number",
+            },
             found: found.into(),
         }
     }
@@ -439,16 +443,41 @@ impl Sheet {
         present == texts.len() && self.header.contains(&texts)
     }
 
-    /// Whether a row begins with text where the first column of numbers has none.
-    fn is_footer(&self, cells: &[(u32, Cell)], (column, kind): (u32, Kind)) -> bool {
+    /// Whether a row has text, and no number in the column by which that is decided.
+    fn is_footer(&self, cells: &[(u32, Cell)], of: &FooterColumn) -> bool {
+        let FooterColumn { column, kind, is_time } = *of;
         let is_text = |(own, cell): &(u32, Cell)| {
-            *own <= column
+            (is_time || *own <= column)
                 && cell.kind(self.format) == Some(Kind::Text)
                 && !self.columns.contains(&(*own, Kind::Text))
         };
         let own = cells.iter().find(|(own, _)| *own == column).map_or(&Cell::Missing, |(_, c)| c);
         let has_number = number(own, kind, self.format, &mut None).is_some_and(f64::is_finite);
         !has_number && cells.iter().any(is_text)
+    }
+}
+
+/// The column that has a number in every row of readings: the times, or where there are none, the
+/// first column of numbers.
+struct FooterColumn {
+    column: u32,
+    kind: Kind,
+    is_time: bool,
+}
+
+impl FooterColumn {
+    fn of(sheet: &Sheet, table: &Table) -> Option<Self> {
+        let numeric = || sheet.columns.iter().zip(&table.columns).filter(|(_, own)| own.is_numeric);
+        let is_time = |((_, kind), own): &(&(u32, Kind), &Column)| {
+            *kind == Kind::Date || time_unit(&own.name, own.unit.as_deref()).is_some()
+        };
+        let time = numeric().find(is_time);
+        let is_time = time.is_some();
+        time.or_else(|| numeric().next()).map(|((column, kind), _)| Self {
+            column: *column,
+            kind: *kind,
+            is_time,
+        })
     }
 }
 

@@ -237,6 +237,8 @@ def odd_xlsx():
         "Results": [names, units, *rows, *results],
         "Skip": [[1, 2, 3], [4, 5, 6], names, units, *rows],
         "Middle": [names, units, *rows[:100], ["paused"], *rows[100:]],
+        "Last": [names[::-1], units[::-1], *[row[::-1] for row in rows], [0.0, 30.0, "Mean"], [3.0, 60.0, "Range"]],
+        "Units": [names, units, *rows[:100], [0.1, 30.0, "1.2 N"], *rows[101:]],
     }
     book.remove(book.active)
     for name, lines in sheets.items():
@@ -293,6 +295,16 @@ def big_endian():
     (HERE / "big_endian.arrows").write_bytes(start + len(message).to_bytes(4, "little") + message + start + bytes(4))
 
 
+def apart():
+    """Position and force in groups of their own, with times of their own; and a table that is a compound."""
+    with h5py.File(HERE / "h5py_apart.h5", "w") as file:
+        for name, values, step in [("position", position_mm / 1000, 1), ("load", force_n, 2)]:
+            group = file.create_group(name)
+            group["time_s"] = time_s[::step]
+            group["data" if name == "position" else "force_n"] = values[::step]
+        file["log"] = np.zeros(3, dtype=[("time_s", "f8"), ("force_n", "f8")])
+
+
 def mat74():
     """As mat73, with another version in its text, and with a longer block of text."""
     whole = (HERE / "mat73.mat").read_bytes().replace(b"MATLAB 7.3 MAT", b"MATLAB 7.4 MAT", 1)
@@ -305,6 +317,6 @@ def mat74():
         file.write(whole[:512].ljust(2048, b"\0"))
 
 
-for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, odd_xlsx, more_parquet, big_endian, mat74]:
+for write in [parquet, arrow, matlab, hdf5, mat73, xlsx, odd_xlsx, more_parquet, big_endian, mat74, apart]:
     if len(sys.argv) == 1 or write.__name__ in sys.argv:
         write()

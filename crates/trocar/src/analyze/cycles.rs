@@ -196,7 +196,7 @@ fn search<S: Driven>(
             least_work(&seal, &Motion::draw(scale, &mut random), scale, seed)
         })
         .collect();
-    RandomCycles::told(&tried, seed)
+    RandomCycles::of(&tried, seed)
 }
 
 /// The work of one cycle. A negative result is accepted only after it is confirmed with finer
@@ -213,7 +213,7 @@ fn least_work<S: Driven>(seal: &S, motion: &Motion, scale: Scale, seed: u64) -> 
 }
 
 impl RandomCycles {
-    fn told(tried: &[WorstCycle], seed: u64) -> Self {
+    fn of(tried: &[WorstCycle], seed: u64) -> Self {
         let cycles = tried.len() as u32;
         let giving_work = tried.iter().filter(|cycle| cycle.gives_work()).count() as u32;
         let unsettled = tried.iter().filter(|cycle| !cycle.is_settled()).count() as u32;
@@ -349,7 +349,7 @@ impl Motion {
             let next = repeat(&mut seal, &moves);
             let stored = next.may_have_stored(&last, scale);
             if stored <= (EQUAL * next.work.abs()).max(next.round_off()) {
-                return self.told(&next, stored, repetition, seed);
+                return self.cycle(&next, stored, repetition, seed);
             }
             work += next.work;
             if repetition == most / 2 {
@@ -359,10 +359,10 @@ impl Motion {
         }
         let counted = (most - most / 2) as f64;
         let stored = middle.map_or(0.0, |middle| last.may_have_stored(&middle, scale)) / counted;
-        self.told(&Repetition { work: work / counted, ..last }, stored, most, seed)
+        self.cycle(&Repetition { work: work / counted, ..last }, stored, most, seed)
     }
 
-    fn told(&self, last: &Repetition, stored_j: f64, repetitions: usize, seed: u64) -> WorstCycle {
+    fn cycle(&self, last: &Repetition, stored_j: f64, repetitions: usize, seed: u64) -> WorstCycle {
         let moving = || self.legs.iter().filter(|leg| leg.steps != 0);
         let (mut at, mut lowest, mut highest) = (0, 0, 0);
         for leg in &self.legs {
@@ -530,7 +530,7 @@ mod tests {
         let worst: Vec<WorstCycle> = motions
             .iter()
             .map(|motion| {
-                motion.told(
+                motion.cycle(
                     &repeat(&mut Ahead { position: 0.0, force: 0.0 }, &motion.moves(1)),
                     0.0,
                     1,

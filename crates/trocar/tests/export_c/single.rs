@@ -50,7 +50,12 @@ fn by_displacement(start: f64, calls: &[Call]) -> Vec<Call> {
 }
 
 /// Largest and root-mean-square difference of the forces, and the largest force, N.
-fn differences(model: &ModelFile, start: f64, calls: &[Call], outcomes: &[Outcome]) -> [f64; 3] {
+pub(super) fn differences(
+    model: &ModelFile,
+    start: f64,
+    calls: &[Call],
+    outcomes: &[Outcome],
+) -> [f64; 3] {
     let trocar = model.trocar.borrowed();
     let mut state = trocar.rest(start);
     let (mut largest, mut squares, mut force) = (0.0_f64, 0.0, 0.0_f64);

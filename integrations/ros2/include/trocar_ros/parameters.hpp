@@ -1,15 +1,13 @@
 /*
- * The parameters that the node and the broadcaster share: each once, with its name, description and range.
+ * The parameters of the node and the broadcaster: each once, with its name, description and range. Knows nothing of ROS.
  */
 #ifndef TROCAR_ROS__PARAMETERS_HPP_
 #define TROCAR_ROS__PARAMETERS_HPP_
 
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
-
-#include <rcl_interfaces/msg/floating_point_range.hpp>
-#include <rcl_interfaces/msg/parameter_descriptor.hpp>
 
 #include <trocar_ros/axis.hpp>
 #include <trocar_ros/tissue_force.hpp>
@@ -104,27 +102,34 @@ struct Parameters {
     }
 };
 
-/**
- * Declares every parameter on a node, and takes the values that were given at its start. The nodes of controllers have
- * declared those given already. Throws what rclcpp throws for a value of another type or out of range.
- */
-template <typename Node, typename AllParameters> void declare(Node &node, AllParameters &parameters) {
-    parameters.each([&](const char *name, auto &value, const char *description, const std::optional<Range> &range) {
-        if (node.has_parameter(name)) {
-            node.get_parameter(name, value);
-            return;
+/** Those of the observer, and those of the topics of the node. */
+struct NodeParameters : Parameters {
+    std::string joint = "insertion";
+    std::string frame_id;
+    bool use_arrival_time = false;
+    double stale_after_s = 0.5;
+
+    template <typename Visit> void each(Visit visit) {
+        Parameters::each(visit);
+        const std::optional<Range> any;
+        visit("joint", joint, "Joint along the shaft, by its name in the joint state; its position is in m.", any);
+        visit("frame_id", frame_id, "Frame of what is published; empty: that of the wrench received.", any);
+        visit("use_arrival_time", use_arrival_time,
+              "Whether messages count from when they arrive rather than by header.stamp: for topics stamped by two clocks.",
+              any);
+        visit("stale_after_s", stale_after_s, "A topic without a message for so long is reported as stale, s.",
+              std::optional<Range>({0.05, 60.0}));
+    }
+
+    /** As Parameters::make(); also refuses what only the node has. */
+    std::optional<TissueForce> make(const trocar::Model &model, Axis &axis, std::string &why) const {
+        if (!std::isfinite(stale_after_s)) {
+            why = "stale_after_s must be finite";
+            return std::nullopt;
         }
-        rcl_interfaces::msg::ParameterDescriptor descriptor;
-        descriptor.description = description;
-        if (range) {
-            rcl_interfaces::msg::FloatingPointRange limits;
-            limits.from_value = range->from;
-            limits.to_value = range->to;
-            descriptor.floating_point_range.push_back(limits);
-        }
-        value = node.declare_parameter(name, value, descriptor);
-    });
-}
+        return Parameters::make(model, axis, why);
+    }
+};
 
 } // namespace trocar_ros
 

@@ -71,8 +71,8 @@ struct Sample {
 
 /** What happened to the samples of one stream, since the start. */
 struct StreamCounts {
-    std::uint64_t taken = 0;
-    /** NaN or infinite values among those taken. */
+    std::uint64_t accepted = 0;
+    /** NaN or infinite values among those accepted. */
     std::uint64_t not_finite = 0;
     /** Ignored: stamp equal to the last one. */
     std::uint64_t repeated = 0;
@@ -136,7 +136,7 @@ class Queue {
 /** Decides which stamps of a stream are accepted. */
 class Clock {
   public:
-    enum class Verdict { taken, ignored, set_back };
+    enum class Verdict { accepted, ignored, set_back };
 
     Verdict take(std::int64_t stamp_ns, StreamCounts &counts) noexcept;
     std::optional<std::int64_t> last_ns() const noexcept { return last_ns_; }
@@ -171,7 +171,7 @@ class TissueForce {
     /** Takes a reading of the sensor, N. As add_position(). */
     void add_reading(std::int64_t stamp_ns, double reading_n) noexcept;
 
-    /** The next sample that is complete; call it until there is none, after each sample taken. */
+    /** The next sample that is complete; call it until there is none, after each sample added. */
     std::optional<Sample> next() noexcept;
 
     const Counts &counts() const noexcept { return counts_; }

@@ -14,32 +14,18 @@
 #include <geometry_msgs/msg/wrench_stamped.hpp>
 #include <rcl_interfaces/msg/set_parameters_result.hpp>
 #include <rclcpp/rclcpp.hpp>
+#include <rclcpp/version.h>
 #include <sensor_msgs/msg/joint_state.hpp>
 
+#include <trocar_ros/health.hpp>
 #include <trocar_ros/parameters.hpp>
+#include <trocar_ros/setup.hpp>
 #include <trocar_ros/tissue_force.hpp>
 
+// From ROS 2 Iron on. Before, a change is applied when it is validated.
+#define TROCAR_ROS_HAS_POST_SET RCLCPP_VERSION_GTE(17, 0, 0)
+
 namespace trocar_ros {
-
-/** Those of the observer, and those of the topics. */
-struct NodeParameters : Parameters {
-    std::string joint = "insertion";
-    std::string frame_id;
-    bool use_arrival_time = false;
-    double stale_after_s = 0.5;
-
-    template <typename Visit> void each(Visit visit) {
-        Parameters::each(visit);
-        const std::optional<Range> any;
-        visit("joint", joint, "Joint along the shaft, by its name in the joint state; its position is in m.", any);
-        visit("frame_id", frame_id, "Frame of what is published; empty: that of the wrench received.", any);
-        visit("use_arrival_time", use_arrival_time,
-              "Whether messages count from when they arrive rather than by header.stamp: for topics stamped by two clocks.",
-              any);
-        visit("stale_after_s", stale_after_s, "A topic without a message for so long is reported as stale, s.",
-              std::optional<Range>({0.05, 60.0}));
-    }
-};
 
 class TissueForceNode : public rclcpp::Node {
   public:
@@ -65,7 +51,10 @@ class TissueForceNode : public rclcpp::Node {
         std::uint64_t refused = 0;
     };
 
-    rcl_interfaces::msg::SetParametersResult on_parameters(const std::vector<rclcpp::Parameter> &changes);
+    /** Whether a change of parameters is accepted; nothing changes yet. */
+    rcl_interfaces::msg::SetParametersResult validate(const std::vector<rclcpp::Parameter> &changes);
+    /** Runs the change that was validated: rclcpp has set it. */
+    void apply();
     void on_joint_state(const sensor_msgs::msg::JointState &message);
     void on_wrench(const geometry_msgs::msg::WrenchStamped &message);
 
@@ -75,20 +64,14 @@ class TissueForceNode : public rclcpp::Node {
     void publish(const Sample &sample);
 
     void report();
-    void judge(diagnostic_msgs::msg::DiagnosticStatus &status);
-    void judge_topics(diagnostic_msgs::msg::DiagnosticStatus &status);
-    void judge_samples(diagnostic_msgs::msg::DiagnosticStatus &status);
+    Health judge();
+    void judge_topics(Health &health) const;
+    void judge_samples(Health &health) const;
     void add_values(diagnostic_msgs::msg::DiagnosticStatus &status) const;
 
     /** Callbacks of one node may run in several threads, and parameters be set from any. */
     std::mutex mutex_;
-    NodeParameters parameters_;
-    /** As it was read: what becomes of the file later does not matter. */
-    std::optional<trocar::Model> model_;
-    std::optional<TissueForce> tissue_;
-    /** Why there is no observer. */
-    std::string refusal_;
-    Axis axis_;
+    Setup<NodeParameters> setup_;
     std::size_t joint_place_ = 0;
     Topic joint_state_{"measured_js", {}, 0, 0};
     Topic wrench_{"measured_cf", {}, 0, 0};
@@ -100,14 +83,17 @@ class TissueForceNode : public rclcpp::Node {
     geometry_msgs::msg::WrenchStamped force_message_;
     geometry_msgs::msg::WrenchStamped variance_message_;
 
-    rclcpp::Clock steady_clock_{RCL_STEADY_TIME};
+    mutable rclcpp::Clock steady_clock_{RCL_STEADY_TIME};
     rclcpp::Publisher<geometry_msgs::msg::WrenchStamped>::SharedPtr force_publisher_;
     rclcpp::Publisher<geometry_msgs::msg::WrenchStamped>::SharedPtr variance_publisher_;
     rclcpp::Publisher<diagnostic_msgs::msg::DiagnosticArray>::SharedPtr diagnostics_publisher_;
     rclcpp::Subscription<sensor_msgs::msg::JointState>::SharedPtr joint_state_subscription_;
     rclcpp::Subscription<geometry_msgs::msg::WrenchStamped>::SharedPtr wrench_subscription_;
     rclcpp::TimerBase::SharedPtr timer_;
-    rclcpp::node_interfaces::OnSetParametersCallbackHandle::SharedPtr parameters_callback_;
+    rclcpp::node_interfaces::OnSetParametersCallbackHandle::SharedPtr validate_callback_;
+#if TROCAR_ROS_HAS_POST_SET
+    rclcpp::node_interfaces::PostSetParametersCallbackHandle::SharedPtr apply_callback_;
+#endif
 };
 
 } // namespace trocar_ros

@@ -67,6 +67,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             Numbers::Single => Precision::Single,
         },
         compensator: args.compensator.then_some(&observing),
+        internal: false,
     };
     let files = from_file(&args.model, options)?;
     files.store(&args.out)?;

@@ -36,7 +36,8 @@ pub(crate) struct Args {
     /// or the position at its end, which most importers give one step late
     #[arg(long, value_name = "QUANTITY", default_value = "velocity")]
     input: Drive,
-    /// Name of the model in the description [default: name of the model file]
+    /// Name of the model in the description [default: name of the model file]. With --source the
+    /// model identifier is trocar_NAME, with which the functions of the FMU begin in C
     #[arg(long)]
     name: Option<String>,
     /// Platform to include of those that this program carries libraries for, such as x86_64-linux;

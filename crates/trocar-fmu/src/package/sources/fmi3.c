@@ -1,32 +1,37 @@
 /* Co-simulation by FMI 3.0. fmi3Functions.h comes from the importer that compiles this. */
 
+#include "variables.h"
+
 #include "fmi3Functions.h"
+
+typedef fmi3ValueReference fmu_reference;
+typedef fmi3Int64 fmu_integer;
 
 #include "fmu.h"
 
 typedef struct {
-    fmu_values values;
+    fmu_values values; /* first: an instance is one of these, too */
     fmi3LogMessageCallback log;
     fmi3InstanceEnvironment environment;
 } instance;
 
-static fmi3Status refuse(instance *own, const char *message)
+static void say(fmi3LogMessageCallback log, fmi3InstanceEnvironment environment, const char *wrong)
 {
-    if (own->log) {
-        own->log(own->environment, fmi3Error, "logStatusError", message);
+    if (log) {
+        log(environment, fmi3Error, "logStatusError", wrong);
     }
-    return fmi3Error;
 }
 
-static fmi3Status enter(instance *own, fmu_phase from, fmu_phase to)
+static fmi3Status answer(const instance *own, const char *wrong)
 {
-    if (own->values.phase != from) {
-        return refuse(own, "this function may not be called now");
+    if (wrong) {
+        say(own->log, own->environment, wrong);
     }
-    fmu_settle(&own->values);
-    own->values.phase = to;
-    return fmi3OK;
+    return wrong ? fmi3Error : fmi3OK;
 }
+
+/* Where there is no instance, an error, which nobody can be told of. */
+#define ANSWER(call) return c ? answer((const instance *)c, call) : fmi3Error
 
 const char *fmi3GetVersion(void)
 {
@@ -37,11 +42,8 @@ const char *fmi3GetVersion(void)
 fmi3Status fmi3SetDebugLogging(fmi3Instance c, fmi3Boolean loggingOn, size_t nCategories,
                                const fmi3String categories[])
 {
-    (void)nCategories;
-    (void)categories;
-    (void)c;
     (void)loggingOn;
-    return fmi3OK;
+    ANSWER(nCategories > 0 && !categories ? "null pointer for the categories" : 0);
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken,
@@ -53,25 +55,28 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate)
 {
-    instance *own;
-    (void)instanceName;
+    const char *wrong = fmu_refused_start(instanceName, instantiationToken);
+    instance *own = 0;
     (void)resourcePath;
     (void)visible;
     (void)loggingOn;
-    (void)eventModeUsed;
     (void)earlyReturnAllowed;
     (void)requiredIntermediateVariables;
     (void)nRequiredIntermediateVariables;
     (void)intermediateUpdate;
-    if (!instantiationToken || strcmp(instantiationToken, FMU_TOKEN) != 0) {
+    if (!wrong && eventModeUsed) {
+        wrong = "not supported: this FMU has no event mode";
+    }
+    if (!wrong) {
+        own = (instance *)fmu_new(sizeof *own);
+        wrong = own ? 0 : "no memory for an instance";
+    }
+    if (wrong) {
+        say(logMessage, instanceEnvironment, wrong);
         return 0;
     }
-    own = (instance *)calloc(1, sizeof *own);
-    if (own) {
-        fmu_reset(&own->values);
-        own->log = logMessage;
-        own->environment = instanceEnvironment;
-    }
+    own->log = logMessage;
+    own->environment = instanceEnvironment;
     return own;
 }
 
@@ -85,8 +90,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
     (void)resourcePath;
     (void)visible;
     (void)loggingOn;
-    (void)instanceEnvironment;
-    (void)logMessage;
+    say(logMessage, instanceEnvironment, FMU_ONLY);
     return 0;
 }
 
@@ -103,11 +107,10 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
     (void)resourcePath;
     (void)visible;
     (void)loggingOn;
-    (void)instanceEnvironment;
-    (void)logMessage;
     (void)clockUpdate;
     (void)lockPreemption;
     (void)unlockPreemption;
+    say(logMessage, instanceEnvironment, FMU_ONLY);
     return 0;
 }
 
@@ -119,87 +122,52 @@ void fmi3FreeInstance(fmi3Instance c)
 fmi3Status fmi3EnterInitializationMode(fmi3Instance c, fmi3Boolean toleranceDefined, fmi3Float64 tolerance,
                                        fmi3Float64 startTime, fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
-    instance *own = (instance *)c;
-    const char *wrong;
+    const char *wrong = c ? fmu_set_time(c, startTime, stopTimeDefined ? stopTime : HUGE_VAL) : 0;
     (void)toleranceDefined;
     (void)tolerance;
-    if (own->values.phase != FMU_INSTANTIATED) {
-        return refuse(own, "this function may not be called now");
-    }
-    wrong = fmu_set_time(&own->values, startTime, stopTimeDefined ? stopTime : HUGE_VAL);
-    return wrong ? refuse(own, wrong) : enter(own, FMU_INSTANTIATED, FMU_INITIALIZATION);
+    ANSWER(wrong ? wrong : fmu_enter(c, FMU_INSTANTIATED, FMU_INITIALIZATION));
 }
 
 fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
 {
-    return enter((instance *)c, FMU_INITIALIZATION, FMU_STEP);
+    ANSWER(fmu_enter(c, FMU_INITIALIZATION, FMU_STEP));
 }
 
 fmi3Status fmi3Terminate(fmi3Instance c)
 {
-    return enter((instance *)c, FMU_STEP, FMU_TERMINATED);
+    ANSWER(fmu_enter(c, FMU_STEP, FMU_TERMINATED));
 }
 
 fmi3Status fmi3Reset(fmi3Instance c)
 {
-    fmu_reset(&((instance *)c)->values);
-    return fmi3OK;
+    ANSWER(fmu_reset(c));
 }
 
 fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, fmi3Float64 values[],
                           size_t nValues)
 {
-    instance *own = (instance *)c;
-    size_t k;
-    fmu_settle(&own->values);
-    for (k = 0; k < nvr; ++k) {
-        if (k >= nValues || !fmu_get(&own->values, vr[k], &values[k])) {
-            return refuse(own, "there is no such variable of this type");
-        }
-    }
-    return fmi3OK;
+    ANSWER(fmu_get_reals(c, vr, nvr, values, nValues));
 }
 
 fmi3Status fmi3GetInt64(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, fmi3Int64 values[], size_t nValues)
 {
-    instance *own = (instance *)c;
-    size_t k;
-    fmu_settle(&own->values);
-    for (k = 0; k < nvr; ++k) {
-        int mode;
-        if (k >= nValues || !fmu_get_integer(&own->values, vr[k], &mode)) {
-            return refuse(own, "there is no such variable of this type");
-        }
-        values[k] = mode;
-    }
-    return fmi3OK;
+    ANSWER(fmu_get_integers(c, vr, nvr, values, nValues));
 }
 
 fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, const fmi3Float64 values[],
                           size_t nValues)
 {
-    instance *own = (instance *)c;
-    size_t k;
-    for (k = 0; k < nvr; ++k) {
-        const char *wrong = k < nValues ? fmu_refusal(&own->values, vr[k], values[k]) : "there are too few values";
-        if (wrong) {
-            return refuse(own, wrong);
-        }
-    }
-    for (k = 0; k < nvr; ++k) {
-        fmu_put(&own->values, vr[k], values[k]);
-    }
-    return fmi3OK;
+    ANSWER(fmu_set_reals(c, vr, nvr, values, nValues));
 }
 
 /* There are no variables of these types to get or to set. */
-#define NONE(name, type)                                                                                            \
-    fmi3Status name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, type values[], size_t nValues)       \
-    {                                                                                                               \
-        (void)vr;                                                                                                   \
-        (void)values;                                                                                               \
-        (void)nValues;                                                                                              \
-        return nvr == 0 ? fmi3OK : refuse((instance *)c, "there is no such variable of this type");                 \
+#define NONE(name, type)                                                                                      \
+    fmi3Status name(fmi3Instance c, const fmi3ValueReference vr[], size_t nvr, type values[], size_t nValues) \
+    {                                                                                                         \
+        (void)vr;                                                                                             \
+        (void)values;                                                                                         \
+        (void)nValues;                                                                                        \
+        ANSWER(nvr > 0 ? FMU_UNKNOWN : 0);                                                                    \
     }
 NONE(fmi3GetFloat32, fmi3Float32)
 NONE(fmi3GetInt8, fmi3Int8)
@@ -225,90 +193,62 @@ NONE(fmi3SetString, const fmi3String)
 
 fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *FMUState)
 {
-    instance *own = (instance *)c;
-    if (!*FMUState) {
-        *FMUState = malloc(sizeof(fmu_values));
-    }
-    if (!*FMUState) {
-        return refuse(own, "no memory for a state");
-    }
-    fmu_settle(&own->values);
-    memcpy(*FMUState, &own->values, sizeof own->values);
-    return fmi3OK;
+    ANSWER(fmu_get_state(c, FMUState));
 }
 
 fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState FMUState)
 {
-    memcpy(&((instance *)c)->values, FMUState, sizeof(fmu_values));
-    return fmi3OK;
+    ANSWER(fmu_set_state(c, FMUState));
 }
 
 fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *FMUState)
 {
-    (void)c;
-    free(*FMUState);
-    *FMUState = 0;
-    return fmi3OK;
+    ANSWER(fmu_free_state(FMUState));
 }
 
 fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState FMUState, size_t *size)
 {
-    (void)c;
-    (void)FMUState;
-    *size = sizeof(fmu_values);
-    return fmi3OK;
+    ANSWER(fmu_state_size(FMUState, size));
 }
 
 fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState FMUState, fmi3Byte bytes[], size_t size)
 {
-    if (size < sizeof(fmu_values)) {
-        return refuse((instance *)c, "a state needs more bytes");
-    }
-    memcpy(bytes, FMUState, sizeof(fmu_values));
-    return fmi3OK;
+    ANSWER(fmu_to_bytes(FMUState, bytes, size));
 }
 
 fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *FMUState)
 {
-    if (size != sizeof(fmu_values) || memcmp(bytes, FMU_TOKEN, sizeof FMU_TOKEN) != 0) {
-        return refuse((instance *)c, "these bytes are no state of this model");
-    }
-    *FMUState = malloc(size);
-    if (!*FMUState) {
-        return refuse((instance *)c, "no memory for a state");
-    }
-    memcpy(*FMUState, bytes, size);
-    return fmi3OK;
+    ANSWER(fmu_from_bytes(bytes, size, FMUState));
 }
 
 fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 currentCommunicationPoint, fmi3Float64 communicationStepSize,
                       fmi3Boolean noSetFMUStatePriorToCurrentPoint, fmi3Boolean *eventHandlingNeeded,
                       fmi3Boolean *terminateSimulation, fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
-    instance *own = (instance *)c;
-    const char *wrong;
+    const char *wrong = 0;
     (void)noSetFMUStatePriorToCurrentPoint;
-    if (own->values.phase != FMU_STEP) {
-        return refuse(own, "this function may not be called now");
+    if (!eventHandlingNeeded || !terminateSimulation || !earlyReturn || !lastSuccessfulTime) {
+        wrong = "null pointer for a result";
+    } else if (c) {
+        wrong = fmu_step(c, currentCommunicationPoint, communicationStepSize);
+        *eventHandlingNeeded = false;
+        *terminateSimulation = false;
+        *earlyReturn = false;
+        *lastSuccessfulTime = ((instance *)c)->values.time_s;
     }
-    wrong = fmu_step(&own->values, currentCommunicationPoint, communicationStepSize);
-    *eventHandlingNeeded = false;
-    *terminateSimulation = false;
-    *earlyReturn = false;
-    *lastSuccessfulTime = own->values.time_s;
-    return wrong ? refuse(own, wrong) : fmi3OK;
+    ANSWER(wrong);
 }
 
 /* What the description does not offer. */
-#define NOT_OFFERED(name, ...)                                              \
-    fmi3Status name(fmi3Instance c, __VA_ARGS__)                           \
-    {                                                                       \
-        return refuse((instance *)c, "this function is not offered");       \
+#define NOT_OFFERED(name, ...)                   \
+    fmi3Status name(fmi3Instance c, __VA_ARGS__) \
+    {                                            \
+        ANSWER("this function is not offered");  \
     }
-#define NOT_OFFERED_ALONE(name)                                             \
-    fmi3Status name(fmi3Instance c)                                        \
-    {                                                                       \
-        return refuse((instance *)c, "this function is not offered");       \
+#define NOT_OFFERED_ALONE(name)                  \
+    fmi3Status name(fmi3Instance c)              \
+    {                                            \
+        ANSWER("this function is not offered");  \
     }
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"

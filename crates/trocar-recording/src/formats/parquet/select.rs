@@ -264,7 +264,7 @@ impl Cursor {
         let value = |number: &f64| {
             Ok(if number.is_finite() { Value::Number(*number) } else { Value::Missing })
         };
-        told(&numbers, value, take)
+        pass_runs(&numbers, value, take)
     }
 
     /// Runs of equal cells of any other type in the next `rows` rows; returns whether more are
@@ -278,7 +278,7 @@ impl Cursor {
         let (present, levels) = (self.present, &mut self.levels);
         self.left -= rows;
         match &mut self.reader {
-            ColumnReader::BoolColumnReader(reader) => told(
+            ColumnReader::BoolColumnReader(reader) => pass_runs(
                 &all(reader, rows, present, levels)?,
                 |cell| Ok(cell.map_or(Value::Missing, Value::Boolean)),
                 take,
@@ -289,7 +289,7 @@ impl Cursor {
                 let value = |cell: &Option<i32>| {
                     Ok(cell.map_or(Value::Missing, |cell| Value::Integer(whole(cell))))
                 };
-                told(&all(reader, rows, present, levels)?, value, take)
+                pass_runs(&all(reader, rows, present, levels)?, value, take)
             }
             ColumnReader::Int64ColumnReader(reader) => {
                 let value = |cell: &Option<i64>| match cell {
@@ -298,16 +298,16 @@ impl Cursor {
                     }
                     cell => Ok(cell.map_or(Value::Missing, Value::Integer)),
                 };
-                told(&all(reader, rows, present, levels)?, value, take)
+                pass_runs(&all(reader, rows, present, levels)?, value, take)
             }
             ColumnReader::Int96ColumnReader(reader) => {
                 let value = |cell: &Option<parquet::data_type::Int96>| {
                     Ok(cell.map_or(Value::Missing, |cell| Value::Integer(cell.to_nanos())))
                 };
-                told(&all(reader, rows, present, levels)?, value, take)
+                pass_runs(&all(reader, rows, present, levels)?, value, take)
             }
             ColumnReader::ByteArrayColumnReader(reader) => {
-                told(&all(reader, rows, present, levels)?, text, take)
+                pass_runs(&all(reader, rows, present, levels)?, text, take)
             }
             _ => Err(ParquetError::General("bytes where cells should be".into())),
         }
@@ -337,7 +337,7 @@ fn all<T: DataType>(
 }
 
 /// Passes on runs of equal cells; returns whether more are wanted.
-fn told<'a, T: PartialEq>(
+fn pass_runs<'a, T: PartialEq>(
     cells: &'a [T],
     value: impl Fn(&'a T) -> Decoded<Value<'a>>,
     take: &mut dyn FnMut(Value<'_>, usize) -> bool,
@@ -399,11 +399,11 @@ mod tests {
             let mut all = Vec::new();
             let mut selected =
                 Selected::new(parquet.clone(), place, parquet.plan(&[6..9, 149..151]));
-            let told = selected.runs(&mut |value, rows| {
+            let read = selected.runs(&mut |value, rows| {
                 all.push(format!("{rows} {value:?}"));
                 true
             });
-            told.map(|()| all.join(", ")).map_err(|error| error.to_string())
+            read.map(|()| all.join(", ")).map_err(|error| error.to_string())
         };
         let notes =
             r#"1 Text("row 6"), 1 Text("row 7"), 1 Missing, 1 Text("row 149"), 1 Text("row 150")"#;
@@ -420,11 +420,11 @@ mod tests {
         assert_eq!(parquet.cells(moments), Some(Cells::Timestamp(1e9)));
         let mut all = Vec::new();
         let mut selected = Selected::new(parquet.clone(), moments, parquet.plan(&[2..3, 5..6]));
-        let told = selected.runs(&mut |value, _| {
+        let read = selected.runs(&mut |value, _| {
             all.push(value_of(value));
             all.len() < 2
         });
-        told.unwrap();
+        read.unwrap();
         let moment = |row: i64| Some(1_700_000_000_123_456_789 + row * 10_000_001);
         assert_eq!(all, [moment(2), moment(5)]);
     }

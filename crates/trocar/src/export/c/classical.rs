@@ -60,7 +60,7 @@ fn dahl(text: &mut String, model: &Dahl, filling: &mut Filling) -> &'static str 
     constant(text, "trocar_coulomb_force_n", params.coulomb_force);
     constant(text, "trocar_viscous_damping_n_s_m", params.viscous_damping);
     if params.exponent != 1.0 {
-        filling.need(&["bent", "power", "logarithm", "one_plus"]);
+        filling.need(&["inverse_power", "power", "logarithm", "one_plus"]);
         constant(text, "trocar_exponent_less_one", params.exponent - 1.0);
     }
     include_str!("dahl.c")

@@ -957,7 +957,7 @@ static trocar_estimate trocar_estimated(trocar_compensator *o, double force, int
     return e;
 }
 
-void trocar_reset(trocar_compensator *o)
+@LINKAGE@void trocar_reset(trocar_compensator *o)
 {
     trocar_rest_with(&o->state, 0.0);
     trocar_follow_model(o);
@@ -988,7 +988,7 @@ void trocar_reset(trocar_compensator *o)
     o->last.fault = trocar_NO_FAULT;
 }
 
-trocar_estimate trocar_compensate(trocar_compensator *o, double position_m, double reading_n, double duration_s)
+@LINKAGE@trocar_estimate trocar_compensate(trocar_compensator *o, double position_m, double reading_n, double duration_s)
 {
     const int goes_on = duration_s > 0.0 && trocar_is_finite(duration_s);
     double elapsed;
@@ -1013,7 +1013,7 @@ trocar_estimate trocar_compensate(trocar_compensator *o, double position_m, doub
     return o->last;
 }
 
-trocar_drift_estimate trocar_drift(const trocar_compensator *o)
+@LINKAGE@trocar_drift_estimate trocar_drift(const trocar_compensator *o)
 {
     trocar_drift_estimate drift;
 //@if adapts

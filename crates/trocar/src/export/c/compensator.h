@@ -150,11 +150,11 @@ typedef struct {
 } trocar_compensator;
 
 /* Starts anew with the next sample. */
-void trocar_reset(trocar_compensator *compensator);
+@LINKAGE@void trocar_reset(trocar_compensator *compensator);
 
 /* The next sample: position and reading of the force sensor, duration_s after the last one. */
-trocar_estimate trocar_compensate(trocar_compensator *compensator, double position_m, double reading_n,
+@LINKAGE@trocar_estimate trocar_compensate(trocar_compensator *compensator, double position_m, double reading_n,
                                   double duration_s);
 
 /* Where friction and viscosity stand. */
-trocar_drift_estimate trocar_drift(const trocar_compensator *compensator);
+@LINKAGE@trocar_drift_estimate trocar_drift(const trocar_compensator *compensator);

@@ -4,12 +4,12 @@ static void trocar_rest_with(trocar_state *state, double force)
     state->seal_force_n = state->hysteresis_force_n;
     state->direction = 0.0;
     state->remainder = 1.0;
-//@if bent
+//@if inverse_power
     state->inverse_power = 1.0;
 //@end
 }
 
-//@if bent
+//@if inverse_power
 /* value, the largest number where it is none or infinite. */
 static double trocar_finite(double value)
 {
@@ -20,7 +20,7 @@ static double trocar_finite(double value)
 /* The solution of dy/dtravel = -y^i after travel = sigma*|dx|/F_c. */
 static void trocar_yield(trocar_state *state, double travel)
 {
-//@if bent
+//@if inverse_power
     const double m = trocar_exponent_less_one;
     const double growth = m * travel / state->inverse_power;
     double logarithm;
@@ -47,7 +47,7 @@ static void trocar_step_seal(trocar_state *state, double velocity, double displa
     if (s != 0.0) {
         if (s != next.direction) {
             next.remainder = 1.0 - s * next.hysteresis_force_n / trocar_coulomb_force_n;
-//@if bent
+//@if inverse_power
             next.inverse_power = trocar_finite(trocar_power(next.remainder, -trocar_exponent_less_one));
 //@end
             next.direction = s;

@@ -8,8 +8,9 @@
 //@else
  * A double must be IEEE 754 binary64 (AVR's is not).
 //@end
- * Compile with -ffp-contract=off and without -ffast-math or the like, which is refused where the compiler tells: fused
- * arithmetic moves last digits, and without IEEE rules forces are wrong.
+ * Compile without -ffast-math or the like, which is refused where the compiler tells: without IEEE rules forces are
+ * wrong. Fused multiply-add, which moves last digits, is switched off below; give a compiler that is not named there
+ * the option that does so (-ffp-contract=off of gcc and clang).
  *
  * Numbers in brackets are equations of EMS, key in SOURCES.md of trocar. Not a medical device. */
 
@@ -18,6 +19,15 @@
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__) \
     || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || defined(_M_FP_FAST)
 #error "compile this file without -ffast-math, -Ofast or the like: its forces would be wrong"
+#endif
+
+/* gcc does not know the pragma of C99 and warns of it. */
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC optimize ("fp-contract=off")
+#elif defined(_MSC_VER) && !defined(__clang__)
+#pragma fp_contract (off)
+#else
+#pragma STDC FP_CONTRACT OFF
 #endif
 
 #include <math.h>

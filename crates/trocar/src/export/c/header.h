@@ -58,7 +58,7 @@ typedef struct {
     double seal_force_n;       /* of the seal alone */
     double direction;          /* of the last motion: 1, 0, -1 */
     double remainder;          /* y = 1 - s*f/F_c */
-//@if bent
+//@if inverse_power
     double inverse_power; /* y^(1 - i) */
 //@end
 //@end
@@ -84,12 +84,12 @@ typedef struct {
 } trocar_state;
 
 /* An undeformed seal at rest on an instrument at position_m; one that is not finite counts as 0. */
-void trocar_rest(trocar_state *state, double position_m);
+@LINKAGE@void trocar_rest(trocar_state *state, double position_m);
 
 /* Advances by displacement_m within duration_s at constant velocity; returns the force (N) at the end, that of the
  * instrument on the seal. A duration that is not positive, or a displacement, duration or velocity that is not finite,
  * leaves the state untouched and returns the last force. */
-double trocar_step(trocar_state *state, double displacement_m, double duration_s);
+@LINKAGE@double trocar_step(trocar_state *state, double displacement_m, double duration_s);
 
 /* Advances to position_m within duration_s; as trocar_step. */
-double trocar_step_to(trocar_state *state, double position_m, double duration_s);
+@LINKAGE@double trocar_step_to(trocar_state *state, double position_m, double duration_s);

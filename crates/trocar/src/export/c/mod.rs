@@ -97,12 +97,19 @@ pub struct COptions<'a> {
     pub precision: Precision,
     /// The observer of the tissue force beside the model.
     pub compensator: Option<&'a CompensateOptions>,
+    /// Only static functions, for a source file that includes the code.
+    pub internal: bool,
 }
 
 impl COptions<'_> {
     /// As the source code inside an FMU: `seal.c` and `seal.h`, the forces of the library.
-    pub const IN_FMU: Self =
-        COptions { prefix: "seal", stem: "seal", precision: Precision::Double, compensator: None };
+    pub const IN_FMU: Self = COptions {
+        prefix: "seal",
+        stem: "seal",
+        precision: Precision::Double,
+        compensator: None,
+        internal: true,
+    };
 }
 
 /// The model file at `path` in C.
@@ -138,7 +145,7 @@ pub fn from_text(text: &str, name: &str, options: COptions) -> Result<CFiles, CE
 /// # Errors
 /// As for [`from_file`].
 pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFiles, CError> {
-    let COptions { prefix, stem, precision, compensator } = options;
+    let COptions { prefix, stem, precision, compensator, internal } = options;
     check_prefix(prefix)?;
     let trocar = &model.trocar;
     let mut filling = Filling::default();
@@ -154,6 +161,7 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
     filling.value("STEM", stem);
+    filling.value("LINKAGE", if internal { "static " } else { "" });
     filling.value(
         "TITLE",
         format!("{}, written as C by trocar {}", title(trocar.seal()), env!("CARGO_PKG_VERSION")),

@@ -73,7 +73,7 @@ static double trocar_advance_to(trocar_state *state, double position, double dis
     return state->force_n;
 }
 
-void trocar_rest(trocar_state *state, double position_m)
+@LINKAGE@void trocar_rest(trocar_state *state, double position_m)
 {
     state->position_m = fabs(position_m) <= trocar_greatest ? position_m : 0.0;
 //@if ems
@@ -84,12 +84,12 @@ void trocar_rest(trocar_state *state, double position_m)
     state->force_n = trocar_force_at(state, state->position_m);
 }
 
-double trocar_step(trocar_state *state, double displacement_m, double duration_s)
+@LINKAGE@double trocar_step(trocar_state *state, double displacement_m, double duration_s)
 {
     return trocar_advance_to(state, state->position_m + displacement_m, displacement_m, duration_s);
 }
 
-double trocar_step_to(trocar_state *state, double position_m, double duration_s)
+@LINKAGE@double trocar_step_to(trocar_state *state, double position_m, double duration_s)
 {
     return trocar_advance_to(state, position_m, position_m - state->position_m, duration_s);
 }

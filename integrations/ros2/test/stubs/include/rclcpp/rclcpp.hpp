@@ -19,6 +19,7 @@
 #include <rcl_interfaces/msg/set_parameters_result.hpp>
 
 #include <rclcpp/stub.hpp>
+#include <rclcpp/version.h>
 
 enum rcl_clock_type_t { RCL_ROS_TIME = 1, RCL_SYSTEM_TIME = 2, RCL_STEADY_TIME = 3 };
 
@@ -151,6 +152,12 @@ struct OnSetParametersCallbackHandle {
     using SharedPtr = std::shared_ptr<OnSetParametersCallbackHandle>;
     std::function<rcl_interfaces::msg::SetParametersResult(const std::vector<Parameter> &)> callback;
 };
+#if RCLCPP_VERSION_GTE(17, 0, 0)
+struct PostSetParametersCallbackHandle {
+    using SharedPtr = std::shared_ptr<PostSetParametersCallbackHandle>;
+    std::function<void(const std::vector<Parameter> &)> callback;
+};
+#endif
 } // namespace node_interfaces
 
 class Node {
@@ -214,8 +221,15 @@ class Node {
         if (const auto handle = on_parameters_.lock(); result.successful && handle) {
             result = handle->callback({parameter});
         }
+        if (stub::world().refused_parameter == parameter.get_name()) {
+            result.successful = false;
+            result.reason = "refused by another callback";
+        }
         if (result.successful) {
             found->second = parameter;
+            if (after_parameters_) {
+                after_parameters_({parameter});
+            }
         }
         return result;
     }
@@ -229,6 +243,20 @@ class Node {
         on_parameters_ = handle;
         return handle;
     }
+
+#if RCLCPP_VERSION_GTE(17, 0, 0)
+    node_interfaces::PostSetParametersCallbackHandle::SharedPtr
+    add_post_set_parameters_callback(std::function<void(const std::vector<Parameter> &)> callback) {
+        const auto handle = std::make_shared<node_interfaces::PostSetParametersCallbackHandle>();
+        handle->callback = std::move(callback);
+        after_parameters_ = [weak = std::weak_ptr(handle)](const std::vector<Parameter> &parameters) {
+            if (const auto alive = weak.lock()) {
+                alive->callback(parameters);
+            }
+        };
+        return handle;
+    }
+#endif
 
     template <typename Message>
     typename Publisher<Message>::SharedPtr create_publisher(const std::string &topic, const QoS &) {
@@ -270,6 +298,7 @@ class Node {
     std::map<std::string, Parameter> parameters_;
     std::map<std::string, rcl_interfaces::msg::ParameterDescriptor> descriptors_;
     std::weak_ptr<node_interfaces::OnSetParametersCallbackHandle> on_parameters_;
+    std::function<void(const std::vector<Parameter> &)> after_parameters_;
 };
 
 } // namespace rclcpp

@@ -19,6 +19,8 @@ struct World {
     std::map<std::string, std::size_t> publishers;
     std::vector<std::pair<const void *, std::function<void()>>> timers;
     std::vector<std::string> log;
+    /** A parameter that another callback refuses, after that of the node under test has accepted it. */
+    std::string refused_parameter;
 
     template <typename Message>
     void listen(const void *owner, const std::string &topic, std::function<void(const Message &)> callback) {
