@@ -2,12 +2,14 @@
 //! likelihood of [`identify`](super::identify) has about the parameters, at assumed values of them.
 //!
 //! ```text
-//! y_i = F_i(θ)·(1 + e_g + d(t)) + ε_i + ρ·r(path_i)·F_i         as in likelihood.rs; ρ·r a ripple along the path
-//! θ̂ − θ = M⁻¹·(A'W·(ε + ρ·r·F) − Λ·b)/σ²      A = [∂F/∂θ, F·φ_k, Z], W the weights of the steps, b = (d, e)
-//! Cov(θ̂) = M⁻¹·(A'WCWA/σ⁴ + Λ)·M⁻¹             M = A'WA/σ² + Λ
+//! y_i = F_i(θ)·(1 + e_h + d(t)) + ε_i + ρ·r(path_i)·F_i         ρ·r a ripple along the path
+//! θ̂ − θ = M⁻¹·A'W·(ε + F·(e_h + d + ρ·r))/σ²        A = [∂F/∂θ, F·φ_k, Z], W the weights of the steps
+//! Cov(θ̂) = M⁻¹·A'WCWA·M⁻¹/σ⁴                         M = A'WA/σ² + Λ
 //! ```
-//! Λ holds the precisions of drift and scatter, C the covariance of noise and ripple. The estimator
-//! treats residuals as white, so a ripple makes its errors larger than M⁻¹ says; C accounts for it.
+//! Λ holds the precisions of drift and scatter as the likelihood has them, C the covariance of all
+//! disturbances. The estimator treats residuals as white and gives short strokes that follow each
+//! other one friction scale; a ripple, and friction that changes with every reversal h, make its
+//! errors larger than M⁻¹ says. C accounts for that.
 
 use nalgebra::{DMatrix, DVector};
 use trocar_model::{ElementParams, ParamError, ParameterId, Quantity};
@@ -22,6 +24,9 @@ use super::spread::{Dependent, PRIOR_WIDTH};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
 use crate::recording::Recording;
 use crate::segment::SegmentOptions;
+
+/// Way back that is a reversal, in half widths.
+const REVERSAL: f64 = 0.02;
 
 /// What disturbs the readings of a rig and its seal.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -238,16 +243,20 @@ impl Rows {
         let inverse =
             DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]);
         let mut middle = self.disturbance(noise, &weighted);
-        (0..prior.len()).for_each(|j| middle[(j, j)] += prior[j]);
+        let own = self.own();
+        (own..own + self.drifts.len()).for_each(|j| middle[(j, j)] += prior[j]);
         Some((&inverse * middle * &inverse, inverse))
     }
 
-    /// A'WCWA/σ⁴: noise of single samples, and the ripple with its correlation along the path.
+    /// A'WCWA/σ⁴ without the drift: noise of single samples, the friction of each reversal, and the
+    /// ripple with its correlation along the path.
     fn disturbance(&self, noise: &Noise, weighted: &DMatrix<f64>) -> DMatrix<f64> {
         let white = DMatrix::from_fn(weighted.nrows(), weighted.ncols(), |j, i| {
             weighted[(j, i)] * noise.force_n / samples(&self.rows[i]).sqrt()
         });
         let mut sum = &white * white.transpose();
+        let scales = self.reversals(noise, weighted);
+        sum += &scales * scales.transpose();
         if noise.ripple == 0.0 {
             return sum;
         }
@@ -266,6 +275,36 @@ impl Rows {
         let crossed = &own * faded.transpose();
         sum += &own * own.transpose() + &crossed + crossed.transpose();
         sum
+    }
+
+    /// A'W·F·w of each reversal, times τ: how its friction, which replaces that before it over
+    /// [`Noise::scatter_travel_m`], moves the estimate.
+    fn reversals(&self, noise: &Noise, weighted: &DMatrix<f64>) -> DMatrix<f64> {
+        let back = REVERSAL * self.trial.candidate.half_width;
+        // Columns of the friction at present and before it; the path since the reversal, the farthest
+        // position, the direction.
+        let mut columns = vec![DVector::zeros(weighted.nrows()); 2];
+        let (mut path, mut at, mut farthest, mut direction) = (f64::INFINITY, 0.0, 0.0, 0.0);
+        for (i, row) in self.rows.iter().enumerate() {
+            at += row.displacement;
+            if direction == 0.0 {
+                direction = row.displacement.signum() * f64::from(row.displacement != 0.0);
+            }
+            if (at - farthest) * direction > 0.0 {
+                farthest = at;
+            } else if (farthest - at) * direction > back {
+                (direction, path) = (-direction, (farthest - at).abs());
+                farthest = at;
+                columns.push(DVector::zeros(weighted.nrows()));
+            }
+            path += row.displacement.abs();
+            let share = 1.0 - (-path / noise.scatter_travel_m).exp();
+            let last = columns.len() - 1;
+            let force = noise.scatter * row.force;
+            columns[last].axpy(share * force, &weighted.column(i), 1.0);
+            columns[last - 1].axpy((1.0 - share) * force, &weighted.column(i), 1.0);
+        }
+        DMatrix::from_columns(&columns)
     }
 
     /// Per stroke and free parameter, for the degrees of freedom: the stroke's share of what is

@@ -96,13 +96,14 @@ fn mean(goal: &Goal, known: &[Known], counts: &[usize]) -> f64 {
     all.sum::<f64>() / known.len() as f64
 }
 
-/// The reserve, then again and again the block that improves the mean criterion most in its time;
+/// Blocks that take at most `time`, s: the reserve, then again and again the block that improves the mean criterion most in its time;
 /// then exchanges as long as one improves it.
 pub(super) fn choose(
     config: &PlanConfig,
     goal: &Goal,
     blocks: &[Block],
     known: &[Known],
+    time: f64,
 ) -> Result<Chosen, PlanError> {
     let durations: Vec<f64> = blocks.iter().map(|block| block.duration(&config.rig)).collect();
     let of = |counts: &[usize]| -> f64 {
@@ -110,12 +111,10 @@ pub(super) fn choose(
     };
     let least = reserve(blocks);
     let mut counts = least.clone();
-    // Rests at both ends.
-    let time = config.duration_s - 0.2;
     if of(&counts) > time {
         return Err(PlanError::TooShort {
             found: config.duration_s,
-            least: (of(&counts) + 0.2).ceil(),
+            least: (1.05 * of(&counts)).ceil(),
             with: if goal.needs_free_motion() { ", partial reversals, a rest" } else { "" },
         });
     }

@@ -69,16 +69,23 @@ const ORDERS: usize = 200;
 /// Slow changes that the speeds should not follow: cosines over the duration.
 const COSINES: usize = 3;
 
-/// The blocks in random order, such that a drift of the friction looks least like viscous friction.
-pub(super) fn ordered(config: &PlanConfig, blocks: &[Block]) -> Vec<Block> {
+/// The blocks in random order with their motion, such that a drift of the friction looks least like
+/// viscous friction; `None` where no order takes at most the time allowed, for a stroke also leads
+/// from one block to the next.
+pub(super) fn ordered(config: &PlanConfig, blocks: &[Block]) -> Option<(Vec<Block>, Course)> {
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+    let rig = &config.rig;
     let drawn = (0..ORDERS).map(|_| {
         let mut order = blocks.to_vec();
         order.shuffle(&mut rng);
-        let follows = follows_time(&config.rig, &order);
-        (follows, order)
+        let moves = moves(rig, &order, &mut rng);
+        let duration: f64 = moves.iter().map(|step| step.duration(rig)).sum();
+        (follows_time(rig, &order), duration + 2.0 * AT_REST, order, moves)
     });
-    drawn.min_by(|a, b| a.0.total_cmp(&b.0)).map_or_else(Vec::new, |best| best.1)
+    let in_time = drawn.filter(|(_, duration, ..)| *duration <= config.duration_s);
+    let (.., order, moves) = in_time.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let course = sampled(rig, &moves);
+    Some((order, course))
 }
 
 /// Sum of the squared correlations of the speed with slow changes.
@@ -106,26 +113,23 @@ fn follows_time(rig: &Rig, order: &[Block]) -> f64 {
 /// the same places.
 const SCATTER: f64 = 0.1;
 
-/// The motion of blocks one after the other.
-pub(super) fn course(config: &PlanConfig, order: &[Block]) -> Course {
-    let rig = &config.rig;
-    let mut rng = ChaCha8Rng::seed_from_u64(config.seed ^ 0x7475_726e);
+/// The moves of blocks one after the other.
+fn moves(rig: &Rig, order: &[Block], rng: &mut ChaCha8Rng) -> Vec<Move> {
     let mut at = rig.lowest_m + 0.02 * rig.travel_m();
     let mut moves = Vec::new();
     for block in order {
         let room = rig.travel_m() - block.length_m;
-        let middle = rig.lowest_m + 0.5 * room;
         let most = (0.5 * room).min(SCATTER * block.length_m);
-        let start = middle + most * (2.0 * rng.random::<f64>() - 1.0);
+        let start = rig.lowest_m + 0.5 * room + most * (2.0 * rng.random::<f64>() - 1.0);
         let of_block = block.moves(at, start);
         at = of_block.last().map_or(at, |last| last.to_m);
         moves.extend(of_block);
     }
-    sampled(rig, &moves)
+    moves
 }
 
 /// Time, s, at rest before the first and after the last move.
-const AT_REST: f64 = 0.1;
+pub(super) const AT_REST: f64 = 0.1;
 
 /// A motion of `moves` at the rate of the rig.
 pub(super) fn sampled(rig: &Rig, moves: &[Move]) -> Course {
@@ -146,7 +150,7 @@ pub(super) fn sampled(rig: &Rig, moves: &[Move]) -> Course {
         }
         begin = end;
     }
-    while (sample as f64) * interval < begin + AT_REST {
+    while (sample as f64) * interval <= begin + AT_REST {
         let last = moves.last().map_or(rig.lowest_m, |step| step.to_m);
         add(sample as f64 * interval, last);
         sample += 1;

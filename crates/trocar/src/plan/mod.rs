@@ -152,9 +152,14 @@ pub fn plan(
         .iter()
         .map(|seal| Known::new(config, goal, seal, &blocks, before))
         .collect::<Result<Vec<Known>, PlanError>>()?;
-    let chosen = choose(config, goal, &blocks, &known)?;
-    let order = course::ordered(config, &chosen.blocks);
-    let course = course::course(config, &order);
+    let mut time = config.duration_s - 2.0 * course::AT_REST;
+    let (chosen, (order, course)) = loop {
+        let chosen = choose(config, goal, &blocks, &known, time)?;
+        match course::ordered(config, &chosen.blocks) {
+            Some(ordered) => break (chosen, ordered),
+            None => time *= 0.98,
+        }
+    };
     let expected = predicted(config, &drawn, &course, before)?;
     let paper = match course::of_the_paper(config) {
         Some(paper) => {
