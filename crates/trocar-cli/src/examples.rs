@@ -95,6 +95,21 @@ const EXAMPLES: [Example; 17] = [
         ],
     ),
     (
+        "plan",
+        &[
+            ("One minute that tells most about a seal never seen", "trocar plan --out motion.csv"),
+            (
+                "What to record next to know the viscous damping within 5 %",
+                "trocar plan --model result --after steady.csv --for viscous_damping_n_s_m:5% --out next.csv",
+            ),
+            ("The rig, its noise and the seals that are expected", "trocar plan --print-config"),
+            (
+                "Try the motion on the virtual bench",
+                "trocar bench --motion motion.csv --out planned.csv",
+            ),
+        ],
+    ),
+    (
         "sweep",
         &[
             ("A documented example; change it, then run it", "trocar sweep --print-config"),

@@ -42,6 +42,7 @@ const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done 
 #[derive(Subcommand)]
 enum Verb {
     Inspect(verbs::inspect::Args),
+    Plan(verbs::plan::Args),
     Bench(verbs::bench::Args),
     Identify(verbs::identify::Args),
     Fleet(verbs::fleet::Args),
@@ -106,6 +107,7 @@ fn main() -> ExitCode {
 fn run(console: &Console, verb: Verb) -> anyhow::Result<Completion> {
     match verb {
         Verb::Inspect(args) => verbs::inspect::run(console, &args),
+        Verb::Plan(args) => verbs::plan::run(console, &args),
         Verb::Bench(args) => verbs::bench::run(console, &args),
         Verb::Identify(args) => verbs::identify::run(console, &args),
         Verb::Fleet(args) => verbs::fleet::run(console, &args),

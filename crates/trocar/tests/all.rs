@@ -15,6 +15,7 @@ mod fleet;
 mod fleet_partitioned;
 mod free_motion;
 mod model_file;
+mod plan;
 mod profile;
 mod published;
 mod ranges;

@@ -4,8 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use trocar::bench::config::DEFAULT_TOML;
-use trocar::bench::{self, BenchConfig, BenchRun, Protocol};
+use trocar::bench::{self, BenchConfig, BenchRun, Course, Protocol};
 use trocar::model_file::ModelFile;
+use trocar::recording::Choice;
+use trocar::simulate::Positions;
 use trocar::table::{Column, Field, TableWriter};
 use trocar_model::{Element, ElementParams};
 
@@ -27,8 +29,12 @@ const PIECE: usize = 1 << 16;
 pub(crate) struct Args {
     /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force),
     /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion)
-    #[arg(required_unless_present = "print_config")]
+    #[arg(required_unless_present_any = ["print_config", "motion"])]
     protocol: Option<Protocol>,
+    /// Motion to make in place of an experiment: a table with time and position, such as `trocar
+    /// plan` writes
+    #[arg(long, value_name = "FILE", conflicts_with = "protocol")]
+    motion: Option<PathBuf>,
     /// Recording to write, '-' for standard output; the extension selects CSV, .parquet, .arrow,
     /// .csv.gz or .csv.zst
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
@@ -55,7 +61,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let config = args.rig.as_deref().map(read_config).transpose()?;
-    let (false, Some(protocol), Some(out)) = (args.print_config, args.protocol, &args.out) else {
+    let (false, Some(out)) = (args.print_config, &args.out) else {
         console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
         return Ok(Completion::Clean);
     };
@@ -63,9 +69,21 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         Some(key) => vec![seal_like(console, key, args.seed)?],
         None => seal(console, args.seal.as_deref())?,
     };
+    let config = config.unwrap_or_default();
     let progress = Progress::new(console);
-    progress.report(protocol.name(), 0.0);
-    let run = bench::run(&config.unwrap_or_default(), protocol, &elements, args.seed)?;
+    let run = match (&args.motion, args.protocol) {
+        (Some(path), _) => {
+            let motion = read_motion(path)?;
+            progress.report("motion", 0.0);
+            bench::run_motion(&config, &motion, &elements, args.seed)
+                .with_context(|| path.display().to_string())?
+        }
+        (None, Some(protocol)) => {
+            progress.report(protocol.name(), 0.0);
+            bench::run(&config, protocol, &elements, args.seed)?
+        }
+        (None, None) => return Ok(Completion::Clean),
+    };
     drop(progress);
     write_recording(&run, out)?;
     if let Some(path) = &args.truth_out {
@@ -73,6 +91,18 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     }
     console.remark(&format!("{} samples -> {}", run.time.len(), out.display()));
     Ok(Completion::doubtful_if(warn_of_events(console, &run)))
+}
+
+fn read_motion(path: &Path) -> anyhow::Result<Course> {
+    let mut rows = Positions::open(path, &Choice::default())?;
+    let mut course = Course::default();
+    while let Some(step) = rows.advance()? {
+        if course.time.is_empty() || step.duration > 0.0 {
+            course.time.push(step.time);
+            course.position.push(step.position);
+        }
+    }
+    Ok(course)
 }
 
 fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {

@@ -11,6 +11,7 @@ pub(crate) mod fleet;
 pub(crate) mod identify;
 pub(crate) mod inspect;
 pub(crate) mod man;
+pub(crate) mod plan;
 pub(crate) mod ranges;
 pub(crate) mod simulate;
 pub(crate) mod sweep;

@@ -179,6 +179,9 @@ pub enum BenchError {
     /// The configuration is out of range.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A motion that the rig cannot make.
+    #[error("the motion cannot be run: {0}")]
+    Motion(String),
     /// A stroke under constant force did not reach its end.
     #[error(
         "the instrument stalled at {position} m in stroke {stroke} of dynamic: {push} N did not move it to the end \
@@ -210,19 +213,88 @@ pub fn run(
     seed: u64,
 ) -> Result<BenchRun, BenchError> {
     config.validate()?;
+    let protocols = &config.protocol;
+    let reference = match protocol {
+        Protocol::Steady => Reference::speed_cycles(&protocols.steady, seed),
+        Protocol::Validation => Reference::speed_cycles(&protocols.validation, seed),
+        Protocol::Step => Reference::step(&protocols.step),
+        Protocol::Surgeon => Reference::surgeon(&protocols.surgeon, seed),
+        Protocol::Dynamic => {
+            let push = Push::new(config, seal);
+            return recorded(config, seal, seed, |rig, log| rig.push(push, log));
+        }
+    };
+    recorded(config, seal, seed, |rig, log| Ok(rig.follow(reference, log)))
+}
+
+/// Runs a motion, given as positions at times, with `seal`: the drive follows its speed.
+///
+/// The rig starts at the first position, after homing as for [`run`]; `rig.start_m` is not used.
+///
+/// # Errors
+/// [`BenchError::Config`] when a value is out of range, [`BenchError::Motion`] when the motion is
+/// none or leaves the rig's travel.
+pub fn run_motion(
+    config: &BenchConfig,
+    motion: &Course,
+    seal: &[Element],
+    seed: u64,
+) -> Result<BenchRun, BenchError> {
+    motion.check(config.rig.stroke_limit_m)?;
+    let mut config = config.clone();
+    config.rig.start_m = motion.position[0];
+    // Homing comes from deeper inside.
+    config.rig.homing_m = config.rig.homing_m.min(config.rig.stroke_limit_m - config.rig.start_m);
+    config.validate()?;
+    let reference = Reference::through(&motion.time, &motion.position);
+    recorded(&config, seal, seed, |rig, log| Ok(rig.follow(reference, log)))
+}
+
+/// A motion: positions at times.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Course {
+    /// Time, s, increasing.
+    pub time: Vec<f64>,
+    /// Position, m, increasing on insertion.
+    pub position: Vec<f64>,
+}
+
+impl Course {
+    fn check(&self, travel: f64) -> Result<(), BenchError> {
+        let wrong = |what: String| Err(BenchError::Motion(what));
+        if self.time.len() < 2 || self.time.len() != self.position.len() {
+            let (times, positions) = (self.time.len(), self.position.len());
+            return wrong(format!(
+                "it has {times} times and {positions} positions; at least two of each are needed"
+            ));
+        }
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        if !finite(&self.time) || !finite(&self.position) {
+            return wrong("it holds a number that is not finite".to_owned());
+        }
+        if let Some(pair) = self.time.windows(2).find(|pair| pair[0] >= pair[1]) {
+            return wrong(format!("time goes from {} s to {} s", pair[0], pair[1]));
+        }
+        match self.position.iter().find(|x| !(0.0..=travel).contains(*x)) {
+            Some(x) => wrong(format!(
+                "it reaches {x} m, outside of the travel of the rig, 0 to {travel} m (rig.stroke_limit_m)"
+            )),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A recording of what `drive` makes the rig do after homing.
+fn recorded(
+    config: &BenchConfig,
+    seal: &[Element],
+    seed: u64,
+    drive: impl FnOnce(&mut RigState<'_>, &mut Log) -> Result<(), BenchError>,
+) -> Result<BenchRun, BenchError> {
     let mut rig = RigState::new(config, seal, seed);
     rig.home();
     let mut log = Log::new(config, seal.len(), seed);
-    let protocols = &config.protocol;
-    match protocol {
-        Protocol::Steady => rig.follow(Reference::speed_cycles(&protocols.steady, seed), &mut log),
-        Protocol::Validation => {
-            rig.follow(Reference::speed_cycles(&protocols.validation, seed), &mut log);
-        }
-        Protocol::Step => rig.follow(Reference::step(&protocols.step), &mut log),
-        Protocol::Surgeon => rig.follow(Reference::surgeon(&protocols.surgeon, seed), &mut log),
-        Protocol::Dynamic => rig.push(Push::new(config, seal), &mut log)?,
-    }
+    drive(&mut rig, &mut log)?;
     Ok(log.finish(rig.events()))
 }
 

@@ -94,6 +94,21 @@ impl Reference {
         reference
     }
 
+    /// A given motion, at rest at both ends: between two samples the speed changes linearly.
+    pub(super) fn through(time: &[f64], position: &[f64]) -> Self {
+        let last = time.len() - 1;
+        let speed = |i: usize| match i {
+            0 => 0.0,
+            i if i == last => 0.0,
+            i => (position[i + 1] - position[i - 1]) / (time[i + 1] - time[i - 1]),
+        };
+        let mut reference = Self::empty();
+        for i in 0..last {
+            reference.push(time[i + 1] - time[i], Piece::Ramp { from: speed(i), to: speed(i + 1) });
+        }
+        reference
+    }
+
     /// One speed on insertion, another on withdrawal.
     pub(super) fn step(step: &VelocityStep) -> Self {
         let mut reference = Self::empty();

@@ -45,6 +45,42 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// An element with the mean sliding of both directions, as a sensor without a known tare sees it.
+    ///
+    /// # Errors
+    /// When the mean sliding and the branches do not form a valid model.
+    pub(super) fn of(params: &ElementParams) -> Result<Self, ParamError> {
+        let deformation = &params.deformation;
+        let (insertion, withdrawal) = (&params.insertion, &params.withdrawal);
+        let mean = |of: fn(&SlidingFriction) -> f64| 0.5 * (of(insertion) + of(withdrawal));
+        let sliding = SlidingFriction {
+            coulomb_force: mean(|s| s.coulomb_force),
+            static_force: mean(|s| s.static_force),
+            viscous_damping: mean(|s| s.viscous_damping),
+            ..*insertion
+        };
+        let [insertion_branch, withdrawal_branch] =
+            [deformation.insertion(), deformation.withdrawal()].map(BranchShape::of);
+        let softest =
+            DeformationForce::new(*deformation.insertion(), *deformation.withdrawal(), None)?;
+        Ok(Self {
+            offset: 0.0,
+            unmodelled_mass: 0.0,
+            insertion: sliding,
+            withdrawal: sliding,
+            half_width: deformation.half_width(),
+            insertion_branch,
+            withdrawal_branch,
+            seal_damping: params.damping.coefficients[0],
+            yield_ratio: Self::DEFAULT_YIELD_RATIO * deformation.yield_stiffness()
+                / softest.yield_stiffness(),
+            creep_velocity: params.creep_velocity,
+            friction_lag: params.friction_lag,
+            relaxation: params.relaxation,
+            second: None,
+        })
+    }
+
     /// The default yield ratio of an element.
     pub const DEFAULT_YIELD_RATIO: f64 = 1.01;
 
@@ -240,6 +276,21 @@ impl Layout {
         arms: 0,
         second: false,
     };
+
+    /// The parameters that `candidate` uses.
+    pub(super) fn used_by(candidate: &Candidate) -> Self {
+        let sliding = &candidate.insertion;
+        let arms = &candidate.relaxation.arms;
+        Self {
+            stribeck: sliding.static_force > sliding.coulomb_force,
+            damping: candidate.seal_damping > 0.0,
+            yielding: candidate.yield_ratio > 1.001 * Candidate::DEFAULT_YIELD_RATIO,
+            creep: candidate.creep_velocity > 0.0,
+            lag: candidate.creep_velocity > 0.0 && candidate.friction_lag > 0.0,
+            arms: arms.iter().filter(|arm| arm.stiffness > 0.0).count(),
+            ..Self::PAPER
+        }
+    }
 
     /// Every parameter that a fit may have.
     pub(super) const EVERY: Self = Self {

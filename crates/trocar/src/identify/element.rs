@@ -37,7 +37,7 @@ const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
 /// Half widths tried again, relative to the best.
 const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
 /// Most clusters.
-const MOST_CLUSTERS: usize = 120;
+pub(super) const MOST_CLUSTERS: usize = 120;
 /// Fewest strokes from which their scatter is estimated; with fewer, all have the same scale.
 const FEWEST_STROKES: usize = 12;
 /// Fewest clusters for a fit.
@@ -327,7 +327,7 @@ const STROKES_PER_COSINE: usize = 4;
 /// φ_k over the strokes, with the variance of their amplitude over ω²: cosines over each recording
 /// (the expansion of a Brownian motion about its mean), and a step from the first recording to each
 /// other one. Each has zero mean, so the parameters of the seal are those of the mean stroke.
-fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
+pub(super) fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
     let strokes = &training.strokes;
     let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
     let mut all = Vec::new();

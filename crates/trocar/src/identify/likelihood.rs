@@ -359,6 +359,33 @@ impl<'a> Predictor<'a> {
         let scale = 1.0 + Self::blended(step, |g| self.drift[g]);
         (reading - scale * force, scale, [step.blend * force, (1.0 - step.blend) * force])
     }
+
+    /// (r_i, Z_i) of the step `i` of a block, and its row of the derivatives of the prediction;
+    /// `before` is the force simulated before the block.
+    fn row(
+        &self,
+        block: &[Step],
+        i: usize,
+        lanes: &[Vec<f64>],
+        sources: &[Source],
+        before: f64,
+        row: &mut [f64],
+    ) -> (f64, [f64; 2]) {
+        let (step, force) = (&block[i], lanes[0][i]);
+        let rate = (force - if i > 0 { lanes[0][i - 1] } else { before }) / step.duration;
+        let (residual, scale, z) = self.residual(step, force);
+        let basis = &self.training.scale.basis;
+        for (slot, source) in row.iter_mut().zip(sources) {
+            *slot = match source {
+                Source::Difference { lane, step } => scale * (lanes[*lane][i] - force) / step,
+                Source::Offset => 1.0,
+                Source::Acceleration => step.acceleration,
+                Source::Delay => scale * rate,
+                Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
+            };
+        }
+        (residual, z)
+    }
 }
 
 /// C of a trial, without the prior term; `None` where it is not a valid model.
@@ -531,6 +558,49 @@ fn normal_equations<T: Trial>(
     Some(training.eliminated(strokes, &predictor.drift, prior))
 }
 
+/// One step as the likelihood sees it, at given parameters.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    /// Derivatives of the prediction with respect to the free parameters.
+    pub(crate) derivatives: Vec<f64>,
+    /// Z_i, N: its own stroke, and the one before.
+    pub(crate) scale: [f64; 2],
+    pub(crate) force: f64,
+    pub(crate) weight: f64,
+    pub(crate) stroke: usize,
+    /// Displacement, m, and duration, s, of the step.
+    pub(crate) displacement: f64,
+    pub(crate) duration: f64,
+}
+
+/// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid
+/// model.
+pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
+    let Simulations { trials, models, close, sources } = Simulations::new(trial, &[])?;
+    let predictor = Predictor::new(training, trial);
+    let of_run = |run: &Run| {
+        let mut states: Vec<StateOf<T>> =
+            models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
+        let lanes = T::forces(&models, &mut states, Lanes { close, parts: 1 }, &run.steps);
+        let of_step = |i: usize| {
+            let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
+            let (_, scale) =
+                predictor.row(&run.steps, i, &lanes, &sources, lanes[0][0], &mut derivatives);
+            Row {
+                derivatives,
+                scale,
+                force: lanes[0][i],
+                weight: step.weight,
+                stroke: step.stroke,
+                displacement: step.displacement,
+                duration: step.duration,
+            }
+        };
+        (0..run.steps.len()).filter(|i| run.steps[*i].weight > 0.0).map(of_step).collect::<Vec<_>>()
+    };
+    Some(training.runs.iter().flat_map(of_run).collect())
+}
+
 /// The models of a run that are stepped together: the first `close` differ little and are divided
 /// into `parts`.
 #[derive(Clone, Copy)]
@@ -575,23 +645,12 @@ fn accumulate_stroke(
 ) {
     let p = sources.len();
     let mut row = vec![0.0; p];
-    let basis = &predictor.training.scale.basis;
     for i in range {
-        let (step, force) = (&block[i], lanes[0][i]);
-        let rate = (force - if i > 0 { lanes[0][i - 1] } else { before }) / step.duration;
+        let step = &block[i];
         if step.weight == 0.0 {
             continue;
         }
-        let (residual, scale, z) = predictor.residual(step, force);
-        for (slot, source) in row.iter_mut().zip(sources) {
-            *slot = match source {
-                Source::Difference { lane, step } => scale * (lanes[*lane][i] - force) / step,
-                Source::Offset => 1.0,
-                Source::Acceleration => step.acceleration,
-                Source::Delay => scale * rate,
-                Source::Drift(k) => force * Predictor::blended(step, |g| basis[*k][g]),
-            };
-        }
+        let (residual, z) = predictor.row(block, i, lanes, sources, before, &mut row);
         let weight = step.weight;
         sums.steps += step.independent;
         sums.cost += weight * residual * residual;

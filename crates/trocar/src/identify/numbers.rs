@@ -42,7 +42,7 @@ pub fn reported(degrees: [usize; 2]) -> Vec<ParameterId> {
 /// A parameter of a fit, and whether its interval is taken on the logarithm.
 pub(super) type OnLogarithm = (ParameterId, bool);
 
-fn quantities(layout: Layout) -> Vec<OnLogarithm> {
+pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
     use Quantity as Q;
     let by_direction = layout.own_slopes || layout.own_levels;
     let [insertion, withdrawal] = Direction::BOTH;
@@ -97,7 +97,7 @@ const SHAPE: f64 = 1.4;
 const WIDTH: f64 = 1.8;
 const MASS: f64 = 2.0;
 
-fn factor_of(id: ParameterId) -> f64 {
+pub(super) fn factor_of(id: ParameterId) -> f64 {
     match (id.quantity, id.direction, id.element) {
         (Quantity::CoulombForce | Quantity::Offset | Quantity::StaticForce, None, None) => LEVEL,
         (Quantity::Join | Quantity::JoinForce, ..) => SHAPE,

@@ -82,6 +82,17 @@ impl BranchShape {
         Self { join: 0.0, join_force: 0.0, left: vec![0.0; left - 1], right: vec![0.0; right - 1] }
     }
 
+    /// The shape of an existing branch: the inverse of [`BranchShape::branch`].
+    pub(super) fn of(branch: &Branch) -> Self {
+        let higher = |piece: &Piece| piece.legendre().get(2..).unwrap_or_default().to_vec();
+        Self {
+            join: branch.join() / branch.half_width(),
+            join_force: branch.force(branch.join()),
+            left: higher(branch.left()),
+            right: higher(branch.right()),
+        }
+    }
+
     /// Degrees of the left and the right polynomial.
     pub fn degrees(&self) -> [usize; 2] {
         [self.left.len() + 1, self.right.len() + 1]

@@ -7,7 +7,7 @@ use super::likelihood::{Fitted, Trial};
 
 /// Width of the weak prior on a parameter, in steps of its difference quotient: four orders of
 /// magnitude of a logarithm, ten times the sliding force.
-const PRIOR_WIDTH: f64 = 1e5;
+pub(super) const PRIOR_WIDTH: f64 = 1e5;
 /// A parameter whose interval exceeds this factor in either direction counts as not determined.
 const WORST_FACTOR: f64 = 10.0;
 /// So does one whose interval exceeds both its value and its scale by this factor.
@@ -32,9 +32,9 @@ pub(super) fn variance<T: Trial>(fitted: &Fitted<T>) -> f64 {
 }
 
 /// A quantity that depends on the free parameters, to first order.
-struct Dependent {
-    value: f64,
-    gradient: DVector<f64>,
+pub(super) struct Dependent {
+    pub(super) value: f64,
+    pub(super) gradient: DVector<f64>,
 }
 
 impl Dependent {
@@ -54,7 +54,7 @@ impl Dependent {
     }
 
     /// The quantity itself, or its logarithm.
-    fn on<T: Trial>(trial: &T, log: bool, of: &dyn Fn(&T) -> f64) -> Self {
+    pub(super) fn on<T: Trial>(trial: &T, log: bool, of: &dyn Fn(&T) -> f64) -> Self {
         if log { Self::new(trial, &|t| of(t).ln()) } else { Self::new(trial, of) }
     }
 }

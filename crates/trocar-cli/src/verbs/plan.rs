@@ -1,0 +1,225 @@
+//! `trocar plan`
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use serde::Serialize;
+use trocar::bench::Course;
+use trocar::model_file::ModelFile;
+use trocar::plan::config::EXAMPLE_TOML;
+use trocar::plan::{Block, Goal, Interruption, Plan, PlanConfig, Prediction, Share, plan};
+use trocar::recording::{ReadOptions, Recording, read};
+use trocar::table::{Column, Field, TableWriter};
+use trocar_model::{ElementParams, Quantity, Unit};
+
+use crate::Completion;
+use crate::console::{self, BadArgument, Console};
+use crate::input::Choosing;
+use crate::models::read_model;
+use crate::table::{Table, number};
+use crate::verbs::identify::in_words;
+
+/// Plan what motion to record, so that the parameters are known best after it
+///
+/// Writes a motion for the rig (time_s, position_m) and prints the 95 % intervals to expect from
+/// `identify`, beside those of the paper's protocol. The motion is chosen by the information that
+/// the likelihood of `identify` has about the goal, averaged over the seals that are expected. Try
+/// it with `trocar bench --motion`.
+#[derive(clap::Args)]
+pub(crate) struct Args {
+    /// Rig, noise and expected seals, TOML (see --print-config); without it, the defaults, or those
+    /// of the first recording of --after
+    #[arg(value_name = "RIG.toml")]
+    config: Option<PathBuf>,
+    /// What for: all (parameters), compensation (the force along a hand's motion), or a parameter,
+    /// with a precision or without (viscous_damping_n_s_m, half_width_m:5%)
+    #[arg(long = "for", value_name = "GOAL", default_value = "all")]
+    goal: Goal,
+    /// Model of the seal, from a pilot; without it, seals drawn from the prior of RIG.toml
+    #[arg(long, value_name = "MODEL")]
+    model: Option<PathBuf>,
+    /// Recording that is there already; may be repeated. With --model
+    #[arg(long, value_name = "RECORDING", requires = "model")]
+    after: Vec<PathBuf>,
+    /// Time that the experiment may take, s [default: that of RIG.toml]
+    #[arg(long, value_name = "S", value_parser = crate::input::not_negative)]
+    duration_s: Option<f64>,
+    /// The motion: .csv, .parquet, .arrow, .csv.gz or .csv.zst, '-' for CSV to standard output
+    #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
+    out: Option<PathBuf>,
+    /// Print JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// Print a documented rig with all defaults and stop
+    #[arg(long)]
+    print_config: bool,
+    #[command(flatten)]
+    choosing: Choosing,
+}
+
+#[derive(Serialize)]
+struct Answer<'a> {
+    goal: String,
+    duration_s: f64,
+    needed_s: Option<f64>,
+    motion: &'a [Share],
+    expected: &'a [Prediction],
+    paper_duration_s: Option<f64>,
+    paper_expected: Option<&'a [Prediction]>,
+}
+
+pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    let (Some(out), false) = (&args.out, args.print_config) else {
+        console::print(EXAMPLE_TOML)?;
+        return Ok(Completion::Clean);
+    };
+    let to_stdout = out == Path::new("-");
+    if to_stdout && args.json {
+        let text =
+            "--out - prints the motion alone\n\nhint: write it to a file, or leave out --json";
+        return Err(BadArgument(text.to_owned()).into());
+    }
+    let model = args.model.as_deref().map(|path| read_model(path, &args.after)).transpose()?;
+    let before = recordings(console, args, model.as_ref())?;
+    let mut config = match (&args.config, before.first()) {
+        (Some(path), _) => read_config(path)?,
+        (None, Some(pilot)) => PlanConfig::default().on_the_rig_of(pilot)?,
+        (None, None) => PlanConfig::default(),
+    };
+    config.duration_s = args.duration_s.unwrap_or(config.duration_s);
+    let seals = match (&model, &args.model) {
+        (Some(model), Some(path)) => vec![element(model, path)?],
+        _ => Vec::new(),
+    };
+    let planned = plan(&config, &args.goal, &seals, &before)?;
+    write_motion(&planned.course, out)?;
+    let duration_s = planned.course.time.last().copied().unwrap_or(0.0);
+    let answer = Answer {
+        goal: args.goal.to_string(),
+        duration_s,
+        needed_s: planned.needed_s,
+        motion: &planned.shares,
+        expected: &planned.expected,
+        paper_duration_s: planned.paper.as_ref().map(|paper| paper.0),
+        paper_expected: planned.paper.as_ref().map(|paper| paper.1.as_slice()),
+    };
+    if !to_stdout {
+        let text = if args.json {
+            serde_json::to_string_pretty(&answer)? + "\n"
+        } else {
+            text(&answer, &planned, out)
+        };
+        console::print(&text)?;
+    }
+    let lost = planned.expected.iter().filter(|p| !p.determined && !is_coefficient(p));
+    let lost: Vec<String> = lost.map(|p| in_words(p.id)).collect();
+    if !lost.is_empty() {
+        console.warn(&format!(
+            "this motion will not determine {}\n\nhint: allow more time (--duration-s), a longer travel, or a finer encoder",
+            lost.join(", ")
+        ));
+    }
+    Ok(Completion::doubtful_if(!lost.is_empty()))
+}
+
+fn read_config(path: &Path) -> anyhow::Result<PlanConfig> {
+    let name = || path.display().to_string();
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{}: cannot read the rig", name()))?;
+    PlanConfig::from_toml(&text).with_context(name)
+}
+
+fn recordings(
+    console: &Console,
+    args: &Args,
+    model: Option<&ModelFile>,
+) -> anyhow::Result<Vec<Recording>> {
+    let Some(model) = model else { return Ok(Vec::new()) };
+    let choice = args.choosing.choice_for(console, model);
+    let options = ReadOptions { choice, ..ReadOptions::default() };
+    args.after.iter().map(|path| Ok(read(path, &options)?)).collect()
+}
+
+/// The one element of a model.
+fn element(model: &ModelFile, path: &Path) -> anyhow::Result<ElementParams> {
+    let stages = model.stages().map_err(|error| error.in_file(path))?;
+    match stages.elements() {
+        [one] => Ok(*one.params()),
+        several => Err(BadArgument(format!(
+            "{}: a model of {} elements; a motion is planned for one element\n\nhint: identify the pilot with --without \
+             second_stage",
+            path.display(),
+            several.len()
+        ))
+        .into()),
+    }
+}
+
+fn write_motion(course: &Course, out: &Path) -> anyhow::Result<()> {
+    let fields = ["time_s", "position_m"].map(|name| Field::number(name.to_owned()));
+    let mut writer = TableWriter::create(out, &fields)?;
+    writer
+        .write(&[Column::Number(course.time.clone()), Column::Number(course.position.clone())])?;
+    Ok(writer.commit()?)
+}
+
+fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
+    let strokes = 2 * planned.order.len();
+    let mut text = format!(
+        "for {}: {} s, {strokes} strokes -> {}\n",
+        answer.goal,
+        number(answer.duration_s),
+        out.display()
+    );
+    let mut table =
+        Table::headed(["cycles", "speed mm/s", "stroke mm", "number", "time s", "information %"]);
+    for share in answer.motion {
+        table.row([
+            interruption(&share.block),
+            number(1e3 * share.block.speed_m_s),
+            number(1e3 * share.block.length_m),
+            share.count.to_string(),
+            number(share.duration_s),
+            format!("{:.0}", 1e2 * share.information.max(0.0)),
+        ]);
+    }
+    text += &table.to_text();
+    text += "\nhalf widths of the 95 % intervals to expect\n";
+    let paper = answer.paper_duration_s.map(|s| format!("paper's protocol, {s:.0} s"));
+    let heads = ["parameter", "value", "this motion", "of the value"];
+    let mut table = Table::headed(heads.into_iter().chain(paper.as_deref()).chain(["unit"]));
+    for (k, p) in answer.expected.iter().enumerate().filter(|(_, p)| !is_coefficient(p)) {
+        let Unit { scale, shown, .. } = p.id.unit();
+        let value = |value: f64| number(scale * value);
+        let mut row = vec![in_words(p.id), value(p.value), value(p.half_width)];
+        row.push(format!("{} %", number(1e2 * p.relative_half_width)));
+        row.extend(answer.paper_expected.map(|paper| value(paper[k].half_width)));
+        row.push(shown.to_owned());
+        table.row(row);
+    }
+    text += &table.to_text();
+    if let Some(needed) = answer.needed_s {
+        let more = needed - answer.duration_s;
+        text += &match more > 0.0 {
+            true => format!("\nthe precision asked for needs {} s more\n", number(more.ceil())),
+            false => {
+                format!("\nthe precision asked for is reached after {} s\n", number(needed.ceil()))
+            }
+        };
+    }
+    text
+}
+
+fn is_coefficient(p: &Prediction) -> bool {
+    matches!(p.id.quantity, Quantity::Coefficient { .. })
+}
+
+fn interruption(block: &Block) -> String {
+    match block.interruption {
+        Interruption::None => "full strokes".to_owned(),
+        Interruption::PartialReversal(depth) => {
+            format!("partial reversals of {} mm", number(1e3 * depth))
+        }
+        Interruption::Rest(rest) => format!("rests of {} s", number(rest)),
+    }
+}
