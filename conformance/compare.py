@@ -1,9 +1,11 @@
 """Compares forces of several programs with those of the library: python compare.py FOLDER
 
 FOLDER holds a folder INTERFACE.forces per program, with one file of forces (N) per model, a row each; the command line's hold
-whole tables. Prints the largest difference by program, and ends with 1 where one is larger than it may be.
+whole tables. Prints the largest difference by program, relative to the largest force of its model; ends with 1 where one
+is larger than it may be, or a force is not finite.
 """
 
+import math
 import pathlib
 import struct
 import sys
@@ -34,8 +36,13 @@ def forces(path):
     lines = path.read_text().splitlines()
     if lines[0].startswith("time_s,"):
         column = lines[0].split(",").index("force_n")
-        return [float(line.split(",")[column]) for line in lines[1:]]
-    return [float(line) for line in lines]
+        lines = [line.split(",")[column] for line in lines[1:]]
+    values = [float(line) for line in lines]
+    # A comparison with NaN is false, and so would pass.
+    bad = next((row for row, value in enumerate(values, 1) if not math.isfinite(value)), None)
+    if bad is not None:
+        sys.exit(f"{path}: force {bad} of {len(values)} is {values[bad - 1]} N, expected finite forces")
+    return values
 
 
 def bits(values):
@@ -46,7 +53,7 @@ def main(folder):
     library = {path.name: forces(path) for path in sorted((folder / "library.forces").iterdir())}
     rows = sum(len(values) for values in library.values())
     print(f"{len(library)} models, {rows} forces each; differences from the library")
-    print("| program | models equal to the last bit | largest difference (N) | of the largest force | in |")
+    print("| program | models equal to the last bit | difference (N) | of the largest force | largest in |")
     print("|---|---|---|---|---|")
     failed = []
     for interface, allowed in INTERFACES.items():

@@ -101,11 +101,14 @@ pub(super) fn pick(
     let allowed = allowed(file, tables, &choice.topics)?;
     let mut found = Vec::new();
     let mut refused = None;
+    let mut only_missing = true;
     for &table in &allowed {
         match layout_of(file, container, table, choice, needed) {
             Ok(layout) => found.push((table, layout)),
             // The table with the most numeric columns gives the most informative error.
             Err(error) => {
+                only_missing &=
+                    matches!(error, RecordingError::UnclearColumns { only_missing: true, .. });
                 let rank = tables[table].columns.iter().filter(|column| column.is_numeric).count();
                 if refused.as_ref().is_none_or(|(best, _)| rank > *best) {
                     refused = Some((rank, error));
@@ -141,7 +144,9 @@ pub(super) fn pick(
         });
     }
     let Some((table, layout)) = found.pop() else {
-        if let Some(found) = in_several(file, container, &allowed, choice, needed) {
+        // Columns of which one could not be chosen are named first.
+        let apart = || in_several(file, container, &allowed, choice, needed);
+        if let Some(found) = only_missing.then(apart).flatten() {
             return Err(RecordingError::SeparateTables { file: file.to_owned(), found });
         }
         return Err(refused
@@ -258,6 +263,10 @@ fn layout_of(
 ) -> Result<Layout, RecordingError> {
     let needed = &choice.needed_columns(needed)[..];
     let dates = container.dates(table);
+    let text_of = |k: usize| match container.number_with_unit(table, k) {
+        Some(text) => Text::WithUnit(text.to_owned()),
+        None => Text::Other,
+    };
     let (table, first_rows) = (&container.tables()[table], || first_rows(container, table));
     let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
     let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
@@ -286,7 +295,7 @@ fn layout_of(
                 units,
                 timestamps: &dates,
                 first_rows: &first_rows,
-                first_text: &|k| (!table.columns[k].is_numeric).then_some(Text::Other),
+                first_text: &|k| (!table.columns[k].is_numeric).then(|| text_of(k)),
             };
             header.layout(&given, needed)?
         }

@@ -74,6 +74,11 @@ pub trait Container {
         Vec::new()
     }
 
+    /// The first text in a column without numbers, if it is a number with its unit, such as `1.2 N`.
+    fn number_with_unit(&self, _table: usize, _column: usize) -> Option<&str> {
+        None
+    }
+
     /// Starts to read some columns of one table, by their indices, from the first row.
     ///
     /// # Errors

@@ -105,6 +105,8 @@ pub enum RecordingError {
         place: Box<str>,
         /// All that is unclear.
         problems: Box<str>,
+        /// Whether columns are only missing: none could be several or has an unclear unit.
+        only_missing: bool,
         /// The remedy, with a value for `--columns` if there is one.
         hint: Box<str>,
     },
@@ -216,7 +218,7 @@ pub enum RecordingError {
         /// The cell, shortened.
         found: String,
         /// Remedy, with its own line break, or empty.
-        hint: &'static str,
+        hint: Box<str>,
     },
     /// A cell of a used column of a spreadsheet is not a number.
     #[error(

@@ -303,8 +303,10 @@ impl Header<'_> {
         }
         problems
             .extend(self.angle(doubts).map(|k| format!("column '{}' {AN_ANGLE}", self.names[k])));
+        let is_missing = |(_, doubt): &(Quantity, Doubt)| matches!(doubt, Doubt::Missing);
         RecordingError::UnclearColumns {
             file: self.file.to_owned(),
+            only_missing: doubts.iter().all(is_missing) && self.angle(doubts).is_none(),
             place: self.place.into(),
             problems: problems.join("; ").into(),
             hint: self.hint(doubts, readings, slots, &rows).into(),

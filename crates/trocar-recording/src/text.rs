@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 
 use super::block::Block;
 use super::choice::Choice;
-use super::columns::{Given, Layout, Quantity, Slot, has_unit, is_unit_row};
+use super::columns::{Given, Layout, Quantity, Slot, UNIT_IN_CELL, has_unit, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
 use super::decompress::TextInput;
 use super::format::{Format, Separator, comment_text, is_comment, whitespace_cells};
@@ -40,9 +40,6 @@ const ROWS_AFTER_PREAMBLE: usize = 3;
 /// Remedy if nothing can be read below what looks like the header.
 const HEADER_BELOW: &str =
     "\n\nhint: if the header is further below, skip the lines before it with --skip-rows";
-
-/// Remedy for a cell with a number and its unit.
-const UNIT_IN_CELL: &str = "\n\nhint: write the numbers alone into the cells and the unit into the name of the column, such as force_n";
 
 /// Most rows read to guess a unit.
 const GUESSED_ROWS: usize = 20_000;
@@ -607,14 +604,15 @@ impl<R: Read> TextReader<R> {
         match fault {
             Fault::FieldCount(found) => self.field_count(self.line, found),
             Fault::NotANumber(column, found) => {
-                let hint = if found.contains(',') {
+                let hint: Box<str> = if found.contains(',') {
                     "\n\nhint: decimal commas must be used throughout, without thousands separators"
+                        .into()
                 } else if has_unit(&found, self.format) {
-                    UNIT_IN_CELL
+                    format!("\n\nhint: {UNIT_IN_CELL}").into()
                 } else if self.line == self.first_row {
-                    HEADER_BELOW
+                    HEADER_BELOW.into()
                 } else {
-                    ""
+                    "".into()
                 };
                 let (file, column) = (self.file.clone(), self.layout.names[column].clone());
                 Ok(RecordingError::NotANumber { file, line: self.line, column, found, hint })

@@ -292,6 +292,17 @@ fn quantities_in_several_tables_are_located_with_the_remedy() {
     assert!(error.contains("no position column among 'force_n, time_s'"), "{error}");
 }
 
+/// A table in which only a choice is open tells more than where the quantities are.
+#[test]
+fn an_ambiguous_column_is_reported_before_separate_tables() {
+    let topics = vec!["TwoForces".to_owned(), "OneForce".to_owned()];
+    let choice = Choice { topics, ..Choice::default() };
+    let options = ReadOptions { choice, ..ReadOptions::default() };
+    let error = read(&fixture("openpyxl_odd.xlsx"), &options).unwrap_err().to_string();
+    let found = "force could be 'Force A (N)' or 'Force B (N)', expected one";
+    assert!(error.contains(found), "{error}");
+}
+
 /// The signal of a sheet of `openpyxl_odd.xlsx`.
 fn odd_sheet(sheet: &str, skip_rows: u64) -> Result<Recording, String> {
     let choice = Choice { topics: vec![sheet.to_owned()], skip_rows, ..Choice::default() };
@@ -323,6 +334,12 @@ fn rows_of_a_sheet_that_are_no_readings_are_left_out_and_counted() {
     let units = odd_sheet("Units", 0).unwrap_err();
     assert!(units.contains("cell C103: found '1.2 N' in column Force"), "{units}");
     assert!(units.contains("hint: write the numbers alone into the cells and the unit"), "{units}");
+    // The word is named, not the first cell of its row.
+    let middle = odd_sheet("LastMiddle", 0).unwrap_err();
+    assert!(middle.contains("cell C103: found 'Mean' in column Time, expected"), "{middle}");
+    let units = odd_sheet("AllUnits", 0).unwrap_err();
+    assert!(units.contains("column 'Force' holds numbers with their unit, such as '"), "{units}");
+    assert!(units.contains("write the numbers alone into the cells and the unit"), "{units}");
     let too_many = odd_sheet("Again", 5000).unwrap_err();
     assert!(too_many.contains("--skip-rows 5000 leaves no rows of numbers"), "{too_many}");
     let choice = Choice { skip_rows: 2, ..Choice::default() };

@@ -52,6 +52,8 @@ struct Sheet {
     first_row: u32,
     /// Column of the sheet and content for each column of the table.
     columns: Vec<(u32, Kind)>,
+    /// First cell of each column of texts.
+    texts: Vec<Option<String>>,
     /// Texts of the names, and of the units below them, with their columns of the sheet.
     header: Vec<Vec<(u32, String)>>,
     format: Format,
@@ -207,7 +209,14 @@ impl Xlsx {
             with_columns.filter(|(_, text)| !text.is_empty()).collect::<Vec<_>>()
         });
         let header = header.into_iter().filter(|texts| !texts.is_empty()).collect();
-        let mut sheet = Sheet { name, first_row, columns: Vec::new(), header, format: head.format };
+        let mut sheet = Sheet {
+            name,
+            first_row,
+            columns: Vec::new(),
+            texts: Vec::new(),
+            header,
+            format: head.format,
+        };
         let mut table = Table {
             name: sheet.name.clone(),
             kind: String::new(),
@@ -219,10 +228,9 @@ impl Xlsx {
             let title = head.names.get(at).cloned().unwrap_or_default();
             let unit = head.units.get(at).filter(|unit| !unit.is_empty()).cloned();
             let cells = rows[head.lines..].iter().flat_map(|(_, cells)| cells);
-            let kinds: Vec<Kind> = cells
-                .filter(|(own, _)| *own == column)
-                .filter_map(|(_, cell)| cell.kind(head.format))
-                .collect();
+            let cells: Vec<&Cell> =
+                cells.filter(|(own, _)| *own == column).map(|(_, cell)| cell).collect();
+            let kinds: Vec<Kind> = cells.iter().filter_map(|cell| cell.kind(head.format)).collect();
             let kind = match () {
                 () if kinds.is_empty() && title.is_empty() => continue,
                 () if kinds.contains(&Kind::Number) => Kind::Number,
@@ -234,6 +242,10 @@ impl Xlsx {
             let unit = if kind == Kind::Date { Some("s".to_owned()) } else { unit };
             table.columns.push(Column { name: title, unit, is_numeric });
             sheet.columns.push((column, kind));
+            sheet.texts.push(cells.into_iter().find_map(|cell| match cell {
+                Cell::Text(text) if kind == Kind::Text => Some(quoted(text.as_bytes())),
+                _ => None,
+            }));
         }
         self.notes.extend(head.notes.iter().map(|note| format!("sheet '{}': {note}", sheet.name)));
         self.tables.push(table);
@@ -329,6 +341,11 @@ impl Container for Xlsx {
         columns.filter(|(_, (_, kind))| *kind == Kind::Date).map(|(k, _)| k).collect()
     }
 
+    fn number_with_unit(&self, table: usize, column: usize) -> Option<&str> {
+        let sheet = &self.sheets[table];
+        sheet.texts[column].as_deref().filter(|text| has_unit(text, sheet.format))
+    }
+
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let (sheet, table) = (&self.sheets[table], &self.tables[table]);
         if let Some(text) = columns.iter().find(|&&column| !table.columns[column].is_numeric) {
@@ -353,8 +370,9 @@ impl Container for Xlsx {
                     headers.add(u64::from(row) + 1);
                     return true;
                 }
-                if footers.as_ref().is_some_and(|column| sheet.is_footer(cells, column)) {
-                    let (column, cell) = &cells[0];
+                if let Some((column, cell)) =
+                    footers.as_ref().and_then(|column| sheet.footer_text(cells, column))
+                {
                     let name = sheet.columns.iter().position(|(own, _)| own == column);
                     let name = name.map_or("", |k| &table.columns[k].name);
                     let error = self.not_a_number(sheet, (row, *column), name, cell);
@@ -443,17 +461,21 @@ impl Sheet {
         present == texts.len() && self.header.contains(&texts)
     }
 
-    /// Whether a row has text, and no number in the column by which that is decided.
-    fn is_footer(&self, cells: &[(u32, Cell)], of: &FooterColumn) -> bool {
+    /// The first text of a row that has no number in the column by which that is decided.
+    fn footer_text<'a>(
+        &self,
+        cells: &'a [(u32, Cell)],
+        of: &FooterColumn,
+    ) -> Option<&'a (u32, Cell)> {
         let FooterColumn { column, kind, is_time } = *of;
-        let is_text = |(own, cell): &(u32, Cell)| {
+        let is_text = |(own, cell): &&(u32, Cell)| {
             (is_time || *own <= column)
                 && cell.kind(self.format) == Some(Kind::Text)
                 && !self.columns.contains(&(*own, Kind::Text))
         };
         let own = cells.iter().find(|(own, _)| *own == column).map_or(&Cell::Missing, |(_, c)| c);
         let has_number = number(own, kind, self.format, &mut None).is_some_and(f64::is_finite);
-        !has_number && cells.iter().any(is_text)
+        cells.iter().find(is_text).filter(|_| !has_number)
     }
 }
 

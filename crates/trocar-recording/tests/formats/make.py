@@ -239,6 +239,12 @@ def odd_xlsx():
         "Middle": [names, units, *rows[:100], ["paused"], *rows[100:]],
         "Last": [names[::-1], units[::-1], *[row[::-1] for row in rows], [0.0, 30.0, "Mean"], [3.0, 60.0, "Range"]],
         "Units": [names, units, *rows[:100], [0.1, 30.0, "1.2 N"], *rows[101:]],
+        "AllUnits": [names, *[[time, position, f"{force:.2f} N"] for time, position, force in rows]],
+        "LastMiddle": [names[::-1], units[::-1], *[row[::-1] for row in rows[:100]], [0.0, 30.0, "Mean"],
+                       *[row[::-1] for row in rows[100:]]],
+        # Of two forces none is chosen, although the next sheet holds one.
+        "TwoForces": [["time_s", "position_mm", "Force A (N)", "Force B (N)"], *[[*row, row[2]] for row in rows]],
+        "OneForce": [["k", "force_n"], *[[k, row[2]] for k, row in enumerate(rows)]],
     }
     book.remove(book.active)
     for name, lines in sheets.items():
