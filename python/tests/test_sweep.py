@@ -129,7 +129,7 @@ def test_a_row_is_what_simulate_gives(tmp_path: Path) -> None:
         assert table["peak_force_n"][run] == np.abs(force).max()
 
 
-def test_progress_is_told() -> None:
+def test_progress_is_reported() -> None:
     reported: list[tuple[str, float]] = []
     # Progress is reported every 50 ms and after each 256 rows of a thread; the whole sweep takes some hundreds of milliseconds.
     document = DOCUMENT.replace("runs = 40", "runs = 2000").replace("step", "validation")

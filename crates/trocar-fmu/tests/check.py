@@ -60,8 +60,8 @@ def refused(instance, action, *words):
         check(error.status == 3, f"status 3 expected: {error}")
     else:
         raise AssertionError(f"not refused: {words}")
-    told = "\n".join(instance.messages[before:])
-    check(all(word in told for word in words), f"{words} expected in: {told}")
+    messages = "\n".join(instance.messages[before:])
+    check(all(word in messages for word in words), f"{words} expected in: {messages}")
 
 
 def refused_instance(unit, words, **options):
@@ -171,7 +171,7 @@ def check_functions(unit, fmi):
 
 
 def c_compiler(purpose):
-    """Without one this is said, and fails where CI is true."""
+    """Reports if there is none, and fails where CI is true."""
     found = shutil.which("cc") or shutil.which("gcc")
     if found is None:
         skipped(f"{purpose}: no C compiler")
@@ -179,8 +179,8 @@ def c_compiler(purpose):
 
 
 def check_by_c(unit, fmi, motion, forces, folder, words):
-    """An importer in C with the headers of the standard, and sanitizers for memory. It prints what the FMU says of the calls
-    that it refuses: `words`."""
+    """An importer in C with the headers of the standard, and sanitizers for memory. It prints the messages
+    for the calls that are refused, with `words`."""
     compiler = c_compiler("the importer in C")
     if compiler is None:
         return
@@ -207,14 +207,17 @@ def check_words(words, messages):
 
 
 def refusals(fmi, path):
-    """What a library says of the calls that importer.c makes in vain; `path` is where it looks for the model."""
+    """The messages of a library for the calls of importer.c that are refused; `path` is where it looks for the model."""
     words = ["a state takes", "must be finite", "value reference 77", "null pointer for", "step size must be"]
+    words += ["communication point must be", "beyond the stop time", "stop time must be", "not allowed now"]
+    words += ["there are no derivatives"] + (["inputs are not interpolated"] if fmi == "2" else [])
     return words + ["for co-simulation only", path] + (["no event mode"] if fmi == "3" else [])
 
 
 def source_refusals(fmi):
-    """The same of an FMU with source code."""
+    """The same for an FMU with source code."""
     words = ["no state of this model", "must be finite", "no such variable", "null pointer for", "longer than 0"]
+    words += ["begin at the present time", "beyond the stop time", "the start time must be finite", "not be called now"]
     words += ["for co-simulation only", "GUID or token is not that of this FMU", "not offered"]
     return words + (["no event mode", "one value for each"] if fmi == "3" else [])
 
@@ -454,7 +457,7 @@ def main():
         name, model = os.path.splitext(file)[0], os.path.join(models, file)
         truth = simulate(trocar, model, motion)
         forces = [row[0] for row in truth]
-        told = []
+        results = []
         for fmi in "23":
             paths = {}
             for drive in ["position", "velocity"]:
@@ -488,8 +491,8 @@ def main():
             if by_source:
                 check_source(trocar, model, fmi, motion, forces, folder)
             own, late = check_simulate_fmu(trocar, model, paths, folder)
-            told.append(f"FMI {fmi}.0 by velocity {off:.1e} N; simulate_fmu by velocity {own:.1e} N, by position one step late, {late:.1e} N rms")
-        print(f"{name}: {len(rows)} rows bit-identical; {'; '.join(told)}", flush=True)
+            results.append(f"FMI {fmi}.0 by velocity {off:.1e} N; simulate_fmu by velocity {own:.1e} N, by position one step late, {late:.1e} N rms")
+        print(f"{name}: {len(rows)} rows bit-identical; {'; '.join(results)}", flush=True)
 
 
 if __name__ == "__main__":

@@ -311,7 +311,7 @@ fn null_pointers_are_refused() {
     let state = unit.state();
     let mut flag = false;
     unsafe {
-        // Without an instance there is nobody to tell.
+        // Without an instance there is no logger to report it to.
         assert_eq!(fmi2DoStep(null_mut(), 0.0, 1e-3, 1), ERROR);
         assert_eq!(fmi3Terminate(null_mut()), ERROR);
         fmi2FreeInstance(null_mut());

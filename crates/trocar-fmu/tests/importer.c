@@ -69,7 +69,7 @@ static void *function(const char *name) {
 /* Refused, with one message. */
 #define REFUSE(call) refuse((call) == 3, 1, #call)
 #define REFUSE_START(call) refuse(!(call), 1, #call)
-/* Without an instance, which has the logger, nobody can be told. */
+/* The instance holds the logger: without one there is no logger to report it to. */
 #define REFUSE_SILENTLY(call) refuse((call) == 3, 0, #call)
 
 static int messages, messages_before;
@@ -179,11 +179,51 @@ static void refuse_instances2(const char *resources, const char *token) {
     fmi2FreeInstance(NULL);
 }
 
+/* Sets up and initializes; before, between and after that, calls that do not belong there. */
+static void initialize2(fmi2Component c) {
+    LOAD(fmi2SetupExperiment); LOAD(fmi2EnterInitializationMode); LOAD(fmi2ExitInitializationMode); LOAD(fmi2SetReal);
+    LOAD(fmi2DoStep); LOAD(fmi2Terminate);
+    const fmi2ValueReference input = INPUT;
+    const double end = times[rows - 1];
+    REFUSE(fmi2ExitInitializationMode(c));
+    REFUSE(fmi2DoStep(c, times[0], 1e-3, 1));
+    REFUSE(fmi2Terminate(c));
+    REFUSE(fmi2SetupExperiment(c, 0, 0.0, 0.0 / 0.0, 0, 0.0));
+    REFUSE(fmi2SetupExperiment(c, 0, 0.0, times[0], 1, times[0]));
+    REFUSE(fmi2SetupExperiment(c, 0, 0.0, times[0], 1, 0.0 / 0.0));
+    DO(fmi2SetupExperiment(c, 0, 0.0, times[0], 1, end));
+    DO(fmi2EnterInitializationMode(c));
+    REFUSE(fmi2SetupExperiment(c, 0, 0.0, times[0], 1, end));
+    REFUSE(fmi2EnterInitializationMode(c));
+    REFUSE(fmi2DoStep(c, times[0], 1e-3, 1));
+    DO(fmi2SetReal(c, &input, 1, &positions[0]));
+    DO(fmi2ExitInitializationMode(c));
+    REFUSE(fmi2ExitInitializationMode(c));
+    REFUSE(fmi2SetupExperiment(c, 0, 0.0, times[0], 1, end));
+}
+
+/* Steps from the last row, and functions for what is not offered. */
+static void refuse_steps2(fmi2Component c) {
+    LOAD(fmi2DoStep); LOAD(fmi2CancelStep); LOAD(fmi2GetDirectionalDerivative); LOAD(fmi2SetRealInputDerivatives);
+    LOAD(fmi2GetRealOutputDerivatives);
+    const fmi2ValueReference input = INPUT, force = FORCE;
+    const double end = times[rows - 1];
+    const int first = 1;
+    double value = 1.0, derivative;
+    REFUSE(fmi2DoStep(c, end, 0.0, 1));
+    REFUSE(fmi2DoStep(c, end, -1e-3, 1));
+    REFUSE(fmi2DoStep(c, end - 1.0, 1e-3, 1));
+    REFUSE(fmi2DoStep(c, end, 1e-3, 1));
+    REFUSE(fmi2CancelStep(c));
+    REFUSE(fmi2GetDirectionalDerivative(c, &force, 1, &input, 1, &value, &derivative));
+    REFUSE(fmi2SetRealInputDerivatives(c, &input, 1, &first, &value));
+    REFUSE(fmi2GetRealOutputDerivatives(c, &force, 1, &first, &derivative));
+}
+
 static void run2(const char *resources, const char *token) {
-    LOAD(fmi2Instantiate); LOAD(fmi2FreeInstance); LOAD(fmi2SetupExperiment); LOAD(fmi2EnterInitializationMode);
-    LOAD(fmi2ExitInitializationMode); LOAD(fmi2SetReal); LOAD(fmi2GetReal); LOAD(fmi2DoStep); LOAD(fmi2GetFMUstate);
+    LOAD(fmi2Instantiate); LOAD(fmi2FreeInstance); LOAD(fmi2SetReal); LOAD(fmi2GetReal); LOAD(fmi2DoStep); LOAD(fmi2GetFMUstate);
     LOAD(fmi2FreeFMUstate); LOAD(fmi2SerializedFMUstateSize); LOAD(fmi2SerializeFMUstate);
-    LOAD(fmi2DeSerializeFMUstate); LOAD(fmi2SetFMUstate); LOAD(fmi2CancelStep); LOAD(fmi2GetVersion);
+    LOAD(fmi2DeSerializeFMUstate); LOAD(fmi2SetFMUstate); LOAD(fmi2GetVersion); LOAD(fmi2Terminate);
     const fmi2CallbackFunctions callbacks = {log2_, NULL, NULL, NULL, NULL};
     const fmi2ValueReference input = INPUT, force = FORCE, none = 77;
     fmi2Component c = fmi2Instantiate("first", fmi2CoSimulation, token, resources, &callbacks, 0, 0), other;
@@ -192,10 +232,7 @@ static void run2(const char *resources, const char *token) {
     fmi2Byte *bytes;
     double value, step;
     if (!c || strcmp(fmi2GetVersion(), "2.0") != 0) exit(1);
-    DO(fmi2SetupExperiment(c, 0, 0.0, times[0], 0, 0.0));
-    DO(fmi2EnterInitializationMode(c));
-    DO(fmi2SetReal(c, &input, 1, &positions[0]));
-    DO(fmi2ExitInitializationMode(c));
+    initialize2(c);
     for (int k = 0; k < rows; k++) {
         step = k ? times[k] - times[k - 1] : 0.0;
         if (step > 0.0) {
@@ -224,10 +261,12 @@ static void run2(const char *resources, const char *token) {
     value = 0.0 / 0.0;
     REFUSE(fmi2SetReal(c, &input, 1, &value));
     REFUSE(fmi2SetReal(c, &none, 1, &value));
-    REFUSE(fmi2DoStep(c, times[rows - 1], 0.0, 1));
-    REFUSE(fmi2CancelStep(c));
+    refuse_steps2(c);
     refuse_null_pointers2(c);
     refuse_instances2(resources, token);
+    DO(fmi2Terminate(c));
+    REFUSE(fmi2DoStep(c, times[rows - 1], 1e-3, 1));
+    REFUSE(fmi2SetReal(c, &input, 1, &positions[0]));
     fmi2FreeInstance(c);
 }
 
@@ -309,12 +348,54 @@ static void refuse_instances3(const char *resources, const char *token) {
     fmi3FreeInstance(NULL);
 }
 
+/* Initializes; before and after that, calls that do not belong there. */
+static void initialize3(fmi3Instance c) {
+    LOAD(fmi3EnterInitializationMode); LOAD(fmi3ExitInitializationMode); LOAD(fmi3SetFloat64); LOAD(fmi3DoStep);
+    LOAD(fmi3Terminate);
+    const fmi3ValueReference input = INPUT;
+    const double end = times[rows - 1];
+    bool event, stop, early;
+    double last;
+    REFUSE(fmi3ExitInitializationMode(c));
+    REFUSE(fmi3DoStep(c, times[0], 1e-3, true, &event, &stop, &early, &last));
+    REFUSE(fmi3Terminate(c));
+    REFUSE(fmi3EnterInitializationMode(c, false, 0.0, 0.0 / 0.0, false, 0.0));
+    REFUSE(fmi3EnterInitializationMode(c, false, 0.0, times[0], true, times[0]));
+    REFUSE(fmi3EnterInitializationMode(c, false, 0.0, times[0], true, 0.0 / 0.0));
+    DO(fmi3EnterInitializationMode(c, false, 0.0, times[0], true, end));
+    REFUSE(fmi3EnterInitializationMode(c, false, 0.0, times[0], true, end));
+    REFUSE(fmi3DoStep(c, times[0], 1e-3, true, &event, &stop, &early, &last));
+    DO(fmi3SetFloat64(c, &input, 1, &positions[0], 1));
+    DO(fmi3ExitInitializationMode(c));
+    REFUSE(fmi3ExitInitializationMode(c));
+}
+
+/* Steps from the last row, and functions for what is not offered. */
+static void refuse_steps3(fmi3Instance c) {
+    LOAD(fmi3DoStep); LOAD(fmi3EnterEventMode); LOAD(fmi3GetBinary); LOAD(fmi3GetClock); LOAD(fmi3SetClock);
+    LOAD(fmi3GetDirectionalDerivative); LOAD(fmi3GetAdjointDerivative); LOAD(fmi3GetOutputDerivatives);
+    const fmi3ValueReference input = INPUT, force = FORCE;
+    const double now = times[rows - 1];
+    const fmi3Int32 first = 1;
+    bool event, end, early, clock = false;
+    double value = 1.0, derivative, last;
+    REFUSE(fmi3DoStep(c, now, 0.0, true, &event, &end, &early, &last));
+    REFUSE(fmi3DoStep(c, now, -1.0, true, &event, &end, &early, &last));
+    REFUSE(fmi3DoStep(c, now - 1.0, 1e-3, true, &event, &end, &early, &last));
+    REFUSE(fmi3DoStep(c, now, 1e-3, true, &event, &end, &early, &last));
+    REFUSE(fmi3EnterEventMode(c));
+    REFUSE(fmi3GetBinary(c, &force, 1, NULL, NULL, 0));
+    REFUSE(fmi3GetClock(c, &force, 1, &clock));
+    REFUSE(fmi3SetClock(c, &input, 1, &clock));
+    REFUSE(fmi3GetDirectionalDerivative(c, &force, 1, &input, 1, &value, 1, &derivative, 1));
+    REFUSE(fmi3GetAdjointDerivative(c, &force, 1, &input, 1, &value, 1, &derivative, 1));
+    REFUSE(fmi3GetOutputDerivatives(c, &force, 1, &first, &derivative, 1));
+}
+
 static void run3(const char *resources, const char *token) {
-    LOAD(fmi3FreeInstance); LOAD(fmi3EnterInitializationMode);
-    LOAD(fmi3ExitInitializationMode); LOAD(fmi3SetFloat64); LOAD(fmi3GetFloat64); LOAD(fmi3DoStep);
+    LOAD(fmi3FreeInstance); LOAD(fmi3SetFloat64); LOAD(fmi3GetFloat64); LOAD(fmi3DoStep);
     LOAD(fmi3GetFMUState); LOAD(fmi3FreeFMUState); LOAD(fmi3SerializedFMUStateSize); LOAD(fmi3SerializeFMUState);
-    LOAD(fmi3DeserializeFMUState); LOAD(fmi3SetFMUState); LOAD(fmi3EnterEventMode); LOAD(fmi3GetVersion);
-    LOAD(fmi3GetBinary);
+    LOAD(fmi3DeserializeFMUState); LOAD(fmi3SetFMUState); LOAD(fmi3GetVersion); LOAD(fmi3Terminate);
     const fmi3ValueReference input = INPUT, force = FORCE, none = 77;
     fmi3Instance c, other;
     fmi3FMUState state = NULL, copy = NULL;
@@ -324,9 +405,7 @@ static void run3(const char *resources, const char *token) {
     double value, step, last = -1.0;
     c = start3("first", token, resources, false, log3_);
     if (!c || strcmp(fmi3GetVersion(), "3.0") != 0) exit(1);
-    DO(fmi3EnterInitializationMode(c, false, 0.0, times[0], false, 0.0));
-    DO(fmi3SetFloat64(c, &input, 1, &positions[0], 1));
-    DO(fmi3ExitInitializationMode(c));
+    initialize3(c);
     for (int k = 0; k < rows; k++) {
         step = k ? times[k] - times[k - 1] : 0.0;
         if (step > 0.0) {
@@ -355,11 +434,12 @@ static void run3(const char *resources, const char *token) {
     value = 0.0 / 0.0;
     REFUSE(fmi3SetFloat64(c, &input, 1, &value, 1));
     REFUSE(fmi3SetFloat64(c, &none, 1, &value, 1));
-    REFUSE(fmi3DoStep(c, times[rows - 1], -1.0, true, &event, &end, &early, &last));
-    REFUSE(fmi3EnterEventMode(c));
-    REFUSE(fmi3GetBinary(c, &force, 1, NULL, NULL, 0));
+    refuse_steps3(c);
     refuse_null_pointers3(c);
     refuse_instances3(resources, token);
+    DO(fmi3Terminate(c));
+    REFUSE(fmi3DoStep(c, times[rows - 1], 1e-3, true, &event, &end, &early, &last));
+    REFUSE(fmi3SetFloat64(c, &input, 1, &positions[0], 1));
     fmi3FreeInstance(c);
 }
 

@@ -208,7 +208,7 @@ fn reversals_of_20_um_are_found_once() {
 }
 
 #[test]
-fn a_reversal_tells_direction_and_turning_point() {
+fn a_reversal_reports_direction_and_turning_point() {
     let (filter, mut state) = (filter(), BacklashState::default());
     let mut feed = |x: f64| {
         filter.displacement(&mut state, x);

@@ -1,7 +1,6 @@
 //! The module that the report of `trocar teleop` carries against the library: the same loop, to the last bit.
 
 use std::error::Error;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -10,6 +9,11 @@ use trocar::teleop::config::{Architecture, Config, OnLoss};
 use trocar_model::Trocar;
 use trocar_web_teleop::{COLUMNS, FIGURES, Memory, Page};
 use wasmi::{Engine, Instance, Linker, Module, Store, TypedFunc, WasmParams, WasmResults};
+
+use skipped::skipped;
+
+#[path = "../../trocar-model/tests/common/skipped.rs"]
+mod skipped;
 
 /// Largest module that a report may carry, bytes. Half of it reads the configuration and says what is wrong with it.
 const LARGEST: u64 = 360_000;
@@ -262,9 +266,8 @@ fn a_fresh_build_gives_the_same_samples() -> Result<(), Box<dyn Error>> {
     match built.status.code() {
         Some(0) => compare(&folder),
         Some(2) => {
-            // Standard error itself: what a passing test prints is not shown.
-            let why = String::from_utf8_lossy(&built.stderr);
-            Ok(writeln!(std::io::stderr(), "skipped: {}", why.trim())?)
+            skipped(&String::from_utf8_lossy(&built.stderr));
+            Ok(())
         }
         _ => Err(String::from_utf8_lossy(&built.stderr).into()),
     }

@@ -15,7 +15,16 @@ namespace {
 /** How far the column of a prismatic joint may be from unit length; that of a revolute one is a lever arm, m. */
 constexpr double kUnitTolerance = 1e-3;
 
-std::int64_t nanoseconds(double time_s) { return std::llround(time_s * 1e9); }
+/** Largest time that fits into 64 bits, ns. */
+constexpr double kLargestTimeNs = 9.2e18;
+
+/** None for a stamp that is no time: NaN, infinite, or centuries away. */
+std::optional<std::int64_t> nanoseconds(double time_s) {
+    if (!(std::abs(time_s * 1e9) < kLargestTimeNs)) {
+        return std::nullopt;
+    }
+    return std::llround(time_s * 1e9);
+}
 
 /** Each takes the value of a key; where its type is another one, what it must be. */
 const char *take(std::string &value, const Json::Value &given) {
@@ -153,17 +162,20 @@ void mtsTrocarForce::Run(void) {
 void mtsTrocarForce::TakeSamples(void) {
     // A state that was not renewed since the last period has the same stamp, and is not taken twice.
     if (measured_js(m_measured_js).IsOK() && m_measured_js.Valid()) {
-        for (m_place = 0; m_place < m_measured_js.Name().size() && m_measured_js.Name()[m_place] != m_setup.parameters().joint;) {
+        const auto &names = m_measured_js.Name();
+        for (m_place = 0; m_place < names.size() && names[m_place] != m_setup.parameters().joint;) {
             ++m_place;
         }
-        if (m_place < m_measured_js.Position().size()) {
-            m_setup.tissue()->add_position(nanoseconds(m_measured_js.Timestamp()),
-                                           Sign() * m_measured_js.Position()[m_place]);
+        const auto stamp_ns = nanoseconds(m_measured_js.Timestamp());
+        if (stamp_ns && m_place < m_measured_js.Position().size()) {
+            m_setup.tissue()->add_position(*stamp_ns, Sign() * m_measured_js.Position()[m_place]);
         }
     }
     if (sensor_measured_cf(m_sensor_measured_cf).IsOK() && m_sensor_measured_cf.Valid()) {
         const auto &force = m_sensor_measured_cf.Force();
-        m_setup.tissue()->add_reading(nanoseconds(m_sensor_measured_cf.Timestamp()), m_setup.axis().of({force[0], force[1], force[2]}));
+        if (const auto stamp_ns = nanoseconds(m_sensor_measured_cf.Timestamp())) {
+            m_setup.tissue()->add_reading(*stamp_ns, m_setup.axis().of({force[0], force[1], force[2]}));
+        }
     }
     while (const std::optional<trocar_ros::Sample> sample = m_setup.tissue()->next()) {
         m_sample = sample;
@@ -205,6 +217,10 @@ void mtsTrocarForce::Publish(void) {
 }
 
 std::optional<vct3> mtsTrocarForce::Insertion(std::string &why) {
+    if (m_place >= m_measured_js.Name().size()) {
+        why = "joint \"" + m_setup.parameters().joint + "\" is no longer in measured_js of the arm";
+        return std::nullopt;
+    }
     const bool is_read = measured_cp(m_measured_cp).IsOK() && body_jacobian(m_body_jacobian).IsOK();
     if (!is_read || !m_measured_cp.Valid() || m_place >= m_body_jacobian.cols() || m_body_jacobian.rows() < 3) {
         why = "measured_cp or body/jacobian of the arm is not valid";

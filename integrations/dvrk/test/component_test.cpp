@@ -128,6 +128,26 @@ void not_valid() {
     CHECK(!robot.force().Valid());
 }
 
+/** A joint that disappears is named; a message whose stamp is no time is ignored. */
+void lost_joint_and_stamp() {
+    Robot robot;
+    robot.run(0, 200);
+    robot.joints.Name()[2] = "outer_insertion";
+    robot.run(200, 201);
+    CHECK(!robot.force().Valid() && robot.said("joint \"insertion\" is no longer in measured_js"));
+    robot.joints.Name()[2] = "insertion";
+    robot.run(201, 400);
+    CHECK(robot.force().Valid());
+    for (const double stamp_s : {std::nan(""), std::numeric_limits<double>::infinity(), 1e300}) {
+        robot.joints.SetTimestamp(stamp_s);
+        robot.sensor.SetTimestamp(stamp_s);
+        robot.component.Run();
+        CHECK(robot.force().Valid() && std::abs(robot.force().Timestamp() - 0.399) < 1e-9);
+    }
+    robot.run(400, 600);
+    CHECK(robot.force().Valid() && std::abs(robot.force().Timestamp() - 0.599) < 1e-9);
+}
+
 /** Forces of a robot over a second. */
 std::vector<double> forces(Robot &robot) {
     std::vector<double> all;
@@ -222,6 +242,7 @@ int main(int argc, char **argv) {
     folder = argv[2];
     along_the_shaft();
     not_valid();
+    lost_joint_and_stamp();
     joint_the_other_way();
     gravity();
     refused();

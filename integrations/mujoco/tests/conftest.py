@@ -14,6 +14,14 @@ def pytest_configure():
     mujoco.mj_loadPluginLibrary(os.environ["TROCAR_PLUGIN"])
 
 
+def pytest_terminal_summary(terminalreporter):
+    """Appends the reason of each skip to the file that TROCAR_SKIPPED names: ./test lists them at its end."""
+    if "TROCAR_SKIPPED" in os.environ:
+        with open(os.environ["TROCAR_SKIPPED"], "a") as skipped:
+            for report in terminalreporter.getreports("skipped"):
+                print(f"skipped: {report.nodeid}: {report.longrepr[2]}", file=skipped)
+
+
 def by_name(path):
     return path.stem
 

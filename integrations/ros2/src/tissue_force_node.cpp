@@ -117,7 +117,7 @@ rcl_interfaces::msg::SetParametersResult TissueForceNode::validate(const std::ve
     }
     result.successful = setup_.validate(wanted, reads_model, result.reason);
     if (!result.successful) {
-        RCLCPP_ERROR(get_logger(), "parameters kept: %s", result.reason.c_str());
+        RCLCPP_ERROR(get_logger(), "parameters unchanged: %s", result.reason.c_str());
     }
     return result;
 }
@@ -286,7 +286,7 @@ void TissueForceNode::judge_samples(Health &health) const {
                                           " ignored: stamp repeated, late or far off");
         }
         if (counts.set_back > counts_before.set_back) {
-            health.raise(Level::warn, std::string("stamps of ") + name + " went back: started anew");
+            health.raise(Level::warn, std::string("stamps of ") + name + " went back: restarted");
         }
     }
     if (now.left_out > before.left_out) {

@@ -14,8 +14,8 @@ pub(super) struct Model {
     pub(super) elements: usize,
 }
 
-/// Options of the compiler that the code needs to compute the forces of the library: no fused
-/// multiply-add. gcc and clang know it; other compilers read the pragmas of the code.
+/// Options of the compiler in the description: no fused multiply-add. The pragmas of the code say
+/// the same to every compiler; gcc and clang are also given the option.
 pub(super) const COMPILER_OPTIONS: &str = "-ffp-contract=off";
 
 /// The file that is compiled. It includes all others, so that everything but the functions of FMI
@@ -65,8 +65,8 @@ pub(super) fn header(description: &Description, version: Version, model: Model) 
     let Model { input, elements } = model;
     let (prefix, without) = (prefix(version), without_prefix(version));
     let mut text = format!(
-        "/* The variables of this FMU, and the beginning of its functions' names, by which several FMUs in one program\n \
-         * differ. For a shared library {without} is defined. */\n\n\
+        "/* The variables of this FMU, and the prefix of its functions, different for each FMU in a program. For a shared\n \
+         * library {without} is defined. */\n\n\
          #ifndef {prefix}\n#define {prefix} {identifier}_\n#endif\n\
          #define FMU_TOKEN \"{token}\"\n#define FMU_DRIVEN_BY_VELOCITY {}\n\
          #define FMU_ELEMENTS {elements} /* of an EMS model; 0 for another */\n\n\

@@ -210,17 +210,22 @@ struct Fusing {
 impl Fusing {
     /// By what can be had here.
     fn all() -> Vec<Self> {
+        let native =
+            |flag| ["gcc", "clang"].map(|compiler| Self { compiler, flag, emulator: None });
         let mut all = Vec::new();
         #[cfg(target_arch = "x86_64")]
         if std::is_x86_feature_detected!("fma") {
-            all.extend(["gcc", "clang"].map(|compiler| Self {
-                compiler,
-                flag: "-mfma",
-                emulator: None,
-            }));
+            all.extend(native("-mfma"));
+        } else {
+            skipped("this processor has no FMA");
         }
-        let emulator = Some("qemu-aarch64");
-        all.push(Self { compiler: "aarch64-linux-gnu-gcc", flag: "-static", emulator });
+        // Every processor of this kind fuses.
+        if cfg!(target_arch = "aarch64") {
+            all.extend(native("-static"));
+        } else {
+            let emulator = Some("qemu-aarch64");
+            all.push(Self { compiler: "aarch64-linux-gnu-gcc", flag: "-static", emulator });
+        }
         all.retain(|by| has(by.compiler) && by.emulator.is_none_or(has));
         all
     }

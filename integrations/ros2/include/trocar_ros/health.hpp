@@ -10,8 +10,8 @@
 namespace trocar_ros {
 
 /**
- * From good to worst. Not the order of the numbers in diagnostic_msgs, where STALE is above ERROR: a topic that has stopped may come
- * back by itself, an error needs somebody to correct it, and must not be hidden.
+ * From good to worst. Not the order of the numbers in diagnostic_msgs, where STALE is above ERROR: a topic that has
+ * stopped may come back by itself, an error needs somebody to correct it, and must not be hidden.
  */
 enum class Level { ok, warn, stale, error };
 

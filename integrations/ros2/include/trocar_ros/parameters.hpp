@@ -1,5 +1,6 @@
 /*
- * The parameters of the node and the broadcaster: each once, with its name, description and range. Knows nothing of ROS.
+ * The parameters of the node, the broadcaster and the dVRK component: each once, with its name, description and range.
+ * Knows nothing of ROS.
  */
 #ifndef TROCAR_ROS__PARAMETERS_HPP_
 #define TROCAR_ROS__PARAMETERS_HPP_

@@ -37,7 +37,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "QUANTITY", default_value = "velocity")]
     input: Drive,
     /// Name of the model in the description [default: name of the model file]. With --source the
-    /// model identifier is trocar_NAME, with which the functions of the FMU begin in C
+    /// model identifier is trocar_NAME; the C functions of the FMU have this prefix
     #[arg(long)]
     name: Option<String>,
     /// Platform to include of those that this program carries libraries for, such as x86_64-linux;

@@ -31,7 +31,7 @@ static fmi2Status answer(const instance *own, const char *wrong)
     return wrong ? fmi2Error : fmi2OK;
 }
 
-/* Where there is no instance, an error, which nobody can be told of. */
+/* Without an instance there is no logger to report the error to. */
 #define ANSWER(call) return c ? answer((const instance *)c, call) : fmi2Error
 
 const char *fmi2GetTypesPlatform(void)
@@ -62,7 +62,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     (void)visible;
     (void)loggingOn;
     if (!functions) {
-        return 0; /* nobody to tell */
+        return 0; /* there is no logger to report it to */
     }
     if (!wrong) {
         own = (instance *)fmu_new(sizeof *own + strlen(instanceName) + 1);

@@ -30,7 +30,7 @@ static fmi3Status answer(const instance *own, const char *wrong)
     return wrong ? fmi3Error : fmi3OK;
 }
 
-/* Where there is no instance, an error, which nobody can be told of. */
+/* Without an instance there is no logger to report the error to. */
 #define ANSWER(call) return c ? answer((const instance *)c, call) : fmi3Error
 
 const char *fmi3GetVersion(void)

@@ -242,7 +242,7 @@ static const char *fmu_set_time(fmu_values *fmu, double start, double stop)
         return FMU_NOT_NOW;
     }
     if (!isfinite(start) || isnan(stop) || stop <= start) {
-        return "start and stop time must be finite and in order";
+        return "the start time must be finite, the stop time after it";
     }
     fmu->time_s = start;
     fmu->stop_s = stop;
@@ -347,6 +347,7 @@ static const char *fmu_to_bytes(const void *state, void *bytes, size_t size)
 
 static const char *fmu_from_bytes(const void *bytes, size_t size, void **place)
 {
+    void *state;
     if (!place) {
         return "null pointer for the place of the state";
     }
@@ -356,11 +357,12 @@ static const char *fmu_from_bytes(const void *bytes, size_t size, void **place)
     if (size != sizeof(fmu_values) || memcmp(bytes, FMU_TOKEN, sizeof FMU_TOKEN) != 0) {
         return FMU_FOREIGN;
     }
-    *place = malloc(size);
-    if (!*place) {
+    state = malloc(size);
+    if (!state) {
         return "no memory for a state";
     }
-    memcpy(*place, bytes, size);
+    memcpy(state, bytes, size);
+    *place = state;
     return 0;
 }
 
