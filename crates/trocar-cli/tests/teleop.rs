@@ -64,13 +64,15 @@ fn the_report_shows_what_the_program_prints_and_needs_nothing_else() {
     fs::write(place.path("loop.toml"), FAR.to_owned() + fraction).unwrap();
     let (printed, page) = report(&place, "--advise", 0);
     let text = text_of(&page);
-    let numbers = printed.lines().filter_map(|line| {
+    // All numbers of the lines that end with a unit.
+    let numbers = printed.lines().flat_map(|line| {
         let mut words = line.split_whitespace().rev();
-        let is_unit = ["N/m", "N", "1", "mm"].contains(&words.next()?);
-        words.next().filter(|word| is_unit && word.parse::<f64>().is_ok())
+        let is_unit =
+            words.next().is_some_and(|word| ["N/m", "N", "1", "mm", "mJ"].contains(&word));
+        words.filter(move |word| is_unit && word.parse::<f64>().is_ok())
     });
     let numbers: Vec<&str> = numbers.collect();
-    assert_eq!(numbers.len(), 12, "{printed}");
+    assert_eq!(numbers.len(), 2 * 8 + 3, "{printed}");
     for number in numbers {
         assert!(text.contains(&format!(" {number} ")), "{number} is not in the page");
     }

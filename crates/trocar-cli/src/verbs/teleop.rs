@@ -154,6 +154,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             course: samples.as_deref().map_err(|diverged| *diverged),
             settles,
             figures: answer.figures.as_ref(),
+            z_width: answer.z_width.as_ref(),
             advice: answer.advice.as_ref(),
             map: answer.map.as_ref(),
         };

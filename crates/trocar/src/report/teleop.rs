@@ -14,6 +14,7 @@ use crate::summary::PROGRAM;
 use crate::teleop::advise::{Advice, Map};
 use crate::teleop::config::{Config, TissueKind};
 use crate::teleop::merit::Merit;
+use crate::teleop::stability::ZWidth;
 use crate::teleop::{Diverged, Sample};
 
 /// An input by its name, without a folder, and the SHA-256 of its bytes.
@@ -58,6 +59,8 @@ pub struct TeleopReport<'a> {
     pub settles: bool,
     /// Figures of the course; `None` where the loop is not stable.
     pub figures: Option<&'a Merit>,
+    /// Stiffnesses of the tissue with which the loop is stable; `None` where it is with none.
+    pub z_width: Option<&'a ZWidth>,
     /// The fraction to take out, if it was asked for.
     pub advice: Option<&'a Advice>,
     /// Where the loop is stable, if it was asked for.
@@ -145,6 +148,11 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
         (Ok(_), true) => ("stable", "comes to rest after a push into the tissue".to_owned()),
     };
     let mut tiles = vec![Tile::new("The loop", verdict.0, verdict.1)];
+    let held = input.z_width.map_or_else(
+        || "none".to_owned(),
+        |z| format!("{} to {} N/m", significant(z.least_n_m, 4), significant(z.greatest_n_m, 4)),
+    );
+    tiles.push(Tile::new("Stable with tissue of", held, "tried from 0 to 20 000 N/m"));
     if let Some(Advice { fraction, stable, .. }) = input.advice {
         let value = fraction.map_or_else(|| "no fraction".to_owned(), percent);
         let note = if stable.is_empty() { "none is stable".to_owned() } else { ranges(stable) };
@@ -216,6 +224,12 @@ fn advised(input: &TeleopReport) -> Section {
         None => "No fraction from 0 to 150 % makes the loop stable.".to_owned(),
     };
     let mut section = section.paragraph(words);
+    if let Some(step) = advice.noticeable_with_n_m {
+        section = section.paragraph(format!(
+            "Least step of the tissue's stiffness that is noticed with it: {} N/m.",
+            significant(step, 4)
+        ));
+    }
     if let Some(merit) = &advice.with {
         section = section
             .table(merit_table("With that fraction, the trocar with the largest error", merit));
