@@ -224,7 +224,7 @@ pub fn run(
             return recorded(config, seal, seed, |rig, log| rig.push(push, log));
         }
     };
-    recorded(config, seal, seed, |rig, log| Ok(rig.follow(reference, log)))
+    recorded(config, seal, seed, |rig, log| rig.follow(reference, log))
 }
 
 /// Runs a motion, given as positions at times, with `seal`: the drive follows its speed.
@@ -247,7 +247,7 @@ pub fn run_motion(
     config.rig.homing_m = config.rig.homing_m.min(config.rig.stroke_limit_m - config.rig.start_m);
     config.validate()?;
     let reference = Reference::through(&motion.time, &motion.position);
-    recorded(&config, seal, seed, |rig, log| Ok(rig.follow(reference, log)))
+    recorded(&config, seal, seed, |rig, log| rig.follow(reference, log))
 }
 
 /// A motion: positions at times.

@@ -171,7 +171,11 @@ impl<'a> RigState<'a> {
     }
 
     /// Follows `reference` under speed control from the first to the last sample.
-    pub(super) fn follow(&mut self, mut reference: Reference, log: &mut Log) {
+    pub(super) fn follow(
+        &mut self,
+        mut reference: Reference,
+        log: &mut Log,
+    ) -> Result<(), BenchError> {
         self.time = 0.0;
         let rig = &self.config.rig;
         // The small margin keeps a duration of a whole number of samples from being rounded up by
@@ -186,6 +190,7 @@ impl<'a> RigState<'a> {
             }
             log.sample(self);
         }
+        Ok(())
     }
 
     /// Pushes back and forth with constant force.
