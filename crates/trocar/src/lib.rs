@@ -16,6 +16,7 @@ pub mod inspect;
 pub mod many;
 pub mod margin;
 pub mod output;
+#[cfg(feature = "bench")]
 pub mod plan;
 pub mod profile;
 pub mod replay;

@@ -192,7 +192,7 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
         let Unit { scale, shown, .. } = p.id.unit();
         let value = |value: f64| number(scale * value);
         let mut row = vec![in_words(p.id), value(p.value), value(p.half_width)];
-        row.push(format!("{} %", number(1e2 * p.relative_half_width)));
+        row.push(p.relative_half_width.map_or("-".to_owned(), |r| number(1e2 * r) + " %"));
         row.extend(answer.paper_expected.map(|paper| value(paper[k].half_width)));
         row.push(shown.to_owned());
         table.row(row);
@@ -200,11 +200,12 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
     text += &table.to_text();
     if let Some(needed) = answer.needed_s {
         let more = needed - answer.duration_s;
-        text += &match more > 0.0 {
-            true => format!("\nthe precision asked for needs {} s more\n", number(more.ceil())),
-            false => {
-                format!("\nthe precision asked for is reached after {} s\n", number(needed.ceil()))
-            }
+        text += &if needed <= 0.0 {
+            "\nthe recordings that are there reach the precision asked for\n".to_owned()
+        } else if more > 0.0 {
+            format!("\nthe precision asked for needs some {} s more\n", number(more.ceil()))
+        } else {
+            format!("\nthe precision asked for is reached after some {} s\n", number(needed.ceil()))
         };
     }
     text

@@ -474,14 +474,19 @@ impl BenchConfig {
     /// # Errors
     /// [`ConfigError::OutOfRange`] with the key, the allowed range and the number.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        self.validate_rig()?;
-        self.validate_drive()?;
-        self.validate_instruments()?;
+        self.validate_without_protocols()?;
         self.validate_speeds("protocol.steady", &self.protocol.steady)?;
         self.validate_speeds("protocol.validation", &self.protocol.validation)?;
         self.validate_dynamic()?;
         self.validate_step()?;
         self.validate_surgeon()
+    }
+
+    /// The same without the protocols, which another motion does not use.
+    pub(super) fn validate_without_protocols(&self) -> Result<(), ConfigError> {
+        self.validate_rig()?;
+        self.validate_drive()?;
+        self.validate_instruments()
     }
 
     fn validate_rig(&self) -> Result<(), ConfigError> {

@@ -232,8 +232,8 @@ pub fn run(
 /// The rig starts at the first position, after homing as for [`run`]; `rig.start_m` is not used.
 ///
 /// # Errors
-/// [`BenchError::Config`] when a value is out of range, [`BenchError::Motion`] when the motion is
-/// none or leaves the rig's travel.
+/// [`BenchError::Config`] when a value is out of range, [`BenchError::Motion`] when it is
+/// not a motion or leaves the rig's travel.
 pub fn run_motion(
     config: &BenchConfig,
     motion: &Course,
@@ -245,7 +245,7 @@ pub fn run_motion(
     config.rig.start_m = motion.position[0];
     // Homing comes from deeper inside.
     config.rig.homing_m = config.rig.homing_m.min(config.rig.stroke_limit_m - config.rig.start_m);
-    config.validate()?;
+    config.validate_without_protocols()?;
     let reference = Reference::through(&motion.time, &motion.position);
     recorded(&config, seal, seed, |rig, log| rig.follow(reference, log))
 }

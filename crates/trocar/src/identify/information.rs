@@ -79,6 +79,15 @@ pub struct Expected {
 #[derive(Debug, Clone)]
 pub struct Force(DMatrix<f64>);
 
+impl Force {
+    /// The mean over motions.
+    pub fn mean(all: impl ExactSizeIterator<Item = Self>) -> Self {
+        let count = all.len().max(1) as f64;
+        let sum = all.map(|force| force.0).reduce(|a, b| a + b);
+        Self(sum.unwrap_or_else(|| DMatrix::zeros(0, 0)) / count)
+    }
+}
+
 /// The steps of a motion at an assumed element, with their derivatives.
 #[derive(Debug, Clone)]
 pub struct Rows {
@@ -154,10 +163,8 @@ impl Rows {
         let own = self.own();
         let mut sum = DMatrix::zeros(own, own);
         let mut strokes = vec![(DVector::zeros(own), 0.0); self.strokes];
-        let mut time = 0.0;
         for row in &self.rows {
-            time += row.duration;
-            if time <= from || time > to {
+            if row.time <= from || row.time > to {
                 continue;
             }
             let x = DVector::from_column_slice(&row.derivatives[..own]);
@@ -292,12 +299,16 @@ impl Rows {
             }
             if (at - farthest) * direction > 0.0 {
                 farthest = at;
-            } else if (farthest - at) * direction > back {
+            }
+            let turned = (farthest - at) * direction > back;
+            if turned {
                 (direction, path) = (-direction, (farthest - at).abs());
                 farthest = at;
                 columns.push(DVector::zeros(weighted.nrows()));
             }
-            path += row.displacement.abs();
+            if !turned {
+                path += row.displacement.abs();
+            }
             let share = 1.0 - (-path / noise.scatter_travel_m).exp();
             let last = columns.len() - 1;
             let force = noise.scatter * row.force;

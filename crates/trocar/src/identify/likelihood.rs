@@ -571,6 +571,8 @@ pub(crate) struct Row {
     /// Displacement, m, and duration, s, of the step.
     pub(crate) displacement: f64,
     pub(crate) duration: f64,
+    /// Time of its end since the beginning of the run, s.
+    pub(crate) time: f64,
 }
 
 /// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid
@@ -582,6 +584,12 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
         let mut states: Vec<StateOf<T>> =
             models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
         let lanes = T::forces(&models, &mut states, Lanes { close, parts: 1 }, &run.steps);
+        let mut ends = vec![0.0; run.steps.len()];
+        let mut time = 0.0;
+        for (end, step) in ends.iter_mut().zip(&run.steps) {
+            time += step.duration;
+            *end = time;
+        }
         let of_step = |i: usize| {
             let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
             let (_, scale) =
@@ -594,6 +602,7 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
                 stroke: step.stroke,
                 displacement: step.displacement,
                 duration: step.duration,
+                time: ends[i],
             }
         };
         (0..run.steps.len()).filter(|i| run.steps[*i].weight > 0.0).map(of_step).collect::<Vec<_>>()

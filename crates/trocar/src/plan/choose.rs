@@ -6,7 +6,7 @@ use trocar_model::ElementParams;
 
 use super::blocks::{Block, Interruption, reserve};
 use super::config::PlanConfig;
-use super::course::sampled;
+use super::course::{AT_REST, sampled};
 use super::goal::Goal;
 use super::{PlanError, Share, noiseless};
 use crate::identify::{Force, Information, Rows};
@@ -44,12 +44,18 @@ impl Known {
                 before.moves(start, start).into_iter().chain(block.moves(start, start)).collect();
             let course = sampled(rig, &moves);
             let rows = rows_of(&noiseless(seal, &course)?)?;
-            Ok((rows.information(noise, [before.duration(rig), f64::INFINITY]), rows))
+            Ok((rows.information(noise, [AT_REST + before.duration(rig), f64::INFINITY]), rows))
         };
         let found: Vec<(Information, Rows)> =
             blocks.par_iter().map(of_block).collect::<Result<_, PlanError>>()?;
         let (of_blocks, rows): (Vec<Information>, Vec<Rows>) = found.into_iter().unzip();
-        let rows = rows.last().ok_or(PlanError::Singular)?;
+        let first = rows.first().ok_or(PlanError::Singular)?;
+        // The motion of prediction: all interrupted cycles, or all where there are none.
+        let of_prediction = |k: &usize| blocks[*k].interruption != Interruption::None;
+        let interrupted: Vec<usize> = (0..blocks.len()).filter(of_prediction).collect();
+        let chosen = if interrupted.is_empty() { (0..blocks.len()).collect() } else { interrupted };
+        let force = Force::mean(chosen.iter().map(|k| rows[*k].force()));
+        let rows = first;
         let ids = match goal {
             Goal::Parameter(id, _) => vec![*id],
             _ => Vec::new(),
@@ -65,7 +71,7 @@ impl Known {
             already =
                 already.with(&rows_of(recording)?.information(noise, [0.0, f64::INFINITY]), 1.0);
         }
-        Ok(Self { already, of_blocks, directions, force: rows.force() })
+        Ok(Self { already, of_blocks, directions, force })
     }
 
     fn after(&self, counts: &[usize]) -> Information {

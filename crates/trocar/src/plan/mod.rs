@@ -19,7 +19,7 @@ mod goal;
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{Element, ElementParams, ParamError, ParameterId, Trocar, Unit};
+use trocar_model::{Element, ElementParams, ParamError, ParameterId, Quantity, Trocar, Unit};
 
 use crate::bench::{Course, PlausibleSeals, random_seal};
 use crate::identify::{Expected, Rows};
@@ -91,9 +91,10 @@ pub struct Prediction {
     pub half_width: f64,
     /// The same for the seal for which it is largest.
     pub largest_half_width: f64,
-    /// The half width relative to the value: the median.
-    pub relative_half_width: f64,
-    /// Whether it is determined: the interval is within a factor of 10, and the encoder resolves it.
+    /// The half width relative to the value: the median; none where the value is 0.
+    pub relative_half_width: Option<f64>,
+    /// Whether it is determined: the interval is within a factor of 10, or narrower than the scale of the
+    /// parameter (F_c, c or the value), and the encoder resolves it.
     pub determined: bool,
 }
 
@@ -128,7 +129,8 @@ pub struct Plan {
     /// What to expect of the paper's protocol (EMS IV-A) on this rig, with its duration, s; none where the
     /// rig cannot make it.
     pub paper: Option<(f64, Vec<Prediction>)>,
-    /// Time after which the goal is expected to be reached, s; none without a wanted precision.
+    /// Time after which the goal is expected to be reached, s, if intervals shrink with the root of the
+    /// time, beside what was recorded before; none without a wanted precision.
     pub needed_s: Option<f64>,
 }
 
@@ -172,7 +174,7 @@ pub fn plan(
         let found = expected.iter().find(|p| p.id == id)?;
         let duration = course.time.last()?;
         let before: f64 = before.iter().map(Recording::duration).sum();
-        Some((before + duration) * (found.relative_half_width / wanted).powi(2) - before)
+        Some((before + duration) * (found.relative_half_width? / wanted).powi(2) - before)
     });
     Ok(Plan { course, order, shares: chosen.shares, expected, paper, needed_s })
 }
@@ -209,8 +211,25 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], k: usize) -> Predictio
     };
     let largest = all.iter().map(|expected| expected[k].half_width).fold(0.0, f64::max);
     let one = &all[0][k];
-    let relative = median(&|e| e.half_width / e.value.abs().max(f64::MIN_POSITIVE));
-    let is_length = one.id.unit() == Unit::METRE;
+    let relative = all
+        .iter()
+        .all(|expected| expected[k].value != 0.0)
+        .then(|| median(&|e| e.half_width / e.value.abs()));
+    // A join may lie anywhere within c, an offset anywhere within the friction.
+    let scale = |expected: &Expected| {
+        let of = |quantity: Quantity| {
+            let own = all.iter().flatten().filter(|e| e.id == quantity.id());
+            own.map(|e| e.value).fold(0.0, f64::max)
+        };
+        let scale = match expected.id.unit() {
+            _ if expected.on_log => 0.0,
+            Unit::NEWTON => of(Quantity::CoulombForce),
+            Unit::METRE => of(Quantity::HalfWidth),
+            _ => 0.0,
+        };
+        scale.max(expected.value.abs()).max(f64::MIN_POSITIVE)
+    };
+    let is_length = one.id.unit() == Unit::METRE && one.value != 0.0;
     let is_resolved = !is_length || median(&|e| e.value.abs()) > 2.0 * config.rig.encoder_step_m;
     Prediction {
         id: one.id,
@@ -219,7 +238,8 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], k: usize) -> Predictio
         half_width: median(&|e| e.half_width),
         largest_half_width: largest,
         relative_half_width: relative,
-        determined: is_resolved && (!one.on_log || relative < 10.0f64.ln()),
+        determined: is_resolved
+            && median(&|e| e.half_width / scale(e)) < if one.on_log { 10f64.ln() } else { 1.0 },
     }
 }
 

@@ -216,9 +216,12 @@ fn advised(input: &TeleopReport) -> Section {
     };
     let words = match advice.fraction {
         Some(fraction) => format!(
-            "Take out {} of the trocar's force: the least error of the force felt among the fractions that are stable with the model and with \
-             all its parameters at the lower and at the upper ends of their 95 % intervals ({}).",
+            "Take out {} of the trocar's force: the least error of the force felt among the fractions that are stable with {} ({}).",
             percent(fraction),
+            match advice.plants {
+                1 => "the model".to_owned(),
+                n => format!("the model and {} trocars within its 95 % intervals", n - 1),
+            },
             ranges(&advice.stable)
         ),
         None => "No fraction from 0 to 150 % makes the loop stable.".to_owned(),
@@ -256,7 +259,11 @@ fn linear(input: &TeleopReport) -> Section {
         "The same loop without sampling. A seal is not linear: it enters as its describing function, the first harmonic of its force at the \
          stated amplitude around the surface of the tissue, and the figures hold for that amplitude.",
     );
-    let [matrix, transmitted] = figures::hybrid(input.config, input.trocar.trocar);
+    let model = match input.config.compensation.model(input.in_compensator()) {
+        Ok(model) => model,
+        Err(why) => return section.paragraph(format!("There is none: {why}.")),
+    };
+    let [matrix, transmitted] = figures::hybrid(input.config, [&model, input.trocar.trocar]);
     section.figure(matrix).figure(transmitted)
 }
 

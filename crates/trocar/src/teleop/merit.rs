@@ -46,6 +46,17 @@ pub fn just_noticeable_difference(force: f64) -> f64 {
     NOTICEABLE * force.abs().max(WEAKEST_N)
 }
 
+impl Config {
+    /// What the operator feels, N: the force of the master's motor, and in four channels, where the motor
+    /// also moves the master, that of the operator.
+    pub fn felt(&self, sample: &Sample) -> f64 {
+        match self.control.architecture {
+            Architecture::FourChannel => sample.operator_force,
+            _ => sample.master_force,
+        }
+    }
+}
+
 impl Merit {
     /// Figures of `samples`, all of them.
     pub fn of(config: &Config, samples: &[Sample]) -> Self {
@@ -53,11 +64,7 @@ impl Merit {
             let squares: f64 = samples.iter().map(|sample| of(sample).powi(2)).sum();
             (squares / samples.len().max(1) as f64).sqrt()
         };
-        let felt = |sample: &Sample| match config.control.architecture {
-            Architecture::FourChannel => sample.operator_force,
-            _ => sample.master_force,
-        };
-        let error = |sample: &Sample| felt(sample) - sample.tissue_force;
+        let error = |sample: &Sample| config.felt(sample) - sample.tissue_force;
         let in_steps =
             |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
         let loading: Vec<&Sample> = samples
@@ -73,7 +80,7 @@ impl Merit {
             force_error_rms_n: rms(&error),
             force_error_peak_n: samples.iter().map(|s| error(s).abs()).fold(0.0, f64::max),
             force_error_rms_jnd: rms(&in_steps),
-            displayed_stiffness_n_m: slope(&loading, depth, felt),
+            displayed_stiffness_n_m: slope(&loading, depth, |sample| config.felt(sample)),
             true_stiffness_n_m: slope(&loading, depth, |sample| sample.tissue_force),
             position_error_rms_m: rms(&|sample| sample.master_position - sample.slave_position),
             energy_j: master_energy_j + slave_energy_j,

@@ -64,12 +64,12 @@ pub(in super::super) fn course(config: &Config, samples: &[Sample]) -> Figure {
         .aspect(0.3);
     let forces = Panel::new(time(), Axis::new("force", "N").with_zero())
         .series(line("of the trocar", TROCAR, |s| s.trocar_force))
-        .series(line("felt at the master", FELT, |s| s.master_force))
+        .series(over_time(samples, "felt at the master", FELT, |s| config.felt(s)))
         .series(line("on the tissue", TISSUE, |s| s.tissue_force))
         .aspect(0.36);
     Figure::new("course", 0, "Course of the loop")
         .caption(
-            "The motion that the hand intends, and of both devices; the force that the master's motor gives against the operator beside the \
+            "The motion that the hand intends, and of both devices; the force that the operator feels beside the \
              forces of the instrument on tissue and trocar. Positive is towards the tissue.",
         )
         .panel(positions)
@@ -90,7 +90,7 @@ pub(in super::super) fn depth(
     let every = touches.len().div_ceil(LOOP_POINTS);
     let shown: Vec<&Sample> = touches.iter().copied().step_by(every).collect();
     let x: Vec<f64> = shown.iter().map(|s| MM * depth_of(config, s)).collect();
-    let line = |name, role, of: fn(&Sample) -> f64| {
+    let line = |name, role, of: &dyn Fn(&Sample) -> f64| {
         // Between two contacts is a gap.
         let (mut xs, mut ys, mut before) = (Vec::new(), Vec::new(), f64::NEG_INFINITY);
         for (x, sample) in x.iter().zip(&shown) {
@@ -108,9 +108,9 @@ pub(in super::super) fn depth(
         Axis::new("depth of the tip in the tissue", "mm").with_zero(),
         Axis::new("force", "N").with_zero(),
     )
-    .series(line("of the trocar", TROCAR, |s| s.trocar_force))
-    .series(line("felt at the master", FELT, |s| s.master_force))
-    .series(line("on the tissue", TISSUE, |s| s.tissue_force));
+    .series(line("of the trocar", TROCAR, &|s| s.trocar_force))
+    .series(line("felt at the master", FELT, &|s| config.felt(s)))
+    .series(line("on the tissue", TISSUE, &|s| s.tissue_force));
     let slopes = figures.and_then(|merit| {
         let [felt, own] = [merit.displayed_stiffness_n_m?, merit.true_stiffness_n_m?];
         Some(format!(
@@ -222,10 +222,11 @@ fn apart(values: &[f64]) -> f64 {
 pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
     let cells = || {
-        map.delays_s.iter().zip(&map.stiffness_n_m).flat_map(|(delay, row)| {
-            row.iter()
-                .zip(&map.fractions)
-                .map(move |(stiffness, fraction)| (100.0 * fraction, MM * delay, *stiffness))
+        let rows = map.stiffness_n_m.iter().zip(&map.least_stiffness_n_m);
+        map.delays_s.iter().zip(rows).flat_map(|(delay, (row, least))| {
+            row.iter().zip(least).zip(&map.fractions).map(move |((stiffness, least), fraction)| {
+                (100.0 * fraction, MM * delay, *stiffness, least.unwrap_or(0.0))
+            })
         })
     };
     let mut panel = Panel::new(
@@ -234,12 +235,14 @@ pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     )
     .aspect(0.75);
     for level in 0..=CLASSES.len() {
-        let inside = cells().filter(|(_, _, stiffness)| class(*stiffness) == level);
+        // Where softer tissue is not held, the stiffest says little.
+        let level_of = |stiffness, least| if least > 0.0 { 0 } else { class(stiffness) };
+        let inside = cells().filter(|(_, _, most, least)| level_of(*most, *least) == level);
         let (mut x, mut y, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        for (fraction, delay, stiffness) in inside {
+        for (fraction, delay, stiffness, least) in inside {
             x.push(fraction);
             y.push(delay);
-            labels.push(short(stiffness));
+            labels.push(short(stiffness) + if least > 0.0 { "*" } else { "" });
         }
         let role = Role::Level(level as u8);
         panel = panel.series(Series::cells(class_name(level), role, size, [x, y], labels));
@@ -256,8 +259,8 @@ pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     }
     Figure::new("stability", 0, "Stiffest tissue with which the loop is stable")
         .caption(
-            "Up to the number in a cell (N/m; k: thousand) the loop comes to rest after a push into the tissue; tissue from 1 to 20 000 N/m \
-             was tried. 0: it does not even with tissue of 1 N/m.",
+            "Up to the number in a cell (N/m; k: thousand) the loop comes to rest after a push into the tissue; tissue from 0 to 20 000 N/m \
+             was tried. 0: with none that was tried; a star: not with soft tissue, but from the stiffness on that the table states.",
         )
         .panel(panel)
 }
@@ -278,7 +281,7 @@ fn class(stiffness: f64) -> usize {
 
 fn class_name(level: usize) -> String {
     match level {
-        0 => "none".to_owned(),
+        0 => "none, or no soft tissue".to_owned(),
         1 => format!("below {} N/m", CLASSES[1]),
         k if k == CLASSES.len() => format!("{} N/m and more", CLASSES[k - 1]),
         k => format!("{} to {} N/m", CLASSES[k - 1], CLASSES[k]),
@@ -299,23 +302,34 @@ pub(in super::super) fn map_table(map: &Map) -> Table {
     let heads = map.fractions.iter().map(|fraction| plain(100.0 * fraction));
     let columns: Vec<String> = std::iter::once("Delay (ms)".to_owned()).chain(heads).collect();
     let caption = "The numbers of the map: stiffest tissue (N/m), delay of one direction down, fraction taken out (%) across";
-    let row = |table: Table, (delay, stiffness): (&f64, &Vec<f64>)| {
+    type Stiffnesses<'a> = (&'a Vec<f64>, &'a Vec<Option<f64>>);
+    let row = |table: Table, (delay, (stiffness, least)): (&f64, Stiffnesses)| {
         let first = Cell::Number { value: MM * delay, digits: 4 };
-        let rest = stiffness.iter().map(|s| Cell::Number { value: s.round(), digits: 1 });
+        let rest = stiffness.iter().zip(least).map(|(stiffness, least)| match least {
+            Some(least) if *least > 0.0 => {
+                Cell::Text(format!("{} to {}", plain(least.round()), plain(stiffness.round())))
+            }
+            _ => Cell::Number { value: stiffness.round(), digits: 1 },
+        });
         table.row(std::iter::once(first).chain(rest))
     };
-    let rows = map.delays_s.iter().zip(&map.stiffness_n_m);
+    let rows = map.delays_s.iter().zip(map.stiffness_n_m.iter().zip(&map.least_stiffness_n_m));
     Table { collapsed: true, ..rows.fold(Table::new(caption, columns), row) }
 }
 
 /// The hybrid matrix, and what follows from it, over frequency.
-pub(in super::super) fn hybrid(config: &Config, trocar: &Trocar<Vec<f64>>) -> [Figure; 2] {
+pub(in super::super) fn hybrid(
+    config: &Config,
+    [model, trocar]: [&Trocar<Vec<f64>>; 2],
+) -> [Figure; 2] {
     let [low, high] = FREQUENCIES.map(f64::ln);
     let frequencies: Vec<f64> = spaced(low, high, COUNT).map(f64::exp).collect();
-    let none: Vec<Complex<f64>> = vec![Complex::new(0.0, 0.0); COUNT];
-    let at = |amplitude: f64| -> Vec<Complex<f64>> {
+    let none = vec![[Complex::new(0.0, 0.0); 2]; COUNT];
+    // Of the compensator's model and of the trocar.
+    let at = |amplitude: f64| -> Vec<[Complex<f64>; 2]> {
         let surface = config.tissue.surface_m;
-        frequencies.iter().map(|f| seal_impedance(trocar, surface, amplitude, *f)).collect()
+        let of = |seal, frequency| seal_impedance(seal, surface, amplitude, frequency);
+        frequencies.iter().map(|f| [of(model, *f), of(trocar, *f)]).collect()
     };
     let mut seals = vec![("without a trocar".to_owned(), Role::Neutral, none)];
     for (amplitude, role) in AMPLITUDES.into_iter().zip([Role::Category(0), Role::Category(1)]) {
@@ -325,7 +339,10 @@ pub(in super::super) fn hybrid(config: &Config, trocar: &Trocar<Vec<f64>>) -> [F
     let panel = |y: Axis, of: &dyn Fn(&Hybrid, f64) -> f64| {
         let axes = Panel::new(Axis::new("frequency", "Hz").logarithmic(), y);
         seals.iter().fold(axes.aspect(0.62), |panel, (name, role, seal)| {
-            let y = frequencies.iter().zip(seal).map(|(f, z)| of(&Hybrid::of(config, *z, *f), *f));
+            let y = frequencies
+                .iter()
+                .zip(seal)
+                .map(|(f, z)| of(&Hybrid::with_compensator(config, *z, *f), *f));
             panel.series(Series::line(name.as_str(), *role, frequencies.clone(), y.collect()))
         })
     };
