@@ -9,8 +9,8 @@
  * A double must be IEEE 754 binary64 (AVR's is not).
 //@end
  * Compile without -ffast-math or the like, which is refused if the compiler defines a macro for it: without IEEE rules
- * forces are wrong. Fused multiply-add, which moves last digits, is switched off below; give a compiler that is not named there
- * the option that does so (-ffp-contract=off of gcc and clang).
+ * forces are wrong. Fused multiply-add, which moves last digits, is switched off below; give a compiler that is not
+ * named there the option that does so (-ffp-contract=off of gcc and clang).
  *
  * Numbers in brackets are equations of EMS, key in SOURCES.md of trocar. Not a medical device. */
 
