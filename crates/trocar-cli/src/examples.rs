@@ -31,6 +31,10 @@ const EXAMPLES: [Example; 18] = [
                 "A seal whose friction lies within published ranges, by the seed",
                 "trocar bench steady --like dobbelsteen-2007 --seed 3 --out steady.csv",
             ),
+            (
+                "A motion of your own or of `trocar plan`",
+                "trocar bench --motion motion.csv --out planned.csv",
+            ),
         ],
     ),
     (
@@ -103,10 +107,6 @@ const EXAMPLES: [Example; 18] = [
                 "trocar plan --model result --after steady.csv --for viscous_damping_n_s_m:5% --out next.csv",
             ),
             ("The rig, its noise and the seals that are expected", "trocar plan --print-config"),
-            (
-                "Try the motion on the virtual bench",
-                "trocar bench --motion motion.csv --out planned.csv",
-            ),
         ],
     ),
     (
