@@ -385,6 +385,7 @@ def teleop(
     changes: str,
     advise: bool,
     draws: int,
+    least_friction: float,
     map: bool,
     delays_s: Sequence[float] | None,
     fractions: Sequence[float] | None,

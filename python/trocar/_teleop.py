@@ -34,6 +34,7 @@ def teleop(
     compensator: Optional[Model] = None,
     advise: bool = False,
     draws: int = 0,
+    least_friction: float = 1.0,
     map: bool = False,
     delays_s: Optional[ArrayLike] = None,
     fractions: Optional[ArrayLike] = None,
@@ -61,6 +62,8 @@ def teleop(
     :param advise: find the fraction of the trocar's force to take out (``.advice``)
     :param draws: with ``advise``, try this many trocars drawn from the model's 95 % intervals (seed of the loop), up to
         1000, besides the model and both ends of the intervals
+    :param least_friction: with ``advise``, reckon with trocars whose friction is down to this multiple of the model's, 0.01
+        to 1, as that of a wetted seal, which loses 15 to 45 %
     :param map: find the stiffest and the softest tissue with which the loop is stable, over delay and fraction (``.map``)
     :param delays_s: delays of the map, of one direction, s; by default 0 to 19 samples
     :param fractions: fractions of the map; by default 0 to 1.425
@@ -77,8 +80,11 @@ def teleop(
     """
     if count("draws", draws) > _MOST_DRAWS:
         raise ParameterError(f"draws must be from 0 to {_MOST_DRAWS}, got {draws}")
+    if not 0.01 <= least_friction <= 1.0:
+        raise ParameterError(f"least_friction must be from 0.01 to 1, got {least_friction}")
     for name, is_given, option, is_on in (
         ("draws", draws > 0, "advise", advise),
+        ("least_friction", least_friction < 1.0, "advise", advise),
         ("delays_s", delays_s is not None, "map", map),
         ("fractions", fractions is not None, "map", map),
         ("frequencies_hz", frequencies_hz is not None, "hybrid", hybrid),
@@ -95,6 +101,7 @@ def teleop(
             changes=_json(_merged(keys, changes)),
             advise=advise,
             draws=draws,
+            least_friction=float(least_friction),
             map=map,
             delays_s=_numbers("delays_s", delays_s),
             fractions=_numbers("fractions", fractions),
@@ -193,6 +200,8 @@ class Merit:
     energy_j: float
     master_energy_j: float
     slave_energy_j: float
+    #: Energy that the passivity control was given back for what the trocar dissipated, J; None without a credit.
+    credit_j: Optional[float]
 
     @classmethod
     def _of(cls, found: Optional[Mapping[str, Any]]) -> Optional[Merit]:

@@ -105,7 +105,7 @@ fn assert_course(path: &Path, what: &str, change: impl FnOnce(&mut Config)) -> u
         let pairs = [
             ("master_position_m", sample.master_position),
             ("slave_position_m", sample.slave_position),
-            ("master_force_n", sample.master_force),
+            ("felt_force_n", config.felt(&sample)),
             ("trocar_force_n", sample.trocar_force),
             ("tissue_force_n", sample.tissue_force),
             ("estimate_n", sample.estimate),
@@ -179,7 +179,7 @@ fn check_desktop(seen: &Desktop, place: &Place, printed: &str) {
     let travel: f64 = hand.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum();
     assert!(hand.len() > 500 && travel > 0.02, "{} samples, {travel} m", hand.len());
     assert_course(&place.path("dragged.csv"), "dragged", |_| ());
-    let felt = dragged["master_force_n"].last().unwrap();
+    let felt = dragged["felt_force_n"].last().unwrap();
     assert_eq!(seen.dragged.number("felt").to_bits(), felt.to_bits());
     assert!((seen.after_keys - seen.before_keys - 5.0).abs() < 0.06, "five presses, 1 mm each");
 }

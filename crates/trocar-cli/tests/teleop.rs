@@ -169,6 +169,43 @@ fn a_hybrid_matrix_is_written() {
     assert_eq!(matrix.lines().count(), 62);
 }
 
+/// What cannot be computed is refused before anything is written.
+#[test]
+fn a_hybrid_matrix_without_strokes_leaves_no_file() {
+    let place = place("[motion]\namplitude_m = 0.0\n");
+    let both = "teleop loop.toml --model plausible --hybrid matrix.csv --out course.csv";
+    place.run(both).ends_with(2).says(&["motion.amplitude_m", "got 0 m"]);
+    assert!(!place.path("matrix.csv").exists() && !place.path("course.csv").exists());
+}
+
+#[test]
+fn a_map_goes_up_to_the_delay_that_is_given() {
+    let ran = place(SOFT).run("teleop loop.toml --model plausible --map 0.002 --json").ends_with(0);
+    let printed: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert_eq!(printed["map"]["delays_s"], serde_json::json!([0.0, 0.001, 0.002]));
+    assert_eq!(printed["map"]["fractions"].as_array().unwrap().len(), 20);
+}
+
+#[test]
+fn energy_that_the_trocar_gives_back_is_printed_where_there_is_a_credit() {
+    let passive = format!("{SOFT}[control]\npassivity = true\npassivity_reserve_j = 0.05\n");
+    let credited = format!("{passive}passivity_credit = \"trocar\"\n");
+    let printed = |config: &str| place(config).run("teleop loop.toml --model plausible").stdout;
+    assert!(!printed(&passive).contains("energy credited from the trocar"));
+    let with = printed(&credited);
+    let line = with.lines().find(|line| line.contains("energy credited from the trocar")).unwrap();
+    let credit: f64 = line.split_whitespace().rev().nth(1).unwrap().parse().unwrap();
+    assert!(line.ends_with("mJ") && credit > 1.0, "{with}");
+}
+
+#[test]
+fn four_channels_say_that_the_hand_needs_a_mass() {
+    let four = "[control]\narchitecture = \"four_channel\"\n";
+    place(four).run("teleop loop.toml --model plausible").ends_with(3).says(&["operator.mass_kg"]);
+    let with = format!("[operator]\nmass_kg = 0.1\n{four}");
+    place(&with).run("teleop loop.toml --model plausible").ends_with(0);
+}
+
 #[test]
 fn a_tip_that_does_not_reach_the_tissue_is_reported() {
     let far_off = "[tissue]\nsurface_m = 0.5\n";
@@ -201,6 +238,9 @@ fn what_is_no_loop_is_refused() {
     for (config, options, words) in [
         (SOFT, "--out - --json", "leave out --json"),
         (SOFT, "--advise --draws 5", "a model with 95 % intervals"),
+        (SOFT, "--least-friction 0.5", "--advise"),
+        (SOFT, "--advise --least-friction 1.5", "must be from 0.01 to 1"),
+        (SOFT, "--map 0.0001", "from the sample time, 0.001 s, to 10 s, got 0.0001 s"),
         ("[sensor]\nplace = \"tip\"", "--advise", "changes nothing in this loop"),
         ("[control]\narchitecture = \"wave\"", "--map", "changes nothing in this loop"),
     ] {

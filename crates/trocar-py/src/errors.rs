@@ -156,7 +156,7 @@ impl Raise for trocar::sweep::SweepError {
             E::Model(error) => error.raise(),
             E::Recording(error) => error.raise(),
             E::Output(error) => error.raise(),
-            E::ReadRig { ref source, .. } => os_error(source, self.to_string()),
+            E::ReadDocument { ref source, .. } => os_error(source, self.to_string()),
             other => SweepError::new_err(in_python(&other.to_string())),
         }
     }

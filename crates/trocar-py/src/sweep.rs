@@ -99,8 +99,9 @@ fn in_file(error: Fault, name: Option<String>) -> PyErr {
         Fault::Model(_)
             | Fault::Recording(_)
             | Fault::Output(_)
-            | Fault::ReadRig { .. }
+            | Fault::ReadDocument { .. }
             | Fault::Rig { .. }
+            | Fault::Loop { .. }
     );
     match name {
         Some(name) if !is_elsewhere => {

@@ -9,24 +9,16 @@ use serde_json::{Map as Object, Value, json};
 use trocar::model_file::ModelFile;
 use trocar::teleop::advise::{self, Advice, Map};
 use trocar::teleop::config::{EXAMPLE_TOML, PRESETS};
-use trocar::teleop::hybrid::response;
-use trocar::teleop::merit::Merit;
-use trocar::teleop::stability::{Trial, ZWidth};
-use trocar::teleop::{Config, ConfigError, Loop, course_columns, draws, plants, response_columns};
+use trocar::teleop::hybrid::{self, response};
+use trocar::teleop::stability::ZWidth;
+use trocar::teleop::{
+    Candidates, Config, ConfigError, Outcome, candidates, course_columns, response_columns,
+};
 use trocar_model::Trocar;
 
 use crate::errors::{Raise, TeleopError, in_python};
 use crate::model::Model;
 use crate::work::{How, Report, run};
-
-/// Delays, in samples, and fractions of a map, as on the command line.
-const DELAYS: u32 = 20;
-const FRACTIONS: u32 = 20;
-const FRACTIONS_APART: f64 = 0.075;
-/// Frequencies of a hybrid matrix, evenly in their logarithm, as there: how many, the lowest and the highest, Hz.
-const FREQUENCIES: u32 = 61;
-const LOWEST_HZ: f64 = 0.1;
-const HIGHEST_HZ: f64 = 100.0;
 
 /// The loop with every key at its default, as a documented TOML text.
 #[pyfunction]
@@ -51,7 +43,7 @@ type Frequencies = Option<Vec<f64>>;
 /// Runs the loop of the document `text` (without it, the defaults) with the keys in `changes`, JSON: the
 /// summary as JSON, the course (None if the loop diverged) and the hybrid matrix.
 #[pyfunction]
-#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, map, delays_s, fractions, hybrid,
+#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, least_friction, map, delays_s, fractions, hybrid,
     frequencies_hz, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn teleop<'py>(
@@ -63,6 +55,7 @@ pub(crate) fn teleop<'py>(
     changes: &str,
     advise: bool,
     draws: usize,
+    least_friction: f64,
     map: bool,
     delays_s: Option<Vec<f64>>,
     fractions: Option<Vec<f64>>,
@@ -79,7 +72,7 @@ pub(crate) fn teleop<'py>(
     }
     let config = config.with_force_error(&compensator);
     let (map, hybrid) = (map.then_some((delays_s, fractions)), hybrid.then_some(frequencies_hz));
-    let job = Job { config, plant, compensator, advise, draws, map, hybrid };
+    let job = Job { config, plant, compensator, advise, draws, least_friction, map, hybrid };
     let done = run(py, How { progress, threads }, move |report| job.run(report))??;
     let arrays = |columns: Columns| {
         columns.into_iter().map(|(name, cells)| (name, PyArray1::from_vec(py, cells))).collect()
@@ -138,6 +131,7 @@ struct Job {
     compensator: Arc<ModelFile>,
     advise: bool,
     draws: usize,
+    least_friction: f64,
     map: Option<Axes>,
     hybrid: Option<Frequencies>,
 }
@@ -151,19 +145,13 @@ struct Done {
 
 impl Job {
     fn run(&self, report: &Report) -> PyResult<Done> {
-        let (config, [own, plant]) = (&self.config, self.models());
-        let start = config.motion.start_m();
-        let mut tried =
-            Loop::new(config, plant.clone(), own.clone(), start).map_err(Raise::raise)?;
-        let samples = tried.run(config.samples(), |time| config.motion.at(time));
-        let surface = config.tissue.surface_m;
-        let settles =
-            Trial::default().is_stable(config, plant, own, surface).map_err(Raise::raise)?;
-        let stable = samples.as_ref().ok().filter(|_| settles);
+        let config = &self.config;
+        let Outcome { course: samples, settles, figures } =
+            Outcome::of(config, self.models()).map_err(Raise::raise)?;
         let summary = json!({
             "fraction": config.compensation.fraction,
             "settles": settles,
-            "figures": stable.map(|samples| Merit::of(config, samples)),
+            "figures": figures,
             "z_width": ZWidth::of(config, self.models()).map_err(Raise::raise)?,
             "unstable_after_s": samples.as_ref().err().map(|diverged| diverged.time_s),
             "advice": self.advise.then(|| self.advice(report)).transpose()?,
@@ -186,20 +174,22 @@ impl Job {
         let (file, [own, _]) = (&self.plant, self.models());
         let within = |error| format!("the model within its 95 % intervals: {error}");
         let refuse = |error| TeleopError::new_err(within(error));
-        let mut trocars = plants(file).map_err(refuse)?;
-        if self.draws > 0 && trocars.len() == 1 {
+        if self.draws > 0 && file.intervals.is_empty() {
             let text = "draws needs a model with 95 % intervals, as identify gives it";
             return Err(TeleopError::new_err(text));
         }
-        trocars.extend(draws(file, self.draws, self.config.seed).map_err(refuse)?);
+        let wanted = Candidates {
+            draws: self.draws,
+            seed: self.config.seed,
+            least_friction_scale: self.least_friction,
+        };
+        let trocars = candidates(file, &wanted).map_err(refuse)?;
         advise::advise(&self.config, own, &trocars).map_err(Raise::raise)
     }
 
     fn stability_map(&self, (delays, fractions): &Axes, report: &Report) -> PyResult<Map> {
-        let delay = |samples: u32| f64::from(samples) * self.config.sample_time_s;
-        let delays = delays.clone().unwrap_or_else(|| (0..DELAYS).map(delay).collect());
-        let fraction = |k: u32| FRACTIONS_APART * f64::from(k);
-        let fractions = fractions.clone().unwrap_or_else(|| (0..FRACTIONS).map(fraction).collect());
+        let delays = delays.clone().unwrap_or_else(|| advise::map_delays(&self.config, None));
+        let fractions = fractions.clone().unwrap_or_else(advise::map_fractions);
         let (done, cells) = (AtomicUsize::new(0), delays.len() * fractions.len());
         let tell = || {
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
@@ -210,10 +200,7 @@ impl Job {
 
     /// For strokes of the motion's amplitude.
     fn hybrid(&self, frequencies: &Frequencies) -> PyResult<Columns> {
-        let ratio = (HIGHEST_HZ / LOWEST_HZ).ln() / f64::from(FREQUENCIES - 1);
-        let frequency = |k: u32| LOWEST_HZ * (ratio * f64::from(k)).exp();
-        let frequencies =
-            frequencies.clone().unwrap_or_else(|| (0..FREQUENCIES).map(frequency).collect());
+        let frequencies = frequencies.clone().unwrap_or_else(hybrid::frequencies);
         let amplitude = self.config.motion.amplitude_m.abs();
         let rows = response(&self.config, self.models(), amplitude, &frequencies);
         rows.map(|rows| response_columns(&rows)).map_err(Raise::raise)

@@ -40,17 +40,17 @@ pub const ROW: usize = 2 * 24_576;
 pub const BLOCK: usize = 1_024;
 
 /// A column of the block: its name and what it holds of a sample.
-type BlockColumn = (&'static str, fn(&Sample) -> f64);
+type BlockColumn = (&'static str, fn(&Config, &Sample) -> f64);
 
 /// What the block holds after a run, in this order.
 pub const COLUMNS: [BlockColumn; 7] = [
-    ("hand_position_m", |s| s.hand_position),
-    ("master_position_m", |s| s.master_position),
-    ("slave_position_m", |s| s.slave_position),
-    ("master_force_n", |s| s.master_force),
-    ("trocar_force_n", |s| s.trocar_force),
-    ("tissue_force_n", |s| s.tissue_force),
-    ("estimate_n", |s| s.estimate),
+    ("hand_position_m", |_, s| s.hand_position),
+    ("master_position_m", |_, s| s.master_position),
+    ("slave_position_m", |_, s| s.slave_position),
+    ("felt_force_n", Config::felt),
+    ("trocar_force_n", |_, s| s.trocar_force),
+    ("tissue_force_n", |_, s| s.tissue_force),
+    ("estimate_n", |_, s| s.estimate),
 ];
 
 /// A figure of merit: its name and value; NaN where there is none.
@@ -138,7 +138,7 @@ impl Page {
         for k in 0..count {
             let Some(sample) = running.step(memory.block[0][k]) else { return k };
             for (column, (_, of)) in memory.block.iter_mut().zip(COLUMNS) {
-                column[k] = of(&sample);
+                column[k] = of(&running.config, &sample);
             }
         }
         count

@@ -1,5 +1,5 @@
-//! What an operator feels through seals of different friction, and where a loop is stable: the figures of
-//! docs/teleoperation.md.
+//! What an operator feels through seals of different friction, where a loop is stable, and how much to take out: the
+//! figures of docs/teleoperation.md, and a table of docs/compensation.md.
 //!
 //! ```text
 //! cargo run --release -p trocar --example teleoperation [-- FOLDER]
@@ -14,9 +14,9 @@ use trocar::model_file::ModelFile;
 use trocar::report::{
     Axis, Document, Figure, Mark, Panel, Role, Section, Series, teleop, write_document,
 };
-use trocar::teleop::Config;
-use trocar::teleop::advise::{Tried, advise, map};
+use trocar::teleop::advise::{Advice, Tried, advise, map};
 use trocar::teleop::config::Press;
+use trocar::teleop::{Candidates, Config, candidates};
 use trocar_model::{PositionProfile, Trocar};
 
 /// Friction of the seals in sliding, N: what is reported for trocars.
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = std::env::args().nth(1) {
         write_document(Path::new(&folder), &document(&curves)?)?;
     }
-    print!("{}", table(&curves));
+    print!("{}\n{}", table(&curves), advised()?);
     Ok(())
 }
 
@@ -90,6 +90,46 @@ pub(crate) fn table(curves: &[Curve]) -> String {
         text += &format!("| {tissue} | {friction} |{cells}\n");
     }
     text
+}
+
+/// Delays, s, and tissues, N/m, of the loops for which advice is given.
+const LOOPS: [(f64, f64); 6] =
+    [(0.0, 50.0), (0.0, 200.0), (0.005, 200.0), (0.01, 200.0), (0.01, 400.0), (0.02, 400.0)];
+
+/// How much to take out of the plausible seal's force in some loops, as a table of Markdown: if it is as the model says, and if
+/// it may be wetted, down to 0.55 of its friction.
+pub(crate) fn advised() -> Result<String, Box<dyn Error>> {
+    let file = ModelFile::plausible_10_5_mm()?;
+    let mut text = "| delay, ms | tissue, N/m | stable with γ, % | best | best if wetted to 0.55 | error felt with it, N rms |\n\
+                    |---|---|---|---|---|---|\n"
+        .to_owned();
+    for (delay_s, stiffness_n_m) in LOOPS {
+        let mut config = Config::default();
+        config.channel.delay_s = delay_s;
+        config.tissue.stiffness_n_m = stiffness_n_m;
+        let found = |least_friction_scale: f64| {
+            let wanted = Candidates { draws: 0, seed: 1, least_friction_scale };
+            advise(&config, &file.trocar, &candidates(&file, &wanted)?)
+                .map_err(Box::<dyn Error>::from)
+        };
+        let [dry, wetted] = [found(1.0)?, found(0.55)?];
+        let percent = |fraction: f64| format!("{:.1}", 100.0 * fraction);
+        let best = |advice: &Advice| advice.fraction.map_or("none".to_owned(), percent);
+        let stable: Vec<String> = dry
+            .stable
+            .iter()
+            .map(|[low, high]| format!("{} to {}", percent(*low), percent(*high)))
+            .collect();
+        let error = wetted.with.map_or("-".to_owned(), |m| format!("{:.2}", m.force_error_rms_n));
+        text += &format!(
+            "| {} | {stiffness_n_m} | {} | {} | {} | {error} |\n",
+            1e3 * delay_s,
+            stable.join(", "),
+            best(&dry),
+            best(&wetted)
+        );
+    }
+    Ok(text)
 }
 
 /// Both figures.

@@ -4,8 +4,10 @@ use std::path::Path;
 use std::time::Duration;
 
 use trocar::cancel::{Cancel, Stopped};
+use trocar::model_file::ModelFile;
 use trocar::sweep::{Summary, Sweep};
 use trocar::table::{Column, Table, read};
+use trocar::teleop::{Config, Outcome};
 
 const HEAD: &str = "runs = 150\nseed = 7\n[motion]\nprotocol = \"step\"\n";
 
@@ -217,7 +219,7 @@ fn faults_are_told_with_their_place() {
         (seal("half_width_m = \"wide\""), "expected a number or a form"),
         (refusal("rums = 3\n[motion]\nprotocol = \"step\"\n"), "unknown field `rums`"),
         (refusal("runs = 0\n[motion]\nprotocol = \"step\"\n"), "line 1: runs must be 1 or more"),
-        (refusal("[motion]\n"), "neither protocol nor file"),
+        (refusal("[motion]\n"), "none of protocol, file and teleop"),
         (refusal("[motion]\nprotocol = \"fast\"\n"), "unknown protocol \"fast\""),
         (refusal("[motion]\nprotocol = \"step\"\nfile = \"a.csv\"\n"), "exclude each other"),
         (refusal("[motion]\nfile = \"nowhere.csv\"\n"), "nowhere.csv"),
@@ -234,4 +236,82 @@ fn faults_are_told_with_their_place() {
     for (found, wanted) in cases {
         assert!(found.contains(wanted), "{found}\nwithout: {wanted}");
     }
+}
+
+const LOOP: &str = "runs = 1\n[motion]\nteleop = \"default\"\n[teleop]\n\
+    \"motion.duration_s\" = 2.0\n\
+    \"tissue.stiffness_n_m\" = 50.0\n\
+    \"compensation.fraction\" = { grid = [0.0, 0.5, 1.0] }\n";
+
+#[test]
+fn a_row_of_a_loop_is_what_the_loop_gives() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, traces) = (folder.path().join("table.parquet"), folder.path());
+    let sweep = Sweep::new(LOOP, Path::new("")).unwrap();
+    let summary = sweep.run(&out, Some(traces), |_| {}).unwrap();
+    assert_eq!((summary.rows, summary.failed), (3, 0));
+    let table = read(&out).unwrap();
+    let trocar = ModelFile::plausible_10_5_mm().unwrap().trocar;
+    for (row, fraction) in [0.0, 0.5, 1.0].into_iter().enumerate() {
+        let mut config = Config::default();
+        config.motion.duration_s = 2.0;
+        config.tissue.stiffness_n_m = 50.0;
+        config.compensation.fraction = fraction;
+        let own = Outcome::of(&config, [&trocar, &trocar]).unwrap();
+        let figures = own.figures.unwrap();
+        assert_eq!(numbers(&table, "settles")[row], 1.0);
+        assert_eq!(numbers(&table, "force_error_rms_n")[row], figures.force_error_rms_n);
+        let displayed = numbers(&table, "displayed_stiffness_n_m")[row];
+        assert_eq!(displayed, figures.displayed_stiffness_n_m.unwrap());
+        let trace = read(&traces.join(format!("run_{row:09}.parquet"))).unwrap();
+        let slave: Vec<f64> = own.course.unwrap().iter().map(|s| s.slave_position).collect();
+        assert_eq!(numbers(&trace, "slave_position_m"), slave);
+    }
+}
+
+#[test]
+fn a_loop_that_is_unstable_is_a_row_without_figures() {
+    let unstable = LOOP.replace("[teleop]\n", "[teleop]\n\"channel.delay_s\" = 0.01\n");
+    let (table, summary) = table(&unstable.replace("50.0", "400.0"), 2);
+    assert_eq!(summary.failed, 0);
+    assert_eq!(numbers(&table, "settles"), [0.0, 0.0, 1.0]);
+    let errors = numbers(&table, "force_error_rms_n");
+    assert!(errors[0].is_nan() && errors[1].is_nan() && errors[2] > 0.0, "{errors:?}");
+}
+
+#[test]
+fn seals_of_loops_vary_while_the_compensator_keeps_its_model() {
+    let seal = "[seal]\ninsertion_coulomb_force_n = { grid = [0.8, 1.0, 1.2], relative = true }\n\
+        withdrawal_coulomb_force_n = { list = [1.0], relative = true }\n";
+    let document = LOOP.replace("{ grid = [0.0, 0.5, 1.0] }", "1.0") + seal;
+    let ((one, _), (three, _)) = (table(&document, 1), table(&document, 3));
+    assert!(format!("{one:?}") == format!("{three:?}"));
+    let errors = numbers(&one, "force_error_rms_n");
+    assert!(errors[1] < 0.2 * errors[0] && errors[1] < 0.2 * errors[2], "{errors:?}");
+}
+
+#[test]
+fn faults_of_loops_are_told_with_their_place() {
+    for (from, to, wanted) in [
+        (
+            "tissue.stiffness_n_m",
+            "tissue.stiffnes",
+            "line 6: [teleop] has no number \"tissue.stiffnes\"",
+        ),
+        ("\"default\"", "\"none.toml\"", "none.toml: cannot read the document"),
+        (
+            "teleop = \"default\"",
+            "protocol = \"step\"",
+            "[teleop] changes a loop, and none is given",
+        ),
+        ("[teleop]\n", "file = \"motion.csv\"\n[teleop]\n", "exclude each other"),
+        ("[teleop]\n", "rig = \"rig.toml\"\n[teleop]\n", "neither a file nor a loop"),
+    ] {
+        assert!(LOOP.contains(from));
+        let refused = refusal(&LOOP.replacen(from, to, 1));
+        assert!(refused.contains(wanted), "{refused}");
+    }
+    let (table, summary) = table(&LOOP.replace("= 50.0", "= { list = [-1.0] }"), 1);
+    assert_eq!((table.rows(), summary.failed), (3, 3));
+    assert!(summary.first_failure.unwrap().contains("tissue.stiffness_n_m must be"));
 }

@@ -7,14 +7,15 @@ use std::path::{Path, PathBuf};
 use nalgebra::Complex;
 use proptest::prelude::*;
 use trocar::model_file::{Interval, ModelFile};
-use trocar::teleop::advise::{Tried, advise, map};
+use trocar::teleop::advise::{Tried, advise, map, map_delays, noticeable_step};
 use trocar::teleop::config::{
-    Architecture, Channel, Config, Control, Device, Operator, PassivityCredit, Sensor, Tissue,
+    Architecture, Channel, Config, Control, Device, Operator, PassivityCredit, Place, Sensor,
+    Tissue,
 };
 use trocar::teleop::hybrid::{Hybrid, response, seal_impedance, tissue_impedance};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::{Trial, ZWidth, boundary};
-use trocar::teleop::{Loop, Sample, draws, scaled};
+use trocar::teleop::{Candidates, Loop, Outcome, Sample, candidates, scaled};
 use trocar_model::{Classical, Quantity, Seal, SlidingFriction, StaticFriction, Trocar, Tunable};
 
 /// Coulomb friction of `force`, N.
@@ -114,35 +115,82 @@ fn coulomb_friction_holds_a_virtual_wall_up_to_twice_itself_over_the_encoder_ste
     }
 }
 
+/// Waves of impedance b between a firm hand and a slave that is held by a spring of `SPRING` and a damper of b.
+fn waves(b: f64, delay_s: f64, slave: Device) -> Config {
+    Config {
+        sample_time_s: 1e-4,
+        operator: Operator { stiffness_n_m: 1e5, damping_n_s_m: 100.0, mass_kg: 0.0 },
+        slave,
+        channel: Channel { delay_s, ..Channel::default() },
+        control: Control {
+            architecture: Architecture::Wave,
+            stiffness_n_m: SPRING,
+            damping_n_s_m: b,
+            wave_impedance_n_s_m: b,
+            ..Control::default()
+        },
+        ..Config::default()
+    }
+}
+
+/// N/m
+const SPRING: f64 = 2000.0;
+const WAVES: [(f64, f64); 3] = [(20.0, 0.01), (20.0, 0.05), (50.0, 0.02)];
+
+/// Stiffness felt, N/m: the hand pushes at 1 mm/s after a soft start, and the force builds up.
+fn stiffness_felt(config: &Config) -> f64 {
+    let hand = |t: f64| {
+        (0.1 + 1e-3 * (t - 0.1 * (1.0 - (-t / 0.1).exp())), 1e-3 * (1.0 - (-t / 0.1).exp()))
+    };
+    let samples = run(config, &none(), 8.0, hand);
+    let [one, two] = [40_000, 79_000].map(|k: usize| &samples[k]);
+    (two.master_force - one.master_force) / (two.master_position - one.master_position)
+}
+
 /// HIRCHE: over waves with the round trip T a wall is felt as the stiffness 2·b/T, in series with the slave's own spring.
 #[test]
 fn a_wall_behind_waves_is_felt_as_soft_as_the_delay_makes_it() {
-    for (b, delay_s) in [(20.0, 0.01), (20.0, 0.05), (50.0, 0.02)] {
-        let spring = 2000.0;
-        let config = Config {
-            sample_time_s: 1e-4,
-            operator: Operator { stiffness_n_m: 1e5, damping_n_s_m: 100.0, mass_kg: 0.0 },
-            slave: Device { mass_kg: 1e9, damping_n_s_m: 0.0, encoder_step_m: 0.0 },
-            channel: Channel { delay_s, ..Channel::default() },
-            control: Control {
-                architecture: Architecture::Wave,
-                stiffness_n_m: spring,
-                damping_n_s_m: b,
-                wave_impedance_n_s_m: b,
-                ..Control::default()
-            },
-            ..Config::default()
-        };
-        // A push of 1 mm/s after a soft start, and the force it has built up.
-        let hand = |t: f64| {
-            (0.1 + 1e-3 * (t - 0.1 * (1.0 - (-t / 0.1).exp())), 1e-3 * (1.0 - (-t / 0.1).exp()))
-        };
-        let samples = run(&config, &none(), 8.0, hand);
-        let [one, two] = [40_000, 79_000].map(|k: usize| &samples[k]);
-        let felt =
-            (two.master_force - one.master_force) / (two.master_position - one.master_position);
-        let expected = 1.0 / (1.0 / spring + 2.0 * delay_s / (2.0 * b));
+    for (b, delay_s) in WAVES {
+        let held = Device { mass_kg: 1e9, damping_n_s_m: 0.0, encoder_step_m: 0.0 };
+        let felt = stiffness_felt(&waves(b, delay_s, held));
+        let expected = 1.0 / (1.0 / SPRING + 2.0 * delay_s / (2.0 * b));
         assert!((felt / expected - 1.0).abs() < 0.01, "{felt} {expected}");
+    }
+}
+
+/// HIRCHE: a spring k_e behind waves is felt as 1/k_h = 1/k_e + T/(2·b), in series with the slave's own spring.
+#[test]
+fn a_spring_behind_waves_is_felt_as_softer_as_the_delay_makes_it() {
+    for (b, delay_s) in WAVES {
+        let free = Device { mass_kg: 0.1, damping_n_s_m: 0.0, encoder_step_m: 0.0 };
+        let mut config = waves(b, delay_s, free);
+        config.tissue = Tissue { surface_m: 0.1, stiffness_n_m: 300.0, ..Tissue::default() };
+        let felt = stiffness_felt(&config);
+        let expected = 1.0 / (1.0 / 300.0 + 1.0 / SPRING + 2.0 * delay_s / (2.0 * b));
+        assert!((felt / expected - 1.0).abs() < 0.01, "{felt} {expected}");
+    }
+}
+
+/// HIRCHE: free space behind waves is felt as the mass b·T/2, beside that of the slave.
+#[test]
+fn free_space_behind_waves_is_felt_as_a_mass() {
+    for (b, delay_s) in WAVES {
+        let mass_kg = 0.05;
+        let free = Device { mass_kg, damping_n_s_m: 0.0, encoder_step_m: 0.0 };
+        let mut config = waves(b, delay_s, free);
+        config.tissue.surface_m = 1.0;
+        let frequency = 0.25;
+        let hand = |t: f64| {
+            let (sin, cos) = (TAU * frequency * t).sin_cos();
+            (0.1 + 0.005 * sin, 0.005 * TAU * frequency * cos)
+        };
+        let samples = run(&config, &none(), 3.0 / frequency, hand);
+        let last = &samples[(2.0 / frequency / config.sample_time_s).round() as usize..];
+        let force = harmonic(last, frequency, |s| s.master_force);
+        let felt =
+            (force / harmonic(last, frequency, |s| s.master_velocity)).im / (TAU * frequency);
+        let expected = b * 2.0 * delay_s / 2.0 + mass_kg;
+        assert!((felt / expected - 1.0).abs() < 0.01, "{felt} kg, {expected} kg");
     }
 }
 
@@ -321,7 +369,12 @@ fn figures_do_not_depend_on_the_step_of_the_plant() {
             [
                 merit.force_error_rms_n,
                 merit.force_error_peak_n,
+                merit.force_error_rms_jnd,
                 merit.displayed_stiffness_n_m.unwrap(),
+                merit.true_stiffness_n_m.unwrap(),
+                merit.position_error_rms_m,
+                merit.master_energy_j,
+                merit.slave_energy_j,
             ]
         });
         for pair in figures[1..].windows(2) {
@@ -329,6 +382,35 @@ fn figures_do_not_depend_on_the_step_of_the_plant() {
                 assert!((coarse / fine - 1.0).abs() < 0.01, "{figures:?}");
             }
         }
+    }
+}
+
+/// How far the slave is from where it is with steps 64 times as fine, rms over 2 s, m, in steps of the plant that halve.
+fn errors_of_steps(config: &Config, trocar: &Trocar) -> Vec<f64> {
+    let course = |substeps: u32| run(&Config { substeps, ..config.clone() }, trocar, 2.0, press);
+    let fine = course(256);
+    let error = |substeps: u32| {
+        let squares: f64 = course(substeps)
+            .iter()
+            .zip(&fine)
+            .map(|(own, fine)| (own.slave_position - fine.slave_position).powi(2))
+            .sum();
+        (squares / fine.len() as f64).sqrt()
+    };
+    [2, 4, 8].map(error).to_vec()
+}
+
+/// The order in the step of the plant that the module states.
+#[test]
+fn the_plant_is_of_second_order_in_its_step_and_of_first_where_it_sticks() {
+    let mut config = Config { sample_time_s: 4e-3, ..linear(Architecture::PositionPosition, 0.0) };
+    let ratios = |errors: &[f64]| errors.windows(2).map(|e| e[0] / e[1]).collect::<Vec<f64>>();
+    let smooth = ratios(&errors_of_steps(&config, &none()));
+    assert!(smooth.iter().all(|ratio| (3.8..4.3).contains(ratio)), "{smooth:?}");
+    config.tissue = Tissue::default();
+    for trocar in [plausible(), coulomb(2.0)] {
+        let sticking = errors_of_steps(&config, &trocar);
+        assert!(sticking[0] / sticking[2] > 2.5, "{sticking:?}");
     }
 }
 
@@ -362,6 +444,21 @@ fn the_best_fraction_has_two_sides_and_depends_on_the_loop() {
 
 /// The longer the delay, the softer the stiffest tissue held; with 4 ms and no compensation only a wall is
 /// held, and no soft tissue.
+#[test]
+fn delays_of_a_map_are_whole_samples() {
+    let config = Config::default();
+    let delays = |longest| map_delays(&config, longest);
+    assert_eq!(delays(None), delays(Some(0.019)));
+    let all = delays(Some(0.1));
+    assert!(all.len() == 20 && all[0] == 0.0 && (all[19] - 0.1).abs() < 1e-12, "{all:?}");
+    for delay_s in all {
+        let mut config = config.clone();
+        config.channel.delay_s = delay_s;
+        assert_eq!(config.check(), Ok(()));
+    }
+    assert_eq!(delays(Some(0.003)).len(), 4, "no delay twice");
+}
+
 #[test]
 fn delay_takes_stability_away() {
     let trocar = plausible();
@@ -874,12 +971,18 @@ fn with_intervals(half: f64) -> ModelFile {
     file
 }
 
+/// Draws from the intervals of `file`, without the model and the ends of its intervals.
+fn draws(file: &ModelFile, draws: usize, seed: u64) -> Vec<Trocar<Vec<f64>>> {
+    let wanted = Candidates { draws, seed, least_friction_scale: 1.0 };
+    candidates(file, &wanted).unwrap().split_off(3)
+}
+
 #[test]
 fn draws_have_the_spread_of_the_intervals() {
     let file = with_intervals(0.2);
-    let drawn = draws(&file, 4000, 3).unwrap();
-    assert_eq!(drawn, draws(&file, 4000, 3).unwrap(), "seeded");
-    assert_ne!(drawn, draws(&file, 4000, 4).unwrap());
+    let drawn = draws(&file, 4000, 3);
+    assert_eq!(drawn, draws(&file, 4000, 3), "seeded");
+    assert_ne!(drawn, draws(&file, 4000, 4));
     let value = |trocar: &Trocar<Vec<f64>>| {
         let mut tunables = trocar.seal().tunables();
         tunables.find(|tunable| tunable.id.quantity == Quantity::CoulombForce).unwrap().value
@@ -897,7 +1000,7 @@ fn advice_over_draws_says_how_many_of_them_hold() {
     let mut config = Config::default();
     (config.channel.delay_s, config.tissue.stiffness_n_m) = (0.01, 400.0);
     config.motion.duration_s = 2.0;
-    let plants = draws(&file, 12, 1).unwrap();
+    let plants = draws(&file, 12, 1);
     let advice = advise(&config, &file.trocar, &plants).unwrap();
     assert_eq!(advice.plants, 12);
     let partly = |tried: &&Tried| tried.stable_share > 0.0 && tried.stable_share < 1.0;
@@ -922,6 +1025,58 @@ fn without_compensation_a_step_of_stiffness_must_be_larger_to_be_noticed() {
     let without = advice.noticeable_without_n_m.unwrap();
     assert!((with / (0.23 * 50.0) - 1.0).abs() < 0.15, "{with}");
     assert!(without > 1.5 * with, "{with} {without}");
+}
+
+/// A seal that may be wetted asks for less compensation than one whose intervals alone are reckoned with.
+#[test]
+fn trocars_with_less_friction_are_reckoned_with_where_asked() {
+    let file = with_intervals(0.05);
+    let config = Config::default();
+    let advised = |least_friction_scale: f64| {
+        let wanted = Candidates { draws: 0, seed: 1, least_friction_scale };
+        advise(&config, &file.trocar, &candidates(&file, &wanted).unwrap()).unwrap()
+    };
+    let (dry, wet) = (advised(1.0), advised(0.55));
+    assert_eq!((dry.plants, wet.plants), (3, 5));
+    assert!(wet.fraction.unwrap() < dry.fraction.unwrap() - 0.1, "{wet:?} {dry:?}");
+    assert!(wet.best.unwrap()[0] < dry.best.unwrap()[0] - 0.3);
+}
+
+/// The loop is unstable with tissue ten times as stiff; a step that is noticed long before is found all the same.
+#[test]
+fn a_step_is_noticed_although_the_loop_is_unstable_with_the_stiffest_tissue() {
+    let mut config = Config::default();
+    (config.tissue.stiffness_n_m, config.compensation.fraction) = (200.0, 1.0);
+    config.channel.delay_s = 0.01;
+    let trocar = plausible();
+    let with = |stiffness: f64| {
+        let mut config = config.clone();
+        config.tissue.stiffness_n_m = stiffness;
+        config
+    };
+    assert!(!Outcome::of(&with(2000.0), [&trocar, &trocar]).unwrap().settles);
+    let step = noticeable_step(&config, [&trocar, &trocar]).unwrap().unwrap();
+    assert!((step / (0.23 * 200.0) - 1.0).abs() < 0.1, "{step}");
+    // Where it is unstable itself, nothing is said.
+    assert_eq!(noticeable_step(&with(1600.0), [&trocar, &trocar]), Ok(None));
+}
+
+/// The ideal four channels move the masses by accelerations that are one sample old. The sum of both sides then obeys
+/// `M·T·x‴ + m_h·x″ + (b_h + b_e)·x′ + (k_h + k_e)·x = 0`, which no sample time makes stable without a mass of the hand (HURWITZ:
+/// `m_h·(b_h + b_e) > M·T·(k_h + k_e)`).
+#[test]
+fn four_channels_in_samples_need_a_hand_with_mass() {
+    let trocar = plausible();
+    let settles = |mass_kg: f64, sample_time_s: f64| {
+        let mut config = Config { sample_time_s, ..Config::default() };
+        config.control.architecture = Architecture::FourChannel;
+        config.operator.mass_kg = mass_kg;
+        config.sensor.place = Place::Tip;
+        Outcome::of(&config, [&trocar, &trocar]).unwrap().settles
+    };
+    assert!(!settles(0.0, 1e-3) && !settles(0.0, 1e-4));
+    let needed = 0.5 * 1e-3 * (300.0 + 200.0) / (10.0 + 1.0);
+    assert!(!settles(0.5 * needed, 1e-3) && settles(4.0 * needed, 1e-3));
 }
 
 /// In four channels the motor moves the master's mass: that is not felt.

@@ -6,6 +6,13 @@ use std::path::Path;
 mod example;
 
 const PAGE: &str = include_str!("../../../docs/teleoperation.md");
+const COMPENSATION: &str = include_str!("../../../docs/compensation.md");
+
+#[test]
+fn the_advice_of_the_docs_is_that_of_the_command() {
+    let table = example::advised().unwrap();
+    assert!(COMPENSATION.contains(&table), "docs/compensation.md has not\n{table}");
+}
 
 #[test]
 fn the_figures_of_the_docs_are_those_of_the_command() {

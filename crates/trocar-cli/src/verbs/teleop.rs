@@ -2,6 +2,7 @@
 
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context;
 use serde::Serialize;
@@ -9,12 +10,12 @@ use trocar::model_file::ModelFile;
 use trocar::output::AtomicFile;
 use trocar::report::teleop::{Source, SourcedModel, TeleopReport};
 use trocar::report::{self, teleop as teleop_report};
-use trocar::teleop::advise::{Advice, Map, Tried, advise, map};
-use trocar::teleop::config::{EXAMPLE_TOML, PRESETS, TissueKind};
-use trocar::teleop::hybrid::response;
+use trocar::teleop::advise::{self, Advice, MOST, Map, Tried, advise, map_delays, map_fractions};
+use trocar::teleop::config::{Architecture, TissueKind, shipped};
+use trocar::teleop::hybrid::{frequencies, response};
 use trocar::teleop::merit::Merit;
-use trocar::teleop::stability::{Trial, ZWidth};
-use trocar::teleop::{Config, Loop, draws, plants, write_course, write_response};
+use trocar::teleop::stability::ZWidth;
+use trocar::teleop::{Candidates, Config, Outcome, candidates, write_course, write_response};
 use trocar_model::Trocar;
 
 use crate::Completion;
@@ -23,13 +24,10 @@ use crate::models;
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
-/// Delays, in samples, and fractions of a map.
-const DELAYS: u32 = 20;
-const FRACTIONS: u32 = 20;
-/// Frequencies of the hybrid matrix, evenly in their logarithm: how many, the lowest and the highest, Hz.
-const FREQUENCIES: u32 = 61;
-const LOWEST_HZ: f64 = 0.1;
-const HIGHEST_HZ: f64 = 100.0;
+/// Least amplitude of the strokes of a hybrid matrix, m.
+const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
+/// Longest delay of a map, s.
+const LONGEST_MAPPED_S: f64 = 10.0;
 
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
@@ -56,10 +54,14 @@ pub(crate) struct Args {
     /// the loop)
     #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
     draws: Option<u16>,
-    /// Find the stiffest and the softest tissue with which the loop is stable, over delays up to 19 samples and
-    /// fractions up to 1.425
-    #[arg(long)]
-    map: bool,
+    /// With --advise: reckon with trocars whose friction is down to this multiple of the model's, as that of a
+    /// wetted seal, which loses 15 to 45 %
+    #[arg(long, value_name = "SCALE", requires = "advise", value_parser = friction_scale)]
+    least_friction: Option<f64>,
+    /// Find the stiffest and the softest tissue with which the loop is stable, over fractions up to 1.425 and
+    /// delays of one direction up to this one, s (without it, 19 samples)
+    #[arg(long, value_name = "DELAY_S", num_args = 0..=1)]
+    map: Option<Option<f64>>,
     /// Write the hybrid matrix over frequency, with the trocar as its describing function at the amplitude of
     /// the motion: .parquet, .arrow, .csv, .csv.gz or .csv.zst
     #[arg(long, value_name = "TABLE")]
@@ -99,8 +101,7 @@ struct Answer {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     if let Some(device) = &args.print_config {
-        let preset = PRESETS.iter().find(|(name, _)| name == device);
-        console::print(preset.map_or(EXAMPLE_TOML, |(_, text)| text))?;
+        console::print(shipped(device).context("no loop of this name")?)?;
         return Ok(Completion::Clean);
     }
     let Some(model) = &args.model else { return Ok(Completion::Clean) };
@@ -111,28 +112,24 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let config = config.with_force_error(compensator.as_ref().unwrap_or(&file));
     let in_compensator = compensator.as_ref().map_or(&file.trocar, |other| &other.trocar);
     let models = [in_compensator, &file.trocar];
-    let start = config.motion.start_m();
-    let mut tried = Loop::new(&config, file.trocar.clone(), in_compensator.clone(), start)?;
-    let samples = tried.run(config.samples(), |time| config.motion.at(time));
-    if let (Some(out), Ok(samples)) = (&args.out, &samples) {
-        write_course(samples, out)?;
-    }
+    let Outcome { course: samples, settles, figures } = Outcome::of(&config, models)?;
+    let map = |longest| stability_map(console, &config, models, longest);
+    let answer = Answer {
+        fraction: config.compensation.fraction,
+        settles,
+        figures,
+        z_width: ZWidth::of(&config, models)?,
+        unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
+        advice: args.advise.then(|| advice(console, args, &config, models, &file)).transpose()?,
+        map: args.map.map(map).transpose()?,
+    };
     if let Some(out) = &args.hybrid {
         let amplitude = config.motion.amplitude_m.abs();
         write_response(&response(&config, models, amplitude, &frequencies())?, out)?;
     }
-    let surface = config.tissue.surface_m;
-    let settles = Trial::default().is_stable(&config, &file.trocar, in_compensator, surface)?;
-    let stable = samples.as_ref().ok().filter(|_| settles);
-    let answer = Answer {
-        fraction: config.compensation.fraction,
-        settles,
-        figures: stable.map(|samples| Merit::of(&config, samples)),
-        z_width: ZWidth::of(&config, models)?,
-        unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
-        advice: args.advise.then(|| advice(console, args, &config, models, &file)).transpose()?,
-        map: args.map.then(|| stability_map(console, &config, models)).transpose()?,
-    };
+    if let (Some(out), Ok(samples)) = (&args.out, &samples) {
+        write_course(samples, out)?;
+    }
     let text =
         if args.json { serde_json::to_string_pretty(&answer)? + "\n" } else { text(&answer) };
     if args.out.as_deref() != Some(Path::new("-")) {
@@ -174,9 +171,15 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console.warn(&format!("{}: not written", out.display()));
     }
     if let Some(why) = &unstable {
+        let of_the_hand = match config.control.architecture {
+            Architecture::FourChannel if config.operator.mass_kg == 0.0 => {
+                "; sampled four channels are unstable with a hand without mass: give operator.mass_kg"
+            }
+            _ => "",
+        };
         console.warn(&format!(
             "{why}\n\nhint: --advise finds the fractions of the trocar's force with which it is stable; a lower force_gain, a \
-             shorter delay or passivity = true in [control] help, too"
+             shorter delay or passivity = true in [control] help, too{of_the_hand}"
         ));
     }
     let out_of_reach = warn_of_no_contact(console, &config, &answer);
@@ -197,15 +200,15 @@ fn warn_of_no_contact(console: &Console, config: &Config, answer: &Answer) -> bo
     out_of_reach
 }
 
-fn frequencies() -> Vec<f64> {
-    let ratio = (HIGHEST_HZ / LOWEST_HZ).ln() / f64::from(FREQUENCIES - 1);
-    (0..FREQUENCIES).map(|k| LOWEST_HZ * (ratio * f64::from(k)).exp()).collect()
+fn friction_scale(text: &str) -> Result<f64, String> {
+    let scale = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (0.01..=1.0).contains(&scale) { Ok(scale) } else { Err("must be from 0.01 to 1".into()) }
 }
 
 /// Refuses what would be computed in vain.
 fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
     let to_stdout = args.out.as_deref() == Some(Path::new("-"));
-    if to_stdout && (args.json || args.advise || args.map) {
+    if to_stdout && (args.json || args.advise || args.map.is_some()) {
         let text = "--out - prints the course alone\n\nhint: write it to a file, or leave out --json, --advise and --map";
         return Err(BadArgument(text.to_owned()).into());
     }
@@ -213,7 +216,23 @@ fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
         let text = "--report - : the report is a page and needs a file";
         return Err(BadArgument(text.to_owned()).into());
     }
-    if (args.advise || args.map) && !config.uses_compensation() {
+    if args.hybrid.is_some() && config.motion.amplitude_m.abs() < SMALLEST_AMPLITUDE_M {
+        let text = format!(
+            "--hybrid: the hybrid matrix is that of strokes of motion.amplitude_m, which must be {SMALLEST_AMPLITUDE_M} m or more, got {} m",
+            config.motion.amplitude_m
+        );
+        return Err(BadArgument(text).into());
+    }
+    if let Some(Some(longest)) = args.map
+        && !(longest >= config.sample_time_s && longest <= LONGEST_MAPPED_S)
+    {
+        let text = format!(
+            "--map: the longest delay must be from the sample time, {} s, to {LONGEST_MAPPED_S} s, got {longest} s",
+            config.sample_time_s
+        );
+        return Err(BadArgument(text).into());
+    }
+    if (args.advise || args.map.is_some()) && !config.uses_compensation() {
         let text = "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
                     sensor at the tip reads none of it\n\nhint: leave out --advise and --map";
         return Err(BadArgument(text.to_owned()).into());
@@ -264,19 +283,25 @@ fn advice(
     [model, _]: [&Trocar<Vec<f64>>; 2],
     file: &ModelFile,
 ) -> anyhow::Result<Advice> {
-    let mut plants = plants(file).context("the model at an end of its 95 % intervals")?;
+    if args.draws.is_some() && file.intervals.is_empty() {
+        let text = "--draws needs a model with 95 % intervals, as identify writes it";
+        return Err(BadArgument(text.to_owned()).into());
+    }
+    let wanted = Candidates {
+        draws: args.draws.map_or(0, usize::from),
+        seed: config.seed,
+        least_friction_scale: args.least_friction.unwrap_or(1.0),
+    };
+    let plants = candidates(file, &wanted).context("the model within its 95 % intervals")?;
     if plants.len() == 1 {
         console.remark(
             "the model has no 95 % intervals: the advice is for a trocar that equals the model",
         );
     }
-    if let Some(count) = args.draws {
-        if plants.len() == 1 {
-            let text = "--draws needs a model with 95 % intervals, as identify writes it";
-            return Err(BadArgument(text.to_owned()).into());
-        }
-        let drawn = draws(file, usize::from(count), config.seed);
-        plants.extend(drawn.context("draws from the model's 95 % intervals")?);
+    if args.least_friction.is_none() {
+        console.remark(
+            "the advice reckons with the model's intervals alone: --least-friction 0.55 adds seals that are wetted",
+        );
     }
     Ok(advise(config, model, &plants)?)
 }
@@ -285,16 +310,16 @@ fn stability_map(
     console: &Console,
     config: &Config,
     models: [&Trocar<Vec<f64>>; 2],
+    longest: Option<f64>,
 ) -> anyhow::Result<Map> {
-    let delays: Vec<f64> = (0..DELAYS).map(|k| f64::from(k) * config.sample_time_s).collect();
-    let fractions: Vec<f64> = (0..FRACTIONS).map(|k| 0.075 * f64::from(k)).collect();
+    let (delays, fractions) = (map_delays(config, longest), map_fractions());
     let progress = Progress::new(console);
-    let (done, cells) = (std::sync::atomic::AtomicU32::new(0), DELAYS * FRACTIONS);
+    let (done, cells) = (AtomicUsize::new(0), delays.len() * fractions.len());
     let report = || {
-        let done = 1 + done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-        progress.report("stability map", f64::from(done) / f64::from(cells));
+        let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+        progress.report("stability map", done as f64 / cells as f64);
     };
-    Ok(map(config, models, &delays, &fractions, report)?)
+    Ok(advise::map(config, models, &delays, &fractions, report)?)
 }
 
 fn text(answer: &Answer) -> String {
@@ -349,7 +374,10 @@ fn advice_text(advice: &Advice) -> String {
             + &partly_stable(advice);
     };
     let share = |fraction: f64| number(100.0 * fraction);
-    let range = |[low, high]: &[f64; 2]| format!("{} to {} %", share(*low), share(*high));
+    let range = |[low, high]: &[f64; 2]| {
+        let most = if *high >= MOST { ", the most that is tried" } else { "" };
+        format!("{} to {} %{most}", share(*low), share(*high))
+    };
     let ranges: Vec<String> = advice.stable.iter().map(range).collect();
     let mut text = format!(
         "\ntake out {} % of the trocar's force: the least error of the force felt among the fractions that are stable \

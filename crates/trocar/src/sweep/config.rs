@@ -41,13 +41,16 @@ pub struct SweepConfig {
     /// Keys of the bench's document.
     #[serde(default)]
     pub rig: BTreeMap<String, Choice>,
+    /// Keys of the loop's document.
+    #[serde(default)]
+    pub teleop: BTreeMap<String, Choice>,
 }
 
 fn one() -> u64 {
     1
 }
 
-/// The motion of a sweep: an experiment of the bench, or a file.
+/// The motion of a sweep: an experiment of the bench, a file, or a teleoperation loop.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Motion {
@@ -60,6 +63,9 @@ pub struct Motion {
     /// File with time and position.
     #[serde(default)]
     pub file: Option<PathBuf>,
+    /// Teleoperation loop: name of one that is shipped ([`crate::teleop::config::PRESETS`], or `default`), or a file.
+    #[serde(default)]
+    pub teleop: Option<String>,
 }
 
 /// Source of the values of a parameter.
@@ -211,7 +217,7 @@ impl SweepConfig {
 
     /// Checks its numbers; `text` is the source document, or empty.
     pub(crate) fn check(&self, text: &str) -> Result<(), SweepError> {
-        for (name, choice) in self.seal.iter().chain(&self.rig) {
+        for (name, choice) in self.seal.iter().chain(self.surroundings()) {
             if let Some(wanted) = choice.law.fault() {
                 return Err(SweepError::Form {
                     line: line_of(text, name),
@@ -234,26 +240,36 @@ impl SweepConfig {
     }
 
     fn check_motion(&self) -> Result<(), SweepError> {
-        let Motion { protocol, rig, file } = &self.motion;
+        let Motion { protocol, rig, file, teleop } = &self.motion;
         let refuse = |why| Err(SweepError::Motion { why });
-        match (protocol, file) {
-            (None, None) => refuse("neither protocol nor file is given"),
-            (Some(_), Some(_)) => refuse("protocol and file exclude each other"),
-            (None, Some(_)) if rig.is_some() || !self.rig.is_empty() => {
-                refuse("a rig moves a protocol, not a file")
-            }
-            (Some(name), None) => name
-                .parse::<Protocol>()
-                .map(drop)
-                .map_err(|unknown| SweepError::Protocol { unknown: unknown.to_string() }),
-            _ => Ok(()),
+        let given = [protocol.is_some(), file.is_some(), teleop.is_some()];
+        match given.iter().filter(|is_given| **is_given).count() {
+            0 => return refuse("none of protocol, file and teleop is given"),
+            1 => {}
+            _ => return refuse("protocol, file and teleop exclude each other"),
         }
+        if protocol.is_none() && (rig.is_some() || !self.rig.is_empty()) {
+            return refuse("a rig moves a protocol, neither a file nor a loop");
+        }
+        if teleop.is_none() && !self.teleop.is_empty() {
+            return refuse("[teleop] changes a loop, and none is given");
+        }
+        let known = |name: &String| name.parse::<Protocol>().map(drop);
+        protocol
+            .as_ref()
+            .map_or(Ok(()), known)
+            .map_err(|unknown| SweepError::Protocol { unknown: unknown.to_string() })
+    }
+
+    /// Numbers of the rig or of the loop that vary.
+    pub(crate) fn surroundings(&self) -> impl Iterator<Item = (&String, &Choice)> {
+        self.rig.iter().chain(&self.teleop)
     }
 
     /// Number of points of the grid.
     pub(crate) fn points(&self) -> Option<u64> {
-        let grids =
-            self.seal.values().chain(self.rig.values()).filter_map(|choice| choice.law.grid());
+        let choices = self.seal.iter().chain(self.surroundings());
+        let grids = choices.filter_map(|(_, choice)| choice.law.grid());
         grids.map(|values| values.len() as u64).try_fold(1_u64, u64::checked_mul)
     }
 

@@ -12,9 +12,9 @@ use super::config::{Law, SweepConfig};
 pub(crate) struct Drawn {
     /// Of the seal.
     pub(crate) seal: Vec<f64>,
-    /// Of the rig.
-    pub(crate) rig: Vec<f64>,
-    /// Seed of the rig's noise.
+    /// Of the rig or of the loop.
+    pub(crate) surroundings: Vec<f64>,
+    /// Seed of their noise.
     pub(crate) seed: u64,
     /// A seal drawn from published ranges, in place of the model.
     pub(crate) own: Option<ElementParams>,
@@ -23,15 +23,15 @@ pub(crate) struct Drawn {
 impl Drawn {
     /// Run `row` of `config`. The last name of the grid changes first, and the runs at one point
     /// are consecutive. Stream `row` of the generator gives the seed of the noise, then every drawn
-    /// number in the order of the names, the seal's before the rig's.
+    /// number in the order of the names, the seal's first.
     pub(crate) fn new(config: &SweepConfig, row: u64) -> Self {
         let mut generator = ChaCha8Rng::seed_from_u64(config.seed);
         generator.set_stream(row);
         // Below 2^53: exactly representable as an integer in every table.
         let seed = generator.next_u64() >> 11;
         let mut point = row / config.runs;
-        let laws: Vec<&Law> =
-            config.seal.values().chain(config.rig.values()).map(|choice| &choice.law).collect();
+        let choices = config.seal.iter().chain(config.surroundings());
+        let laws: Vec<&Law> = choices.map(|(_, choice)| &choice.law).collect();
         let mut values: Vec<f64> = laws.iter().map(|law| draw(law, &mut generator)).collect();
         for (value, law) in values.iter_mut().zip(&laws).rev() {
             if let Some(grid) = law.grid() {
@@ -40,8 +40,8 @@ impl Drawn {
                 point /= count;
             }
         }
-        let rig = values.split_off(config.seal.len());
-        Self { seal: values, rig, seed, own: None }
+        let surroundings = values.split_off(config.seal.len());
+        Self { seal: values, surroundings, seed, own: None }
     }
 }
 

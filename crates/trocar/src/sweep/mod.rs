@@ -10,6 +10,7 @@
 //!   ([`crate::many`]).
 //! - **Rigs and experiments**: each run moves its own virtual bench, and its seal is then stepped
 //!   along the true motion.
+//! - **Loops**: each run is a teleoperation loop with its seal as the trocar ([`crate::teleop`]).
 //!
 //! The seal starts in the state after the homing of the bench, fully deformed backwards; along a
 //! file it starts undeformed.
@@ -20,6 +21,7 @@
 pub mod config;
 mod draw;
 mod tally;
+mod teleop;
 
 use std::path::{Path as FilePath, PathBuf};
 
@@ -37,6 +39,7 @@ use crate::model_file::{ModelFile, ModelFileError};
 use crate::recording::Choice as Columns;
 use crate::simulate::Positions;
 use crate::table::{Column, Field, Kind, TableWriter};
+use crate::teleop::config as loops;
 
 pub use config::SweepConfig;
 use config::line_of;
@@ -94,7 +97,9 @@ pub enum SweepError {
         limit: u64,
     },
     /// No motion, or two.
-    #[error("[motion]: {why}\n\nhint: give protocol = \"validation\", or file = \"motion.csv\"")]
+    #[error(
+        "[motion]: {why}\n\nhint: give protocol = \"validation\", file = \"motion.csv\", or teleop = \"default\""
+    )]
     Motion {
         /// The problem.
         why: &'static str,
@@ -124,14 +129,20 @@ pub enum SweepError {
         /// Keys that exist.
         known: String,
     },
-    /// A key that the rig does not have, or that is not a number there.
+    /// A key that the rig or the loop does not have, or that is not a number there.
     #[error(
-        "{}[rig] has no number {key:?}\n\nhint: `trocar bench --print-config` prints them; write \"rod.mass_kg\"",
+        "{}[{section}] has no number {key:?}\n\nhint: `{command} --print-config` prints them; write \"{example}\"",
         at(*line)
     )]
-    UnknownRigKey {
+    UnknownKey {
         /// Line of the document.
         line: usize,
+        /// Its section.
+        section: &'static str,
+        /// Command that prints the keys.
+        command: &'static str,
+        /// A key that there is.
+        example: &'static str,
         /// The key found.
         key: String,
     },
@@ -143,9 +154,9 @@ pub enum SweepError {
         /// Kind of the model.
         kind: &'static str,
     },
-    /// The rig's document cannot be read.
-    #[error("{}: cannot read the rig: {source}", path.display())]
-    ReadRig {
+    /// The document of the rig or of the loop cannot be read.
+    #[error("{}: cannot read the document: {source}", path.display())]
+    ReadDocument {
         /// Its file.
         path: PathBuf,
         /// Error of the operating system.
@@ -158,6 +169,14 @@ pub enum SweepError {
         path: PathBuf,
         /// The problem.
         source: bench::ConfigError,
+    },
+    /// The loop's document is invalid.
+    #[error("{}: {source}", path.display())]
+    Loop {
+        /// Its file.
+        path: PathBuf,
+        /// The problem.
+        source: loops::ConfigError,
     },
     /// The experiment that defines the motion does not end.
     #[error(transparent)]
@@ -194,8 +213,9 @@ pub struct Sweep {
     /// Ranges from which each run draws its seal, in place of the model.
     like: Option<PlausibleSeals>,
     protocol: Option<Protocol>,
-    rig: toml::Table,
-    /// The motion shared by all runs; none if each run has its own rig.
+    /// The complete document of the rig, or of the loop.
+    document: toml::Table,
+    /// The motion shared by all runs; none if each run has its own rig or loop.
     shared: Option<Path>,
     /// For each parameter of the seal, the indices of [`Seal::tunables`] that it sets.
     places: Vec<Vec<usize>>,
@@ -217,7 +237,7 @@ pub struct Summary {
 /// One row before it is written.
 struct SweepRow {
     drawn: Drawn,
-    outcome: Result<Outcome, String>,
+    outcome: Result<Vec<f64>, String>,
 }
 
 impl Sweep {
@@ -259,14 +279,17 @@ impl Sweep {
             places.push(own);
             present.push(value);
         }
-        let rig = read_rig(config.motion.rig.as_deref().map(|path| folder.join(path)))?;
-        for key in config.rig.keys() {
-            let unknown =
-                || SweepError::UnknownRigKey { line: line_of(text, key), key: key.clone() };
-            present.push(number_at(&rig, key).ok_or_else(unknown)?);
+        let document = match &config.motion.teleop {
+            Some(name) => read_loop(name, folder)?,
+            None => read_rig(config.motion.rig.as_deref().map(|path| folder.join(path)))?,
+        };
+        for (key, _) in config.surroundings() {
+            let unknown = || unknown_key(config.motion.teleop.is_some(), text, key);
+            present.push(number_at(&document, key).ok_or_else(unknown)?);
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
-        let mut sweep = Self { config, model, like, protocol, rig, shared: None, places, present };
+        let mut sweep =
+            Self { config, model, like, protocol, document, shared: None, places, present };
         sweep.shared = sweep.shared_path(folder)?;
         Ok(sweep)
     }
@@ -279,13 +302,13 @@ impl Sweep {
             }
             (_, Some(_), _) if own_rigs => Ok(None),
             (Seal::Ems(stages), Some(protocol), _) => Ok(Some(
-                self.path_of_rig(&self.rig, protocol, stages.elements(), self.config.seed)?
+                self.path_of_rig(&self.document, protocol, stages.elements(), self.config.seed)?
                     .without_readings(),
             )),
             (Seal::Classical(_), Some(protocol), _) => {
                 let stand_in = ModelFile::plausible_10_5_mm()?;
                 let path = self.path_of_rig(
-                    &self.rig,
+                    &self.document,
                     protocol,
                     stand_in.stages()?.elements(),
                     self.config.seed,
@@ -356,11 +379,17 @@ impl Sweep {
     /// Columns of the table.
     pub fn fields(&self) -> Vec<Field> {
         let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Integer));
-        let parameters = self.config.seal.keys().chain(self.config.rig.keys()).map(Field::number);
+        let surroundings = self.config.surroundings().map(|(key, _)| key);
+        let parameters = self.config.seal.keys().chain(surroundings).map(Field::number);
         let drawn = DRAWN_SEAL.iter().filter(|_| self.like.is_some()).copied().map(Field::number);
-        let results = RESULTS.map(Field::number);
+        let results = self.results().iter().copied().map(Field::number);
         let failure = Field::new("failure", Kind::Text);
         whole.into_iter().chain(parameters).chain(drawn).chain(results).chain([failure]).collect()
+    }
+
+    /// Names of the results.
+    fn results(&self) -> &'static [&'static str] {
+        if self.config.motion.teleop.is_some() { &teleop::RESULTS } else { &RESULTS }
     }
 
     fn columns(&self, first: u64, rows: &[SweepRow]) -> Vec<Column> {
@@ -370,8 +399,9 @@ impl Sweep {
         for k in 0..self.config.seal.len() {
             columns.push(Column::Number(rows.iter().map(|row| row.drawn.seal[k]).collect()));
         }
-        for k in 0..self.config.rig.len() {
-            columns.push(Column::Number(rows.iter().map(|row| row.drawn.rig[k]).collect()));
+        for k in 0..self.config.surroundings().count() {
+            let number = |row: &SweepRow| row.drawn.surroundings[k];
+            columns.push(Column::Number(rows.iter().map(number).collect()));
         }
         if self.like.is_some() {
             for k in 0..DRAWN_SEAL.len() {
@@ -380,9 +410,9 @@ impl Sweep {
                 columns.push(Column::Number(rows.iter().map(number).collect()));
             }
         }
-        for k in 0..RESULTS.len() {
+        for k in 0..self.results().len() {
             let result =
-                |row: &SweepRow| row.outcome.as_ref().unwrap_or(&Outcome::NONE).numbers()[k];
+                |row: &SweepRow| row.outcome.as_ref().map_or(f64::NAN, |numbers| numbers[k]);
             columns.push(Column::Number(rows.iter().map(result).collect()));
         }
         let failures =
@@ -402,15 +432,21 @@ impl Sweep {
         let drawn: Vec<Drawn> = (from..to).map(|row| self.draw(row)).collect();
         let seals: Vec<Result<Seal, String>> =
             drawn.iter().map(|drawn| self.tuned(drawn)).collect();
-        let outcomes = match &self.shared {
-            Some(path) => self.along(path, &seals, from, traces)?,
+        let in_numbers = |found: Vec<Result<Outcome, String>>| {
+            found.into_iter().map(|one| one.map(|found| found.numbers().to_vec())).collect()
+        };
+        let outcomes: Vec<Result<Vec<f64>, String>> = match &self.shared {
+            Some(path) => in_numbers(self.along(path, &seals, from, traces)?),
+            None if self.config.motion.teleop.is_some() => {
+                self.loops(&seals, &drawn, from, traces)?
+            }
             None => {
                 let mut outcomes = Vec::with_capacity(seals.len());
                 for (k, (seal, drawn)) in seals.iter().zip(&drawn).enumerate() {
                     cancel::check();
                     outcomes.push(self.on_rig(seal, drawn, from + k as u64, traces)?);
                 }
-                outcomes
+                in_numbers(outcomes)
             }
         };
         Ok(drawn
@@ -423,10 +459,9 @@ impl Sweep {
     /// The parameters of a run, as absolute values.
     fn draw(&self, row: u64) -> Drawn {
         let mut drawn = Drawn::new(&self.config, row);
-        let choices = self.config.seal.values().chain(self.config.rig.values());
-        for ((value, choice), present) in
-            drawn.seal.iter_mut().chain(&mut drawn.rig).zip(choices).zip(&self.present)
-        {
+        let choices = self.config.seal.iter().chain(self.config.surroundings());
+        let values = drawn.seal.iter_mut().chain(&mut drawn.surroundings);
+        for ((value, (_, choice)), present) in values.zip(choices).zip(&self.present) {
             if choice.relative {
                 *value *= present;
             }
@@ -528,8 +563,8 @@ impl Sweep {
         let (Seal::Ems(stages), Some(protocol)) = (seal, self.protocol) else {
             return Err("no motion".into());
         };
-        let mut rig = self.rig.clone();
-        for (key, value) in self.config.rig.keys().zip(&drawn.rig) {
+        let mut rig = self.document.clone();
+        for (key, value) in self.config.rig.keys().zip(&drawn.surroundings) {
             set_number(&mut rig, key, *value)?;
         }
         self.path_of_rig(&rig, protocol, stages.elements(), drawn.seed)
@@ -606,13 +641,39 @@ fn unknown_parameter(text: &str, seal: &Seal, key: &str) -> SweepError {
     }
 }
 
+fn unknown_key(is_loop: bool, text: &str, key: &str) -> SweepError {
+    let [section, command, example] = match is_loop {
+        true => ["teleop", "trocar teleop", "channel.delay_s"],
+        false => ["rig", "trocar bench", "rod.mass_kg"],
+    };
+    let line = line_of(text, key);
+    SweepError::UnknownKey { line, section, command, example, key: key.to_owned() }
+}
+
+/// The complete document of the loop `name`: one that is shipped, or a file.
+fn read_loop(name: &str, folder: &FilePath) -> Result<toml::Table, SweepError> {
+    let (path, text) = match loops::shipped(name) {
+        Some(text) => (PathBuf::from(name), text.to_owned()),
+        None => {
+            let path = folder.join(name);
+            let read = std::fs::read_to_string(&path);
+            let failed = |source| SweepError::ReadDocument { path: path.clone(), source };
+            (path.clone(), read.map_err(failed)?)
+        }
+    };
+    let config = loops::Config::from_toml(&text);
+    let config = config.map_err(|source| SweepError::Loop { path, source })?;
+    Ok(toml::Table::try_from(config).expect("numbers and words always have a TOML form"))
+}
+
 /// The complete document of the rig.
 fn read_rig(path: Option<PathBuf>) -> Result<toml::Table, SweepError> {
     let config = match path {
         None => BenchConfig::default(),
         Some(path) => {
             let read = std::fs::read_to_string(&path);
-            let text = read.map_err(|source| SweepError::ReadRig { path: path.clone(), source })?;
+            let failed = |source| SweepError::ReadDocument { path: path.clone(), source };
+            let text = read.map_err(failed)?;
             BenchConfig::from_toml(&text).map_err(|source| SweepError::Rig { path, source })?
         }
     };
@@ -658,9 +719,14 @@ fn read_path(file: &FilePath) -> Result<Path, SweepError> {
     }
 }
 
+/// File of the trace of a row.
+fn trace_file(folder: &FilePath, row: u64) -> PathBuf {
+    folder.join(format!("run_{row:09}.parquet"))
+}
+
 fn write_trace(folder: &FilePath, row: u64, path: &Path, forces: &[f64]) -> Result<(), SweepError> {
     let fields = ["time_s", "position_m", "force_n"].map(Field::number);
-    let mut table = TableWriter::create(folder.join(format!("run_{row:09}.parquet")), &fields)?;
+    let mut table = TableWriter::create(trace_file(folder, row), &fields)?;
     let columns = [path.time.clone(), path.position.clone(), forces.to_vec()].map(Column::Number);
     table.write(&columns)?;
     Ok(table.commit()?)

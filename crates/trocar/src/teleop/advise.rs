@@ -6,11 +6,11 @@ use trocar_model::Trocar;
 
 use super::config::{Config, ConfigError};
 use super::merit::{Merit, STIFFNESS_NOTICEABLE};
-use super::simulation::Loop;
-use super::stability::{Trial, ZWidth, boundary};
+use super::outcome::Outcome;
+use super::stability::{ZWidth, boundary};
 
-/// Fractions that are tried, from 0, and their distance.
-const MOST: f64 = 1.5;
+/// Largest fraction that is tried, beginning with 0, and the distance of two.
+pub const MOST: f64 = 1.5;
 const APART: f64 = 0.025;
 /// Tissue up to so many times as stiff is tried for a step that is noticed.
 const STIFFEST_STEP: f64 = 10.0;
@@ -137,19 +137,14 @@ fn outcomes<K: AsRef<[f64]> + Clone>(
     fraction: f64,
 ) -> Result<Outcomes, ConfigError> {
     let config = with_fraction(config, fraction);
-    let merit = |plant: &Trocar<K>| {
-        let surface = config.tissue.surface_m;
-        match Trial::default().is_stable(&config, plant, model, surface)? {
-            true => figures(&config, [model, plant]),
-            false => Ok(None),
-        }
-    };
+    let merit = |plant: &Trocar<K>| Outcome::of(&config, [model, plant]).map(|found| found.figures);
     Ok(Outcomes { fraction, merits: plants.iter().map(merit).collect::<Result<_, _>>()? })
 }
 
 /// The least step by which the tissue must be stiffer for the stiffness displayed to differ by 23 %, which a person notices
-/// (JONES), N/m, with `model` in the compensator and `plant` as the trocar. `None` where not even tissue ten times as stiff
-/// makes that difference, the loop diverges with it, or the tip does not touch the tissue.
+/// (JONES), N/m, with `model` in the compensator and `plant` as the trocar. `None` where the tip does not touch the
+/// tissue, the loop is unstable, or no step up to ten times the stiffness makes that difference before the loop
+/// is unstable with it.
 ///
 /// # Errors
 /// A value of `config` out of its range.
@@ -158,29 +153,23 @@ pub fn noticeable_step<K: AsRef<[f64]> + Clone>(
     models: [&Trocar<K>; 2],
 ) -> Result<Option<f64>, ConfigError> {
     let stiffness = config.tissue.stiffness_n_m;
+    // `None`: the loop is unstable.
     let displayed = |ratio: f64| {
         let mut config = config.clone();
         config.tissue.stiffness_n_m = ratio * stiffness;
-        let merit = figures(&config, models)?;
-        Ok::<_, ConfigError>(merit.and_then(|merit| merit.displayed_stiffness_n_m))
+        let figures = Outcome::of(&config, models)?.figures;
+        Ok::<_, ConfigError>(figures.map(|merit| merit.displayed_stiffness_n_m))
     };
-    let Some(first) = displayed(1.0)? else { return Ok(None) };
-    let stays = |ratio: f64| {
-        let differs = |other: f64| (other - first).abs() >= STIFFNESS_NOTICEABLE * first.abs();
-        Ok(!displayed(ratio)?.is_some_and(differs))
+    let Some(Some(first)) = displayed(1.0)? else { return Ok(None) };
+    let differs = |other: Option<f64>| {
+        other.is_some_and(|other| (other - first).abs() >= STIFFNESS_NOTICEABLE * first.abs())
     };
+    let stays = |ratio: f64| Ok(displayed(ratio)?.is_some_and(|other| !differs(other)));
     let found = boundary([1.0, STIFFEST_STEP], STEP_ACCURACY, stays)?;
-    Ok(found.map(|ratio| (ratio - 1.0) * stiffness))
-}
-
-/// Figures along the motion of `config`; `None` where the loop diverges.
-fn figures<K: AsRef<[f64]> + Clone>(
-    config: &Config,
-    [model, plant]: [&Trocar<K>; 2],
-) -> Result<Option<Merit>, ConfigError> {
-    let samples = Loop::new(config, plant.clone(), model.clone(), config.motion.start_m())?
-        .run(config.samples(), |time| config.motion.at(time));
-    Ok(samples.ok().map(|samples| Merit::of(config, &samples)))
+    // The boundary may be that of stability.
+    let Some(ratio) = found else { return Ok(None) };
+    let beyond = displayed(ratio + STEP_ACCURACY)?;
+    Ok(beyond.filter(|other| differs(*other)).map(|_| (ratio - 1.0) * stiffness))
 }
 
 fn with_fraction(config: &Config, fraction: f64) -> Config {
@@ -201,6 +190,27 @@ pub struct Map {
     pub stiffness_n_m: Vec<Vec<f64>>,
     /// Least stiffness, N/m; none where the loop is stable with no stiffness that is tried.
     pub least_stiffness_n_m: Vec<Vec<Option<f64>>>,
+}
+
+/// Delays and fractions of a map, along each axis.
+const CELLS: u32 = 20;
+/// Distance of the fractions of a map, in thousandths.
+const FRACTIONS_APART: u32 = 75;
+
+/// Delays of a map, s: 20 from 0 to `longest` (s; without it 19 samples), each a whole number of samples, fewer where that makes
+/// some equal.
+pub fn map_delays(config: &Config, longest: Option<f64>) -> Vec<f64> {
+    let last = f64::from(CELLS - 1);
+    let samples = longest.map_or(last, |longest| longest / config.sample_time_s);
+    let delay = |k: u32| (samples * f64::from(k) / last).round() * config.sample_time_s;
+    let mut delays: Vec<f64> = (0..CELLS).map(delay).collect();
+    delays.dedup();
+    delays
+}
+
+/// Fractions of a map: 20 from 0 to 1.425.
+pub fn map_fractions() -> Vec<f64> {
+    (0..CELLS).map(|k| f64::from(FRACTIONS_APART * k) / 1000.0).collect()
 }
 
 /// The map of `config` over `delays_s` (s) and `fractions`; of `models` the first is in the compensator, the second the

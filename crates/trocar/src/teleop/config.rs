@@ -17,6 +17,12 @@ pub const PRESETS: [(&str, &str); 2] = [
     ("phantom", include_str!("../../data/teleop_phantom.toml")),
 ];
 
+/// The document of a loop that is shipped: `default`, or a name in [`PRESETS`].
+pub fn shipped(name: &str) -> Option<&'static str> {
+    let preset = PRESETS.iter().find(|(own, _)| *own == name).map(|(_, text)| *text);
+    preset.or((name == "default").then_some(EXAMPLE_TOML))
+}
+
 /// A teleoperation loop and what the operator does with it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -409,6 +415,11 @@ impl Config {
         let sends = [Architecture::PositionForce, Architecture::FourChannel]
             .contains(&self.control.architecture);
         sends && self.sensor.place == Place::Outside
+    }
+
+    /// Whether the passivity control is given energy back.
+    pub fn has_credit(&self) -> bool {
+        self.control.passivity && self.control.passivity_credit != PassivityCredit::None
     }
 
     /// The loop that a TOML document describes; keys that are missing have their default.

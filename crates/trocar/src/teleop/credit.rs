@@ -65,6 +65,11 @@ impl<K: AsRef<[f64]> + Clone> Credit<K> {
         Ok(Self { accounts, dissipated: 0.0 })
     }
 
+    /// The bound, J.
+    pub(crate) fn dissipated(&self) -> f64 {
+        self.dissipated
+    }
+
     /// Moves on to `position` (m) within `duration` (s); returns by how much the bound has grown, J, ≥ 0.
     pub(crate) fn advance(&mut self, position: f64, duration: f64) -> f64 {
         self.accounts.iter_mut().for_each(|account| account.advance(position, duration));

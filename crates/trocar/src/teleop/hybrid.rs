@@ -42,6 +42,17 @@ pub struct Response {
     pub transmitted: Complex<f64>,
 }
 
+/// Lowest and highest frequency over which a hybrid matrix is shown, Hz, and how many.
+const SHOWN_HZ: [f64; 2] = [0.1, 100.0];
+const SHOWN: u32 = 61;
+
+/// The 61 frequencies over which a hybrid matrix is shown, Hz: 0.1 to 100, evenly in their logarithm.
+pub fn frequencies() -> Vec<f64> {
+    let [low, high] = SHOWN_HZ;
+    let ratio = (high / low).ln() / f64::from(SHOWN - 1);
+    (0..SHOWN).map(|k| low * (ratio * f64::from(k)).exp()).collect()
+}
+
 /// The hybrid matrix of `config` at each of `frequencies_hz`, with the describing functions of the model in the compensator (at
 /// its friction scale) and of the trocar, `models`, for strokes of `amplitude_m` around the surface of the tissue. An
 /// adaptive compensator counts as its model.

@@ -38,6 +38,9 @@ pub struct Merit {
     pub master_energy_j: f64,
     /// The same at the slave's port alone, J.
     pub slave_energy_j: f64,
+    /// Energy that the passivity control was given back for what the trocar dissipated, J; none without a credit
+    /// ([`super::config::PassivityCredit`]).
+    pub credit_j: Option<f64>,
 }
 
 /// The force that a person notices as different from `force`, N: 7 % of it (2.5 to 10 N, PANG), and below
@@ -86,12 +89,13 @@ impl Merit {
             energy_j: master_energy_j + slave_energy_j,
             master_energy_j,
             slave_energy_j,
+            credit_j: samples.last().filter(|_| config.has_credit()).map(|sample| sample.credit),
         }
     }
 
     /// The figures as people read them: name, value, `None` without contact, and unit.
-    pub fn rows(&self) -> [(&'static str, Option<f64>, &'static str); 8] {
-        [
+    pub fn rows(&self) -> Vec<(&'static str, Option<f64>, &'static str)> {
+        let rows = [
             ("stiffness displayed", self.displayed_stiffness_n_m, "N/m"),
             ("stiffness of the tissue", self.true_stiffness_n_m, "N/m"),
             ("error of the force felt, rms", Some(self.force_error_rms_n), "N"),
@@ -100,7 +104,10 @@ impl Merit {
             ("error of position, rms", Some(1e3 * self.position_error_rms_m), "mm"),
             ("energy from the master", Some(1e3 * self.master_energy_j), "mJ"),
             ("energy to the slave", Some(-1e3 * self.slave_energy_j), "mJ"),
-        ]
+        ];
+        let credit =
+            self.credit_j.map(|j| ("energy credited from the trocar", Some(1e3 * j), "mJ"));
+        rows.into_iter().chain(credit).collect()
     }
 }
 

@@ -14,7 +14,7 @@
 //! order in the substep; where the seal decides in between whether it sticks, of first order.
 //!
 //! - [`Config`]: the loop and the experiment.
-//! - [`Loop`]: runs it, sample by sample.
+//! - [`Loop`]: runs it, sample by sample; [`Outcome`]: once along its motion.
 //! - [`hybrid`]: what linear theory says about the same loop.
 
 pub mod advise;
@@ -26,6 +26,7 @@ mod estimate;
 pub mod hybrid;
 pub mod merit;
 mod model;
+mod outcome;
 mod passivity;
 mod plant;
 mod simulation;
@@ -33,6 +34,7 @@ pub mod stability;
 
 pub use config::{Config, ConfigError};
 pub use model::{
-    course_columns, draws, plants, response_columns, scaled, write_course, write_response,
+    Candidates, candidates, course_columns, response_columns, scaled, write_course, write_response,
 };
+pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};

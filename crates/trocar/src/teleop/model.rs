@@ -11,64 +11,78 @@ use crate::error::OutputError;
 use crate::model_file::ModelFile;
 use crate::table::{Field, TableCell, TableWriter};
 
-/// The trocars that a model file stands for: the model, and the two with all parameters that have a 95 % interval
-/// at its lower and at its upper end.
-///
-/// All at the same end is more than the intervals of single parameters say together: a loop that is
-/// stable with the three has some margin.
-///
-/// # Errors
-/// An end of an interval at which the parameters make no model.
-pub fn plants(file: &ModelFile) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
-    let seal = file.trocar.seal();
-    let end = |index: usize| {
-        let value = |Tunable { id, value }: Tunable| {
-            let interval = file.intervals.get(&id.to_string());
-            interval.and_then(|interval| interval.ci95[index]).unwrap_or(value)
-        };
-        seal.tuned(&seal.tunables().map(value).collect::<Vec<_>>())
-    };
-    let mut plants = vec![file.trocar.clone()];
-    for index in [0, 1] {
-        let other = end(index)?;
-        if other != *seal {
-            plants.push(file.trocar.with_seal(other));
-        }
-    }
-    Ok(plants)
+/// Trocars that the one in use may be, given a model file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidates {
+    /// Draws from the model's 95 % intervals.
+    pub draws: usize,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Least friction scale that is reckoned with, above 0, at most 1: wetting lowers the friction of a seal by 15 to 45 %, more
+    /// than its intervals say.
+    pub least_friction_scale: f64,
 }
 
-/// Draws of the trocars that a model file stands for: each parameter with a 95 % interval is drawn from a normal
-/// distribution that has this interval, each side by itself; a draw that makes no model is drawn again. Parameters are drawn
-/// independently, since a model file holds no covariance: that exaggerates the scatter of what depends on several of
-/// them.
+/// The trocars that a model file stands for: the model; the two with all parameters that have a 95 % interval at its
+/// lower and at its upper end; draws; and the model at the least friction scale ([`scaled`]) and halfway to it.
+///
+/// All parameters at the same end is more than the intervals of single parameters say together: a loop that is
+/// stable with the three has some margin. In a draw each parameter with an interval is drawn from a normal distribution that has
+/// this interval, each side by itself; a draw that makes no model is drawn again. Parameters are drawn independently,
+/// since a model file holds no covariance: that exaggerates the scatter of what depends on several of them.
 ///
 /// # Errors
-/// [`ParamError`] where a thousand draws in a row make no model.
-pub fn draws(
+/// Parameters that make no model: at an end of their intervals, in a thousand draws in a row, or at the friction scale.
+pub fn candidates(
     file: &ModelFile,
-    count: usize,
-    seed: u64,
+    wanted: &Candidates,
 ) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
-    let mut noise = Noise::new(seed, Source::Draws);
+    let mut trocars = vec![file.trocar.clone()];
+    for index in [0, 1] {
+        let end = at_end(file, index)?;
+        if end != file.trocar {
+            trocars.push(end);
+        }
+    }
+    let mut noise = Noise::new(wanted.seed, Source::Draws);
+    for _ in 0..wanted.draws {
+        trocars.push(drawn(file, &mut noise)?);
+    }
+    let least = wanted.least_friction_scale;
+    if least < 1.0 {
+        trocars.push(scaled(&file.trocar, 0.5 * (1.0 + least))?);
+        trocars.push(scaled(&file.trocar, least)?);
+    }
+    Ok(trocars)
+}
+
+/// The trocar of `file` with all its intervals at their lower (0) or upper (1) end.
+fn at_end(file: &ModelFile, index: usize) -> Result<Trocar<Vec<f64>>, ParamError> {
+    let value = |Tunable { id, value }: Tunable| {
+        let interval = file.intervals.get(&id.to_string());
+        interval.and_then(|interval| interval.ci95[index]).unwrap_or(value)
+    };
     let seal = file.trocar.seal();
-    let mut drawn = |Tunable { id, value }: Tunable| {
+    Ok(file.trocar.with_seal(seal.tuned(&seal.tunables().map(value).collect::<Vec<_>>())?))
+}
+
+fn drawn(file: &ModelFile, noise: &mut Noise) -> Result<Trocar<Vec<f64>>, ParamError> {
+    let seal = file.trocar.seal();
+    let mut value = |Tunable { id, value }: Tunable| {
         let [low, high] = file.intervals.get(&id.to_string()).map_or([None; 2], |i| i.ci95);
         let deviate = noise.normal();
         let end = if deviate < 0.0 { low } else { high };
         end.map_or(value, |end| value + deviate.abs() * (end - value) / NORMAL_95)
     };
-    let mut one = || {
-        let mut tried = seal.tuned(&seal.tunables().map(&mut drawn).collect::<Vec<_>>());
-        for _ in 1..MOST_DRAWS {
-            if tried.is_ok() {
-                break;
-            }
-            tried = seal.tuned(&seal.tunables().map(&mut drawn).collect::<Vec<_>>());
+    let mut one = || seal.tuned(&seal.tunables().map(&mut value).collect::<Vec<_>>());
+    let mut tried = one();
+    for _ in 1..MOST_DRAWS {
+        if tried.is_ok() {
+            break;
         }
-        tried.map(|seal| file.trocar.with_seal(seal))
-    };
-    (0..count).map(|_| one()).collect()
+        tried = one();
+    }
+    Ok(file.trocar.with_seal(tried?))
 }
 
 /// Draws in a row that may make no model.
@@ -109,7 +123,7 @@ fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
     };
     let elements =
         stages.elements().iter().map(of).collect::<Result<Vec<Element>, ParamError>>()?;
-    Ok(Seal::Ems(Stages::new(&elements).unwrap_or(*stages)))
+    Ok(Seal::Ems(Stages::new(&elements).expect("as many elements as before")))
 }
 
 /// A column of a table with a row for each `R`: its name with the unit, and its values.
@@ -160,7 +174,7 @@ fn write<R>(rows: &[R], columns: &[Column<R>], path: impl AsRef<Path>) -> Result
     table.commit()
 }
 
-const COLUMNS: [Column<Sample>; 11] = [
+const COLUMNS: [Column<Sample>; 12] = [
     ("time_s", |s| s.time),
     ("hand_position_m", |s| s.hand_position),
     ("master_position_m", |s| s.master_position),
@@ -175,6 +189,7 @@ const COLUMNS: [Column<Sample>; 11] = [
         let [[a, b], [c, d]] = [s.master_energies, s.slave_energies];
         a - b + c - d
     }),
+    ("credit_j", |s| s.credit),
 ];
 
 /// The columns of `samples`: names with their units, and values.

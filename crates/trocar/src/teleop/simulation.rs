@@ -3,7 +3,7 @@
 use trocar_model::Trocar;
 
 use super::channel::{Channel, Packet};
-use super::config::{Config, ConfigError, PassivityCredit};
+use super::config::{Config, ConfigError};
 use super::control::{Controllers, Encoder, Reading};
 use super::credit::Credit;
 use super::estimate::Estimator;
@@ -50,6 +50,9 @@ pub struct Sample {
     /// Energy that it has received from and given to the slave, J; with a credit, slave and what its trocar has surely
     /// dissipated.
     pub slave_energies: [f64; 2],
+    /// Energy that the trocar has surely dissipated, which the passivity control counts as the network's own, J; 0 without a
+    /// credit.
+    pub credit: f64,
     /// What the passivity control adds to the forces of the motors at master and slave, N, against the motion.
     pub passivity_forces: [f64; 2],
     /// Work of the operator on the master, J.
@@ -233,6 +236,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             estimate,
             master_energies: self.ports[0].energies(),
             slave_energies: self.ports[1].energies(),
+            credit: self.credit.as_ref().map_or(0.0, Credit::dissipated),
             passivity_forces: [self.ports[0].added(), self.ports[1].added()],
             operator_work: self.master.work,
             trocar_work: self.slave.trocar_work,
@@ -256,10 +260,10 @@ fn credit<K: AsRef<[f64]> + Clone>(
     compensator: &Trocar<K>,
     position: f64,
 ) -> Result<Option<Credit<K>>, ConfigError> {
-    let control = config.control;
-    if !control.passivity || control.passivity_credit == PassivityCredit::None {
+    if !config.has_credit() {
         return Ok(None);
     }
+    let control = config.control;
     let (name, scale) = ("control.credit_friction_scale", control.credit_friction_scale);
     let model = config.compensation.model(compensator)?;
     let credit = Credit::new(&model, scale, position);

@@ -5,7 +5,7 @@
 const LONGEST_COURSE = 60, SHOWN_COURSE = 10, LINGER = 1.5, HAND = 0.03;  // s
 const MOST_FORCE = 100, MOST_AWAY = 0.2;  // N, m: what a chart shows of a loop that grows
 const DELAY_SHOWN = 0.1, FRACTION_SHOWN = 1.5, STIFFNESS_SHOWN = [10, 10000];  // s, 1, N/m
-const COLUMNS = ["hand_position_m", "master_position_m", "slave_position_m", "master_force_n", "trocar_force_n", "tissue_force_n", "estimate_n"];
+const COLUMNS = ["hand_position_m", "master_position_m", "slave_position_m", "felt_force_n", "trocar_force_n", "tissue_force_n", "estimate_n"];
 const FIGURES = ["displayed", "true", "error", "steps"];
 
 // The WebAssembly module, crates/trocar-web-teleop: one loop.
@@ -383,7 +383,7 @@ class LiveLoop {
     if (Number.isFinite(figures.true)) make("small", "", said.displayed).textContent = "of the tissue " + number(figures.true, "N/m");
     put(said.error, number(figures.error, "N"), figures.error);
     if (Number.isFinite(figures.steps)) make("small", "", said.error).textContent = precise(figures.steps) + " just noticeable differences";
-    const felt = stable ? course.last("master_force_n") : NaN;
+    const felt = stable ? course.last("felt_force_n") : NaN;
     put(said.felt, Number.isFinite(felt) ? felt.toFixed(2).replace(/^-(?=0\.?0*$)/, "").replace("-", "\u2212") + " N" : "\u2013", felt);
     if (stable && course.count) make("small", "", said.felt).textContent = "on the tissue " + course.last("tissue_force_n").toFixed(2) + " N";
   }

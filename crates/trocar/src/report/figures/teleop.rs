@@ -3,13 +3,13 @@
 use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
-use super::{Drawn, MM, spaced, thinned};
+use super::{Drawn, MM, thinned};
 use crate::report::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::report::number::significant;
 use crate::teleop::Sample;
 use crate::teleop::advise::{Advice, Map, Tried};
 use crate::teleop::config::{Architecture, Config};
-use crate::teleop::hybrid::{Hybrid, seal_impedance, tissue_impedance};
+use crate::teleop::hybrid::{self, Hybrid, seal_impedance, tissue_impedance};
 use crate::teleop::merit::Merit;
 
 /// Roles of the three forces, the same in every figure and in the live loop.
@@ -19,9 +19,6 @@ const TROCAR: Role = Role::Deflection;
 
 /// Points of a loop of force over depth.
 const LOOP_POINTS: usize = 2_000;
-/// Frequencies, Hz, and how many.
-const FREQUENCIES: [f64; 2] = [0.1, 100.0];
-const COUNT: usize = 61;
 /// Amplitudes of the describing function, m.
 const AMPLITUDES: [f64; 2] = [1e-3, 10e-3];
 /// Lower ends of the classes of a map beyond the first, which is 0, N/m.
@@ -322,9 +319,8 @@ pub(in super::super) fn hybrid(
     config: &Config,
     [model, trocar]: [&Trocar<Vec<f64>>; 2],
 ) -> [Figure; 2] {
-    let [low, high] = FREQUENCIES.map(f64::ln);
-    let frequencies: Vec<f64> = spaced(low, high, COUNT).map(f64::exp).collect();
-    let none = vec![[Complex::new(0.0, 0.0); 2]; COUNT];
+    let frequencies = hybrid::frequencies();
+    let none = vec![[Complex::new(0.0, 0.0); 2]; frequencies.len()];
     // Of the compensator's model and of the trocar.
     let at = |amplitude: f64| -> Vec<[Complex<f64>; 2]> {
         let surface = config.tissue.surface_m;

@@ -1,0 +1,38 @@
+//! One run of a loop: its course, whether it is stable, and its figures.
+
+use trocar_model::Trocar;
+
+use super::config::{Config, ConfigError};
+use super::merit::Merit;
+use super::simulation::{Diverged, Loop, Sample};
+use super::stability::Trial;
+
+/// What a loop came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// The samples along the motion of the configuration, or when the loop diverged.
+    pub course: Result<Vec<Sample>, Diverged>,
+    /// Whether it comes to rest in its tissue after a push ([`Trial`]).
+    pub settles: bool,
+    /// Figures of merit; none where the loop does not settle, or diverges.
+    pub figures: Option<Merit>,
+}
+
+impl Outcome {
+    /// Runs the loop of `config` with `model` in the compensator and `plant` as the trocar.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range, or a model that cannot be made with it.
+    pub fn of<K: AsRef<[f64]> + Clone>(
+        config: &Config,
+        [model, plant]: [&Trocar<K>; 2],
+    ) -> Result<Self, ConfigError> {
+        let settles = Trial::default().is_stable(config, plant, model, config.tissue.surface_m)?;
+        let start = config.motion.start_m();
+        let mut tried = Loop::new(config, plant.clone(), model.clone(), start)?;
+        let course = tried.run(config.samples(), |time| config.motion.at(time));
+        let stable = course.as_ref().ok().filter(|_| settles);
+        let figures = stable.map(|samples| Merit::of(config, samples));
+        Ok(Self { course, settles, figures })
+    }
+}
