@@ -283,6 +283,8 @@ def test_what_is_no_loop_is_named_with_its_key(config: Any, kind: type, words: s
 @pytest.mark.parametrize(
     ("options", "kind", "words"),
     [
+        ({"least_friction": 0.5}, trocar.ParameterError, "least_friction changes nothing without advise=True"),
+        ({"advise": True, "least_friction": 0.0}, trocar.ParameterError, "least_friction must be from 0.01 to 1"),
         ({"advise": True, "draws": 5}, trocar.TeleopError, "draws needs a model with 95 % intervals"),
         ({"advise": True, "draws": 1001}, trocar.ParameterError, "draws must be from 0 to 1000, got 1001"),
         ({"advise": True, "draws": -1}, trocar.ParameterError, "draws must be a whole number from 0 on"),

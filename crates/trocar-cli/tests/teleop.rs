@@ -227,6 +227,7 @@ fn adaptation_needs_the_error_of_the_model() {
 #[test]
 fn what_is_no_loop_is_refused() {
     for (config, words) in [
+        ("seed = 9007199254740993", ["loop.toml", "seed", "at most 9007199254740992"]),
         ("[master]\nmass_kg = -1.0", ["loop.toml", "master.mass_kg", "from 1e-6 to 1e15, got -1"]),
         ("[channel]\ndelay_s = 0.0015", ["channel.delay_s", "0.0015 s", "take 0.002 s"]),
         ("[tissue]\nstifness_n_m = 1.0", ["stifness_n_m", "line 2", "--print-config"]),

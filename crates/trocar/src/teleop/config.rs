@@ -31,7 +31,7 @@ pub struct Config {
     pub sample_time_s: f64,
     /// Steps of the plant within a sample, 1 to 1000.
     pub substeps: u32,
-    /// Seed of noise, jitter and loss.
+    /// Seed of noise, jitter and loss, at most 2^53.
     pub seed: u64,
     /// Hand on the master.
     pub operator: Operator,
@@ -405,6 +405,8 @@ pub enum ConfigError {
 const MOST_SAMPLES: f64 = 1e6;
 /// Most steps of the plant in an experiment.
 const MOST_STEPS: f64 = 1e7;
+/// Greatest seed, 2^53: whole numbers up to there are numbers of any program.
+const GREATEST_SEED: u64 = 1 << 53;
 /// Longest delay, in samples.
 const LONGEST_DELAY: f64 = 1e4;
 
@@ -467,6 +469,9 @@ impl Config {
         )?;
         let substeps = f64::from(self.substeps);
         check((1.0..=1000.0).contains(&substeps), "substeps", "from 1 to 1000", substeps)?;
+        // Above, a page and JSON would round it.
+        let seed = self.seed as f64;
+        check(self.seed <= GREATEST_SEED, "seed", "at most 9007199254740992", seed)?;
         not_below_0("operator.stiffness_n_m", self.operator.stiffness_n_m)?;
         not_below_0("operator.damping_n_s_m", self.operator.damping_n_s_m)?;
         not_below_0("operator.mass_kg", self.operator.mass_kg)?;
