@@ -376,7 +376,10 @@ fn advice_text(advice: &Advice) -> String {
     let share = |fraction: f64| number(100.0 * fraction);
     let range = |[low, high]: &[f64; 2]| {
         let most = if *high >= MOST { ", the most that is tried" } else { "" };
-        format!("{} to {} %{most}", share(*low), share(*high))
+        match low == high {
+            true => format!("{} %{most}", share(*low)),
+            false => format!("{} to {} %{most}", share(*low), share(*high)),
+        }
     };
     let ranges: Vec<String> = advice.stable.iter().map(range).collect();
     let mut text = format!(
@@ -436,7 +439,7 @@ fn map_text(map: &Map) -> String {
 /// A number for each delay, down, and fraction, across.
 fn grid(map: &Map, of: impl Fn(usize, usize) -> Option<f64>) -> String {
     let mut text = " ".repeat(6);
-    map.fractions.iter().for_each(|fraction| text += &format!("{:6.0}", 100.0 * fraction));
+    map.fractions.iter().for_each(|fraction| text += &format!("{:6.1}", 100.0 * fraction));
     text.push('\n');
     for (row, delay) in map.delays_s.iter().enumerate() {
         text += &format!("{:6.1}", 1e3 * delay);

@@ -179,7 +179,10 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
 fn ranges(stable: &[[f64; 2]]) -> String {
     let all: Vec<String> = stable
         .iter()
-        .map(|[low, high]| format!("{} to {}", plain(100.0 * low), percent(*high)))
+        .map(|[low, high]| match low == high {
+            true => percent(*low),
+            false => format!("{} to {}", plain(100.0 * low), percent(*high)),
+        })
         .collect();
     format!("stable from {}", all.join(", "))
 }
@@ -220,7 +223,7 @@ fn advised(input: &TeleopReport) -> Section {
             percent(fraction),
             match advice.plants {
                 1 => "the model".to_owned(),
-                n => format!("the model and {} trocars within its 95 % intervals", n - 1),
+                n => format!("the model and {} other trocars that it may be", n - 1),
             },
             ranges(&advice.stable)
         ),

@@ -1,0 +1,59 @@
+"""The book: every page of this folder, in Sphinx. `docs/build` makes it."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+_FOLDER = Path(__file__).parent
+_PROJECT = _FOLDER.parent
+
+project = "trocar"
+author = "The authors of trocar"
+_version = re.search(r'^version = "(.+)"$', (_PROJECT / "Cargo.toml").read_text(encoding="utf-8"), re.MULTILINE)
+assert _version is not None
+version = release = _version[1]
+
+extensions = ["myst_parser", "sphinx_design", "sphinx_copybutton", "sphinxcontrib.katex"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_heading_anchors = 4
+# Equations become HTML as the book is built; style and fonts are copied beside it: no page needs a network.
+katex_prerender = True
+katex_css_path = "katex/katex.min.css"
+copybutton_prompt_text = "$ "
+copybutton_only_copy_prompt_lines = True
+
+html_theme = "furo"
+html_title = f"trocar {version}"
+html_static_path = []
+html_show_copyright = False
+exclude_patterns = ["figures"]
+
+#: Titles of the pages that a command writes: tables under headings of their own, or none.
+_TITLES = {
+    "ablation-tables": "Tables of optional terms",
+    "comparison-tables": "Tables of the comparison",
+    "coverage-table": "Table of coverage",
+    "trust-table": "Table of trust",
+}
+#: A link to something of the repository outside this folder.
+_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#\s]+)(?:#[^)]*)?\)")
+
+
+def _beyond_the_book(_app: Any, page: str, source: list[str]) -> None:
+    """A link out of this folder becomes a download of the file; one to a folder, its name. Pages of tables get a title."""
+
+    def replaced(link: re.Match[str]) -> str:
+        words, path = link[1].strip("`"), _PROJECT / link[2]
+        if path.is_file():
+            return f"{{download}}`{words} <../{link[2]}>`"
+        if path.is_dir():
+            return f"{words} (`{link[2]}`)"
+        raise FileNotFoundError(f"{page}: no {link[2]} in the repository")
+
+    source[0] = _OUTSIDE.sub(replaced, source[0])
+    if page in _TITLES:
+        source[0] = f"# {_TITLES[page]}\n\n" + re.sub("^#+", "##", source[0], flags=re.MULTILINE)
+
+
+def setup(app: Any) -> None:
+    app.connect("source-read", _beyond_the_book)
