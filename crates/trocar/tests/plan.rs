@@ -69,7 +69,7 @@ fn of(expected: &[Prediction], id: ParameterId) -> &Prediction {
 fn the_predicted_error_is_the_one_that_identifications_make() {
     let is_long = std::env::var_os("TROCAR_STATISTICS").is_some();
     let (benches, tolerance, least) = if is_long { (200, 0.50, 0.90) } else { (16, 0.60, 0.75) };
-    let planned = plan(&config(40.0), &Goal::All, &[seal()], &[]).expect("a plan");
+    let planned = plan(&config(40.0), &Goal::All, &[seal()], &[], &|_, _| {}).expect("a plan");
     let ids = main_ones();
     let all = estimates(&planned.course, benches, &ids);
     let mut outside = Vec::new();
@@ -97,7 +97,7 @@ fn the_predicted_error_is_the_one_that_identifications_make() {
 fn viscous_damping_is_known_better_than_after_the_papers_protocol_in_less_time() {
     let goal: Goal = "viscous_damping_n_s_m".parse().expect("a goal");
     let config = PlanConfig { duration_s: 100.0, ..PlanConfig::default() };
-    let planned = plan(&config, &goal, &[], &[]).expect("a plan");
+    let planned = plan(&config, &goal, &[], &[], &|_, _| {}).expect("a plan");
     let (duration, paper) = planned.paper.expect("the rig can make it");
     let id = Quantity::ViscousDamping.id();
     let [ours, theirs] =
@@ -114,7 +114,8 @@ fn viscous_damping_is_known_better_than_after_the_papers_protocol_in_less_time()
 fn a_motion_keeps_to_the_limits_of_its_rig_and_is_smooth() {
     for (goal, seed) in [("all", 1), ("compensation", 2), ("half_width_m", 3)] {
         let config = PlanConfig { duration_s: 40.0, seed, draws: 3, ..PlanConfig::default() };
-        let planned = plan(&config, &goal.parse().expect("a goal"), &[], &[]).expect("a plan");
+        let planned =
+            plan(&config, &goal.parse().expect("a goal"), &[], &[], &|_, _| {}).expect("a plan");
         let Course { time, position } = &planned.course;
         let rig = config.rig;
         assert!(time[time.len() - 1] <= config.duration_s, "{goal} takes {}", time[time.len() - 1]);
@@ -138,7 +139,8 @@ fn a_motion_keeps_to_the_limits_of_its_rig_and_is_smooth() {
             "{}",
             largest(&jerk)
         );
-        let again = plan(&config, &goal.parse().expect("a goal"), &[], &[]).expect("a plan");
+        let again =
+            plan(&config, &goal.parse().expect("a goal"), &[], &[], &|_, _| {}).expect("a plan");
         assert_eq!(again, planned, "same seed, same motion");
     }
 }
@@ -146,9 +148,9 @@ fn a_motion_keeps_to_the_limits_of_its_rig_and_is_smooth() {
 #[test]
 fn what_is_recorded_already_counts() {
     let goal: Goal = "viscous_damping_n_s_m:1%".parse().expect("a goal");
-    let first = plan(&config(30.0), &goal, &[seal()], &[]).expect("a plan");
+    let first = plan(&config(30.0), &goal, &[seal()], &[], &|_, _| {}).expect("a plan");
     let recording = recorded(&first.course, 1);
-    let next = plan(&config(30.0), &goal, &[seal()], &[recording]).expect("a plan");
+    let next = plan(&config(30.0), &goal, &[seal()], &[recording], &|_, _| {}).expect("a plan");
     let id = Quantity::ViscousDamping.id();
     let [alone, both] = [&first, &next].map(|p| of(&p.expected, id).half_width);
     assert!(both < 0.85 * alone, "{both} after both, {alone} after the first alone");
@@ -158,14 +160,15 @@ fn what_is_recorded_already_counts() {
 
 #[test]
 fn what_cannot_be_planned_is_refused_with_the_way_out() {
-    let short = plan(&config(2.0), &Goal::All, &[seal()], &[]).expect_err("too short");
+    let short = plan(&config(2.0), &Goal::All, &[seal()], &[], &|_, _| {}).expect_err("too short");
     assert!(matches!(short, PlanError::TooShort { least, .. } if least > 2.0), "{short}");
     let mut narrow = config(60.0);
     narrow.rig.highest_m = narrow.rig.lowest_m + 0.02;
-    let narrow = plan(&narrow, &Goal::All, &[seal()], &[]).expect_err("too narrow");
+    let narrow = plan(&narrow, &Goal::All, &[seal()], &[], &|_, _| {}).expect_err("too narrow");
     assert!(matches!(narrow, PlanError::TooNarrow { .. }), "{narrow}");
     let absent = "stribeck_velocity_m_s".parse().expect("a parameter");
-    let absent = plan(&config(60.0), &absent, &[seal()], &[]).expect_err("the seal has none");
+    let absent =
+        plan(&config(60.0), &absent, &[seal()], &[], &|_, _| {}).expect_err("the seal has none");
     assert!(matches!(absent, PlanError::NotThere(..)), "{absent}");
     assert!("speed".parse::<Goal>().is_err());
     assert!("viscous_damping_n_s_m:-5%".parse::<Goal>().is_err());
