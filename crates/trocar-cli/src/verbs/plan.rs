@@ -42,8 +42,8 @@ pub(crate) struct Args {
     /// Model of the seal, from a pilot; without it, seals drawn from the prior of RIG.toml
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
-    /// Expect seals with the published friction forces of a study, a key of `trocar ranges`, in
-    /// place of prior.coulomb_force_n
+    /// Expect seals with the published friction forces of a study, a key of `trocar ranges`, as
+    /// prior.like in RIG.toml
     #[arg(long, value_name = "KEY", conflicts_with = "model")]
     like: Option<String>,
     /// Recording that is there already; may be repeated. With --model

@@ -471,6 +471,13 @@ impl Information {
         Self(&self.0 + &more.0 * times)
     }
 
+    /// The matrix, in the order of the free parameters: sensor offset, F_c, β, what else the element
+    /// uses of its sliding, c, and for each branch its join as a fraction of c, the force there and
+    /// the coefficients of its pieces.
+    pub fn matrix(&self) -> &DMatrix<f64> {
+        &self.0
+    }
+
     fn inverse(&self) -> Option<DMatrix<f64>> {
         let scale = self.0.diagonal().map(|d| 1.0 / d.max(f64::MIN_POSITIVE).sqrt());
         let n = scale.len();

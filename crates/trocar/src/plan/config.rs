@@ -57,7 +57,8 @@ pub struct Rig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Prior {
-    /// Key of a study whose published friction force is the range of F_c, in place of the next.
+    /// Key of a study whose published friction force is the range of F_c, in place of the default of
+    /// the next.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub like: Option<String>,
     /// F_c, N.
@@ -174,15 +175,8 @@ impl PlanConfig {
     /// # Errors
     /// What is no such document, or a value out of its range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
-        let syntax =
-            |error: toml::de::Error| ConfigError::Syntax(error.to_string().trim_end().to_owned());
-        let config: Self = toml::from_str(text).map_err(syntax)?;
-        let keys: toml::Table = toml::from_str(text).map_err(syntax)?;
-        let prior = keys.get("prior").and_then(toml::Value::as_table);
-        let gives = |key| prior.is_some_and(|prior| prior.contains_key(key));
-        if gives("like") && gives("coulomb_force_n") {
-            return Err(ConfigError::LikeAlone);
-        }
+        let config: Self = toml::from_str(text)
+            .map_err(|error| ConfigError::Syntax(error.to_string().trim_end().to_owned()))?;
         config.check()?;
         Ok(config)
     }
@@ -268,6 +262,9 @@ impl Rig {
 impl Prior {
     fn check(&self) -> Result<(), ConfigError> {
         self.seals()?;
+        if self.like.is_some() && self.coulomb_force_n != Self::default().coulomb_force_n {
+            return Err(ConfigError::LikeAlone);
+        }
         let pair = |name, allowed, [low, high]: [f64; 2], range: [f64; 2]| {
             within(name, allowed, low, range)?;
             within(name, allowed, high, [low, range[1]])

@@ -61,9 +61,11 @@ pub enum PlanError {
     },
     /// The travel is less than the seal needs to slide.
     #[error(
-        "the rig's travel of {travel_m} m is too short: a seal that deforms by {half_width_m} m to either side needs \
-         strokes of at least {least_m} m\n\nhint: widen rig.lowest_m to rig.highest_m, or lower prior.half_width_m if \
-         the seals are narrower"
+        "the rig's travel of {:.1} mm is too short: a seal that deforms by {:.1} mm to either side needs at least \
+         {:.1} mm\n\nhint: widen rig.lowest_m to rig.highest_m, or lower prior.half_width_m if the seals are narrower",
+        1e3 * travel_m,
+        1e3 * half_width_m,
+        1e3 * least_m
     )]
     TooNarrow {
         /// Travel of the rig, m.

@@ -105,9 +105,9 @@ fn motion(input: &PlanReport) -> Section {
             Cell::Text(share.block.interruption.to_string()),
             Cell::Number { value: MM * share.block.speed_m_s, digits: 3 },
             Cell::Number { value: MM * share.block.length_m, digits: 3 },
-            Cell::Text(share.count.to_string()),
+            Cell::Number { value: share.count as f64, digits: 3 },
             Cell::Number { value: share.duration_s, digits: 3 },
-            Cell::Text(format!("{:.0}", 1e2 * share.information.max(0.0))),
+            Cell::Number { value: 1e2 * share.information.max(0.0), digits: 2 },
         ])
     });
     Section::new("The motion")
@@ -123,10 +123,10 @@ fn motion(input: &PlanReport) -> Section {
 fn expected(input: &PlanReport) -> Section {
     let plan = input.plan;
     let paper = plan.paper.as_ref();
-    let head = paper.map(|(duration, _)| format!("Paper's protocol, {duration:.0} s"));
+    let head = paper.map(|(duration, _)| format!("Paper, {duration:.0} s"));
     let time = format!("Time for ±{} % (s)", significant(1e2 * PRECISION, 2));
-    let columns = ["Parameter", "Symbol", "Unit", "Value", "Half width", "Of the value (%)"];
-    let columns = columns.into_iter().chain(["Least certain seal"]).chain(head.as_deref());
+    let columns = ["Parameter", "Unit", "Value", "Half width", "Of the value (%)"];
+    let columns = columns.into_iter().chain(["Worst seal"]).chain(head.as_deref());
     let table = Table::new(
         "Half widths of the 95 % intervals to expect: medians over the seals",
         columns.chain([time.as_str()]),
@@ -137,8 +137,7 @@ fn expected(input: &PlanReport) -> Section {
         let half_width =
             if p.determined { number(scale * p.half_width) } else { Cell::Undetermined };
         let mut row = vec![
-            Cell::Text(name_of(p.id)),
-            Cell::Text(p.id.symbol().to_string()),
+            Cell::Text(format!("{} {}", name_of(p.id), p.id.symbol())),
             Cell::from(shown),
             number(scale * p.value),
             half_width,
@@ -151,8 +150,8 @@ fn expected(input: &PlanReport) -> Section {
         table.row(row)
     });
     let section = Section::new("What to expect").table(table).paragraph(
-        "Intervals as identify computes them, with the noise below. Times: of a motion like this one, beside the recordings \
-         that are there, if intervals shrink with the root of the time.",
+        "Intervals as identify computes them, with the noise below. Paper: its protocol (EMS IV-A) on the same rig. Times: of a motion \
+         like this one, beside the recordings that are there, if intervals shrink with the root of the time.",
     );
     let section = match (plan.needed_s, input.goal) {
         (Some(needed), Goal::Parameter(..)) => section.paragraph(needed_in_words(plan, needed)),
