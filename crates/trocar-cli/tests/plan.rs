@@ -4,6 +4,9 @@ use std::fs;
 
 use crate::common::Place;
 
+const README: &str = include_str!("../../../README.md");
+const PAGE: &str = include_str!("../../../docs/plan.md");
+
 /// A plan that takes little time: two seals, the reserve and little more.
 const SMALL: &str = "duration_s = 60.0\ndraws = 2\n[rig]\nsample_rate_hz = 200.0\n";
 
@@ -39,6 +42,38 @@ fn a_plan_is_a_motion_that_the_bench_makes() {
     let off =
         recorded[0].iter().zip(&recorded[1]).map(|(t, x)| (x - at(*t)).abs()).fold(0.0, f64::max);
     assert!(off < 1e-3, "{off} m beside the motion");
+}
+
+/// Words and numbers of the lines of a text.
+fn numbers(text: &str) -> Vec<(Vec<&str>, Vec<f64>)> {
+    text.lines()
+        .map(|line| {
+            let (numbers, words): (Vec<&str>, Vec<&str>) =
+                line.split_whitespace().partition(|word| word.parse::<f64>().is_ok());
+            (words, numbers.iter().map(|n| n.parse().unwrap()).collect())
+        })
+        .collect()
+}
+
+/// Processors round differently: the motion is the same, intervals agree within a per cent.
+#[test]
+fn the_pages_show_the_plan_for_a_rig_like_the_papers() {
+    let printed = Place::new().run("plan --out motion.csv").ends_with(0).stdout;
+    for (name, page) in [("README.md", README), ("docs/plan.md", PAGE)] {
+        let from = page.find("for all parameters:").expect("the plan is shown");
+        let shown = &page[from..from + page[from..].find("```").expect("its end")];
+        let shown = shown.split("\n$ ").next().unwrap();
+        let pairs = numbers(&printed);
+        assert_eq!(numbers(shown).len(), pairs.len(), "{name} does not show\n{printed}");
+        for ((words, own), (others, theirs)) in numbers(shown).into_iter().zip(pairs) {
+            assert_eq!(words, others, "{name}");
+            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-2 * a.abs() + 1e-4;
+            assert!(
+                own.iter().zip(&theirs).all(near),
+                "{name}: {words:?} {own:?}, found {theirs:?}"
+            );
+        }
+    }
 }
 
 #[test]
@@ -92,7 +127,7 @@ fn the_report_shows_the_motion_and_what_to_expect() {
     ] {
         assert!(page.contains(part), "no {part}");
     }
-    assert!(!page.contains("https://"), "the page needs nothing else");
+    assert!(!page.contains("src=\"http"), "the page needs nothing else");
     let rows =
         ran.stdout.lines().filter(|line| line.contains(" strokes ") || line.contains(" of "));
     assert!(rows.count() > 3, "{}", ran.stdout);

@@ -11,7 +11,7 @@
 //! other one friction scale; a ripple, and friction that changes with every reversal h, make its
 //! errors larger than M⁻¹ says. C accounts for that.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use trocar_model::{ElementParams, ParamError, ParameterId, Quantity};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
@@ -21,6 +21,7 @@ use super::likelihood::{self, Column, Row, Trial};
 use super::numbers::{branch_ids, factor_of, quantities};
 use super::spread::{Dependent, PRIOR_WIDTH};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
+use crate::cancel;
 use crate::recording::{Recording, RecordingError};
 use crate::segment::{Stroke, reversal_threshold, strokes};
 
@@ -280,20 +281,28 @@ impl Rows {
         for run in self.rows.chunk_by(|a, b| a.run == b.run) {
             let mut friction = Reversals::new(back, noise.scatter_travel_m, own);
             let mut ripple = DVector::zeros(own);
-            for row in run {
-                let mut moved =
-                    gain.columns(0, common) * DVector::from_column_slice(&row.derivatives);
-                row.scales(common).for_each(|(k, z)| moved.axpy(z, &gain.column(k), 1.0));
-                moved *= row.weight / sigma2;
-                sum.ger(noise.force_n.powi(2) / samples(row), &moved, &moved, 1.0);
-                friction.step(row, &moved, &mut sum, noise.scatter.powi(2));
+            for block in run.chunks(BLOCK) {
+                cancel::check();
+                let moved = moved(block, gain, common, sigma2);
+                let scaled = |factor: &dyn Fn(&Row) -> f64| {
+                    let mut scaled = moved.clone();
+                    let columns = scaled.column_iter_mut().zip(block);
+                    columns.for_each(|(mut column, row)| column *= factor(row));
+                    scaled
+                };
+                let white = scaled(&|row| noise.force_n / samples(row).sqrt());
+                let rippled = scaled(&|row| noise.ripple * row.force);
                 // Σ_ik b_i·b_k·exp(−|s_i − s_k|/ℓ) by a sum that fades along the path.
-                ripple *= (-row.displacement.abs() / noise.ripple_length_m).exp();
-                moved *= noise.ripple * row.force;
-                sum.ger(1.0, &moved, &ripple, 1.0);
-                sum.ger(1.0, &ripple, &moved, 1.0);
-                sum.ger(1.0, &moved, &moved, 1.0);
-                ripple += moved;
+                let mut faded = DMatrix::zeros(own, block.len());
+                for (i, row) in block.iter().enumerate() {
+                    ripple *= (-row.displacement.abs() / noise.ripple_length_m).exp();
+                    faded.set_column(i, &ripple);
+                    ripple += rippled.column(i);
+                    friction.step(row, &moved.column(i), &mut sum, noise.scatter.powi(2));
+                }
+                let crossed = &rippled * faded.transpose();
+                sum += &white * white.transpose() + &rippled * rippled.transpose();
+                sum += crossed.transpose() + crossed;
             }
             friction.end(&mut sum, noise.scatter.powi(2));
         }
@@ -378,6 +387,20 @@ impl Rows {
     }
 }
 
+/// Steps taken at a time.
+const BLOCK: usize = 1024;
+
+/// M⁻¹·A'W/σ² of steps: how far an error of each moves the estimate.
+fn moved(block: &[Row], gain: &DMatrix<f64>, common: usize, sigma2: f64) -> DMatrix<f64> {
+    let derivatives = DMatrix::from_fn(common, block.len(), |j, i| block[i].derivatives[j]);
+    let mut moved = gain.columns(0, common) * derivatives;
+    for (mut column, row) in moved.column_iter_mut().zip(block) {
+        row.scales(common).for_each(|(k, z)| column.axpy(z, &gain.column(k), 1.0));
+        column *= row.weight / sigma2;
+    }
+    moved
+}
+
 /// Rows of M⁻¹ that belong to the first `own` columns; `None` where M has no inverse in numbers.
 fn gain(
     normal: &DMatrix<f64>,
@@ -428,7 +451,7 @@ impl Reversals {
     }
 
     /// Adds a step; at a reversal adds `variance` times what is complete to `sum`.
-    fn step(&mut self, row: &Row, moved: &DVector<f64>, sum: &mut DMatrix<f64>, variance: f64) {
+    fn step(&mut self, row: &Row, moved: &DVectorView<f64>, sum: &mut DMatrix<f64>, variance: f64) {
         self.at += row.displacement;
         if self.direction == 0.0 && row.displacement != 0.0 {
             self.direction = row.displacement.signum();
