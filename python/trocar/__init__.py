@@ -34,6 +34,7 @@ from ._core import (
     MotionError,
     NotConverged,
     ParameterError,
+    PlanError,
     Recording,
     RecordingError,
     Stepper,
@@ -51,6 +52,7 @@ from ._core import (
 )
 from ._arrays import column as _column, count as _count
 from ._many import simulate_many, squared_error_many
+from ._plan import Plan, Prediction, plan, plan_config
 from ._progress import Progress as _Progress, watched as _watched
 from ._sweep import sweep
 from ._teleop import Advice, HybridMatrix, Merit, StabilityMap, Teleoperation, teleop, teleop_config
@@ -100,6 +102,9 @@ __all__ = [
     "Parameter",
     "ParameterError",
     "Parameters",
+    "Plan",
+    "PlanError",
+    "Prediction",
     "Recording",
     "RecordingError",
     "RecordingValidation",
@@ -122,6 +127,8 @@ __all__ = [
     "compensate",
     "fleet",
     "identify",
+    "plan",
+    "plan_config",
     "read",
     "simulate",
     "simulate_full",

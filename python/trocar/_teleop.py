@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _core, _plot, _report, _show
-from ._arrays import column, count, plain
+from ._arrays import column, count
 from ._core import Model, ParameterError, TeleopError, TrocarError
+from ._keys import as_json, document, merged
 from ._progress import Progress, watched
 
 if TYPE_CHECKING:
@@ -91,14 +92,14 @@ def teleop(
     ):
         if is_given and not is_on:
             raise ParameterError(f"{name} changes nothing without {option}=True")
-    text, file, keys = _document(config)
+    text, file, keys = document(config, dict(_core.teleop_presets()))
     with watched(progress) as watching:
         summary, course, matrix = _core.teleop(
             model,
             compensator=compensator,
             text=text,
             name=file,
-            changes=_json(_merged(keys, changes)),
+            changes=as_json(merged(keys, changes), TeleopError),
             advise=advise,
             draws=draws,
             least_friction=float(least_friction),
@@ -121,51 +122,6 @@ def teleop_config(device: Optional[str] = None) -> str:
     if device not in presets:
         raise ParameterError(f"device must be one of {', '.join(presets)}, got {device!r}")
     return presets[device]
-
-
-def _document(
-    config: Union[_Path, Mapping[str, Any], None],
-) -> tuple[Optional[str], Optional[str], Mapping[str, Any]]:
-    """Text of a loop, its name, and the keys of a dictionary."""
-    if config is None:
-        return None, None, {}
-    if isinstance(config, Mapping):
-        return None, None, config
-    if isinstance(config, str) and "\n" in config:
-        return config, None, {}
-    if not isinstance(config, (str, os.PathLike)):
-        what = "config must be the name of a device, a path, a TOML text or a dictionary"
-        raise TypeError(f"{what}, got {type(config).__name__}")
-    presets = dict(_core.teleop_presets())
-    path = os.fspath(config)
-    if isinstance(config, str) and path in presets:
-        return presets[path], None, {}
-    try:
-        with open(path, encoding="utf-8") as file:
-            return file.read(), str(path), {}
-    except FileNotFoundError as error:
-        why = f"{error.strerror}, and no device has this name ({', '.join(presets)})"
-        raise FileNotFoundError(error.errno, why, str(path)) from None
-
-
-def _merged(keys: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    merged = dict(keys)
-    for name, value in changes.items():
-        old = merged.get(name)
-        are_sections = isinstance(old, Mapping) and isinstance(value, Mapping)
-        merged[name] = {**old, **value} if are_sections else value  # type: ignore[dict-item]
-    return merged
-
-
-def _json(keys: Mapping[str, Any]) -> str:
-    """``keys`` as JSON, which has no numbers that are not finite."""
-    for name, value in keys.items():
-        own = value if isinstance(value, Mapping) else {"": value}
-        for inner, leaf in own.items():
-            number = leaf.tolist() if hasattr(leaf, "tolist") else leaf
-            if isinstance(number, float) and not math.isfinite(number):
-                raise TeleopError(f"{name}{'.' if inner else ''}{inner} must be finite, got {number}")
-    return json.dumps(keys, default=plain, allow_nan=False)
 
 
 def _numbers(name: str, values: Optional[ArrayLike]) -> Optional[list[float]]:

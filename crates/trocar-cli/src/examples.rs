@@ -101,7 +101,7 @@ const EXAMPLES: [Example; 18] = [
     (
         "plan",
         &[
-            ("One minute that tells most about a seal never seen", "trocar plan --out motion.csv"),
+            ("One minute that tells most about an unknown seal", "trocar plan --out motion.csv"),
             (
                 "What to record next to know the viscous damping within 5 %",
                 "trocar plan --model result --after steady.csv --for viscous_damping_n_s_m:5% --out next.csv",

@@ -9,6 +9,7 @@ mod console;
 mod examples;
 mod input;
 mod models;
+mod page;
 mod progress;
 mod table;
 mod verbs;

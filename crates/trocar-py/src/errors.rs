@@ -47,6 +47,7 @@ create_exception!(
 create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
 create_exception!(trocar, SweepError, TrocarError, "A sweep that cannot be made.");
 create_exception!(trocar, TeleopError, TrocarError, "A teleoperation loop that cannot run.");
+create_exception!(trocar, PlanError, TrocarError, "A motion that cannot be planned.");
 create_exception!(
     trocar,
     InternalError,
@@ -168,6 +169,18 @@ impl Raise for trocar::teleop::ConfigError {
     }
 }
 
+impl Raise for trocar::plan::ConfigError {
+    fn raise(self) -> PyErr {
+        PlanError::new_err(in_python(&self.to_string()))
+    }
+}
+
+impl Raise for trocar::plan::PlanError {
+    fn raise(self) -> PyErr {
+        PlanError::new_err(in_python(&self.to_string()))
+    }
+}
+
 impl Raise for trocar_model::ParamError {
     fn raise(self) -> PyErr {
         ParameterError::new_err(self.to_string())
@@ -211,6 +224,7 @@ pub(crate) fn in_python(text: &str) -> String {
     let text = text
         .replace("`trocar sweep --print-config` prints", "trocar.sweep_config() gives")
         .replace("`trocar bench --print-config` prints", "trocar.bench_config() gives")
+        .replace("`trocar plan --print-config` prints", "trocar.plan_config() gives")
         .replace("`trocar teleop --print-config` prints", "trocar.teleop_config() gives");
     let mut words = text.split(' ').peekable();
     let mut out: Vec<String> = Vec::new();

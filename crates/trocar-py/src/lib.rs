@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Identified, Validated, Compared ─▶ Python results
-//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep, teleop
+//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep, teleop, plan
 //! ```
 //! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception
 //! with the library's message; a panic becomes `InternalError` and never reaches the interpreter.
@@ -16,8 +16,10 @@ mod compensate;
 mod errors;
 mod fleet;
 mod identify;
+mod keys;
 mod many;
 mod model;
+mod plan;
 mod recording;
 mod shared;
 mod simulate;
@@ -41,8 +43,8 @@ mod _core {
     #[pymodule_export]
     use crate::errors::{
         ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError,
-        MotionError, NotConverged, ParameterError, RecordingError, SweepError, TeleopError,
-        TrocarError,
+        MotionError, NotConverged, ParameterError, PlanError, RecordingError, SweepError,
+        TeleopError, TrocarError,
     };
     #[pymodule_export]
     use crate::fleet::{
@@ -54,6 +56,8 @@ mod _core {
     use crate::many::{simulate_many, squared_error_many};
     #[pymodule_export]
     use crate::model::{Model, Tunable, parameter_least};
+    #[pymodule_export]
+    use crate::plan::{plan, plan_example};
     #[pymodule_export]
     use crate::recording::{Recording, read};
     #[pymodule_export]

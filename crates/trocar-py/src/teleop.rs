@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use serde_json::{Map as Object, Value, json};
+use serde_json::{Value, json};
 use trocar::model_file::ModelFile;
 use trocar::teleop::advise::{self, Advice, Map};
 use trocar::teleop::config::{EXAMPLE_TOML, PRESETS};
@@ -17,6 +17,7 @@ use trocar::teleop::{
 use trocar_model::Trocar;
 
 use crate::errors::{Raise, TeleopError, in_python};
+use crate::keys::changed;
 use crate::model::Model;
 use crate::work::{How, Report, run};
 
@@ -66,7 +67,9 @@ pub(crate) fn teleop<'py>(
 ) -> PyResult<(String, Option<Arrays<'py>>, Option<Arrays<'py>>)> {
     let plant = model.get().file().clone();
     let compensator = compensator.map_or_else(|| plant.clone(), |own| own.get().file().clone());
-    let config = changed(document(text, name)?, changes).map_err(Raise::raise)?;
+    let config =
+        changed(document(text, name)?, changes, ConfigError::Syntax).map_err(Raise::raise)?;
+    config.check().map_err(Raise::raise)?;
     if (advise || map) && !config.uses_compensation() {
         return Err(TeleopError::new_err(IN_VAIN));
     }
@@ -90,38 +93,6 @@ fn document(text: Option<&str>, name: Option<&str>) -> PyResult<Config> {
         None => error.raise(),
     };
     Ok(read.map_err(in_file)?.unwrap_or_default())
-}
-
-/// `config` with the keys of the nested object `changes`, one by one, so that a message names the key.
-fn changed(mut config: Config, changes: &str) -> Result<Config, ConfigError> {
-    let syntax = |name: &str| {
-        let name = name.to_owned();
-        move |error: serde_json::Error| ConfigError::Syntax(format!("{name}: {error}"))
-    };
-    let changes: Object<String, Value> = serde_json::from_str(changes).map_err(syntax("config"))?;
-    for (key, value) in changes {
-        match value {
-            Value::Object(inner) if !inner.is_empty() => {
-                for (own, value) in inner {
-                    let name = format!("{key}.{own}");
-                    config = with(&config, &key, json!({ (own): value })).map_err(syntax(&name))?;
-                }
-            }
-            value => config = with(&config, &key, value).map_err(syntax(&key))?,
-        }
-    }
-    config.check()?;
-    Ok(config)
-}
-
-/// `config` with the value of one key; an object changes only the keys that it has.
-fn with(config: &Config, key: &str, value: Value) -> serde_json::Result<Config> {
-    let mut all = serde_json::to_value(config)?;
-    match (all.get_mut(key), value) {
-        (Some(Value::Object(old)), Value::Object(new)) => old.extend(new),
-        (_, value) => all[key] = value,
-    }
-    serde_json::from_value(all)
 }
 
 /// Everything that was asked for.

@@ -2,49 +2,34 @@
 //! their limits.
 
 use rayon::prelude::*;
-use trocar::bench::{BenchConfig, Course, run_motion};
-use trocar::identify::{IdentifyOptions, identify};
-use trocar::plan::{Goal, PlanConfig, PlanError, Prediction, plan};
+use trocar::bench::{BenchConfig, Course, Protocol, random_plausible_seal, run_motion};
+use trocar::cancel::{Cancel, Stopped};
+use trocar::identify::{IdentifyOptions, Motion, Noise, Rows, identify};
+use trocar::plan::{Goal, PlanConfig, PlanError, Prediction, plan, predicted};
 use trocar::recording::Recording;
-use trocar_model::{Element, ElementParams, ParameterId, Quantity};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, MaxwellSlip, ParameterId, Piece, Quantity,
+    SlidingFriction, SlipElement,
+};
 
 fn seal() -> ElementParams {
     ElementParams::plausible_10_5_mm().expect("a seal")
 }
 
-/// The noise of the virtual bench, whose friction does not drift.
+/// The noise of the virtual bench with little drift.
 fn config(duration_s: f64) -> PlanConfig {
     let mut config = PlanConfig { duration_s, ..PlanConfig::default() };
     config.noise.drift = 3e-3;
     config
 }
 
-fn recorded(motion: &Course, seed: u64) -> Recording {
-    let element = [Element::new(seal()).expect("a model")];
+fn recorded(motion: &Course, seal: ElementParams, seed: u64) -> Recording {
+    let element = [Element::new(seal).expect("a model")];
     let mut bench = BenchConfig::default();
     // Weight and inertia of the rod are subtracted before identification.
     bench.rod.mass_kg = 0.0;
     let run = run_motion(&bench, motion, &element, seed).expect("the rig runs");
     run.to_recording(format!("plan-{seed}")).expect("finite columns")
-}
-
-/// The estimates of one parameter over benches, and how often its interval holds the truth.
-fn estimates(motion: &Course, benches: u64, ids: &[ParameterId]) -> Vec<Vec<(f64, [f64; 2])>> {
-    let of = |seed: u64| {
-        let options = IdentifyOptions {
-            bootstrap: 0,
-            seed,
-            free_motion: false,
-            ..IdentifyOptions::default()
-        };
-        let found = identify(&[recorded(motion, seed)], &options, &|_, _| {}).expect("it slides");
-        let one = |id: &ParameterId| {
-            let parameter = found.parameters.iter().find(|p| p.id == *id).expect("it is estimated");
-            (parameter.estimate.value, parameter.estimate.ci95)
-        };
-        ids.iter().map(one).collect::<Vec<_>>()
-    };
-    (1..=benches).into_par_iter().map(of).collect()
 }
 
 fn main_ones() -> Vec<ParameterId> {
@@ -64,29 +49,75 @@ fn of(expected: &[Prediction], id: ParameterId) -> &Prediction {
     expected.iter().find(|p| p.id == id).expect("it is expected")
 }
 
-/// 200 benches with `./test --statistics`; the standard deviation of n values is known to 1/√(2n).
+/// Errors of the estimates of one seal over the predicted ones, whether the intervals hold the truth, and whether its
+/// branches snap through.
+struct Outcome {
+    of: Vec<(f64, bool)>,
+    snaps_through: bool,
+}
+
+fn outcome(config: &PlanConfig, motion: &Course, k: u64) -> Outcome {
+    let seal = random_plausible_seal(1000 + k);
+    let expected = predicted(config, &[seal], motion, &[]).expect("a prediction");
+    let options =
+        IdentifyOptions { bootstrap: 0, seed: k, free_motion: false, ..IdentifyOptions::default() };
+    let found = identify(&[recorded(motion, seal, k)], &options, &|_, _| {}).expect("it slides");
+    let one = |id: ParameterId| {
+        let (expected, estimate) =
+            (of(&expected, id), found.estimate(id).expect("it is estimated"));
+        let error = (estimate.value - expected.value) / expected.standard_deviation;
+        (error, !estimate.determined || estimate.covers(expected.value))
+    };
+    let branch = seal.deformation.insertion();
+    let snaps_through = branch.right().stiffness(branch.join()) < 0.0;
+    Outcome { of: main_ones().into_iter().map(one).collect(), snaps_through }
+}
+
+/// Root mean square of the errors, the same from their median (0.6745 of a normal distribution's standard deviation),
+/// and how often the intervals hold the truth.
+fn realised<'a>(all: impl Iterator<Item = &'a (f64, bool)>) -> [f64; 3] {
+    let all: Vec<&(f64, bool)> = all.collect();
+    let mut errors: Vec<f64> = all.iter().map(|found| found.0.abs()).collect();
+    errors.sort_by(f64::total_cmp);
+    let n = errors.len() as f64;
+    let covered = all.iter().filter(|found| found.1).count() as f64;
+    let whole = (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt();
+    [whole, errors[errors.len() / 2] / 0.6745, covered / n]
+}
+
+/// Seals of the prior on the bench with its default noise: 200 with `./test --statistics`. F_c, β and c of all seals; the
+/// joins of those that snap through, by their median, since a fit may find another join, far outside of any linear
+/// prediction. Of a branch that rises throughout it often does.
 #[test]
 fn the_predicted_error_is_the_one_that_identifications_make() {
     let is_long = std::env::var_os("TROCAR_STATISTICS").is_some();
-    let (benches, tolerance, least) = if is_long { (200, 0.50, 0.90) } else { (16, 0.60, 0.75) };
-    let planned = plan(&config(40.0), &Goal::All, &[seal()], &[]).expect("a plan");
-    let ids = main_ones();
-    let all = estimates(&planned.course, benches, &ids);
+    // Ratios of a few seals scatter.
+    let (seals, within, covered) = if is_long {
+        (200, [[0.85, 1.3], [0.7, 1.5]], [[0.93, 1.0], [0.8, 1.0]])
+    } else {
+        (12, [[0.4, 1.9], [0.2, 3.0]], [[0.7, 1.0], [0.5, 1.0]])
+    };
+    let config = PlanConfig::default();
+    let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
+    let all: Vec<Outcome> =
+        (1..=seals).into_par_iter().map(|k| outcome(&config, &planned.course, k)).collect();
     let mut outside = Vec::new();
-    for (k, id) in ids.iter().enumerate() {
-        let expected = of(&planned.expected, *id);
-        let n = all.len() as f64;
-        let mean = all.iter().map(|found| found[k].0).sum::<f64>() / n;
-        let variance = all.iter().map(|found| (found[k].0 - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let ratio = variance.sqrt() / expected.standard_deviation;
-        let holds = |ci: [f64; 2]| ci[0] <= expected.value && expected.value <= ci[1];
-        let covered = all.iter().filter(|found| holds(found[k].1)).count() as f64 / n;
+    for (k, id) in main_ones().into_iter().enumerate() {
+        let is_join = k >= 3;
+        let counts = |found: &&Outcome| !is_join || found.snaps_through;
+        let [whole, median, coverage] = realised(all.iter().filter(counts).map(|o| &o.of[k]));
         println!(
-            "{id}: predicted {:.3e}, realised over predicted {ratio:.2}, coverage {covered:.3}",
-            expected.standard_deviation
+            "{id}: realised over predicted {whole:.2}, by the median {median:.2}, coverage {coverage:.3}"
         );
-        if (ratio - 1.0).abs() > tolerance || covered < least {
-            outside.push((id.to_string(), ratio, covered));
+        if is_join {
+            let rising = realised(all.iter().filter(|o| !o.snaps_through).map(|o| &o.of[k]));
+            println!("  branches that rise throughout: {rising:.3?}");
+        }
+        let ratio = if is_join { median } else { whole };
+        let holds = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
+        let kind = usize::from(is_join);
+        if !holds(within[kind], ratio) || !holds(covered[kind], coverage) {
+            outside.push((id.to_string(), ratio, coverage));
         }
     }
     assert!(outside.is_empty(), "{outside:?}");
@@ -97,7 +128,7 @@ fn the_predicted_error_is_the_one_that_identifications_make() {
 fn viscous_damping_is_known_better_than_after_the_papers_protocol_in_less_time() {
     let goal: Goal = "viscous_damping_n_s_m".parse().expect("a goal");
     let config = PlanConfig { duration_s: 100.0, ..PlanConfig::default() };
-    let planned = plan(&config, &goal, &[], &[]).expect("a plan");
+    let planned = plan(&config, &goal, &[], &[], &|_, _| {}).expect("a plan");
     let (duration, paper) = planned.paper.expect("the rig can make it");
     let id = Quantity::ViscousDamping.id();
     let [ours, theirs] =
@@ -113,8 +144,9 @@ fn viscous_damping_is_known_better_than_after_the_papers_protocol_in_less_time()
 #[test]
 fn a_motion_keeps_to_the_limits_of_its_rig_and_is_smooth() {
     for (goal, seed) in [("all", 1), ("compensation", 2), ("half_width_m", 3)] {
-        let config = PlanConfig { duration_s: 40.0, seed, draws: 3, ..PlanConfig::default() };
-        let planned = plan(&config, &goal.parse().expect("a goal"), &[], &[]).expect("a plan");
+        let config = PlanConfig { seed, draws: 3, ..PlanConfig::default() };
+        let planned =
+            plan(&config, &goal.parse().expect("a goal"), &[], &[], &|_, _| {}).expect("a plan");
         let Course { time, position } = &planned.course;
         let rig = config.rig;
         assert!(time[time.len() - 1] <= config.duration_s, "{goal} takes {}", time[time.len() - 1]);
@@ -138,17 +170,129 @@ fn a_motion_keeps_to_the_limits_of_its_rig_and_is_smooth() {
             "{}",
             largest(&jerk)
         );
-        let again = plan(&config, &goal.parse().expect("a goal"), &[], &[]).expect("a plan");
+        let again =
+            plan(&config, &goal.parse().expect("a goal"), &[], &[], &|_, _| {}).expect("a plan");
         assert_eq!(again, planned, "same seed, same motion");
     }
+}
+
+/// Entries differ by less than this, relative to the diagonal: steps of several samples have one mean derivative.
+const THINNED: f64 = 0.02;
+
+/// An element of four straight pieces, as `reference/information_scipy.py` describes it.
+fn straight_pieces(values: &serde_json::Value) -> ElementParams {
+    let of = |name: &str| values[name].as_f64().expect("a number");
+    let (force, width) = (of("coulomb_force_n"), of("half_width_m"));
+    let branch = |direction: &str| {
+        let join = of(&format!("{direction}_join_fraction")) * width;
+        let at_join = of(&format!("{direction}_join_force_n"));
+        let piece = |[from, to]: [f64; 2], [low, high]: [f64; 2]| {
+            Piece::new(from, to, &[0.5 * (low + high), 0.5 * (high - low)]).expect("a piece")
+        };
+        let left = piece([-width, join], [-force, at_join]);
+        Branch::new(left, piece([join, width], [at_join, force])).expect("a branch")
+    };
+    let [insertion, withdrawal] = ["insertion", "withdrawal"].map(branch);
+    let deformation = DeformationForce::new(insertion, withdrawal, None).expect("a force");
+    let sliding = SlidingFriction::coulomb(force, of("viscous_damping_n_s_m"));
+    ElementParams::new(deformation, sliding, sliding)
+}
+
+#[test]
+fn the_information_is_that_of_another_program() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../reference/vectors");
+    let text = std::fs::read_to_string(format!("{folder}/parameters.json")).expect("the sets");
+    let sets: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let set = &sets["ems_information"];
+    let table = std::fs::read_to_string(format!("{folder}/ems_information.csv")).expect("the set");
+    let rows = table.lines().skip(1).map(|line| {
+        let mut cells = line.split(',').map(|cell| cell.parse::<f64>().expect("a number"));
+        (cells.next().expect("a time"), cells.next().expect("a position"))
+    });
+    let (time, position): (Vec<f64>, Vec<f64>) = rows.unzip();
+    let motion = Motion::planned(&time, &position).expect("a motion");
+    let number = |name: &str| set[name].as_f64().expect("a number");
+    let noise = Noise {
+        force_n: number("noise_n"),
+        scatter: number("scatter"),
+        scatter_travel_m: 1e-9,
+        drift: 0.0,
+        ripple: 0.0,
+        ..Noise::default()
+    };
+    let element = straight_pieces(&set["parameters"]);
+    let rows = Rows::new(&[&motion], &element, &noise).expect("an element").expect("it runs");
+    let found = rows.information(&noise, [number("from_s"), f64::INFINITY]);
+    let other = |i: usize, j: usize| set["information"][i][j].as_f64().expect("a number");
+    assert_eq!(found.matrix().nrows(), set["order"].as_array().expect("names").len());
+    for i in 0..found.matrix().nrows() {
+        for j in 0..=i {
+            let scale = (other(i, i) * other(j, j)).sqrt();
+            let difference = (found.matrix()[(i, j)] - other(i, j)) / scale;
+            assert!(
+                difference.abs() < THINNED,
+                "{} and {}: {difference:.4}",
+                set["order"][i],
+                set["order"][j]
+            );
+        }
+    }
+}
+
+/// Least eigenvalue of the correlations between the derivatives of a Maxwell-Slip model's force along a motion: 0 where
+/// a parameter, or a combination of several, has no influence.
+fn least_influence(position: &[f64], elements: &[SlipElement]) -> f64 {
+    let force = |elements: &[SlipElement]| {
+        let model = MaxwellSlip::new(elements, 0.0).expect("a model");
+        let mut state = model.rest_state();
+        let steps = position.windows(2);
+        steps.map(|x| model.step(&mut state, x[1] - x[0], 1e-3)).collect::<Vec<f64>>()
+    };
+    let derivative = |k: usize| {
+        let moved = |sign: f64| {
+            let mut moved = elements.to_vec();
+            let element = &mut moved[k / 2];
+            let value = if k % 2 == 0 { &mut element.stiffness } else { &mut element.limit_force };
+            *value *= 1.0 + 1e-4 * sign;
+            force(&moved)
+        };
+        let (high, low) = (moved(1.0), moved(-1.0));
+        let column: Vec<f64> = high.iter().zip(&low).map(|(a, b)| a - b).collect();
+        let length = column.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+        column.into_iter().map(|v| v / length).collect::<Vec<f64>>()
+    };
+    let columns: Vec<Vec<f64>> = (0..2 * elements.len()).map(derivative).collect();
+    let product =
+        |i: usize, j: usize| columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum::<f64>();
+    let gram = nalgebra::DMatrix::from_fn(columns.len(), columns.len(), product);
+    gram.symmetric_eigenvalues().min()
+}
+
+/// RIZOS: the parameters of Maxwell-Slip are identifiable only from a motion that makes every element slip and stick.
+#[test]
+fn a_planned_motion_identifies_every_element_of_maxwell_slip() {
+    let planned = plan(&config(40.0), &Goal::All, &[seal()], &[], &|_, _| {}).expect("a plan");
+    // Limits up to the seal's half width of 8 mm.
+    let elements: Vec<SlipElement> = [1e-3, 2e-3, 4e-3, 8e-3]
+        .map(|limit_m| SlipElement { stiffness: 0.75 / limit_m, limit_force: 0.75 })
+        .to_vec();
+    let course = &planned.course.position;
+    let least = least_influence(course, &elements);
+    // The same motion, so small that the last element never slips.
+    let range = course.iter().fold(0.0, |most: f64, x| most.max((x - course[0]).abs()));
+    let small: Vec<f64> = course.iter().map(|x| 7e-3 * (x - course[0]) / range).collect();
+    let too_small = least_influence(&small, &elements);
+    println!("least influence {least:.3}, {too_small:.1e} where one element never slips");
+    assert!(least > 0.01, "{least}");
+    assert!(too_small < 1e-9, "{too_small}");
 }
 
 #[test]
 fn what_is_recorded_already_counts() {
     let goal: Goal = "viscous_damping_n_s_m:1%".parse().expect("a goal");
-    let first = plan(&config(30.0), &goal, &[seal()], &[]).expect("a plan");
-    let recording = recorded(&first.course, 1);
-    let next = plan(&config(30.0), &goal, &[seal()], &[recording]).expect("a plan");
+    let first = plan(&config(30.0), &goal, &[seal()], &[], &|_, _| {}).expect("a plan");
+    let recording = recorded(&first.course, seal(), 1);
+    let next = plan(&config(30.0), &goal, &[seal()], &[recording], &|_, _| {}).expect("a plan");
     let id = Quantity::ViscousDamping.id();
     let [alone, both] = [&first, &next].map(|p| of(&p.expected, id).half_width);
     assert!(both < 0.85 * alone, "{both} after both, {alone} after the first alone");
@@ -158,22 +302,58 @@ fn what_is_recorded_already_counts() {
 
 #[test]
 fn what_cannot_be_planned_is_refused_with_the_way_out() {
-    let short = plan(&config(2.0), &Goal::All, &[seal()], &[]).expect_err("too short");
-    assert!(matches!(short, PlanError::TooShort { least, .. } if least > 2.0), "{short}");
+    let short = plan(&config(2.0), &Goal::All, &[seal()], &[], &|_, _| {}).expect_err("too short");
+    let PlanError::TooShort { least, .. } = short else { panic!("{short}") };
+    let enough = plan(&config(least), &Goal::All, &[seal()], &[], &|_, _| {}).expect("a plan");
+    assert!(enough.duration_s() <= least);
+    assert!(plan(&config(least - 0.01), &Goal::All, &[seal()], &[], &|_, _| {}).is_err());
     let mut narrow = config(60.0);
     narrow.rig.highest_m = narrow.rig.lowest_m + 0.02;
-    let narrow = plan(&narrow, &Goal::All, &[seal()], &[]).expect_err("too narrow");
+    let narrow = plan(&narrow, &Goal::All, &[seal()], &[], &|_, _| {}).expect_err("too narrow");
     assert!(matches!(narrow, PlanError::TooNarrow { .. }), "{narrow}");
     let absent = "stribeck_velocity_m_s".parse().expect("a parameter");
-    let absent = plan(&config(60.0), &absent, &[seal()], &[]).expect_err("the seal has none");
+    let absent =
+        plan(&config(60.0), &absent, &[seal()], &[], &|_, _| {}).expect_err("the seal has none");
     assert!(matches!(absent, PlanError::NotThere(..)), "{absent}");
     assert!("speed".parse::<Goal>().is_err());
     assert!("viscous_damping_n_s_m:-5%".parse::<Goal>().is_err());
-    for wrong in
-        ["duration_s = nan", "[rig]\nfastest_m_s = 0.001", "[noise]\nscatter = 0", "speed = 1"]
-    {
+    let both = "[prior]\nlike = \"imeche-2015\"\ncoulomb_force_n = [1.0, 2.0]";
+    for wrong in [
+        both,
+        "[prior]\nlike = \"ems-2010\"",
+        "duration_s = nan",
+        "[rig]\nfastest_m_s = 0.001",
+        "[noise]\nscatter = 0",
+        "speed = 1",
+    ] {
         assert!(PlanConfig::from_toml(wrong).is_err(), "{wrong}");
     }
+}
+
+#[test]
+fn planning_is_cancelled() {
+    let cancel = Cancel::default();
+    let flag = cancel.clone();
+    let stop = move |_: &str, part: f64| {
+        if part > 0.0 {
+            flag.cancel();
+        }
+    };
+    let work = || plan(&config(60.0), &Goal::All, &[seal()], &[], &stop).is_ok();
+    assert!(matches!(cancel.run(1, work), Err(Stopped::Cancelled)));
+}
+
+#[test]
+fn a_pilot_has_the_limits_of_its_rig() {
+    let seal = [Element::new(seal()).expect("a model")];
+    let run = trocar::bench::run(&BenchConfig::default(), Protocol::Steady, &seal, 1);
+    let pilot = run.expect("the rig runs").to_recording("pilot").expect("finite columns");
+    let rig = PlanConfig::default().on_the_rig_of(&pilot).expect("limits").rig;
+    let near = |found: f64, true_one: f64, part: f64| (found / true_one - 1.0).abs() < part;
+    assert!(near(rig.fastest_m_s, 0.1, 0.01), "{rig:?}");
+    assert!(near(rig.acceleration_m_s2, 1.0, 0.2), "{rig:?}");
+    assert!(near(rig.travel_m(), 0.12, 0.01), "{rig:?}");
+    assert!(near(rig.encoder_step_m, 4e-6, 0.01) && near(rig.sample_rate_hz, 1000.0, 1e-6));
 }
 
 #[test]

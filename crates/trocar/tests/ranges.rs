@@ -41,6 +41,24 @@ fn impossible_numbers_are_refused() {
 }
 
 #[test]
+fn all_ranges_of_a_study_count_and_a_narrow_one_is_kept() {
+    let number = PUBLISHED_TOML.split("[[study.number]]").nth(1).unwrap();
+    let with = |ranges: &[&str]| {
+        let all = ranges.iter().map(|range| number.replacen("[0.25, 3.0]", range, 1));
+        let all: String = all.map(|number| format!("[[study.number]]{number}")).collect();
+        let first = format!("[[study.number]]{number}");
+        parse(&PUBLISHED_TOML.replacen(&first, &all, 1)).unwrap().swap_remove(0)
+    };
+    assert_eq!(with(&["[1.0, 3.0]", "[0.5, 2.0]"]).friction_force(), Some([0.5, 3.0]));
+    for (range, [low, high]) in [("[2.0, 2.0]", [2.0, 2.0]), ("[2.0, 2.01]", [2.0, 2.01])] {
+        let seal = random_seal(&with(&[range]).seals().unwrap(), 1);
+        for force in [seal.insertion.coulomb_force, seal.withdrawal.coulomb_force] {
+            assert!((low - ROUNDING..=high + ROUNDING).contains(&force), "{range}: {force}");
+        }
+    }
+}
+
+#[test]
 fn drawn_seals_have_the_printed_friction_in_both_directions() {
     let printed = studies().iter().filter_map(|study| Some((study, study.friction_force()?)));
     let mut count = 0;

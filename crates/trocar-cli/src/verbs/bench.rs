@@ -12,7 +12,8 @@ use trocar::table::{Column, Field, TableWriter};
 use trocar_model::{Element, ElementParams};
 
 use crate::Completion;
-use crate::console::{self, Console};
+use crate::console::{self, BadArgument, Console};
+use crate::input::Choosing;
 use crate::progress::Progress;
 use crate::table::number;
 use crate::verbs::ranges::seals_like;
@@ -57,9 +58,16 @@ pub(crate) struct Args {
     /// Print the rig and protocol as a documented TOML file and stop
     #[arg(long)]
     print_config: bool,
+    #[command(flatten)]
+    choosing: Choosing,
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    let choice = args.choosing.choice();
+    if args.motion.is_none() && choice != Choice::default() {
+        let text = "options for reading recordings need --motion: an experiment reads no recording";
+        return Err(BadArgument(text.to_owned()).into());
+    }
     let config = args.rig.as_deref().map(read_config).transpose()?;
     let (false, Some(out)) = (args.print_config, &args.out) else {
         console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
@@ -73,7 +81,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let progress = Progress::new(console);
     let run = match (&args.motion, args.protocol) {
         (Some(path), _) => {
-            let motion = read_motion(path)?;
+            let motion = read_motion(path, &choice)?;
             progress.report("motion", 0.0);
             bench::run_motion(&config, &motion, &elements, args.seed)
                 .with_context(|| path.display().to_string())?
@@ -93,8 +101,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     Ok(Completion::doubtful_if(warn_of_events(console, &run)))
 }
 
-fn read_motion(path: &Path) -> anyhow::Result<Course> {
-    let mut rows = Positions::open(path, &Choice::default())?;
+fn read_motion(path: &Path, choice: &Choice) -> anyhow::Result<Course> {
+    let mut rows = Positions::open(path, choice)?;
     let mut course = Course::default();
     while let Some(step) = rows.advance()? {
         if course.time.is_empty() || step.duration > 0.0 {

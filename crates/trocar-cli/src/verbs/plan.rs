@@ -7,8 +7,9 @@ use serde::Serialize;
 use trocar::bench::Course;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
-use trocar::plan::{Block, Goal, Interruption, Plan, PlanConfig, Prediction, Share, plan};
+use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Share, plan};
 use trocar::recording::{ReadOptions, Recording, read};
+use trocar::report::plan::{self as plan_report, PlanReport};
 use trocar::table::{Column, Field, TableWriter};
 use trocar_model::{ElementParams, Quantity, Unit};
 
@@ -16,8 +17,11 @@ use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::Choosing;
 use crate::models::read_model;
+use crate::page::{self, model_source, source};
+use crate::progress::Progress;
 use crate::table::{Table, number};
 use crate::verbs::identify::in_words;
+use crate::verbs::ranges::seals_like;
 
 /// Plan what motion to record, so that the parameters are known best after it
 ///
@@ -38,6 +42,10 @@ pub(crate) struct Args {
     /// Model of the seal, from a pilot; without it, seals drawn from the prior of RIG.toml
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
+    /// Expect seals with the published friction forces of a study, a key of `trocar ranges`, as
+    /// prior.like in RIG.toml
+    #[arg(long, value_name = "KEY", conflicts_with = "model")]
+    like: Option<String>,
     /// Recording that is there already; may be repeated. With --model
     #[arg(long, value_name = "RECORDING", requires = "model")]
     after: Vec<PathBuf>,
@@ -47,6 +55,10 @@ pub(crate) struct Args {
     /// The motion: .csv, .parquet, .arrow, .csv.gz or .csv.zst, '-' for CSV to standard output
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
     out: Option<PathBuf>,
+    /// Write a report, one HTML page that needs nothing else: the motion, what its parts tell, and the
+    /// intervals to expect
+    #[arg(long, value_name = "FILE")]
+    report: Option<PathBuf>,
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
@@ -79,47 +91,93 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             "--out - prints the motion alone\n\nhint: write it to a file, or leave out --json";
         return Err(BadArgument(text.to_owned()).into());
     }
+    page::needs_a_file(args.report.as_deref())?;
     let model = args.model.as_deref().map(|path| read_model(path, &args.after)).transpose()?;
     let before = recordings(console, args, model.as_ref())?;
-    let mut config = match (&args.config, before.first()) {
-        (Some(path), _) => read_config(path)?,
-        (None, Some(pilot)) => PlanConfig::default().on_the_rig_of(pilot)?,
-        (None, None) => PlanConfig::default(),
-    };
-    config.duration_s = args.duration_s.unwrap_or(config.duration_s);
+    let config = config(args, before.first())?;
     let seals = match (&model, &args.model) {
         (Some(model), Some(path)) => vec![element(model, path)?],
         _ => Vec::new(),
     };
-    let planned = plan(&config, &args.goal, &seals, &before)?;
+    let progress = Progress::new(console);
+    let report = |stage: &str, part| progress.report(stage, part);
+    let planned = plan(&config, &args.goal, &seals, &before, &report)?;
+    drop(progress);
     write_motion(&planned.course, out)?;
-    let duration_s = planned.course.time.last().copied().unwrap_or(0.0);
+    if !to_stdout {
+        console::print(&answer(args, &planned, out)?)?;
+    }
+    if let Some(path) = &args.report {
+        write_report(args, &config, &planned, model.as_ref(), path)?;
+        console.remark(&format!("report: {}", path.display()));
+    }
+    Ok(Completion::doubtful_if(warn_of_the_undetermined(console, &planned)))
+}
+
+fn answer(args: &Args, planned: &Plan, out: &Path) -> anyhow::Result<String> {
     let answer = Answer {
         goal: args.goal.to_string(),
-        duration_s,
+        duration_s: planned.duration_s(),
         needed_s: planned.needed_s,
         motion: &planned.shares,
         expected: &planned.expected,
         paper_duration_s: planned.paper.as_ref().map(|paper| paper.0),
         paper_expected: planned.paper.as_ref().map(|paper| paper.1.as_slice()),
     };
-    if !to_stdout {
-        let text = if args.json {
-            serde_json::to_string_pretty(&answer)? + "\n"
-        } else {
-            text(&answer, &planned, out)
-        };
-        console::print(&text)?;
+    if args.json {
+        return Ok(serde_json::to_string_pretty(&answer)? + "\n");
     }
+    Ok(text(&answer, planned, out))
+}
+
+fn write_report(
+    args: &Args,
+    config: &PlanConfig,
+    plan: &Plan,
+    model: Option<&ModelFile>,
+    path: &Path,
+) -> anyhow::Result<()> {
+    let model = args.model.as_deref().zip(model);
+    let input = PlanReport {
+        config,
+        config_source: args.config.as_deref().map(source).transpose()?,
+        goal: &args.goal,
+        plan,
+        model: model.map(|(path, file)| model_source(path, file)).transpose()?,
+        before: args.after.iter().map(|path| source(path)).collect::<Result<_, _>>()?,
+    };
+    page::write(&plan_report::document(&input), path)
+}
+
+/// Whether there is a parameter that the motion will not determine.
+fn warn_of_the_undetermined(console: &Console, planned: &Plan) -> bool {
     let lost = planned.expected.iter().filter(|p| !p.determined && !is_coefficient(p));
     let lost: Vec<String> = lost.map(|p| in_words(p.id)).collect();
     if !lost.is_empty() {
         console.warn(&format!(
-            "this motion will not determine {}\n\nhint: allow more time (--duration-s), a longer travel, or a finer encoder",
+            "this motion will not determine {}\n\nhint: allow more time (--duration-s), a longer travel, or a finer \
+             encoder",
             lost.join(", ")
         ));
     }
-    Ok(Completion::doubtful_if(!lost.is_empty()))
+    !lost.is_empty()
+}
+
+/// The rig: that of the file, of the pilot, or the default.
+fn config(args: &Args, pilot: Option<&Recording>) -> anyhow::Result<PlanConfig> {
+    let mut config = match (&args.config, pilot) {
+        (Some(path), _) => read_config(path)?,
+        (None, Some(pilot)) => PlanConfig::default()
+            .on_the_rig_of(pilot)
+            .with_context(|| format!("{}: the rig that made it", pilot.name))?,
+        (None, None) => PlanConfig::default(),
+    };
+    if let Some(key) = &args.like {
+        seals_like(key)?;
+        config.prior.like = Some(key.clone());
+    }
+    config.duration_s = args.duration_s.unwrap_or(config.duration_s);
+    Ok(config)
 }
 
 fn read_config(path: &Path) -> anyhow::Result<PlanConfig> {
@@ -146,8 +204,8 @@ fn element(model: &ModelFile, path: &Path) -> anyhow::Result<ElementParams> {
     match stages.elements() {
         [one] => Ok(*one.params()),
         several => Err(BadArgument(format!(
-            "{}: a model of {} elements; a motion is planned for one element\n\nhint: identify the pilot with --without \
-             second_stage",
+            "{}: a model of {} elements; a motion is planned for one element\n\nhint: identify the pilot with \
+             --without second_stage",
             path.display(),
             several.len()
         ))
@@ -164,18 +222,18 @@ fn write_motion(course: &Course, out: &Path) -> anyhow::Result<()> {
 }
 
 fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
-    let strokes = 2 * planned.order.len();
     let mut text = format!(
-        "for {}: {} s, {strokes} strokes -> {}\n",
+        "for {}: {} s, {} cycles -> {}\n",
         answer.goal,
         number(answer.duration_s),
+        planned.segments.len(),
         out.display()
     );
     let mut table =
         Table::headed(["cycles", "speed mm/s", "stroke mm", "number", "time s", "information %"]);
     for share in answer.motion {
         table.row([
-            interruption(&share.block),
+            share.block.interruption.to_string(),
             number(1e3 * share.block.speed_m_s),
             number(1e3 * share.block.length_m),
             share.count.to_string(),
@@ -198,6 +256,9 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
         table.row(row);
     }
     text += &table.to_text();
+    if answer.paper_expected.is_none() {
+        text += &format!("\n{}\n", plan_report::PAPER);
+    }
     if let Some(needed) = answer.needed_s {
         let more = needed - answer.duration_s;
         text += &if needed <= 0.0 {
@@ -213,14 +274,4 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
 
 fn is_coefficient(p: &Prediction) -> bool {
     matches!(p.id.quantity, Quantity::Coefficient { .. })
-}
-
-fn interruption(block: &Block) -> String {
-    match block.interruption {
-        Interruption::None => "full strokes".to_owned(),
-        Interruption::PartialReversal(depth) => {
-            format!("partial reversals of {} mm", number(1e3 * depth))
-        }
-        Interruption::Rest(rest) => format!("rests of {} s", number(rest)),
-    }
 }

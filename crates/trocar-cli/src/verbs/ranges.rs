@@ -92,12 +92,13 @@ fn table(studies: &[Study]) -> String {
     let mut table = Table::headed(["key", "trocar", "force N", "conditions", "read", "source"]);
     for study in studies {
         let force = |number: &&Printed| number.quantity == Quantity::FrictionForceN;
-        let number = study.numbers.iter().find(force);
+        let conditions =
+            study.numbers.iter().filter(force).map(|number| number.conditions.as_str());
         table.row([
             study.key.clone(),
             study.trocar.clone(),
-            number.map_or("not printed".to_owned(), |number| span(number.range)),
-            number.map_or(String::new(), |number| number.conditions.clone()),
+            study.friction_force().map_or("not printed".to_owned(), span),
+            conditions.collect::<Vec<_>>().join("; "),
             study.read.name().to_owned(),
             study.source.clone(),
         ]);

@@ -1,15 +1,12 @@
 //! `trocar teleop`
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context;
 use serde::Serialize;
 use trocar::model_file::ModelFile;
-use trocar::output::AtomicFile;
-use trocar::report::teleop::{Source, SourcedModel, TeleopReport};
-use trocar::report::{self, teleop as teleop_report};
+use trocar::report::teleop::{self as teleop_report, SourcedModel, TeleopReport};
 use trocar::teleop::advise::{self, Advice, MOST, Map, Tried, advise, map_delays, map_fractions};
 use trocar::teleop::config::{Architecture, TissueKind, shipped};
 use trocar::teleop::hybrid::{frequencies, response};
@@ -21,6 +18,7 @@ use trocar_model::Trocar;
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::models;
+use crate::page::{self, model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
@@ -155,7 +153,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             advice: answer.advice.as_ref(),
             map: answer.map.as_ref(),
         };
-        write_report(&input, path)?;
+        page::write(&teleop_report::document(&input), path)?;
         console.remark(&format!("report: {}", path.display()));
     }
     let advised = answer.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
@@ -212,10 +210,7 @@ fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
         let text = "--out - prints the course alone\n\nhint: write it to a file, or leave out --json, --advise and --map";
         return Err(BadArgument(text.to_owned()).into());
     }
-    if args.report.as_deref() == Some(Path::new("-")) {
-        let text = "--report - : the report is a page and needs a file";
-        return Err(BadArgument(text.to_owned()).into());
-    }
+    page::needs_a_file(args.report.as_deref())?;
     if args.hybrid.is_some() && config.motion.amplitude_m.abs() < SMALLEST_AMPLITUDE_M {
         let text = format!(
             "--hybrid: the hybrid matrix is that of strokes of motion.amplitude_m, which must be {SMALLEST_AMPLITUDE_M} m or more, got {} m",
@@ -245,28 +240,6 @@ fn read(path: &Path) -> anyhow::Result<Config> {
     let text = std::fs::read_to_string(path)
         .with_context(|| format!("{}: cannot read the loop", name()))?;
     Config::from_toml(&text).with_context(name)
-}
-
-fn write_report(input: &TeleopReport, path: &Path) -> anyhow::Result<()> {
-    let page = report::page(&teleop_report::document(input))?;
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;
-    Ok(file.commit()?)
-}
-
-/// The file at `path`, by its name without its folder.
-fn source(path: &Path) -> anyhow::Result<Source> {
-    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    Ok(Source::new(name, &bytes))
-}
-
-fn model_source(path: &Path, file: &ModelFile) -> anyhow::Result<Source> {
-    match path.to_str() {
-        Some("plausible") => Ok(Source::new("plausible", file.to_json().as_bytes())),
-        _ if path.is_dir() => source(&path.join("model.json")),
-        _ => source(path),
-    }
 }
 
 fn model_of(path: &Path) -> anyhow::Result<ModelFile> {

@@ -240,7 +240,7 @@ pub fn run_motion(
     seal: &[Element],
     seed: u64,
 ) -> Result<BenchRun, BenchError> {
-    motion.check(config.rig.stroke_limit_m)?;
+    motion.check(config.rig.stroke_limit_m, config.rig.sample_rate_hz)?;
     let mut config = config.clone();
     config.rig.start_m = motion.position[0];
     // Homing comes from deeper inside.
@@ -259,8 +259,11 @@ pub struct Course {
     pub position: Vec<f64>,
 }
 
+/// Longest motion, in samples: its columns take half a gigabyte.
+const MOST_SAMPLES: f64 = 5e6;
+
 impl Course {
-    fn check(&self, travel: f64) -> Result<(), BenchError> {
+    fn check(&self, travel: f64, sample_rate: f64) -> Result<(), BenchError> {
         let wrong = |what: String| Err(BenchError::Motion(what));
         if self.time.len() < 2 || self.time.len() != self.position.len() {
             let (times, positions) = (self.time.len(), self.position.len());
@@ -274,6 +277,13 @@ impl Course {
         }
         if let Some(pair) = self.time.windows(2).find(|pair| pair[0] >= pair[1]) {
             return wrong(format!("time goes from {} s to {} s", pair[0], pair[1]));
+        }
+        let duration = self.time[self.time.len() - 1] - self.time[0];
+        if duration * sample_rate > MOST_SAMPLES {
+            let most = MOST_SAMPLES / sample_rate;
+            return wrong(format!(
+                "it takes {duration} s, at most {most} s at {sample_rate} Hz (rig.sample_rate_hz)"
+            ));
         }
         match self.position.iter().find(|x| !(0.0..=travel).contains(*x)) {
             Some(x) => wrong(format!(

@@ -198,14 +198,15 @@ fn keys(wanted: impl Fn(&&Study) -> bool) -> String {
 }
 
 impl Study {
-    /// The printed range of the friction force, N.
+    /// The printed friction force, N: from the lowest to the highest of all its ranges.
     pub fn friction_force(&self) -> Option<[f64; 2]> {
         let is_force = |number: &&Printed| number.quantity == Quantity::FrictionForceN;
-        self.numbers.iter().find(is_force).map(|number| number.range)
+        let ranges = self.numbers.iter().filter(is_force).map(|number| number.range);
+        ranges.reduce(|[low, high], [from, to]| [low.min(from), high.max(to)])
     }
 
     /// Ranges of seals with F_c of both directions within the printed friction force; all else as
-    /// in [`PlausibleSeals::default`].
+    /// in [`PlausibleSeals::default`]. In a narrow range the directions differ less.
     ///
     /// The printed force includes the viscous part of its speeds, which the sources do not
     /// separate; F_c + β·v of a drawn seal may exceed the printed range.
@@ -218,10 +219,10 @@ impl Study {
             let known = keys(|study| study.friction_force().is_some());
             return Err(PublishedError::NoForce { key: self.key.clone(), known });
         };
-        // The mean of both directions keeps this distance from the ends.
-        let tilt = rest.friction_asymmetry;
+        // The mean of both directions keeps this distance from the ends, which must not cross.
+        let tilt = rest.friction_asymmetry.min((high - low) / (high + low));
         let coulomb_force = (low / (1.0 - tilt), high / (1.0 + tilt));
-        Ok(PlausibleSeals { coulomb_force, ..rest })
+        Ok(PlausibleSeals { coulomb_force, friction_asymmetry: tilt, ..rest })
     }
 }
 

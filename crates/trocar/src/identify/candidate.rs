@@ -45,7 +45,8 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// An element with the mean sliding of both directions, as a sensor without a known tare sees it.
+    /// An element with the mean sliding of both directions, as a sensor without a known tare sees it:
+    /// half the difference of the directions counts as offset, in the branches, too.
     ///
     /// # Errors
     /// When the mean sliding and the branches do not form a valid model.
@@ -59,8 +60,12 @@ impl Candidate {
             viscous_damping: mean(|s| s.viscous_damping),
             ..*insertion
         };
+        let offset = 0.5 * (insertion.static_force - withdrawal.static_force);
         let [insertion_branch, withdrawal_branch] =
-            [deformation.insertion(), deformation.withdrawal()].map(BranchShape::of);
+            [deformation.insertion(), deformation.withdrawal()].map(|branch| {
+                let shape = BranchShape::of(branch);
+                BranchShape { join_force: shape.join_force - offset, ..shape }
+            });
         let softest =
             DeformationForce::new(*deformation.insertion(), *deformation.withdrawal(), None)?;
         Ok(Self {

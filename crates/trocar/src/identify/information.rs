@@ -11,7 +11,7 @@
 //! other one friction scale; a ripple, and friction that changes with every reversal h, make its
 //! errors larger than M⁻¹ says. C accounts for that.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, DVectorView};
 use trocar_model::{ElementParams, ParamError, ParameterId, Quantity};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
@@ -19,11 +19,11 @@ use super::element::{MOST_CLUSTERS, drift_basis};
 use super::estimate::t_quantile;
 use super::likelihood::{self, Column, Row, Trial};
 use super::numbers::{branch_ids, factor_of, quantities};
-use super::segments::segment;
 use super::spread::{Dependent, PRIOR_WIDTH};
 use super::training::{INDEPENDENT, Scale, Segmented, Training};
-use crate::recording::Recording;
-use crate::segment::SegmentOptions;
+use crate::cancel;
+use crate::recording::{Recording, RecordingError};
+use crate::segment::{Stroke, reversal_threshold, strokes};
 
 /// Way back that is a reversal, in half widths.
 const REVERSAL: f64 = 0.02;
@@ -88,6 +88,42 @@ impl Force {
     }
 }
 
+/// A motion as the likelihood divides it, which does not depend on the element.
+#[derive(Debug, Clone)]
+pub struct Motion {
+    recording: Recording,
+    acceleration: Vec<f64>,
+    strokes: Vec<Stroke>,
+}
+
+impl Motion {
+    /// The motion of a recording.
+    pub fn of(recording: Recording) -> Self {
+        let acceleration = recording.acceleration();
+        let strokes = strokes(&recording, reversal_threshold(&recording));
+        Self { recording, acceleration, strokes }
+    }
+
+    /// A motion that nobody has recorded: it begins without force.
+    ///
+    /// # Errors
+    /// Columns that form no recording.
+    pub fn planned(time: &[f64], position: &[f64]) -> Result<Self, RecordingError> {
+        let (time, position, force) = (time.to_vec(), position.to_vec(), vec![0.0; time.len()]);
+        Ok(Self::of(Recording::from_columns("plan", time, position, force)?))
+    }
+
+    /// Its duration, s.
+    pub fn duration(&self) -> f64 {
+        self.recording.duration()
+    }
+
+    fn segmented(&self) -> Segmented<'_> {
+        let Self { recording, acceleration, strokes } = self;
+        Segmented { recording, strokes, settled: Vec::new(), acceleration }
+    }
+}
+
 /// The steps of a motion at an assumed element, with their derivatives.
 #[derive(Debug, Clone)]
 pub struct Rows {
@@ -105,21 +141,13 @@ impl Rows {
     /// # Errors
     /// An element with which the likelihood cannot work.
     pub fn new(
-        motions: &[&Recording],
+        motions: &[&Motion],
         element: &ElementParams,
         noise: &Noise,
     ) -> Result<Option<Self>, ParamError> {
         let candidate = Candidate::of(element)?;
         let stages = candidate.stages()?;
-        let of_motion = |motion: &&Recording| {
-            (motion.acceleration(), segment(motion, &SegmentOptions::default()))
-        };
-        let divided: Vec<_> = motions.iter().map(of_motion).collect();
-        let data = motions.iter().zip(&divided).map(|(recording, (acceleration, segments))| {
-            let strokes = &segments.strokes;
-            Segmented { recording, strokes, settled: Vec::new(), acceleration }
-        });
-        let data: Vec<Segmented> = data.collect();
+        let data: Vec<Segmented> = motions.iter().copied().map(Motion::segmented).collect();
         let mut training = Training::new(&data, candidate.half_width, MOST_CLUSTERS, INDEPENDENT);
         training.forget_unknown_starts(stages);
         training.blend_over(noise.scatter_travel_m);
@@ -190,32 +218,40 @@ impl Rows {
     ///
     /// Returns `None` where the information has no inverse in numbers.
     pub fn expected(&self, noise: &Noise) -> Option<Vec<Expected>> {
-        let (own, drifts) = (self.own(), self.drifts.len());
-        let columns = own + drifts + self.strokes;
-        let mut a = DMatrix::zeros(columns, self.rows.len());
-        for (i, row) in self.rows.iter().enumerate() {
-            let mut column = a.column_mut(i);
-            column.rows_mut(0, own + drifts).copy_from_slice(&row.derivatives);
-            column[own + drifts + row.stroke] += row.scale[0];
-            if row.scale[1] != 0.0 {
-                column[own + drifts + row.stroke - 1] += row.scale[1];
-            }
-        }
-        let prior = self.prior(noise);
+        let own = self.own();
+        let (normal, prior) = (self.normal(), self.prior(noise));
+        let squares: f64 = self.rows.iter().map(|row| row.force * row.force).sum();
+        let force2 = squares / self.rows.len().max(1) as f64;
+        let plain = noise.force_n.powi(2) + noise.ripple.powi(2) * force2;
         let mut inflation = 1.0;
-        let mut covariance = None;
+        let mut covariance = DMatrix::zeros(own, own);
         // The estimator takes its σ² from the residuals, with their correlation.
         for _ in 0..3 {
-            let (whole, white) = self.covariances(noise, &a, &prior, inflation)?;
-            let mut ratios: Vec<f64> =
-                (0..own).map(|j| whole[(j, j)] / white[(j, j)].max(f64::MIN_POSITIVE)).collect();
+            let sigma2 = inflation * plain;
+            let gain = gain(&normal, &prior, sigma2, own)?;
+            covariance = self.covariance(noise, &prior, &gain, sigma2);
+            let ratio = |j: usize| covariance[(j, j)] / gain[(j, j)].max(f64::MIN_POSITIVE);
+            let mut ratios: Vec<f64> = (0..own).map(ratio).collect();
             ratios.sort_by(f64::total_cmp);
             inflation = (inflation * ratios[own / 2]).clamp(1.0, 100.0);
-            covariance = Some(whole);
         }
-        let covariance = covariance?;
         let shares = self.shares(&covariance);
         Some(self.quantities().into_iter().map(|of| self.one(of, &covariance, &shares)).collect())
+    }
+
+    /// A'WA. A step has an entry in the columns of its own stroke and of the one before only.
+    fn normal(&self) -> DMatrix<f64> {
+        let common = self.own() + self.drifts.len();
+        let columns = common + self.strokes;
+        let mut sum = DMatrix::zeros(columns, columns);
+        for row in &self.rows {
+            let entries = || row.derivatives.iter().copied().enumerate().chain(row.scales(common));
+            for (j, a) in entries() {
+                let mut column = sum.column_mut(j);
+                entries().for_each(|(i, b)| column[i] += row.weight * a * b);
+            }
+        }
+        sum
     }
 
     /// Precisions Λ of the columns: weak priors of the parameters, drift, scatter.
@@ -228,94 +264,49 @@ impl Rows {
         DVector::from_vec(own.chain(drifts).chain(scatter).collect())
     }
 
-    /// Cov(θ̂), and M⁻¹, with σ² of the estimator `inflation` times the variance of a step.
-    fn covariances(
+    /// Cov(θ̂) of the own parameters: M⁻¹·A'WCWA·M⁻¹/σ⁴, step by step along the motion.
+    fn covariance(
         &self,
         noise: &Noise,
-        a: &DMatrix<f64>,
         prior: &DVector<f64>,
-        inflation: f64,
-    ) -> Option<(DMatrix<f64>, DMatrix<f64>)> {
-        let squares: f64 = self.rows.iter().map(|row| row.force * row.force).sum();
-        let force2 = squares / self.rows.len().max(1) as f64;
-        let sigma2 = inflation * (noise.force_n.powi(2) + noise.ripple.powi(2) * force2);
-        let weighted =
-            DMatrix::from_fn(a.nrows(), a.ncols(), |j, i| a[(j, i)] * self.rows[i].weight / sigma2);
-        let mut m = &weighted * a.transpose();
-        (0..prior.len()).for_each(|j| m[(j, j)] += prior[j]);
-        // Columns scaled to unit diagonal.
-        let scale = m.diagonal().map(|d| 1.0 / d.max(f64::MIN_POSITIVE).sqrt());
-        let scaled = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * scale[i] * scale[j]);
-        let inverse = scaled.cholesky()?.inverse();
-        let inverse =
-            DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| inverse[(i, j)] * scale[i] * scale[j]);
-        let mut middle = self.disturbance(noise, &weighted);
-        let own = self.own();
-        (own..own + self.drifts.len()).for_each(|j| middle[(j, j)] += prior[j]);
-        Some((&inverse * middle * &inverse, inverse))
-    }
-
-    /// A'WCWA/σ⁴ without the drift: noise of single samples, the friction of each reversal, and the
-    /// ripple with its correlation along the path.
-    fn disturbance(&self, noise: &Noise, weighted: &DMatrix<f64>) -> DMatrix<f64> {
-        let white = DMatrix::from_fn(weighted.nrows(), weighted.ncols(), |j, i| {
-            weighted[(j, i)] * noise.force_n / samples(&self.rows[i]).sqrt()
-        });
-        let mut sum = &white * white.transpose();
-        let scales = self.reversals(noise, weighted);
-        sum += &scales * scales.transpose();
-        if noise.ripple == 0.0 {
-            return sum;
+        gain: &DMatrix<f64>,
+        sigma2: f64,
+    ) -> DMatrix<f64> {
+        let (own, common) = (self.own(), self.own() + self.drifts.len());
+        let mut sum = DMatrix::zeros(own, own);
+        for k in own..common {
+            sum.ger(prior[k], &gain.column(k), &gain.column(k), 1.0);
         }
-        // Σ_ik b_i·b_k·exp(−|s_i − s_k|/ℓ) by a sum that fades along the path.
-        let rows = weighted.nrows();
-        let own = DMatrix::from_fn(rows, weighted.ncols(), |j, i| {
-            weighted[(j, i)] * noise.ripple * self.rows[i].force
-        });
-        let mut faded = DMatrix::zeros(rows, weighted.ncols());
-        let mut state = DVector::zeros(rows);
-        for (i, row) in self.rows.iter().enumerate() {
-            state *= (-row.displacement.abs() / noise.ripple_length_m).exp();
-            faded.set_column(i, &state);
-            state += own.column(i);
-        }
-        let crossed = &own * faded.transpose();
-        sum += &own * own.transpose() + &crossed + crossed.transpose();
-        sum
-    }
-
-    /// A'W·F·w of each reversal, times τ: how its friction, which replaces that before it over
-    /// [`Noise::scatter_travel_m`], moves the estimate.
-    fn reversals(&self, noise: &Noise, weighted: &DMatrix<f64>) -> DMatrix<f64> {
         let back = REVERSAL * self.trial.candidate.half_width;
-        // Columns of the friction at present and before it; the path since the reversal, the farthest
-        // position, the direction.
-        let mut columns = vec![DVector::zeros(weighted.nrows()); 2];
-        let (mut path, mut at, mut farthest, mut direction) = (f64::INFINITY, 0.0, 0.0, 0.0);
-        for (i, row) in self.rows.iter().enumerate() {
-            at += row.displacement;
-            if direction == 0.0 {
-                direction = row.displacement.signum() * f64::from(row.displacement != 0.0);
+        for run in self.rows.chunk_by(|a, b| a.run == b.run) {
+            let mut friction = Reversals::new(back, noise.scatter_travel_m, own);
+            let mut ripple = DVector::zeros(own);
+            for block in run.chunks(BLOCK) {
+                cancel::check();
+                let moved = moved(block, gain, common, sigma2);
+                let scaled = |factor: &dyn Fn(&Row) -> f64| {
+                    let mut scaled = moved.clone();
+                    let columns = scaled.column_iter_mut().zip(block);
+                    columns.for_each(|(mut column, row)| column *= factor(row));
+                    scaled
+                };
+                let white = scaled(&|row| noise.force_n / samples(row).sqrt());
+                let rippled = scaled(&|row| noise.ripple * row.force);
+                // Σ_ik b_i·b_k·exp(−|s_i − s_k|/ℓ) by a sum that fades along the path.
+                let mut faded = DMatrix::zeros(own, block.len());
+                for (i, row) in block.iter().enumerate() {
+                    ripple *= (-row.displacement.abs() / noise.ripple_length_m).exp();
+                    faded.set_column(i, &ripple);
+                    ripple += rippled.column(i);
+                    friction.step(row, &moved.column(i), &mut sum, noise.scatter.powi(2));
+                }
+                let crossed = &rippled * faded.transpose();
+                sum += &white * white.transpose() + &rippled * rippled.transpose();
+                sum += crossed.transpose() + crossed;
             }
-            if (at - farthest) * direction > 0.0 {
-                farthest = at;
-            }
-            let turned = (farthest - at) * direction > back;
-            if turned {
-                (direction, path) = (-direction, (farthest - at).abs());
-                farthest = at;
-                columns.push(DVector::zeros(weighted.nrows()));
-            }
-            if !turned {
-                path += row.displacement.abs();
-            }
-            let share = 1.0 - (-path / noise.scatter_travel_m).exp();
-            let last = columns.len() - 1;
-            let force = noise.scatter * row.force;
-            columns[last].axpy(share * force, &weighted.column(i), 1.0);
-            columns[last - 1].axpy((1.0 - share) * force, &weighted.column(i), 1.0);
+            friction.end(&mut sum, noise.scatter.powi(2));
         }
-        DMatrix::from_columns(&columns)
+        sum
     }
 
     /// Per stroke and free parameter, for the degrees of freedom: the stroke's share of what is
@@ -396,6 +387,98 @@ impl Rows {
     }
 }
 
+/// Steps taken at a time.
+const BLOCK: usize = 1024;
+
+/// M⁻¹·A'W/σ² of steps: how far an error of each moves the estimate.
+fn moved(block: &[Row], gain: &DMatrix<f64>, common: usize, sigma2: f64) -> DMatrix<f64> {
+    let derivatives = DMatrix::from_fn(common, block.len(), |j, i| block[i].derivatives[j]);
+    let mut moved = gain.columns(0, common) * derivatives;
+    for (mut column, row) in moved.column_iter_mut().zip(block) {
+        row.scales(common).for_each(|(k, z)| column.axpy(z, &gain.column(k), 1.0));
+        column *= row.weight / sigma2;
+    }
+    moved
+}
+
+/// Rows of M⁻¹ that belong to the first `own` columns; `None` where M has no inverse in numbers.
+fn gain(
+    normal: &DMatrix<f64>,
+    prior: &DVector<f64>,
+    sigma2: f64,
+    own: usize,
+) -> Option<DMatrix<f64>> {
+    let mut m = normal / sigma2;
+    (0..prior.len()).for_each(|j| m[(j, j)] += prior[j]);
+    // Columns scaled to unit diagonal.
+    let scale = m.diagonal().map(|d| 1.0 / d.max(f64::MIN_POSITIVE).sqrt());
+    let scaled = DMatrix::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] * scale[i] * scale[j]);
+    let unit = DMatrix::from_fn(m.nrows(), own, |i, j| if i == j { scale[j] } else { 0.0 });
+    let solved = scaled.cholesky()?.solve(&unit);
+    Some(DMatrix::from_fn(own, m.nrows(), |j, i| solved[(i, j)] * scale[i]))
+}
+
+impl Row {
+    /// Its columns of friction scales, after `common` others, with their entries.
+    fn scales(&self, common: usize) -> impl Iterator<Item = (usize, f64)> {
+        let [own, before] = self.scale;
+        let column = common + self.stroke;
+        let before = (before != 0.0).then(|| (column - 1, before));
+        std::iter::once((column, own)).chain(before)
+    }
+}
+
+/// How the friction of each reversal, which replaces that before it over a travel, moves the
+/// estimate: sums over the steps since it.
+struct Reversals {
+    /// Way back that is a reversal, and travel over which the friction is replaced, m.
+    back: f64,
+    travel: f64,
+    /// Of the friction at present and of the one before.
+    moved: [DVector<f64>; 2],
+    /// Path since the reversal, position, farthest position, m, and direction.
+    path: f64,
+    at: f64,
+    farthest: f64,
+    direction: f64,
+}
+
+impl Reversals {
+    fn new(back: f64, travel: f64, own: usize) -> Self {
+        let moved = [DVector::zeros(own), DVector::zeros(own)];
+        let (at, farthest, direction) = (0.0, 0.0, 0.0);
+        Self { back, travel, moved, path: f64::INFINITY, at, farthest, direction }
+    }
+
+    /// Adds a step; at a reversal adds `variance` times what is complete to `sum`.
+    fn step(&mut self, row: &Row, moved: &DVectorView<f64>, sum: &mut DMatrix<f64>, variance: f64) {
+        self.at += row.displacement;
+        if self.direction == 0.0 && row.displacement != 0.0 {
+            self.direction = row.displacement.signum();
+        }
+        if (self.at - self.farthest) * self.direction > 0.0 {
+            self.farthest = self.at;
+        }
+        if (self.farthest - self.at) * self.direction > self.back {
+            (self.direction, self.path) = (-self.direction, (self.farthest - self.at).abs());
+            self.farthest = self.at;
+            let [now, before] = &mut self.moved;
+            sum.ger(variance, before, before, 1.0);
+            std::mem::swap(now, before);
+            now.fill(0.0);
+        } else {
+            self.path += row.displacement.abs();
+        }
+        let share = 1.0 - (-self.path / self.travel).exp();
+        self.moved[0].axpy(share * row.force, moved, 1.0);
+        self.moved[1].axpy((1.0 - share) * row.force, moved, 1.0);
+    }
+
+    fn end(self, sum: &mut DMatrix<f64>, variance: f64) {
+        self.moved.iter().for_each(|moved| sum.ger(variance, moved, moved, 1.0));
+    }
+}
+
 /// Samples of a step, from the weight that they have together.
 fn samples(row: &Row) -> f64 {
     row.weight / (1.0 - row.weight / INDEPENDENT).max(1e-3)
@@ -409,6 +492,13 @@ impl Information {
     /// This and `times` that much more.
     pub fn with(&self, more: &Self, times: f64) -> Self {
         Self(&self.0 + &more.0 * times)
+    }
+
+    /// The matrix, in the order of the free parameters: sensor offset, F_c, β, what else the element
+    /// uses of its sliding, c, and for each branch its join as a fraction of c, the force there and
+    /// the coefficients of its pieces.
+    pub fn matrix(&self) -> &DMatrix<f64> {
+        &self.0
     }
 
     fn inverse(&self) -> Option<DMatrix<f64>> {

@@ -568,6 +568,8 @@ pub(crate) struct Row {
     pub(crate) force: f64,
     pub(crate) weight: f64,
     pub(crate) stroke: usize,
+    /// Number of the unbroken part of a recording.
+    pub(crate) run: usize,
     /// Displacement, m, and duration, s, of the step.
     pub(crate) displacement: f64,
     pub(crate) duration: f64,
@@ -580,7 +582,8 @@ pub(crate) struct Row {
 pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
     let Simulations { trials, models, close, sources } = Simulations::new(trial, &[])?;
     let predictor = Predictor::new(training, trial);
-    let of_run = |run: &Run| {
+    let of_run = |(number, run): (usize, &Run)| {
+        cancel::check();
         let mut states: Vec<StateOf<T>> =
             models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
         let lanes = T::forces(&models, &mut states, Lanes { close, parts: 1 }, &run.steps);
@@ -600,6 +603,7 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
                 force: lanes[0][i],
                 weight: step.weight,
                 stroke: step.stroke,
+                run: number,
                 displacement: step.displacement,
                 duration: step.duration,
                 time: ends[i],
@@ -607,7 +611,7 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
         };
         (0..run.steps.len()).filter(|i| run.steps[*i].weight > 0.0).map(of_step).collect::<Vec<_>>()
     };
-    Some(training.runs.iter().flat_map(of_run).collect())
+    Some(training.runs.iter().enumerate().flat_map(of_run).collect())
 }
 
 /// The models of a run that are stepped together: the first `close` differ little and are divided

@@ -27,7 +27,7 @@ pub use estimate::Estimate;
 pub(crate) use estimate::t_quantile;
 pub use findings::{Covariance, IdentifyError, Parameter, Progress, Subject, Warning};
 pub use free_motion::FreeMotion;
-pub use information::{Expected, Force, Information, Noise, Rows};
+pub use information::{Expected, Force, Information, Motion, Noise, Rows};
 pub use motion_found::MotionFound;
 pub use numbers::reported;
 pub use options::IdentifyOptions;

@@ -1,5 +1,7 @@
 //! Pieces of a motion: cycles of an insertion and a withdrawal.
 
+use core::fmt;
+
 use serde::Serialize;
 use trocar_model::ElementParams;
 
@@ -28,6 +30,16 @@ pub enum Interruption {
     PartialReversal(f64),
     /// A rest, s.
     Rest(f64),
+}
+
+impl fmt::Display for Interruption {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("full strokes"),
+            Self::PartialReversal(depth) => write!(f, "partial reversals of {:.1} mm", 1e3 * depth),
+            Self::Rest(rest) => write!(f, "rests of {rest} s"),
+        }
+    }
 }
 
 /// Speeds that are tried, evenly in their logarithm, and lengths as parts of the travel.

@@ -8,70 +8,56 @@ use super::blocks::{Block, Interruption, reserve};
 use super::config::PlanConfig;
 use super::course::{AT_REST, sampled};
 use super::goal::Goal;
-use super::{PlanError, Share, noiseless};
-use crate::identify::{Force, Information, Rows};
-use crate::recording::Recording;
+use super::{PlanError, Share};
+use crate::cancel;
+use crate::identify::{Force, Information, Motion, Noise, Progress, Rows};
 
 /// What is known about one seal, and what each block would add.
-pub(super) struct Known {
+struct Known {
     already: Information,
     of_blocks: Vec<Information>,
     directions: Vec<DVector<f64>>,
     force: Force,
 }
 
-/// Motion before a block, so that its state is known: a cycle.
-fn preamble(of: &Block) -> Block {
-    Block { interruption: Interruption::None, speed_m_s: of.speed_m_s.max(0.02), ..*of }
+/// A block after a cycle that makes its state known, and when it begins, s.
+fn led_into(config: &PlanConfig, block: &Block) -> Result<(Motion, f64), PlanError> {
+    let rig = &config.rig;
+    let speed_m_s = block.speed_m_s.max(0.02);
+    let cycle = Block { interruption: Interruption::None, speed_m_s, ..*block };
+    let start = rig.lowest_m + 0.5 * (rig.travel_m() - block.length_m);
+    let both = [cycle.moves(start, start), block.moves(start, start)].concat();
+    let course = sampled(rig, &both);
+    let motion = Motion::planned(&course.time, &course.position)?;
+    Ok((motion, AT_REST + cycle.duration(rig)))
 }
 
 impl Known {
-    pub(super) fn new(
-        config: &PlanConfig,
+    fn new(
+        noise: &Noise,
         goal: &Goal,
         seal: &ElementParams,
         blocks: &[Block],
-        before: &[Recording],
+        [motions, before]: [&[(Motion, f64)]; 2],
     ) -> Result<Self, PlanError> {
-        let rows_of = |recording: &Recording| {
-            Rows::new(&[recording], seal, &config.noise)?.ok_or(PlanError::Singular)
-        };
-        let (rig, noise) = (&config.rig, &config.noise);
-        let of_block = |block: &Block| {
-            let before = preamble(block);
-            let start = rig.lowest_m + 0.5 * (rig.travel_m() - block.length_m);
-            let moves: Vec<_> =
-                before.moves(start, start).into_iter().chain(block.moves(start, start)).collect();
-            let course = sampled(rig, &moves);
-            let rows = rows_of(&noiseless(seal, &course)?)?;
-            Ok((rows.information(noise, [AT_REST + before.duration(rig), f64::INFINITY]), rows))
+        let of_motion = |(motion, from): &(Motion, f64)| {
+            let rows = Rows::new(&[motion], seal, noise)?.ok_or(PlanError::Singular)?;
+            Ok((rows.information(noise, [*from, f64::INFINITY]), rows))
         };
         let found: Vec<(Information, Rows)> =
-            blocks.par_iter().map(of_block).collect::<Result<_, PlanError>>()?;
+            motions.iter().map(of_motion).collect::<Result<_, PlanError>>()?;
         let (of_blocks, rows): (Vec<Information>, Vec<Rows>) = found.into_iter().unzip();
-        let first = rows.first().ok_or(PlanError::Singular)?;
         // The motion of prediction: all interrupted cycles, or all where there are none.
         let of_prediction = |k: &usize| blocks[*k].interruption != Interruption::None;
         let interrupted: Vec<usize> = (0..blocks.len()).filter(of_prediction).collect();
         let chosen = if interrupted.is_empty() { (0..blocks.len()).collect() } else { interrupted };
         let force = Force::mean(chosen.iter().map(|k| rows[*k].force()));
-        let rows = first;
-        let ids = match goal {
-            Goal::Parameter(id, _) => vec![*id],
-            _ => Vec::new(),
-        };
-        let directions: Vec<DVector<f64>> =
-            rows.directions(&ids).into_iter().map(|d| d.1).collect();
-        if let (Goal::Parameter(id, _), true) = (goal, directions.is_empty()) {
-            let all: Vec<String> = rows.directions(&[]).iter().map(|d| d.0.to_string()).collect();
-            return Err(PlanError::NotThere(id.to_string(), all.join(", ")));
-        }
+        let rows = rows.first().ok_or(PlanError::Singular)?;
         let mut already = rows.nothing_known(noise);
-        for recording in before {
-            already =
-                already.with(&rows_of(recording)?.information(noise, [0.0, f64::INFINITY]), 1.0);
+        for recorded in before {
+            already = already.with(&of_motion(recorded)?.0, 1.0);
         }
-        Ok(Self { already, of_blocks, directions, force })
+        Ok(Self { already, of_blocks, directions: directions(goal, rows)?, force })
     }
 
     fn after(&self, counts: &[usize]) -> Information {
@@ -79,119 +65,168 @@ impl Known {
         blocks.fold(self.already.clone(), |sum, (block, count)| sum.with(block, *count as f64))
     }
 
-    /// Logarithm of the variance that the goal is about; infinite where it cannot be computed.
-    fn criterion(&self, goal: &Goal, information: &Information) -> f64 {
+    /// Logarithm of the variance that the goal is about; `None` where it cannot be computed.
+    fn criterion(&self, goal: &Goal, information: &Information) -> Option<f64> {
         let found = match goal {
             Goal::Compensation => information.force_variance(&self.force).map(f64::ln),
             Goal::All => information.variances(&self.directions).map(|found| found.1),
             Goal::Parameter(..) => information.variances(&self.directions).map(|(v, _)| v[0].ln()),
         };
-        found.filter(|value| value.is_finite()).unwrap_or(f64::INFINITY)
+        found.filter(|value| value.is_finite())
     }
 }
 
-/// The blocks of a motion.
-pub(super) struct Chosen {
-    pub(super) blocks: Vec<Block>,
-    pub(super) shares: Vec<Share>,
-}
-
-/// Mean criterion over seals.
-fn mean(goal: &Goal, known: &[Known], counts: &[usize]) -> f64 {
-    let all = known.par_iter().map(|seal| seal.criterion(goal, &seal.after(counts)));
-    all.sum::<f64>() / known.len() as f64
-}
-
-/// Blocks that take at most `time`, s: the reserve, then again and again the block that improves the mean criterion most in its time;
-/// then exchanges as long as one improves it.
-pub(super) fn choose(
-    config: &PlanConfig,
-    goal: &Goal,
-    blocks: &[Block],
-    known: &[Known],
-    time: f64,
-) -> Result<Chosen, PlanError> {
-    let durations: Vec<f64> = blocks.iter().map(|block| block.duration(&config.rig)).collect();
-    let of = |counts: &[usize]| -> f64 {
-        counts.iter().zip(&durations).map(|(count, duration)| *count as f64 * duration).sum()
+/// Gradients of the parameters that the goal is about.
+fn directions(goal: &Goal, rows: &Rows) -> Result<Vec<DVector<f64>>, PlanError> {
+    let Goal::Parameter(id, _) = goal else {
+        return Ok(rows.directions(&[]).into_iter().map(|d| d.1).collect());
     };
-    let least = reserve(blocks);
-    let mut counts = least.clone();
-    if of(&counts) > time {
-        return Err(PlanError::TooShort {
-            found: config.duration_s,
-            least: (1.05 * of(&counts)).ceil(),
-            with: if goal.needs_free_motion() { ", partial reversals, a rest" } else { "" },
-        });
+    let found: Vec<DVector<f64>> = rows.directions(&[*id]).into_iter().map(|d| d.1).collect();
+    if found.is_empty() {
+        let all: Vec<String> = rows.directions(&[]).iter().map(|d| d.0.to_string()).collect();
+        return Err(PlanError::NotThere(id.to_string(), all.join(", ")));
     }
-    let changed = |counts: &[usize], more: usize, less: Option<usize>| {
-        let mut counts = counts.to_vec();
-        counts[more] += 1;
-        if let Some(less) = less {
-            counts[less] -= 1;
+    Ok(found)
+}
+
+/// What is known about all seals, in which the counts of the blocks are searched.
+pub(super) struct Search<'a> {
+    goal: &'a Goal,
+    blocks: &'a [Block],
+    durations: Vec<f64>,
+    known: Vec<Known>,
+}
+
+/// Least decrease of the criterion for which blocks are exchanged.
+const WORTH_IT: f64 = 1e-6;
+
+impl<'a> Search<'a> {
+    pub(super) fn new(
+        config: &PlanConfig,
+        goal: &'a Goal,
+        seals: &[ElementParams],
+        blocks: &'a [Block],
+        before: &[Motion],
+    ) -> Result<Self, PlanError> {
+        let motions: Vec<(Motion, f64)> =
+            blocks.par_iter().map(|block| led_into(config, block)).collect::<Result<_, _>>()?;
+        let before: Vec<(Motion, f64)> = before.iter().map(|m| (m.clone(), 0.0)).collect();
+        let of = |seal| Known::new(&config.noise, goal, seal, blocks, [&motions, &before]);
+        let known = seals.par_iter().map(of).collect::<Result<_, _>>()?;
+        let durations = blocks.iter().map(|block| block.duration(&config.rig)).collect();
+        Ok(Self { goal, blocks, durations, known })
+    }
+
+    /// Mean criterion over the seals.
+    fn value(&self, counts: &[usize]) -> Result<f64, PlanError> {
+        cancel::check();
+        let of = |seal: &Known| seal.criterion(self.goal, &seal.after(counts));
+        let sum: Option<f64> = self.known.iter().map(of).sum();
+        sum.map(|sum| sum / self.known.len() as f64).ok_or(PlanError::Singular)
+    }
+
+    fn duration(&self, counts: &[usize]) -> f64 {
+        counts.iter().zip(&self.durations).map(|(n, duration)| *n as f64 * duration).sum()
+    }
+
+    /// Of several counts, each with a time, the one with the least rate (criterion − `from`)/time:
+    /// rate, criterion and counts.
+    fn best_of(
+        &self,
+        tried: Vec<(Vec<usize>, f64)>,
+        from: f64,
+    ) -> Result<Option<(f64, f64, Vec<usize>)>, PlanError> {
+        let of = |(counts, time): (Vec<usize>, f64)| {
+            let value = self.value(&counts)?;
+            Ok(((value - from) / time, value, counts))
+        };
+        let all = tried.into_par_iter().map(of).collect::<Result<Vec<_>, PlanError>>()?;
+        Ok(all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)))
+    }
+
+    /// Counts that take at most `time`, s: the reserve, then again and again the block that improves
+    /// the criterion most in its time; then exchanges as long as one improves it.
+    pub(super) fn best(&self, time: f64, progress: Progress) -> Result<Vec<usize>, PlanError> {
+        let mut counts = reserve(self.blocks);
+        let mut best = self.value(&counts)?;
+        loop {
+            let used = self.duration(&counts);
+            progress("choosing the cycles", 0.3 + 0.2 * (used / time).min(1.0));
+            let fits = |k: &usize| used + self.durations[*k] <= time;
+            let more = |k: usize| (changed(&counts, k, None), self.durations[k]);
+            match self.best_of((0..counts.len()).filter(fits).map(more).collect(), best)? {
+                Some((rate, value, better)) if rate < 0.0 => (counts, best) = (better, value),
+                _ => break,
+            }
         }
-        counts
-    };
-    let mut best = mean(goal, known, &counts);
-    loop {
-        let left = time - of(&counts);
-        let gains = (0..blocks.len()).filter(|k| durations[*k] <= left).map(|k| {
-            let value = mean(goal, known, &changed(&counts, k, None));
-            ((best - value) / durations[k], value, k)
-        });
-        let Some((gain, value, k)) = gains.max_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        if gain <= 0.0 {
-            break;
+        loop {
+            let exchanged = self.exchanged(&counts, time - self.duration(&counts));
+            match self.best_of(exchanged, best)? {
+                Some((change, value, better)) if change < -WORTH_IT => {
+                    (counts, best) = (better, value);
+                }
+                _ => return Ok(counts),
+            }
         }
-        (counts, best) = (changed(&counts, k, None), value);
     }
-    while let Some((value, better)) = exchange(&counts, &least, &durations, time - of(&counts))
-        .map(|(more, less)| changed(&counts, more, Some(less)))
-        .map(|counts| (mean(goal, known, &counts), counts))
-        .filter(|(value, _)| *value < best - 1e-6)
-        .min_by(|a, b| a.0.total_cmp(&b.0))
-    {
-        (counts, best) = (better, value);
+
+    /// Counts with a block more and one, beyond the reserve, less, that fit the time left.
+    fn exchanged(&self, counts: &[usize], left: f64) -> Vec<(Vec<usize>, f64)> {
+        let least = reserve(self.blocks);
+        let fits = |(more, less): &(usize, usize)| {
+            more != less
+                && counts[*less] > least[*less]
+                && self.durations[*more] - self.durations[*less] <= left
+        };
+        let n = counts.len();
+        let pairs = (0..n).flat_map(|more| (0..n).map(move |less| (more, less))).filter(fits);
+        pairs.map(|(more, less)| (changed(counts, more, Some(less)), 1.0)).collect()
     }
-    let shares = shares(goal, blocks, &counts, known, &durations, best);
-    let repeated = blocks.iter().zip(&counts);
-    let blocks = repeated.flat_map(|(block, count)| std::iter::repeat_n(*block, *count)).collect();
-    Ok(Chosen { blocks, shares })
-}
 
-/// Pairs of a block to add and one, beyond the reserve, to leave out, that fit the time left.
-fn exchange(
-    counts: &[usize],
-    least: &[usize],
-    durations: &[f64],
-    left: f64,
-) -> impl Iterator<Item = (usize, usize)> {
-    let pairs = (0..counts.len()).flat_map(|more| (0..counts.len()).map(move |less| (more, less)));
-    let fits = |(more, less): &(usize, usize)| {
-        more != less && counts[*less] > least[*less] && durations[*more] - durations[*less] <= left
-    };
-    pairs.filter(fits).collect::<Vec<_>>().into_iter()
-}
+    /// Counts without the block that is missed least; `None` where only the reserve is left.
+    pub(super) fn with_one_less(&self, counts: &[usize]) -> Result<Option<Vec<usize>>, PlanError> {
+        let least = reserve(self.blocks);
+        let beyond = (0..counts.len()).filter(|k| counts[*k] > least[*k]);
+        let fewer = beyond.map(|k| {
+            let mut fewer = counts.to_vec();
+            fewer[k] -= 1;
+            (fewer, 1.0)
+        });
+        let best = self.best_of(fewer.collect(), 0.0)?;
+        Ok(best.map(|(.., counts)| counts))
+    }
 
-/// What each kind of block contributes: 1 − the precision of the goal without it over that with it.
-fn shares(
-    goal: &Goal,
-    blocks: &[Block],
-    counts: &[usize],
-    known: &[Known],
-    durations: &[f64],
-    best: f64,
-) -> Vec<Share> {
-    let used = (0..blocks.len()).filter(|k| counts[*k] > 0);
-    used.map(|k| {
-        let mut without = counts.to_vec();
-        without[k] = 0;
-        Share {
-            block: blocks[k],
+    pub(super) fn repeated(&self, counts: &[usize]) -> Vec<Block> {
+        let all = self.blocks.iter().zip(counts);
+        all.flat_map(|(block, count)| std::iter::repeat_n(*block, *count)).collect()
+    }
+
+    /// What each kind of block contributes: 1 − the precision of the goal without it over that with
+    /// it. Without blocks that alone determine a parameter nothing is left.
+    pub(super) fn shares(&self, counts: &[usize]) -> Result<Vec<Share>, PlanError> {
+        let best = self.value(counts)?;
+        let lost = |k: usize, less: usize| {
+            let mut without = counts.to_vec();
+            without[k] -= less;
+            self.value(&without).map_or(1.0, |value| 1.0 - (best - value).exp())
+        };
+        let used = (0..counts.len()).filter(|k| counts[*k] > 0);
+        let share = |k: usize| Share {
+            block: self.blocks[k],
             count: counts[k],
-            duration_s: counts[k] as f64 * durations[k],
-            information: 1.0 - (best - mean(goal, known, &without)).exp(),
-        }
-    })
-    .collect()
+            duration_s: counts[k] as f64 * self.durations[k],
+            information: lost(k, counts[k]),
+            information_of_one: lost(k, 1),
+        };
+        Ok(used.map(share).collect())
+    }
+}
+
+fn changed(counts: &[usize], more: usize, less: Option<usize>) -> Vec<usize> {
+    let mut counts = counts.to_vec();
+    counts[more] += 1;
+    if let Some(less) = less {
+        counts[less] -= 1;
+    }
+    counts
 }

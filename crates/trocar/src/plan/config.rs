@@ -1,11 +1,16 @@
 //! The rig for which a motion is planned.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+use trocar_model::ElementParams;
 
+use crate::bench::published::{self, PublishedError};
+use crate::bench::{PlausibleSeals, random_seal};
 use crate::identify::Noise;
-use crate::recording::{Recording, range};
-use crate::segment::{Stroke, reversal_threshold, strokes};
+use crate::recording::{Recording, local_velocity, range};
+use crate::segment::{SegmentOptions, Stroke, reversal_threshold, steady_segments, strokes};
 
 /// The rig with every key at its default, described.
 pub const EXAMPLE_TOML: &str = include_str!("../../data/plan.toml");
@@ -49,9 +54,13 @@ pub struct Rig {
 }
 
 /// Ranges of seals, lowest and highest.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Prior {
+    /// Key of a study whose published friction force is the range of F_c, in place of the default of
+    /// the next.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub like: Option<String>,
     /// F_c, N.
     pub coulomb_force_n: [f64; 2],
     /// β, N s/m.
@@ -91,6 +100,7 @@ impl Default for Rig {
 impl Default for Prior {
     fn default() -> Self {
         Self {
+            like: None,
             coulomb_force_n: [0.5, 6.0],
             viscous_damping_n_s_m: [0.5, 15.0],
             half_width_m: [2e-3, 9e-3],
@@ -99,9 +109,24 @@ impl Default for Prior {
 }
 
 impl Prior {
-    /// F_c, β and c as pairs.
-    pub(super) fn ranges(&self) -> [(f64, f64); 3] {
-        [self.coulomb_force_n, self.viscous_damping_n_s_m, self.half_width_m].map(|[a, b]| (a, b))
+    /// The ranges from which seals are drawn.
+    ///
+    /// # Errors
+    /// A key of no study, or of one that prints no friction force.
+    pub fn seals(&self) -> Result<PlausibleSeals, PublishedError> {
+        let of_study = |key: &String| published::study(key)?.seals();
+        let rest = match &self.like {
+            Some(key) => of_study(key)?,
+            None => PlausibleSeals {
+                coulomb_force: self.coulomb_force_n.into(),
+                ..PlausibleSeals::default()
+            },
+        };
+        Ok(PlausibleSeals {
+            viscous_damping: self.viscous_damping_n_s_m.into(),
+            half_width: self.half_width_m.into(),
+            ..rest
+        })
     }
 }
 
@@ -119,6 +144,12 @@ pub enum ConfigError {
     /// The document is not valid TOML, or has unknown keys or wrong types of values.
     #[error("{0}\n\nhint: `trocar plan --print-config` prints a rig with every key")]
     Syntax(String),
+    /// Two ranges of F_c.
+    #[error("prior.like and prior.coulomb_force_n both give F_c\n\nhint: leave out one of them")]
+    LikeAlone,
+    /// No seals for the key of a study.
+    #[error("prior.like: {0}")]
+    Like(#[from] PublishedError),
     /// A value out of its range.
     #[error("{name} must be {allowed}, got {found}")]
     OutOfRange {
@@ -133,6 +164,10 @@ pub enum ConfigError {
 
 /// Longest experiment, in samples.
 const MOST_SAMPLES: f64 = 1e6;
+/// Stream of the random numbers from which seals are drawn.
+const SEALS: u64 = 1;
+/// Window of the velocity of a pilot without constant-velocity segments, s.
+const WINDOW: f64 = 0.05;
 
 impl PlanConfig {
     /// The rig that a TOML document describes; keys that are missing have their default.
@@ -146,7 +181,16 @@ impl PlanConfig {
         Ok(config)
     }
 
-    /// The same on the rig that made `pilot`: its travel, fastest speed, largest acceleration, rate,
+    /// The seals of the prior for which a motion is planned. Other seeds draw other seals.
+    pub(super) fn expected_seals(&self) -> Result<Vec<ElementParams>, ConfigError> {
+        let ranges = self.prior.seals()?;
+        let mut seeds = ChaCha8Rng::seed_from_u64(self.seed);
+        seeds.set_stream(SEALS);
+        Ok((0..self.draws).map(|_| random_seal(&ranges, seeds.random())).collect())
+    }
+
+    /// The same on the rig that made `pilot`: its travel, its fastest constant velocity (fastest
+    /// velocity where none is constant), the largest acceleration of the median stroke, its rate,
     /// encoder and noise.
     ///
     /// # Errors
@@ -154,22 +198,22 @@ impl PlanConfig {
     pub fn on_the_rig_of(mut self, pilot: &Recording) -> Result<Self, ConfigError> {
         let (lowest_m, highest_m) = range(&pilot.position);
         let strokes = strokes(pilot, reversal_threshold(pilot));
-        let mean_speed = |stroke: &Stroke| {
-            let (from, to) = (stroke.start, stroke.end.min(pilot.len()) - 1);
-            (pilot.position[to] - pilot.position[from]).abs() / (pilot.time[to] - pilot.time[from])
+        let fastest_m_s = fastest(pilot, &strokes);
+        let acceleration = pilot.acceleration();
+        let largest = |stroke: &Stroke| {
+            acceleration[stroke.start..=stroke.end]
+                .iter()
+                .fold(0.0, |most: f64, a| most.max(a.abs()))
         };
-        let speeds = strokes.iter().map(mean_speed).filter(|speed| speed.is_finite());
-        let fastest_m_s = speeds.fold(0.0, f64::max);
-        // Largest but for a hundredth of the samples: differences of positions are noisy.
-        let mut accelerations: Vec<f64> = pilot.acceleration().iter().map(|a| a.abs()).collect();
-        accelerations.sort_by(f64::total_cmp);
+        let mut largest: Vec<f64> = strokes.iter().map(largest).collect();
+        largest.sort_by(f64::total_cmp);
         let quality = &pilot.quality;
         self.rig = Rig {
             lowest_m,
             highest_m,
             slowest_m_s: self.rig.slowest_m_s.min(0.2 * fastest_m_s),
             fastest_m_s,
-            acceleration_m_s2: accelerations[accelerations.len() * 99 / 100],
+            acceleration_m_s2: largest.get(largest.len() / 2).copied().unwrap_or(0.0),
             sample_rate_hz: 1.0 / quality.median_interval,
             encoder_step_m: quality.position_resolution,
         };
@@ -183,39 +227,10 @@ impl PlanConfig {
     /// # Errors
     /// The first value out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let within = |name, allowed, found: f64, [low, high]: [f64; 2]| {
-            if (low..=high).contains(&found) {
-                Ok(())
-            } else {
-                Err(ConfigError::OutOfRange { name, allowed, found })
-            }
-        };
-        let Rig { lowest_m, highest_m, slowest_m_s, fastest_m_s, .. } = self.rig;
         within("draws", "from 1 to 1000", f64::from(self.draws), [1.0, 1000.0])?;
-        within("rig.lowest_m", "from -10 to 10", lowest_m, [-10.0, 10.0])?;
-        within(
-            "rig.highest_m",
-            "above rig.lowest_m by 1e-3 to 10",
-            highest_m,
-            [lowest_m + 1e-3, lowest_m + 10.0],
-        )?;
-        within("rig.slowest_m_s", "from 1e-5 to 10", slowest_m_s, [1e-5, 10.0])?;
-        within(
-            "rig.fastest_m_s",
-            "at least 1.5 rig.slowest_m_s, at most 10",
-            fastest_m_s,
-            [1.5 * slowest_m_s, 10.0],
-        )?;
-        let acceleration = self.rig.acceleration_m_s2;
-        within("rig.acceleration_m_s2", "from 1e-3 to 1e3", acceleration, [1e-3, 1e3])?;
-        within("rig.sample_rate_hz", "from 10 to 1e5", self.rig.sample_rate_hz, [10.0, 1e5])?;
-        within("rig.encoder_step_m", "from 0 to 0.01", self.rig.encoder_step_m, [0.0, 0.01])?;
-        within(
-            "duration_s",
-            "from 1 s to a million samples",
-            self.duration_s,
-            [1.0, MOST_SAMPLES / self.rig.sample_rate_hz],
-        )?;
+        self.rig.check()?;
+        let longest = MOST_SAMPLES / self.rig.sample_rate_hz;
+        within("duration_s", "from 1 s to a million samples", self.duration_s, [1.0, longest])?;
         let noise = &self.noise;
         within("noise.force_n", "from 1e-6 to 100", noise.force_n, [1e-6, 100.0])?;
         within("noise.scatter", "from 1e-4 to 0.5", noise.scatter, [1e-4, 0.5])?;
@@ -224,19 +239,65 @@ impl PlanConfig {
         within("noise.drift", "from 0 to 0.5", noise.drift, [0.0, 0.5])?;
         within("noise.ripple", "from 0 to 0.5", noise.ripple, [0.0, 0.5])?;
         within("noise.ripple_length_m", "from 1e-5 to 1", noise.ripple_length_m, [1e-5, 1.0])?;
-        let named = [
-            ("prior.coulomb_force_n", "two values, increasing, from 1e-3 to 100", [1e-3, 100.0]),
-            (
-                "prior.viscous_damping_n_s_m",
-                "two values, increasing, from 1e-3 to 1e3",
-                [1e-3, 1e3],
-            ),
-            ("prior.half_width_m", "two values, increasing, from 1e-5 to 0.05", [1e-5, 0.05]),
-        ];
-        for ((name, allowed, range), (low, high)) in named.into_iter().zip(self.prior.ranges()) {
-            within(name, allowed, low, range)?;
-            within(name, allowed, high, [low, range[1]])?;
-        }
-        Ok(())
+        self.prior.check()
     }
+}
+
+impl Rig {
+    fn check(&self) -> Result<(), ConfigError> {
+        let Self { lowest_m, slowest_m_s, .. } = *self;
+        within("rig.lowest_m", "from -10 to 10", lowest_m, [-10.0, 10.0])?;
+        let above = [lowest_m + 1e-3, lowest_m + 10.0];
+        within("rig.highest_m", "above rig.lowest_m by 1e-3 to 10", self.highest_m, above)?;
+        within("rig.slowest_m_s", "from 1e-5 to 10", slowest_m_s, [1e-5, 10.0])?;
+        let faster = "at least 1.5 rig.slowest_m_s, at most 10";
+        within("rig.fastest_m_s", faster, self.fastest_m_s, [1.5 * slowest_m_s, 10.0])?;
+        let acceleration = self.acceleration_m_s2;
+        within("rig.acceleration_m_s2", "from 1e-3 to 1e3", acceleration, [1e-3, 1e3])?;
+        within("rig.sample_rate_hz", "from 10 to 1e5", self.sample_rate_hz, [10.0, 1e5])?;
+        within("rig.encoder_step_m", "from 0 to 0.01", self.encoder_step_m, [0.0, 0.01])
+    }
+}
+
+impl Prior {
+    fn check(&self) -> Result<(), ConfigError> {
+        self.seals()?;
+        if self.like.is_some() && self.coulomb_force_n != Self::default().coulomb_force_n {
+            return Err(ConfigError::LikeAlone);
+        }
+        let pair = |name, allowed, [low, high]: [f64; 2], range: [f64; 2]| {
+            within(name, allowed, low, range)?;
+            within(name, allowed, high, [low, range[1]])
+        };
+        let (force, damping, width) =
+            (self.coulomb_force_n, self.viscous_damping_n_s_m, self.half_width_m);
+        let allowed = "two values, increasing, from 1e-3 to 100";
+        pair("prior.coulomb_force_n", allowed, force, [1e-3, 100.0])?;
+        let allowed = "two values, increasing, from 1e-3 to 1e3";
+        pair("prior.viscous_damping_n_s_m", allowed, damping, [1e-3, 1e3])?;
+        pair("prior.half_width_m", "two values, increasing, from 1e-5 to 0.05", width, [1e-5, 0.05])
+    }
+}
+
+fn within(
+    name: &'static str,
+    allowed: &'static str,
+    found: f64,
+    [low, high]: [f64; 2],
+) -> Result<(), ConfigError> {
+    // NaN is in no range.
+    if (low..=high).contains(&found) {
+        return Ok(());
+    }
+    Err(ConfigError::OutOfRange { name, allowed, found })
+}
+
+/// Fastest constant velocity of a recording, m/s; fastest velocity where none is constant.
+fn fastest(pilot: &Recording, strokes: &[Stroke]) -> f64 {
+    let constant = steady_segments(pilot, strokes, &SegmentOptions::default());
+    let fastest = constant.iter().map(|segment| segment.velocity.abs()).fold(0.0, f64::max);
+    if fastest > 0.0 {
+        return fastest;
+    }
+    local_velocity(pilot, WINDOW).iter().fold(0.0, |most, v| most.max(v.abs()))
 }

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
 
 use super::blocks::Block;
 use super::config::{PlanConfig, Rig};
@@ -64,28 +65,49 @@ impl Move {
     }
 }
 
+/// A block at its place in a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Segment {
+    /// What is done.
+    #[serde(flatten)]
+    pub block: Block,
+    /// When it begins, s.
+    pub from_s: f64,
+    /// When it ends, s.
+    pub to_s: f64,
+}
+
 /// Orders that are drawn, of which the one is taken whose speeds follow the time least.
 const ORDERS: usize = 200;
 /// Slow changes that the speeds should not follow: cosines over the duration.
 const COSINES: usize = 3;
 
 /// The blocks in random order with their motion, such that a drift of the friction looks least like
-/// viscous friction; `None` where no order takes at most the time allowed, for a stroke also leads
-/// from one block to the next.
-pub(super) fn ordered(config: &PlanConfig, blocks: &[Block]) -> Option<(Vec<Block>, Course)> {
+/// viscous friction.
+///
+/// # Errors
+/// Where no order takes at most the time allowed (a stroke also leads from one block to the next):
+/// the least time of one, s.
+pub(super) fn ordered(
+    config: &PlanConfig,
+    blocks: &[Block],
+) -> Result<(Vec<Segment>, Course), f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
     let rig = &config.rig;
-    let drawn = (0..ORDERS).map(|_| {
-        let mut order = blocks.to_vec();
-        order.shuffle(&mut rng);
-        let moves = moves(rig, &order, &mut rng);
-        let duration: f64 = moves.iter().map(|step| step.duration(rig)).sum();
-        (follows_time(rig, &order), duration + 2.0 * AT_REST, order, moves)
-    });
-    let in_time = drawn.filter(|(_, duration, ..)| *duration <= config.duration_s);
-    let (.., order, moves) = in_time.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let course = sampled(rig, &moves);
-    Some((order, course))
+    let drawn: Vec<_> = (0..ORDERS)
+        .map(|_| {
+            let mut order = blocks.to_vec();
+            order.shuffle(&mut rng);
+            let segments = segments(rig, &order, &mut rng);
+            let end = segments.last().map_or(0.0, |(segment, _)| segment.to_s);
+            (follows_time(rig, &order), end + AT_REST, segments)
+        })
+        .collect();
+    let shortest = drawn.iter().map(|drawn| drawn.1).fold(f64::INFINITY, f64::min);
+    let in_time = drawn.into_iter().filter(|(_, duration, _)| *duration <= config.duration_s);
+    let (.., segments) = in_time.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(shortest)?;
+    let (segments, moves): (Vec<Segment>, Vec<Vec<Move>>) = segments.into_iter().unzip();
+    Ok((segments, sampled(rig, &moves.concat())))
 }
 
 /// Sum of the squared correlations of the speed with slow changes.
@@ -113,19 +135,21 @@ fn follows_time(rig: &Rig, order: &[Block]) -> f64 {
 /// the same places.
 const SCATTER: f64 = 0.1;
 
-/// The moves of blocks one after the other.
-fn moves(rig: &Rig, order: &[Block], rng: &mut ChaCha8Rng) -> Vec<Move> {
-    let mut at = rig.lowest_m + 0.02 * rig.travel_m();
-    let mut moves = Vec::new();
+/// Blocks one after the other, with their moves.
+fn segments(rig: &Rig, order: &[Block], rng: &mut ChaCha8Rng) -> Vec<(Segment, Vec<Move>)> {
+    let (mut at, mut from_s) = (rig.lowest_m + 0.02 * rig.travel_m(), AT_REST);
+    let mut segments = Vec::with_capacity(order.len());
     for block in order {
         let room = rig.travel_m() - block.length_m;
         let most = (0.5 * room).min(SCATTER * block.length_m);
         let start = rig.lowest_m + 0.5 * room + most * (2.0 * rng.random::<f64>() - 1.0);
-        let of_block = block.moves(at, start);
-        at = of_block.last().map_or(at, |last| last.to_m);
-        moves.extend(of_block);
+        let moves = block.moves(at, start);
+        let to_s = from_s + moves.iter().map(|step| step.duration(rig)).sum::<f64>();
+        at = moves.last().map_or(at, |last| last.to_m);
+        segments.push((Segment { block: *block, from_s, to_s }, moves));
+        from_s = to_s;
     }
-    moves
+    segments
 }
 
 /// Time, s, at rest before the first and after the last move.
@@ -158,16 +182,19 @@ pub(super) fn sampled(rig: &Rig, moves: &[Move]) -> Course {
     course
 }
 
+/// Limits that are read from a recording are a little below those of its rig.
+const ROUNDED: f64 = 0.95;
+
 /// The protocol of EMS IV-A, 18 speeds from 15 to 100 mm/s in ascending order over 120 mm, on this
 /// rig; `None` where the rig cannot make it.
 pub(super) fn of_the_paper(config: &PlanConfig) -> Option<Course> {
     const STROKE: f64 = 0.120;
     let rig = &config.rig;
-    // Travel that is written in decimals.
-    let fits =
-        rig.travel_m() >= STROKE - 1e-9 && rig.fastest_m_s >= 0.1 && rig.slowest_m_s <= 0.015;
+    let fits = rig.travel_m() >= ROUNDED * STROKE
+        && rig.fastest_m_s >= ROUNDED * 0.1
+        && ROUNDED * rig.slowest_m_s <= 0.015;
     fits.then(|| {
-        let (low, high) = (rig.lowest_m, rig.lowest_m + STROKE);
+        let (low, high) = (rig.lowest_m, rig.lowest_m + STROKE.min(rig.travel_m()));
         let cycle = |k: u32| {
             let speed_m_s = 0.015 + 0.005 * f64::from(k);
             [(low, high), (high, low)].map(|(from_m, to_m)| Move {

@@ -17,19 +17,23 @@ pub mod config;
 mod course;
 mod goal;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{Element, ElementParams, ParamError, ParameterId, Quantity, Trocar, Unit};
+use trocar_model::{ElementParams, ParamError, ParameterId, Quantity, Unit};
 
-use crate::bench::{Course, PlausibleSeals, random_seal};
-use crate::identify::{Expected, Rows};
+use crate::bench::Course;
+use crate::cancel;
+use crate::identify::{Expected, Motion, Progress, Rows};
 use crate::recording::{Recording, RecordingError};
 
 pub use blocks::{Block, Interruption};
 pub use config::{ConfigError, PlanConfig};
+pub use course::Segment;
 pub use goal::{Goal, UnknownGoal};
 
-use choose::{Known, choose};
+use choose::Search;
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
@@ -43,20 +47,25 @@ pub enum PlanError {
     Seal(#[from] ParamError),
     /// The time does not suffice for the strokes that an identification presupposes.
     #[error(
-        "duration_s = {found} s is too short: the least that an identification needs (three speeds, repeated strokes{with}) takes \
-         {least} s with this rig and seal\n\nhint: allow more time, or raise slowest_m_s or acceleration_m_s2"
+        "duration_s = {found} s is too short: the least that an identification needs (three speeds, repeated \
+         strokes{with}) takes {least} s with this rig and seal\n\nhint: allow more time, or raise slowest_m_s or \
+         acceleration_m_s2"
     )]
     TooShort {
         /// Time allowed, s.
         found: f64,
-        /// Least time, s.
+        /// Least time that suffices, s.
         least: f64,
         /// What else is needed for the goal.
         with: &'static str,
     },
     /// The travel is less than the seal needs to slide.
     #[error(
-        "the rig's travel of {travel_m} m is too short: a seal that deforms by {half_width_m} m to either side slides only after {least_m} m of travel"
+        "the rig's travel of {:.1} mm is too short: a seal that deforms by {:.1} mm to either side needs at least \
+         {:.1} mm\n\nhint: widen rig.lowest_m to rig.highest_m, or lower prior.half_width_m if the seals are narrower",
+        1e3 * travel_m,
+        1e3 * half_width_m,
+        1e3 * least_m
     )]
     TooNarrow {
         /// Travel of the rig, m.
@@ -73,7 +82,10 @@ pub enum PlanError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// Information that cannot be inverted in numbers.
-    #[error("the information about the parameters cannot be computed for this seal")]
+    #[error(
+        "the information about the parameters is no finite number for a seal: its values or those of rig and noise are \
+         too far apart\n\nhint: check the units of rig, noise and seal (m, m/s, N)"
+    )]
     Singular,
 }
 
@@ -113,6 +125,8 @@ pub struct Share {
     pub duration_s: f64,
     /// Part of the information about the goal that is lost without them, 0 to 1.
     pub information: f64,
+    /// The same without one of them.
+    pub information_of_one: f64,
 }
 
 /// A motion with what it will tell.
@@ -121,7 +135,7 @@ pub struct Plan {
     /// The motion at the sample rate.
     pub course: Course,
     /// The blocks in their order.
-    pub order: Vec<Block>,
+    pub segments: Vec<Segment>,
     /// The same by kind.
     pub shares: Vec<Share>,
     /// What to expect after it.
@@ -129,15 +143,31 @@ pub struct Plan {
     /// What to expect of the paper's protocol (EMS IV-A) on this rig, with its duration, s; none where the
     /// rig cannot make it.
     pub paper: Option<(f64, Vec<Prediction>)>,
-    /// Time after which the goal is expected to be reached, s, if intervals shrink with the root of the
-    /// time, beside what was recorded before; none without a wanted precision.
+    /// Time of the recordings that were there already, s.
+    pub before_s: f64,
+    /// Time after which the goal is expected to be reached, s; none without a wanted precision.
     pub needed_s: Option<f64>,
+}
+
+impl Plan {
+    /// Time of the motion, s.
+    pub fn duration_s(&self) -> f64 {
+        self.course.time.last().copied().unwrap_or(0.0)
+    }
+
+    /// Time of a motion like this one, s, after which the half width of a parameter is expected to be
+    /// `wanted` times its value; negative where the recordings before it suffice. Half widths shrink
+    /// with the root of the time, of those recordings and of the motion together.
+    pub fn time_for(&self, prediction: &Prediction, wanted: f64) -> Option<f64> {
+        let whole = self.before_s + self.duration_s();
+        Some(whole * (prediction.relative_half_width? / wanted).powi(2) - self.before_s)
+    }
 }
 
 /// Plans a motion for `goal`.
 ///
 /// `seals` are those for which it is planned (those of the prior where there are none), `before` is
-/// what has been recorded already.
+/// what has been recorded already. `progress` is told the stage and the part that is done, 0 to 1.
 ///
 /// # Errors
 /// [`PlanError`]: values out of range, or time or travel that do not suffice.
@@ -146,37 +176,49 @@ pub fn plan(
     goal: &Goal,
     seals: &[ElementParams],
     before: &[Recording],
+    progress: Progress,
 ) -> Result<Plan, PlanError> {
     config.check()?;
-    let drawn = if seals.is_empty() { from_prior(config) } else { seals.to_vec() };
+    let drawn = if seals.is_empty() { config.expected_seals()? } else { seals.to_vec() };
     let blocks = blocks::candidates(config, goal, &drawn)?;
-    let known = drawn
-        .iter()
-        .map(|seal| Known::new(config, goal, seal, &blocks, before))
-        .collect::<Result<Vec<Known>, PlanError>>()?;
-    let mut time = config.duration_s - 2.0 * course::AT_REST;
-    let (chosen, (order, course)) = loop {
-        let chosen = choose(config, goal, &blocks, &known, time)?;
-        match course::ordered(config, &chosen.blocks) {
-            Some(ordered) => break (chosen, ordered),
-            None => time *= 0.98,
+    progress("what cycles tell", 0.0);
+    let before: Vec<Motion> = before.par_iter().cloned().map(Motion::of).collect();
+    let search = Search::new(config, goal, &drawn, &blocks, &before)?;
+    let mut counts = search.best(config.duration_s - 2.0 * course::AT_REST, progress)?;
+    let (segments, course) = loop {
+        match course::ordered(config, &search.repeated(&counts)) {
+            Ok(ordered) => break ordered,
+            Err(least) => {
+                let fewer = search.with_one_less(&counts)?;
+                counts = fewer.ok_or_else(|| too_short(config, goal, least))?;
+            }
         }
     };
-    let expected = predicted(config, &drawn, &course, before)?;
-    let paper = match course::of_the_paper(config) {
-        Some(paper) => {
-            let duration = paper.time.last().copied().unwrap_or(0.0);
-            Some((duration, predicted(config, &drawn, &paper, before)?))
-        }
-        None => None,
+    let shares = search.shares(&counts)?;
+    let paper = course::of_the_paper(config);
+    let motions: Vec<&Course> = std::iter::once(&course).chain(&paper).collect();
+    let mut expected = predictions(config, &drawn, &motions, &before, progress)?.into_iter();
+    let mut plan = Plan {
+        segments,
+        shares,
+        expected: expected.next().unwrap_or_default(),
+        paper: paper.as_ref().and_then(|c| Some((*c.time.last()?, expected.next()?))),
+        before_s: before.iter().map(Motion::duration).sum(),
+        needed_s: None,
+        course,
     };
-    let needed_s = goal.wanted().and_then(|(id, wanted)| {
-        let found = expected.iter().find(|p| p.id == id)?;
-        let duration = course.time.last()?;
-        let before: f64 = before.iter().map(Recording::duration).sum();
-        Some((before + duration) * (found.relative_half_width? / wanted).powi(2) - before)
-    });
-    Ok(Plan { course, order, shares: chosen.shares, expected, paper, needed_s })
+    plan.needed_s = goal
+        .wanted()
+        .and_then(|(id, wanted)| plan.time_for(plan.expected.iter().find(|p| p.id == id)?, wanted));
+    Ok(plan)
+}
+
+fn too_short(config: &PlanConfig, goal: &Goal, least: f64) -> PlanError {
+    PlanError::TooShort {
+        found: config.duration_s,
+        least: (1e3 * least).ceil() / 1e3,
+        with: if goal.needs_free_motion() { ", partial reversals, a rest" } else { "" },
+    }
 }
 
 /// What to expect of `motion` together with recordings made `before`, for a seal, or for several:
@@ -190,17 +232,40 @@ pub fn predicted(
     motion: &Course,
     before: &[Recording],
 ) -> Result<Vec<Prediction>, PlanError> {
-    let all = seals
-        .par_iter()
-        .map(|seal| {
-            let recording = noiseless(seal, motion)?;
-            let motions: Vec<&Recording> = before.iter().chain([&recording]).collect();
-            let rows = Rows::new(&motions, seal, &config.noise)?.ok_or(PlanError::Singular)?;
-            rows.expected(&config.noise).ok_or(PlanError::Singular)
-        })
-        .collect::<Result<Vec<Vec<Expected>>, PlanError>>()?;
-    let Some(first) = all.first() else { return Ok(Vec::new()) };
-    Ok((0..first.len()).map(|k| over_seals(config, &all, k)).collect())
+    let before: Vec<Motion> = before.iter().cloned().map(Motion::of).collect();
+    let all = predictions(config, seals, &[motion], &before, &|_, _| {})?;
+    Ok(all.into_iter().next().unwrap_or_default())
+}
+
+/// The same for each of `courses`.
+fn predictions(
+    config: &PlanConfig,
+    seals: &[ElementParams],
+    courses: &[&Course],
+    before: &[Motion],
+    progress: Progress,
+) -> Result<Vec<Vec<Prediction>>, PlanError> {
+    progress("expected intervals", 0.5);
+    let motion = |course: &&Course| Motion::planned(&course.time, &course.position);
+    let motions: Vec<Motion> = courses.par_iter().map(motion).collect::<Result<_, _>>()?;
+    let done = AtomicUsize::new(0);
+    let of = |motion: &Motion, seal: &ElementParams| {
+        cancel::check();
+        let motions: Vec<&Motion> = before.iter().chain([motion]).collect();
+        let rows = Rows::new(&motions, seal, &config.noise)?.ok_or(PlanError::Singular)?;
+        let expected = rows.expected(&config.noise).ok_or(PlanError::Singular)?;
+        let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+        let part = done as f64 / (courses.len() * seals.len()) as f64;
+        progress("expected intervals", 0.5 + 0.5 * part);
+        Ok(expected)
+    };
+    let over_all = |motion: &Motion| {
+        let all = seals.par_iter().map(|seal| of(motion, seal));
+        let all: Vec<Vec<Expected>> = all.collect::<Result<_, PlanError>>()?;
+        let count = all.first().map_or(0, Vec::len);
+        Ok((0..count).map(|k| over_seals(config, &all, k)).collect())
+    };
+    motions.iter().map(over_all).collect()
 }
 
 fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], k: usize) -> Prediction {
@@ -241,26 +306,4 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], k: usize) -> Predictio
         determined: is_resolved
             && median(&|e| e.half_width / scale(e)) < if one.on_log { 10f64.ln() } else { 1.0 },
     }
-}
-
-/// The motion with the force of a seal, without noise: what the information is taken from.
-pub(crate) fn noiseless(seal: &ElementParams, motion: &Course) -> Result<Recording, PlanError> {
-    let trocar = Trocar::of_seal(Element::new(*seal)?);
-    let mut state = trocar.rest(motion.position[0]);
-    let mut last = motion.time[0];
-    let force = motion.time.iter().zip(&motion.position).map(|(time, position)| {
-        let duration = time - last;
-        last = *time;
-        trocar.step_to(&mut state, *position, duration)
-    });
-    let force: Vec<f64> = force.collect();
-    let (time, position) = (motion.time.clone(), motion.position.clone());
-    Ok(Recording::from_columns("plan", time, position, force)?)
-}
-
-fn from_prior(config: &PlanConfig) -> Vec<ElementParams> {
-    let [coulomb_force, viscous_damping, half_width] = config.prior.ranges();
-    let ranges =
-        PlausibleSeals { coulomb_force, viscous_damping, half_width, ..PlausibleSeals::default() };
-    (0..u64::from(config.draws)).map(|k| random_seal(&ranges, config.seed + k)).collect()
 }

@@ -6,7 +6,7 @@
 //!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
 //! ```
 //! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
-//! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`] and `teleop` depend on
+//! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`], `plan` and `teleop` depend on
 //! results; they fill documents from them.
 
 mod chart;
@@ -20,6 +20,8 @@ mod html;
 pub mod identification;
 mod live;
 mod number;
+#[cfg(feature = "bench")]
+pub mod plan;
 pub mod recording;
 mod style;
 mod svg;

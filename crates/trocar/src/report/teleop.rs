@@ -31,6 +31,16 @@ impl Source {
         let sha256 = digest.iter().map(|byte| format!("{byte:02x}")).collect();
         Self { name: name.into(), sha256 }
     }
+
+    /// Its name.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its name and hash.
+    pub(super) fn words(&self) -> String {
+        format!("{}, SHA-256 {}", self.name, self.sha256)
+    }
 }
 
 /// A model with where it comes from.
@@ -316,15 +326,14 @@ fn configuration(config: &Config) -> Section {
 }
 
 fn provenance(input: &TeleopReport) -> Vec<(String, String)> {
-    let named = |Source { name, sha256 }: &Source| format!("{name}, SHA-256 {sha256}");
-    let config = input.config_source.as_ref().map_or_else(|| "defaults".to_owned(), named);
+    let config = input.config_source.as_ref().map_or_else(|| "defaults".to_owned(), Source::words);
     let mut all = vec![
         ("Program".to_owned(), PROGRAM.to_owned()),
         ("Configuration".to_owned(), config),
-        ("Model".to_owned(), named(&input.trocar.source)),
+        ("Model".to_owned(), input.trocar.source.words()),
     ];
     if let Some(other) = &input.compensator {
-        all.push(("Compensator".to_owned(), named(&other.source)));
+        all.push(("Compensator".to_owned(), other.source.words()));
     }
     all.push(("Seed".to_owned(), input.config.seed.to_string()));
     all

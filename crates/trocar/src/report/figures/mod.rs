@@ -8,6 +8,8 @@ pub(super) mod fleet;
 mod half_width;
 mod live;
 mod motion;
+#[cfg(feature = "bench")]
+pub(super) mod plan;
 mod reversal;
 mod sliding;
 mod speeds;

@@ -395,7 +395,7 @@ pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
 }
 
 /// Every key of the configuration with its value, as in its file.
-pub(in super::super) fn keys(config: &Config) -> Vec<(String, String)> {
+pub(in super::super) fn keys(config: &impl serde::Serialize) -> Vec<(String, String)> {
     let text = toml::to_string(config).unwrap_or_default();
     let mut section = String::new();
     let mut keys = Vec::new();

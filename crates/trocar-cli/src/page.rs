@@ -1,0 +1,45 @@
+//! Reports as one HTML page, and the inputs that they name.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::Context;
+use trocar::model_file::ModelFile;
+use trocar::output::AtomicFile;
+use trocar::report::teleop::Source;
+use trocar::report::{self, Document};
+
+use crate::console::BadArgument;
+
+/// Refuses standard output for a page.
+pub(crate) fn needs_a_file(report: Option<&Path>) -> anyhow::Result<()> {
+    if report == Some(Path::new("-")) {
+        let text = "--report - : the report is a page and needs a file";
+        return Err(BadArgument(text.to_owned()).into());
+    }
+    Ok(())
+}
+
+/// Writes `document` as a page that needs nothing else.
+pub(crate) fn write(document: &Document, path: &Path) -> anyhow::Result<()> {
+    let page = report::page(document)?;
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;
+    Ok(file.commit()?)
+}
+
+/// The file at `path`, by its name without its folder.
+pub(crate) fn source(path: &Path) -> anyhow::Result<Source> {
+    let bytes = std::fs::read(path).with_context(|| path.display().to_string())?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(Source::new(name, &bytes))
+}
+
+/// The model at `path`: a file, the folder of a result, or 'plausible'.
+pub(crate) fn model_source(path: &Path, file: &ModelFile) -> anyhow::Result<Source> {
+    match path.to_str() {
+        Some("plausible") => Ok(Source::new("plausible", file.to_json().as_bytes())),
+        _ if path.is_dir() => source(&path.join("model.json")),
+        _ => source(path),
+    }
+}
