@@ -105,7 +105,7 @@ fn motion(input: &PlanReport) -> Section {
             Cell::Text(share.block.interruption.to_string()),
             Cell::Number { value: MM * share.block.speed_m_s, digits: 3 },
             Cell::Number { value: MM * share.block.length_m, digits: 3 },
-            Cell::Number { value: share.count as f64, digits: 3 },
+            Cell::Number { value: share.count as f64, digits: share.count.to_string().len() },
             Cell::Number { value: share.duration_s, digits: 3 },
             Cell::Number { value: 1e2 * share.information.max(0.0), digits: 2 },
         ])
@@ -124,7 +124,7 @@ fn expected(input: &PlanReport) -> Section {
     let plan = input.plan;
     let paper = plan.paper.as_ref();
     let head = paper.map(|(duration, _)| format!("Paper, {duration:.0} s"));
-    let time = format!("Time for ±{} % (s)", significant(1e2 * PRECISION, 2));
+    let time = format!("More time for ±{:.0} % (s)", 1e2 * PRECISION);
     let columns = ["Parameter", "Unit", "Value", "Half width", "Of the value (%)"];
     let columns = columns.into_iter().chain(["Worst seal"]).chain(head.as_deref());
     let table = Table::new(
@@ -145,13 +145,16 @@ fn expected(input: &PlanReport) -> Section {
             number(scale * p.largest_half_width),
         ];
         row.extend(paper.map(|(_, paper)| number(scale * paper[k].half_width)));
-        let time = plan.time_for(p, PRECISION).map_or(f64::NAN, |time| time.max(0.0));
-        row.push(number(time));
+        row.push(match plan.time_for(p, PRECISION).map(|time| time - plan.duration_s()) {
+            Some(more) if more > 0.0 => number(more),
+            Some(_) => Cell::from("none"),
+            None => Cell::from("–"),
+        });
         table.row(row)
     });
     let section = Section::new("What to expect").table(table).paragraph(
-        "Intervals as identify computes them, with the noise below. Paper: its protocol (EMS IV-A) on the same rig. Times: of a motion \
-         like this one, beside the recordings that are there, if intervals shrink with the root of the time.",
+        "Intervals as identify computes them, with the noise below. Paper: its protocol (EMS IV-A) on the same rig. More time: of \
+         motions like this one, if intervals shrink with the root of the time.",
     );
     let section = match (plan.needed_s, input.goal) {
         (Some(needed), Goal::Parameter(..)) => section.paragraph(needed_in_words(plan, needed)),
