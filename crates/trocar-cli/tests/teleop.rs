@@ -167,6 +167,8 @@ fn a_hybrid_matrix_is_written() {
     let matrix = fs::read_to_string(place.path("matrix.csv")).unwrap();
     assert!(matrix.starts_with("frequency_hz,h11_real_n_s_m,h11_imaginary_n_s_m,h12_real,"));
     assert_eq!(matrix.lines().count(), 62);
+    let cells = matrix.lines().skip(1).flat_map(|line| line.split(','));
+    assert!(cells.into_iter().all(|cell| cell.parse::<f64>().is_ok_and(f64::is_finite)));
 }
 
 /// What cannot be computed is refused before anything is written.
@@ -212,7 +214,10 @@ fn a_tip_that_does_not_reach_the_tissue_is_reported() {
     let ran = place(far_off).run("teleop loop.toml --model plausible").ends_with(3);
     ran.says(&["does not reach the tissue"]);
     let none = "[tissue]\nsurface_m = 0.5\nkind = \"none\"\n";
-    place(none).run("teleop loop.toml --model plausible").ends_with(0);
+    let free = place(none).run("teleop loop.toml --model plausible").ends_with(0);
+    assert!(!free.stdout.contains("stable with tissue"), "{}", free.stdout);
+    let inside = place("[motion]\namplitude_m = -0.02\n").run("teleop loop.toml --model plausible");
+    inside.ends_with(3).says(&["begins in the tissue"]);
 }
 
 #[test]
@@ -241,7 +246,8 @@ fn what_is_no_loop_is_refused() {
         (SOFT, "--advise --draws 5", "a model with 95 % intervals"),
         (SOFT, "--least-friction 0.5", "--advise"),
         (SOFT, "--advise --least-friction 1.5", "must be from 0.01 to 1"),
-        (SOFT, "--map 0.0001", "from the sample time, 0.001 s, to 10 s, got 0.0001 s"),
+        (SOFT, "--map 0.0001", "from the sample time, 0.001 s, to 10 000 times that, got 0.0001 s"),
+        ("[tissue]\nkind = \"none\"", "--map", "there is no tissue"),
         ("[sensor]\nplace = \"tip\"", "--advise", "changes nothing in this loop"),
         ("[control]\narchitecture = \"wave\"", "--map", "changes nothing in this loop"),
     ] {

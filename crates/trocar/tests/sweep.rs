@@ -304,6 +304,12 @@ fn faults_of_loops_are_told_with_their_place() {
             "protocol = \"step\"",
             "[teleop] changes a loop, and none is given",
         ),
+        ("\"motion.duration_s\" = 2.0", "seed = 3", "seed: expected no value: each run has a seed"),
+        (
+            "{ grid = [0.0, 0.5, 1.0] }",
+            "{ uniform = [0.5, 1.5], relative = true }",
+            "it is 0, and so is",
+        ),
         ("[teleop]\n", "file = \"motion.csv\"\n[teleop]\n", "exclude each other"),
         ("[teleop]\n", "rig = \"rig.toml\"\n[teleop]\n", "neither a file nor a loop"),
     ] {

@@ -1079,6 +1079,60 @@ fn four_channels_in_samples_need_a_hand_with_mass() {
     assert!(!settles(0.5 * needed, 1e-3) && settles(4.0 * needed, 1e-3));
 }
 
+/// A light grip and too much taken out: the loop rests in the tissue, but not on the way there.
+#[test]
+fn a_loop_that_oscillates_before_the_tissue_is_unstable() {
+    let mut config = Config::default();
+    (config.operator.stiffness_n_m, config.operator.damping_n_s_m) = (20.0, 2.0);
+    config.compensation.fraction = 1.25;
+    let trocar = plausible();
+    let found = Outcome::of(&config, [&trocar, &trocar]).unwrap();
+    assert!(!found.settles && found.figures.is_none());
+    let surface = config.tissue.surface_m;
+    assert!(Trial::default().is_stable(&config, &trocar, &trocar, surface).unwrap());
+}
+
+/// What the trocar is credited with is no energy of the slave's port.
+#[test]
+fn energies_of_the_ports_are_the_work_there_with_and_without_a_credit() {
+    for credit in [PassivityCredit::None, PassivityCredit::Trocar] {
+        let mut config = compensated(credit);
+        config.motion = Config::default().motion;
+        let samples = run(&config, &plausible(), 4.0, |time| config.motion.at(time));
+        let work: f64 = samples
+            .windows(2)
+            .map(|pair| pair[0].slave_force * (pair[1].slave_position - pair[0].slave_position))
+            .sum();
+        let merit = Merit::of(&config, &samples);
+        assert!((merit.slave_energy_j + work).abs() < 1e-9, "{merit:?} {work}");
+        assert_eq!(merit.credit_j.is_some_and(|j| j > 0.0), credit == PassivityCredit::Trocar);
+    }
+}
+
+#[test]
+fn without_tissue_there_is_no_stiffness_to_hold_or_to_show() {
+    let trocar = plausible();
+    let mut config = Config::default();
+    config.tissue.kind = TissueKind::None;
+    assert_eq!(ZWidth::of(&config, [&trocar, &trocar]), Ok(None));
+    let shown = |config: &Config| {
+        let figures = Outcome::of(config, [&trocar, &trocar]).unwrap().figures.unwrap();
+        figures.displayed_stiffness_n_m
+    };
+    assert!(shown(&Config::default()).is_some() && shown(&config).is_none());
+    let mut inside = Config::default();
+    inside.motion.amplitude_m = -0.02;
+    assert_eq!(shown(&inside), None, "begun in the tissue");
+}
+
+#[test]
+fn a_hybrid_matrix_of_waves_needs_a_controller() {
+    let mut config = linear(Architecture::Wave, 0.0);
+    (config.control.stiffness_n_m, config.control.damping_n_s_m) = (0.0, 0.0);
+    let refused = response(&config, [&none(), &none()], 0.01, &[1.0]).unwrap_err().to_string();
+    assert!(refused.contains("control.stiffness_n_m must be above 0"), "{refused}");
+}
+
 /// In four channels the motor moves the master's mass: that is not felt.
 #[test]
 fn what_is_felt_in_four_channels_is_the_force_of_the_operator() {

@@ -24,8 +24,8 @@ use crate::table::{Table, number};
 
 /// Least amplitude of the strokes of a hybrid matrix, m.
 const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
-/// Longest delay of a map, s.
-const LONGEST_MAPPED_S: f64 = 10.0;
+/// Longest delay of a map, in samples.
+const LONGEST_MAPPED: f64 = 1e4;
 
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     /// the loop)
     #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
     draws: Option<u16>,
-    /// With --advise: reckon with trocars whose friction is down to this multiple of the model's, as that of a
+    /// With --advise: include trocars whose friction is down to this multiple of the model's, as that of a
     /// wetted seal, which loses 15 to 45 %
     #[arg(long, value_name = "SCALE", requires = "advise", value_parser = friction_scale)]
     least_friction: Option<f64>,
@@ -91,6 +91,11 @@ struct Answer {
     figures: Option<Merit>,
     /// Stiffnesses of the tissue with which the loop is stable; none where it is with none that is tried.
     z_width: Option<ZWidth>,
+    #[serde(skip)]
+    has_tissue: bool,
+    /// Of the tissue, N/m.
+    #[serde(skip)]
+    stiffness_n_m: f64,
     /// When it diverged, s.
     unstable_after_s: Option<f64>,
     advice: Option<Advice>,
@@ -117,6 +122,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         settles,
         figures,
         z_width: ZWidth::of(&config, models)?,
+        has_tissue: config.tissue.kind != TissueKind::None,
+        stiffness_n_m: config.tissue.stiffness_n_m,
         unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
         advice: args.advise.then(|| advice(console, args, &config, models, &file)).transpose()?,
         map: args.map.map(map).transpose()?,
@@ -166,33 +173,54 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         Ok(_) => None,
     };
     if let (Some(out), true) = (&args.out, answer.unstable_after_s.is_some()) {
-        console.warn(&format!("{}: not written", out.display()));
+        console
+            .warn(&format!("{}: not written; what was there before is still there", out.display()));
     }
     if let Some(why) = &unstable {
-        let of_the_hand = match config.control.architecture {
-            Architecture::FourChannel if config.operator.mass_kg == 0.0 => {
-                "; sampled four channels are unstable with a hand without mass: give operator.mass_kg"
-            }
-            _ => "",
-        };
-        console.warn(&format!(
-            "{why}\n\nhint: --advise finds the fractions of the trocar's force with which it is stable; a lower force_gain, a \
-             shorter delay or passivity = true in [control] help, too{of_the_hand}"
-        ));
+        console.warn(&format!("{why}\n\nhint: try {}", remedies(&config, args).join(", ")));
     }
     let out_of_reach = warn_of_no_contact(console, &config, &answer);
     Ok(Completion::doubtful_if(unstable.is_some() || !advised || out_of_reach))
 }
 
+/// What may make an unstable loop stable.
+fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
+    let control = &config.control;
+    let four_channels = control.architecture == Architecture::FourChannel;
+    let reflects = control.architecture == Architecture::PositionForce;
+    let all = [
+        (
+            config.uses_compensation() && !args.advise,
+            "--advise, which finds the fractions of the trocar's force with which it is stable",
+        ),
+        (reflects && control.force_gain > 0.0, "a lower control.force_gain"),
+        (config.channel.delay_s > 0.0, "a shorter channel.delay_s"),
+        (!control.passivity, "control.passivity = true"),
+        (
+            four_channels && config.operator.mass_kg == 0.0,
+            "operator.mass_kg above 0, without which sampled four channels are unstable",
+        ),
+        (true, "a lower control.stiffness_n_m or another control.damping_n_s_m"),
+    ];
+    all.into_iter().filter(|(helps, _)| *helps).map(|(_, what)| what).collect()
+}
+
 /// Whether there is tissue that the tip does not reach: the figures then say nothing about it.
 fn warn_of_no_contact(console: &Console, config: &Config, answer: &Answer) -> bool {
-    let touches = |figures: &Merit| figures.true_stiffness_n_m.is_some();
-    let out_of_reach =
-        config.tissue.kind != TissueKind::None && answer.figures.is_some_and(|f| !touches(&f));
+    let tissue = &config.tissue;
+    let is_there = tissue.kind != TissueKind::None && tissue.stiffness_n_m > 0.0;
+    if is_there && config.motion.start_m() > tissue.surface_m {
+        console.warn(
+            "the motion begins in the tissue: no stiffness displayed\n\nhint: begin before tissue.surface_m, see [motion]",
+        );
+        return true;
+    }
+    let out_of_reach = is_there && answer.figures.is_some_and(|f| f.true_stiffness_n_m.is_none());
     if out_of_reach {
         console.warn(
-            "the tip does not reach the tissue: the figures are those of free motion\n\nhint: let the hand go further, see \
-             [motion]; with passivity = true give the control a passivity_reserve_j",
+            "the tip does not reach the tissue: the figures are those of free motion\n\nhint: let the hand go further, \
+             or longer than the channel delays, see [motion]; hand and control need a stiffness; with passivity = true give the \
+             control a passivity_reserve_j",
         );
     }
     out_of_reach
@@ -219,13 +247,18 @@ fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
         return Err(BadArgument(text).into());
     }
     if let Some(Some(longest)) = args.map
-        && !(longest >= config.sample_time_s && longest <= LONGEST_MAPPED_S)
+        && !(config.sample_time_s..=LONGEST_MAPPED * config.sample_time_s).contains(&longest)
     {
         let text = format!(
-            "--map: the longest delay must be from the sample time, {} s, to {LONGEST_MAPPED_S} s, got {longest} s",
+            "--map: the longest delay must be from the sample time, {} s, to 10 000 times that, got {longest} s",
             config.sample_time_s
         );
         return Err(BadArgument(text).into());
+    }
+    if args.map.is_some() && config.tissue.kind == TissueKind::None {
+        let text =
+            "--map: there is no tissue whose stiffness could be found\n\nhint: give tissue.kind";
+        return Err(BadArgument(text.to_owned()).into());
     }
     if (args.advise || args.map.is_some()) && !config.uses_compensation() {
         let text = "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
@@ -273,7 +306,7 @@ fn advice(
     }
     if args.least_friction.is_none() {
         console.remark(
-            "the advice reckons with the model's intervals alone: --least-friction 0.55 adds seals that are wetted",
+            "the advice includes the model's intervals alone: --least-friction 0.55 adds seals that are wetted",
         );
     }
     Ok(advise(config, model, &plants)?)
@@ -303,13 +336,21 @@ fn text(answer: &Answer) -> String {
         (None, None) => text += "unstable: it does not come to rest after a push into the tissue\n",
     }
     text += &match &answer.z_width {
+        _ if !answer.has_tissue => String::new(),
         Some(ZWidth { least_n_m, greatest_n_m }) => format!(
             "stable with tissue of {} to {} N/m\n",
             number(*least_n_m),
             number(*greatest_n_m)
         ),
-        None => "stable with no tissue from 0 to 20 000 N/m\n".to_owned(),
+        None => "unstable with every tissue that is tried, from 0 to 20 000 N/m\n".to_owned(),
     };
+    let beyond = |z: &ZWidth| !(z.least_n_m..=z.greatest_n_m).contains(&answer.stiffness_n_m);
+    if answer.figures.is_some() && answer.z_width.as_ref().is_some_and(beyond) {
+        text += &format!(
+            "and beyond that range with its own tissue of {} N/m: the stiffnesses are not one range\n",
+            number(answer.stiffness_n_m)
+        );
+    }
     let advised = answer.advice.as_ref().and_then(|a| Some((a.fraction?, a.with.as_ref()?)));
     let cases: Vec<(f64, &Merit)> =
         answer.figures.iter().map(|figures| (answer.fraction, figures)).chain(advised).collect();
@@ -334,7 +375,7 @@ fn figures_table(cases: &[(f64, &Merit)]) -> String {
     let mut table = Table::headed(std::iter::once("figure").chain(own).chain(["unit"]));
     let columns: Vec<_> = cases.iter().map(|(_, figures)| figures.rows()).collect();
     for (k, (what, _, unit)) in columns.first().into_iter().flatten().enumerate() {
-        let values = columns.iter().map(|rows| rows[k].1.map_or("no contact".to_owned(), number));
+        let values = columns.iter().map(|rows| rows[k].1.map_or("none".to_owned(), number));
         let row = std::iter::once((*what).to_owned()).chain(values);
         table.row(row.chain([(*unit).to_owned()]));
     }
@@ -348,7 +389,7 @@ fn advice_text(advice: &Advice) -> String {
     };
     let share = |fraction: f64| number(100.0 * fraction);
     let range = |[low, high]: &[f64; 2]| {
-        let most = if *high >= MOST { ", the most that is tried" } else { "" };
+        let most = if *high >= MOST { ", the upper limit of the search" } else { "" };
         match low == high {
             true => format!("{} %{most}", share(*low)),
             false => format!("{} to {} %{most}", share(*low), share(*high)),
@@ -366,8 +407,10 @@ fn advice_text(advice: &Advice) -> String {
         text +=
             &format!("best for each of the {} trocars by itself: {}\n", advice.plants, range(best));
     }
-    let step =
-        |step: Option<f64>| step.map_or("none up to 10 times".to_owned(), |s| number(s) + " N/m");
+    let step = |step: Option<f64>| {
+        let none = "none before ten times the stiffness, or before the loop is unstable";
+        step.map_or(none.to_owned(), |s| number(s) + " N/m")
+    };
     text += &format!(
         "least step of the tissue's stiffness that is noticed: {}",
         step(advice.noticeable_with_n_m)
@@ -403,7 +446,7 @@ fn map_text(map: &Map) -> String {
     });
     if map.least_stiffness_n_m.iter().flatten().any(|least| least.is_some_and(|least| least > 0.0))
     {
-        text += "\nsoftest tissue with which it is (N/m)\n";
+        text += "\nsoftest tissue with which the loop is stable (N/m)\n";
         text += &grid(map, |delay, fraction| map.least_stiffness_n_m[delay][fraction]);
     }
     text

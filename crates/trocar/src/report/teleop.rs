@@ -162,7 +162,9 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
         || "none".to_owned(),
         |z| format!("{} to {} N/m", significant(z.least_n_m, 4), significant(z.greatest_n_m, 4)),
     );
-    tiles.push(Tile::new("Stable with tissue of", held, "tried from 0 to 20 000 N/m"));
+    if input.config.tissue.kind != TissueKind::None {
+        tiles.push(Tile::new("Stable with tissue of", held, "tried from 0 to 20 000 N/m"));
+    }
     if let Some(Advice { fraction, stable, .. }) = input.advice {
         let value = fraction.map_or_else(|| "no fraction".to_owned(), percent);
         let note = if stable.is_empty() { "none is stable".to_owned() } else { ranges(stable) };
@@ -200,8 +202,7 @@ fn ranges(stable: &[[f64; 2]]) -> String {
 fn merit_table(caption: &str, merit: &Merit) -> Table {
     let table = Table::new(caption, ["Figure", "Value", "Unit"]);
     merit.rows().into_iter().fold(table, |table, (name, value, unit)| {
-        let value =
-            value.map_or_else(|| "no contact".into(), |v| Cell::Number { value: v, digits: 4 });
+        let value = value.map_or_else(|| "none".into(), |v| Cell::Number { value: v, digits: 4 });
         table.row([name.into(), value, unit.into()])
     })
 }

@@ -284,8 +284,24 @@ impl Sweep {
             None => read_rig(config.motion.rig.as_deref().map(|path| folder.join(path)))?,
         };
         for (key, _) in config.surroundings() {
+            if key == "seed" {
+                let wanted = "no value: each run has a seed of its own, from that of the sweep";
+                let line = line_of(text, "seed");
+                return Err(SweepError::Form { line, key: key.clone(), wanted });
+            }
             let unknown = || unknown_key(config.motion.teleop.is_some(), text, key);
             present.push(number_at(&document, key).ok_or_else(unknown)?);
+        }
+        let choices = config.seal.iter().chain(config.surroundings());
+        for ((key, choice), present) in choices.zip(&present) {
+            if choice.relative && *present == 0.0 {
+                let wanted = "values of its own: it is 0, and so is every multiple of it";
+                return Err(SweepError::Form {
+                    line: line_of(text, key),
+                    key: key.clone(),
+                    wanted,
+                });
+            }
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
         let mut sweep =

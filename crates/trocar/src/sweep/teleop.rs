@@ -75,6 +75,10 @@ impl Sweep {
         let config = Config { seed: drawn.seed, ..config }.with_force_error(&self.model);
         let plant = self.model.trocar.with_seal(*seal);
         let compensator = if self.like.is_some() { &plant } else { &self.model.trocar };
-        Outcome::of(&config, [compensator, &plant]).map_err(|error| error.to_string())
+        Outcome::of(&config, [compensator, &plant]).map_err(|error| {
+            // A cell of a table: without the hint.
+            let text = error.to_string();
+            text.split("\n\n").next().unwrap_or_default().to_owned()
+        })
     }
 }

@@ -405,6 +405,8 @@ pub enum ConfigError {
 const MOST_SAMPLES: f64 = 1e6;
 /// Most steps of the plant in an experiment.
 const MOST_STEPS: f64 = 1e7;
+/// Least duration of a trial of stability, s.
+const TRIAL_S: f64 = 2.0;
 /// Greatest seed, 2^53: whole numbers up to there are numbers of any program.
 const GREATEST_SEED: u64 = 1 << 53;
 /// Longest delay, in samples.
@@ -417,6 +419,12 @@ impl Config {
         let sends = [Architecture::PositionForce, Architecture::FourChannel]
             .contains(&self.control.architecture);
         sends && self.sensor.place == Place::Outside
+    }
+
+    /// Whether the intended motion leaves the tissue.
+    pub fn leaves_the_tissue(&self) -> bool {
+        let Tissue { surface_m, breathing_m, .. } = self.tissue;
+        self.motion.middle_m - self.motion.amplitude_m.abs() < surface_m + breathing_m
     }
 
     /// Whether the passivity control is given energy back.
@@ -528,6 +536,12 @@ impl Config {
             "so few that the experiment has at most 1e7 steps",
             substeps,
         )?;
+        check(
+            TRIAL_S / self.sample_time_s * substeps <= MOST_STEPS,
+            "substeps",
+            "so few that 2 s have at most 1e7 steps",
+            substeps,
+        )?;
         let loss = self.channel.loss;
         check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
         self.delay_samples()?;
@@ -566,7 +580,7 @@ impl Config {
     fn whole(&self, name: &'static str, found: f64) -> Result<usize, ConfigError> {
         let samples = found / self.sample_time_s;
         let is_allowed = (0.0..=LONGEST_DELAY).contains(&samples);
-        check(is_allowed, name, "from 0 to 10 000 samples", found)?;
+        check(is_allowed, name, "from 0 s to 10 000 sample times", found)?;
         let whole = samples.round();
         if (samples - whole).abs() > 1e-6 * whole.clamp(1.0, 1e3) {
             let sample_time_s = self.sample_time_s;

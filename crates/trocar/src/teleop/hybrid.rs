@@ -1,7 +1,8 @@
 //! What linear theory says about a loop: its hybrid matrix, what is felt of the tissue, and the margin
 //! of Llewellyn's criterion.
 //!
-//! Sampling is left out: the controllers are taken as continuous, with the delay as e^(−sT). The seal
+//! Sampling, jitter, loss, resolutions, passivity control and the damping of Hunt-Crossley tissue are left out: the
+//! controllers are taken as continuous, with the delay as e^(−sT). The seal
 //! is a linear impedance: nothing, or its describing function ([`seal_impedance`]), the first harmonic of
 //! its force at one amplitude and frequency. With friction a loop is not linear, and these figures hold
 //! for that amplitude only.
@@ -11,7 +12,7 @@ use std::f64::consts::TAU;
 use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
-use super::config::{Architecture, Config, ConfigError, Place, TissueKind};
+use super::config::{Architecture, Config, ConfigError, Control, Place, TissueKind};
 use crate::cancel;
 
 /// Hybrid matrix, `[F_h; −v_s] = H·[v_m; F_e]`; ideal is `[[0, 1], [−1, 0]]`.
@@ -73,6 +74,11 @@ pub fn response<K: AsRef<[f64]> + Clone>(
         Err(ConfigError::OutOfRange { name, allowed: "from 1e-9 to 1e6", found })
     };
     positive("amplitude_m", amplitude_m)?;
+    let Control { architecture, stiffness_n_m, damping_n_s_m, .. } = config.control;
+    if architecture == Architecture::Wave && stiffness_n_m + damping_n_s_m == 0.0 {
+        let (name, allowed) = ("control.stiffness_n_m", "above 0 if control.damping_n_s_m is 0");
+        return Err(ConfigError::OutOfRange { name, allowed, found: 0.0 });
+    }
     let model = config.compensation.model(model)?;
     let row = |&frequency_hz: &f64| {
         cancel::check();

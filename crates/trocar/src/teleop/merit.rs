@@ -26,7 +26,7 @@ pub struct Merit {
     /// Rms of that in just noticeable differences of the force on the tissue, 1.
     pub force_error_rms_jnd: f64,
     /// Slope of the force felt over the depth of the tip in the tissue while it goes deeper, N/m; none
-    /// without contact. Damping counts: compare it with the true one, not with the tissue's stiffness.
+    /// without contact, without stiffness, and where the motion begins in the tissue. Damping counts: compare it with the true one, not with the tissue's stiffness.
     pub displayed_stiffness_n_m: Option<f64>,
     /// The same of the force on the tissue, N/m.
     pub true_stiffness_n_m: Option<f64>,
@@ -70,15 +70,14 @@ impl Merit {
         let error = |sample: &Sample| config.felt(sample) - sample.tissue_force;
         let in_steps =
             |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
-        let loading: Vec<&Sample> = samples
-            .iter()
-            .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0)
-            .collect();
+        // Begun in the tissue, the seal is undeformed there as on no later way in; without stiffness there is none to show.
+        let is_shown =
+            config.motion.start_m() <= config.tissue.surface_m && config.tissue.stiffness_n_m > 0.0;
+        let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0;
+        let loading: Vec<&Sample> = samples.iter().filter(|s| is_shown && deepens(s)).collect();
         let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
-        let [master_energy_j, slave_energy_j] = samples.last().map_or([0.0; 2], |sample| {
-            [sample.master_energies, sample.slave_energies]
-                .map(|[received, given]| received - given)
-        });
+        let [master_energy_j, slave_energy_j] =
+            samples.last().map_or([0.0; 2], Sample::network_energies);
         Self {
             force_error_rms_n: rms(&error),
             force_error_peak_n: samples.iter().map(|s| error(s).abs()).fold(0.0, f64::max),

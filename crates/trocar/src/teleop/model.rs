@@ -185,10 +185,7 @@ const COLUMNS: [Column<Sample>; 12] = [
     ("trocar_force_n", |s| s.trocar_force),
     ("tissue_force_n", |s| s.tissue_force),
     ("estimate_n", |s| s.estimate),
-    ("network_energy_j", |s| {
-        let [[a, b], [c, d]] = [s.master_energies, s.slave_energies];
-        a - b + c - d
-    }),
+    ("network_energy_j", |s| s.network_energies().iter().sum()),
     ("credit_j", |s| s.credit),
 ];
 

@@ -2,7 +2,7 @@
 
 use trocar_model::Trocar;
 
-use super::config::{Config, ConfigError};
+use super::config::{Config, ConfigError, TissueKind};
 use super::merit::Merit;
 use super::simulation::{Diverged, Loop, Sample};
 use super::stability::Trial;
@@ -12,7 +12,8 @@ use super::stability::Trial;
 pub struct Outcome {
     /// The samples along the motion of the configuration, or when the loop diverged.
     pub course: Result<Vec<Sample>, Diverged>,
-    /// Whether it comes to rest in its tissue after a push ([`Trial`]).
+    /// Whether it comes to rest in its tissue after a push, and without tissue if the motion leaves it
+    /// ([`Trial`]).
     pub settles: bool,
     /// Figures of merit; none where the loop does not settle, or diverges.
     pub figures: Option<Merit>,
@@ -27,7 +28,15 @@ impl Outcome {
         config: &Config,
         [model, plant]: [&Trocar<K>; 2],
     ) -> Result<Self, ConfigError> {
-        let settles = Trial::default().is_stable(config, plant, model, config.tissue.surface_m)?;
+        let surface = config.tissue.surface_m;
+        let settles_in =
+            |config: &Config| Trial::default().is_stable(config, plant, model, surface);
+        let mut settles = settles_in(config)?;
+        if settles && config.leaves_the_tissue() {
+            let mut free = config.clone();
+            free.tissue.kind = TissueKind::None;
+            settles = settles_in(&free)?;
+        }
         let start = config.motion.start_m();
         let mut tried = Loop::new(config, plant.clone(), model.clone(), start)?;
         let course = tried.run(config.samples(), |time| config.motion.at(time));

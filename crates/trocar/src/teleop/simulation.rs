@@ -47,8 +47,7 @@ pub struct Sample {
     pub estimate: f64,
     /// Energy that the network has received from and given to the master, J.
     pub master_energies: [f64; 2],
-    /// Energy that it has received from and given to the slave, J; with a credit, slave and what its trocar has surely
-    /// dissipated.
+    /// Energy that it has received from and given to the slave, J; with a credit, from slave and trocar.
     pub slave_energies: [f64; 2],
     /// Energy that the trocar has surely dissipated, which the passivity control counts as the network's own, J; 0 without a
     /// credit.
@@ -61,6 +60,15 @@ pub struct Sample {
     pub trocar_work: f64,
     /// Work of the instrument on the tissue, J.
     pub tissue_work: f64,
+}
+
+impl Sample {
+    /// Energy that the network has received from master and slave less what it has given them, J, without a credit.
+    pub fn network_energies(&self) -> [f64; 2] {
+        let [master, slave] =
+            [self.master_energies, self.slave_energies].map(|[received, given]| received - given);
+        [master, slave - self.credit]
+    }
 }
 
 /// A loop that runs.

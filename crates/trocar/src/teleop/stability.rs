@@ -3,7 +3,7 @@
 use serde::Serialize;
 use trocar_model::Trocar;
 
-use super::config::{Config, ConfigError};
+use super::config::{Config, ConfigError, TissueKind};
 use super::simulation::Loop;
 
 /// How a loop is tried.
@@ -139,7 +139,8 @@ pub struct ZWidth {
 impl ZWidth {
     /// The stiffnesses with which the loop of `config` settles ([`Trial`]) at the surface of its tissue, with `model` in the
     /// compensator and `plant` as the trocar: 0, 1 and 20 000 N/m and eleven in between are tried upwards, and both ends of
-    /// the first run that settles are bisected to within 2 %, below 1 N/m to within 0.02 N/m. `None` where none settles.
+    /// the first run that settles are bisected to within 2 %, below 1 N/m to within 0.02 N/m. `None` where none settles,
+    /// and without tissue.
     ///
     /// # Errors
     /// A value of `config` out of its range.
@@ -147,6 +148,9 @@ impl ZWidth {
         config: &Config,
         [model, plant]: [&Trocar<K>; 2],
     ) -> Result<Option<Self>, ConfigError> {
+        if config.tissue.kind == TissueKind::None {
+            return Ok(None);
+        }
         let mut config = config.clone();
         let settles = |stiffness: f64| {
             config.tissue.stiffness_n_m = stiffness;

@@ -377,14 +377,11 @@ pub(in super::super) fn hybrid(
 
 /// Energy that went into the network of controllers and channel at either port.
 pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
-    let net = |[received, given]: [f64; 2]| received - given;
     let line = |name, role, of: &dyn Fn(&Sample) -> f64| over_time(samples, name, role, of);
     let panel = Panel::new(time(), Axis::new("energy received", "J").with_zero())
-        .series(line("at the master", Role::Model, &|s| net(s.master_energies)))
-        .series(line("at the slave", Role::Alternative, &|s| net(s.slave_energies)))
-        .series(line("together", Role::Measured, &|s| {
-            net(s.master_energies) + net(s.slave_energies)
-        }))
+        .series(line("at the master", Role::Model, &|s| s.network_energies()[0]))
+        .series(line("at the slave", Role::Alternative, &|s| s.network_energies()[1]))
+        .series(line("together", Role::Measured, &|s| s.network_energies().iter().sum()))
         .aspect(0.36);
     Figure::new("energy", 0, "Energy at both ports")
         .caption(
