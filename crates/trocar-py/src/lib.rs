@@ -18,6 +18,7 @@ mod fleet;
 mod identify;
 mod many;
 mod model;
+mod posterior;
 mod recording;
 mod shared;
 mod simulate;
@@ -54,6 +55,8 @@ mod _core {
     use crate::many::{simulate_many, squared_error_many};
     #[pymodule_export]
     use crate::model::{Model, Tunable, parameter_least};
+    #[pymodule_export]
+    use crate::posterior::{PosteriorTable, read_posterior};
     #[pymodule_export]
     use crate::recording::{Recording, read};
     #[pymodule_export]

@@ -109,6 +109,18 @@ impl<'a, T: Trial> Spread<'a, T> {
         (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
     }
 
+    /// Covariance of the free parameters by the jackknife over clusters, and the number of clusters.
+    pub(super) fn jackknifed(&self) -> (DMatrix<f64>, usize) {
+        let (p, g) = (self.covariance.nrows(), self.departures.len() as f64);
+        let mean = self.departures.iter().fold(DVector::zeros(p), |sum, d| sum + d) / g.max(1.0);
+        let squares = |sum: DMatrix<f64>, d: &DVector<f64>| {
+            let off = d - &mean;
+            sum + &off * off.transpose()
+        };
+        let sum = self.departures.iter().fold(DMatrix::zeros(p, p), squares);
+        (sum * ((g - 1.0) / g.max(1.0)), self.departures.len())
+    }
+
     /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that
     /// inform the parameter which changes along `direction`, less one. A parameter informed by few
     /// strokes, such as F_s by the slow ones, has few.
@@ -128,10 +140,14 @@ impl<'a, T: Trial> Spread<'a, T> {
         let plain = |u: f64| if log { u.exp() } else { u };
         let direction = &self.covariance * &gradient;
         let remaining = gradient.dot(&self.found.remaining());
-        let error = factor
-            * (self.jackknife(&gradient) + self.beforehand(&direction) + remaining * remaining)
-                .sqrt();
-        let own = Estimate::from_standard_error(value, error, self.degrees(&direction), unit);
+        let (jackknife, beforehand) = (self.jackknife(&gradient), self.beforehand(&direction));
+        let variance = jackknife + beforehand + remaining * remaining;
+        let error = factor * variance.sqrt();
+        // The variance of a prior has no error: SATTERTHWAITE.
+        let certain = if self.found.has_prior { (variance / jackknife).powi(2) } else { 1.0 };
+        let degrees =
+            certain * self.degrees(&direction).max(if self.found.has_prior { 1.0 } else { 0.0 });
+        let own = Estimate::from_standard_error(value, error, degrees, unit);
         if !own.determined {
             return Estimate { value: plain(value), ..own };
         }
