@@ -1,6 +1,8 @@
 //! Draws from the posterior of an identification: calibration over benches with known truth, the
 //! intervals beside those of identify, what the data leave open, and the file.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::posterior::{Draws, Posterior, models, read, weak_priors};
@@ -9,9 +11,11 @@ use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Friction, Piece};
 
-/// Number of benches of the calibration; `./test --statistics` uses the larger number.
+/// Number of benches of the calibration: 500 with `./test --statistics`, or as many as
+/// `TROCAR_STATISTICS` says where it is above 1.
 fn benches() -> u64 {
-    if std::env::var_os("TROCAR_STATISTICS").is_some() { 500 } else { 8 }
+    let Ok(text) = std::env::var("TROCAR_STATISTICS") else { return 4 };
+    text.parse().ok().filter(|count| *count > 1).unwrap_or(500)
 }
 
 fn seal(seed: u64) -> ElementParams {
@@ -93,7 +97,7 @@ fn true_values_have_uniform_ranks_among_the_draws() {
             within(0.025),
             within(0.25)
         );
-        assert!(within(0.025) >= if n > 100.0 { 0.92 } else { 0.7 }, "{name}: {counts:?}");
+        assert!(within(0.025) >= if n >= 100.0 { 0.92 } else { 0.5 }, "{name}: {counts:?}");
     }
 }
 
@@ -147,27 +151,39 @@ fn the_same_seed_gives_the_same_draws_on_any_number_of_threads() {
     assert_eq!(bits(&with(1)), bits(&with(3)));
 }
 
+/// Full strokes at one speed, with noise.
+fn strokes_at_one_speed(truth: ElementParams) -> Recording {
+    const SPEED: f64 = 0.03;
+    let element = Element::new(truth).expect("a plausible seal is a model");
+    let mut state = element.rest_at_force(0.0);
+    let (mut time, mut position, mut force) = (Vec::new(), Vec::new(), Vec::new());
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let (mut x, mut stroke_scale) = (0.0, 1.0);
+    for i in 0..18_000 {
+        if i % 1500 == 0 {
+            stroke_scale = 1.0 + 0.02 * (rng.random::<f64>() - 0.5);
+        }
+        let step = if (i / 1500) % 2 == 0 { SPEED } else { -SPEED } * 2e-3;
+        x += step;
+        let seal = element.step(&mut state, step, 2e-3);
+        time.push(2e-3 * f64::from(i));
+        position.push(x);
+        force.push(stroke_scale * seal + 0.05 * (rng.random::<f64>() - 0.5));
+    }
+    Recording::from_columns("one_speed", time, position, force).unwrap()
+}
+
 #[test]
-fn what_one_speed_leaves_open_is_as_wide_as_its_prior_and_named() {
-    let all = recordings(seal(2), 2).remove(0);
-    // The first cycles: one speed in each direction.
-    let until = all.time.partition_point(|t| *t < 17.0);
-    let part = |column: &[f64]| column[..until].to_vec();
-    let one = Recording::from_columns(
-        "one_speed",
-        part(&all.time),
-        part(&all.position),
-        part(&all.force),
-    );
-    let found = found(&[one.unwrap()], 400, 1);
-    let damping = posterior(&found).parameter("viscous_damping_n_s_m").expect("a column").clone();
-    println!("{damping:?}");
-    assert!(damping.prior_ratio.unwrap() > 0.5);
-    let named = found
-        .warnings
-        .iter()
-        .any(|w| w.subject.to_string() == "viscous_damping_n_s_m" && w.message.contains("prior"));
-    assert!(named, "{:?}", found.warnings);
+fn draws_of_what_one_speed_leaves_open_are_named() {
+    let found = found(&[strokes_at_one_speed(seal(2))], 400, 1);
+    let damping = found.parameter("viscous_damping_n_s_m").expect("listed all the same");
+    assert!(!damping.determined);
+    let is_named = |w: &trocar::identify::Warning| {
+        w.subject.to_string() == "posterior"
+            && w.message.contains("viscous_damping_n_s_m")
+            && w.message.contains("do not determine")
+    };
+    assert!(found.warnings.iter().any(is_named), "{:?}", found.warnings);
 }
 
 #[test]
@@ -243,6 +259,11 @@ fn a_few_strokes_update_the_model_of_another_seal_of_the_type() {
     }
     let force = found.parameter("coulomb_force_n").unwrap();
     assert!(force.covers(truth.insertion.coulomb_force), "{force:?}");
+    // 20 s hold one speed: the viscous part stays that of the prior, and is named.
+    assert_eq!(used.uninformed(), ["viscous_damping_n_s_m"]);
+    let damping = found.parameter("viscous_damping_n_s_m").unwrap();
+    assert!(damping.determined && damping.covers(truth.insertion.viscous_damping), "{damping:?}");
+    assert!(damping.note.as_ref().is_some_and(|note| note.contains("prior")), "{damping:?}");
     let width = found.parameter("half_width_m").unwrap();
     assert!(width.covers(truth.deformation.half_width()), "{width:?}");
 }

@@ -67,6 +67,9 @@ pub(super) fn conclude(
     let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
     warnings.extend(of_prior(input, prior.as_ref()));
     let (posterior, density) = posterior(input, fit.as_ref(), &mut warnings).unzip();
+    if posterior.is_some() && input.options.prior.is_none() {
+        warnings.extend(drawn_all_the_same(&parameters));
+    }
     let layout_parameters = fit.as_ref().map_or(3, |f| {
         let layout = f.fitted.best.layout;
         f.fitted.best.free_numbers()
@@ -142,6 +145,18 @@ fn posterior(
         }
     }
     found
+}
+
+/// Parameters that the recordings do not determine although their draws are narrow: what the
+/// structure of the model says about them is in the likelihood, too.
+fn drawn_all_the_same(parameters: &[Parameter]) -> Option<Warning> {
+    let open = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
+    let names: Vec<String> = open.map(|p| p.id.to_string()).collect();
+    let message = format!(
+        "the draws of {} follow from the priors and from the structure of the model, since the recordings do not determine them",
+        names.join(", ")
+    );
+    (!names.is_empty()).then(|| Warning::remark("posterior", message))
 }
 
 /// The parameters of the fit; those that the data do not determine have no interval.

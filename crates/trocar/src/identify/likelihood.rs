@@ -964,7 +964,7 @@ impl<T: Trial> Fitted<T> {
 }
 
 /// Degrees of freedom of the model's variance when combined with the jackknife's.
-const MODEL_DEGREES: f64 = 8.0;
+pub(super) const MODEL_DEGREES: f64 = 8.0;
 
 /// Effect of one additional column, to first order.
 pub(crate) struct OneStep {

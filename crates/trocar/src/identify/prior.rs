@@ -193,10 +193,11 @@ pub fn weak_priors() -> Vec<[String; 3]> {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let prior = match kind.weak() {
             Some(Prior { mean, .. }) if kind.is_log() => {
-                format!("log-normal, median {}{unit}, a factor of 10 either way", mean.exp())
+                let median = (1e6 * mean.exp()).round() / 1e6;
+                format!("log-normal, median {median}{unit}, a factor of 10 either way")
             }
             Some(Prior { mean, deviation }) => format!("normal, {mean} ± {deviation}{unit}"),
-            None => "normal, 0 ± 6 times the sliding force (1 times where few positions lie within the deformation)".to_owned(),
+            None => "normal, 0 ± 6 times the sliding force".to_owned(),
         };
         [words.to_owned(), symbol.to_owned(), prior]
     };

@@ -22,10 +22,10 @@ use trocar_model::{Direction, ParamError, Quantity, Stages};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::likelihood::{Fitted, Free, Trial};
-use super::numbers;
+use super::numbers::{self, OnLogarithm};
 use super::prior::{self, Kind, Prior};
 use super::shape::BranchShape;
-use super::spread::Dependent;
+use super::spread::{Dependent, Spread};
 use super::stage::SecondStage;
 use crate::model_file::{Interval, ModelFile, ModelFileError};
 
@@ -180,8 +180,8 @@ impl SealPrior {
     pub(super) fn used(&self, fitted: &Fitted<EmsTrial>, priors: &[Prior]) -> PriorUse {
         let EmsTrial { layout, .. } = &fitted.best;
         let free = fitted.best.free();
-        let spread = super::spread::Spread::new(fitted);
-        let ratio = |(id, log): (trocar_model::ParameterId, bool)| {
+        let spread = Spread::new(fitted);
+        let ratio = |(id, _): OnLogarithm| {
             if Kind::of_rig(id.quantity) {
                 return None;
             }
@@ -190,9 +190,7 @@ impl SealPrior {
             let own = gradient.iter().zip(&free).zip(priors);
             let beforehand: f64 =
                 own.map(|((g, free), prior)| (g * prior.deviation_within(free)).powi(2)).sum();
-            let found = numbers::parameter(&spread, &fitted.best.candidate, (id, log), 1.0);
-            let error = found.estimate.standard_error?;
-            let ratio = error / beforehand.sqrt();
+            let ratio = spread.deviation(&value) / beforehand.sqrt();
             ratio.is_finite().then(|| (id.to_string(), ratio))
         };
         PriorUse {

@@ -181,6 +181,15 @@ impl BranchShape {
         Some((shape, left_over.max(0.0) / points.len() as f64))
     }
 
+    /// The shape with another join that comes nearest to this one.
+    pub(super) fn with_join(&self, join: f64, end_forces: EndForces) -> Option<Self> {
+        const POINTS: usize = 60;
+        let branch = self.branch(1.0, end_forces).ok()?;
+        let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
+        let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), branch.force(at(k)))).collect();
+        Self::fit_at(join, self.degrees(), end_forces, &points).map(|found| found.0)
+    }
+
     /// Least squares including the join: a grid over the inner 70 % of the width, then golden
     /// section in the best cell.
     ///

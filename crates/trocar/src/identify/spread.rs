@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::estimate::{Estimate, t_quantile};
-use super::likelihood::{Fitted, Trial};
+use super::likelihood::{Fitted, MODEL_DEGREES, Trial};
 
 /// Width of the weak prior on a parameter, in steps of its difference quotient: four orders of
 /// magnitude of a logarithm, ten times the sliding force.
@@ -143,10 +143,12 @@ impl<'a, T: Trial> Spread<'a, T> {
         let (jackknife, beforehand) = (self.jackknife(&gradient), self.beforehand(&direction));
         let variance = jackknife + beforehand + remaining * remaining;
         let error = factor * variance.sqrt();
-        // The variance of a prior has no error: SATTERTHWAITE.
-        let certain = if self.found.has_prior { (variance / jackknife).powi(2) } else { 1.0 };
-        let degrees =
-            certain * self.degrees(&direction).max(if self.found.has_prior { 1.0 } else { 0.0 });
+        let degrees = self.degrees(&direction);
+        let degrees = match self.found.has_prior {
+            // The variance of the prior has no error (SATTERTHWAITE); that of few strokes is moderated.
+            true => (variance / jackknife).powi(2) * (degrees.max(0.0) + MODEL_DEGREES),
+            false => degrees,
+        };
         let own = Estimate::from_standard_error(value, error, degrees, unit);
         if !own.determined {
             return Estimate { value: plain(value), ..own };
@@ -156,7 +158,7 @@ impl<'a, T: Trial> Spread<'a, T> {
         let as_independent = self.inflation * gradient.dot(&direction);
         let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
-        if half > limit {
+        if half > limit && !self.found.has_prior {
             return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));
         }
         let standard_error = Some(if log { plain(value) * error } else { error });
@@ -166,6 +168,14 @@ impl<'a, T: Trial> Spread<'a, T> {
             standard_error,
             ..own
         }
+    }
+
+    /// Standard deviation of a quantity, also of one that the data do not determine.
+    pub(super) fn deviation(&self, of: &dyn Fn(&T) -> f64) -> f64 {
+        let Dependent { gradient, .. } = Dependent::on(&self.found.best, false, of);
+        let direction = &self.covariance * &gradient;
+        let clusters = self.jackknife(&gradient) + self.beforehand(&direction);
+        clusters.max(self.inflation * gradient.dot(&direction)).max(0.0).sqrt()
     }
 
     /// Gradient of a quantity times the factor on its standard error; from its logarithm if its

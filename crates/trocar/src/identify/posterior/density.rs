@@ -18,7 +18,7 @@
 //! The jackknife of few clusters is uncertain itself; it is moderated by V_w as the variances of
 //! optional terms are (SMYTH). D widens by the factors of numbers.rs and of Student's t, and so that
 //! no parameter is narrower than under π_w. Points that leave the range of a parameter, in θ or θ_w,
-//! have no density.
+//! have no density. Where the density is a curved ridge, both maps follow it (joins.rs).
 
 use std::fmt;
 
@@ -27,14 +27,12 @@ use trocar_model::ParameterId;
 
 use super::super::candidate::EmsTrial;
 use super::super::estimate::t_quantile;
-use super::super::likelihood::{self, Fitted, Free, Trial};
+use super::super::likelihood::{self, Fitted, Free, MODEL_DEGREES, Trial};
 use super::super::numbers;
 use super::super::prior::{Kind, Prior};
 use super::super::spread::Spread;
 use super::super::training::Training;
-
-/// Degrees of freedom of V_w beside those of the jackknife.
-const MODEL_DEGREES: f64 = 8.0;
+use super::joins::FollowedJoin;
 
 /// The density of one structure that draws were taken from, for other samplers: of d coordinates
 /// z, nearly standard normal.
@@ -47,6 +45,9 @@ pub struct Density {
     /// L_w and L_a.
     working: DMatrix<f64>,
     adjusted: DMatrix<f64>,
+    /// Number of joins: the first coordinates.
+    knots: usize,
+    joins: Vec<FollowedJoin>,
     /// C(θ̂).
     least: f64,
     /// ½·ln|V_w|.
@@ -65,12 +66,17 @@ impl Density {
         let free = fitted.best.free();
         let covariance = inverse(&fitted.sums().0)? * training.variance;
         let adjusted = adjusted(fitted, &covariance, &free, training.variance);
-        let [working, adjusted] = [factor(&covariance)?, factor(&adjusted)?];
-        let log_volume = working.diagonal().iter().map(|pivot| pivot.ln()).sum();
+        let is_join = |j: &usize| free[*j].kind == Some(Kind::Join);
+        let (knots, others): (Vec<usize>, Vec<usize>) = (0..free.len()).partition(is_join);
+        let order = [knots.as_slice(), others.as_slice()].concat();
+        let [working, adjusted] = [factor(&covariance, &order)?, factor(&adjusted, &order)?];
+        let log_volume = order.iter().enumerate().map(|(k, row)| working[(*row, k)].ln()).sum();
         Some(Self {
             training: training.clone(),
             best: fitted.best.clone(),
             mode: DVector::from_iterator(free.len(), free.iter().map(|f| f.value)),
+            knots: knots.len(),
+            joins: FollowedJoin::all(&fitted.best, &free),
             free,
             working,
             adjusted,
@@ -87,7 +93,9 @@ impl Density {
 
     /// ln π_w less its value at the maximum; −∞ outside the ranges and where there is no model.
     pub(super) fn log(&self, z: &DVector<f64>) -> f64 {
-        let working = &self.mode + &self.working * z;
+        let mut held = z.clone();
+        held.rows_mut(0, self.knots).fill(0.0);
+        let working = &self.mode + &self.working * held;
         let drawn = self.drawn(z);
         if !(self.is_within(&working) && self.is_within(&drawn))
             || self.trial(&drawn).model().is_none()
@@ -95,7 +103,8 @@ impl Density {
             return f64::NEG_INFINITY;
         }
         let cost = likelihood::cost(&self.training, &self.trial(&working));
-        -0.5 * (cost - self.least) / self.training.variance
+        let of_knots = z.rows(0, self.knots).norm_squared();
+        -0.5 * ((cost - self.least) / self.training.variance + of_knots)
     }
 
     /// ln π_w at the first [`Density::dimension`] numbers of `z`, less its value at 0; −∞ where there
@@ -123,7 +132,9 @@ impl Density {
 
     /// θ.
     fn drawn(&self, z: &DVector<f64>) -> DVector<f64> {
-        &self.mode + &self.adjusted * z
+        let mut values = &self.mode + &self.adjusted * z;
+        self.joins.iter().for_each(|join| join.follow(&self.adjusted, &mut values));
+        values
     }
 
     fn is_within(&self, values: &DVector<f64>) -> bool {
@@ -182,13 +193,21 @@ fn widening(kind: Kind) -> f64 {
     }
 }
 
-/// Lower triangular factor of a covariance, whose rows may have very different units.
-fn factor(covariance: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+/// L with L·L' = `covariance`, whose rows may have very different units: triangular where its rows
+/// are in `order`.
+fn factor(covariance: &DMatrix<f64>, order: &[usize]) -> Option<DMatrix<f64>> {
     let p = covariance.nrows();
     let scale: Vec<f64> = (0..p).map(|j| covariance[(j, j)].sqrt()).collect();
-    let correlation = DMatrix::from_fn(p, p, |i, j| covariance[(i, j)] / (scale[i] * scale[j]));
+    let correlation = DMatrix::from_fn(p, p, |i, j| {
+        let [i, j] = [order[i], order[j]];
+        covariance[(i, j)] / (scale[i] * scale[j])
+    });
     let lower = correlation.cholesky()?.unpack();
-    Some(DMatrix::from_fn(p, p, |i, j| scale[i] * lower[(i, j)]))
+    let mut factor = DMatrix::zeros(p, p);
+    for (k, row) in order.iter().enumerate() {
+        factor.row_mut(*row).copy_from(&(lower.row(k) * scale[*row]));
+    }
+    Some(factor)
 }
 
 /// Inverse of a positive definite matrix.

@@ -27,7 +27,7 @@ impl Convergence {
         let all: Vec<f64> = halves.iter().flat_map(|half| half.iter().copied()).collect();
         let (low, high) =
             all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
-        if !(low < high) {
+        if low >= high || all.iter().any(|v| v.is_nan()) {
             return None;
         }
         let length = halves.first().map_or(0, |half| half.len());
@@ -105,7 +105,7 @@ fn split_r_hat(values: &[f64], length: usize) -> f64 {
 fn effective(values: &[f64], length: usize) -> f64 {
     let [within, all] = variances(values, length);
     let total = values.len() as f64;
-    if !(within > 0.0) {
+    if within <= 0.0 {
         return f64::NAN;
     }
     let centred: Vec<Vec<f64>> = values

@@ -36,6 +36,7 @@ use structures::Structure;
 
 mod density;
 mod diagnostics;
+mod joins;
 mod slice;
 mod structures;
 mod table;
@@ -50,7 +51,7 @@ pub const CHAINS: usize = 4;
 const WARM_UP: usize = 300;
 const SETTLING: usize = 50;
 /// Steps between two draws.
-const THINNING: usize = 2;
+const THINNING: usize = 4;
 /// Largest R-hat and smallest effective sample size of draws that may be used (RHAT).
 const LARGEST_R_HAT: f64 = 1.01;
 const SMALLEST_ESS: f64 = 400.0;
@@ -182,17 +183,16 @@ impl Posterior {
             })
             .collect();
         let weights: Vec<f64> = structures.iter().map(|s| s.weight).collect();
-        let mut draws = Vec::new();
-        for chain in 0..CHAINS {
-            let order = in_turn(&weights, rows[0][chain].len());
-            let row = |(draw, structure): (usize, usize)| Draw {
+        let order = in_turn(&weights, rows[0][0].len());
+        let draws: Vec<Draw> = (0..CHAINS)
+            .flat_map(|chain| order.iter().enumerate().map(move |(i, k)| (chain, i, *k)))
+            .map(|(chain, draw, structure)| Draw {
                 chain,
                 draw,
                 structure,
                 values: rows[structure][chain][draw].clone(),
-            };
-            draws.extend(order.into_iter().enumerate().map(row));
-        }
+            })
+            .collect();
         let parameter = |(j, id): (usize, &ParameterId)| {
             let of = |k: usize| -> Vec<Vec<f64>> {
                 rows[k].iter().map(|chain| chain.iter().map(|row| row[j]).collect()).collect()
@@ -292,8 +292,11 @@ impl Posterior {
 fn parameters_of(structures: &[Structure]) -> Vec<ParameterId> {
     let mut ids: Vec<ParameterId> = Vec::new();
     for structure in structures {
-        let own = own_parameters(&structure.fitted.best);
-        ids.extend(own.into_iter().filter(|id| !ids.contains(id)).collect::<Vec<_>>());
+        for id in own_parameters(&structure.fitted.best) {
+            if !ids.contains(&id) {
+                ids.push(id);
+            }
+        }
     }
     let is_coefficient = |id: &ParameterId| matches!(id.quantity, Quantity::Coefficient { .. });
     ids.sort_by_key(|id| (is_coefficient(id), numbers::rank(*id)));

@@ -93,13 +93,11 @@ impl Chain {
         rng: ChaCha8Rng,
     ) -> Option<Self> {
         const HALVINGS: usize = 40;
-        let mut evaluations = 0;
         for k in 0..=HALVINGS {
             if k == HALVINGS {
                 start.fill(0.0);
             }
-            evaluations += 1;
-            let log_density = log(&start);
+            let (log_density, evaluations) = (log(&start), k + 1);
             if log_density.is_finite() {
                 return Some(Self { at: start, log_density, rng, evaluations, stuck: 0 });
             }
