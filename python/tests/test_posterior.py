@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,8 @@ def test_draws_are_columns_and_models(drawn: trocar.Identification, tmp_path: Pa
     posterior.write(tmp_path / "draws.parquet")
     again = trocar.Posterior.read(tmp_path / "draws.parquet")
     assert np.array_equal(again["half_width_m"], posterior["half_width_m"])
+    copied = pickle.loads(pickle.dumps(posterior))
+    assert np.array_equal(copied["coulomb_force_n"], force_n)
     with pytest.raises(KeyError, match="no column 'nothing'"):
         posterior["nothing"]
 

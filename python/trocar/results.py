@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
@@ -390,7 +391,10 @@ class Posterior(Mapping[str, npt.NDArray[Any]]):
         return f"<trocar.Posterior: {len(self._columns['draw'])} draws of {len(self.parameters)} parameters, structures {names}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        raise TypeError("draws are not pickled: write them to a file, and read that")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "posterior.parquet"
+            self.write(path)
+            return _posterior, (path.read_bytes(), self.summary)
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -439,7 +443,18 @@ class Posterior(Mapping[str, npt.NDArray[Any]]):
 
         chains = int(self._columns["chain"].max()) + 1
         values = {name: self._columns[name].reshape(chains, -1) for name in self.parameters}
-        return arviz.from_dict({"posterior": values}) if hasattr(arviz, "from_zarr") else arviz.from_dict(posterior=values)
+        # From version 1 on groups are the keys of one dictionary.
+        if int(arviz.__version__.split(".")[0]) >= 1:
+            return arviz.from_dict({"posterior": values})
+        return arviz.from_dict(posterior=values)
+
+
+def _posterior(contents: bytes, summary: Optional[Mapping[str, Any]]) -> Posterior:
+    """A pickled posterior, without its density."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "posterior.parquet"
+        path.write_bytes(contents)
+        return Posterior(_core.read_posterior(os.fspath(path)), summary)
 
 
 @dataclass(frozen=True, eq=False)
