@@ -304,7 +304,7 @@ fn in_brief(done: &Workflow) -> String {
         text.push_str(&format!("{words}\n"));
     }
     if let Some(prior) = &done.identification.prior {
-        text.push_str(&format!("{}\n", prior.in_words()));
+        text.push_str(&format!("prior: {}\n", prior.in_words()));
     }
     if let Some(posterior) = &done.identification.posterior {
         text.push_str(&format!("{}\n", posterior.in_words()));

@@ -214,7 +214,7 @@ impl PriorUse {
     pub fn in_words(&self) -> String {
         let Self { model, spread, .. } = self;
         let uninformed = self.uninformed();
-        let begin = format!("prior: {model}, {:.0} % between seals of its type", 1e2 * spread);
+        let begin = format!("{model}, {:.0} % between seals of its type", 1e2 * spread);
         match uninformed.as_slice() {
             [] => format!("{begin}; the strokes inform all parameters"),
             names => format!(

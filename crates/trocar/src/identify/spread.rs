@@ -13,6 +13,9 @@ const WORST_FACTOR: f64 = 10.0;
 /// So does one whose interval exceeds both its value and its scale by this factor.
 const WORST_RATIO: f64 = 10.0;
 
+/// Degrees of freedom with which Student's t is normal.
+pub(super) const MANY_DEGREES: f64 = 1e6;
+
 /// Spread of a fit, to first order.
 pub(crate) struct Spread<'a, T> {
     found: &'a Fitted<T>,
@@ -146,7 +149,10 @@ impl<'a, T: Trial> Spread<'a, T> {
         let degrees = self.degrees(&direction);
         let degrees = match self.found.has_prior {
             // The variance of the prior has no error (SATTERTHWAITE); that of few strokes is moderated.
-            true => (variance / jackknife).powi(2) * (degrees.max(0.0) + MODEL_DEGREES),
+            true => {
+                let own = (variance / jackknife).powi(2) * (degrees.max(0.0) + MODEL_DEGREES);
+                own.min(MANY_DEGREES)
+            }
             false => degrees,
         };
         let own = Estimate::from_standard_error(value, error, degrees, unit);
@@ -156,7 +162,7 @@ impl<'a, T: Trial> Spread<'a, T> {
         // Clusters without information about a direction show no scatter along it; the covariance
         // does.
         let as_independent = self.inflation * gradient.dot(&direction);
-        let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
+        let half = own.half_width().max(t_quantile(MANY_DEGREES) * as_independent.max(0.0).sqrt());
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
         if half > limit && !self.found.has_prior {
             return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));

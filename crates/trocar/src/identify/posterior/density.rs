@@ -30,7 +30,7 @@ use super::super::estimate::t_quantile;
 use super::super::likelihood::{self, Fitted, Free, MODEL_DEGREES, Trial};
 use super::super::numbers;
 use super::super::prior::{Kind, Prior};
-use super::super::spread::Spread;
+use super::super::spread::{MANY_DEGREES, Spread};
 use super::super::training::Training;
 use super::joins::FollowedJoin;
 
@@ -172,7 +172,7 @@ fn adjusted(
     let degrees = (clusters as f64 - 1.0).max(0.0);
     let moderated =
         ((jackknife + of_priors) * degrees + working * MODEL_DEGREES) / (degrees + MODEL_DEGREES);
-    let of_t = t_quantile(degrees + MODEL_DEGREES) / t_quantile(1e6);
+    let of_t = t_quantile(degrees + MODEL_DEGREES) / t_quantile(MANY_DEGREES);
     let widening = |j: usize| {
         let least = (working[(j, j)] / moderated[(j, j)]).sqrt().max(1.0);
         least.max(of_t * free[j].kind.map_or(1.0, widening))
