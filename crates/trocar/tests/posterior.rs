@@ -79,7 +79,7 @@ fn ranks(seed: u64) -> [f64; 4] {
 }
 
 #[test]
-fn true_values_have_uniform_ranks_among_the_draws() {
+fn draws_hold_the_truth_as_often_as_they_say() {
     let all: Vec<[f64; 4]> = (1..=benches()).into_par_iter().map(ranks).collect();
     let n = all.len() as f64;
     for (k, name) in RANKED.into_iter().enumerate() {
