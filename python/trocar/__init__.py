@@ -67,6 +67,7 @@ from .results import (
     Identification,
     Parameter,
     Parameters,
+    Posterior,
     RecordingValidation,
     ResultWarning,
     Simulation,
@@ -104,6 +105,7 @@ __all__ = [
     "Parameters",
     "Plan",
     "PlanError",
+    "Posterior",
     "Prediction",
     "Recording",
     "RecordingError",
@@ -162,6 +164,9 @@ def identify(
     without: Sequence[str] = (),
     offset_n: Optional[float] = None,
     paper: bool = False,
+    posterior: Optional[int] = None,
+    prior: Optional[Model] = None,
+    prior_spread: float = 0.3,
     moving_mass_kg: float = 0.0,
     gravity_m_s2: float = 0.0,
     threads: int = 0,
@@ -181,6 +186,9 @@ def identify(
         second_relaxation, unmodelled_mass, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated if not given
     :param paper: use only the two identification steps of the paper
+    :param posterior: number of draws of the parameters from their posterior, a multiple of 4 from 400; None takes none
+    :param prior: model of a trocar of the same type, whose parameters the recordings update
+    :param prior_spread: spread of the friction between trocars of that type, relative
     :param moving_mass_kg: mass between sensor and seal; its inertia is subtracted from the readings
     :param gravity_m_s2: component of gravity along the insertion that acts on the reading of that mass; with 0 the weight
         is part of the offset
@@ -208,6 +216,9 @@ def identify(
         without=[without] if isinstance(without, str) else list(without),
         offset_n=offset_n,
         paper=paper,
+        posterior=None if posterior is None else _count("posterior", posterior),
+        prior=prior,
+        prior_spread=prior_spread,
         moving_mass_kg=moving_mass_kg,
         gravity_m_s2=gravity_m_s2,
         threads=_count("threads", threads),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
@@ -37,6 +38,7 @@ __all__ = [
     "Identification",
     "Parameter",
     "Parameters",
+    "Posterior",
     "RecordingValidation",
     "ResultWarning",
     "Simulation",
@@ -347,6 +349,114 @@ def _validating(model: Model, recordings: Sequence[Recording]) -> partial[_core.
     return partial(_core.validate, model, recordings, moving_mass_kg=None, offset_n=None, threads=0)
 
 
+class Posterior(Mapping[str, npt.NDArray[Any]]):
+    """Draws of the parameters of a model from their posterior, column by column, in SI units.
+
+    ``chain``, ``draw`` and ``structure`` say where a draw comes from. A parameter that the structure
+    of a draw does not have is nan.
+    """
+
+    def __init__(
+        self,
+        table: _core.PosteriorTable,
+        summary: Optional[Mapping[str, Any]] = None,
+        found: Optional[_core.Identified] = None,
+    ) -> None:
+        self._table, self._found = table, found
+        self._columns = {name: np.asarray(cells) for name, cells in table.columns()}
+        #: Structures, R-hat and effective sample sizes as in summary.json; None for draws from a file.
+        self.summary = summary
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Posterior:
+        """Reads the file ``posterior.parquet`` of a result.
+
+        :raises ParameterError: if the file holds no draws
+        """
+        return cls(_core.read_posterior(os.fspath(path)))
+
+    def __getitem__(self, name: str) -> npt.NDArray[Any]:
+        if name not in self._columns:
+            raise KeyError(f"no column {name!r}; there are {', '.join(self._columns)}")
+        return self._columns[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._columns)
+
+    def __len__(self) -> int:
+        return len(self._columns)
+
+    def __repr__(self) -> str:
+        names = ", ".join(dict.fromkeys(self._columns["structure"]))
+        return f"<trocar.Posterior: {len(self._columns['draw'])} draws of {len(self.parameters)} parameters, structures {names}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "posterior.parquet"
+            self.write(path)
+            return _posterior, (path.read_bytes(), self.summary)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(name for name in self._columns if name not in ("chain", "draw", "structure"))
+
+    @cached_property
+    def models(self) -> tuple[Model, ...]:
+        """The model of each draw, without a position profile: for ``simulate_many``, for example."""
+        return tuple(self._table.models())
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates of ``log_density``."""
+        return int(self._identified().dimension() or 0)
+
+    def log_density(
+        self, z: ArrayLike, parameters: Sequence[str] = ()
+    ) -> tuple[npt.NDArray[np.float64], dict[str, npt.NDArray[np.float64]]]:
+        """Logarithm of the density of the most probable structure at each row of ``z``, for other samplers.
+
+        The coordinates ``z`` are nearly standard normal. The second result holds the named parameters
+        there.
+
+        :raises ParameterError: if ``z`` does not have ``dimension`` columns
+        """
+        rows = np.ascontiguousarray(np.atleast_2d(z), dtype=np.float64)
+        done = self._identified().log_density(rows, list(parameters))
+        if done is None:
+            raise TrocarError("there are no draws")
+        logarithms, values = done
+        return logarithms, dict(zip(parameters, values))
+
+    def _identified(self) -> _core.Identified:
+        if self._found is None:
+            raise TrocarError("draws from a file have no density: identify again with posterior=N")
+        return self._found
+
+    def write(self, path: str | os.PathLike[str]) -> None:
+        """Writes the draws: Parquet, Arrow or CSV by the extension of ``path``."""
+        self._table.write(os.fspath(path))
+
+    def to_arviz(self) -> Any:
+        """The draws as ArviZ takes them: its parameters by chain and draw. Needs the package arviz."""
+        import arviz
+
+        chains = int(self._columns["chain"].max()) + 1
+        values = {name: self._columns[name].reshape(chains, -1) for name in self.parameters}
+        # From version 1 on groups are the keys of one dictionary.
+        if int(arviz.__version__.split(".")[0]) >= 1:
+            return arviz.from_dict({"posterior": values})
+        return arviz.from_dict(posterior=values)
+
+
+def _posterior(contents: bytes, summary: Optional[Mapping[str, Any]]) -> Posterior:
+    """A pickled posterior, without its density."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "posterior.parquet"
+        path.write_bytes(contents)
+        return Posterior(_core.read_posterior(os.fspath(path)), summary)
+
+
 @dataclass(frozen=True, eq=False)
 class Identification(_Repeatable[_core.Identified]):
     """An identified model with its parameters, intervals, warnings and validation."""
@@ -395,6 +505,12 @@ class Identification(_Repeatable[_core.Identified]):
         if found is None:
             return None
         return Covariance(tuple(found["parameters"]), np.array(found["rows"]))
+
+    @cached_property
+    def posterior(self) -> Optional[Posterior]:
+        """The draws that ``identify(posterior=N)`` took; None without."""
+        found = self._done.posterior()
+        return None if found is None else Posterior(found, self.summary["posterior"], self._done)
 
     @property
     def ndata(self) -> int:

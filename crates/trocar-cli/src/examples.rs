@@ -46,6 +46,14 @@ const EXAMPLES: [Example; 18] = [
                 "trocar identify steady.csv dynamic.csv --validate surgeon.csv --out result",
             ),
             (
+                "With 2000 draws of the parameters from their posterior, in result/posterior.parquet",
+                "trocar identify steady.csv dynamic.csv --posterior 2000 --out result",
+            ),
+            (
+                "A few strokes in the trocar in use, and a model of one of the same type",
+                "trocar identify strokes.csv --prior result/model.json --out in-use",
+            ),
+            (
                 "Columns with other names, and a sensor that carries a mass of 40 g",
                 "trocar identify log.csv --columns time_s=t,position_mm=pos,force_n=Fz --moving-mass-kg 0.04 --out result",
             ),

@@ -741,3 +741,39 @@ fn a_folder_and_exchanged_arguments_are_recognised() {
     let ran = place.run("simulate models rec.csv --out out.csv").ends_with(2);
     ran.says(&["give one of its models: models/lugre.json"]);
 }
+
+#[test]
+fn draws_of_identify_give_simulate_a_band_and_a_model_serves_as_prior() {
+    let place = Place::new();
+    place.recording("strokes.csv");
+    let identify = "identify strokes.csv --bootstrap 0 --moving-mass-kg 0.04";
+    let ran = place.run(&format!("{identify} --posterior 2000 --out found")).done();
+    assert!(ran.stdout.contains("2000 posterior draws of "), "{}", ran.stdout);
+    let summary: serde_json::Value =
+        serde_json::from_str(&place.text("found/summary.json")).unwrap();
+    assert!(summary["posterior"]["r_hat"].as_f64().unwrap() <= 1.01, "{summary:#}");
+    let along = "simulate found strokes.csv --posterior found/posterior.parquet --out band.csv";
+    place.run(along).done();
+    let text = place.text("band.csv");
+    let mut lines = text.lines();
+    let names = "time_s,position_m,force_n,deflection_m,mode,force_low_n,force_high_n";
+    assert_eq!(lines.next(), Some(names));
+    let inside = lines.filter(|line| {
+        let cell = |k: usize| line.split(',').nth(k).unwrap().parse::<f64>().unwrap();
+        cell(5) <= cell(2) && cell(2) <= cell(6)
+    });
+    let rows = text.lines().count() - 1;
+    assert!(inside.count() > 9 * rows / 10, "the model lies in the band of its own draws");
+
+    // A few strokes, with that model as prior.
+    place.run(&format!("{identify} --to-s 6 --prior found --out in-use")).says(&["prior: found"]);
+    let summary: serde_json::Value =
+        serde_json::from_str(&place.text("in-use/summary.json")).unwrap();
+    assert_eq!(summary["prior"]["spread"], 0.3);
+
+    place.run(&format!("{identify} --posterior 10 --out none")).ends_with(2).says(&["from 400"]);
+    place
+        .run("simulate found strokes.csv --posterior strokes.csv --out none.csv")
+        .fails_saying(&["strokes.csv"]);
+    assert!(!place.path("none").exists() && !place.path("none.csv").exists());
+}

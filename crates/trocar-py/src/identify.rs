@@ -3,15 +3,20 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
-use trocar::identify::{IdentifyOptions, Term};
+use rayon::prelude::*;
+use trocar::identify::posterior::{CHAINS, Density, Draws};
+use trocar::identify::{IdentifyOptions, SealPrior, Term};
 use trocar::output::StagedFolder;
 use trocar::report::identification::FigureChoice;
 use trocar::report::{Document, ReportError};
 use trocar::workflow::{Workflow, WorkflowError};
+use trocar_model::ParameterId;
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
+use crate::posterior::PosteriorTable;
 use crate::recording::Recording;
 use crate::shared::{Picture, figures, moving_mass, records, write_page};
 use crate::work::{How, run};
@@ -33,7 +38,7 @@ impl Raise for WorkflowError {
 /// Identifies a model; `trocar.identify` wraps it.
 #[pyfunction]
 #[pyo3(signature = (recordings, held_out, *, bootstrap, seed, degrees, free_motion, without, offset_n, paper,
-    moving_mass_kg, gravity_m_s2, threads, progress))]
+    posterior, prior, prior_spread, moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn identify(
     py: Python<'_>,
@@ -46,6 +51,9 @@ pub(crate) fn identify(
     without: Vec<String>,
     offset_n: Option<f64>,
     paper: bool,
+    posterior: Option<usize>,
+    prior: Option<PyRef<'_, Model>>,
+    prior_spread: f64,
     moving_mass_kg: f64,
     gravity_m_s2: f64,
     threads: usize,
@@ -57,7 +65,10 @@ pub(crate) fn identify(
             "offset_n must be a finite number, got {offset}"
         )));
     }
+    let prior = prior.map(|model| seal_prior(&model, prior_spread)).transpose()?;
     let options = IdentifyOptions {
+        prior,
+        posterior: posterior.map(draws).transpose()?,
         bootstrap,
         seed,
         degrees,
@@ -75,6 +86,26 @@ pub(crate) fn identify(
     };
     let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
     Ok(Identified(Arc::new(job)))
+}
+
+fn unknown(name: &str) -> PyErr {
+    ParameterError::new_err(format!("{name} is no name of a parameter"))
+}
+
+fn draws(count: usize) -> PyResult<Draws> {
+    Draws::new(count).ok_or_else(|| {
+        ParameterError::new_err(format!(
+            "posterior must be a multiple of {CHAINS} from {}, got {count}",
+            Draws::FEWEST
+        ))
+    })
+}
+
+fn seal_prior(model: &Model, spread: f64) -> PyResult<SealPrior> {
+    if !(spread > 0.0 && spread.is_finite()) {
+        return Err(ParameterError::new_err(format!("prior_spread must be above 0, got {spread}")));
+    }
+    SealPrior::new(model.file(), "model", spread).map_err(Raise::raise)
 }
 
 fn term(name: &str) -> PyResult<Term> {
@@ -110,6 +141,51 @@ impl Identified {
     /// Names of the parameters, in the order of their importance.
     fn names(&self) -> Vec<String> {
         self.0.identification.parameters.iter().map(|parameter| parameter.id.to_string()).collect()
+    }
+
+    /// The posterior draws; None where there are none.
+    fn posterior(&self) -> PyResult<Option<PosteriorTable>> {
+        let found = self.0.identification.posterior.as_ref();
+        found.map(|posterior| PosteriorTable::new(posterior.table())).transpose()
+    }
+
+    /// ln of the density of the draws' most probable structure at each row of `z`, and parameters there
+    /// by name; None where there are no draws.
+    #[allow(clippy::type_complexity)]
+    fn log_density<'py>(
+        &self,
+        py: Python<'py>,
+        z: PyReadonlyArray2<'py, f64>,
+        names: Vec<String>,
+    ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Vec<Bound<'py, PyArray1<f64>>>)>> {
+        let Some(density) = &self.0.identification.density else { return Ok(None) };
+        let ids = names.iter().map(|name| name.parse::<ParameterId>().map_err(|_| unknown(name)));
+        let ids = ids.collect::<PyResult<Vec<_>>>()?;
+        let rows: Vec<Vec<f64>> = z.as_array().rows().into_iter().map(|r| r.to_vec()).collect();
+        if let Some(row) = rows.iter().find(|row| row.len() != density.dimension()) {
+            return Err(ParameterError::new_err(format!(
+                "z must have {} columns, got {}",
+                density.dimension(),
+                row.len()
+            )));
+        }
+        let (density, job) = (density.clone(), rows.clone());
+        let logs = run(py, How::default(), move |_| -> Vec<f64> {
+            job.par_iter().map(|z| density.log_density(z)).collect()
+        })?;
+        let density = self.0.identification.density.as_ref();
+        let value =
+            |id: ParameterId, z: &Vec<f64>| density.map_or(f64::NAN, |d| d.parameter(z, id));
+        let columns = ids
+            .into_iter()
+            .map(|id| PyArray1::from_iter(py, rows.iter().map(move |z| value(id, z))))
+            .collect();
+        Ok(Some((PyArray1::from_vec(py, logs), columns)))
+    }
+
+    /// Number of columns of `z`; None where there are no draws.
+    fn dimension(&self) -> Option<usize> {
+        self.0.identification.density.as_ref().map(Density::dimension)
     }
 
     /// The figures of the report.

@@ -20,6 +20,7 @@ mod keys;
 mod many;
 mod model;
 mod plan;
+mod posterior;
 mod recording;
 mod shared;
 mod simulate;
@@ -58,6 +59,8 @@ mod _core {
     use crate::model::{Model, Tunable, parameter_least};
     #[pymodule_export]
     use crate::plan::{plan, plan_example};
+    #[pymodule_export]
+    use crate::posterior::{PosteriorTable, read_posterior};
     #[pymodule_export]
     use crate::recording::{Recording, read};
     #[pymodule_export]

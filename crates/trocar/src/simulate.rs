@@ -5,11 +5,18 @@
 //! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model
 //! without a deflection. The force is that of the trocar without the sensor offset, positive on
 //! insertion.
+//!
+//! With posterior draws of the element, each row also has the band `force_low_n`, `force_high_n` that
+//! holds 95 % of their forces. It is the error of the parameters: neither the scatter of the
+//! friction from stroke to stroke nor what the model does not have is in it.
 
 use std::io::Read;
 use std::path::Path;
 
-use trocar_model::{BacklashFilter, BacklashState, Deformation, Mode, Seal, Trocar, TrocarState};
+use rayon::prelude::*;
+use trocar_model::{
+    BacklashFilter, BacklashState, Deformation, Mode, Seal, Stages, Trocar, TrocarState,
+};
 
 use crate::error::{OutputError, RecordingError};
 use crate::recording::block::SampleRow;
@@ -73,6 +80,14 @@ impl<'a> Run<'a> {
             (filter, state, 0.0)
         });
         Ok((Self { trocar, state, filter }, Beginning { reading, state }))
+    }
+
+    /// The force, N, after the step to a row.
+    fn advance(&mut self, to: &Step) -> f64 {
+        if to.duration > 0.0 {
+            self.step(to);
+        }
+        self.state.force()
     }
 
     fn step(&mut self, to: &Step) {
@@ -144,6 +159,92 @@ pub fn simulate_file<K: AsRef<[f64]>>(
     Ok(simulated)
 }
 
+/// The same with the band of `draws` of the element: of more than [`MOST_DRAWS`], so many evenly
+/// spaced ones. All have the position profile of `trocar`.
+///
+/// # Errors
+/// As for [`simulate_file`].
+pub fn simulate_file_with_band<K: AsRef<[f64]>>(
+    motion: &Path,
+    choice: &Choice,
+    (trocar, draws): (&Trocar<K>, &[Stages]),
+    options: &SimulateOptions,
+    output: &Path,
+    progress: impl FnMut(f64, u64),
+) -> Result<Simulated, SimulateError> {
+    let trocar = trocar.borrowed();
+    let drawn: Vec<Trocar<&[f64]>> = (0..draws.len().min(MOST_DRAWS))
+        .map(|k| k * draws.len() / draws.len().min(MOST_DRAWS))
+        .map(|k| trocar.with_seal(draws[k].into()))
+        .collect();
+    let mut columns = fields(trocar.seal());
+    columns.extend(BAND.map(Field::number));
+    let mut result = TableWriter::create(output, &columns)?;
+    let band = Some(Band::new(&drawn));
+    let rows = Positions::open(motion, choice)?;
+    let simulated = run(rows, &trocar, options, band, &mut result, progress)?;
+    result.commit()?;
+    Ok(simulated)
+}
+
+/// Most draws of a band: its ends are then the forces of the 10th draw from either side.
+pub const MOST_DRAWS: usize = 400;
+/// Columns of the band.
+const BAND: [&str; 2] = ["force_low_n", "force_high_n"];
+/// Fraction of the draws below and above the band.
+const OUTSIDE: f64 = 0.025;
+/// Rows whose band is computed together.
+const BLOCK: usize = 512;
+
+/// Simulations of draws beside that of the model, and the rows that wait for their band.
+struct Band<'a> {
+    drawn: &'a [Trocar<&'a [f64]>],
+    runs: Vec<Run<'a>>,
+    steps: Vec<Step>,
+    rows: Vec<Vec<TableCell>>,
+}
+
+impl<'a> Band<'a> {
+    fn new(drawn: &'a [Trocar<&'a [f64]>]) -> Self {
+        Self { drawn, runs: Vec::new(), steps: Vec::new(), rows: Vec::new() }
+    }
+
+    fn begin(&mut self, options: &SimulateOptions, first: &Step) -> Result<(), SimulateError> {
+        let begin = |trocar| Run::begin(trocar, options, first).map(|(run, _)| run);
+        self.runs = self.drawn.iter().map(begin).collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// Keeps a row, and writes all that wait when a block is full.
+    fn add(
+        &mut self,
+        step: Step,
+        row: Vec<TableCell>,
+        output: &mut TableWriter,
+    ) -> Result<(), OutputError> {
+        self.steps.push(step);
+        self.rows.push(row);
+        if self.rows.len() < BLOCK { Ok(()) } else { self.write(output) }
+    }
+
+    fn write(&mut self, output: &mut TableWriter) -> Result<(), OutputError> {
+        let steps = &self.steps;
+        let of = |run: &mut Run| steps.iter().map(|step| run.advance(step)).collect();
+        let forces: Vec<Vec<f64>> = self.runs.par_iter_mut().map(of).collect();
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            let mut own: Vec<f64> = forces.iter().map(|of_draw| of_draw[i]).collect();
+            own.sort_by(f64::total_cmp);
+            let outside = (OUTSIDE * own.len() as f64) as usize;
+            let ends = [own[outside], own[own.len() - 1 - outside]];
+            row.extend(ends.map(TableCell::Number));
+            output.row(row)?;
+        }
+        self.steps.clear();
+        self.rows.clear();
+        Ok(())
+    }
+}
+
 /// The columns of a simulation: time, position and force, and the deformation if the model has one.
 pub fn fields(seal: &Seal) -> Vec<Field> {
     let mut fields: Vec<Field> = ["time_s", "position_m", "force_n"].map(Field::number).into();
@@ -158,44 +259,61 @@ pub fn fields(seal: &Seal) -> Vec<Field> {
 /// # Errors
 /// As for [`simulate_file`].
 pub fn simulate<K: AsRef<[f64]>>(
-    mut rows: Positions,
+    rows: Positions,
     trocar: &Trocar<K>,
     options: &SimulateOptions,
     output: &mut TableWriter,
+    progress: impl FnMut(f64, u64),
+) -> Result<Simulated, SimulateError> {
+    run(rows, &trocar.borrowed(), options, None, output, progress)
+}
+
+fn run(
+    mut rows: Positions,
+    trocar: &Trocar<&[f64]>,
+    options: &SimulateOptions,
+    mut band: Option<Band>,
+    output: &mut TableWriter,
     mut progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
-    let trocar = trocar.borrowed();
     let mut count = 0;
     let mut under_way: Option<(Run, Beginning)> = None;
     while let Some(step) = rows.advance()? {
         let run = match &mut under_way {
             Some((run, _)) => run,
-            None => &mut under_way.insert(Run::begin(&trocar, options, &step)?).0,
-        };
-        if step.duration > 0.0 {
-            run.step(&step);
-        }
-        let numbers = [step.time, step.position, run.state.force()].map(TableCell::Number);
-        match run.state.deformation() {
-            Some(Deformation { deflection, mode }) => {
-                let [time, position, force] = numbers;
-                output.row(&[
-                    time,
-                    position,
-                    force,
-                    TableCell::Number(deflection),
-                    TableCell::Text(word(mode)),
-                ])?;
+            None => {
+                if let Some(band) = &mut band {
+                    band.begin(options, &step)?;
+                }
+                &mut under_way.insert(Run::begin(trocar, options, &step)?).0
             }
-            None => output.row(&numbers)?,
+        };
+        let numbers = [step.time, step.position, run.advance(&step)].map(TableCell::Number);
+        match (&mut band, run.state.deformation()) {
+            (Some(band), deformation) => {
+                let of_state = deformation.into_iter().flat_map(cells);
+                band.add(step, numbers.into_iter().chain(of_state).collect(), output)?;
+            }
+            (None, Some(deformation)) => {
+                let ([time, position, force], [deflection, mode]) = (numbers, cells(deformation));
+                output.row(&[time, position, force, deflection, mode])?;
+            }
+            (None, None) => output.row(&numbers)?,
         }
         count += 1;
         if count % REPORT_EVERY == 0 {
             progress(rows.rows.part(), count);
         }
     }
+    if let Some(band) = &mut band {
+        band.write(output)?;
+    }
     let beginning = under_way.map(|(_, beginning)| beginning);
     Ok(Simulated { rows: count, lowest: rows.lowest, highest: rows.highest, beginning })
+}
+
+fn cells(Deformation { deflection, mode }: Deformation) -> [TableCell; 2] {
+    [TableCell::Number(deflection), TableCell::Text(word(mode))]
 }
 
 fn word(mode: Mode) -> &'static str {

@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
 use crate::identify::{
     Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale,
-    Parameter, Phase, PositionDelay, SteadyFit, StickSlip, Subject, Warning,
+    Parameter, Phase, PositionDelay, Posterior, PriorUse, SteadyFit, StickSlip, Subject, Warning,
 };
 use crate::model_file::{
     ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo,
@@ -84,6 +85,58 @@ pub struct DeformationSummary<'a> {
     pub withdrawal_branch: BranchSummary,
 }
 
+/// A parameter of the draws in the summary, in the unit of its name.
+#[derive(Debug, Clone, Serialize)]
+pub struct DrawnParameter {
+    /// Mean of the draws.
+    pub mean: f64,
+    /// Their standard deviation.
+    pub standard_deviation: f64,
+    /// Their 2.5 % and 97.5 % quantiles.
+    pub ci95: [f64; 2],
+    /// R-hat and effective sample sizes; `None` where it does not change.
+    pub convergence: Option<Convergence>,
+    /// Standard deviation relative to that of the prior; `None` without a prior.
+    pub prior_ratio: Option<f64>,
+}
+
+/// The posterior draws in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct PosteriorSummary<'a> {
+    /// Number of draws.
+    pub draws: usize,
+    /// Chains of each structure.
+    pub chains: usize,
+    /// Structures, the most probable first.
+    pub structures: &'a [PosteriorStructure],
+    /// Largest R-hat.
+    pub r_hat: f64,
+    /// Smallest effective sample size of bulk and tails.
+    pub effective_sample_size: f64,
+    /// Parameters by name with unit.
+    pub parameters: BTreeMap<String, DrawnParameter>,
+}
+
+impl<'a> PosteriorSummary<'a> {
+    fn of(posterior: &'a Posterior) -> Self {
+        let parameter = |p: &PosteriorParameter| {
+            let PosteriorParameter {
+                mean, standard_deviation, ci95, convergence, prior_ratio, ..
+            } = *p;
+            let drawn = DrawnParameter { mean, standard_deviation, ci95, convergence, prior_ratio };
+            (p.id.to_string(), drawn)
+        };
+        Self {
+            draws: posterior.draws.len(),
+            chains: CHAINS,
+            structures: &posterior.structures,
+            r_hat: posterior.r_hat(),
+            effective_sample_size: posterior.ess(),
+            parameters: posterior.parameters.iter().map(parameter).collect(),
+        }
+    }
+}
+
 /// `summary.json`.
 #[derive(Debug, Clone, Serialize)]
 pub struct Summary<'a> {
@@ -105,6 +158,12 @@ pub struct Summary<'a> {
     pub fit: Option<&'a FitSummary>,
     /// Covariance of the parameters of the fit; `None` without a fit.
     pub covariance: Option<&'a Covariance>,
+    /// What the recordings added to the model given as prior; left out without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior: Option<&'a PriorUse>,
+    /// Structures, convergence and intervals of the posterior draws; left out without draws.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<PosteriorSummary<'a>>,
     /// Number of model parameters estimated, without the sensor offset and an unmodelled mass.
     pub free_parameters: usize,
     /// Change of the friction from stroke to stroke.
@@ -154,6 +213,8 @@ impl Workflow {
             residual_rms_n: found.residual_rms,
             fit: found.fit.as_ref(),
             covariance: found.covariance.as_ref(),
+            prior: found.prior.as_ref(),
+            posterior: found.posterior.as_ref().map(PosteriorSummary::of),
             free_parameters: found.free_parameters,
             friction_scale: &found.friction_scale,
             phases: &found.phases,

@@ -16,6 +16,7 @@ mod fleet_partitioned;
 mod free_motion;
 mod model_file;
 mod plan;
+mod posterior;
 mod profile;
 mod published;
 mod ranges;

@@ -10,7 +10,7 @@ use trocar::model_file::{Interval, ModelFile};
 use trocar::teleop::advise::{Tried, advise, map, map_delays, noticeable_step};
 use trocar::teleop::config::{
     Architecture, Channel, Config, Control, Device, Operator, PassivityCredit, Place, Sensor,
-    Tissue,
+    Tissue, TissueKind,
 };
 use trocar::teleop::hybrid::{Hybrid, response, seal_impedance, tissue_impedance};
 use trocar::teleop::merit::Merit;

@@ -1,8 +1,11 @@
 //! `trocar identify`
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use trocar::identify::{Identification, IdentifyOptions, Parameter, Subject, Term, Warning};
+use trocar::identify::posterior::{CHAINS, Draws};
+use trocar::identify::{
+    Identification, IdentifyOptions, Parameter, SealPrior, Subject, Term, Warning,
+};
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
@@ -13,15 +16,17 @@ use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::{Reading, Rod};
+use crate::models::read_model;
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
 /// Identify a model from recordings, validate it on others, and write a report
 ///
 /// Takes recordings of any motion; the two experiments of the paper are the best start. Writes
-/// model.json, summary.json, report.html and figures into the folder given with --out. Exit code 3:
-/// the recordings lost data or do not determine every parameter, or a validation error is far above
-/// the identification error.
+/// model.json, summary.json, report.html and figures into the folder given with --out, and
+/// posterior.parquet with --posterior. Exit code 3:
+/// the recordings lost data or do not determine every parameter, a validation error is far above
+/// the identification error, or posterior draws did not converge.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Recordings to identify from: CSV with time, position and force columns, '-' for standard
@@ -54,6 +59,17 @@ pub(crate) struct Args {
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
     offset_n: Option<f64>,
+    /// Model of a trocar of the same type, from which the recordings depart: a few strokes then give
+    /// its parameters for the trocar in use
+    #[arg(long, value_name = "MODEL", conflicts_with = "paper")]
+    prior: Option<PathBuf>,
+    /// Spread of friction between trocars of that type, relative
+    #[arg(long, value_name = "FRACTION", default_value_t = SealPrior::SPREAD, value_parser = positive, requires = "prior")]
+    prior_spread: f64,
+    /// Also take N draws of the parameters from their posterior, a multiple of 4 from 400, and write
+    /// them into posterior.parquet
+    #[arg(long, value_name = "N", value_parser = draws, conflicts_with = "paper")]
+    posterior: Option<Draws>,
     /// Identify by the two steps of the paper only: steady state, then deformation
     #[arg(long)]
     paper: bool,
@@ -82,6 +98,12 @@ fn degrees(text: &str) -> Result<Degrees, String> {
     let wrong = || format!("expected two degrees between 2 and {MAX_DEGREE}, such as 4,4");
     let (left, right) = text.split_once(',').ok_or_else(wrong)?;
     Ok(Degrees([degree(left).ok_or_else(wrong)?, degree(right).ok_or_else(wrong)?]))
+}
+
+/// Number of posterior draws.
+fn draws(text: &str) -> Result<Draws, String> {
+    let wrong = || format!("expected a multiple of {CHAINS} from {}, such as 2000", Draws::FEWEST);
+    text.trim().parse().ok().and_then(Draws::new).ok_or_else(wrong)
 }
 
 /// A finite number.
@@ -119,7 +141,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     }
     let overlaps = !overlap.is_empty();
     let moving_mass = args.rod.moving_mass();
+    let prior = args.prior.as_deref().map(|path| seal_prior(path, args)).transpose()?;
     let options = IdentifyOptions {
+        prior,
         bootstrap: args.bootstrap,
         seed: args.seed,
         degrees: args.degrees.0,
@@ -127,6 +151,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         without: args.without.clone(),
         offset: args.offset_n,
         paper: args.paper,
+        posterior: args.posterior,
         ..IdentifyOptions::default()
     };
     // Fails before the computation if nothing can be written there.
@@ -142,6 +167,13 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     console::print(&text)?;
     console.remark(&format!("report: {}", args.out.join("report.html").display()));
     Ok(Completion::doubtful_if(overlaps || done.is_doubtful()))
+}
+
+/// The prior of the file at `path`.
+fn seal_prior(path: &Path, args: &Args) -> anyhow::Result<SealPrior> {
+    let model = read_model(path, &[])?;
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    SealPrior::new(&model, &name, args.prior_spread).map_err(|error| error.in_file(path).into())
 }
 
 /// The command line with the names of files instead of their paths, and without the folder of the
@@ -270,6 +302,12 @@ fn in_brief(done: &Workflow) -> String {
         done.recordings.iter().map(|recording| recording.name.as_str()).collect();
     if let Some(words) = done.identification.friction_scale.in_words(&names) {
         text.push_str(&format!("{words}\n"));
+    }
+    if let Some(prior) = &done.identification.prior {
+        text.push_str(&format!("prior: {}\n", prior.in_words()));
+    }
+    if let Some(posterior) = &done.identification.posterior {
+        text.push_str(&format!("{}\n", posterior.in_words()));
     }
     text.push_str(&along_in_words(&done.identification));
     for r in done.validation.iter().flat_map(|validation| &validation.recordings) {

@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use trocar::identify::posterior;
 use trocar::profile::Departure;
 use trocar::recording::{Choice, position_resolution};
-use trocar::simulate::{Beginning, SimulateOptions, simulate_file};
+use trocar::simulate::{Beginning, SimulateOptions, simulate_file, simulate_file_with_band};
 use trocar_model::BacklashFilter;
 
 use crate::Completion;
@@ -40,6 +41,10 @@ pub(crate) struct Args {
     /// first rows of the file
     #[arg(long, default_value = "0", value_name = "WIDTH", value_parser = backlash_width, allow_negative_numbers = true)]
     backlash_m: BacklashWidth,
+    /// Draws of the element's parameters that `identify --posterior` wrote: adds the columns
+    /// force_low_n and force_high_n, which hold 95 % of their forces
+    #[arg(long, value_name = "FILE")]
+    posterior: Option<PathBuf>,
     #[command(flatten)]
     choosing: Choosing,
 }
@@ -79,7 +84,17 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     };
     let progress = Progress::new(console);
     let report = |part, rows| progress.report_rows("simulating", part, rows);
-    let done = simulate_file(&args.motion, &choice, &model.trocar, &options, &args.out, report)?;
+    let done = match &args.posterior {
+        None => simulate_file(&args.motion, &choice, &model.trocar, &options, &args.out, report)?,
+        Some(path) => {
+            if let Err(error) = model.stages() {
+                return Err(error.in_file(&args.model).into());
+            }
+            let draws = posterior::models(&posterior::read(path)?)?;
+            let both = (&model.trocar, draws.as_slice());
+            simulate_file_with_band(&args.motion, &choice, both, &options, &args.out, report)?
+        }
+    };
     drop(progress);
     if let Some(beginning) = done.beginning.filter(|_| options.initial_deflection.is_none()) {
         console.remark(&start_in_words(&beginning, options.offset));

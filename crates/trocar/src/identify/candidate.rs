@@ -3,12 +3,13 @@
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use trocar_model::{
-    Beside, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS, ParamError,
-    ParameterId, Parameters, Quantity, Relaxation, SealDamping, SlidingFriction, Stages,
-    StagesState,
+    Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS,
+    ParamError, ParameterId, Parameters, Quantity, Relaxation, SealDamping, SlidingFriction,
+    Stages, StagesState,
 };
 
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
+use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
 use super::stage::SecondStage;
 use super::training::Step;
@@ -132,6 +133,7 @@ impl Candidate {
                 of_second(|stage| stage.share).map(|share| whole * share / self.stage_factor())
             }
             (Some(2), None, Q::HalfWidth) => of_second(|stage| stage.half_width),
+            (Some(2), Some(direction), _) => self.of_second_branch(direction, quantity),
             (Some(_), ..) => None,
             (None, Some(direction), Q::CoulombForceWithOffset) => {
                 let level = self.stage_factor() * self.sliding(direction).coulomb_force;
@@ -168,8 +170,22 @@ impl Candidate {
     /// θ of EMS (25).
     fn coefficient(&self, direction: Direction, piece: u8, power: u8) -> Option<f64> {
         let branch = self.branch(direction).branch(self.half_width, self.end_forces()).ok()?;
-        let piece = if piece == 1 { branch.left() } else { branch.right() };
-        piece.monomial().get(usize::from(power)).copied()
+        coefficient_of(&branch, piece, power)
+    }
+
+    /// A parameter of a branch of the second stage.
+    fn of_second_branch(&self, direction: Direction, quantity: Quantity) -> Option<f64> {
+        let stage = self.second.as_ref()?;
+        let shape = stage.branch(direction);
+        match quantity {
+            Quantity::Join => Some(shape.join * stage.half_width),
+            Quantity::JoinForce => Some(shape.join_force),
+            Quantity::Coefficient { piece, power } => {
+                let ends = stage.end_forces(&self.insertion, &self.withdrawal);
+                coefficient_of(&shape.branch(stage.half_width, ends).ok()?, piece, power)
+            }
+            _ => None,
+        }
     }
 
     /// The model's parameters.
@@ -208,6 +224,12 @@ impl Candidate {
         let both = [first, Element::new(second.params(&params)?)?];
         Ok(Stages::new(&both).expect("two elements"))
     }
+}
+
+/// A coefficient of one piece of a branch.
+fn coefficient_of(branch: &Branch, piece: u8, power: u8) -> Option<f64> {
+    let piece = if piece == 1 { branch.left() } else { branch.right() };
+    piece.monomial().get(usize::from(power)).copied()
 }
 
 /// Expected bound on the curvature term of a branch, in units of the sliding force, for a finely
@@ -314,9 +336,9 @@ impl Layout {
 }
 
 /// Visits the logarithm of a positive parameter.
-fn on_log(value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, Span)) {
+fn on_log(kind: Kind, value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut(&mut f64, Span)) {
     let mut log = value.max(low).min(high).ln();
-    on(&mut log, Span::new(1e-3, low.ln(), high.ln()));
+    on(&mut log, Span::new(kind, 1e-3, low.ln(), high.ln()));
     *value = log.exp();
 }
 
@@ -326,21 +348,36 @@ impl Layout {
         let free = f64::INFINITY;
         let force = 1e-4 * candidate.insertion.coulomb_force;
         if self.offset {
-            on(&mut candidate.offset, Span::new(force, -free, free));
+            on(&mut candidate.offset, Span::new(Kind::Offset, force, -free, free));
         }
         if self.unmodelled_mass {
-            on(&mut candidate.unmodelled_mass, Span::new(1e-4, 0.0, free));
+            on(&mut candidate.unmodelled_mass, Span::new(Kind::UnmodelledMass, 1e-4, 0.0, free));
         }
         let largest = self.largest.max(10.0 * force);
-        on(&mut candidate.insertion.coulomb_force, Span::new(force, 10.0 * force, largest));
+        on(
+            &mut candidate.insertion.coulomb_force,
+            Span::new(Kind::SlidingForce, force, 10.0 * force, largest),
+        );
         if self.viscous {
-            on(&mut candidate.insertion.viscous_damping, Span::new(100.0 * force, 0.0, free));
+            on(
+                &mut candidate.insertion.viscous_damping,
+                Span::new(Kind::Damping, 100.0 * force, 0.0, free),
+            );
         }
         if self.stribeck {
             let most = largest.min(10.0 * candidate.insertion.coulomb_force);
-            on(&mut candidate.insertion.static_force, Span::new(force, 10.0 * force, most));
-            on(&mut candidate.insertion.stribeck_velocity, Span::new(1e-5, 5e-4, 1.0));
-            on(&mut candidate.insertion.stribeck_exponent, Span::new(1e-2, 0.5, 3.0));
+            on(
+                &mut candidate.insertion.static_force,
+                Span::new(Kind::SlidingForce, force, 10.0 * force, most),
+            );
+            on(
+                &mut candidate.insertion.stribeck_velocity,
+                Span::new(Kind::StribeckVelocity, 1e-5, 5e-4, 1.0),
+            );
+            on(
+                &mut candidate.insertion.stribeck_exponent,
+                Span::new(Kind::StribeckExponent, 1e-2, 0.5, 3.0),
+            );
         } else {
             candidate.insertion.static_force = candidate.insertion.coulomb_force;
         }
@@ -348,16 +385,25 @@ impl Layout {
         candidate.withdrawal = candidate.insertion;
         if self.own_levels {
             candidate.withdrawal.coulomb_force = other.coulomb_force;
-            on(&mut candidate.withdrawal.coulomb_force, Span::new(force, 10.0 * force, largest));
+            on(
+                &mut candidate.withdrawal.coulomb_force,
+                Span::new(Kind::SlidingForce, force, 10.0 * force, largest),
+            );
             candidate.withdrawal.static_force = candidate.withdrawal.coulomb_force;
             if self.stribeck {
                 candidate.withdrawal.static_force = other.static_force;
-                on(&mut candidate.withdrawal.static_force, Span::new(force, 10.0 * force, largest));
+                on(
+                    &mut candidate.withdrawal.static_force,
+                    Span::new(Kind::SlidingForce, force, 10.0 * force, largest),
+                );
             }
         }
         if self.own_slopes && self.viscous {
             candidate.withdrawal.viscous_damping = other.viscous_damping;
-            on(&mut candidate.withdrawal.viscous_damping, Span::new(100.0 * force, 0.0, free));
+            on(
+                &mut candidate.withdrawal.viscous_damping,
+                Span::new(Kind::Damping, 100.0 * force, 0.0, free),
+            );
         }
         for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
             sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
@@ -368,34 +414,47 @@ impl Layout {
         let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
         if self.shape {
             let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
-            on(&mut candidate.half_width, Span::new(1e-4 * width, low, high));
+            on(&mut candidate.half_width, Span::new(Kind::HalfWidth, 1e-4 * width, low, high));
             for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
             }
         }
         if self.damping {
-            on(&mut candidate.seal_damping, Span::new(10.0 * force, 0.0, free));
+            on(&mut candidate.seal_damping, Span::new(Kind::Damping, 10.0 * force, 0.0, free));
         }
         if self.yielding {
-            on(&mut candidate.yield_ratio, Span::new(1e-3, Candidate::DEFAULT_YIELD_RATIO, 20.0));
+            on(
+                &mut candidate.yield_ratio,
+                Span::new(Kind::YieldRatio, 1e-3, Candidate::DEFAULT_YIELD_RATIO, 20.0),
+            );
         }
         if self.creep {
             let [low, high] = CREEP_RANGE;
-            on_log(&mut candidate.creep_velocity, [low.max(self.slowest_creep), high], &mut on);
+            on_log(
+                Kind::LogCreepVelocity,
+                &mut candidate.creep_velocity,
+                [low.max(self.slowest_creep), high],
+                &mut on,
+            );
         }
         if self.lag {
-            on_log(&mut candidate.friction_lag, LAG_RANGE, &mut on);
+            on_log(Kind::LogFrictionLag, &mut candidate.friction_lag, LAG_RANGE, &mut on);
         }
         // A trial may hold impossible values: the range must remain valid.
         let stiffest =
             (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
-            on_log(&mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
-            on_log(&mut arm.time, TIME_RANGE, &mut on);
+            on_log(Kind::LogStiffness, &mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
+            on_log(Kind::LogRelaxationTime, &mut arm.time, TIME_RANGE, &mut on);
         }
         if let (true, Some(second)) = (self.second, &mut candidate.second) {
-            on_log(&mut second.share, SHARE_RANGE, &mut on);
-            on_log(&mut second.half_width, [0.02 * width, 5.0 * width], &mut on);
+            on_log(Kind::LogShare, &mut second.share, SHARE_RANGE, &mut on);
+            on_log(
+                Kind::LogHalfWidth,
+                &mut second.half_width,
+                [0.02 * width, 5.0 * width],
+                &mut on,
+            );
             for shape in [&mut second.insertion_branch, &mut second.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
             }
@@ -405,8 +464,10 @@ impl Layout {
     /// The free parameters of a candidate.
     pub(super) fn free(self, candidate: &Candidate) -> Vec<Free> {
         let mut free = Vec::new();
-        self.visit(&mut candidate.clone(), |value, Span { step, low, high, expected }| {
-            free.push(Free { value: *value, step, low, high, expected, column: Column::Simulated });
+        self.visit(&mut candidate.clone(), |value, span| {
+            let Span { kind, step, low, high, expected } = span;
+            let (value, column) = (*value, Column::Simulated);
+            free.push(Free { kind: Some(kind), value, step, low, high, expected, column });
         });
         let linear = [(self.offset, Column::Offset), (self.unmodelled_mass, Column::Mass)];
         let first = linear.into_iter().filter(|(is_free, _)| *is_free);
@@ -499,6 +560,7 @@ impl Trial for EmsTrial {
 
     fn free(&self) -> Vec<Free> {
         let of_drift = |(k, value): (usize, &f64)| Free {
+            kind: None,
             value: *value,
             step: 1e-3,
             low: f64::NEG_INFINITY,

@@ -1,6 +1,6 @@
 //! Assembly of the result from the results of the stages.
 
-use trocar_model::{Direction, ParameterId, Quantity, Trocar};
+use trocar_model::{Quantity, Trocar};
 
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
@@ -12,8 +12,10 @@ use super::estimate::Estimate;
 use super::findings::{IdentifyError, Parameter, Warning};
 use super::free_motion::FreeMotion;
 use super::numbers;
+use super::posterior::{Density, Posterior};
 use super::result::{FitSummary, Identification};
 use super::scale::{FrictionScale, TOO_FAR};
+use super::seal_prior::PriorUse;
 use super::terms::Term;
 use super::training::acceleration_is_resolved;
 use super::two_steps;
@@ -55,13 +57,19 @@ pub(super) fn conclude(
             has_shape,
         },
     );
+    let prior = prior_use(input, fit.as_ref());
     let mut parameters = match &fit {
-        Some(fit) => fitted_parameters(fit, &judged, &scale),
+        Some(fit) => fitted_parameters(fit, &judged, &scale, prior.as_ref()),
         None => two_step_parameters.clone(),
     };
-    sort(&mut parameters);
+    parameters.sort_by_key(|p| numbers::rank(p.id));
     let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
-    let warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
+    let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
+    warnings.extend(of_prior(input, prior.as_ref()));
+    let (posterior, density) = posterior(input, fit.as_ref(), &mut warnings).unzip();
+    if posterior.is_some() && input.options.prior.is_none() {
+        warnings.extend(drawn_all_the_same(&parameters));
+    }
     let layout_parameters = fit.as_ref().map_or(3, |f| {
         let layout = f.fitted.best.layout;
         f.fitted.best.free_numbers()
@@ -86,6 +94,9 @@ pub(super) fn conclude(
             converged: element::remaining(&f.fitted) < UNFINISHED,
         }),
         covariance,
+        prior,
+        posterior,
+        density,
         friction_scale: scale,
         phases: judged.phases,
         stick_slip: judged.stick_slip,
@@ -98,15 +109,76 @@ pub(super) fn conclude(
     })
 }
 
+/// What the recordings added to the prior; `None` without a prior or a fit.
+fn prior_use(input: &Input, fit: Option<&ElementFit>) -> Option<PriorUse> {
+    let (prior, fit) = (input.options.prior.as_ref()?, fit?);
+    Some(prior.used(&fit.fitted, &fit.training.prior))
+}
+
+/// What the recordings did not add to the prior.
+fn of_prior(input: &Input, used: Option<&PriorUse>) -> Option<Warning> {
+    input.options.prior.as_ref()?;
+    Some(match used {
+        Some(used) => Warning::remark("prior", used.in_words()),
+        None => {
+            let message = "the prior was not used: fewer than 2 strokes, or its element does not run along them";
+            Warning::doubt("prior", message.to_owned())
+        }
+    })
+}
+
+/// The draws that were asked for; adds what they say to `warnings`.
+fn posterior(
+    input: &Input,
+    fit: Option<&ElementFit>,
+    warnings: &mut Vec<Warning>,
+) -> Option<(Posterior, Density)> {
+    let count = input.options.posterior?;
+    let speeds = element::speeds(input);
+    let found = fit.and_then(|fit| Posterior::of(fit, speeds, count, input.options.seed));
+    match &found {
+        Some((posterior, _)) => warnings.extend(posterior.warnings()),
+        None => {
+            let message =
+                "no draws: they need the fit of the element to all motion, and there is none";
+            warnings.push(Warning::doubt("posterior", message.to_owned()));
+        }
+    }
+    found
+}
+
+/// Parameters that the recordings do not determine although their draws are narrow: what the
+/// structure of the model says about them is in the likelihood, too.
+fn drawn_all_the_same(parameters: &[Parameter]) -> Option<Warning> {
+    let open = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
+    let names: Vec<String> = open.map(|p| p.id.to_string()).collect();
+    let message = format!(
+        "the draws of {} follow from the priors and from the structure of the model, since the recordings do not determine them",
+        names.join(", ")
+    );
+    (!names.is_empty()).then(|| Warning::remark("posterior", message))
+}
+
 /// The parameters of the fit; those that the data do not determine have no interval.
-fn fitted_parameters(fit: &ElementFit, judged: &Adequacy, scale: &FrictionScale) -> Vec<Parameter> {
+fn fitted_parameters(
+    fit: &ElementFit,
+    judged: &Adequacy,
+    scale: &FrictionScale,
+    prior: Option<&PriorUse>,
+) -> Vec<Parameter> {
     let mut all = numbers::parameters(&fit.fitted);
     let layout = fit.fitted.best.layout;
     all.extend(fit.left.damping.clone().map(|most| Parameter::new(Quantity::SealDamping, most)));
     for p in &mut all {
         let why =
             judged.undetermined.iter().find(|(group, _)| group.holds(p.id)).map(|(_, why)| why);
-        if let (Some(why), true) = (why, p.estimate.determined) {
+        let uninformed = prior.map(PriorUse::uninformed).unwrap_or_default();
+        if uninformed.contains(&p.id.to_string().as_str()) {
+            let note = "as in the prior: the recordings say next to nothing about it";
+            p.estimate = p.estimate.clone().with_note(note);
+        }
+        // What a prior knows is determined.
+        if let (Some(why), true, None) = (why, p.estimate.determined, prior) {
             p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why.clone());
         }
         widen(p, scale);
@@ -151,19 +223,6 @@ fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
             false => p.estimate.clone().with_note("if both directions have the same Coulomb force"),
         };
     }
-}
-
-/// The order of tables: forces first, then lengths, then coefficients.
-fn sort(parameters: &mut [Parameter]) {
-    const FIRST: [ParameterId; 6] = [
-        Quantity::CoulombForce.id(),
-        Quantity::ViscousDamping.id(),
-        Quantity::Offset.id(),
-        Quantity::CoulombForceWithOffset.of(Direction::Insertion),
-        Quantity::ViscousDamping.of(Direction::Insertion),
-        Quantity::CoulombForceWithOffset.of(Direction::Withdrawal),
-    ];
-    parameters.sort_by_key(|p| FIRST.iter().position(|id| *id == p.id).unwrap_or(FIRST.len()));
 }
 
 fn warnings(

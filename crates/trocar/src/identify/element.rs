@@ -19,6 +19,7 @@ use super::free_motion::FreeMotion;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop};
 use super::options::IdentifyOptions;
 use super::scale::{FrictionScale, Jump};
+use super::seal_prior::SealPrior;
 use super::segments::Segments;
 use super::shape::BranchShape;
 use super::spread::variance;
@@ -62,6 +63,7 @@ pub(super) struct Input<'a> {
 
 /// The fitted element with its associated results.
 pub(super) struct ElementFit {
+    pub(super) training: Training,
     pub(super) fitted: Fitted<EmsTrial>,
     pub(super) trials: Vec<TermTrial>,
     pub(super) scale: FrictionScale,
@@ -87,6 +89,9 @@ pub(super) struct Begun {
 /// Fits the paper's element; `None` where no start gives a model that runs or there are too few
 /// strokes.
 pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
+    if let Some(prior) = &input.options.prior {
+        return begin_from(input, prior, progress);
+    }
     let starts = starts(input);
     let widest =
         starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
@@ -99,6 +104,33 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
         (training, fitted) = fitted_from(input, &fitted.best)?;
     }
     fitted = restarted(input, &training, fitted);
+    free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
+    progress("friction scale", 0.15);
+    let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
+    Some(Begun { training, fitted })
+}
+
+/// Fewest clusters for a fit from a prior.
+const FEWEST_WITH_PRIOR: usize = 2;
+
+/// Fits the element of a prior, with its terms.
+fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Begun> {
+    let from_readings = Layout {
+        offset: input.options.offset.is_none(),
+        largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
+        narrowest: 0.0,
+        slowest_creep: slowest_creep(input.recordings),
+        ..Layout::PAPER
+    };
+    let mut start = prior.trial(from_readings).ok()?;
+    start.candidate.offset = input.options.offset.unwrap_or(start.candidate.offset);
+    let mut training = training(input, &start.candidate)?;
+    if training.clusters() < FEWEST_WITH_PRIOR {
+        return None;
+    }
+    training.prior = prior.of(&start);
+    progress("fitting the element", 0.02);
+    let fitted = likelihood::fit(&training, &start, NEXT)?;
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.15);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
@@ -182,6 +214,10 @@ fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsT
 pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
     let Begun { training, fitted } = begun;
     let paper_rms = fitted.rms[1];
+    if input.options.prior.is_some() {
+        let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
+        return Some(scaled(training, without_drift, LAST)?.with(input, Vec::new(), paper_rms));
+    }
     progress("optional terms", terms::TERMS_FROM);
     let mut excluded = excluded(input, fitted.best.candidate.half_width);
     if !training.scale.is_free {
@@ -211,7 +247,8 @@ impl Scaled {
         let scale =
             FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
         let left = UnexplainedEffects::by(input.recordings, &self.training, &self.fitted);
-        ElementFit { fitted: self.fitted, trials, scale, paper_rms, left }
+        let Self { training, fitted, .. } = self;
+        ElementFit { training, fitted, trials, scale, paper_rms, left }
     }
 }
 
@@ -262,7 +299,12 @@ pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
 fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     if !training.scale.is_free {
-        let fitted = likelihood::fit(&training, &from, stop)?;
+        let mut fitted = likelihood::fit(&training, &from, stop)?;
+        if fitted.has_prior {
+            // The weight of the prior follows from the residuals.
+            training.variance = variance(&fitted);
+            fitted = likelihood::fit(&training, &fitted.best, stop)?;
+        }
         return Some(Scaled { training, fitted, scatter: 0.0 });
     }
     let first = likelihood::fit(&training, &from, SHORT)?;
@@ -352,7 +394,7 @@ pub(super) fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
 }
 
 /// Slowest and fastest speed of sliding, m/s.
-fn speeds(input: &Input) -> [f64; 2] {
+pub(super) fn speeds(input: &Input) -> [f64; 2] {
     let [slow, fast] = input.two.steady.speed_range_m_s;
     [slow.max(1e-3), fast.max(2e-3)]
 }

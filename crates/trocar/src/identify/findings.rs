@@ -105,6 +105,12 @@ impl From<Quantity> for Subject {
     }
 }
 
+impl From<ParameterId> for Subject {
+    fn from(id: ParameterId) -> Self {
+        Self::Parameter(id)
+    }
+}
+
 impl From<&Recording> for Subject {
     fn from(recording: &Recording) -> Self {
         Self::Recording(recording.name.clone())

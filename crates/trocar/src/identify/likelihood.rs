@@ -15,7 +15,7 @@
 //! constants:
 //!
 //! ```text
-//! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·θ_j²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
+//! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·(θ_j − μ_j)²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
 //! r_i = y_i − o − m·a_i − (u_i without the e_g)·F_i             Z_ig = w_i·F_i in stroke g, (1 − w_i)·F_i in the next
 //! ```
 //! A stroke whose speed responds to its friction (a constant push) determines the shape of the
@@ -33,6 +33,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use trocar_model::Friction;
 
+use super::prior::{Kind, Prior};
 use super::training::{Run, Scale, Step, Training};
 use crate::cancel;
 
@@ -65,6 +66,8 @@ pub(crate) enum Column {
 /// enters.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Free {
+    /// What it is; `None` where no prior is declared for it.
+    pub(crate) kind: Option<Kind>,
     pub(crate) value: f64,
     pub(crate) step: f64,
     pub(crate) low: f64,
@@ -136,6 +139,8 @@ pub(crate) struct Fitted<T> {
     pub(crate) converged: bool,
     /// Free parameters held at a bound.
     pub(crate) held: Vec<bool>,
+    /// Whether the fit had a prior of the seal's parameters.
+    pub(crate) has_prior: bool,
     pub(crate) normal: Normal,
 }
 
@@ -274,7 +279,7 @@ pub(crate) struct Normal {
     scores: Vec<DVector<f64>>,
     /// C of each cluster, without the prior term.
     costs: Vec<f64>,
-    /// Each free parameter, and the precision of its prior about 0.
+    /// Each free parameter less its prior mean, and the precision of its prior.
     prior: Vec<(f64, f64)>,
     /// Steps that count.
     steps: f64,
@@ -500,17 +505,17 @@ fn prior_cost<T: Trial>(training: &Training, trial: &T) -> f64 {
     prior(training, trial).iter().map(|(value, precision)| precision * value * value).sum()
 }
 
-/// Each free parameter, and p_j: the precision of its prior about 0.
+/// Each free parameter less its prior mean, and p_j: the precision of its prior.
 fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
-    let expected = |free: &Free| match free.column {
-        Column::Drift(k) => training.scale.expected[k],
-        _ => free.expected,
+    let of = |(j, free): (usize, &Free)| {
+        let Prior { mean, deviation } = match (free.column, training.prior.get(j)) {
+            (Column::Drift(k), _) => Prior::about_zero(training.scale.expected[k]),
+            (_, Some(prior)) => *prior,
+            (_, None) => Prior::about_zero(free.expected),
+        };
+        (free.value - mean, training.variance / deviation.powi(2))
     };
-    trial
-        .free()
-        .iter()
-        .map(|free| (free.value, training.variance / expected(free).powi(2)))
-        .collect()
+    trial.free().iter().enumerate().map(of).collect()
 }
 
 /// The normal equations at a trial: columns for its free parameters, by difference quotients over
@@ -868,7 +873,8 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     }
     step_within(&normal.sums(), &best.free(), 1e-12, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
-    Some(Fitted { best, rms, iterations, converged, held, normal })
+    let has_prior = !training.prior.is_empty();
+    Some(Fitted { best, rms, iterations, converged, held, has_prior, normal })
 }
 
 /// Fraction of C that an undamped step would remove if the model were linear.
@@ -962,7 +968,7 @@ impl<T: Trial> Fitted<T> {
 }
 
 /// Degrees of freedom of the model's variance when combined with the jackknife's.
-const MODEL_DEGREES: f64 = 8.0;
+pub(super) const MODEL_DEGREES: f64 = 8.0;
 
 /// Effect of one additional column, to first order.
 pub(crate) struct OneStep {

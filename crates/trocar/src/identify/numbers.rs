@@ -22,6 +22,34 @@ pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
     Direction::BOTH.into_iter().flat_map(of_branch).collect()
 }
 
+/// Place of a parameter in tables: forces first, then the others.
+pub(super) fn rank(id: ParameterId) -> usize {
+    const FIRST: [ParameterId; 6] = [
+        Quantity::CoulombForce.id(),
+        Quantity::ViscousDamping.id(),
+        Quantity::Offset.id(),
+        Quantity::CoulombForceWithOffset.of(Direction::Insertion),
+        Quantity::ViscousDamping.of(Direction::Insertion),
+        Quantity::CoulombForceWithOffset.of(Direction::Withdrawal),
+    ];
+    FIRST.iter().position(|own| *own == id).unwrap_or(FIRST.len())
+}
+
+/// c and the parameters of both branches, of every stage.
+pub(super) fn shape_ids(candidate: &Candidate) -> Vec<ParameterId> {
+    let second = candidate.second.as_ref().map(|stage| {
+        Direction::BOTH.into_iter().flat_map(|direction| {
+            let coefficients = Quantity::coefficients(stage.branch(direction).degrees());
+            [Quantity::Join, Quantity::JoinForce]
+                .into_iter()
+                .chain(coefficients)
+                .map(move |quantity| quantity.of(direction).of_element(1))
+        })
+    });
+    let first = std::iter::once(Quantity::HalfWidth.id()).chain(branch_ids(candidate));
+    first.chain(second.into_iter().flatten()).collect()
+}
+
 /// All parameters that an identification may report, in the order of tables; branches of `degrees`.
 pub fn reported(degrees: [usize; 2]) -> Vec<ParameterId> {
     let branches = |all: Vec<Quantity>| {
@@ -91,11 +119,11 @@ fn shortest_lag(found: &Estimate) -> Estimate {
 /// share some of their scatter, and the force has kinks at ±c and at the joins, where its first
 /// derivative jumps. With 1.4 that of c held in 182. β needs none there (190 of 200), but does on
 /// the hard benches of `tests/trust`, where a mass was missed in 10 of 50.
-const LEVEL: f64 = 1.35;
-const SLOPE: f64 = 1.15;
-const SHAPE: f64 = 1.4;
-const WIDTH: f64 = 1.8;
-const MASS: f64 = 2.0;
+pub(super) const LEVEL: f64 = 1.35;
+pub(super) const SLOPE: f64 = 1.15;
+pub(super) const SHAPE: f64 = 1.4;
+pub(super) const WIDTH: f64 = 1.8;
+pub(super) const MASS: f64 = 2.0;
 
 pub(super) fn factor_of(id: ParameterId) -> f64 {
     match (id.quantity, id.direction, id.element) {

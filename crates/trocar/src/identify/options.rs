@@ -1,5 +1,7 @@
 //! Options of the identification.
 
+use super::posterior::Draws;
+use super::seal_prior::SealPrior;
 use super::terms::Term;
 use crate::segment::SegmentOptions;
 
@@ -28,6 +30,10 @@ pub struct IdentifyOptions {
     pub offset: Option<f64>,
     /// Whether to use only the procedure of the paper.
     pub paper: bool,
+    /// A model of the same trocar type, whose parameters the recordings update.
+    pub prior: Option<SealPrior>,
+    /// Number of posterior draws; `None` takes none.
+    pub posterior: Option<Draws>,
     /// Tolerances of the segmentation.
     pub segment: SegmentOptions,
 }
@@ -45,6 +51,8 @@ impl Default for IdentifyOptions {
             inertia_removed: false,
             offset: None,
             paper: false,
+            prior: None,
+            posterior: None,
             segment: SegmentOptions::default(),
         }
     }
@@ -57,7 +65,7 @@ impl IdentifyOptions {
         let without: Vec<&str> = self.without.iter().map(|term| term.name()).collect();
         format!(
             "seed {}, bootstrap {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
-             terms not tried: {}, position profile {}, unmodelled mass {}",
+             terms not tried: {}, position profile {}, unmodelled mass {}{}{}",
             self.seed,
             self.bootstrap,
             self.degrees[0],
@@ -67,7 +75,9 @@ impl IdentifyOptions {
             yes_no(self.free_motion),
             if without.is_empty() { "none".to_owned() } else { without.join(", ") },
             yes_no(self.along),
-            yes_no(self.estimate_unmodelled_mass)
+            yes_no(self.estimate_unmodelled_mass),
+            self.prior.as_ref().map_or_else(String::new, |prior| format!(", {}", prior.in_words())),
+            self.posterior.map_or_else(String::new, |draws| format!(", {draws} posterior draws"))
         )
     }
 }

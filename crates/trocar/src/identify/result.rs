@@ -9,7 +9,9 @@ use super::deformation::DeformationFit;
 use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter, Warning};
 use super::free_motion::FreeMotion;
+use super::posterior::{Density, Posterior};
 use super::scale::FrictionScale;
+use super::seal_prior::PriorUse;
 use super::steady::SteadyFit;
 use super::stick_slip::StickSlip;
 use super::terms::TermTrial;
@@ -55,6 +57,12 @@ pub struct Identification {
     pub fit: Option<FitSummary>,
     /// Covariance of the parameters of the fit; `None` without a fit.
     pub covariance: Option<Covariance>,
+    /// What the recordings added to the model that was given as prior; `None` without one.
+    pub prior: Option<PriorUse>,
+    /// Draws of the parameters, if they were asked for and there is a fit.
+    pub posterior: Option<Posterior>,
+    /// The density of their most probable structure.
+    pub density: Option<Density>,
     /// Change of friction from stroke to stroke.
     pub friction_scale: FrictionScale,
     /// Content of the recordings beyond full strokes.

@@ -9,9 +9,12 @@
 use nalgebra::{DMatrix, DVector};
 use trocar_model::{Branch, ParamError, Piece};
 
-/// Step of the difference quotient of a free parameter, its range, and its prior.
+use super::prior::Kind;
+
+/// What a free parameter is, the step of its difference quotient, its range, and its prior.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Span {
+    pub(super) kind: Kind,
     pub(super) step: f64,
     pub(super) low: f64,
     pub(super) high: f64,
@@ -20,8 +23,8 @@ pub(super) struct Span {
 }
 
 impl Span {
-    pub(super) fn new(step: f64, low: f64, high: f64) -> Self {
-        Self { step, low, high, expected: f64::INFINITY }
+    pub(super) fn new(kind: Kind, step: f64, low: f64, high: f64) -> Self {
+        Self { kind, step, low, high, expected: f64::INFINITY }
     }
 }
 
@@ -107,11 +110,11 @@ impl BranchShape {
         [sliding, bend]: [f64; 2],
         on: &mut impl FnMut(&mut f64, Span),
     ) {
-        on(&mut self.join, Span::new(1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
-        let of_force = Span::new(force, -10.0 * sliding, 10.0 * sliding);
+        on(&mut self.join, Span::new(Kind::Join, 1e-3, -Self::JOIN_RANGE, Self::JOIN_RANGE));
+        let of_force = Span::new(Kind::JoinForce, force, -10.0 * sliding, 10.0 * sliding);
         on(&mut self.join_force, of_force);
         for value in self.left.iter_mut().chain(&mut self.right) {
-            on(value, Span { expected: bend, ..of_force });
+            on(value, Span { kind: Kind::Bend, expected: bend, ..of_force });
         }
     }
 
@@ -176,6 +179,15 @@ impl BranchShape {
             right: theta[degrees[0]..].to_vec(),
         };
         Some((shape, left_over.max(0.0) / points.len() as f64))
+    }
+
+    /// The shape with another join that comes nearest to this one.
+    pub(super) fn with_join(&self, join: f64, end_forces: EndForces) -> Option<Self> {
+        const POINTS: usize = 60;
+        let branch = self.branch(1.0, end_forces).ok()?;
+        let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
+        let points: Vec<(f64, f64)> = (0..POINTS).map(|k| (at(k), branch.force(at(k)))).collect();
+        Self::fit_at(join, self.degrees(), end_forces, &points).map(|found| found.0)
     }
 
     /// Least squares including the join: a grid over the inner 70 % of the width, then golden

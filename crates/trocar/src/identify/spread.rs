@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::estimate::{Estimate, t_quantile};
-use super::likelihood::{Fitted, Trial};
+use super::likelihood::{Fitted, MODEL_DEGREES, Trial};
 
 /// Width of the weak prior on a parameter, in steps of its difference quotient: four orders of
 /// magnitude of a logarithm, ten times the sliding force.
@@ -12,6 +12,9 @@ pub(super) const PRIOR_WIDTH: f64 = 1e5;
 const WORST_FACTOR: f64 = 10.0;
 /// So does one whose interval exceeds both its value and its scale by this factor.
 const WORST_RATIO: f64 = 10.0;
+
+/// Degrees of freedom with which Student's t is normal.
+pub(super) const MANY_DEGREES: f64 = 1e6;
 
 /// Spread of a fit, to first order.
 pub(crate) struct Spread<'a, T> {
@@ -109,6 +112,18 @@ impl<'a, T: Trial> Spread<'a, T> {
         (g - 1.0) / g * values.iter().map(|v| (v - mean).powi(2)).sum::<f64>()
     }
 
+    /// Covariance of the free parameters by the jackknife over clusters, and the number of clusters.
+    pub(super) fn jackknifed(&self) -> (DMatrix<f64>, usize) {
+        let (p, g) = (self.covariance.nrows(), self.departures.len() as f64);
+        let mean = self.departures.iter().fold(DVector::zeros(p), |sum, d| sum + d) / g.max(1.0);
+        let squares = |sum: DMatrix<f64>, d: &DVector<f64>| {
+            let off = d - &mean;
+            sum + &off * off.transpose()
+        };
+        let sum = self.departures.iter().fold(DMatrix::zeros(p, p), squares);
+        (sum * ((g - 1.0) / g.max(1.0)), self.departures.len())
+    }
+
     /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that
     /// inform the parameter which changes along `direction`, less one. A parameter informed by few
     /// strokes, such as F_s by the slow ones, has few.
@@ -128,19 +143,28 @@ impl<'a, T: Trial> Spread<'a, T> {
         let plain = |u: f64| if log { u.exp() } else { u };
         let direction = &self.covariance * &gradient;
         let remaining = gradient.dot(&self.found.remaining());
-        let error = factor
-            * (self.jackknife(&gradient) + self.beforehand(&direction) + remaining * remaining)
-                .sqrt();
-        let own = Estimate::from_standard_error(value, error, self.degrees(&direction), unit);
+        let (jackknife, beforehand) = (self.jackknife(&gradient), self.beforehand(&direction));
+        let variance = jackknife + beforehand + remaining * remaining;
+        let error = factor * variance.sqrt();
+        let degrees = self.degrees(&direction);
+        let degrees = match self.found.has_prior {
+            // The variance of the prior has no error (SATTERTHWAITE); that of few strokes is moderated.
+            true => {
+                let own = (variance / jackknife).powi(2) * (degrees.max(0.0) + MODEL_DEGREES);
+                own.min(MANY_DEGREES)
+            }
+            false => degrees,
+        };
+        let own = Estimate::from_standard_error(value, error, degrees, unit);
         if !own.determined {
             return Estimate { value: plain(value), ..own };
         }
         // Clusters without information about a direction show no scatter along it; the covariance
         // does.
         let as_independent = self.inflation * gradient.dot(&direction);
-        let half = own.half_width().max(t_quantile(1e6) * as_independent.max(0.0).sqrt());
+        let half = own.half_width().max(t_quantile(MANY_DEGREES) * as_independent.max(0.0).sqrt());
         let limit = if log { WORST_FACTOR.ln() } else { WORST_RATIO * value.abs().max(scale) };
-        if half > limit {
+        if half > limit && !self.found.has_prior {
             return Estimate::undetermined(plain(value), unit, known_no_better(half, log, unit));
         }
         let standard_error = Some(if log { plain(value) * error } else { error });
@@ -150,6 +174,14 @@ impl<'a, T: Trial> Spread<'a, T> {
             standard_error,
             ..own
         }
+    }
+
+    /// Standard deviation of a quantity, also of one that the data do not determine.
+    pub(super) fn deviation(&self, of: &dyn Fn(&T) -> f64) -> f64 {
+        let Dependent { gradient, .. } = Dependent::on(&self.found.best, false, of);
+        let direction = &self.covariance * &gradient;
+        let clusters = self.jackknife(&gradient) + self.beforehand(&direction);
+        clusters.max(self.inflation * gradient.dot(&direction)).max(0.0).sqrt()
     }
 
     /// Gradient of a quantity times the factor on its standard error; from its logarithm if its

@@ -145,7 +145,7 @@ impl Term {
 
     /// Trials with the term, at each shape that is tried; the first number is the degree to which
     /// it is active.
-    fn variants(self, from: &EmsTrial, speeds: [f64; 2]) -> Vec<EmsTrial> {
+    pub(super) fn variants(self, from: &EmsTrial, speeds: [f64; 2]) -> Vec<EmsTrial> {
         let EmsTrial { candidate, mut layout, drift } = from.clone();
         let force = candidate.insertion.coulomb_force;
         let mut all = Vec::new();
@@ -224,7 +224,7 @@ impl Term {
     /// The trial without the term; `None` for a second stage, since the first would have to carry
     /// its part of the force, and for a relaxation next to a second one, which has to be removed
     /// first.
-    fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
+    pub(super) fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
         let mut smaller = with.clone();
         let EmsTrial { layout, candidate, .. } = &mut smaller;
         match self {
@@ -308,7 +308,7 @@ const CLEARLY_NEEDED: f64 = 1e-6;
 /// Predicted decrease of the squared error above which a term that is only suspected is fitted and
 /// judged by the fit. For a shape far from the one tried, the first-order step is unreliable.
 const LARGE_GAIN: f64 = 0.05;
-const SUSPECTED: f64 = 0.05;
+pub(super) const SUSPECTED: f64 = 0.05;
 /// Least fraction of the squared error that a term must remove in addition to being significant; a
 /// smaller effect is not visible in the force.
 const LEAST_GAIN: f64 = 1e-3;

@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use trocar_model::{Seal, Stages};
 
+use super::prior::Prior;
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::segment::{Direction, SteadySegment, Stroke};
@@ -118,6 +119,9 @@ pub(crate) struct Training {
     clusters: usize,
     /// σ², N²: weight of the priors of the free parameters; 0 ignores them.
     pub(crate) variance: f64,
+    /// Priors of the trial's own free parameters, in their order; empty for the weak ones about 0
+    /// that the shape of branches has.
+    pub(crate) prior: Vec<Prior>,
     /// In chronological order.
     pub(crate) strokes: Vec<ScaledStroke>,
     pub(crate) scale: Scale,
@@ -180,7 +184,7 @@ impl Training {
             }
         }
         let clusters = strokes.last().map_or(0, |s: &ScaledStroke| s.cluster + 1);
-        Self { runs, clusters, variance: 0.0, strokes, scale: Scale::default() }
+        Self { runs, clusters, variance: 0.0, prior: Vec::new(), strokes, scale: Scale::default() }
     }
 
     /// Values over the strokes less their mean over the strokes whose size counts.

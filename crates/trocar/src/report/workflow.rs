@@ -4,6 +4,7 @@ use trocar_model::Element;
 
 use super::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use super::{Document, ReportError, stage_document};
+use crate::identify::posterior;
 use crate::model_file::FILE_NAME;
 use crate::output::StagedFolder;
 use crate::workflow::Workflow;
@@ -34,7 +35,8 @@ impl Workflow {
         Ok(document(&input))
     }
 
-    /// Stages model.json, summary.json, report.html and figures.
+    /// Stages model.json, summary.json, posterior.parquet if there are draws, report.html and
+    /// figures.
     ///
     /// # Errors
     /// As for [`Workflow::document`], or when something cannot be written.
@@ -47,6 +49,9 @@ impl Workflow {
         let document = self.document(truth, choice)?;
         staged.write(FILE_NAME, self.model_file().to_json().as_bytes())?;
         staged.write("summary.json", self.summary().to_json().as_bytes())?;
+        if let Some(draws) = &self.identification.posterior {
+            draws.write(&staged.path().join(posterior::FILE_NAME))?;
+        }
         stage_document(staged, &document)
     }
 }

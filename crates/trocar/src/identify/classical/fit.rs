@@ -91,6 +91,7 @@ impl Trial for ClassicalTrial {
         let of = |(value, c): (&f64, &Coordinate)| {
             let [low, high] = Self::range(c);
             Free {
+                kind: None,
                 value: *value,
                 step: c.step,
                 low,

@@ -1,0 +1,81 @@
+//! Posterior draws as columns and models; `trocar.Posterior` wraps them.
+
+use std::path::PathBuf;
+
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyList;
+use trocar::identify::posterior::{self, DrawsError};
+use trocar::model_file::{ModelFile, Origin, OriginKind};
+use trocar::table::{Column, Table, TableError};
+use trocar_model::Stages;
+
+use crate::errors::{ParameterError, Raise, in_python, os_error};
+use crate::model::Model;
+use crate::work::{How, run};
+
+/// A table of draws with the element of each.
+#[pyclass(module = "trocar._core", frozen)]
+pub(crate) struct PosteriorTable {
+    table: Table,
+    models: Vec<Stages>,
+}
+
+impl Raise for DrawsError {
+    fn raise(self) -> PyErr {
+        let text = in_python(&self.to_string());
+        match &self {
+            Self::Table(TableError::Open { source, .. }) => os_error(source, text),
+            _ => ParameterError::new_err(text),
+        }
+    }
+}
+
+impl PosteriorTable {
+    pub(crate) fn new(table: Table) -> PyResult<Self> {
+        let models = posterior::models(&table).map_err(Raise::raise)?;
+        Ok(Self { table, models })
+    }
+}
+
+/// Reads the draws that `identify` wrote.
+#[pyfunction]
+pub(crate) fn read_posterior(path: PathBuf) -> PyResult<PosteriorTable> {
+    PosteriorTable::new(posterior::read(&path).map_err(Raise::raise)?)
+}
+
+#[pymethods]
+impl PosteriorTable {
+    /// The columns by name: chain, draw, structure, parameters.
+    fn columns<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+        let cells = |column: &Column| -> PyResult<Bound<'py, PyAny>> {
+            Ok(match column {
+                Column::Number(cells) => PyArray1::from_slice(py, cells).into_any(),
+                Column::Integer(cells) => {
+                    let whole = cells.iter().map(|cell| cell.unwrap_or_default());
+                    PyArray1::from_iter(py, whole).into_any()
+                }
+                Column::Boolean(cells) => PyList::new(py, cells)?.into_any(),
+                Column::Text(cells) => {
+                    PyList::new(py, cells.iter().map(|c| c.as_deref()))?.into_any()
+                }
+            })
+        };
+        let both = self.table.fields.iter().zip(&self.table.columns);
+        both.map(|(name, column)| Ok((name.clone(), cells(column)?))).collect()
+    }
+
+    /// The model of each draw, without a position profile.
+    fn models(&self) -> Vec<Model> {
+        let model = |stages: &Stages| {
+            Model::from(ModelFile::new(*stages, Origin::new(OriginKind::Identified)))
+        };
+        self.models.iter().map(model).collect()
+    }
+
+    /// Writes the draws.
+    fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let table = self.table.clone();
+        run(py, How::default(), move |_| posterior::write(&table, &path))?.map_err(Raise::raise)
+    }
+}

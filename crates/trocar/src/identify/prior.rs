@@ -1,0 +1,205 @@
+//! Priors of the free parameters of a fit: what is assumed of a trocar before it is recorded.
+//!
+//! ```text
+//! θ_j ~ N(μ_j, s_j²) within the range of θ_j      μ_j, s_j by what the parameter is
+//! ```
+//! A parameter that cannot be negative and has μ_j = 0 thus has a half-normal prior. The widths are
+//! several times those of published trocars: friction of 0.25 to 8 N (DOBBELSTEEN, IMECHE2015).
+
+use statrs::distribution::{Continuous, ContinuousCDF, Normal};
+
+use trocar_model::Quantity;
+
+use super::likelihood::Free;
+
+/// Normal prior of one free parameter, in its unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Prior {
+    /// μ.
+    pub(crate) mean: f64,
+    /// s; infinite without a prior.
+    pub(crate) deviation: f64,
+}
+
+impl Prior {
+    pub(crate) const fn new(mean: f64, deviation: f64) -> Self {
+        Self { mean, deviation }
+    }
+
+    pub(crate) const fn about_zero(deviation: f64) -> Self {
+        Self::new(0.0, deviation)
+    }
+
+    /// Standard deviation of the prior within the range of a parameter.
+    pub(super) fn deviation_within(self, free: &Free) -> f64 {
+        let Self { mean, deviation } = self;
+        let Ok(normal) = Normal::new(0.0, 1.0) else { return deviation };
+        let ends = [free.low, free.high].map(|end| (end - mean) / deviation);
+        let density = ends.map(|end| normal.pdf(end));
+        let moment = |k: usize| if ends[k].is_finite() { ends[k] * density[k] } else { 0.0 };
+        let mass = (normal.cdf(ends[1]) - normal.cdf(ends[0])).max(f64::MIN_POSITIVE);
+        let shift = (density[0] - density[1]) / mass;
+        deviation * (1.0 + (moment(0) - moment(1)) / mass - shift * shift).max(0.0).sqrt()
+    }
+
+    /// Probability of N(mean, deviation²) within the range of a parameter.
+    pub(super) fn mass_within(self, free: &Free) -> f64 {
+        let Ok(normal) = Normal::new(self.mean, self.deviation) else { return 1.0 };
+        normal.cdf(free.high) - normal.cdf(free.low)
+    }
+}
+
+/// What a free parameter is. The names of those whose logarithm is free begin with `Log`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// Sensor offset, N.
+    Offset,
+    /// Unmodelled mass, kg.
+    UnmodelledMass,
+    /// Coulomb or static force, N.
+    SlidingForce,
+    /// Viscous damping or seal damping, N s/m.
+    Damping,
+    /// m/s.
+    StribeckVelocity,
+    StribeckExponent,
+    /// m.
+    HalfWidth,
+    /// Relative to the half width.
+    Join,
+    /// N.
+    JoinForce,
+    /// Curvature term of a branch, N.
+    Bend,
+    /// Minor-loop stiffness relative to its least value.
+    YieldRatio,
+    /// m/s.
+    LogCreepVelocity,
+    /// s.
+    LogFrictionLag,
+    /// Stiffness of a relaxing spring, N/m.
+    LogStiffness,
+    /// s.
+    LogRelaxationTime,
+    /// Sliding force of a second stage relative to the first.
+    LogShare,
+    /// Half width of a second stage, m.
+    LogHalfWidth,
+}
+
+/// ln 10: a factor of ten either way is one standard deviation.
+const DECADE: f64 = std::f64::consts::LN_10;
+
+impl Kind {
+    const ALL: [Self; 17] = [
+        Self::SlidingForce,
+        Self::Damping,
+        Self::Offset,
+        Self::UnmodelledMass,
+        Self::HalfWidth,
+        Self::Join,
+        Self::JoinForce,
+        Self::Bend,
+        Self::StribeckVelocity,
+        Self::StribeckExponent,
+        Self::YieldRatio,
+        Self::LogCreepVelocity,
+        Self::LogFrictionLag,
+        Self::LogStiffness,
+        Self::LogRelaxationTime,
+        Self::LogShare,
+        Self::LogHalfWidth,
+    ];
+
+    /// The weakly informative prior; `None` where the fit has one of its own.
+    fn weak(self) -> Option<Prior> {
+        let about = |median: f64| Prior::new(median.ln(), DECADE);
+        Some(match self {
+            Self::Offset | Self::SlidingForce | Self::JoinForce => Prior::about_zero(10.0),
+            Self::UnmodelledMass => Prior::about_zero(1.0),
+            Self::Damping => Prior::about_zero(50.0),
+            Self::StribeckVelocity => Prior::about_zero(0.05),
+            Self::StribeckExponent => Prior::new(1.5, 1.0),
+            Self::HalfWidth => Prior::about_zero(0.01),
+            Self::Join => Prior::about_zero(0.5),
+            Self::YieldRatio => Prior::new(1.0, 3.0),
+            Self::LogCreepVelocity => about(1e-4),
+            Self::LogFrictionLag => about(0.03),
+            Self::LogStiffness => about(300.0),
+            Self::LogRelaxationTime => about(1.0),
+            Self::LogShare => about(1.0),
+            Self::LogHalfWidth => about(1e-3),
+            Self::Bend => return None,
+        })
+    }
+
+    /// Whether a quantity belongs to the rig and not to the seal.
+    pub(super) const fn of_rig(quantity: Quantity) -> bool {
+        matches!(
+            quantity,
+            Quantity::Offset | Quantity::UnmodelledMass | Quantity::CoulombForceWithOffset
+        )
+    }
+
+    /// In words, with symbol and unit.
+    const fn words(self) -> (&'static str, &'static str, &'static str) {
+        match self {
+            Self::SlidingForce => ("Coulomb force, static force", "F_c, F_s", "N"),
+            Self::Damping => ("viscous damping, seal damping", "β, σ", "N·s/m"),
+            Self::Offset => ("sensor offset", "F_0", "N"),
+            Self::UnmodelledMass => ("unmodelled mass", "m", "kg"),
+            Self::HalfWidth => ("half width of the deformation", "c", "m"),
+            Self::Join => ("join, relative to the half width", "a/c", ""),
+            Self::JoinForce => ("force at the join", "F(a)", "N"),
+            Self::Bend => ("curvature of a branch", "", "N"),
+            Self::StribeckVelocity => ("Stribeck velocity", "v_s", "m/s"),
+            Self::StribeckExponent => ("Stribeck exponent", "δ", ""),
+            Self::YieldRatio => ("minor-loop stiffness over its least value", "κ/κ_min", ""),
+            Self::LogCreepVelocity => ("creep velocity", "v_c", "m/s"),
+            Self::LogFrictionLag => ("lag of the Stribeck curve", "T", "s"),
+            Self::LogStiffness => ("stiffness of a relaxing spring", "E", "N/m"),
+            Self::LogRelaxationTime => ("relaxation time", "τ", "s"),
+            Self::LogShare => ("second stage: share of the sliding force", "", ""),
+            Self::LogHalfWidth => ("second stage: half width", "", "m"),
+        }
+    }
+
+    const fn is_log(self) -> bool {
+        matches!(
+            self,
+            Self::LogCreepVelocity
+                | Self::LogFrictionLag
+                | Self::LogStiffness
+                | Self::LogRelaxationTime
+                | Self::LogShare
+                | Self::LogHalfWidth
+        )
+    }
+}
+
+/// The weakly informative priors of the free parameters `free`, in their order and without those of
+/// the drift.
+pub(super) fn weak(free: &[Free]) -> Vec<Prior> {
+    let of = |free: &Free| {
+        free.kind.map(|kind| kind.weak().unwrap_or_else(|| Prior::about_zero(free.expected)))
+    };
+    free.iter().filter_map(of).collect()
+}
+
+/// The weakly informative priors as rows of words: parameter, symbol, prior with its unit.
+pub fn weak_priors() -> Vec<[String; 3]> {
+    let of = |kind: Kind| {
+        let (words, symbol, unit) = kind.words();
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        let prior = match kind.weak() {
+            Some(Prior { mean, .. }) if kind.is_log() => {
+                let median = (1e6 * mean.exp()).round() / 1e6;
+                format!("log-normal, median {median}{unit}, a factor of 10 either way")
+            }
+            Some(Prior { mean, deviation }) => format!("normal, {mean} ± {deviation}{unit}"),
+            None => "normal, 0 ± 6 times the sliding force".to_owned(),
+        };
+        [words.to_owned(), symbol.to_owned(), prior]
+    };
+    Kind::ALL.into_iter().map(of).collect()
+}
