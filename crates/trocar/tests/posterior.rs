@@ -11,11 +11,11 @@ use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Friction, Piece};
 
-/// Number of benches of the calibration: 500 with `./test --statistics`, or as many as
+/// Number of benches of the calibration: 20 with `./test --statistics`, or as many as
 /// `TROCAR_STATISTICS` says where it is above 1.
 fn benches() -> u64 {
     let Ok(text) = std::env::var("TROCAR_STATISTICS") else { return 4 };
-    text.parse().ok().filter(|count| *count > 1).unwrap_or(500)
+    text.parse().ok().filter(|count| *count > 1).unwrap_or(20)
 }
 
 fn seal(seed: u64) -> ElementParams {
@@ -97,7 +97,13 @@ fn draws_hold_the_truth_as_often_as_they_say() {
             within(0.025),
             within(0.25)
         );
-        assert!(within(0.025) >= if n >= 100.0 { 0.92 } else { 0.5 }, "{name}: {counts:?}");
+        // What fewer benches show with certainty.
+        let least = match n {
+            100.0.. => 0.92,
+            20.0.. => 0.8,
+            _ => 0.5,
+        };
+        assert!(within(0.025) >= least, "{name}: {counts:?}");
     }
 }
 

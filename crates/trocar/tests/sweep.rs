@@ -263,7 +263,7 @@ fn a_row_of_a_loop_is_what_the_loop_gives() {
         assert_eq!(numbers(&table, "force_error_rms_n")[row], figures.force_error_rms_n);
         let displayed = numbers(&table, "displayed_stiffness_n_m")[row];
         assert_eq!(displayed, figures.displayed_stiffness_n_m.unwrap());
-        let trace = read(&traces.join(format!("run_{row:09}.parquet"))).unwrap();
+        let trace = read(traces.join(format!("run_{row:09}.parquet"))).unwrap();
         let slave: Vec<f64> = own.course.unwrap().iter().map(|s| s.slave_position).collect();
         assert_eq!(numbers(&trace, "slave_position_m"), slave);
     }
