@@ -51,8 +51,9 @@ def test_the_density_is_there_for_other_samplers(drawn: trocar.Identification) -
         posterior.log_density(np.zeros((1, 2)))
 
 
+# ArviZ announces its next version on import.
+@pytest.mark.filterwarnings("ignore::FutureWarning")
 def test_arviz_takes_the_draws(drawn: trocar.Identification) -> None:
-    pytest.importorskip("arviz")
     posterior = drawn.posterior
     assert posterior is not None
     data = posterior.to_arviz()

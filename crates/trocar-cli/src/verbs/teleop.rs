@@ -209,7 +209,7 @@ fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
 fn warn_of_no_contact(console: &Console, config: &Config, answer: &Answer) -> bool {
     let tissue = &config.tissue;
     let is_there = tissue.kind != TissueKind::None && tissue.stiffness_n_m > 0.0;
-    if is_there && config.motion.start_m() > tissue.surface_m {
+    if is_there && config.begins_in_the_tissue() {
         console.warn(
             "the motion begins in the tissue: no stiffness displayed\n\nhint: begin before tissue.surface_m, see [motion]",
         );

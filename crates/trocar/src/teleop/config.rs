@@ -421,6 +421,11 @@ impl Config {
         sends && self.sensor.place == Place::Outside
     }
 
+    /// Whether the intended motion begins in the tissue, by more than a micrometre.
+    pub fn begins_in_the_tissue(&self) -> bool {
+        self.motion.start_m() > self.tissue.surface_m + 1e-6
+    }
+
     /// Whether the intended motion leaves the tissue.
     pub fn leaves_the_tissue(&self) -> bool {
         let Tissue { surface_m, breathing_m, .. } = self.tissue;

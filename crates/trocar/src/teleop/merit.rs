@@ -71,8 +71,7 @@ impl Merit {
         let in_steps =
             |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
         // Begun in the tissue, the seal is undeformed there as on no later way in; without stiffness there is none to show.
-        let is_shown =
-            config.motion.start_m() <= config.tissue.surface_m && config.tissue.stiffness_n_m > 0.0;
+        let is_shown = !config.begins_in_the_tissue() && config.tissue.stiffness_n_m > 0.0;
         let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0;
         let loading: Vec<&Sample> = samples.iter().filter(|s| is_shown && deepens(s)).collect();
         let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
