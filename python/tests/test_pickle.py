@@ -52,6 +52,7 @@ def instances(
     parameter = found.params["half_width_m"]
     drawn = trocar.identify(training, bootstrap=0, moving_mass_kg=ROD_KG, posterior=400)
     loop = trocar.teleop(found.model, advise=True, map=True, delays_s=[0.0], fractions=[0.0, 1.0], hybrid=True)
+    planned = trocar.plan(duration_s=60, draws=2, rig={"sample_rate_hz": 200.0})
     made = [
         recording,
         found,
@@ -80,6 +81,8 @@ def instances(
         loop.advice,
         loop.map,
         loop.hybrid,
+        planned,
+        planned.expected["half_width_m"],
         fleet.Config(columns={"position_mm": "pos"}),
         fleet.Outcome(Path("table.csv"), 2, 1, 0, (("b.csv", "empty"),), 0, ()),
     ]

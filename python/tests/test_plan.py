@@ -47,7 +47,7 @@ def test_a_rig_is_a_path_a_text_or_keys(tmp_path: Path) -> None:
 
 def test_recordings_that_are_there_count(model: trocar.Model) -> None:
     first = trocar.plan(KEYS, goal="viscous_damping_n_s_m", model=model)
-    recording = trocar.Recording.from_arrays(first.time_s, first.position_m, trocar.simulate(model, first.time_s, first.position_m))
+    recording = trocar.Recording(first.time_s, first.position_m, trocar.simulate(model, first.time_s, first.position_m))
     both = trocar.plan(KEYS, goal="viscous_damping_n_s_m", model=model, after=recording)
     alone, after = (p.expected["viscous_damping_n_s_m"].half_width for p in (first, both))
     assert after < 0.9 * alone

@@ -86,7 +86,7 @@ def test_everything_public_is_documented() -> None:
         thing = getattr(trocar, name)
         if name != "__version__":
             assert inspect.getdoc(thing), name
-    assert sorted(trocar.__all__, key=str.lower) == sorted(set(trocar.__all__), key=str.lower)
+    assert sorted(trocar.__all__) == sorted(set(trocar.__all__))
 
 
 def test_mypy_is_content(tmp_path: Path) -> None:

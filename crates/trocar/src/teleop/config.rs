@@ -585,7 +585,7 @@ impl Config {
     fn whole(&self, name: &'static str, found: f64) -> Result<usize, ConfigError> {
         let samples = found / self.sample_time_s;
         let is_allowed = (0.0..=LONGEST_DELAY).contains(&samples);
-        check(is_allowed, name, "from 0 s to 10 000 sample times", found)?;
+        check(is_allowed, name, "from 0 to 10 000 sample times", found)?;
         let whole = samples.round();
         if (samples - whole).abs() > 1e-6 * whole.clamp(1.0, 1e3) {
             let sample_time_s = self.sample_time_s;
