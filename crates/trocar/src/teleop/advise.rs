@@ -58,7 +58,7 @@ pub struct Tried {
 /// Tries the fractions from 0 to 1.5 in `config`, with `model` in the compensator and each of `plants` as the
 /// trocar, such as draws from the model's intervals.
 ///
-/// Stable means: with every plant the loop settles in the tissue of `config` ([`Trial`]), and runs through
+/// Stable means: with every plant the loop settles in the tissue of `config` ([`Outcome`]), and runs through
 /// the motion of `config` without diverging.
 ///
 /// # Errors
