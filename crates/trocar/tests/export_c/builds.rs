@@ -127,13 +127,13 @@ fn c_plus_plus_links_the_model_and_gets_its_forces() {
 
 /// The blocks of C in a page of the documentation.
 fn code_of(page: &str) -> Vec<String> {
-    let text = fs::read_to_string(repository().join("docs").join(page)).unwrap();
+    let text = fs::read_to_string(repository().join("docs/how-to").join(page)).unwrap();
     let blocks = text.split("```c\n").skip(1);
     blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
 }
 
-/// Calls the function of docs/simulink.md as the block does, in two simulations; then that of
-/// docs/microcontroller.md.
+/// Calls the function of docs/how-to/simulink.md as the block does, in two simulations; then that of
+/// docs/how-to/microcontroller.md.
 const SIMULATIONS: &str = r#"
 #include <stdio.h>
 #include "seal_block.h"
