@@ -80,7 +80,7 @@ def test_the_hybrid_matrix_is_that_of_the_command_line(tmp_path: Path, model: tr
 def test_the_figures_are_those_of_the_documentation(model: trocar.Model) -> None:
     figures = trocar.teleop(model, SOFT).figures
     assert figures is not None
-    page = (ROOT / "docs" / "how-to" / "teleoperation.md").read_text()
+    page = (ROOT / "docs" / "explanation" / "teleoperation.md").read_text()
     for value in (figures.displayed_stiffness_n_m, figures.true_stiffness_n_m, figures.force_error_rms_n):
         assert f"{value:#.4g}" in page
 

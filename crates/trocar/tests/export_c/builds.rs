@@ -127,13 +127,13 @@ fn c_plus_plus_links_the_model_and_gets_its_forces() {
 
 /// The blocks of C in a page of the documentation.
 fn code_of(page: &str) -> Vec<String> {
-    let text = fs::read_to_string(repository().join("docs/how-to").join(page)).unwrap();
+    let text = fs::read_to_string(repository().join("docs").join(page)).unwrap();
     let blocks = text.split("```c\n").skip(1);
     blocks.map(|block| block.split("```").next().unwrap().to_owned()).collect()
 }
 
 /// Calls the function of docs/how-to/simulink.md as the block does, in two simulations; then that of
-/// docs/how-to/microcontroller.md.
+/// docs/reference/exported-c.md.
 const SIMULATIONS: &str = r#"
 #include <stdio.h>
 #include "seal_block.h"
@@ -168,9 +168,9 @@ fn the_code_of_the_documentation_gives_the_forces() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let simulink = code_of("simulink.md");
+    let simulink = code_of("how-to/simulink.md");
     let [header, wrapper] = &simulink[..] else { panic!("{} blocks", simulink.len()) };
-    let use_of_it = code_of("microcontroller.md").remove(0);
+    let use_of_it = code_of("reference/exported-c.md").remove(0);
     let prototypes =
         "void on_start(double position_m);\ndouble every_millisecond(double position_m);\n";
     for (name, text) in [
