@@ -52,7 +52,7 @@ create_exception!(
     trocar,
     InternalError,
     PyRuntimeError,
-    "A fault inside trocar; please report it."
+    "A defect of trocar; please report it."
 );
 
 /// An error of the library on its way to Python.

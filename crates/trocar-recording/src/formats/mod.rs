@@ -74,7 +74,7 @@ impl Source {
     ) -> Result<T, RecordingError> {
         let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
         outcome.unwrap_or_else(|_| {
-            Err(self.damaged(place, "nothing that its reader could make sense of"))
+            Err(self.damaged(place, "data that its reader cannot decode"))
         })
     }
 
