@@ -69,7 +69,7 @@ fn section(text: &mut String, verb: &Command, path: &str) {
     verb.get_arguments().filter(shown).for_each(|one| *text += &entry(one));
     let (_, lines) =
         EXAMPLES.iter().find(|(of, _)| *of == path).expect("every command has examples");
-    text.push_str("\n```sh\n");
+    text.push_str("\n```text\n");
     for (purpose, line) in *lines {
         let _ = if purpose.is_empty() {
             writeln!(text, "{line}")

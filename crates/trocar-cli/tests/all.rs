@@ -11,6 +11,8 @@ mod fmu;
 mod live;
 mod live_loop;
 mod messages;
+mod model_file_page;
+mod model_pages;
 mod plan;
 mod ranges;
 mod readme;

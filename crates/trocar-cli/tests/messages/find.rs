@@ -159,7 +159,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
     }
 }
 
-/// The messages of a source of Python: its texts on one line, without comments, documentation and markup.
+/// The messages of a source of Python: its texts on one line, without comments, documentation and markup. Of one that makes something
+/// else (not `whole`), only what it raises.
 pub(crate) fn of_python(text: &str, whole: bool) -> Vec<String> {
     let mut found = Vec::new();
     let mut rest = text;
@@ -175,7 +176,8 @@ pub(crate) fn of_python(text: &str, whole: bool) -> Vec<String> {
                     let (inside, after) = one_line(&from[1..], quote);
                     let message = inside.replace("\\n", "\n");
                     let is_markup = message.starts_with('<');
-                    if whole && words(&message) >= FEWEST_WORDS && !is_markup {
+                    let counts = whole || is_raised(&text[..text.len() - from.len()]);
+                    if counts && words(&message) >= FEWEST_WORDS && !is_markup {
                         found.push(as_read(&message));
                     }
                     after
@@ -185,6 +187,12 @@ pub(crate) fn of_python(text: &str, whole: bool) -> Vec<String> {
         };
     }
     found
+}
+
+/// Whether what follows `before` is inside the parentheses of a `raise`.
+fn is_raised(before: &str) -> bool {
+    let count = |of: &str, bracket| of.matches(bracket).count();
+    before.rfind("raise ").is_some_and(|at| count(&before[at..], '(') > count(&before[at..], ')'))
 }
 
 /// A text up to its closing quote, and what follows. A backslash takes the next character with it.
@@ -269,4 +277,6 @@ fn messages_are_found_wherever_they_stand_and_texts_for_nobody_are_not() {
     );
     let source = "\"\"\"Not this, it is documentation.\"\"\"\nraise E(f\"{name!r} must be {', '.join(all)} here\")  # nor this one\n";
     assert_eq!(of_python(source, true), ["{name} must be {…} here"]);
+    let source = "title = \"one of three words\"\nraise E(\"this is an error\")\ntext(\"two and a half words\")\n";
+    assert_eq!(of_python(source, false), ["this is an error"]);
 }

@@ -82,7 +82,7 @@ const ELSEWHERE: [(&str, &str); 17] = [
     ("trocar-fmu/src/library.rs", "the build of the program"),
     ("trocar-proof/", "evidence for tests"),
     ("python/trocar/_show.py", "results in a notebook"),
-    ("python/trocar/_plot.py", "figures; it has one message, which results.py has, too"),
+    ("python/trocar/_plot.py", "figures"),
     ("python/trocar/_report.py", "results as text"),
     ("python/trocar/_progress.py", "a bar of progress"),
 ];
