@@ -1,4 +1,4 @@
-//! The pictures of the book are those that their command makes, and each has its place and its command on the page.
+//! The pictures of the book, and their page, are those that their command makes.
 
 use std::path::{Path, PathBuf};
 
@@ -11,35 +11,25 @@ mod example;
 
 const PAGE: &str = include_str!("../../../docs/gallery/index.md");
 
+const AGAIN: &str = "run cargo run --release -p trocar --example gallery -- docs";
+
 fn kept(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/figures/gallery").join(name)
 }
 
 fn assert_kept(name: &str, made: &str) {
     let is_same = std::fs::read_to_string(kept(name)).is_ok_and(|kept| kept == made);
-    assert!(
-        is_same,
-        "docs/figures/gallery/{name}: run cargo run --release -p trocar --example gallery -- docs/figures/gallery"
-    );
+    assert!(is_same, "docs/figures/gallery/{name}: {AGAIN}");
 }
 
 #[test]
-fn the_pictures_are_those_of_the_command() {
-    let made = example::pictures(&[]).unwrap();
-    assert!(made.len() >= 25, "{}", made.len());
-    for (name, svg) in &made {
-        assert_kept(&format!("{name}.svg"), svg);
+fn pictures_and_page_are_those_of_the_command() {
+    let figures = example::figures(&[]).unwrap();
+    assert!(figures.len() >= 25, "{}", figures.len());
+    for (name, svg) in example::drawn(&figures).unwrap() {
+        assert_kept(&format!("{name}.svg"), &svg);
     }
-}
-
-#[test]
-fn every_picture_is_on_the_page_with_its_command() {
-    for name in example::names() {
-        let picture = format!("](../figures/gallery/{name}.svg)");
-        assert!(PAGE.contains(&picture), "no picture {name}");
-        let command = format!("--example gallery -- docs/figures/gallery {name}\n");
-        assert!(PAGE.contains(&command), "no command for {name}");
-    }
+    assert!(PAGE == example::page(&figures), "docs/gallery/index.md: {AGAIN}");
 }
 
 fn between<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
