@@ -24,7 +24,9 @@ copybutton_only_copy_prompt_lines = True
 
 html_theme = "furo"
 html_title = f"trocar {version}"
-html_static_path = []
+html_static_path = ["_static"]
+# Pictures are drawn in ink on white; on a dark page they are turned to light on dark.
+html_css_files = ["pictures.css"]
 html_show_copyright = False
 exclude_patterns = ["figures"]
 

@@ -1,7 +1,5 @@
 //! The virtual bench: recorded, identified, compared, and drawn from the posterior.
 
-use std::sync::OnceLock;
-
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::compare::{self, Choice, CompareOptions, compare};
 use trocar::identify::classical::Kind;
@@ -28,7 +26,7 @@ pub(crate) const IDENTIFIED: [&str; 9] = [
     "hand",
     "intervals",
 ];
-pub(crate) const COMPARED: [&str; 3] = ["every-model", "one-cycle", "error-by-parameters"];
+pub(crate) const COMPARED: [&str; 2] = ["every-model", "error-by-parameters"];
 pub(crate) const DRAWN: [&str; 2] = ["posterior", "draws-of-the-branch"];
 
 /// Of noise, fluctuation and hand.
@@ -167,29 +165,16 @@ pub(crate) fn compared() -> Outcome<Vec<Figure>> {
     let options = CompareOptions { models: models(), identify, timing: false };
     let comparison = compare(&training, &validation, &options, &|_, _| {})?;
     let outcome = compare::Outcome { comparison: &comparison, seed: SEED, held_out: false, moving_mass: mass };
-    let names = [
-        ("one-reversal", "every-model"),
-        ("one-cycle", "one-cycle"),
-        ("error-by-parameters", "error-by-parameters"),
-    ];
+    let names = [("one-reversal", COMPARED[0]), (COMPARED[1], COMPARED[1])];
     chosen(comparison::document(&outcome, ""), &names)
 }
 
-/// Draws of the posterior, made once.
-fn posterior() -> Outcome<&'static Posterior> {
-    static MADE: OnceLock<Posterior> = OnceLock::new();
-    if let Some(made) = MADE.get() {
-        return Ok(made);
-    }
+fn posterior() -> Outcome<Posterior> {
     let recordings = [record(Protocol::Steady)?, record(Protocol::Dynamic)?];
-    let options = IdentifyOptions {
-        free_motion: false,
-        posterior: Draws::new(1200),
-        ..options()
-    };
+    let options =
+        IdentifyOptions { free_motion: false, posterior: Draws::new(600), ..options() };
     let found = identify(&recordings, &options, &|_, _| {})?;
-    let made = found.posterior.ok_or("there are no draws")?;
-    Ok(MADE.get_or_init(|| made))
+    Ok(found.posterior.ok_or("there are no draws")?)
 }
 
 /// Parameters of the corner plot.
@@ -197,7 +182,7 @@ const CORNER: [&str; 3] = ["coulomb_force_n", "viscous_damping_n_s_m", "half_wid
 
 pub(crate) fn drawn() -> Outcome<Vec<Figure>> {
     let posterior = posterior()?;
-    Ok(vec![corner(posterior)?, branch(posterior)?])
+    Ok(vec![corner(&posterior)?, branch(&posterior)?])
 }
 
 /// Name and unit for an axis, the draws in that unit, and the truth.
@@ -216,7 +201,7 @@ fn column(posterior: &Posterior, name: &str) -> Outcome<(Axis, Vec<f64>, f64)> {
 fn corner(posterior: &Posterior) -> Outcome<Figure> {
     let columns = CORNER.iter().map(|name| column(posterior, name)).collect::<Outcome<Vec<_>>>()?;
     let mut figure = Figure::new("posterior", 1, "Draws of the posterior").columns(3).caption(
-        "1200 draws of Coulomb force, viscous damping and half width after two recordings of the virtual bench: pairs and, on the diagonal, their \
+        "600 draws of Coulomb force, viscous damping and half width after two recordings of the virtual bench: pairs and, on the diagonal, their \
          distribution. Dashed: the truth.",
     );
     for (row, (y_axis, y, y_true)) in columns.iter().enumerate() {
@@ -277,6 +262,6 @@ fn branch(posterior: &Posterior) -> Outcome<Figure> {
         .series(zero)
         .mark(Mark::x(MM * truth.deformation.insertion().join(), "join"));
     Ok(Figure::new("draws-of-the-branch", 1, "How well the branch is known").width(Width::Narrow).panel(panel).caption(
-        "The branch of insertion in 1200 draws less the true one, over the deflection.",
+        "The branch of insertion in 600 draws less the true one, over the deflection.",
     ))
 }

@@ -41,7 +41,14 @@ const GROUPS: [Group; 7] = [
 ];
 
 /// Pictures of other commands: file in docs/figures, title, caption, command.
-const OTHERS: [[&str; 4]; 3] = [
+const OTHERS: [[&str; 4]; 4] = [
+    [
+        "compensation.svg",
+        "Tissue force from outside the body",
+        "A hand moves the instrument into tissue. The reading outside the body less the computed force of the trocar is the tissue force; while the seal is \
+         wetted, the observer follows its friction scale.",
+        "cargo run --release -p trocar --example compensation -- docs",
+    ],
     [
         "stability-map.svg",
         "Where a loop is stable",

@@ -19,7 +19,7 @@ use trocar_model::{Element, ElementParams};
 use super::{Outcome, chosen};
 
 pub(crate) const PICTURES: [&str; 3] = ["published-ranges", "drawn-seals", "plan"];
-pub(crate) const FLEET: [&str; 2] = ["fleet-parameters", "fleet-drift"];
+pub(crate) const FLEET: [&str; 1] = ["fleet"];
 
 const MM: f64 = 1e3;
 
@@ -27,36 +27,34 @@ pub(crate) fn figures() -> Outcome<Vec<Figure>> {
     Ok(vec![published_ranges(), drawn_seals()?, planned()?])
 }
 
-/// Friction forces that the literature prints.
+/// What the literature prints: forces, and what wetting changes.
 fn published_ranges() -> Figure {
-    let (mut names, mut x, mut y, mut ends) = (Vec::new(), Vec::new(), Vec::new(), [vec![], vec![]]);
-    for study in published::studies() {
-        let forces = study.numbers.iter().filter(|n| n.quantity == Quantity::FrictionForceN);
-        for number in forces {
-            let row = names.len() as f64;
-            names.push(format!("{}: {}", study.source, shortened(&study.trocar)));
-            x.extend([number.range[0], number.range[1], f64::NAN]);
-            y.extend([row, row, f64::NAN]);
-            number.range.iter().zip(&mut ends).for_each(|(value, ends)| ends.push(*value));
-        }
-    }
-    let rows: Vec<f64> = (0..names.len()).map(|k| k as f64).collect();
-    let panel = Panel::new(Axis::new("friction force", "N").logarithmic(), Axis::named(names))
-        .aspect(0.1 + 0.09 * rows.len() as f64)
-        .series(Series::line("printed range", Role::Model, x, y))
-        .series(Series::points("", Role::Fit, ends[0].clone(), rows.clone()))
-        .series(Series::points("", Role::Fit, ends[1].clone(), rows));
-    Figure::new("published-ranges", 1, "Friction forces that the literature prints")
-        .panel(panel)
-        .caption("Ranges of friction force by study and trocar, as printed; sources by their keys.")
+    let forces = [Quantity::FrictionForceN, Quantity::ReversalFluctuationN];
+    let changes = [Quantity::FrictionChangePercent, Quantity::PeakForceChangePercent];
+    Figure::new("published-ranges", 1, "What the literature prints")
+        .panel(ranges(&forces, Axis::new("force", "N").logarithmic()))
+        .panel(ranges(&changes, Axis::new("change against the dry shaft", "%").with_zero()))
+        .caption(
+            "Ranges that studies of trocars print: (a) friction force at constant speed and its fluctuation at reversals, (b) the change by a wet or \
+             oiled shaft. `trocar ranges` lists them with their conditions and words.",
+        )
 }
 
-fn shortened(text: &str) -> String {
-    const MOST: usize = 34;
-    match text.char_indices().nth(MOST) {
-        None => text.to_owned(),
-        Some((at, _)) => format!("{}…", text[..at].trim_end()),
+fn ranges(quantities: &[Quantity], axis: Axis) -> Panel {
+    let (mut names, mut x, mut y) = (Vec::new(), Vec::new(), Vec::new());
+    for study in published::studies().iter().rev() {
+        for number in study.numbers.iter().filter(|n| quantities.contains(&n.quantity)) {
+            let row = names.len() as f64;
+            names.push(format!("{}: {}", study.key, number.quantity.words().0));
+            x.extend([number.range[0], number.range[1], f64::NAN]);
+            y.extend([row, row, f64::NAN]);
+        }
     }
+    let height = 0.12 + 0.09 * names.len() as f64;
+    Panel::new(axis, Axis::named(names))
+        .aspect(height)
+        .series(Series::line("printed range", Role::Model, x.clone(), y.clone()))
+        .series(Series::points("its ends", Role::Fit, x, y))
 }
 
 /// Force over position of seals drawn from published ranges.
@@ -142,8 +140,7 @@ pub(crate) fn fleet() -> Outcome<Vec<Figure>> {
     let config = Config { moving_mass: mass, seed: 1, ..Config::default() };
     let table = folder.path().join("table.csv");
     let found = fleet::run(&dataset, &config, &table, 0, &Cancel::default(), &mut |_| {})?;
-    let names = [("distributions", FLEET[0]), ("drift", FLEET[1])];
-    chosen(document(&found, &config, &Roles::default()), &names)
+    chosen(document(&found, &config, &Roles::default()), &[("drift", FLEET[0])])
 }
 
 fn record(folder: &Path, (kind, specimen, insertions): (usize, u64, u32)) -> Outcome<()> {

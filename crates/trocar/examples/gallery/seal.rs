@@ -7,7 +7,8 @@ use trocar_model::{
 
 use super::{Outcome, thinned};
 
-pub(crate) const PICTURES: [&str; 9] = [
+pub(crate) const PICTURES: [&str; 10] = [
+    "annotated-loop",
     "one-reversal",
     "branches",
     "partial-reversals",
@@ -21,6 +22,7 @@ pub(crate) const PICTURES: [&str; 9] = [
 
 pub(crate) fn figures() -> Outcome<Vec<Figure>> {
     Ok(vec![
+        annotated_loop()?,
         one_reversal()?,
         branches()?,
         partial_reversals()?,
@@ -124,10 +126,65 @@ fn force() -> Axis {
     Axis::new("force", "N")
 }
 
+/// One loop with its terms.
+fn annotated_loop() -> Outcome<Figure> {
+    const SPEED: f64 = 0.02;
+    let params = plausible()?;
+    let strokes = [(SPEED, 1.5), (-SPEED, 1.5), (SPEED, 1.5), (-SPEED, 1.5)];
+    let full = Run::along(params, &strokes)?.from(3.0);
+    let minor = [(SPEED, 1.5), (-SPEED, 1.5), (SPEED, 0.6), (-SPEED, 0.2), (SPEED, 0.2)];
+    let minor = Run::along(params, &minor)?.from(3.6);
+    let snap = params.deformation.insertion().join();
+    let at = |reached: &dyn Fn(usize) -> bool| (1..full.time.len()).find(|k| reached(*k)).unwrap_or(0);
+    let join = at(&|k| full.deflection[k] >= snap);
+    let back = at(&|k| k > 1500 && full.deflection[k] <= -snap);
+    let labelled = |x: &[f64], points: &[(usize, &str)]| {
+        let (at, words): (Vec<usize>, Vec<&str>) = points.iter().copied().unzip();
+        let x = at.iter().map(|k| MM * x[*k]).collect();
+        let y = at.iter().map(|k| full.force[*k]).collect();
+        Series::labelled("", Role::Fit, x, y, words.into_iter().map(str::to_owned).collect())
+    };
+    let over_deflection = |name: &str, role, run: &Run| {
+        Series::line(name, role, thinned(&run.deflection, 4, MM), thinned(&run.force, 4, 1.0))
+    };
+    let moved = |run: &Run, name: &str, role| {
+        let x = run.position.iter().step_by(4).map(|x| MM * x).collect();
+        Series::line(name, role, x, thinned(&run.force, 4, 1.0))
+    };
+    let c = MM * params.deformation.half_width();
+    let position = Panel::new(Axis::new("position of the instrument", "mm"), force())
+        .aspect(0.95)
+        .series(moved(&full, "two strokes", Role::Model))
+        .series(moved(&minor, "minor loop", Role::Alternative))
+        .series(labelled(
+            &full.position,
+            &[(1, "reversal"), (join, "snap-through"), (1200, "sliding"), (1500, "reversal"), (2600, "sliding")],
+        ))
+        .mark(Mark::x_range(0.0, 2.0 * c, "full reversal, 2c"));
+    let deflection = Panel::new(Axis::new("deflection z of the seal", "mm"), force())
+        .aspect(0.95)
+        .series(over_deflection("two strokes", Role::Model, &full))
+        .series(over_deflection("minor loop", Role::Alternative, &minor))
+        .series(labelled(
+            &full.deflection,
+            &[(join, "join"), (500, "branch of insertion"), (back, "join"), (2000, "branch of withdrawal")],
+        ))
+        .mark(Mark::x(-c, "−c"))
+        .mark(Mark::x(c, "+c, half width"));
+    Ok(Figure::new("annotated-loop", 1, "The terms of a loop")
+        .columns(2)
+        .panel(position)
+        .panel(deflection)
+        .caption(
+            "An insertion and a withdrawal of the plausible seal, over the position of the instrument and over the deflection of the seal. After each \
+             reversal the seal deforms over 2c along a branch, and snaps through at its join; then it slides. A partial reversal gives a minor loop.",
+        ))
+}
+
 /// Force, deflection and slip while the instrument reverses.
 fn one_reversal() -> Outcome<Figure> {
     const SPEED: f64 = 0.02;
-    let run = Run::along(plausible()?, &[(SPEED, 1.2), (-SPEED, 1.3)])?.from(0.8);
+    let run = Run::along(plausible()?, &[(SPEED, 1.4), (-SPEED, 1.3)])?.from(1.0);
     let params = plausible()?;
     let snap = params.deformation.withdrawal();
     let at = |deflection: f64| {
@@ -286,8 +343,8 @@ fn speeds() -> Outcome<Figure> {
         panel = panel.series(Series::line(format!("{} mm/s", MM * speed), Role::Category(k), x, y));
     }
     Ok(Figure::new("speeds", 1, "Speed").width(Width::Narrow).panel(panel).caption(
-        "Full strokes of the plausible seal at three speeds. The deformation does not depend on the speed; the sliding force grows with it by viscous \
-         friction, β = 5 N s/m.",
+        "Full strokes of the plausible seal at three speeds. The deformation force does not depend on the speed; the sliding force grows with it by \
+         viscous friction, β = 5 N s/m. The faster it slid, the further the seal was bent when it reverses.",
     ))
 }
 

@@ -230,9 +230,9 @@ impl Fragment<'_> {
         }
         let _ = write!(
             svg,
-            "<circle class=\"seal-z\" cx=\"{z:.2}\" cy=\"{y}\" r=\"6\"/>\n<text class=\"seal-side\" x=\"{}\" y=\"245\">deflection z</text>\n\
+            "<circle class=\"seal-z\" cx=\"{z:.2}\" cy=\"{y}\" r=\"6\"/>\n<text class=\"seal-side seal-end\" x=\"{}\" y=\"245\">deflection z</text>\n\
              <text class=\"seal-side\" x=\"8\" y=\"24\">outside</text>\n<text class=\"seal-side seal-end\" x=\"472\" y=\"245\">insertion →</text>\n</svg>\n",
-            left - SCALE * c - 112.0
+            left - SCALE * c - 12.0
         );
         svg
     }

@@ -103,8 +103,10 @@ class MovingSeal {
     return { motion: before, from: count };
   }
 
+  // What was before leaves no trail.
   begin(times, positions) {
     this.motion = Motion.along(this.runner, times, positions);
+    this.begun = this.motion.end;
     this.hand.rest(this.motion.position.at(-1));
   }
 
@@ -150,6 +152,7 @@ class MovingSeal {
   }
 
   moved() {
+    if (this.motion.end < this.begun) this.begun = 0;
     this.draw(this.motion, this.motion.end);
   }
 
@@ -190,7 +193,7 @@ class MovingSeal {
     const long = PER_NEWTON * force, head = Math.min(Math.abs(long), 8) * Math.sign(long);
     this.arrow.setAttribute("d", `M${x} ${surface + 25}h${long.toFixed(2)}m${(-head).toFixed(2)} -5l${head.toFixed(2)} 5l${(-head).toFixed(2)} 5`);
     this.gauge.setAttribute("cx", (x + scale * z).toFixed(2));
-    const first = Math.max(0, now - SHOWN / MILLISECOND), every = Math.max(1, Math.ceil((now - first) / TRAIL_POINTS));
+    const first = Math.max(motion === this.motion ? Math.min(this.begun, now) : 0, now - SHOWN / MILLISECOND), every = Math.max(1, Math.ceil((now - first) / TRAIL_POINTS));
     for (const chart of this.charts) {
       const points = [], add = (i) => points.push((MM * motion[chart.x][i]).toFixed(3) + "," + motion.force[i].toFixed(3));
       for (let i = Math.ceil(first / every) * every; i < now; i += every) add(i);
