@@ -40,7 +40,8 @@ pub mod workflow;
 pub use trocar_recording as recording;
 pub use trocar_runtime::model_file;
 
-/// Compiles and runs the README's Rust code.
+/// Compiles and runs the Rust code of the README and of the book.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
+#[doc = include_str!("../../../docs/how-to/compensation.md")]
 pub struct Readme;
