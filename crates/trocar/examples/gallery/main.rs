@@ -146,7 +146,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().ok_or("the folder for the pictures is missing")?;
     let wanted: Vec<String> = arguments.collect();
-    if let Some(name) = wanted.iter().find(|name| **name != MOVING && !names().any(|n| n == **name)) {
+    if let Some(name) = wanted.iter().find(|name| **name != MOVING && !names().any(|n| n == **name))
+    {
         let all: Vec<&str> = names().collect();
         return Err(format!("there is no picture {name}, only {MOVING}, {}", all.join(", ")).into());
     }
