@@ -72,7 +72,6 @@ struct Unit {
 #[derive(Debug, Clone)]
 pub(super) struct Along {
     pub(super) direction: Direction,
-    unit: Unit,
     /// In the order of their joins.
     points: Vec<Point>,
 }
@@ -84,30 +83,11 @@ struct Search<'a> {
     direction: Direction,
     number: usize,
     unit: Unit,
-    /// Far points of a search before, which is not repeated there.
-    far: Vec<Point>,
 }
 
 impl Unit {
     fn excess(self, cost: f64) -> f64 {
         (cost - self.least) / self.reach
-    }
-
-    fn cost(self, excess: f64) -> f64 {
-        self.least + self.reach * excess
-    }
-}
-
-impl Along {
-    /// The points from which nothing within reach in `unit` is to be expected.
-    fn far(self, unit: Unit) -> Vec<Point> {
-        let from = self.unit;
-        let of = |point: Point| Point {
-            excess: unit.excess(from.cost(point.excess)),
-            bottom: unit.excess(from.cost(point.bottom)),
-            ..point
-        };
-        self.points.into_iter().map(of).filter(|point| point.bottom > FAR).collect()
     }
 }
 
@@ -168,8 +148,7 @@ impl Search<'_> {
         let mut points: Vec<Point> = Vec::with_capacity(joins.len());
         for join in joins {
             let before = points.last().map_or(&self.fitted.best, |point| &point.trial);
-            let known = self.far.iter().find(|point| (point.join - join).abs() < SAME);
-            points.extend(known.cloned().or_else(|| self.at(before, *join)));
+            points.extend(self.at(before, *join));
         }
         points
     }
@@ -177,7 +156,7 @@ impl Search<'_> {
     /// C_b, and the lowest trial that is better than the fit, with its D.
     fn along(&self, half_width: f64) -> (Along, Option<(f64, EmsTrial)>) {
         let points = self.grid(half_width);
-        let mut along = Along { direction: self.direction, unit: self.unit, points };
+        let mut along = Along { direction: self.direction, points };
         self.add_minima(&mut along.points);
         for _ in 0..HALVINGS {
             self.add_between(&mut along.points, NARROW * half_width);
@@ -279,33 +258,26 @@ impl Joins {
         mut fitted: Fitted<EmsTrial>,
         stop: Stop,
     ) -> (Fitted<EmsTrial>, Self) {
-        let mut before = Self::default();
         for last in (0..SEARCHES).rev() {
-            let (joins, better) = Self::about(training, &fitted, before);
+            let (joins, better) = Self::about(training, &fitted);
             let again = better.and_then(|from| likelihood::fit(training, &from, stop));
             match again.filter(|again| last > 0 && again.cost() < fitted.cost()) {
-                Some(again) => (fitted, before) = (again, joins),
+                Some(again) => fitted = again,
                 None => return (fitted, joins),
             }
         }
         unreachable!("the last search ends")
     }
 
-    /// C_b about a fit, and the lowest trial that is better; `before` is from the search before.
-    fn about(
-        training: &Training,
-        fitted: &Fitted<EmsTrial>,
-        before: Self,
-    ) -> (Self, Option<EmsTrial>) {
+    /// C_b about a fit, and the lowest trial that is better.
+    fn about(training: &Training, fitted: &Fitted<EmsTrial>) -> (Self, Option<EmsTrial>) {
         let spread = Spread::new(fitted);
         let free = fitted.best.free();
         let numbers = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
         let search = |(direction, number): (Direction, usize)| {
             let (half_width, reach) = to_first_order(&spread, direction, number);
             let unit = Unit { least: fitted.cost(), reach };
-            let known = before.along(direction).cloned();
-            let far = known.map_or_else(Vec::new, |along| along.far(unit));
-            let search = Search { training, fitted, direction, number, unit, far };
+            let search = Search { training, fitted, direction, number, unit };
             search.along(half_width)
         };
         let (all, better): (Vec<Along>, Vec<_>) =
