@@ -2,6 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::live::{skip, tools};
 
 #[path = "../../trocar/examples/model_pages/main.rs"]
 mod example;
@@ -77,6 +80,48 @@ fn every_model_has_a_page_with_all_its_parts() {
             "{stem}.md: its live model"
         );
     }
+}
+
+/// As the book makes them: the page that is kept, with the numbers of another model in it.
+#[test]
+fn every_live_model_runs_in_a_browser() {
+    let browser = match tools() {
+        Ok([browser, _]) => browser,
+        Err(why) => return skip(&why),
+    };
+    let kept = root().join("docs/figures/models");
+    let read = |name: &str| std::fs::read_to_string(kept.join(name)).unwrap();
+    let (shell, ems) = (read("live.html"), read("ems.json"));
+    assert_eq!(shell.matches(ems.trim()).count(), 1);
+    let folder = tempfile::tempdir().unwrap();
+    let mut run = 0;
+    for (name, text) in example::files().unwrap().iter().filter(|(name, _)| name.ends_with(".json"))
+    {
+        let page = folder.path().join(name).with_extension("html");
+        std::fs::write(&page, shell.replace(ems.trim(), text.trim())).unwrap();
+        let profile = folder.path().join(format!("{name}.profile"));
+        let output = Command::new(&browser)
+            .args([
+                "--headless",
+                "--no-sandbox",
+                "--disable-gpu",
+                "--virtual-time-budget=20000",
+                "--dump-dom",
+            ])
+            .arg(format!("--user-data-dir={}", profile.display()))
+            .arg(format!("file://{}", page.display()))
+            .output()
+            .unwrap();
+        let shown = String::from_utf8_lossy(&output.stdout);
+        assert!(
+            shown.contains("data-live=\"force\" data-value=\"0\""),
+            "{name}: no force is shown"
+        );
+        let accepted = "<p class=\"knob-message\" role=\"status\"></p>";
+        assert!(shown.contains(accepted), "{name}: its values make no model");
+        run += 1;
+    }
+    assert_eq!(run, 10);
 }
 
 /// The texts in backticks of the lines that begin so.
