@@ -40,7 +40,7 @@ struct Cli {
 }
 
 const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data, \
-                          130 interrupted.\n\nStart with: trocar demo";
+                          130 interrupted.\n\nEvery message with its way out: docs/troubleshooting.md\n\nStart with: trocar demo";
 
 #[derive(Subcommand)]
 enum Verb {
