@@ -71,7 +71,7 @@ def test_a_right_page_passes_and_what_is_not_run_is_listed(tmp_path: Path) -> No
     page.write_text(RIGHT)
     ran = check(page)
     assert ran.returncode == 0, ran.stdout
-    assert "page.md line 42: needs a robot" in ran.stdout
+    assert "page.md line 40: needs a robot" in ran.stdout
 
 
 @pytest.mark.parametrize(
@@ -101,6 +101,6 @@ def test_a_wrong_page_fails(tmp_path: Path, right: str, wrong: str, message: str
 
 def test_outputs_are_written_into_the_page(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text(RIGHT.replace("3.001", "").replace("```output\nhello", "```output"))
+    page.write_text(RIGHT.replace("3.001\n", "").replace("```output\nhello", "```output"))
     assert check(page, "--update").returncode == 0
     assert page.read_text() == RIGHT.replace("3.001", "3.0")

@@ -10,6 +10,7 @@ mod fleet;
 mod fmu;
 mod live;
 mod live_loop;
+mod live_seal;
 mod messages;
 mod model_file_page;
 mod model_pages;
