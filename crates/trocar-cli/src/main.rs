@@ -38,7 +38,8 @@ struct Cli {
 }
 
 const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data, \
-                          130 interrupted.\n\nStart with: trocar demo";
+                          130 interrupted.\n\nStart with: trocar demo\n\
+                          Read on: docs/index.md (docs/build makes it a book)";
 
 #[derive(Subcommand)]
 enum Verb {
