@@ -62,7 +62,7 @@ robot --go
 
 def check(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "TROCAR_PROGRAM": os.environ.get("TROCAR_PROGRAM", sys.executable)}
-    command = [sys.executable, ROOT / "docs" / "check", *options, page]
+    command = [sys.executable, str(ROOT / "docs" / "check"), *options, str(page)]
     return subprocess.run(command, env=environment, capture_output=True, text=True)
 
 
