@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-const EXAMPLES: [Example; 18] = [
+pub(crate) const EXAMPLES: [Example; 18] = [
     (
         "inspect",
         &[

@@ -11,6 +11,8 @@ mod input;
 mod models;
 mod page;
 mod progress;
+#[cfg(test)]
+mod reference;
 mod table;
 mod verbs;
 

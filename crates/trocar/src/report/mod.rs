@@ -23,6 +23,7 @@ mod number;
 #[cfg(feature = "bench")]
 pub mod plan;
 pub mod recording;
+mod seal;
 mod style;
 mod svg;
 #[cfg(feature = "bench")]
@@ -43,6 +44,8 @@ pub use document::{
     Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveLoop, LiveModel,
     Mark, Panel, Role, Section, Series, Table, Tile, Width,
 };
+
+pub use seal::moving_seal;
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
 const PNG_SCALE: f32 = 2.5;

@@ -262,7 +262,7 @@ impl Posterior {
         let as_wide = self.parameters.iter().filter(is_prior).map(|p| {
             let ratio = p.prior_ratio.unwrap_or_default();
             let message = format!(
-                "its draws are {:.0} % as wide as its prior: the recordings say next to nothing about it",
+                "its draws are {:.0} % as wide as its prior: the recordings contain almost no information about it",
                 1e2 * ratio
             );
             Warning::remark(p.id, message)
