@@ -119,7 +119,7 @@ pub(crate) fn page(figures: &[Figure]) -> String {
     }
     format!(
         "# Gallery\n\n<!-- made by: {COMMAND} -->\n\nAll pictures come from the models, the virtual bench and the reports of this project. One command makes them \
-         all:\n\n```text\n{COMMAND}\n```\n\n::::{{grid}} 3 4 5 5\n:gutter: 2\n:class-container: thumbnails\n\n{small}::::\n\n{large}"
+         all:\n\n```text\n{COMMAND}\n```\n\n::::{{grid}} 2 3 4 4\n:gutter: 2\n:class-container: thumbnails\n\n{small}::::\n\n{large}"
     )
 }
 
@@ -146,7 +146,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().ok_or("the folder for the pictures is missing")?;
     let wanted: Vec<String> = arguments.collect();
-    if let Some(name) = wanted.iter().find(|name| **name != MOVING && !names().any(|n| n == **name)) {
+    if let Some(name) = wanted.iter().find(|name| **name != MOVING && !names().any(|n| n == **name))
+    {
         let all: Vec<&str> = names().collect();
         return Err(format!("there is no picture {name}, only {MOVING}, {}", all.join(", ")).into());
     }

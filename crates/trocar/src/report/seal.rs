@@ -158,7 +158,8 @@ impl Fragment<'_> {
     fn html(&self, json: &str, module: &str) -> String {
         let middle = self.cycle.len() * 3 / 4;
         let now = &self.cycle[middle];
-        let mut html = format!("<div class=\"moving-seal\">\n<style>\n{}{STYLE}</style>\n", colours());
+        let mut html =
+            format!("<div class=\"moving-seal\">\n<style>\n{}{STYLE}</style>\n", colours());
         html += &self.section(now);
         html += &status(now);
         html += "<div class=\"seal-charts\">\n";
@@ -238,7 +239,8 @@ impl Fragment<'_> {
     }
 
     fn over_position(&self, now: &Shown) -> String {
-        let chart = Chart { x: [WAY[0] - 1.0, WAY[1] + 1.0], y: self.forces(), name: "position (mm)" };
+        let chart =
+            Chart { x: [WAY[0] - 1.0, WAY[1] + 1.0], y: self.forces(), name: "position (mm)" };
         let loop_of = self.line(|shown| shown.position);
         chart.svg("position", &[("backdrop", loop_of)], [now.position, now.force])
     }
@@ -302,12 +304,25 @@ impl Chart {
         for at in &y_ticks.at {
             let _ = write!(svg, "M{left} {:.2}h{width}", place_y(*at));
         }
-        let _ = write!(svg, "\"/>\n<path class=\"seal-frame\" d=\"M{left} {top}h{width}v{height}h-{width}z\"/>\n");
+        let _ = write!(
+            svg,
+            "\"/>\n<path class=\"seal-frame\" d=\"M{left} {top}h{width}v{height}h-{width}z\"/>\n"
+        );
         for (at, label) in x_ticks.at.iter().zip(&x_ticks.labels) {
-            let _ = writeln!(svg, "<text x=\"{:.2}\" y=\"{}\">{label}</text>", place_x(*at), top + height + 16.0);
+            let _ = writeln!(
+                svg,
+                "<text x=\"{:.2}\" y=\"{}\">{label}</text>",
+                place_x(*at),
+                top + height + 16.0
+            );
         }
         for (at, label) in y_ticks.at.iter().zip(&y_ticks.labels) {
-            let _ = writeln!(svg, "<text class=\"seal-end\" x=\"{}\" y=\"{:.2}\">{label}</text>", left - 6.0, place_y(*at) + 4.0);
+            let _ = writeln!(
+                svg,
+                "<text class=\"seal-end\" x=\"{}\" y=\"{:.2}\">{label}</text>",
+                left - 6.0,
+                place_y(*at) + 4.0
+            );
         }
         let _ = write!(
             svg,
@@ -358,8 +373,10 @@ fn outline(force: &trocar_model::DeformationForce, now: &Shown, snap: f64) -> St
     let c = MM * force.half_width();
     let z = now.deflection;
     let gap = force.half_gap(z / MM);
-    let part = if gap < 0.02 { 0.0 } else { ((now.force - force.mid(z / MM)) / gap).clamp(-1.0, 1.0) };
-    let [on, off] = [Direction::Insertion, Direction::Withdrawal].map(|d| MM * force.branch(d).join());
+    let part =
+        if gap < 0.02 { 0.0 } else { ((now.force - force.mid(z / MM)) / gap).clamp(-1.0, 1.0) };
+    let [on, off] =
+        [Direction::Insertion, Direction::Withdrawal].map(|d| MM * force.branch(d).join());
     let side = ((z - 0.5 * (on + off) - 0.5 * part * (on - off)) / (snap * c)).tanh();
     let height = SURFACE - CLAMP[1] - 0.5 * THICKNESS[1];
     let length = length(&strip(SCALE * c, height, BULGE * SCALE * c, 1.0));
@@ -395,7 +412,8 @@ fn around(line: &[[f64; 2]]) -> String {
         let (a, b) = (line[k.saturating_sub(1)], line[(k + 1).min(last)]);
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let part = k as f64 / last as f64;
-        let half = 0.5 * sign * (THICKNESS[0] + (THICKNESS[1] - THICKNESS[0]) * part) / dx.hypot(dy);
+        let half =
+            0.5 * sign * (THICKNESS[0] + (THICKNESS[1] - THICKNESS[0]) * part) / dx.hypot(dy);
         format!("{:.1} {:.1}", line[k][0] - half * dy, (line[k][1] + half * dx).min(SURFACE))
     };
     let all: Vec<String> =
@@ -407,7 +425,9 @@ fn around(line: &[[f64; 2]]) -> String {
 fn colours() -> String {
     let used = || style::all().iter().filter(|style| STYLES.contains(&style.class));
     let variables = |colour: fn(&style::Style) -> &'static str| {
-        used().fold(String::new(), |css, style| css + &format!("--{}:{};", style.class, colour(style)))
+        used().fold(String::new(), |css, style| {
+            css + &format!("--{}:{};", style.class, colour(style))
+        })
     };
     let (light, dark) = (variables(|style| style.light), variables(|style| style.dark));
     format!(
