@@ -11,100 +11,60 @@ use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Friction, Piece};
 
-/// Number of benches of the calibration: 20 with `./test --statistics`, or as many as
+#[path = "../examples/calibration.rs"]
+mod calibration;
+
+use calibration::{Distribution, RANKED, Ranks, column, found, ranks, recordings, seal};
+
+/// Ranks of the benches of docs/posterior.md, as their command wrote them.
+const KEPT: &str = include_str!("data/sbc_ranks.csv");
+/// Where the ranks of the docs come from.
+const COMMAND: &str = "cargo run --release -p trocar --example calibration";
+
+/// Number of benches that are identified again: 20 with `./test --statistics`, or as many as
 /// `TROCAR_STATISTICS` says where it is above 1.
 fn benches() -> u64 {
     let Ok(text) = std::env::var("TROCAR_STATISTICS") else { return 4 };
     text.parse().ok().filter(|count| *count > 1).unwrap_or(20)
 }
 
-fn seal(seed: u64) -> ElementParams {
-    random_seal(&PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() }, seed)
-}
-
-fn recordings(truth: ElementParams, seed: u64) -> Vec<Recording> {
-    let element = [Element::new(truth).expect("a plausible seal is a model")];
-    let record = |p: Protocol| {
-        let done = run(&BenchConfig::default(), p, &element, seed).expect("the rig runs");
-        done.to_recording(p.name()).expect("finite columns")
-    };
-    [Protocol::Steady, Protocol::Dynamic].map(record).into()
-}
-
-fn found(recordings: &[Recording], draws: usize, seed: u64) -> Identification {
-    let options = IdentifyOptions {
-        bootstrap: 0,
-        seed,
-        free_motion: false,
-        posterior: Some(Draws::new(draws).expect("a multiple of 4")),
-        ..IdentifyOptions::default()
-    };
-    identify(recordings, &options, &|_, _| {}).expect("there is steady sliding")
-}
-
 fn posterior(found: &Identification) -> &Posterior {
     found.posterior.as_ref().expect("there is a fit")
 }
 
-/// The draws of a parameter, SI.
-fn column(posterior: &Posterior, name: &str) -> Vec<f64> {
-    let at = posterior.parameters.iter().position(|p| p.id.to_string() == name);
-    let at = at.unwrap_or_else(|| panic!("{name} is a column"));
-    posterior.draws.iter().map(|draw| draw.values[at]).collect()
-}
-
-/// Fraction of the draws below the true value.
-fn rank(draws: &[f64], truth: f64) -> f64 {
-    draws.iter().filter(|draw| **draw < truth).count() as f64 / draws.len() as f64
-}
-
-const RANKED: [&str; 4] =
-    ["coulomb_force_n", "viscous_damping_n_s_m", "half_width_m", "force at 60 mm/s"];
-
-/// Ranks of the true values among the draws (SBC).
-fn ranks(seed: u64) -> [f64; 4] {
-    let truth = seal(seed);
-    let found = found(&recordings(truth, seed), 400, seed);
-    let posterior = posterior(&found);
-    let [force, damping, width] =
-        [RANKED[0], RANKED[1], RANKED[2]].map(|name| column(posterior, name));
-    let sliding: Vec<f64> = force.iter().zip(&damping).map(|(f, b)| f + 0.06 * b).collect();
-    let sliding_truth = truth.insertion.coulomb_force + 0.06 * truth.insertion.viscous_damping;
-    [
-        rank(&force, truth.insertion.coulomb_force),
-        rank(&damping, truth.insertion.viscous_damping),
-        rank(&width, truth.deformation.half_width()),
-        rank(&sliding, sliding_truth),
-    ]
+/// The ranks in the docs are those of the present program, on as many benches as time allows.
+#[test]
+fn ranks_of_the_truth_are_those_of_the_docs() {
+    let kept = calibration::read(KEPT).unwrap();
+    let all: Vec<Ranks> = (1..=benches()).into_par_iter().map(ranks).collect();
+    for (k, name) in RANKED.into_iter().enumerate() {
+        let Distribution { chi2, p, within } = Distribution::of(&all, k);
+        println!("{name:24} chi2 {chi2:.1}, p {p:.4}; in the central 95 and 50 %: {within:.3?}");
+        let off = |(now, kept): (&Ranks, &Ranks)| (now[k] - kept[k]).abs();
+        let mean = all.iter().zip(&kept).map(off).sum::<f64>() / all.len() as f64;
+        assert!(mean < 0.05, "{name}: ranks have moved by {mean:.3} on average: {COMMAND}");
+    }
 }
 
 #[test]
 fn draws_hold_the_truth_as_often_as_they_say() {
-    let all: Vec<[f64; 4]> = (1..=benches()).into_par_iter().map(ranks).collect();
-    let n = all.len() as f64;
+    let kept = calibration::read(KEPT).unwrap();
+    assert!(kept.len() >= 500, "{} benches", kept.len());
+    let table = calibration::table(&kept);
+    assert!(DOCS.contains(&table), "docs/posterior.md has not\n{table}");
     for (k, name) in RANKED.into_iter().enumerate() {
-        let mut counts = [0usize; 10];
-        for rank in all.iter().map(|ranks| ranks[k]) {
-            counts[((10.0 * rank) as usize).min(9)] += 1;
-        }
-        let chi2: f64 =
-            counts.iter().map(|count| (*count as f64 - n / 10.0).powi(2) / (n / 10.0)).sum();
-        let within = |outside: f64| {
-            all.iter().filter(|r| r[k] >= outside && r[k] <= 1.0 - outside).count() as f64 / n
-        };
-        println!(
-            "{name:24} ranks in tenths {counts:?}, chi2 {chi2:.1}; in the central 95 % {:.3}, 50 % {:.3}",
-            within(0.025),
-            within(0.25)
-        );
-        // What fewer benches show with certainty.
-        let least = match n {
-            100.0.. => 0.92,
-            20.0.. => 0.8,
-            _ => 0.5,
-        };
-        assert!(within(0.025) >= least, "{name}: {counts:?}");
+        let [most, _] = Distribution::of(&kept, k).within;
+        assert!(most >= 0.93, "{name}: {most}");
     }
+    let [(id, drawn)] =
+        trocar::report::vectors(&calibration::document(&kept)).unwrap()[..].to_owned()
+    else {
+        panic!("one figure")
+    };
+    let file = format!("../../docs/figures/{id}.svg");
+    let shown =
+        std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(file));
+    assert!(shown.is_ok_and(|shown| shown == drawn), "docs/figures/{id}.svg: {COMMAND} -- draw");
 }
 
 #[test]
