@@ -135,7 +135,7 @@ class Density:
         self.low[numpy.isnan(self.low)], self.high[numpy.isnan(self.high)] = -numpy.inf, numpy.inf
         self.variance, self.ridge, self.joins = data["variance_n2"], data["lambda_n2"], data["joins"]
         self.working, self.adjusted = numpy.array(data["working"]), numpy.array(data["adjusted"])
-        self.basis = numpy.array(data["drift"]).reshape(self.drifts, -1)
+        self.basis = numpy.array(data["drift"])
         clusters = data["clusters"]
         self.first_of = numpy.array([clusters.index(cluster) for cluster in clusters])
         run = data["runs"][0]

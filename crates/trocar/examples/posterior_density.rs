@@ -22,8 +22,8 @@ use trocar::recording::Recording;
 use trocar_model::{Element, ElementParams, ParameterId, Quantity};
 
 /// Speeds of the cycles, m/s, length of a stroke, m, and sample time, s.
-const SPEEDS: [f64; 6] = [0.03, 0.01, 0.06, 0.03, 0.06, 0.01];
-const STROKE: f64 = 0.03;
+const SPEEDS: [f64; 6] = [0.05, 0.02, 0.1, 0.05, 0.1, 0.02];
+const STROKE: f64 = 0.06;
 const SAMPLE: f64 = 4e-3;
 /// Parameters that are compared.
 pub(crate) const COMPARED: [Quantity; 4] =

@@ -451,3 +451,36 @@ fn sample(
         stuck: chains.iter().map(|c| c.stuck).sum(),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A density with an isolated peak, which no step leaves: there are no divergences to report, but
+    /// steps that found no other point, and these make the result doubtful (exit code 3).
+    #[test]
+    fn an_isolated_peak_is_reported_and_makes_the_draws_doubtful() {
+        let peak = |z: &DVector<f64>| if z.norm() < 1e-9 { 0.0 } else { f64::NEG_INFINITY };
+        let normal = |z: &DVector<f64>| -0.5 * z.norm_squared();
+        let stuck = |log: &(dyn Fn(&DVector<f64>) -> f64 + Sync)| {
+            sample(&log, 2, 100, (1, 0)).map(|sampled| sampled.stuck)
+        };
+        assert_eq!(stuck(&normal), Some(0));
+        assert!(stuck(&peak).is_some_and(|stuck| stuck > 0));
+        let structure = |stuck: usize| PosteriorStructure {
+            name: "base".to_owned(),
+            weight: 1.0,
+            draws: 400,
+            stuck,
+            evaluations: 1,
+        };
+        let warnings = |stuck: usize| {
+            let structures = vec![structure(stuck)];
+            Posterior { structures, parameters: Vec::new(), draws: Vec::new() }.warnings()
+        };
+        assert!(warnings(0).is_empty());
+        let [warning] = &warnings(3)[..] else { panic!("one warning") };
+        assert!(warning.message.starts_with("3 steps of the sampler"), "{}", warning.message);
+        assert!(warning.doubtful);
+    }
+}
