@@ -91,16 +91,14 @@ def data_cost(values, drift, first_of, displacement, duration, centre, reading, 
     force = forces(values, displacement, duration, centre)
     strokes = len(first_of)
     cost = 0.0
-    begin = 0
+    begin, i = 0, 0
     while begin < strokes:
         end = begin
         while end < strokes and first_of[end] == begin:
             end += 1
         count = end - begin + 1
         precision, moment = numpy.eye(count) * ridge, numpy.zeros(count)
-        for i in range(len(force)):
-            if weight[i] == 0.0 or stroke[i] < begin or stroke[i] >= end:
-                continue
+        while i < len(force) and stroke[i] < end:
             g, w = stroke[i], blend[i]
             slow = w * drift[g] + ((1.0 - w) * drift[g - 1] if w < 1.0 else 0.0)
             residual = reading[i] - values[0] - (1.0 + slow) * force[i]
@@ -113,6 +111,7 @@ def data_cost(values, drift, first_of, displacement, duration, centre, reading, 
             precision[last, own] += weight[i] * of_own * of_last
             moment[own] += weight[i] * of_own * residual
             moment[last] += weight[i] * of_last * residual
+            i += 1
         cost -= moment @ numpy.linalg.solve(precision, moment)
         begin = end
     return cost
