@@ -1,11 +1,11 @@
 """Posterior draws of an Extended Maxwell-Slip element by emcee, on the density that `identify --posterior` samples.
 
-    reference/posterior_emcee                 # writes vectors/posterior_emcee.json; about a minute
-    reference/posterior_emcee --speed EXAMPLE # effective draws a second beside those of the built example posterior_density
+    reference/posterior_emcee           # writes posterior/emcee.json; some minutes
+    reference/posterior_emcee --speed   # effective draws a second beside those of the example posterior_density
 
 The density is that of crates/trocar/src/identify/posterior/density.rs, computed anew: the element in closed form along each step
 (as in information_scipy.py), the friction scales of the strokes by dense matrices, cluster by cluster. Data, variances, priors and
-coordinates come from vectors/posterior_density.json, which `cargo run -p trocar --example posterior_density` writes:
+coordinates come from posterior/density.json, which `cargo run -p trocar --example posterior_density` writes:
 
     C = sum w*(y - o - (1 + d)*F)^2 - m'(Z'Z + lambda)^-1 m + sum of priors     ln pi = -C/(2 sigma^2)     theta_w = maximum + L_w z
 
@@ -14,6 +14,7 @@ for the joins.
 """
 
 import json
+import pathlib
 import subprocess
 import sys
 import time
@@ -24,7 +25,7 @@ import numpy
 
 import vectors
 
-DENSITY = "posterior_density.json"
+FOLDER = pathlib.Path(__file__).parent / "posterior"
 PARTS = [0.025, 0.25, 0.5, 0.75, 0.975]
 NAMES = ["offset_n", "coulomb_force_n", "viscous_damping_n_s_m", "half_width_m"]
 KINDS = ["offset", "sliding_force", "damping", "half_width"]
@@ -196,7 +197,7 @@ def compared(density, chain, factor, joins):
 
 
 def main():
-    density = Density(vectors.folder() / DENSITY)
+    density = Density(FOLDER / "density.json")
     if "--speed" in sys.argv:
         return speed(density, sys.argv[sys.argv.index("--speed") + 1])
     random = numpy.random.default_rng(SEED)
@@ -214,9 +215,9 @@ def main():
         "working": described(compared(density, chain, density.working, numpy.zeros(shape))),
         "adjusted": described(adjusted),
     }
-    (vectors.folder() / "posterior_emcee.json").write_text(json.dumps(result, indent=1) + "\n")
+    (FOLDER / "emcee.json").write_text(json.dumps(result, indent=1) + "\n")
     least = min(row["effective"] for row in result["working"].values())
-    print(f"posterior_emcee: {chain.shape[0] * WALKERS} draws in {seconds:.0f} s, {least:.0f} effective")
+    print(f"emcee: {chain.shape[0] * WALKERS} draws in {seconds:.0f} s, {least:.0f} effective")
 
 
 def speed(density, example):

@@ -359,7 +359,7 @@ fn agrees(what: &str, chains: &[Vec<f64>], theirs: &Sampled, parts: &[f64]) {
 }
 
 fn reference(name: &str) -> String {
-    let path = format!("{}/../../reference/vectors/{name}", env!("CARGO_MANIFEST_DIR"));
+    let path = format!("{}/../../reference/posterior/{name}", env!("CARGO_MANIFEST_DIR"));
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
 }
 
@@ -369,8 +369,7 @@ fn reference(name: &str) -> String {
 fn draws_are_those_of_another_sampler_on_the_same_density() {
     let found = small::found(&small::recording(), 4000);
     let density = found.density.as_ref().expect("there is a fit");
-    let kept: serde_json::Value =
-        serde_json::from_str(&reference("posterior_density.json")).unwrap();
+    let kept: serde_json::Value = serde_json::from_str(&reference("density.json")).unwrap();
     let now: serde_json::Value = serde_json::to_value(density.data()).unwrap();
     let off = |(a, b): (&serde_json::Value, &serde_json::Value)| {
         let [a, b] = [a, b].map(|v| v["maximum"].as_f64().unwrap());
@@ -379,7 +378,7 @@ fn draws_are_those_of_another_sampler_on_the_same_density() {
     let of = |value: &serde_json::Value| value["parameters"].as_array().unwrap().clone();
     let moved = of(&kept).iter().zip(&of(&now)).map(off).fold(0.0, f64::max);
     assert!(moved < 1e-4, "the fit has moved by {moved}: ./reference/posterior_emcee --density");
-    let theirs: Emcee = serde_json::from_str(&reference("posterior_emcee.json")).unwrap();
+    let theirs: Emcee = serde_json::from_str(&reference("emcee.json")).unwrap();
     for Point { z, log_density } in &theirs.points {
         let own = density.log_density(z);
         assert!((own - log_density).abs() < 0.05 + 2e-3 * own.abs(), "{own} {log_density}");
