@@ -72,11 +72,14 @@ fn model(error: f64) -> ModelFile {
     file
 }
 
+/// Length of a stroke, m: slides of both directions overlap, from which the observer adapts.
+const STROKE: f64 = 0.08;
+
 /// Strokes of several speeds: displacement of each sample.
 fn strokes(count: usize) -> Vec<f64> {
     let stroke = |k: usize| {
         let (speed, sign) = ([0.02, 0.05, 0.1][k / 2 % 3], if k % 2 == 0 { 1.0 } else { -1.0 });
-        std::iter::repeat_n(1e-3 * sign * speed, (0.04 / speed * 1e3) as usize)
+        std::iter::repeat_n(1e-3 * sign * speed, (STROKE / speed * 1e3) as usize)
     };
     (0..count).flat_map(stroke).collect()
 }
@@ -87,7 +90,7 @@ fn errors(mut observer: Compensator, truth: &Stages, rng: &mut ChaCha8Rng) -> [V
     let truth = Seal::Ems(*truth);
     let (mut state, mut x) = (truth.rest_at_force(0.0), 0.0);
     observer.step(x, 0.0, 0.0);
-    let all = strokes(24);
+    let all = strokes(12);
     let mut errors = [Vec::new(), Vec::new()];
     for (k, displacement) in all.iter().enumerate() {
         x += displacement;

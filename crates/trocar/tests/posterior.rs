@@ -271,7 +271,8 @@ fn updated(prior: &SealPrior, truth: ElementParams, seed: u64) -> ([bool; 5], Ve
 }
 
 /// A model as prior for a few strokes of another seal of its type, of a wetted and of a worn one: the
-/// intervals hold the truth, and the viscous part, which strokes at one speed do not show, is named.
+/// intervals hold the truth, and the viscous part, which strokes at one speed hardly show, is named on
+/// most benches; the Coulomb force on none.
 #[test]
 fn a_few_strokes_update_a_model_for_another_a_wetted_and_a_worn_seal() {
     let prior = SealPrior::new(&model_of_the_type(), "model.json", SealPrior::SPREAD).unwrap();
@@ -287,13 +288,12 @@ fn a_few_strokes_update_a_model_for_another_a_wetted_and_a_worn_seal() {
         println!("{state}: F_c, beta, c, F(a+), F(a-) within their intervals: {shares:.2?}");
         let least = if all.len() < 20 { 0.5 } else { 0.8 };
         assert!(shares[..3].iter().all(|share| *share >= least), "{state}: {shares:?}");
-        for (_, uninformed) in &all {
-            assert!(
-                uninformed.iter().any(|name| name == "viscous_damping_n_s_m"),
-                "{uninformed:?}"
-            );
-            assert!(!uninformed.iter().any(|name| name == "coulomb_force_n"), "{uninformed:?}");
-        }
+        let names = |name: &str| {
+            all.iter().filter(|(_, open)| open.iter().any(|own| own == name)).count() as f64
+        };
+        let [damping, force] = ["viscous_damping_n_s_m", "coulomb_force_n"].map(names);
+        println!("{state}: named as open: beta {damping}, F_c {force} of {}", all.len());
+        assert!(damping > 0.5 * all.len() as f64 && force == 0.0, "{state}: {damping} {force}");
     }
 }
 

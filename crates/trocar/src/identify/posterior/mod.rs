@@ -167,7 +167,7 @@ impl Posterior {
     ) -> Option<(Self, Density)> {
         let structures = structures::weighted(found, speeds);
         let per_chain = count.count() / CHAINS;
-        let density = |s: &Structure| Density::new(&s.training, &s.fitted);
+        let density = |s: &Structure| Density::new(&s.training, &s.fitted, &found.joins);
         let densities: Vec<Density> = structures.iter().map(density).collect::<Option<_>>()?;
         let sampled: Vec<Sampled<EmsTrial>> = densities
             .iter()

@@ -9,6 +9,7 @@
 
 use super::super::candidate::EmsTrial;
 use super::super::element::ElementFit;
+use super::super::joins::Joins;
 use super::super::likelihood::{self, Fitted, Stop, Trial};
 use super::super::prior;
 use super::super::spread::variance;
@@ -51,8 +52,8 @@ impl Structure {
     }
 
     /// ln Z.
-    fn log_evidence(&self) -> Option<f64> {
-        let density = Density::new(&self.training, &self.fitted)?;
+    fn log_evidence(&self, joins: &Joins) -> Option<f64> {
+        let density = Density::new(&self.training, &self.fitted, joins)?;
         let deviations = self.training.prior.iter().chain([]).map(|p| p.deviation);
         let of_drift = self.training.scale.expected.iter().copied();
         let volume_of_priors: f64 = deviations.chain(of_drift).map(f64::ln).sum();
@@ -88,7 +89,7 @@ pub(super) fn weighted(found: &ElementFit, speeds: [f64; 2]) -> Vec<Structure> {
     let trials = std::iter::once(best.clone()).chain(smaller).chain(larger);
     let mut all: Vec<(f64, Structure)> = trials
         .filter_map(|trial| Structure::fit(&training, &trial))
-        .filter_map(|structure| Some((structure.log_evidence()?, structure)))
+        .filter_map(|structure| Some((structure.log_evidence(&found.joins)?, structure)))
         .collect();
     let most = all.iter().map(|(z, _)| *z).fold(f64::NEG_INFINITY, f64::max);
     let weigh = |all: &mut Vec<(f64, Structure)>| {
