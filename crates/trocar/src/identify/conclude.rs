@@ -174,7 +174,7 @@ fn fitted_parameters(
             judged.undetermined.iter().find(|(group, _)| group.holds(p.id)).map(|(_, why)| why);
         let uninformed = prior.map(PriorUse::uninformed).unwrap_or_default();
         if uninformed.contains(&p.id.to_string().as_str()) {
-            let note = "as in the prior: the recordings say next to nothing about it";
+            let note = "as in the prior: the recordings contain almost no information about it";
             p.estimate = p.estimate.clone().with_note(note);
         }
         // What a prior knows is determined.

@@ -304,10 +304,60 @@ fn to_first_order(spread: &Spread<EmsTrial>, direction: Direction, number: usize
     (half_width, least.max(spread.curvature(number) * half_width.powi(2)))
 }
 
-/// Points between two joins at which an interval is taken.
+/// Points between two joins at which an interval is taken, and a density.
 const BETWEEN: usize = 8;
+const OF_DENSITY: usize = 24;
 
 impl Along {
+    /// Pairs of neighbouring points, the lower one first.
+    fn cells(&self) -> impl Iterator<Item = (&Point, &Point)> {
+        self.points.windows(2).map(|pair| by_excess(&pair[0], &pair[1]))
+    }
+
+    /// Joins in their order, each with the probability of a lower one under the density
+    /// exp(−½·(1.96)²·D).
+    pub(super) fn distribution(&self) -> Vec<(f64, f64)> {
+        let quantile = t_quantile(MANY_DEGREES);
+        let density = |excess: f64| (-0.5 * quantile * quantile * excess).exp();
+        let mut all: Vec<(f64, f64)> = Vec::new();
+        for (low, high) in self.cells() {
+            let width = high.join - low.join;
+            let at = |i: usize| {
+                let x = i as f64 / OF_DENSITY as f64;
+                (low.join + x * width, low.excess + (high.excess - low.excess) * x * x)
+            };
+            let step = width.abs() / OF_DENSITY as f64;
+            let of = |i: usize| {
+                let ([a, from], [b, to]) = (<[f64; 2]>::from(at(i)), <[f64; 2]>::from(at(i + 1)));
+                (a.max(b), 0.5 * step * (density(from) + density(to)))
+            };
+            let mut cell: Vec<(f64, f64)> = (0..OF_DENSITY).map(of).collect();
+            cell.sort_by(|a, b| a.0.total_cmp(&b.0));
+            all.extend(cell);
+        }
+        let total: f64 = all.iter().map(|(_, mass)| mass).sum();
+        let mut below = 0.0;
+        for (_, mass) in &mut all {
+            below += *mass / total;
+            *mass = below;
+        }
+        let first = self.points.first().map(|point| (point.join, 0.0));
+        first.into_iter().chain(all).collect()
+    }
+
+    /// The branch at a join, between those of the points beside it.
+    pub(super) fn branch_at(&self, join: f64) -> Option<BranchShape> {
+        let after = self.points.partition_point(|point| point.join < join);
+        let pair = self.points.get(after.saturating_sub(1)..)?.get(..2)?;
+        let share = ((join - pair[0].join) / (pair[1].join - pair[0].join).max(SAME * SAME))
+            .clamp(0.0, 1.0);
+        let [a, b] = [&pair[0], &pair[1]].map(|point| {
+            let moved = point.trial.with_join(self.direction, join);
+            moved.map(|trial| trial.candidate.branch(self.direction).clone())
+        });
+        Some(a?.towards(&b?, share))
+    }
+
     /// The joins within reach as fractions of the half width; `None` where they reach an end of the
     /// range or are half of it.
     pub(super) fn within(&self) -> Option<[f64; 2]> {
@@ -325,8 +375,7 @@ impl Along {
             let half = given * (1.0 - excess).max(0.0).sqrt();
             hull = [hull[0].min(value - half), hull[1].max(value + half)];
         };
-        for pair in self.points.windows(2) {
-            let (low, high) = by_excess(&pair[0], &pair[1]);
+        for (low, high) in self.cells() {
             let Some(most) = share_within(low, high) else { continue };
             let [from, to] = [low, high].map(|point| of(&point.trial));
             for i in 0..=BETWEEN {

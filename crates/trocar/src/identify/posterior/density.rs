@@ -18,7 +18,7 @@
 //! The jackknife of few clusters is uncertain itself; it is moderated by V_w as the variances of
 //! optional terms are (SMYTH). D widens by the factors of numbers.rs and of Student's t, and so that
 //! no parameter is narrower than under π_w. Points that leave the range of a parameter, in θ or θ_w,
-//! have no density. Joins are drawn by the likelihood along them (joins.rs).
+//! have no density. Where the density is a curved ridge, both maps follow it (joins.rs).
 
 use std::fmt;
 
@@ -33,7 +33,7 @@ use super::super::numbers;
 use super::super::prior::{Kind, Prior};
 use super::super::spread::{MANY_DEGREES, Spread};
 use super::super::training::Training;
-use super::joins::DrawnJoin;
+use super::joins::FollowedJoin;
 
 /// The density of one structure that draws were taken from, for other samplers: of d coordinates
 /// z, nearly standard normal.
@@ -48,7 +48,7 @@ pub struct Density {
     pub(super) adjusted: DMatrix<f64>,
     /// Number of joins: the first coordinates.
     pub(super) knots: usize,
-    joins: Vec<DrawnJoin>,
+    joins: Vec<FollowedJoin>,
     /// C(θ̂).
     least: f64,
     /// ½·ln|V_w|.
@@ -62,8 +62,7 @@ impl fmt::Debug for Density {
 }
 
 impl Density {
-    /// About the maximum `fitted`, with the likelihood along its joins; `None` where its information is
-    /// not positive definite.
+    /// About the maximum `fitted`; `None` where its information is not positive definite.
     pub(super) fn new(
         training: &Training,
         fitted: &Fitted<EmsTrial>,
@@ -82,7 +81,7 @@ impl Density {
             best: fitted.best.clone(),
             mode: DVector::from_iterator(free.len(), free.iter().map(|f| f.value)),
             knots: knots.len(),
-            joins: DrawnJoin::all(&fitted.best, joins, &adjusted),
+            joins: FollowedJoin::all(&fitted.best, &free, joins),
             free,
             working,
             adjusted,
@@ -150,9 +149,7 @@ impl Density {
     /// θ.
     fn drawn(&self, z: &DVector<f64>) -> DVector<f64> {
         let mut values = &self.mode + &self.adjusted * z;
-        for (knot, join) in self.joins.iter().enumerate() {
-            join.follow(&self.adjusted, (knot, z[knot]), &mut values);
-        }
+        self.joins.iter().for_each(|join| join.follow(&self.adjusted, &mut values));
         values
     }
 

@@ -1,179 +1,91 @@
-//! How the joins of the branches are drawn, and how the other numbers of a branch follow them.
+//! How the joins are drawn, and how the curvature of a branch follows its join.
 //!
 //! ```text
-//! ln p(a) = −½·q²·D(a)        D: likelihood along the join (identify/joins.rs); where D = 1 the 95 % interval ends, q = 1.96
-//! a = P⁻¹(Φ(z))               P: distribution function of p
-//! x(a) = x + x_a − x_â        x_a: numbers of the branch of the best fit with the join a
+//! a = Q(Φ((x_a − a_0)/s))                     x_a, s: join of the normal draw, its standard deviation; Q quantiles of the likelihood along the join
+//! x(a) = x + p(a) − p(a_0) − g·(x_a − a_0)    p(a): polynomials with join a that fit best
 //! ```
-//! Nearly the same branch has many joins, each with its own coefficients x, on a curve over a, and
-//! the best join need not be the middle of those within reach. The covariance has the linear part of
-//! that curve; it is replaced by x_a. For a branch without a likelihood along its join, p is normal,
-//! and x_a are the polynomials nearest to those of the maximum.
+//! Nearly the same branch has many joins, each with its own coefficients x, on a curve over a. The
+//! covariance has the linear part g of that curve; it is replaced by p(a). The likelihood along the
+//! join may have several minima (identify/joins.rs); its quantiles replace the normal ones. For the
+//! joins of a second stage, along which no likelihood is computed, a = x_a, and p(a) are the
+//! polynomials nearest to those of the maximum. The map shifts x by a function of a alone.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal};
 use trocar_model::Direction;
 
 use super::super::candidate::EmsTrial;
-use super::super::joins::{Joins, Point};
-use super::super::likelihood::{Free, Trial};
+use super::super::joins::{Along, Joins};
+use super::super::likelihood::Free;
 use super::super::prior::Kind;
 use super::super::shape::{BranchShape, EndForces};
 
-/// q.
-const IN_95: f64 = 1.96;
-/// Parts of a cell between two joins of the likelihood along it.
-const PARTS: usize = 8;
-/// Range and distance of the joins of a normal p, in standard deviations.
-const NORMAL: (f64, f64) = (3.0, 0.25);
-
-/// The join of one branch: its number among the free parameters, and after it the force there and
+/// The numbers of one branch among the free parameters: the join, and after it the force there and
 /// the coefficients.
 #[derive(Clone)]
-pub(super) struct DrawnJoin {
+pub(super) struct FollowedJoin {
     join: usize,
-    /// Joins from lowest to highest, P, and x_a − x_â.
-    nodes: Vec<Node>,
+    shape: BranchShape,
+    end_forces: EndForces,
+    along: Option<(Along, Vec<(f64, f64)>)>,
 }
 
-#[derive(Clone)]
-struct Node {
-    join: f64,
-    below: f64,
-    change: Vec<f64>,
-}
-
-/// A join, its D, and the numbers of the branch.
-struct Tried {
-    join: f64,
-    excess: f64,
-    numbers: Vec<f64>,
-}
-
-fn numbers(shape: &BranchShape) -> Vec<f64> {
-    let bends = shape.left.iter().chain(&shape.right).copied();
-    std::iter::once(shape.join_force).chain(bends).collect()
-}
-
-impl DrawnJoin {
-    /// Those of all branches that are free; `factor` is that of the covariance of the draws.
-    pub(super) fn all(best: &EmsTrial, joins: &Joins, factor: &DMatrix<f64>) -> Vec<Self> {
-        let free: Vec<Free> = best.free();
-        let own = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
-        let shapes = shapes(best);
-        own.zip(&shapes)
-            .enumerate()
-            .map(|(k, (join, (shape, ends)))| {
-                let direction = Direction::BOTH.get(k);
-                let along = direction.and_then(|direction| joins.along(*direction));
-                let tried = match (along, direction) {
-                    (Some(along), Some(direction)) => {
-                        along.points.iter().map(|point| Tried::of(point, *direction)).collect()
-                    }
-                    _ => nearest(shape, *ends, factor.row(join).norm()),
-                };
-                Self { join, nodes: nodes(&tried) }
-            })
-            .collect()
-    }
-
-    /// Sets the join of coordinate `knot`, of the value `z`, and the numbers of its branch.
-    pub(super) fn follow(
-        &self,
-        factor: &DMatrix<f64>,
-        (knot, z): (usize, f64),
-        values: &mut DVector<f64>,
-    ) {
-        let below = Normal::standard().cdf(z);
-        let last = self.nodes.len() - 1;
-        let right = self.nodes.partition_point(|node| node.below < below).clamp(1, last.max(1));
-        let Some((low, high)) = self.nodes.get(right - 1).zip(self.nodes.get(right)) else {
-            return;
+impl FollowedJoin {
+    /// Those of all branches that are free.
+    pub(super) fn all(best: &EmsTrial, free: &[Free], joins: &Joins) -> Vec<Self> {
+        let candidate = &best.candidate;
+        let first = candidate.end_forces();
+        let mut shapes: Vec<(BranchShape, EndForces, Option<Along>)> = Direction::BOTH
+            .map(|d| (candidate.branch(d).clone(), first, joins.along(d).cloned()))
+            .to_vec();
+        if let Some(stage) = &candidate.second {
+            let ends = stage.end_forces(&candidate.insertion, &candidate.withdrawal);
+            shapes.push((stage.insertion_branch.clone(), ends, None));
+            shapes.push((stage.withdrawal_branch.clone(), ends, None));
+        }
+        let joins = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
+        let of = |(join, (shape, end_forces, along)): (
+            usize,
+            (BranchShape, EndForces, Option<Along>),
+        )| {
+            let along =
+                along.map(|along| (along.distribution(), along)).map(|(q, along)| (along, q));
+            Self { join, shape, end_forces, along }
         };
-        let width = (high.below - low.below).max(f64::MIN_POSITIVE);
-        let x = ((below - low.below) / width).clamp(0.0, 1.0);
-        values[self.join] = low.join + x * (high.join - low.join);
-        for (k, (from, to)) in low.change.iter().zip(&high.change).enumerate() {
+        joins.zip(shapes).map(of).collect()
+    }
+
+    /// The join at `deviates` standard deviations of a normal draw, and the branch with it.
+    fn drawn(&self, join: f64, deviates: f64) -> Option<BranchShape> {
+        let Some((along, distribution)) = &self.along else {
+            let a = join.clamp(-BranchShape::JOIN_RANGE, BranchShape::JOIN_RANGE);
+            return self.shape.with_join(a, self.end_forces);
+        };
+        let below = Normal::standard().cdf(deviates);
+        let k = distribution.partition_point(|(_, part)| *part < below).max(1);
+        let [from, to] = [k - 1, k].map(|k| distribution[k.min(distribution.len() - 1)]);
+        let share = ((below - from.1) / (to.1 - from.1).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        along.branch_at(from.0 + share * (to.0 - from.0))
+    }
+
+    /// Draws the join of `values`, and adds the curved part to the other numbers of the branch;
+    /// `factor` is that of their covariance.
+    pub(super) fn follow(&self, factor: &DMatrix<f64>, values: &mut DVector<f64>) {
+        let off = values[self.join] - self.shape.join;
+        let row = factor.row(self.join);
+        let variance = row.norm_squared();
+        let Some(moved) = self.drawn(values[self.join], off / variance.sqrt()) else { return };
+        let numbers = |shape: &BranchShape| {
+            let all = std::iter::once(shape.join_force).chain(shape.left.iter().copied());
+            all.chain(shape.right.iter().copied()).collect::<Vec<_>>()
+        };
+        let both = numbers(&moved).into_iter().zip(numbers(&self.shape));
+        for (k, (there, here)) in both.enumerate() {
             let j = self.join + 1 + k;
-            values[j] += from + x * (to - from) - factor[(j, knot)] * z;
+            values[j] += there - here - factor.row(j).dot(&row) / variance * off;
         }
-    }
-}
-
-impl Tried {
-    fn of(point: &Point, direction: Direction) -> Self {
-        let shape = point.trial.candidate.branch(direction);
-        Self { join: point.join, excess: point.excess, numbers: numbers(shape) }
-    }
-}
-
-/// The branches in the order of their joins, each with the forces at its ends.
-fn shapes(best: &EmsTrial) -> Vec<(BranchShape, EndForces)> {
-    let candidate = &best.candidate;
-    let ends = candidate.end_forces();
-    let mut shapes = vec![
-        (candidate.insertion_branch.clone(), ends),
-        (candidate.withdrawal_branch.clone(), ends),
-    ];
-    if let Some(stage) = &candidate.second {
-        let ends = stage.end_forces(&candidate.insertion, &candidate.withdrawal);
-        shapes.push((stage.insertion_branch.clone(), ends));
-        shapes.push((stage.withdrawal_branch.clone(), ends));
-    }
-    shapes
-}
-
-/// Joins with the standard deviation `sd` about that of `shape`.
-fn nearest(shape: &BranchShape, ends: EndForces, sd: f64) -> Vec<Tried> {
-    let (range, apart) = NORMAL;
-    let count = (range / apart).round() as i32;
-    let of = |k: i32| {
-        let off = f64::from(k) * apart;
-        let join = shape.join + off * sd;
-        let moved = shape.with_join(join, ends)?;
-        let is_within = join.abs() <= BranchShape::JOIN_RANGE;
-        let excess = (off / IN_95).powi(2);
-        is_within.then(|| Tried { join, excess, numbers: numbers(&moved) })
-    };
-    (-count..=count).filter_map(of).collect()
-}
-
-/// P over the joins that were tried.
-fn nodes(tried: &[Tried]) -> Vec<Node> {
-    let Some(best) = tried.iter().min_by(|a, b| a.excess.total_cmp(&b.excess)) else {
-        return Vec::new();
-    };
-    let density = |excess: f64| (-0.5 * IN_95 * IN_95 * excess).exp();
-    let change = |of: &Tried| -> Vec<f64> {
-        of.numbers.iter().zip(&best.numbers).map(|(there, here)| there - here).collect()
-    };
-    let mut nodes = vec![Node { join: tried[0].join, below: 0.0, change: change(&tried[0]) }];
-    let mut last = density(tried[0].excess);
-    for pair in tried.windows(2) {
-        let [from, to] = [change(&pair[0]), change(&pair[1])];
-        for part in 1..=PARTS {
-            let x = part as f64 / PARTS as f64;
-            let here = density(between(pair[0].excess, pair[1].excess, x));
-            let width = (pair[1].join - pair[0].join) / PARTS as f64;
-            let below = nodes.last().map_or(0.0, |node| node.below) + 0.5 * (last + here) * width;
-            nodes.push(Node {
-                join: pair[0].join + x * (pair[1].join - pair[0].join),
-                below,
-                change: from.iter().zip(&to).map(|(a, b)| a + x * (b - a)).collect(),
-            });
-            last = here;
+        if self.along.is_some() {
+            values[self.join] = moved.join;
         }
-    }
-    let whole = nodes.last().map_or(1.0, |node| node.below).max(f64::MIN_POSITIVE);
-    nodes.iter_mut().for_each(|node| node.below /= whole);
-    nodes
-}
-
-/// D between two joins: a parabola about the lower one.
-fn between(left: f64, right: f64, x: f64) -> f64 {
-    if left <= right {
-        left + (right - left) * x * x
-    } else {
-        right + (left - right) * (1.0 - x) * (1.0 - x)
     }
 }

@@ -167,8 +167,8 @@ impl Posterior {
     ) -> Option<(Self, Density)> {
         let structures = structures::weighted(found, speeds);
         let per_chain = count.count() / CHAINS;
-        let density = |s: &Structure| Density::new(&s.training, &s.fitted, &found.joins);
-        let densities: Vec<Density> = structures.iter().map(density).collect::<Option<_>>()?;
+        let densities: Vec<Density> =
+            structures.iter().map(Structure::density).collect::<Option<_>>()?;
         let sampled: Vec<Sampled<EmsTrial>> = densities
             .iter()
             .enumerate()
@@ -274,7 +274,7 @@ impl Posterior {
         let as_wide = self.parameters.iter().filter(is_prior).map(|p| {
             let ratio = p.prior_ratio.unwrap_or_default();
             let message = format!(
-                "its draws are {:.0} % as wide as its prior: the recordings say next to nothing about it",
+                "its draws are {:.0} % as wide as its prior: the recordings contain almost no information about it",
                 1e2 * ratio
             );
             Warning::remark(p.id, message)

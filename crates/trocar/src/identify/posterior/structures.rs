@@ -29,6 +29,7 @@ const LAST: Stop = Stop { iterations: 60, fall: 1e-6, promise: 10.0 * 1e-6 };
 pub(super) struct Structure {
     pub(super) training: Training,
     pub(super) fitted: Fitted<EmsTrial>,
+    pub(super) joins: Joins,
     pub(super) weight: f64,
 }
 
@@ -40,7 +41,8 @@ impl Structure {
             training.prior = prior::weak(&from.free());
         }
         let fitted = likelihood::fit(&training, from, LAST)?;
-        Some(Self { training, fitted, weight: 0.0 })
+        let (fitted, joins) = Joins::searched(&training, fitted, LAST);
+        Some(Self { training, fitted, joins, weight: 0.0 })
     }
 
     /// Its optional terms, joined by `+`; `base` without any.
@@ -51,9 +53,14 @@ impl Structure {
         if own.is_empty() { "base".to_owned() } else { own.join("+") }
     }
 
+    /// The density about its maximum.
+    pub(super) fn density(&self) -> Option<Density> {
+        Density::new(&self.training, &self.fitted, &self.joins)
+    }
+
     /// ln Z.
-    fn log_evidence(&self, joins: &Joins) -> Option<f64> {
-        let density = Density::new(&self.training, &self.fitted, joins)?;
+    fn log_evidence(&self) -> Option<f64> {
+        let density = self.density()?;
         let deviations = self.training.prior.iter().chain([]).map(|p| p.deviation);
         let of_drift = self.training.scale.expected.iter().copied();
         let volume_of_priors: f64 = deviations.chain(of_drift).map(f64::ln).sum();
@@ -89,7 +96,7 @@ pub(super) fn weighted(found: &ElementFit, speeds: [f64; 2]) -> Vec<Structure> {
     let trials = std::iter::once(best.clone()).chain(smaller).chain(larger);
     let mut all: Vec<(f64, Structure)> = trials
         .filter_map(|trial| Structure::fit(&training, &trial))
-        .filter_map(|structure| Some((structure.log_evidence(&found.joins)?, structure)))
+        .filter_map(|structure| Some((structure.log_evidence()?, structure)))
         .collect();
     let most = all.iter().map(|(z, _)| *z).fold(f64::NEG_INFINITY, f64::max);
     let weigh = |all: &mut Vec<(f64, Structure)>| {
