@@ -21,6 +21,7 @@ katex_prerender = True
 katex_css_path = "katex/katex.min.css"
 copybutton_prompt_text = "$ "
 copybutton_only_copy_prompt_lines = True
+copybutton_line_continuation_character = "\\"
 
 html_theme = "furo"
 html_title = f"trocar {version}"

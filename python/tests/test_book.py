@@ -62,7 +62,7 @@ robot --go
 
 def check(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "TROCAR_PROGRAM": os.environ.get("TROCAR_PROGRAM", sys.executable)}
-    command = [sys.executable, ROOT / "docs" / "check", *options, page]
+    command = [sys.executable, str(ROOT / "docs" / "check"), *options, str(page)]
     return subprocess.run(command, env=environment, capture_output=True, text=True)
 
 
@@ -89,6 +89,7 @@ def test_a_right_page_passes_and_what_is_not_run_is_listed(tmp_path: Path) -> No
         ("<!-- not run: needs a robot -->\n", "", "exit code 127"),
         ("```toml", "```rust", "does not include this page"),
         ("```toml", "```", "a block of no language"),
+        ("```toml\nkey = 1\n```", "1. item\n\n   ```sh\n   exit 4\n   ```", "exit code 4"),
     ],
 )
 def test_a_wrong_page_fails(tmp_path: Path, right: str, wrong: str, message: str) -> None:

@@ -1,4 +1,7 @@
 //! From recordings of an instrument in a trocar to a validated model of the force between them.
+//!
+//! The book in the folder `docs` of the repository has tutorials and recipes (`docs/start/test-bench.md` to
+//! begin with), the equations of all models, and how far the results can be trusted.
 
 pub mod analyze;
 #[cfg(feature = "bench")]
@@ -44,4 +47,5 @@ pub use trocar_runtime::model_file;
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 #[doc = include_str!("../../../docs/how-to/compensation.md")]
+#[doc = include_str!("../../../docs/reference/rust.md")]
 pub struct Readme;
