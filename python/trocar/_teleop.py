@@ -17,6 +17,7 @@ from ._arrays import column, count
 from ._core import Model, ParameterError, TeleopError, TrocarError
 from ._keys import as_json, document, merged
 from ._progress import Progress, watched
+from .results import Posterior
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -26,6 +27,8 @@ _Array = npt.NDArray[np.float64]
 
 #: Most draws of trocars, as on the command line.
 _MOST_DRAWS = 1000
+#: Posterior draws that are tried where their number is not given, as on the command line.
+_POSTERIOR_DRAWS = 20
 
 
 def teleop(
@@ -35,6 +38,7 @@ def teleop(
     compensator: Optional[Model] = None,
     advise: bool = False,
     draws: int = 0,
+    posterior: Union[Posterior, _Path, None] = None,
     least_friction: float = 1.0,
     map: bool = False,
     delays_s: Optional[ArrayLike] = None,
@@ -63,6 +67,8 @@ def teleop(
     :param advise: find the fraction of the trocar's force to take out (``.advice``)
     :param draws: with ``advise``, try this many trocars drawn from the model's 95 % intervals (seed of the loop), up to
         1000, besides the model and both ends of the intervals
+    :param posterior: with ``advise``, draws of the model's parameters, or their file: ``draws`` of them (20 where that is 0)
+        are tried in place of the ends of the intervals and of draws from them
     :param least_friction: with ``advise``, reckon with trocars whose friction is down to this multiple of the model's, 0.01
         to 1, as that of a wetted seal, which loses 15 to 45 %
     :param map: find the stiffest and the softest tissue with which the loop is stable, over delay and fraction (``.map``)
@@ -85,6 +91,7 @@ def teleop(
         raise ParameterError(f"least_friction must be from 0.01 to 1, got {least_friction}")
     for name, is_given, option, is_on in (
         ("draws", draws > 0, "advise", advise),
+        ("posterior", posterior is not None, "advise", advise),
         ("least_friction", least_friction < 1.0, "advise", advise),
         ("delays_s", delays_s is not None, "map", map),
         ("fractions", fractions is not None, "map", map),
@@ -101,7 +108,8 @@ def teleop(
             name=file,
             changes=as_json(merged(keys, changes), TeleopError),
             advise=advise,
-            draws=draws,
+            draws=draws or (_POSTERIOR_DRAWS if posterior is not None else 0),
+            posterior=posterior,
             least_friction=float(least_friction),
             map=map,
             delays_s=_numbers("delays_s", delays_s),

@@ -40,8 +40,12 @@ struct Cli {
 }
 
 const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data, \
-                          130 interrupted.\n\nStart with: trocar demo\n\
-                          Read on: docs/index.md (docs/build makes it a book)";
+                          130 interrupted.
+
+Start with: trocar demo
+\
+                          Read on: docs/index.md (docs/build makes it a book); every message with its way out: \
+                          docs/troubleshooting.md";
 
 #[derive(Subcommand)]
 enum Verb {

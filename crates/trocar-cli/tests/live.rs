@@ -161,12 +161,7 @@ impl Motion {
         all
     }
 
-    pub(crate) fn assert_forces(
-        &self,
-        what: &str,
-        trocar: &Trocar<&[f64]>,
-        state: TrocarState,
-    ) {
+    pub(crate) fn assert_forces(&self, what: &str, trocar: &Trocar<&[f64]>, state: TrocarState) {
         let host = self.host(trocar, state);
         let differs = host.iter().zip(&self.force).position(|(a, b)| a.to_bits() != b.to_bits());
         assert_eq!(host.len(), self.force.len(), "{what}");

@@ -60,7 +60,8 @@ fn a_reader_drags_the_seal_of_the_book_and_sees_the_forces_of_the_library() {
         Err(why) => return skip(&why),
     };
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let fragment = folder.join("../../docs/figures/gallery/moving-seal.html").canonicalize().unwrap();
+    let fragment =
+        folder.join("../../docs/figures/gallery/moving-seal.html").canonicalize().unwrap();
     let place = tempfile::tempdir().unwrap();
     let [played, motion] = ["played.html", "motion.csv"].map(|name| place.path().join(name));
     let text = fs::read_to_string(&fragment).unwrap();

@@ -55,7 +55,10 @@ fn rows(text: &mut String, prefix: &str, object: &Value, fields: &Map<String, Va
         let is_required = required.is_some_and(|all| all.iter().any(|one| one == name));
         let bold = if is_required { "**" } else { "" };
         let meaning = field["description"].as_str().map_or_else(|| reference(field), escaped);
-        assert!(!meaning.is_empty() || field["const"].is_string(), "{prefix}{name} has no description");
+        assert!(
+            !meaning.is_empty() || field["const"].is_string(),
+            "{prefix}{name} has no description"
+        );
         let (unit, values) = (unit(name), values(field));
         let _ = writeln!(text, "| {bold}`{prefix}{name}`{bold} | {unit} | {meaning} | {values} |");
         let is_list = field["items"].is_object();
@@ -100,7 +103,8 @@ fn unit(name: &str) -> &'static str {
 
 /// The type and range of a field.
 fn values(field: &Value) -> String {
-    let code = |value: &Value| format!("`{}`", value.as_str().map_or(value.to_string(), str::to_owned));
+    let code =
+        |value: &Value| format!("`{}`", value.as_str().map_or(value.to_string(), str::to_owned));
     if !field["const"].is_null() {
         return code(&field["const"]);
     }
@@ -108,7 +112,11 @@ fn values(field: &Value) -> String {
         return all.iter().map(code).collect::<Vec<_>>().join(", ");
     }
     if let Some(forms) = field["oneOf"].as_array() {
-        return forms.iter().map(|one| reference(one).replace("see ", "")).collect::<Vec<_>>().join(", ");
+        return forms
+            .iter()
+            .map(|one| reference(one).replace("see ", ""))
+            .collect::<Vec<_>>()
+            .join(", ");
     }
     if field["items"].is_object() {
         let of = match field["items"]["$ref"].as_str() {

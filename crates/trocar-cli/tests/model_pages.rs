@@ -2,6 +2,9 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::live::{skip, tools};
 
 #[path = "../../trocar/examples/model_pages/main.rs"]
 mod example;
@@ -75,6 +78,58 @@ fn every_model_has_a_page_with_all_its_parts() {
             text.contains(&format!("\n<!-- live: {stem} -->\n")),
             has_live,
             "{stem}.md: its live model"
+        );
+    }
+}
+
+/// What a browser saw of a live model: forces, N, before and after it was moved.
+#[derive(serde::Deserialize)]
+struct Seen {
+    before: f64,
+    after: f64,
+    message: String,
+}
+
+/// As the book makes them: the page that is kept, with the numbers of another model in it.
+#[test]
+fn every_live_model_moves_in_a_browser() {
+    let [browser, modules] = match tools() {
+        Ok(found) => found,
+        Err(why) => return skip(&why),
+    };
+    let kept = root().join("docs/figures/models");
+    let read = |name: &str| std::fs::read_to_string(kept.join(name)).unwrap();
+    let (shell, ems) = (read("live.html"), read("ems.json"));
+    assert_eq!(shell.matches(ems.trim()).count(), 1);
+    let folder = tempfile::tempdir().unwrap();
+    let files = example::files().unwrap();
+    let models = files.iter().filter(|(name, _)| name.ends_with(".json"));
+    let written = models.map(|(name, text)| {
+        let page = folder.path().join(name).with_extension("html");
+        std::fs::write(&page, shell.replace(ems.trim(), text.trim())).unwrap();
+        page
+    });
+    let pages: Vec<PathBuf> = written.collect();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/live/drive_models.mjs");
+    let mut program = Command::new("node");
+    let output = program
+        .arg(script)
+        .arg(modules.join("node_modules/playwright-core"))
+        .arg(browser)
+        .args(&pages)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let seen: Vec<Seen> =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}\n{errors}"));
+    assert_eq!(seen.len(), 10);
+    for (page, Seen { before, after, message }) in pages.iter().zip(seen) {
+        assert!(message.is_empty(), "{}: {message}", page.display());
+        // Pushed a little: the seal holds back with up to its sliding force.
+        assert!(
+            before == 0.0 && 0.0 < after && after < 6.0,
+            "{}: {before} N, {after} N",
+            page.display()
         );
     }
 }

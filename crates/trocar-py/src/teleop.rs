@@ -12,13 +12,15 @@ use trocar::teleop::config::{EXAMPLE_TOML, PRESETS};
 use trocar::teleop::hybrid::{self, response};
 use trocar::teleop::stability::ZWidth;
 use trocar::teleop::{
-    Candidates, Config, ConfigError, Outcome, candidates, course_columns, response_columns,
+    Candidates, Config, ConfigError, Outcome, candidates, course_columns, posterior_candidates,
+    response_columns,
 };
-use trocar_model::Trocar;
+use trocar_model::{Stages, Trocar};
 
 use crate::errors::{Raise, TeleopError, in_python};
 use crate::keys::changed;
 use crate::model::Model;
+use crate::posterior::Draws;
 use crate::work::{How, Report, run};
 
 /// The loop with every key at its default, as a documented TOML text.
@@ -44,7 +46,7 @@ type Frequencies = Option<Vec<f64>>;
 /// Runs the loop of the document `text` (without it, the defaults) with the keys in `changes`, JSON: the
 /// summary as JSON, the course (None if the loop diverged) and the hybrid matrix.
 #[pyfunction]
-#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, least_friction, map, delays_s, fractions, hybrid,
+#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, posterior, least_friction, map, delays_s, fractions, hybrid,
     frequencies_hz, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn teleop<'py>(
@@ -56,6 +58,7 @@ pub(crate) fn teleop<'py>(
     changes: &str,
     advise: bool,
     draws: usize,
+    posterior: Option<&Bound<'py, PyAny>>,
     least_friction: f64,
     map: bool,
     delays_s: Option<Vec<f64>>,
@@ -75,7 +78,9 @@ pub(crate) fn teleop<'py>(
     }
     let config = config.with_force_error(&compensator);
     let (map, hybrid) = (map.then_some((delays_s, fractions)), hybrid.then_some(frequencies_hz));
-    let job = Job { config, plant, compensator, advise, draws, least_friction, map, hybrid };
+    let posterior = posterior.map(Draws::of).transpose()?.map(|draws| draws.models);
+    let job =
+        Job { config, plant, compensator, advise, draws, posterior, least_friction, map, hybrid };
     let done = run(py, How { progress, threads }, move |report| job.run(report))??;
     let arrays = |columns: Columns| {
         columns.into_iter().map(|(name, cells)| (name, PyArray1::from_vec(py, cells))).collect()
@@ -102,6 +107,7 @@ struct Job {
     compensator: Arc<ModelFile>,
     advise: bool,
     draws: usize,
+    posterior: Option<Vec<Stages>>,
     least_friction: f64,
     map: Option<Axes>,
     hybrid: Option<Frequencies>,
@@ -145,6 +151,12 @@ impl Job {
         let (file, [own, _]) = (&self.plant, self.models());
         let within = |error| format!("the model within its 95 % intervals: {error}");
         let refuse = |error| TeleopError::new_err(within(error));
+        if let Some(draws) = &self.posterior {
+            file.stages().map_err(Raise::raise)?;
+            let trocars = posterior_candidates(file, draws, self.draws, self.least_friction);
+            let trocars = trocars.map_err(refuse)?;
+            return advise::advise(&self.config, own, &trocars).map_err(Raise::raise);
+        }
         if self.draws > 0 && file.intervals.is_empty() {
             let text = "draws needs a model with 95 % intervals, as identify gives it";
             return Err(TeleopError::new_err(text));

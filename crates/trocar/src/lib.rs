@@ -47,4 +47,5 @@ pub use trocar_runtime::model_file;
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 #[doc = include_str!("../../../docs/how-to/compensation.md")]
+#[doc = include_str!("../../../docs/reference/rust.md")]
 pub struct Readme;

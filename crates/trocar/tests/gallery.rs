@@ -7,6 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use trocar_model::{Element, ElementParams, Trocar};
 
 #[path = "../examples/gallery/main.rs"]
+#[allow(dead_code)] // its main
 mod example;
 
 const PAGE: &str = include_str!("../../../docs/gallery/index.md");

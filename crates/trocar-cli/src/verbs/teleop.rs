@@ -12,7 +12,9 @@ use trocar::teleop::config::{Architecture, TissueKind, shipped};
 use trocar::teleop::hybrid::{frequencies, response};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::ZWidth;
-use trocar::teleop::{Candidates, Config, Outcome, candidates, write_course, write_response};
+use trocar::teleop::{
+    Candidates, Config, Outcome, candidates, posterior_candidates, write_course, write_response,
+};
 use trocar_model::Trocar;
 
 use crate::Completion;
@@ -24,6 +26,8 @@ use crate::table::{Table, number};
 
 /// Least amplitude of the strokes of a hybrid matrix, m.
 const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
+/// Posterior draws that are tried without --draws.
+const POSTERIOR_DRAWS: usize = 20;
 /// Longest delay of a map, in samples.
 const LONGEST_MAPPED: f64 = 1e4;
 
@@ -52,6 +56,10 @@ pub(crate) struct Args {
     /// the loop)
     #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
     draws: Option<u16>,
+    /// With --advise: in place of the ends of the intervals and of draws from them, try draws of the
+    /// model's parameters that `identify --posterior` wrote: --draws of them, or 20
+    #[arg(long, value_name = "FILE", requires = "advise")]
+    posterior: Option<PathBuf>,
     /// With --advise: include trocars whose friction is down to this multiple of the model's, as that of a
     /// wetted seal, which loses 15 to 45 %
     #[arg(long, value_name = "SCALE", requires = "advise", value_parser = friction_scale)]
@@ -289,6 +297,32 @@ fn advice(
     [model, _]: [&Trocar<Vec<f64>>; 2],
     file: &ModelFile,
 ) -> anyhow::Result<Advice> {
+    let least_friction_scale = args.least_friction.unwrap_or(1.0);
+    let plants = match (&args.posterior, &args.model) {
+        (Some(path), Some(of)) => {
+            let draws = models::read_draws(path, (file, of))?;
+            let most = args.draws.map_or(POSTERIOR_DRAWS, usize::from);
+            posterior_candidates(file, &draws, most, least_friction_scale)
+                .context("posterior draws of the model")?
+        }
+        _ => within_intervals(console, args, config, file, least_friction_scale)?,
+    };
+    if args.least_friction.is_none() {
+        console.remark(
+            "the advice includes the model's uncertainty alone: --least-friction 0.55 adds seals that are wetted",
+        );
+    }
+    Ok(advise(config, model, &plants)?)
+}
+
+/// The trocars within the intervals of the model.
+fn within_intervals(
+    console: &Console,
+    args: &Args,
+    config: &Config,
+    file: &ModelFile,
+    least_friction_scale: f64,
+) -> anyhow::Result<Vec<Trocar<Vec<f64>>>> {
     if args.draws.is_some() && file.intervals.is_empty() {
         let text = "--draws needs a model with 95 % intervals, as identify writes it";
         return Err(BadArgument(text.to_owned()).into());
@@ -296,7 +330,7 @@ fn advice(
     let wanted = Candidates {
         draws: args.draws.map_or(0, usize::from),
         seed: config.seed,
-        least_friction_scale: args.least_friction.unwrap_or(1.0),
+        least_friction_scale,
     };
     let plants = candidates(file, &wanted).context("the model within its 95 % intervals")?;
     if plants.len() == 1 {
@@ -304,12 +338,7 @@ fn advice(
             "the model has no 95 % intervals: the advice is for a trocar that equals the model",
         );
     }
-    if args.least_friction.is_none() {
-        console.remark(
-            "the advice includes the model's intervals alone: --least-friction 0.55 adds seals that are wetted",
-        );
-    }
-    Ok(advise(config, model, &plants)?)
+    Ok(plants)
 }
 
 fn stability_map(

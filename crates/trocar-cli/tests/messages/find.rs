@@ -191,8 +191,15 @@ pub(crate) fn of_python(text: &str, whole: bool) -> Vec<String> {
 
 /// Whether what follows `before` is inside the parentheses of a `raise`.
 fn is_raised(before: &str) -> bool {
-    let count = |of: &str, bracket| of.matches(bracket).count();
-    before.rfind("raise ").is_some_and(|at| count(&before[at..], '(') > count(&before[at..], ')'))
+    let Some(at) = before.rfind("raise ") else { return false };
+    let mut depth = 0;
+    for letter in before[at..].chars() {
+        depth += i32::from(letter == '(') - i32::from(letter == ')');
+        if letter == ')' && depth == 0 {
+            return false;
+        }
+    }
+    depth > 0
 }
 
 /// A text up to its closing quote, and what follows. A backslash takes the next character with it.

@@ -10,6 +10,7 @@ mod find;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use find::{of_python, of_rust};
 
@@ -263,4 +264,53 @@ fn the_page_holds_every_message() {
         "docs/troubleshooting.md\nhas not {missing:#?}\nhas, unlike the program, {old:#?}\n\
          run TROCAR_WRITE_DOCS=1 cargo test -p trocar-cli --test all messages, and explain what is new"
     );
+}
+
+/// Whether `printed` is `message` with something in place of each name in braces.
+fn is_of(printed: &str, message: &str) -> bool {
+    let parts = message
+        .split('{')
+        .flat_map(|part| part.split_once('}').map_or([part, ""], |(_, after)| ["", after]));
+    let mut rest = Some(printed);
+    for part in parts.filter(|part| !part.trim().is_empty()) {
+        rest = rest.and_then(|rest| rest.split_once(part)).map(|(_, after)| after);
+    }
+    rest.is_some()
+}
+
+#[test]
+fn what_the_program_prints_is_on_the_page() {
+    let page = Page::read(
+        &std::fs::read_to_string(root().join("docs/troubleshooting.md")).expect("the page"),
+    );
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("numbers.csv"), "0,0,1\n0.001,0.00001,1\n0.002,0.00002,1\n")
+        .unwrap();
+    std::fs::write(folder.path().join("words.csv"), "time_s,position_m,force_n\n0,0,1\n1,off,1\n")
+        .unwrap();
+    std::fs::write(folder.path().join("model.json"), "{\"format\": \"other\"}").unwrap();
+    std::fs::write(folder.path().join("rig.toml"), "[motor]\nspeed = 3\n").unwrap();
+    let cases = [
+        "inspect missing.csv",
+        "identify numbers.csv --out a",
+        "identify words.csv --out a",
+        "simulate missing.json words.csv --out b.csv",
+        "simulate model.json words.csv --out b.csv",
+        "bench steady --out missing/steady.csv",
+        "bench steady --rig rig.toml --out steady.csv",
+        "compare words.csv --models gauss",
+        "teleop --model plausible --draws 3 --advise",
+    ];
+    for case in cases {
+        let mut program = Command::new(env!("CARGO_BIN_EXE_trocar"));
+        let output = program.current_dir(folder.path()).args(case.split(' ')).output().unwrap();
+        assert!(!output.status.success(), "{case} has no error");
+        let printed = String::from_utf8(output.stderr).unwrap();
+        let printed = printed.split_whitespace().collect::<Vec<_>>().join(" ");
+        // Some words of its own, not names in braces alone.
+        let words = |message: &str| message.split(['{', '}']).step_by(2).collect::<String>().len();
+        let found =
+            page.explanations.keys().any(|message| words(message) > 12 && is_of(&printed, message));
+        assert!(found, "trocar {case}: not on the page: {printed}");
+    }
 }

@@ -88,17 +88,23 @@ fn hand(done: &Workflow) -> Outcome<Figure> {
     };
     let measured: Vec<f64> = recording.force.iter().map(|f| f - model.model.offset).collect();
     let axis = || Axis::new("time", "s");
-    let position = Panel::new(axis(), Axis::new("position", "mm"))
-        .aspect(0.18)
-        .series(line("position", Role::Neutral, &recording.position, MM));
+    let position = Panel::new(axis(), Axis::new("position", "mm")).aspect(0.18).series(line(
+        "position",
+        Role::Neutral,
+        &recording.position,
+        MM,
+    ));
     let forces = Panel::new(axis(), Axis::new("force", "N"))
         .aspect(0.34)
         .series(line("measured", Role::Measured, &measured, 1.0))
         .series(line("model", Role::Model, &replayed.force, 1.0));
     let error: Vec<f64> = measured.iter().zip(&replayed.force).map(|(a, b)| a - b).collect();
-    let residual = Panel::new(axis(), Axis::new("difference", "N"))
-        .aspect(0.14)
-        .series(line("measured − model", Role::Residual, &error, 1.0));
+    let residual = Panel::new(axis(), Axis::new("difference", "N")).aspect(0.14).series(line(
+        "measured − model",
+        Role::Residual,
+        &error,
+        1.0,
+    ));
     Ok(Figure::new("hand", 1, "A hand, measured and modelled")
         .panel(position)
         .panel(forces)
@@ -118,7 +124,9 @@ fn intervals(done: &Workflow) -> Outcome<Figure> {
     for parameter in &done.identification.parameters {
         let id = parameter.id;
         let real = truth.value(id.direction, id.quantity);
-        let Some(real) = real.filter(|value| *value > 0.0 && id.element.is_none()) else { continue };
+        let Some(real) = real.filter(|value| *value > 0.0 && id.element.is_none()) else {
+            continue;
+        };
         let percent = |value: f64| 100.0 * (value / real - 1.0);
         let ends = parameter.estimate.ci95.map(percent);
         if parameter.estimate.determined && ends.iter().all(|end| end.is_finite()) {
@@ -164,15 +172,19 @@ pub(crate) fn compared() -> Outcome<Vec<Figure>> {
     let identify = IdentifyOptions { inertia_removed: true, ..options() };
     let options = CompareOptions { models: models(), identify, timing: false };
     let comparison = compare(&training, &validation, &options, &|_, _| {})?;
-    let outcome = compare::Outcome { comparison: &comparison, seed: SEED, held_out: false, moving_mass: mass };
+    let outcome = compare::Outcome {
+        comparison: &comparison,
+        seed: SEED,
+        held_out: false,
+        moving_mass: mass,
+    };
     let names = [("one-reversal", COMPARED[0]), (COMPARED[1], COMPARED[1])];
     chosen(comparison::document(&outcome, ""), &names)
 }
 
 fn posterior() -> Outcome<Posterior> {
     let recordings = [record(Protocol::Steady)?, record(Protocol::Dynamic)?];
-    let options =
-        IdentifyOptions { free_motion: false, posterior: Draws::new(600), ..options() };
+    let options = IdentifyOptions { free_motion: false, posterior: Draws::new(600), ..options() };
     let found = identify(&recordings, &options, &|_, _| {})?;
     Ok(found.posterior.ok_or("there are no draws")?)
 }
@@ -209,7 +221,13 @@ fn corner(posterior: &Posterior) -> Outcome<Figure> {
             let panel = if row == at {
                 let (edges, counts) = histogram(x);
                 Panel::new(x_axis.clone(), Axis::new("draws", "").with_zero())
-                    .series(Series::band("", Role::Model, edges.clone(), vec![0.0; edges.len()], counts.clone()))
+                    .series(Series::band(
+                        "",
+                        Role::Model,
+                        edges.clone(),
+                        vec![0.0; edges.len()],
+                        counts.clone(),
+                    ))
                     .series(Series::line("", Role::Model, edges, counts))
             } else {
                 Panel::new(x_axis.clone(), y_axis.clone())
@@ -245,7 +263,10 @@ fn branch(posterior: &Posterior) -> Outcome<Figure> {
     for z in &grid {
         let mut forces: Vec<f64> = models
             .iter()
-            .map(|stages| stages.first().params().deformation.insertion().force(*z) - truth.deformation.insertion().force(*z))
+            .map(|stages| {
+                stages.first().params().deformation.insertion().force(*z)
+                    - truth.deformation.insertion().force(*z)
+            })
             .collect();
         forces.sort_by(f64::total_cmp);
         let at = |part: f64| forces[((forces.len() - 1) as f64 * part).round() as usize];
@@ -261,7 +282,8 @@ fn branch(posterior: &Posterior) -> Outcome<Figure> {
         .series(Series::band("95 % of the draws", Role::Model, x, low, high))
         .series(zero)
         .mark(Mark::x(MM * truth.deformation.insertion().join(), "join"));
-    Ok(Figure::new("draws-of-the-branch", 1, "How well the branch is known").width(Width::Narrow).panel(panel).caption(
-        "The branch of insertion in 600 draws less the true one, over the deflection.",
-    ))
+    Ok(Figure::new("draws-of-the-branch", 1, "How well the branch is known")
+        .width(Width::Narrow)
+        .panel(panel)
+        .caption("The branch of insertion in 600 draws less the true one, over the deflection."))
 }

@@ -31,7 +31,9 @@ fn pushed(fraction: f64) -> Config {
 fn felt() -> Outcome<Figure> {
     let file = ModelFile::plausible_10_5_mm()?;
     let surface = Config::default().tissue.surface_m;
-    let mut panel = Panel::new(Axis::new("depth of the tip in the tissue", "mm"), Axis::new("force felt", "N")).aspect(0.6);
+    let mut panel =
+        Panel::new(Axis::new("depth of the tip in the tissue", "mm"), Axis::new("force felt", "N"))
+            .aspect(0.6);
     for (k, fraction) in (0..).zip([0.0, 0.5, 0.8, 0.95]) {
         let config = pushed(fraction);
         let outcome = Loop::of(&config, [&file.trocar, &file.trocar])?;

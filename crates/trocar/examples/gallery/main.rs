@@ -70,8 +70,31 @@ const OTHERS: [[&str; 4]; 4] = [
     ],
 ];
 
+/// Drawings: file in docs/figures, title, caption.
+const SCHEMATICS: [[&str; 3]; 4] = [
+    [
+        "trocar.svg",
+        "A trocar with a one-stage seal",
+        "Longitudinal section: the instrument slides in, reverses, takes the lip along until it snaps through, and slides out.",
+    ],
+    [
+        "ems-element.svg",
+        "The EMS element",
+        "One stage of a seal, and the element that stands for it: a nonlinear spring and a damper carry the contact on which the instrument slides.",
+    ],
+    [
+        "maxwell-slip.svg",
+        "The Maxwell-Slip model",
+        "Springs in series with blocks that slide at a limit force; all are moved at one velocity, and their forces add up.",
+    ],
+    [
+        "test-bench.svg",
+        "The test bench",
+        "A linear motor with an encoder moves a rod through a fixed trocar; a force sensor lies between motor and rod.",
+    ],
+];
+
 /// Names of all pictures.
-#[allow(dead_code)] // the test asks
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     GROUPS.iter().flat_map(|group| group.names).copied()
 }
@@ -113,26 +136,31 @@ pub(crate) fn page(figures: &[Figure]) -> String {
             large += &entry;
         }
     }
-    for [thumbnail, entry] in OTHERS.map(entry) {
+    let drawings = SCHEMATICS.map(|[file, title, caption]| [file, title, caption, ""]);
+    for (k, [thumbnail, entry]) in OTHERS.into_iter().chain(drawings).map(entry).enumerate() {
+        if k == OTHERS.len() {
+            large += "## Schematics\n\n";
+        }
         small += &thumbnail;
         large += &entry;
     }
     format!(
-        "# Gallery\n\n<!-- made by: {COMMAND} -->\n\nAll pictures come from the models, the virtual bench and the reports of this project. One command makes them \
-         all:\n\n```text\n{COMMAND}\n```\n\n::::{{grid}} 3 4 5 5\n:gutter: 2\n:class-container: thumbnails\n\n{small}::::\n\n{large}"
+        "# Gallery\n\n<!-- made by: {COMMAND} -->\n\nAll pictures come from the models, the virtual bench and the reports of this project. This command makes all \
+         pictures that name it:\n\n```text\n{COMMAND}\n```\n\n::::{{grid}} 2 3 4 4\n:gutter: 2\n:class-container: thumbnails\n\n{small}::::\n\n{large}"
     )
 }
 
 const COMMAND: &str = "cargo run --release -p trocar --example gallery -- docs";
 
-/// A picture small, with a link to where it is large, and that place.
+/// A picture small, with a link to where it is large, and that place with its command, if it has one.
 fn entry([file, title, caption, command]: [&str; 4]) -> [String; 2] {
     let kept = |c: char| c.is_alphanumeric() || c == ' ' || c == '-';
     let anchor = title.to_lowercase().replace(|c| !kept(c), "").replace(' ', "-");
     let picture = format!("![{title}](../figures/{file})");
+    let command = if command.is_empty() { String::new() } else { format!("`{command}`\n\n") };
     [
         format!(":::{{grid-item}}\n[{picture}](#{anchor})\n:::\n"),
-        format!("### {title}\n\n{picture}\n\n{caption}\n\n`{command}`\n\n"),
+        format!("### {title}\n\n{picture}\n\n{caption}\n\n{command}"),
     ]
 }
 
@@ -141,12 +169,12 @@ pub(crate) fn moving() -> Outcome<String> {
     Ok(moving_seal(&ElementParams::plausible_10_5_mm()?)?)
 }
 
-#[allow(dead_code)] // the test takes what it calls
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().ok_or("the folder for the pictures is missing")?;
     let wanted: Vec<String> = arguments.collect();
-    if let Some(name) = wanted.iter().find(|name| **name != MOVING && !names().any(|n| n == **name)) {
+    if let Some(name) = wanted.iter().find(|name| **name != MOVING && !names().any(|n| n == **name))
+    {
         let all: Vec<&str> = names().collect();
         return Err(format!("there is no picture {name}, only {MOVING}, {}", all.join(", ")).into());
     }

@@ -74,11 +74,21 @@ fn drawn_seals() -> Outcome<Figure> {
         forces[((forces.len() - 1) as f64 * part).round() as usize]
     };
     let mut panel = Panel::new(Axis::new("position", "mm"), Axis::new("force", "N")).aspect(0.55);
-    for (first, role, name) in [(0, Role::Category(0), "insertion"), (STEPS, Role::Category(1), "withdrawal")] {
-        let x: Vec<f64> = if first == 0 { x.clone() } else { x.iter().map(|x| MM * STROKE - x).collect() };
-        let quantile = |part: f64| (first..first + STEPS).map(|k| at(k, part)).collect::<Vec<f64>>();
+    for (first, role, name) in
+        [(0, Role::Category(0), "insertion"), (STEPS, Role::Category(1), "withdrawal")]
+    {
+        let x: Vec<f64> =
+            if first == 0 { x.clone() } else { x.iter().map(|x| MM * STROKE - x).collect() };
+        let quantile =
+            |part: f64| (first..first + STEPS).map(|k| at(k, part)).collect::<Vec<f64>>();
         panel = panel
-            .series(Series::band(format!("{name}, 90 % of the seals"), role, x.clone(), quantile(0.05), quantile(0.95)))
+            .series(Series::band(
+                format!("{name}, 90 % of the seals"),
+                role,
+                x.clone(),
+                quantile(0.05),
+                quantile(0.95),
+            ))
             .series(Series::band("", role, x.clone(), quantile(0.25), quantile(0.75)))
             .series(Series::line(format!("{name}, median"), role, x, quantile(0.5)));
     }

@@ -2,7 +2,8 @@
 
 use trocar::report::{Axis, Figure, Mark, Panel, Role, Series, Width};
 use trocar_model::{
-    Direction, Element, ElementParams, Quantity, Relaxation, Seal, SlidingFriction, State, Tunable, step_parallel,
+    Direction, Element, ElementParams, Quantity, Relaxation, Seal, SlidingFriction, State, Tunable,
+    step_parallel,
 };
 
 use super::{Outcome, thinned};
@@ -70,8 +71,13 @@ impl Run {
     fn along(params: ElementParams, intervals: &[(f64, f64)]) -> Outcome<Self> {
         let element = Element::new(params)?;
         let mut state = element.rest_state(-params.deformation.half_width());
-        let mut run =
-            Self { time: vec![], position: vec![], force: vec![], deflection: vec![], slip: vec![] };
+        let mut run = Self {
+            time: vec![],
+            position: vec![],
+            force: vec![],
+            deflection: vec![],
+            slip: vec![],
+        };
         run.keep(0.0, 0.0, &state);
         let (mut time, mut position) = (0.0, 0.0);
         for &(velocity, duration) in intervals {
@@ -135,7 +141,8 @@ fn annotated_loop() -> Outcome<Figure> {
     let minor = [(SPEED, 1.5), (-SPEED, 1.5), (SPEED, 0.6), (-SPEED, 0.2), (SPEED, 0.2)];
     let minor = Run::along(params, &minor)?.from(3.6);
     let snap = params.deformation.insertion().join();
-    let at = |reached: &dyn Fn(usize) -> bool| (1..full.time.len()).find(|k| reached(*k)).unwrap_or(0);
+    let at =
+        |reached: &dyn Fn(usize) -> bool| (1..full.time.len()).find(|k| reached(*k)).unwrap_or(0);
     let join = at(&|k| full.deflection[k] >= snap);
     let back = at(&|k| k > 1500 && full.deflection[k] <= -snap);
     let labelled = |x: &[f64], points: &[(usize, &str)]| {
@@ -158,7 +165,13 @@ fn annotated_loop() -> Outcome<Figure> {
         .series(moved(&minor, "minor loop", Role::Alternative))
         .series(labelled(
             &full.position,
-            &[(1, "reversal"), (join, "snap-through"), (1200, "sliding"), (1500, "reversal"), (2600, "sliding")],
+            &[
+                (1, "reversal"),
+                (join, "snap-through"),
+                (1200, "sliding"),
+                (1500, "reversal"),
+                (2600, "sliding"),
+            ],
         ))
         .mark(Mark::x_range(0.0, 2.0 * c, "full reversal, 2c"));
     let deflection = Panel::new(Axis::new("deflection z of the seal", "mm"), force())
@@ -167,7 +180,12 @@ fn annotated_loop() -> Outcome<Figure> {
         .series(over_deflection("minor loop", Role::Alternative, &minor))
         .series(labelled(
             &full.deflection,
-            &[(join, "join"), (500, "branch of insertion"), (back, "join"), (2000, "branch of withdrawal")],
+            &[
+                (join, "join"),
+                (500, "branch of insertion"),
+                (back, "join"),
+                (2000, "branch of withdrawal"),
+            ],
         ))
         .mark(Mark::x(-c, "−c"))
         .mark(Mark::x(c, "+c, half width"));
@@ -364,7 +382,8 @@ fn stribeck() -> Outcome<Figure> {
         let y = speeds.iter().map(|v| friction.force(*v)).collect();
         Series::line(name, role, thinned(&speeds, 1, MM), y)
     };
-    let mut panel = Panel::new(Axis::new("slip velocity", "mm/s"), force().with_zero()).aspect(0.62);
+    let mut panel =
+        Panel::new(Axis::new("slip velocity", "mm/s"), force().with_zero()).aspect(0.62);
     let plain = SlidingFriction::coulomb(2.0, 5.0);
     panel = panel.series(line("Coulomb and viscous".into(), Role::Reference, plain));
     for (k, velocity) in (0..).zip([0.005, 0.02, 0.05]) {

@@ -116,7 +116,7 @@ fn cycle(lines: &[&Line]) -> Panel {
     let (position, unseen) = strokes();
     let every = (SHOWN_M / (SLOW * PERIOD)).round() as usize;
     let panel = Panel::new(Axis::new("position", "mm"), Axis::new("force", "N"))
-        .title("strokes at 15 mm/s, with partial reversals")
+        .title("strokes at 15 mm/s")
         .aspect(0.7);
     lines.iter().fold(panel, |panel, one| {
         let run = run(&one.law, &position);
@@ -133,7 +133,7 @@ fn reversal(lines: &[&Line]) -> Panel {
     let from = ((turn - 0.1) / PERIOD).round() as usize;
     let every = (SHOWN_S / PERIOD).round() as usize;
     let panel = Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N"))
-        .title("one reversal at 50 mm/s, then rest")
+        .title("a reversal at 50 mm/s, a rest")
         .mark(Mark::x(MOVES, "rest"))
         .aspect(0.7);
     lines.iter().fold(panel, |panel, one| {

@@ -4,8 +4,8 @@ use std::error::Error;
 
 use trocar::report::{Family, Role};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams,
-    LuGre, LuGreParams, MaxwellSlip, PaperLiteral, ParameterId, Quantity, Relaxation,
+    Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams, Gms, GmsElement, Leuven,
+    LeuvenParams, LuGre, LuGreParams, MaxwellSlip, PaperLiteral, ParameterId, Quantity, Relaxation,
     RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
     StaticFriction, StribeckCurve, Trocar,
 };
@@ -128,17 +128,12 @@ fn of_seal() -> Outcome<Vec<Shown>> {
         Shown {
             id: "deformation-force",
             title: "The deformation force with partial reversals",
-            caption: "Both branches, and the minor loops between them: with a small stiffness of the minor loops they are wide, with a \
-                      large one the force soon reaches the other branch.",
+            caption: "Both branches, and the minor loops between them: the stiffer they are, the sooner the force reaches the other branch.",
             beside_seal: false,
             first: First::Branches,
             lines: vec![
-                Line::new(
-                    "κ = 5000 N/m",
-                    Role::Friction(Family::Ems, 1),
-                    tuned(params, &[(Quantity::YieldStiffness, 5000.0)])?,
-                ),
-                Line::new("κ least", EMS, seal()?),
+                Line::new("three times κ", Role::Friction(Family::Ems, 1), stiffer(params)?),
+                Line::new("κ of the seal", EMS, seal()?),
             ],
         },
         Shown {
@@ -175,6 +170,14 @@ fn tuned(params: ElementParams, values: &[(Quantity, f64)]) -> Outcome<Element> 
         Seal::Ems(stages) => Ok(*stages.first()),
         Seal::Classical(_) => Err("an element stays one".into()),
     }
+}
+
+/// The element with minor loops that are three times as stiff.
+fn stiffer(params: ElementParams) -> Outcome<Element> {
+    let own = &params.deformation;
+    let stiffness = 3.0 * own.yield_stiffness();
+    let deformation = DeformationForce::new(*own.insertion(), *own.withdrawal(), Some(stiffness))?;
+    Ok(Element::new(ElementParams { deformation, ..params })?)
 }
 
 /// Springs that slide one after the other, evenly over the travel of the seal.

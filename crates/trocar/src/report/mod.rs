@@ -7,7 +7,7 @@
 //! ```
 //! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
 //! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`], `plan` and `teleop` depend on
-//! results; they fill documents from them.
+//! results; they fill documents from them. `seal` is no document: it steps a model for the picture that a page then moves.
 
 mod chart;
 pub mod comparison;

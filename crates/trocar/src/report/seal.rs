@@ -5,7 +5,7 @@
 use std::fmt::Write as _;
 
 use serde::Serialize;
-use trocar_model::{Direction, Element, ElementParams, Trocar};
+use trocar_model::{DeformationForce, Direction, Element, ElementParams, Trocar};
 
 use super::chart::inert;
 use super::figures::MM;
@@ -23,6 +23,8 @@ const SPEED: f64 = 15.0;
 const TURNS: [f64; 5] = [0.0, 36.0, 28.0, 36.0, 0.0];
 /// s.
 const STEP: f64 = 1e-3;
+/// At each turn, s.
+const PAUSE: f64 = 0.4;
 /// Steps between two points of a line.
 const SHOWN: usize = 40;
 
@@ -41,6 +43,10 @@ const POINTS: usize = 24;
 const BULGE: f64 = 0.2;
 /// Deflection from the join over which the lip changes sides, of the half width.
 const SNAP: f64 = 0.15;
+/// Force between the branches below which they are one, N.
+const NARROWEST: f64 = 0.02;
+/// Length of the arrow of the force, pixels per newton.
+const PER_NEWTON: f64 = 15.0;
 /// Width and height of the axes of a chart, and what is beside them: left, top, right, bottom; pixels.
 const AXES: [f64; 2] = [236.0, 150.0];
 const MARGIN: [f64; 4] = [46.0, 8.0, 8.0, 42.0];
@@ -55,6 +61,7 @@ struct Page {
     way: [f64; 2],
     speed: f64,
     turns: [f64; 5],
+    pause: f64,
     half_width: f64,
     joins: [f64; 2],
     /// Middle of the branches (N) and half their distance, from -c to +c.
@@ -73,6 +80,8 @@ struct Section {
     points: usize,
     bulge: f64,
     snap: f64,
+    narrowest: f64,
+    per_newton: f64,
 }
 
 const SECTION: Section = Section {
@@ -83,6 +92,8 @@ const SECTION: Section = Section {
     points: POINTS,
     bulge: BULGE,
     snap: SNAP,
+    narrowest: NARROWEST,
+    per_newton: PER_NEWTON,
 };
 
 /// A state of the seal, mm and N.
@@ -104,8 +115,9 @@ pub fn moving_seal(params: &ElementParams) -> Result<String, ReportError> {
     let mut row = vec![0.0; trocar.count_numbers()];
     let refuse = |_| ReportError::Live { reason: "its model cannot be written as numbers" };
     trocar.write_numbers(&mut row).map_err(refuse)?;
-    let cycle = cycle(&trocar);
-    let fragment = Fragment { params, cycle };
+    let (cycle, now) = cycle(&trocar);
+    let now = now.ok_or(ReportError::Live { reason: "its seal does not move" })?;
+    let fragment = Fragment { params, cycle, now };
     let json = serde_json::to_string(&page(params, &row));
     let module = live::module();
     let (Ok(json), Ok(module)) = (json, module) else {
@@ -123,6 +135,7 @@ fn page(params: &ElementParams, row: &[f64]) -> Page {
         way: WAY.map(|mm| mm / MM),
         speed: SPEED / MM,
         turns: TURNS.map(|mm| mm / MM),
+        pause: PAUSE,
         half_width: c,
         joins: [Direction::Insertion, Direction::Withdrawal].map(|d| force.branch(d).join()),
         mid: grid().map(|z| force.mid(z)).collect(),
@@ -131,34 +144,42 @@ fn page(params: &ElementParams, row: &[f64]) -> Page {
     }
 }
 
-/// One full cycle in and out, from where the instrument is in for the first time.
-fn cycle(trocar: &Trocar) -> Vec<Shown> {
-    let steps = ((WAY[1] - WAY[0]) / SPEED / STEP).round() as usize;
-    let stroke = |way: [f64; 2]| {
-        (1..=steps).map(move |k| way[0] + (way[1] - way[0]) * k as f64 / steps as f64)
+/// One full cycle from where the instrument is in for the first time, and the seal at rest half way through the next insertion.
+fn cycle(trocar: &Trocar) -> (Vec<Shown>, Option<Shown>) {
+    let [out, inside] = WAY;
+    let middle = 0.5 * (out + inside);
+    let mut state = trocar.rest(out / MM);
+    let mut stroke = |from: f64, to: f64| -> Vec<Shown> {
+        let steps = ((to - from).abs() / SPEED / STEP).round() as usize;
+        let pause = (PAUSE / STEP) as usize;
+        let moved = (1..=steps).map(|k| from + (to - from) * k as f64 / steps as f64);
+        let run = |position: f64| {
+            let force = trocar.step_to(&mut state, position / MM, STEP);
+            let deflection = state.deformation().map_or(0.0, |d| MM * d.deflection);
+            Shown { position, deflection, force }
+        };
+        moved.chain(std::iter::repeat_n(to, pause)).map(run).collect()
     };
-    let mut state = trocar.rest(WAY[0] / MM);
-    let mut run = |position: f64| {
-        let force = trocar.step_to(&mut state, position / MM, STEP);
-        let deflection = state.deformation().map_or(0.0, |deformation| MM * deformation.deflection);
-        Shown { position, deflection, force }
-    };
-    let _: f64 = stroke(WAY).map(|x| run(x).force).sum();
-    stroke([WAY[1], WAY[0]]).chain(stroke(WAY)).map(run).collect()
+    stroke(out, inside);
+    let mut cycle = stroke(inside, out);
+    cycle.extend(stroke(out, inside));
+    stroke(inside, out);
+    (cycle, stroke(out, middle).pop())
 }
 
 struct Fragment<'a> {
     params: &'a ElementParams,
     cycle: Vec<Shown>,
+    now: Shown,
 }
 
 // Writing to a String cannot fail, so the results of `write!` are dropped throughout this file.
 
 impl Fragment<'_> {
     fn html(&self, json: &str, module: &str) -> String {
-        let middle = self.cycle.len() * 3 / 4;
-        let now = &self.cycle[middle];
-        let mut html = format!("<div class=\"moving-seal\">\n<style>\n{}{STYLE}</style>\n", colours());
+        let now = &self.now;
+        let mut html =
+            format!("<div class=\"moving-seal\">\n<style>\n{}{STYLE}</style>\n", colours());
         html += &self.section(now);
         html += &status(now);
         html += "<div class=\"seal-charts\">\n";
@@ -175,70 +196,58 @@ impl Fragment<'_> {
         html
     }
 
-    /// The trocar along its axis: walls, seal, instrument; and the deflection between its limits.
+    /// The trocar along its axis: walls, instrument, lips, force; and the deflection between its limits.
     fn section(&self, now: &Shown) -> String {
-        let c = MM * self.params.deformation.half_width();
         let [left, _] = CLAMP;
-        let mirror = 2.0 * (SURFACE + 25.0);
+        let mirror = format!("transform=\"matrix(1 0 0 -1 0 {})\"", 2.0 * (SURFACE + 25.0));
+        let wall = format!("class=\"seal-wall\" d=\"M{0} 12H480V30H{0}Z\"/>", left - 40.0);
+        let lip = outline(&self.params.deformation, now);
+        let lip = format!("<path class=\"seal-lip\" d=\"{lip}\"/>");
+        let along = SCALE * (now.position - WAY[0]);
+        let rings = (0..26).map(|ring| format!("M{} {SURFACE}v50", TIP - 25.0 * f64::from(ring)));
         let mut svg = "<svg class=\"seal-section\" viewBox=\"0 0 480 268\" role=\"img\" aria-label=\"Cross-section of a trocar: the lip of the \
                        seal between the wall and the instrument\">\n<defs><pattern class=\"seal-hatch\" id=\"seal-hatch\" width=\"7\" \
                        height=\"7\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><path d=\"M0 0V7\"/></pattern></defs>\n"
             .to_owned();
-        for wall in [format!("M{} 12H480V30H{}Z", left - 40.0, left - 40.0)] {
-            let _ = write!(
-                svg,
-                "<path class=\"seal-wall\" d=\"{wall}\"/>\n<path class=\"seal-wall\" transform=\"matrix(1 0 0 -1 0 {mirror})\" d=\"{wall}\"/>\n"
-            );
-        }
-        let along = SCALE * (now.position - WAY[0]);
         let _ = write!(
             svg,
-            "<g class=\"seal-shaft\" transform=\"translate({along:.2} 0)\">\n<path d=\"M-400 {SURFACE}H{}q26 0 30 25q-4 25 -30 25H-400Z\"/>\n\
-             <path class=\"seal-rings\" d=\"",
-            TIP
-        );
-        for ring in 0..26 {
-            let _ = write!(svg, "M{} {SURFACE}v50", TIP - 25.0 * f64::from(ring));
-        }
-        svg += "\"/>\n</g>\n";
-        let lip = outline(&self.params.deformation, now, SNAP);
-        let _ = write!(
-            svg,
-            "<g class=\"seal-lips\" data-sliding=\"1\"><path class=\"seal-lip\" d=\"{lip}\"/><g transform=\"matrix(1 0 0 -1 0 {mirror})\">\
-             <path class=\"seal-lip\" d=\"{lip}\"/></g></g>\n"
+            "<path {wall}\n<path {mirror} {wall}\n<g class=\"seal-shaft\" transform=\"translate({along:.2} 0)\">\n\
+             <path d=\"M-400 {SURFACE}H{TIP}q26 0 30 25q-4 25 -30 25H-400Z\"/>\n<path class=\"seal-rings\" d=\"{}\"/>\n</g>\n\
+             <g class=\"seal-lips\" data-sliding=\"1\">{lip}<g {mirror}>{lip}</g></g>\n",
+            rings.collect::<String>()
         );
         let _ = write!(
             svg,
-            "<path class=\"seal-force\" d=\"{}\"/>\n<text class=\"seal-force-name\" x=\"{left}\" y=\"{}\">F</text>\n",
+            "<path class=\"seal-force\" d=\"{}\"/>\n<text class=\"seal-force-name\" x=\"{left}\" y=\"{}\">F</text>\n{}\
+             <text class=\"seal-side\" x=\"8\" y=\"24\">outside</text>\n\
+             <text class=\"seal-side seal-end\" x=\"472\" y=\"245\">insertion →</text>\n</svg>\n",
             arrow(now.force),
-            SURFACE + 21.0
-        );
-        let (y, z) = (240.0, left + SCALE * now.deflection);
-        let _ = write!(
-            svg,
-            "<path class=\"seal-gauge\" d=\"M{} {y}H{}M{left} {}v10M{} {}v10M{} {}v10\"/>\n",
-            left - SCALE * c,
-            left + SCALE * c,
-            y - 5.0,
-            left - SCALE * c,
-            y - 5.0,
-            left + SCALE * c,
-            y - 5.0
-        );
-        for (at, name) in [(-c, "−c"), (0.0, "0"), (c, "+c")] {
-            let _ = writeln!(svg, "<text x=\"{}\" y=\"260\">{name}</text>", left + SCALE * at);
-        }
-        let _ = write!(
-            svg,
-            "<circle class=\"seal-z\" cx=\"{z:.2}\" cy=\"{y}\" r=\"6\"/>\n<text class=\"seal-side seal-end\" x=\"{}\" y=\"245\">deflection z</text>\n\
-             <text class=\"seal-side\" x=\"8\" y=\"24\">outside</text>\n<text class=\"seal-side seal-end\" x=\"472\" y=\"245\">insertion →</text>\n</svg>\n",
-            left - SCALE * c - 12.0
+            SURFACE + 21.0,
+            self.gauge(now)
         );
         svg
     }
 
+    /// The deflection between −c and +c.
+    fn gauge(&self, now: &Shown) -> String {
+        let half_width = MM * self.params.deformation.half_width();
+        let place = |millimetres: f64| CLAMP[0] + SCALE * millimetres;
+        let [low, middle, high] = [-half_width, 0.0, half_width].map(place);
+        let names = [(low, "−c"), (middle, "0"), (high, "+c")];
+        let names = names.map(|(x, name)| format!("<text x=\"{x}\" y=\"260\">{name}</text>\n"));
+        format!(
+            "<path class=\"seal-gauge\" d=\"M{low} 240H{high}M{low} 235v10M{middle} 235v10M{high} 235v10\"/>\n{}\
+             <circle class=\"seal-z\" cx=\"{:.2}\" cy=\"240\" r=\"6\"/>\n\
+             <text class=\"seal-side seal-end\" x=\"{}\" y=\"245\">deflection z</text>\n",
+            names.concat(),
+            place(now.deflection),
+            low - 12.0
+        )
+    }
+
     fn over_position(&self, now: &Shown) -> String {
-        let chart = Chart { x: [WAY[0] - 1.0, WAY[1] + 1.0], y: self.forces(), name: "position (mm)" };
+        let chart =
+            Chart { x: [WAY[0] - 1.0, WAY[1] + 1.0], y: self.forces(), name: "position (mm)" };
         let loop_of = self.line(|shown| shown.position);
         chart.svg("position", &[("backdrop", loop_of)], [now.position, now.force])
     }
@@ -302,12 +311,25 @@ impl Chart {
         for at in &y_ticks.at {
             let _ = write!(svg, "M{left} {:.2}h{width}", place_y(*at));
         }
-        let _ = write!(svg, "\"/>\n<path class=\"seal-frame\" d=\"M{left} {top}h{width}v{height}h-{width}z\"/>\n");
+        let _ = write!(
+            svg,
+            "\"/>\n<path class=\"seal-frame\" d=\"M{left} {top}h{width}v{height}h-{width}z\"/>\n"
+        );
         for (at, label) in x_ticks.at.iter().zip(&x_ticks.labels) {
-            let _ = writeln!(svg, "<text x=\"{:.2}\" y=\"{}\">{label}</text>", place_x(*at), top + height + 16.0);
+            let _ = writeln!(
+                svg,
+                "<text x=\"{:.2}\" y=\"{}\">{label}</text>",
+                place_x(*at),
+                top + height + 16.0
+            );
         }
         for (at, label) in y_ticks.at.iter().zip(&y_ticks.labels) {
-            let _ = writeln!(svg, "<text class=\"seal-end\" x=\"{}\" y=\"{:.2}\">{label}</text>", left - 6.0, place_y(*at) + 4.0);
+            let _ = writeln!(
+                svg,
+                "<text class=\"seal-end\" x=\"{}\" y=\"{:.2}\">{label}</text>",
+                left - 6.0,
+                place_y(*at) + 4.0
+            );
         }
         let _ = write!(
             svg,
@@ -345,22 +367,27 @@ fn status(now: &Shown) -> String {
         + "</dl>\n"
 }
 
-/// The force on the seal as an arrow along the axis of the instrument, 15 pixels per newton.
+/// The force on the seal as an arrow along the axis of the instrument.
 fn arrow(force: f64) -> String {
-    let (x, y, long) = (CLAMP[0], SURFACE + 25.0, 15.0 * force);
+    let (x, y, long) = (CLAMP[0], SURFACE + 25.0, PER_NEWTON * force);
     let head = long.abs().min(8.0) * long.signum();
     format!("M{x} {y}h{long:.2}m{:.2} -5l{head:.2} 5l{:.2} 5", -head, -head)
 }
 
 /// Outline of the lip over the shaft, pixels: an elastic strip of constant length, clamped in the wall, whose end is on the shaft
 /// at the deflection. Up to its join a branch has the lip on one side, after it on the other.
-fn outline(force: &trocar_model::DeformationForce, now: &Shown, snap: f64) -> String {
+fn outline(force: &DeformationForce, now: &Shown) -> String {
     let c = MM * force.half_width();
     let z = now.deflection;
     let gap = force.half_gap(z / MM);
-    let part = if gap < 0.02 { 0.0 } else { ((now.force - force.mid(z / MM)) / gap).clamp(-1.0, 1.0) };
-    let [on, off] = [Direction::Insertion, Direction::Withdrawal].map(|d| MM * force.branch(d).join());
-    let side = ((z - 0.5 * (on + off) - 0.5 * part * (on - off)) / (snap * c)).tanh();
+    let part = if gap < NARROWEST {
+        0.0
+    } else {
+        ((now.force - force.mid(z / MM)) / gap).clamp(-1.0, 1.0)
+    };
+    let [on, off] =
+        [Direction::Insertion, Direction::Withdrawal].map(|d| MM * force.branch(d).join());
+    let side = ((z - 0.5 * (on + off) - 0.5 * part * (on - off)) / (SNAP * c)).tanh();
     let height = SURFACE - CLAMP[1] - 0.5 * THICKNESS[1];
     let length = length(&strip(SCALE * c, height, BULGE * SCALE * c, 1.0));
     let (mut low, mut high) = (0.0, 3.0 * SCALE * c);
@@ -395,7 +422,8 @@ fn around(line: &[[f64; 2]]) -> String {
         let (a, b) = (line[k.saturating_sub(1)], line[(k + 1).min(last)]);
         let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
         let part = k as f64 / last as f64;
-        let half = 0.5 * sign * (THICKNESS[0] + (THICKNESS[1] - THICKNESS[0]) * part) / dx.hypot(dy);
+        let half =
+            0.5 * sign * (THICKNESS[0] + (THICKNESS[1] - THICKNESS[0]) * part) / dx.hypot(dy);
         format!("{:.1} {:.1}", line[k][0] - half * dy, (line[k][1] + half * dx).min(SURFACE))
     };
     let all: Vec<String> =
@@ -407,7 +435,9 @@ fn around(line: &[[f64; 2]]) -> String {
 fn colours() -> String {
     let used = || style::all().iter().filter(|style| STYLES.contains(&style.class));
     let variables = |colour: fn(&style::Style) -> &'static str| {
-        used().fold(String::new(), |css, style| css + &format!("--{}:{};", style.class, colour(style)))
+        used().fold(String::new(), |css, style| {
+            css + &format!("--{}:{};", style.class, colour(style))
+        })
     };
     let (light, dark) = (variables(|style| style.light), variables(|style| style.dark));
     format!(

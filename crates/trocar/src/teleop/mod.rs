@@ -34,7 +34,8 @@ pub mod stability;
 
 pub use config::{Config, ConfigError};
 pub use model::{
-    Candidates, candidates, course_columns, response_columns, scaled, write_course, write_response,
+    Candidates, candidates, course_columns, posterior_candidates, response_columns, scaled,
+    write_course, write_response,
 };
 pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};

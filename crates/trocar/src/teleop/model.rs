@@ -8,6 +8,7 @@ use super::hybrid::Response;
 use super::simulation::Sample;
 use crate::bench::noise::{Noise, Source};
 use crate::error::OutputError;
+use crate::identify::posterior;
 use crate::model_file::ModelFile;
 use crate::table::{Field, TableCell, TableWriter};
 
@@ -48,12 +49,34 @@ pub fn candidates(
     for _ in 0..wanted.draws {
         trocars.push(drawn(file, &mut noise)?);
     }
-    let least = wanted.least_friction_scale;
-    if least < 1.0 {
-        trocars.push(scaled(&file.trocar, 0.5 * (1.0 + least))?);
-        trocars.push(scaled(&file.trocar, least)?);
-    }
+    trocars.extend(wetted(&file.trocar, wanted.least_friction_scale)?);
     Ok(trocars)
+}
+
+/// The trocars that posterior draws of a model file stand for: the model, at most `most` of `draws`,
+/// and the model at the least friction scale ([`scaled`]) and halfway to it. The draws have the
+/// covariance of the parameters, which the intervals of [`candidates`] do not.
+///
+/// # Errors
+/// Parameters that make no model at the friction scale.
+pub fn posterior_candidates(
+    file: &ModelFile,
+    draws: &[Stages],
+    most: usize,
+    least_friction_scale: f64,
+) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let drawn = posterior::evenly(draws, most);
+    let drawn = drawn.into_iter().map(|draw| file.trocar.with_seal(draw.into()));
+    let mut trocars: Vec<Trocar<Vec<f64>>> =
+        std::iter::once(file.trocar.clone()).chain(drawn).collect();
+    trocars.extend(wetted(&file.trocar, least_friction_scale)?);
+    Ok(trocars)
+}
+
+/// `trocar` at the friction scale `least` and halfway to it; none at 1.
+fn wetted(trocar: &Trocar<Vec<f64>>, least: f64) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let scales = [0.5 * (1.0 + least), least].into_iter().filter(|_| least < 1.0);
+    scales.map(|scale| scaled(trocar, scale)).collect()
 }
 
 /// The trocar of `file` with all its intervals at their lower (0) or upper (1) end.

@@ -27,6 +27,7 @@ use trocar_model::ParameterId;
 
 use super::super::candidate::EmsTrial;
 use super::super::estimate::t_quantile;
+use super::super::joins::Joins;
 use super::super::likelihood::{self, Fitted, Free, MODEL_DEGREES, Trial};
 use super::super::numbers;
 use super::super::prior::{Kind, Prior};
@@ -38,15 +39,15 @@ use super::joins::FollowedJoin;
 /// z, nearly standard normal.
 #[derive(Clone)]
 pub struct Density {
-    training: Training,
+    pub(super) training: Training,
     best: EmsTrial,
-    free: Vec<Free>,
-    mode: DVector<f64>,
+    pub(super) free: Vec<Free>,
+    pub(super) mode: DVector<f64>,
     /// L_w and L_a.
-    working: DMatrix<f64>,
-    adjusted: DMatrix<f64>,
+    pub(super) working: DMatrix<f64>,
+    pub(super) adjusted: DMatrix<f64>,
     /// Number of joins: the first coordinates.
-    knots: usize,
+    pub(super) knots: usize,
     joins: Vec<FollowedJoin>,
     /// C(θ̂).
     least: f64,
@@ -62,7 +63,11 @@ impl fmt::Debug for Density {
 
 impl Density {
     /// About the maximum `fitted`; `None` where its information is not positive definite.
-    pub(super) fn new(training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
+    pub(super) fn new(
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+        joins: &Joins,
+    ) -> Option<Self> {
         let free = fitted.best.free();
         let covariance = inverse(&fitted.sums().0)? * training.variance;
         let adjusted = adjusted(fitted, &covariance, &free, training.variance);
@@ -76,7 +81,7 @@ impl Density {
             best: fitted.best.clone(),
             mode: DVector::from_iterator(free.len(), free.iter().map(|f| f.value)),
             knots: knots.len(),
-            joins: FollowedJoin::all(&fitted.best, &free),
+            joins: FollowedJoin::all(&fitted.best, &free, joins),
             free,
             working,
             adjusted,
@@ -93,9 +98,7 @@ impl Density {
 
     /// ln π_w less its value at the maximum; −∞ outside the ranges and where there is no model.
     pub(super) fn log(&self, z: &DVector<f64>) -> f64 {
-        let mut held = z.clone();
-        held.rows_mut(0, self.knots).fill(0.0);
-        let working = &self.mode + &self.working * held;
+        let working = self.working_values(z);
         let drawn = self.drawn(z);
         if !(self.is_within(&working) && self.is_within(&drawn))
             || self.trial(&drawn).model().is_none()
@@ -121,13 +124,26 @@ impl Density {
     /// few numbers.
     #[must_use]
     pub fn parameter(&self, z: &[f64], id: ParameterId) -> f64 {
-        z.get(..self.dimension())
-            .map_or(f64::NAN, |z| self.at(&DVector::from_column_slice(z)).candidate.value(id))
+        z.get(..self.dimension()).map_or(f64::NAN, |z| self.at(z).candidate.value(id))
+    }
+
+    /// The same under π_w, before the draws get the covariance of the jackknife.
+    #[must_use]
+    pub fn working_parameter(&self, z: &[f64], id: ParameterId) -> f64 {
+        let working = |z| self.working_values(&DVector::from_column_slice(z));
+        z.get(..self.dimension()).map_or(f64::NAN, |z| self.trial(&working(z)).candidate.value(id))
     }
 
     /// The trial at z.
-    pub(super) fn at(&self, z: &DVector<f64>) -> EmsTrial {
-        self.trial(&self.drawn(z))
+    pub(super) fn at(&self, z: &[f64]) -> EmsTrial {
+        self.trial(&self.drawn(&DVector::from_column_slice(z)))
+    }
+
+    /// θ_w with the joins at their estimates.
+    fn working_values(&self, z: &DVector<f64>) -> DVector<f64> {
+        let mut held = z.clone();
+        held.rows_mut(0, self.knots).fill(0.0);
+        &self.mode + &self.working * held
     }
 
     /// θ.

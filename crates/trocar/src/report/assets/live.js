@@ -450,6 +450,7 @@ class Live {
 async function goLive(element) {
   const [json, module] = element.querySelectorAll("script");
   const data = JSON.parse(json.textContent);
+  for (const knob of data.knobs) knob.value ??= Infinity;  // JSON has no infinite number
   const runner = await Runner.start(module.textContent, new Float64Array(bytesOf(data.row).buffer));
   element.querySelector(".live-absent").remove();
   const live = new Live(element, data, runner);

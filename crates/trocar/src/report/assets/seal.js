@@ -1,19 +1,17 @@
 
 // A seal that the reader moves: dragged by pointer, finger or keys, or played. What moves is redrawn as report/seal.rs draws it.
 
-const SHOWN = 10, PAUSE = 0.4;  // s
+const SHOWN = 10;  // s
 const TRAIL_POINTS = 500;
-const NARROWEST = 0.02;  // N between the branches, below which they are one
-const PER_NEWTON = 15;  // pixels
 const signed = (value) => value.toFixed(2).replace(/^-(?=0\.00$)/, "").replace("-", "\u2212");
 
 // Times and positions along turns at a constant speed, in steps of a millisecond, with a pause at each turn.
-function course(turns, speed) {
+function course(turns, { speed, pause }) {
   const positions = [turns[0]];
   for (let k = 1; k < turns.length; k++) {
     const steps = Math.round(Math.abs(turns[k] - turns[k - 1]) / speed / MILLISECOND);
     for (let i = 1; i <= steps; i++) positions.push(turns[k - 1] + (turns[k] - turns[k - 1]) * i / steps);
-    for (let i = 0; i < PAUSE / MILLISECOND; i++) positions.push(turns[k]);
+    for (let i = 0; i < pause / MILLISECOND; i++) positions.push(turns[k]);
   }
   return [positions.map((_, i) => i / 1000), positions];
 }
@@ -34,7 +32,7 @@ class Lip {
 
   side(deflection, force) {
     const { data } = this, gap = this.between(data.half_gap, deflection), [on, off] = data.joins;
-    const part = gap < NARROWEST ? 0 : clamp((force - this.between(data.mid, deflection)) / gap, -1, 1);
+    const part = gap < data.section.narrowest ? 0 : clamp((force - this.between(data.mid, deflection)) / gap, -1, 1);
     return Math.tanh((deflection - 0.5 * (on + off) - 0.5 * part * (on - off)) / (data.section.snap * data.half_width));
   }
 
@@ -89,7 +87,7 @@ class MovingSeal {
     root.querySelector(".seal-tools span").textContent = "Drag the instrument to and fro, or focus it and use the arrow keys.";
     this.played = this.cycle();
     const [low, high] = data.way;
-    this.begin(...course([low, high, low, (low + high) / 2], data.speed));
+    this.begin(...course([low, high, low, (low + high) / 2], data));
     this.listen();
     root.dataset.live = "";
     if (root.closest("[data-mode=play]") && !reducedMotion()) this.play(); else this.draw(this.motion, this.motion.end);
@@ -97,7 +95,7 @@ class MovingSeal {
 
   // One cycle that begins as the cycle before it ended.
   cycle() {
-    const [times, positions] = course(this.data.turns, this.data.speed);
+    const [times, positions] = course(this.data.turns, this.data);
     const before = Motion.along(this.runner, times, positions), count = before.end + 1;
     before.append(positions.map((_, i) => (count + i) / 1000), positions);
     return { motion: before, from: count };
@@ -190,7 +188,7 @@ class MovingSeal {
     const path = this.lip.path(deflection, force);
     for (const lip of this.paths) lip.setAttribute("d", path);
     this.lips.dataset.sliding = motion.sliding[now];
-    const long = PER_NEWTON * force, head = Math.min(Math.abs(long), 8) * Math.sign(long);
+    const long = data.section.per_newton * force, head = Math.min(Math.abs(long), 8) * Math.sign(long);
     this.arrow.setAttribute("d", `M${x} ${surface + 25}h${long.toFixed(2)}m${(-head).toFixed(2)} -5l${head.toFixed(2)} 5l${(-head).toFixed(2)} 5`);
     this.gauge.setAttribute("cx", (x + scale * z).toFixed(2));
     const first = Math.max(motion === this.motion ? Math.min(this.begun, now) : 0, now - SHOWN / MILLISECOND), every = Math.max(1, Math.ceil((now - first) / TRAIL_POINTS));
