@@ -86,6 +86,7 @@ def test_a_right_page_passes_and_what_is_not_run_is_listed(tmp_path: Path) -> No
         ('#include "add.h"', '#include "sub.h"', "sub.h"),
         ("return a + b", "return a", "unused parameter"),
         ("key = 1", "key = ", "Invalid value"),
+        ("# A page", "# A page\n\n95\n% of it", "page.md line 4: a line that begins with %"),
         ("<!-- not run: needs a robot -->\n", "", "exit code 127"),
         ("```toml", "```rust", "does not include this page"),
         ("```toml", "```", "a block of no language"),
