@@ -767,11 +767,11 @@ fn draws_are_taken_by_the_other_verbs(place: &Place) {
 
     let sweep = "runs = 8\nmodel = \"found/model.json\"\nposterior = \"found/posterior.parquet\"\n\
                  [motion]\nprotocol = \"step\"\n";
-    std::fs::write(place.path("sweep.toml"), sweep).unwrap();
+    fs::write(place.path("sweep.toml"), sweep).unwrap();
     place.run("sweep sweep.toml --out runs.csv").done();
     assert_eq!(column("runs.csv", 2)[..2], ["0", "250"]);
-    let bad = format!("{sweep}[seal]\nhalf_width_m = 0.005\n");
-    std::fs::write(place.path("sweep.toml"), bad).unwrap();
+    let both = format!("{sweep}[seal]\nhalf_width_m = 0.005\n");
+    fs::write(place.path("sweep.toml"), both).unwrap();
     let ran = place.run("sweep sweep.toml --out none.csv");
     ran.fails_saying(&["sweep.toml", "line 3", "leave out like and [seal]"]);
     place

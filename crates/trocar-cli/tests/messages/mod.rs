@@ -163,7 +163,7 @@ fn messages() -> Vec<Vec<String>> {
         SECTIONS.iter().position(|(_, all)| all.iter().any(|prefix| name.starts_with(prefix)))
     };
     let sources = sources();
-    for section in 0..SECTIONS.len() {
+    for (section, of_section) in of_sections.iter_mut().enumerate() {
         for (name, text) in sources.iter().filter(|(name, _)| section_of(name) == Some(section)) {
             let whole = !ELSEWHERE.iter().any(|(prefix, _)| name.starts_with(prefix));
             let names = NAMES.iter().find(|(file, _)| file == name).map_or(&[][..], |(_, all)| all);
@@ -173,7 +173,7 @@ fn messages() -> Vec<Vec<String>> {
                 of_rust(text, whole, names)
             };
             let new = found.into_iter().filter(|message| seen.insert(message.clone()));
-            of_sections[section].extend(new);
+            of_section.extend(new);
         }
     }
     of_sections

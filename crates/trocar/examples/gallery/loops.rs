@@ -20,8 +20,7 @@ pub(crate) fn figures() -> Outcome<Vec<Figure>> {
 const PUSH: Press = Press { middle_m: 0.14, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 2.0 };
 
 fn pushed(fraction: f64) -> Config {
-    let mut config = Config::default();
-    config.motion = PUSH;
+    let mut config = Config { motion: PUSH, ..Config::default() };
     config.compensation.fraction = fraction;
     config.compensation.adaptation = false;
     config

@@ -112,7 +112,7 @@ fn one_cycle(params: ElementParams, stroke: f64, steps: usize) -> Outcome<Vec<f6
     Ok(forces.split_off(2 * steps))
 }
 
-/// What to record in three minutes.
+/// What to record in two minutes.
 fn planned() -> Outcome<Figure> {
     let config = PlanConfig { duration_s: 120.0, draws: 3, ..PlanConfig::default() };
     let goal = Goal::All;
@@ -124,6 +124,7 @@ fn planned() -> Outcome<Figure> {
         plan: &planned,
         model: None,
         before: Vec::new(),
+        posterior: None,
     };
     Ok(chosen(report::plan::document(&input), &[("motion", "plan")])?.remove(0))
 }

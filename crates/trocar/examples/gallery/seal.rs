@@ -279,7 +279,7 @@ fn branches() -> Outcome<Figure> {
         ))
         .mark(Mark::x(-MM * c, "−c"))
         .mark(Mark::x(MM * c, "+c"));
-    Ok(Figure::new("branches", 1, "Deformation force").width(Width::Narrow).panel(panel).caption(
+    Ok(Figure::new("branches", 1, "Two branches").width(Width::Narrow).panel(panel).caption(
         "The force of the plausible seal over its deflection: one branch for each direction, of two joined polynomials. A full \
          reversal follows a branch from end to end; sliding begins at the half width ±c.",
     ))
@@ -434,8 +434,8 @@ fn wetting() -> Outcome<Figure> {
         panel = panel.series(run.over_position(&name, Role::Category(k)));
     }
     Ok(Figure::new("wetting", 1, "A wet seal").width(Width::Narrow).panel(panel).caption(
-        "Wetting lowers the friction of the contact, here by 25 and 50 %; the published reduction is 15 to 45 % with water and 75 % with \
-         silicone oil. The rubber keeps its stiffness, so a wet seal slides after a shorter deformation.",
+        "Wetting lowers the friction of the contact, here by 25 and 50 %. The rubber keeps its stiffness, so a wet seal slides after a \
+         shorter deformation.",
     ))
 }
 

@@ -207,13 +207,14 @@ impl Fragment<'_> {
         let rings = (0..26).map(|ring| format!("M{} {SURFACE}v50", TIP - 25.0 * f64::from(ring)));
         let mut svg = "<svg class=\"seal-section\" viewBox=\"0 0 480 268\" role=\"img\" aria-label=\"Cross-section of a trocar: the lip of the \
                        seal between the wall and the instrument\">\n<defs><pattern class=\"seal-hatch\" id=\"seal-hatch\" width=\"7\" \
-                       height=\"7\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><path d=\"M0 0V7\"/></pattern></defs>\n"
+                       height=\"7\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\"/><path d=\"M0 0V7\"/></pattern></defs>\n"
             .to_owned();
         let _ = write!(
             svg,
-            "<path {wall}\n<path {mirror} {wall}\n<g class=\"seal-shaft\" transform=\"translate({along:.2} 0)\">\n\
+            "<g class=\"seal-shaft\" transform=\"translate({along:.2} 0)\">\n\
              <path d=\"M-400 {SURFACE}H{TIP}q26 0 30 25q-4 25 -30 25H-400Z\"/>\n<path class=\"seal-rings\" d=\"{}\"/>\n</g>\n\
-             <g class=\"seal-lips\" data-sliding=\"1\">{lip}<g {mirror}>{lip}</g></g>\n",
+             <g class=\"seal-lips\" data-sliding=\"1\">{lip}<g {mirror}>{lip}</g></g>\n\
+             <path {wall}\n<path {mirror} {wall}\n",
             rings.collect::<String>()
         );
         let _ = write!(
