@@ -72,11 +72,14 @@ fn model(error: f64) -> ModelFile {
     file
 }
 
+/// Length of a stroke, m: slides of both directions overlap, from which the observer adapts.
+const STROKE: f64 = 0.08;
+
 /// Strokes of several speeds: displacement of each sample.
 fn strokes(count: usize) -> Vec<f64> {
     let stroke = |k: usize| {
         let (speed, sign) = ([0.02, 0.05, 0.1][k / 2 % 3], if k % 2 == 0 { 1.0 } else { -1.0 });
-        std::iter::repeat_n(1e-3 * sign * speed, (0.04 / speed * 1e3) as usize)
+        std::iter::repeat_n(1e-3 * sign * speed, (STROKE / speed * 1e3) as usize)
     };
     (0..count).flat_map(stroke).collect()
 }
@@ -87,7 +90,7 @@ fn errors(mut observer: Compensator, truth: &Stages, rng: &mut ChaCha8Rng) -> [V
     let truth = Seal::Ems(*truth);
     let (mut state, mut x) = (truth.rest_at_force(0.0), 0.0);
     observer.step(x, 0.0, 0.0);
-    let all = strokes(24);
+    let all = strokes(12);
     let mut errors = [Vec::new(), Vec::new()];
     for (k, displacement) in all.iter().enumerate() {
         x += displacement;
@@ -139,19 +142,20 @@ fn the_standard_deviation_from_draws_is_that_of_the_error_of_the_tissue_force() 
     assert!(without[0] > 1.3, "{without:?}");
 }
 
-/// What λ and ν follow is not counted twice: with adaptation the band narrows, and still holds.
+/// With adaptation draws add what λ and ν cannot follow: nothing of the level while the seal slides,
+/// where it is in var λ already, and the error of the shape while it deforms.
 #[test]
 fn with_adaptation_draws_add_what_it_cannot_follow() {
     // The observer takes what exceeds three times this for a load.
     let error = 5.0 * NOISE;
-    let ([sliding, deforming], [fixed, _]) =
-        (scored(true, true, error), scored(false, true, error));
-    println!("error over std: sliding {sliding:.3?}, deforming {deforming:.3?}, fixed {fixed:.3?}");
-    assert!(sliding[1] < 0.7 * fixed[1], "{sliding:?} {fixed:?}");
-    assert!(
-        sliding[0] < 1.2 && deforming[0] < 1.2 && deforming[0] > 0.4,
-        "{sliding:?} {deforming:?}"
+    let ([sliding, deforming], [plain_sliding, plain_deforming]) =
+        (scored(true, true, error), scored(true, false, error));
+    println!(
+        "sliding {sliding:.3?} {plain_sliding:.3?}, deforming {deforming:.3?} {plain_deforming:.3?}"
     );
+    assert!(sliding[1] < 1.2 * plain_sliding[1], "{sliding:?} {plain_sliding:?}");
+    assert!(deforming[1] > 1.1 * plain_deforming[1], "{deforming:?} {plain_deforming:?}");
+    assert!(sliding[0] < 1.2 && deforming[0] < 1.2, "{sliding:?} {deforming:?}");
 }
 
 #[test]

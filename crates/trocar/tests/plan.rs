@@ -66,16 +66,16 @@ fn outcome(config: &PlanConfig, motion: &Course, k: u64) -> Vec<(f64, bool)> {
 }
 
 /// Seals of the prior on the bench with its default noise: 200 with `./test --statistics`. F_c, β and c by the mean square
-/// of their errors; joins by the median, since the fit finds another join of some seals, far outside of any linear
-/// prediction and of its own interval.
+/// of their errors; joins by the median: where several are within reach, the error of the fit is not that of a linear
+/// prediction, and their intervals say so.
 #[test]
 fn the_predicted_error_is_the_one_that_identifications_make() {
     let is_long = std::env::var_os("TROCAR_STATISTICS").is_some();
-    // Ratios of a few seals scatter.
+    // 15 % and 93 to 97 %, and what a mean square and a count of so few seals scatter.
     let (seals, within, covered) = if is_long {
-        (200, [[0.85, 1.3], [0.85, 1.8]], [[0.93, 1.0], [0.7, 0.98]])
+        (200, [[0.8, 1.2], [0.8, 1.4]], [0.92, 0.985])
     } else {
-        (12, [[0.4, 1.9], [0.2, 3.0]], [[0.7, 1.0], [0.5, 1.0]])
+        (12, [[0.4, 1.9], [0.2, 3.0]], [0.75, 1.0])
     };
     let config = PlanConfig::default();
     let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
@@ -96,11 +96,25 @@ fn the_predicted_error_is_the_one_that_identifications_make() {
         let kind = usize::from(k >= 3);
         let ratio = [whole, median][kind];
         let holds = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
-        if !holds(within[kind], ratio) || !holds(covered[kind], coverage) {
+        if !holds(within[kind], ratio) || !holds(covered, coverage) {
             outside.push((id.to_string(), ratio, coverage));
         }
     }
     assert!(outside.is_empty(), "{outside:?}");
+}
+
+/// Joins of these seals have two minima of the cost within reach, many predicted errors apart.
+#[test]
+fn an_interval_holds_all_joins_that_fit() {
+    let config = PlanConfig::default();
+    let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
+    let first = main_ones().iter().position(|id| id.quantity == Quantity::Join).expect("listed");
+    for k in [7, 21, 31, 37] {
+        let found = outcome(&config, &planned.course, k);
+        let joins = &found[first..];
+        assert!(joins.iter().any(|(error, _)| error.abs() > 4.0), "seal {k}: {joins:?}");
+        assert!(joins.iter().all(|(_, holds)| *holds), "seal {k}: {joins:?}");
+    }
 }
 
 /// At equal time: half the error of the paper's protocol.

@@ -19,7 +19,7 @@ fn benches() -> (u64, std::ops::RangeInclusive<f64>) {
 }
 
 /// Name, true value and estimate of the parameters known to a bench.
-type Known = [(&'static str, f64, Estimate); 3];
+type Known = [(&'static str, f64, Estimate); 7];
 
 /// Seals with equal friction in both directions, so that F_c and β each have one true value.
 fn seal(seed: u64) -> ElementParams {
@@ -45,6 +45,11 @@ fn known(truth: &ElementParams, found: &Identification) -> Known {
     let estimate = |name: &str| {
         found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter")).clone()
     };
+    let joint = |name: &'static str| {
+        let id: ParameterId = name.parse().expect("a parameter");
+        let value = truth.value(id.direction, id.quantity).expect("every branch has it");
+        (name, value, estimate(name))
+    };
     [
         ("coulomb_force_n", truth.insertion.coulomb_force, estimate("coulomb_force_n")),
         (
@@ -53,6 +58,10 @@ fn known(truth: &ElementParams, found: &Identification) -> Known {
             estimate("viscous_damping_n_s_m"),
         ),
         ("half_width_m", truth.deformation.half_width(), estimate("half_width_m")),
+        joint("insertion_join_m"),
+        joint("withdrawal_join_m"),
+        joint("insertion_join_force_n"),
+        joint("withdrawal_join_force_n"),
     ]
 }
 
@@ -70,7 +79,7 @@ fn error_of_sliding_force(truth: &ElementParams, found: &Identification) -> f64 
     };
     let variance: f64 =
         covariance.rows.iter().zip(&weights).map(|(row, weight)| weight * dot(row)).sum();
-    let [force, damping, _] =
+    let [force, damping, ..] =
         known(truth, found).map(|(_, truth, estimate)| estimate.value - truth);
     (force + 0.06 * damping) / variance.sqrt()
 }
@@ -95,7 +104,7 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
     );
     assert!(within(2.2) >= *band.start() && within(0.3) < 0.5, "{errors:?}");
     let mut outside = Vec::new();
-    for k in 0..3 {
+    for k in 0..outcomes[0].len() {
         let name = outcomes[0][k].0;
         let covered =
             outcomes.iter().filter(|o| o[k].2.covers(o[k].1)).count() as f64 / benches as f64;

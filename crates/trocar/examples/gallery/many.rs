@@ -123,6 +123,7 @@ fn planned() -> Outcome<Figure> {
         goal: &goal,
         plan: &planned,
         model: None,
+        posterior: None,
         before: Vec::new(),
         posterior: None,
     };

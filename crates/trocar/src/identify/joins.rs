@@ -51,18 +51,18 @@ const NEXT: Stop = Stop { iterations: 6, fall: 1e-4, promise: f64::INFINITY };
 
 /// The least cost at one join.
 #[derive(Debug, Clone)]
-pub(super) struct Point {
-    pub(super) join: f64,
+struct Point {
+    join: f64,
     /// D(a).
-    pub(super) excess: f64,
+    excess: f64,
     /// D that a fit with a free join promises from here.
     bottom: f64,
     /// θ_a.
-    pub(super) trial: EmsTrial,
+    trial: EmsTrial,
 }
 
 /// Unit of D.
-#[derive(Clone, Copy)]
+#[derive(Debug, Clone, Copy)]
 struct Unit {
     least: f64,
     reach: f64,
@@ -72,10 +72,9 @@ struct Unit {
 #[derive(Debug, Clone)]
 pub(super) struct Along {
     pub(super) direction: Direction,
-    /// w.
-    pub(super) half_width: f64,
+    unit: Unit,
     /// In the order of their joins.
-    pub(super) points: Vec<Point>,
+    points: Vec<Point>,
 }
 
 /// The search along one branch about a fit.
@@ -85,11 +84,30 @@ struct Search<'a> {
     direction: Direction,
     number: usize,
     unit: Unit,
+    /// Far points of a search before, which is not repeated there.
+    far: Vec<Point>,
 }
 
 impl Unit {
     fn excess(self, cost: f64) -> f64 {
         (cost - self.least) / self.reach
+    }
+
+    fn cost(self, excess: f64) -> f64 {
+        self.least + self.reach * excess
+    }
+}
+
+impl Along {
+    /// The points from which nothing within reach in `unit` is to be expected.
+    fn far(self, unit: Unit) -> Vec<Point> {
+        let from = self.unit;
+        let of = |point: Point| Point {
+            excess: unit.excess(from.cost(point.excess)),
+            bottom: unit.excess(from.cost(point.bottom)),
+            ..point
+        };
+        self.points.into_iter().map(of).filter(|point| point.bottom > FAR).collect()
     }
 }
 
@@ -150,7 +168,8 @@ impl Search<'_> {
         let mut points: Vec<Point> = Vec::with_capacity(joins.len());
         for join in joins {
             let before = points.last().map_or(&self.fitted.best, |point| &point.trial);
-            points.extend(self.at(before, *join));
+            let known = self.far.iter().find(|point| (point.join - join).abs() < SAME);
+            points.extend(known.cloned().or_else(|| self.at(before, *join)));
         }
         points
     }
@@ -158,7 +177,7 @@ impl Search<'_> {
     /// C_b, and the lowest trial that is better than the fit, with its D.
     fn along(&self, half_width: f64) -> (Along, Option<(f64, EmsTrial)>) {
         let points = self.grid(half_width);
-        let mut along = Along { direction: self.direction, half_width, points };
+        let mut along = Along { direction: self.direction, unit: self.unit, points };
         self.add_minima(&mut along.points);
         for _ in 0..HALVINGS {
             self.add_between(&mut along.points, NARROW * half_width);
@@ -260,31 +279,44 @@ impl Joins {
         mut fitted: Fitted<EmsTrial>,
         stop: Stop,
     ) -> (Fitted<EmsTrial>, Self) {
+        let mut before = Self::default();
         for last in (0..SEARCHES).rev() {
-            let (joins, better) = Self::about(training, &fitted);
+            let (joins, better) = Self::about(training, &fitted, before);
             let again = better.and_then(|from| likelihood::fit(training, &from, stop));
             match again.filter(|again| last > 0 && again.cost() < fitted.cost()) {
-                Some(again) => fitted = again,
+                Some(again) => (fitted, before) = (again, joins),
                 None => return (fitted, joins),
             }
         }
         unreachable!("the last search ends")
     }
 
-    fn about(training: &Training, fitted: &Fitted<EmsTrial>) -> (Self, Option<EmsTrial>) {
+    /// C_b about a fit, and the lowest trial that is better; `before` is from the search before.
+    fn about(
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+        before: Self,
+    ) -> (Self, Option<EmsTrial>) {
         let spread = Spread::new(fitted);
         let free = fitted.best.free();
         let numbers = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
         let search = |(direction, number): (Direction, usize)| {
             let (half_width, reach) = to_first_order(&spread, direction, number);
             let unit = Unit { least: fitted.cost(), reach };
-            let search = Search { training, fitted, direction, number, unit };
+            let known = before.along(direction).cloned();
+            let far = known.map_or_else(Vec::new, |along| along.far(unit));
+            let search = Search { training, fitted, direction, number, unit, far };
             search.along(half_width)
         };
         let (all, better): (Vec<Along>, Vec<_>) =
             Direction::BOTH.into_iter().zip(numbers).map(search).unzip();
         let better = better.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
         (Self(all), better.map(|(_, trial)| trial))
+    }
+
+    /// C_b of all branches.
+    pub(super) fn all(&self) -> &[Along] {
+        &self.0
     }
 
     /// C_b of the branch in `direction`.
