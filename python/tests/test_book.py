@@ -86,6 +86,7 @@ def test_a_right_page_passes_and_what_is_not_run_is_listed(tmp_path: Path) -> No
         ('#include "add.h"', '#include "sub.h"', "sub.h"),
         ("return a + b", "return a", "unused parameter"),
         ("key = 1", "key = ", "Invalid value"),
+        ("# A page", "# A page\n\n95\n% of it", "page.md line 4: a line that begins with %"),
         ("<!-- not run: needs a robot -->\n", "", "exit code 127"),
         ("```toml", "```rust", "does not include this page"),
         ("```toml", "```", "a block of no language"),
@@ -105,3 +106,11 @@ def test_outputs_are_written_into_the_page(tmp_path: Path) -> None:
     page.write_text(RIGHT.replace("3.001\n", "").replace("```output\nhello", "```output"))
     assert check(page, "--update").returncode == 0
     assert page.read_text() == RIGHT.replace("3.001", "3.0")
+
+
+def test_an_update_keeps_what_a_page_leaves_out(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    text = "```console\n$ printf 'x 1\\ny 2\\nz 3\\n'\n...\ny {}\n...\n```\n"
+    page.write_text(text.format(5))
+    assert check(page, "--update").returncode == 0
+    assert page.read_text() == text.format(2)
