@@ -16,6 +16,7 @@
 //! - [`Config`]: the loop and the experiment.
 //! - [`Loop`]: runs it, sample by sample; [`Outcome`]: once along its motion.
 //! - [`hybrid`]: what linear theory says about the same loop.
+//! - [`Study`]: all that the command line and Python find out about it.
 
 pub mod advise;
 mod channel;
@@ -31,6 +32,7 @@ mod passivity;
 mod plant;
 mod simulation;
 pub mod stability;
+mod study;
 
 pub use config::{Config, ConfigError};
 pub use model::{
@@ -38,3 +40,4 @@ pub use model::{
 };
 pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};
+pub use study::{Questions, Study, StudyError, Summary};
