@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-_FOLDER = Path(__file__).parent
+_FOLDER = Path(__file__).resolve().parent
 _PROJECT = _FOLDER.parent
 
 project = "trocar"
@@ -30,27 +30,29 @@ exclude_patterns = ["figures"]
 
 #: Titles of the pages that a command writes: tables under headings of their own, or none.
 _TITLES = {
-    "ablation-tables": "Tables of optional terms",
-    "comparison-tables": "Tables of the comparison",
-    "coverage-table": "Table of coverage",
-    "trust-table": "Table of trust",
+    "explanation/ablation-tables": "Tables of optional terms",
+    "explanation/comparison-tables": "Tables of the comparison",
+    "explanation/coverage-table": "Table of coverage",
+    "explanation/trust-table": "Table of trust",
 }
-#: A link to something of the repository outside this folder.
-_OUTSIDE = re.compile(r"\[([^\]]+)\]\(\.\./([^)#\s]+)(?:#[^)]*)?\)")
+#: A link that leads up at least one folder: to another part of the book, or out of it.
+_UP = re.compile(r"\[([^\]]+)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
 
 
 def _beyond_the_book(_app: Any, page: str, source: list[str]) -> None:
     """A link out of this folder becomes a download of the file; one to a folder, its name. Pages of tables get a title."""
 
     def replaced(link: re.Match[str]) -> str:
-        words, path = link[1].strip("`"), _PROJECT / link[2]
+        words, path = link[1].strip("`"), (_FOLDER / page).parent.joinpath(link[2]).resolve()
+        if path.is_relative_to(_FOLDER):
+            return link[0]
         if path.is_file():
-            return f"{{download}}`{words} <../{link[2]}>`"
+            return f"{{download}}`{words} <{link[2]}>`"
         if path.is_dir():
-            return f"{words} (`{link[2]}`)"
+            return f"{words} (`{path.relative_to(_PROJECT)}`)"
         raise FileNotFoundError(f"{page}: no {link[2]} in the repository")
 
-    source[0] = _OUTSIDE.sub(replaced, source[0])
+    source[0] = _UP.sub(replaced, source[0])
     if page in _TITLES:
         source[0] = f"# {_TITLES[page]}\n\n" + re.sub("^#+", "##", source[0], flags=re.MULTILINE)
 

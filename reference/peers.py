@@ -3,7 +3,7 @@
     reference/python reference/peers.py [SAMPLES [REPETITIONS]]
 
 Simulation: one motion through one model; fitting: one model to one recording. The programs take turns on one core; printed
-are medians, and errors beside them. README.md says what each time includes, docs/peers.md carries the output.
+are medians, and errors beside them. README.md says what each time includes, docs/explanation/peers.md carries the output.
 """
 
 import importlib.metadata

@@ -3,7 +3,7 @@
     m_m dv_m/dt = F_h - b_m v_m - F_mc         F_h = k_h (x_h - x_m) - b_h v_m - m_h dv_m/dt
     m_s dv_s/dt = F_sc - b_s v_s - F_e         F_e = k_e x_s + b_e v_s
 
-position_position, position_force, four_channel (without delay) and wave as in docs/teleoperation.md. All is at rest at 0.1 m when
+position_position, position_force, four_channel (without delay) and wave as in docs/explanation/teleoperation.md. All is at rest at 0.1 m when
 the hand jumps to 0.105 m and the tissue, until then without force, begins to push.
 
 With the delay T of one direction the trajectory is taken in pieces X_k(s) = x(kT + s), 0 <= s <= T. Each depends on itself and on

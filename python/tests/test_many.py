@@ -251,7 +251,7 @@ def test_other_threads_run_meanwhile(model: trocar.Model) -> None:
 
 
 def test_the_example_of_the_documentation_runs() -> None:
-    text = (ROOT / "docs" / "python.md").read_text().split("## Many models", 1)[1]
+    text = (ROOT / "docs" / "reference" / "python.md").read_text().split("## Many models", 1)[1]
     names: dict[str, Any] = {}
     exec(text.split("```python\n", 1)[1].split("```", 1)[0], names)
     assert abs(names["width_m"] - 8e-3) < 2 * names["width_std_m"] < 1e-3

@@ -199,7 +199,7 @@ def test_a_table_in_a_file_is_not_in_memory(tmp_path: Path) -> None:
 
 
 def test_the_example_of_the_documentation_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = (ROOT / "docs" / "sweep.md").read_text().split("## From Python", 1)[1]
+    text = (ROOT / "docs" / "reference" / "sweep.md").read_text().split("## From Python", 1)[1]
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(text.split("```python\n", 1)[1].split("```", 1)[0], names)

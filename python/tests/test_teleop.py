@@ -80,7 +80,7 @@ def test_the_hybrid_matrix_is_that_of_the_command_line(tmp_path: Path, model: tr
 def test_the_figures_are_those_of_the_documentation(model: trocar.Model) -> None:
     figures = trocar.teleop(model, SOFT).figures
     assert figures is not None
-    page = (ROOT / "docs" / "teleoperation.md").read_text()
+    page = (ROOT / "docs" / "explanation" / "teleoperation.md").read_text()
     for value in (figures.displayed_stiffness_n_m, figures.true_stiffness_n_m, figures.force_error_rms_n):
         assert f"{value:#.4g}" in page
 
@@ -364,7 +364,7 @@ def test_the_example_of_the_documentation_runs(
     monkeypatch.setenv("MPLBACKEND", "agg")
     from matplotlib import pyplot
 
-    text = (ROOT / "docs" / "python.md").read_text().split("## Teleoperation", 1)[1]
+    text = (ROOT / "docs" / "reference" / "python.md").read_text().split("## Teleoperation", 1)[1]
     found.model.save(tmp_path / "model.json")
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}

@@ -14,7 +14,7 @@ from .conftest import ROOT
 
 def outputs(name: str) -> list[Any]:
     """What the cells of a notebook show."""
-    notebook = nbformat.read(ROOT / "docs" / name, as_version=4)
+    notebook = nbformat.read(ROOT / "docs" / "tutorials" / name, as_version=4)
     nbformat.validate(notebook)
     cells = [cell for cell in notebook.cells if cell.cell_type == "code"]
     assert all(not cell.outputs and cell.execution_count is None for cell in cells), "strip the outputs before committing"

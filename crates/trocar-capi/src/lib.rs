@@ -1,6 +1,6 @@
 //! Trocar seals for programs in C and C++: the functions of `include/trocar.h`.
 //!
-//! The header is made from this crate and states for each function what it takes, gives and may refuse; `docs/c-and-cpp.md`
+//! The header is made from this crate and states for each function what it takes, gives and may refuse; `docs/reference/c-and-cpp.md`
 //! shows how to build and link. Everything runs the one step of `trocar-model`, so the forces are the same to the last bit.
 //!
 //! # Safety

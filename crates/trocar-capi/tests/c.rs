@@ -333,7 +333,7 @@ fn the_code_of_the_documentation_compiles_and_runs() {
     if !compilers() {
         return;
     }
-    let text = fs::read_to_string(here("../../docs/c-and-cpp.md")).unwrap();
+    let text = fs::read_to_string(here("../../docs/reference/c-and-cpp.md")).unwrap();
     let folder = &installed().programs;
     fs::copy(conformance("models/ems.json"), folder.join("model.json")).unwrap();
     let mut run = 0;

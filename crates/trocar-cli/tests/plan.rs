@@ -5,7 +5,7 @@ use std::fs;
 use crate::common::Place;
 
 const README: &str = include_str!("../../../README.md");
-const PAGE: &str = include_str!("../../../docs/plan.md");
+const PAGE: &str = include_str!("../../../docs/explanation/plan.md");
 
 /// A plan that takes little time: two seals, the reserve and little more.
 const SMALL: &str = "duration_s = 60.0\ndraws = 2\n[rig]\nsample_rate_hz = 200.0\n";
@@ -59,7 +59,7 @@ fn numbers(text: &str) -> Vec<(Vec<&str>, Vec<f64>)> {
 #[test]
 fn the_pages_show_the_plan_for_a_rig_like_the_papers() {
     let printed = Place::new().run("plan --out motion.csv").ends_with(0).stdout;
-    for (name, page) in [("README.md", README), ("docs/plan.md", PAGE)] {
+    for (name, page) in [("README.md", README), ("docs/explanation/plan.md", PAGE)] {
         let from = page.find("for all parameters:").expect("the plan is shown");
         let shown = &page[from..from + page[from..].find("```").expect("its end")];
         let shown = shown.split("\n$ ").next().unwrap();

@@ -6,7 +6,7 @@ use crate::common::Place;
 
 #[test]
 fn the_page_shows_what_the_program_prints() {
-    let page = fs::read_to_string("../../docs/published.md").unwrap();
+    let page = fs::read_to_string("../../docs/reference/published.md").unwrap();
     let place = Place::new();
     for study in ["", "dobbelsteen-2007", "imeche-2015", "ems-2010"] {
         let printed = place.run(&format!("ranges {study}")).ends_with(0).stdout;

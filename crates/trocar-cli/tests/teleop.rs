@@ -4,7 +4,7 @@ use std::fs;
 
 use crate::common::Place;
 
-const PAGE: &str = include_str!("../../../docs/teleoperation.md");
+const PAGE: &str = include_str!("../../../docs/explanation/teleoperation.md");
 const SOFT: &str = "[tissue]\nstiffness_n_m = 50.0\n";
 const FAR: &str = "[channel]\ndelay_s = 0.01\n[tissue]\nstiffness_n_m = 400.0\n";
 

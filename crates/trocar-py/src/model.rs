@@ -160,7 +160,7 @@ impl Model {
     /// "single" for processors that compute in 32 bits only. `compensator` adds the observer of the
     /// tissue force with the sensor of the model file; the command line takes other values. The
     /// first comment of the header
-    /// explains the use; docs/microcontroller.md has an example.
+    /// explains the use; docs/reference/exported-c.md has an example.
     #[pyo3(
         signature = (path, *, prefix=DEFAULT_PREFIX.to_owned(), precision="double", compensator=false),
         text_signature = "($self, path, *, prefix='trocar', precision='double', compensator=False)"

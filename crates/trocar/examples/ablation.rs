@@ -1,8 +1,8 @@
-//! The tables of docs/ablation.md: what each optional term of the fit is worth on recordings it has
+//! The tables of docs/explanation/ablation.md: what each optional term of the fit is worth on recordings it has
 //! not seen.
 //!
 //! ```text
-//! cargo run --release -p trocar --example ablation -- FOLDER > docs/ablation-tables.md
+//! cargo run --release -p trocar --example ablation -- FOLDER > docs/explanation/ablation-tables.md
 //! ```
 //! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon). Identified from steady, dynamic
 //! and the first half of surgeon; scored on the second half of surgeon and on validation. Takes

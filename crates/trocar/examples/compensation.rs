@@ -4,7 +4,7 @@
 //! ```text
 //! cargo run --release -p trocar --example compensation [-- FOLDER]
 //! ```
-//! prints the tables of docs/compensation.md, and writes its drawing to
+//! prints the tables of docs/explanation/compensation.md, and writes its drawing to
 //! `FOLDER/figures/compensation.svg`.
 //!
 //! The bench identifies a seal from the steady and dynamic experiments and holds the validation

@@ -4,7 +4,7 @@
 //! ```text
 //! cargo run --release -p trocar --example compensation_band [-- SEALS [FOLDER]]
 //! ```
-//! prints the table of docs/compensation.md. Every seal is drawn at random, with a law between its
+//! prints the table of docs/explanation/compensation.md. Every seal is drawn at random, with a law between its
 //! branches of its own, and identified from full strokes alone. Its model is validated on full
 //! strokes, or on a hand's motion as well. Then the compensator runs on other motions with other
 //! noise, dry and wetted on the way.

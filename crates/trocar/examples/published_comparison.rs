@@ -1,8 +1,8 @@
-//! The tables of docs/comparison.md: all friction models on recordings that are not part of this
+//! The tables of docs/explanation/comparison.md: all friction models on recordings that are not part of this
 //! repository.
 //!
 //! ```text
-//! cargo run --release -p trocar --example published_comparison -- FOLDER > docs/comparison-tables.md
+//! cargo run --release -p trocar --example published_comparison -- FOLDER > docs/explanation/comparison-tables.md
 //! ```
 //! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon) and `elastomer_seals` (one
 //! recording a seal, ZILLEN).

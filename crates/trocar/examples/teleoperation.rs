@@ -1,5 +1,5 @@
 //! What an operator feels through seals of different friction, where a loop is stable, and how much to take out: the
-//! figures of docs/teleoperation.md, and a table of docs/compensation.md.
+//! figures of docs/explanation/teleoperation.md, and a table of docs/explanation/compensation.md.
 //!
 //! ```text
 //! cargo run --release -p trocar --example teleoperation [-- FOLDER]

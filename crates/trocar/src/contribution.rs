@@ -1,5 +1,5 @@
 //! A contributed measured seal: a folder with `model.json`, `conditions.toml` and, at least while
-//! it is checked, the recordings that the model was identified from (docs/published.md).
+//! it is checked, the recordings that the model was identified from (docs/reference/published.md).
 
 use std::fmt::Write as _;
 use std::fs::File;
@@ -91,7 +91,7 @@ pub enum ContributionError {
         source: io::Error,
     },
     /// The conditions are not TOML, lack a key or have an unknown one.
-    #[error("{}: {what}\n\nhint: docs/published.md describes every key", path.display())]
+    #[error("{}: {what}\n\nhint: docs/reference/published.md describes every key", path.display())]
     Syntax {
         /// The file of the conditions.
         path: PathBuf,

@@ -194,10 +194,10 @@ fn draws_of_what_one_speed_leaves_open_are_named() {
 
 #[test]
 fn priors_are_documented_as_they_are() {
-    let docs = include_str!("../../../docs/posterior.md");
+    let docs = include_str!("../../../docs/explanation/posterior.md");
     for [words, symbol, prior] in weak_priors() {
         let row = format!("| {words} | {symbol} | {prior} |");
-        assert!(docs.contains(&row), "docs/posterior.md has no row\n{row}");
+        assert!(docs.contains(&row), "docs/explanation/posterior.md has no row\n{row}");
     }
 }
 

@@ -45,7 +45,7 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
         &axis,
         IdentifyOptions { paper: true, inertia_removed: true, ..IdentifyOptions::default() },
     );
-    // Value and interval as printed in docs/validation.md.
+    // Value and interval as printed in docs/explanation/validation.md.
     for (name, [value, low, high], digit) in [
         ("coulomb_force_n", [20.49, 20.01, 20.97], 0.01),
         ("viscous_damping_n_s_m", [202.7, 197.3, 208.1], 0.1),
@@ -59,7 +59,7 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
         {
             assert!(
                 (got - printed).abs() <= 0.501 * digit,
-                "{name}: {got}, docs/validation.md prints {printed}"
+                "{name}: {got}, docs/explanation/validation.md prints {printed}"
             );
         }
     }
@@ -94,14 +94,14 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
         &training,
         IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() },
     );
-    // As printed in docs/validation.md.
+    // As printed in docs/explanation/validation.md.
     for (name, printed) in [("validation.csv", 0.039), ("surgeon.csv", 0.100)] {
         let held_out =
             found.without_delay(vec![recording(&folder, name, 0.04)]).expect("the same delay");
         let score = validate(&found.trocar(), &held_out, found.model.offset);
         assert!(
             (score.rms_n - printed).abs() < 6e-4,
-            "{name}: {} N, docs/validation.md prints {printed}",
+            "{name}: {} N, docs/explanation/validation.md prints {printed}",
             score.rms_n
         );
     }

@@ -1,24 +1,24 @@
-//! The figures and the table of docs/teleoperation.md are those that their command gives.
+//! The figures and the table of docs/explanation/teleoperation.md are those that their command gives.
 
 use std::path::Path;
 
 #[path = "../examples/teleoperation.rs"]
 mod example;
 
-const PAGE: &str = include_str!("../../../docs/teleoperation.md");
-const COMPENSATION: &str = include_str!("../../../docs/compensation.md");
+const PAGE: &str = include_str!("../../../docs/explanation/teleoperation.md");
+const COMPENSATION: &str = include_str!("../../../docs/explanation/compensation.md");
 
 #[test]
 fn the_advice_of_the_docs_is_that_of_the_command() {
     let table = example::advised().unwrap();
-    assert!(COMPENSATION.contains(&table), "docs/compensation.md has not\n{table}");
+    assert!(COMPENSATION.contains(&table), "docs/explanation/compensation.md has not\n{table}");
 }
 
 #[test]
 fn the_figures_of_the_docs_are_those_of_the_command() {
     let curves = example::curves().unwrap();
     let table = example::table(&curves);
-    assert!(PAGE.contains(&table), "docs/teleoperation.md has not\n{table}");
+    assert!(PAGE.contains(&table), "docs/explanation/teleoperation.md has not\n{table}");
     let document = example::document(&curves).unwrap();
     let drawn = trocar::report::vectors(&document).unwrap();
     assert_eq!(drawn.len(), 2);

@@ -1,6 +1,6 @@
 /*
  * cisstMultiTask component for the dVRK: the force on the tissue from a force sensor outside the body, as a force source for
- * teleoperation (psm_force_source). docs/dvrk.md describes interfaces, configuration, signs and frames.
+ * teleoperation (psm_force_source). docs/reference/dvrk.md describes interfaces, configuration, signs and frames.
  */
 #ifndef _mtsTrocarForce_h
 #define _mtsTrocarForce_h

@@ -1,4 +1,4 @@
-"""The example prints what docs/mujoco.md shows, and its forces are in balance."""
+"""The example prints what docs/reference/mujoco.md shows, and its forces are in balance."""
 
 import os
 import subprocess
@@ -25,7 +25,7 @@ def test_the_example_prints_what_its_page_shows():
     script = REPOSITORY / "integrations" / "mujoco" / "example" / "insert.py"
     program = [sys.executable, str(script), os.environ["TROCAR_PLUGIN"]]
     printed = table(subprocess.run(program, check=True, capture_output=True, text=True).stdout)
-    shown = table((REPOSITORY / "docs" / "mujoco.md").read_text(encoding="utf-8"))
+    shown = table((REPOSITORY / "docs" / "reference" / "mujoco.md").read_text(encoding="utf-8"))
     assert printed.shape == (8, 5) and np.abs(printed - shown).max() < 0.05
     drive, trocar, tissue = printed[:, 2:].T
     # 0.42 kg at up to 0.17 m/s2, and a force that changes from step to step.

@@ -131,7 +131,7 @@ def test_an_instrument_pressed_into_tissue_rests_there(model, integrator, mass_k
 
 @pytest.mark.parametrize("integrator, mass_kg, servo", PRESSED)
 def test_on_tissue_only_a_light_instrument_in_a_very_stiff_seal_chatters(integrator, mass_kg, servo, stiff_model):
-    """10 g at 1e5 N/m, h^2 k / m = 40: what docs/mujoco.md states as a limit."""
+    """10 g at 1e5 N/m, h^2 k / m = 40: what docs/reference/mujoco.md states as a limit."""
     _, positions, _, _ = pressed(stiff_model(1e5), integrator, mass_kg, servo)
     assert np.ptp(positions[-200:]) < (0.5e-3 if mass_kg == 0.01 else 1e-6)
 

@@ -124,7 +124,7 @@ const MOST_DRAWS: u32 = 1000;
 const NORMAL_95: f64 = 1.96;
 
 /// The trocar with the friction scale λ = `scale`, above 0: its seal has the force λ·F(x/λ), as that of a seal once it is wetted
-/// (`docs/compensation.md`); viscous damping and the offset of its profile stay.
+/// (`docs/explanation/compensation.md`); viscous damping and the offset of its profile stay.
 ///
 /// # Errors
 /// Parameters that make no model at this scale.

@@ -243,7 +243,7 @@ const SINGLE_LEVEL: f64 = 0.05;
 /// float.
 const AMPLIFIED: f64 = 3.0;
 
-/// Prints the table of docs/microcontroller.md.
+/// Prints the table of docs/reference/exported-c.md.
 #[test]
 fn the_observer_in_single_precision_is_near() {
     if !has_gcc() {

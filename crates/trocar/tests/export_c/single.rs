@@ -73,7 +73,7 @@ pub(super) fn differences(
     [largest, (squares / calls.len() as f64).sqrt(), force]
 }
 
-/// Prints the table of docs/microcontroller.md.
+/// Prints the table of docs/reference/exported-c.md.
 #[test]
 fn single_precision_is_as_near_as_documented() {
     if !has_gcc() {
@@ -99,7 +99,7 @@ fn single_precision_is_as_near_as_documented() {
         assert_eq!(name, known);
         assert!(to <= to_bound && by <= by_bound, "{name}: {to:e} N, {by:e} N");
     }
-    let expected = fs::read_to_string(repository().join("docs/microcontroller.md")).unwrap();
+    let expected = fs::read_to_string(repository().join("docs/reference/exported-c.md")).unwrap();
     for (name, to, by) in BOUNDS {
         let row = format!("| {name} | ");
         let row = expected.lines().filter(|line| line.starts_with(&row));

@@ -9,7 +9,7 @@
  *
  * Units are SI; positive is insertion; forces are those that the instrument exerts.
  *
- * How the streams are joined: as docs/robot-logs.md describes for recordings. There is one sample for each position, at its
+ * How the streams are joined: as docs/reference/robot-logs.md describes for recordings. There is one sample for each position, at its
  * stamp. The reading is interpolated linearly between the readings before and after it; a reading at exactly that stamp is
  * used alone. So a sample waits for the first reading at or after it: at most one interval of the readings. Nothing is
  * extrapolated, and nothing is interpolated across more than longest_interval_s: there the sample has no reading, and no

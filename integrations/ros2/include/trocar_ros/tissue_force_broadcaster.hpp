@@ -1,6 +1,6 @@
 /*
  * ros2_control: reads a joint and a force-torque sensor, and exports the force on the tissue as state interfaces that other
- * controllers and broadcasters can claim. From ROS 2 Jazzy on. docs/ros2.md has the configuration.
+ * controllers and broadcasters can claim. From ROS 2 Jazzy on. docs/reference/ros2.md has the configuration.
  */
 #ifndef TROCAR_ROS__TISSUE_FORCE_BROADCASTER_HPP_
 #define TROCAR_ROS__TISSUE_FORCE_BROADCASTER_HPP_

@@ -1,5 +1,5 @@
 /*
- * ROS 2 node: joint state and wrench in, force on the tissue out. docs/ros2.md describes topics, parameters and diagnostics.
+ * ROS 2 node: joint state and wrench in, force on the tissue out. docs/reference/ros2.md describes topics, parameters and diagnostics.
  */
 #ifndef TROCAR_ROS__TISSUE_FORCE_NODE_HPP_
 #define TROCAR_ROS__TISSUE_FORCE_NODE_HPP_

@@ -28,7 +28,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "PREFIX", default_value = DEFAULT_PREFIX, value_parser = prefix)]
     name: String,
     /// Numbers of the code: double gives the forces of the library, single is for processors that
-    /// compute in 32 bits only; docs/microcontroller.md lists its error
+    /// compute in 32 bits only; docs/reference/exported-c.md lists its error
     #[arg(long, value_name = "PRECISION", default_value = "double")]
     precision: Numbers,
     /// Also the observer of the tissue force, as 'trocar compensate' runs it, with the following

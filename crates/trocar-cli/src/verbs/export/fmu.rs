@@ -138,7 +138,8 @@ fn binaries(
     }
     if !wanted.is_empty() || binaries.is_empty() {
         let carried = inside.binaries(Some(&wanted)).map_err(|error| {
-            let hint = "hint: name libraries of trocar-fmu with --library, see docs/fmu.md";
+            let hint =
+                "hint: name libraries of trocar-fmu with --library, see docs/reference/fmu.md";
             BadArgument(format!("{error}\n\n{hint}"))
         })?;
         binaries.extend(carried);
