@@ -235,7 +235,7 @@ def advice(found: Advice) -> str:
     if found.fraction is None:
         return "<p>No fraction from 0 to 150 % makes the loop stable.</p>"
     ranges = ", ".join(f"{_percent(low)} to {_percent(high)}" for low, high in found.stable)
-    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable with {found.plants} trocars: {ranges}"
+    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
     cases = [("without", found.figures_without), (_percent(found.fraction), found.figures_with)]
     table = _merits([(heading, merit) for heading, merit in cases if merit is not None])
     unstable = "" if found.figures_without is not None else "<p>Without compensation the loop is unstable.</p>"

@@ -424,7 +424,7 @@ class Teleoperation(_Repeatable[_core.Studied]):
     z_width_n_m: Optional[_Ranges]
     #: When a device left 10 m or 100 m/s, s; None if the loop did not diverge.
     unstable_after_s: Optional[float]
-    #: What ``advise``, ``map`` and ``hybrid`` asked for.
+    #: Results of ``advise``, ``map`` and ``hybrid``; None where not requested.
     advice: Optional[Advice]
     map: Optional[StabilityMap]
     hybrid: Optional[HybridMatrix]
@@ -478,6 +478,12 @@ class Teleoperation(_Repeatable[_core.Studied]):
             found.append("the tip does not reach the tissue: the figures are those of free motion")
         if self.advice is not None and self.advice.fraction is None:
             found.append("no fraction from 0 to 1.5 makes the loop stable")
+        error = self.summary["step_error"]
+        if error is not None and error["figure"] is None:
+            found.append("halving the step of the plant changes whether the loop is stable: increase substeps")
+        elif error is not None:
+            change = f"the {error['figure']} by {100 * error['relative']:.0f} %"
+            found.append(f"halving the step of the plant changes {change}: increase substeps")
         return tuple(found)
 
     def columns(self) -> dict[str, _Array]:

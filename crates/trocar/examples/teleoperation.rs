@@ -109,7 +109,8 @@ pub(crate) fn advised() -> Result<String, Box<dyn Error>> {
         config.tissue.stiffness_n_m = stiffness_n_m;
         let found = |least_friction_scale: f64| {
             let wanted = Candidates { least_friction_scale, ..Candidates::default() };
-            advise(&config, &candidates([&file; 2], &wanted)?, || ()).map_err(Box::<dyn Error>::from)
+            advise(&config, &candidates([&file; 2], &wanted)?, || ())
+                .map_err(Box::<dyn Error>::from)
         };
         let [dry, wetted] = [found(1.0)?, found(0.55)?];
         let percent = |fraction: f64| format!("{:.1}", 100.0 * fraction);

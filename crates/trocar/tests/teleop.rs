@@ -17,7 +17,7 @@ use trocar::teleop::config::{
 use trocar::teleop::hybrid::{Hybrid, response, seal_impedance, tissue_impedance};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::{Trial, ZWidth, boundary};
-use trocar::teleop::{Candidates, Loop, Outcome, Sample, candidates, scaled};
+use trocar::teleop::{Candidates, Loop, Outcome, Questions, Sample, Study, candidates, scaled};
 use trocar_model::{Classical, Quantity, Seal, SlidingFriction, StaticFriction, Trocar, Tunable};
 
 /// Coulomb friction of `force`, N.
@@ -304,7 +304,8 @@ fn waves_are_passive_whatever_the_delay_and_position_force_is_not() {
 #[test]
 fn passivity_control_lets_no_port_give_more_than_it_got() {
     let trocar = plausible();
-    let channels = [(0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.1, 0.0, 0.0), (0.01, 0.02, 0.2), (0.1, 0.05, 0.5)];
+    let channels =
+        [(0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.1, 0.0, 0.0), (0.01, 0.02, 0.2), (0.1, 0.05, 0.5)];
     for architecture in ARCHITECTURES {
         for (delay_s, jitter_s, loss) in channels {
             for on_loss in [OnLoss::Hold, OnLoss::Zero] {
@@ -329,7 +330,8 @@ fn check_ports(samples: &[Sample], delay: usize, case: &str) {
     let of_a_sample = samples
         .windows(2)
         .map(|pair| {
-            let at_master = pair[0].master_force * (pair[1].master_position - pair[0].master_position);
+            let at_master =
+                pair[0].master_force * (pair[1].master_position - pair[0].master_position);
             let at_slave = pair[0].slave_force * (pair[1].slave_position - pair[0].slave_position);
             at_master.abs().max(at_slave.abs())
         })
@@ -716,8 +718,7 @@ proptest! {
         let samples: Vec<Sample> = (0..1000).map_while(|_| tried.step(hand).ok()).collect();
         let held = held_at_rest(&trocar);
         let gained = gains(&config, &samples, held);
-        println!("GAIN {name} {held:e} {gained:?}");
-        prop_assert!(gained.iter().all(|gain| *gain <= 1.0), "{} {} J {:?}", name, held, gained);
+        prop_assert!(gained.iter().all(|gain| *gain <= 1e-6), "{} {} J {:?}", name, held, gained);
     }
 }
 
@@ -912,7 +913,7 @@ fn a_credit_from_the_trocar_spares_damping_and_keeps_loop_and_trocar_passive() {
     }
 }
 
-/// The bound holds for the friction that it reckons with: with less, network and trocar give energy.
+/// The bound holds for the friction that it assumes: with less, network and trocar give energy.
 #[test]
 fn a_credit_beyond_the_friction_there_is_gives_energy_away() {
     let motion = Config::default().motion;
@@ -1007,7 +1008,9 @@ fn a_z_width_ends_where_the_loop_ceases_to_settle() {
 #[test]
 fn a_z_width_holds_the_tissue_with_which_the_loop_settles() {
     let trocar = plausible();
-    for (delay_s, fraction, stiffness) in [(0.01, 0.9, 613.0), (0.02, 1.0, 450.0), (0.004, 0.0, 5e3)] {
+    for (delay_s, fraction, stiffness) in
+        [(0.01, 0.9, 613.0), (0.02, 1.0, 450.0), (0.004, 0.0, 5e3)]
+    {
         let mut config = Config::default();
         (config.channel.delay_s, config.compensation.fraction) = (delay_s, fraction);
         config.tissue.stiffness_n_m = stiffness;
@@ -1122,8 +1125,10 @@ fn without_compensation_a_step_of_stiffness_must_be_larger_to_be_noticed() {
     let mut config = Config::default();
     config.tissue.stiffness_n_m = 50.0;
     let advice = advised(&config, trocar).unwrap();
-    let [Some(NoticeableStep::Noticed { step_n_m: with }), Some(NoticeableStep::Noticed { step_n_m: without })] =
-        [advice.noticeable_with, advice.noticeable_without]
+    let [
+        Some(NoticeableStep::Noticed { step_n_m: with }),
+        Some(NoticeableStep::Noticed { step_n_m: without }),
+    ] = [advice.noticeable_with, advice.noticeable_without]
     else {
         panic!("{:?} {:?}", advice.noticeable_with, advice.noticeable_without)
     };
@@ -1131,9 +1136,9 @@ fn without_compensation_a_step_of_stiffness_must_be_larger_to_be_noticed() {
     assert!(without > 1.5 * with, "{with} {without}");
 }
 
-/// A seal that may be wetted asks for less compensation than one whose intervals alone are reckoned with.
+/// A seal that may be wetted needs less compensation than one that stays within its intervals.
 #[test]
-fn trocars_with_less_friction_are_reckoned_with_where_asked() {
+fn trocars_with_less_friction_are_included_on_request() {
     let file = with_intervals(0.05);
     let config = Config::default();
     let advised = |least_friction_scale: f64| {
@@ -1176,7 +1181,9 @@ fn a_step_that_is_not_noticed_is_told_from_a_loop_that_is_unstable_before() {
     let greatest = ZWidth::of(&config, [&trocar, &trocar]).unwrap().unwrap().ranges_n_m[0][1];
     // So near the end that less than 23 % is left.
     config.tissue.stiffness_n_m = 0.9 * greatest;
-    let NoticeableStep::Unstable { step_n_m } = step(&config) else { panic!("{:?}", step(&config)) };
+    let NoticeableStep::Unstable { step_n_m } = step(&config) else {
+        panic!("{:?}", step(&config))
+    };
     assert!((step_n_m / (0.1 * greatest) - 1.0).abs() < 0.4, "{step_n_m} {greatest}");
     // The master reflects nothing: what it displays is its own.
     let mut deaf = Config::default();
@@ -1267,4 +1274,47 @@ fn what_is_felt_in_four_channels_is_the_force_of_the_operator() {
     let largest = |of: fn(&Sample) -> f64| samples.iter().map(|s| of(s).abs()).fold(0.0, f64::max);
     assert!(merit.force_error_rms_n < 0.02 * largest(|s| s.tissue_force), "{merit:?}");
     assert!((merit.master_energy_j + merit.slave_energy_j - merit.energy_j).abs() < 1e-12);
+}
+
+/// A loop that swings for seconds and dies away is stable; one that swings on for ever is not.
+#[test]
+fn a_loop_that_comes_to_rest_late_is_stable() {
+    let trocar = plausible();
+    let after = |config: &Config, seconds: f64| {
+        let surface = config.tissue.surface_m;
+        let mut tried = Loop::new(config, trocar, trocar, surface).unwrap();
+        let count = (seconds / config.sample_time_s) as usize;
+        let samples =
+            tried.run(count, |time| (surface + 0.01 * (time / 0.1).min(1.0), 0.0)).unwrap();
+        let last = &samples[count - 500..];
+        last.iter().map(|s| s.master_velocity.abs().max(s.slave_velocity.abs())).fold(0.0, f64::max)
+    };
+    let mut config = Config::default();
+    // A light hand with a heavy master.
+    config.operator = Operator { stiffness_n_m: 50.0, damping_n_s_m: 1.2, mass_kg: 1.0 };
+    config.master = Device { mass_kg: 1.0, damping_n_s_m: 0.0, encoder_step_m: 0.0 };
+    config.control.force_gain = 0.0;
+    let is_stable = |config: &Config| {
+        Trial::default().is_stable(config, &trocar, &trocar, config.tissue.surface_m).unwrap()
+    };
+    assert!(after(&config, 3.0) > 5e-3, "it still swings after 3 s");
+    assert!(is_stable(&config) && after(&config, 60.0) < 1e-3);
+    config.operator.damping_n_s_m = 0.0;
+    assert!(!is_stable(&config) && after(&config, 60.0) > 5e-3);
+}
+
+/// Steps of the plant that are too long for a light slave on stiff tissue are reported; half as long ones are not.
+#[test]
+fn steps_that_are_too_long_are_reported() {
+    let mut config = Config { sample_time_s: 4e-3, substeps: 1, ..Config::default() };
+    (config.slave.mass_kg, config.tissue.stiffness_n_m) = (0.05, 5000.0);
+    (config.control.stiffness_n_m, config.control.damping_n_s_m) = (300.0, 5.0);
+    let file = ModelFile::plausible_10_5_mm().unwrap();
+    let error = |substeps: u32| {
+        let config = Config { substeps, ..config.clone() };
+        Study::new(config, [&file; 2], &Questions::default(), &|_, _| ()).unwrap().step_error
+    };
+    let coarse = error(1).unwrap();
+    assert!(coarse.to_string().starts_with("halving the step of the plant changes "), "{coarse}");
+    assert_eq!(error(32), None);
 }

@@ -32,7 +32,7 @@ const LONGEST_MAPPED: f64 = 1e4;
 /// the tissue's stiffness with which the loop is stable. --advise finds the best fraction over the model's
 /// 95 % intervals, --map the ranges of stiffness over delay and fraction. Writes summary.json,
 /// course.parquet, hybrid.parquet, report.html and figures into the folder given with --out. Exit code 3:
-/// the loop is unstable, or the tip does not reach the tissue.
+/// the loop is unstable, the tip does not reach the tissue, or the steps of the plant are too long.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The loop, TOML (see --print-config); without it, the defaults
@@ -152,12 +152,19 @@ fn warn(console: &Console, args: &Args, study: &Study) -> bool {
     if let Some(why) = &unstable {
         console.warn(&format!("{why}\n\nhint: try {}", remedies(&study.config, args).join(", ")));
     }
+    if let Some(error) = study.step_error {
+        let more = 4 * study.config.substeps;
+        console.warn(&format!(
+            "{error}\n\nhint: try substeps = {more}; where passivity control, losses or an encoder keep switching a force, more steps \
+             may not help"
+        ));
+    }
     let advised = study.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
     let no_contact = warn_of_no_contact(console, study);
-    unstable.is_some() || !advised || no_contact
+    unstable.is_some() || !advised || no_contact || study.step_error.is_some()
 }
 
-/// What may make an unstable loop stable.
+/// Changes that may make an unstable loop stable.
 fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
     let control = &config.control;
     let four_channels = control.architecture == Architecture::FourChannel;
@@ -204,7 +211,7 @@ fn friction_scale(text: &str) -> Result<f64, String> {
     if (0.01..=1.0).contains(&scale) { Ok(scale) } else { Err("must be from 0.01 to 1".into()) }
 }
 
-/// Refuses what would be computed in vain.
+/// Refuses options that cannot have a result.
 fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
     if args.out.as_deref() == Some(Path::new("-")) {
         let text = "--out - : the results are a folder\n\nhint: --json prints summary.json";
@@ -246,7 +253,7 @@ fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
     }
 }
 
-/// Refuses draws from intervals that there are not.
+/// Refuses draws from a model without intervals.
 fn check_intervals(
     console: &Console,
     args: &Args,
@@ -300,7 +307,8 @@ fn text(study: &Study) -> String {
 }
 
 fn z_width_text(width: &ZWidth) -> String {
-    let range = |[least, greatest]: &[f64; 2]| format!("{} to {}", number(*least), number(*greatest));
+    let range =
+        |[least, greatest]: &[f64; 2]| format!("{} to {}", number(*least), number(*greatest));
     match width.ranges_n_m.as_slice() {
         [] => "unstable with every tissue that is tried, from 0 to 20 000 N/m\n".to_owned(),
         ranges => {
@@ -367,7 +375,10 @@ fn step_text(step: Option<NoticeableStep>) -> String {
             format!("none up to {} N/m, the largest that is tried", number(step_n_m))
         }
         Some(NoticeableStep::Unstable { step_n_m }) => {
-            format!("none before the loop becomes unstable, with tissue stiffer by {} N/m", number(step_n_m))
+            format!(
+                "none before the loop becomes unstable, with tissue stiffer by {} N/m",
+                number(step_n_m)
+            )
         }
     }
 }

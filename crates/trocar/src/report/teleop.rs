@@ -72,7 +72,7 @@ impl TeleopReport<'_> {
         self.study.outcome.course.as_deref().map_err(|diverged| *diverged)
     }
 
-    /// Stages summary.json, course.parquet unless the loop diverged, hybrid.parquet if it was asked for, report.html and
+    /// Stages summary.json, course.parquet unless the loop diverged, hybrid.parquet if it was requested, report.html and
     /// figures.
     ///
     /// # Errors
@@ -239,7 +239,7 @@ fn felt(input: &TeleopReport) -> Section {
 fn advised(input: &TeleopReport) -> Section {
     let section = Section::new("How much to take out");
     let Some(advice) = &input.study.advice else {
-        return section.paragraph("Not asked for: --advise tries fractions from 0 to 150 %.");
+        return section.paragraph("Not computed: --advise tries fractions from 0 to 150 %.");
     };
     let words = match advice.fraction {
         Some(fraction) => format!(
@@ -272,8 +272,8 @@ fn advised(input: &TeleopReport) -> Section {
         });
     }
     if let Some(merit) = &advice.with {
-        section =
-            section.table(merit_table("With that fraction, the pair with the largest error", merit));
+        section = section
+            .table(merit_table("With that fraction, the pair with the largest error", merit));
     }
     section.table(figures::tried(advice)).figure(figures::errors(input.config(), advice))
 }
@@ -286,9 +286,11 @@ pub fn stability_map(config: &Config, map: &Map) -> Figure {
 fn map(input: &TeleopReport) -> Section {
     let section = Section::new("Where the loop is stable");
     match &input.study.map {
-        Some(map) => section.figure(figures::map(input.config(), map)).table(figures::map_table(map)),
+        Some(map) => {
+            section.figure(figures::map(input.config(), map)).table(figures::map_table(map))
+        }
         None => section
-            .paragraph("Not asked for: --map finds the stiffest tissue over delay and fraction."),
+            .paragraph("Not computed: --map finds the stiffest tissue over delay and fraction."),
     }
 }
 
@@ -300,7 +302,7 @@ fn linear(input: &TeleopReport) -> Section {
     let [model, trocar] = &input.study.models;
     let model = match input.config().compensation.model(model) {
         Ok(model) => model,
-        Err(why) => return section.paragraph(format!("There is none: {why}.")),
+        Err(why) => return section.paragraph(format!("Not computed: {why}.")),
     };
     let [matrix, transmitted] = figures::hybrid(input.config(), [&model, trocar]);
     section.figure(matrix).figure(transmitted)

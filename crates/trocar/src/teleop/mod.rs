@@ -15,8 +15,8 @@
 //!
 //! - [`Config`]: the loop and the experiment.
 //! - [`Loop`]: runs it, sample by sample; [`Outcome`]: once along its motion.
-//! - [`hybrid`]: what linear theory says about the same loop.
-//! - [`Study`]: all that the command line and Python find out about it.
+//! - [`hybrid`]: linear theory of the same loop.
+//! - [`Study`]: the results that the command line and Python show.
 
 pub mod advise;
 mod channel;
@@ -40,4 +40,4 @@ pub use model::{
 };
 pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};
-pub use study::{Questions, Study, StudyError, Summary};
+pub use study::{Questions, StepError, Study, StudyError, Summary};

@@ -51,7 +51,8 @@ pub fn candidates(
     [compensator, plant]: [&ModelFile; 2],
     wanted: &Candidates,
 ) -> Result<Vec<[Trocar<Vec<f64>>; 2]>, ParamError> {
-    let mut plants = within_intervals(plant, wanted.draws, &mut Noise::new(wanted.seed, Source::Draws))?;
+    let mut plants =
+        within_intervals(plant, wanted.draws, &mut Noise::new(wanted.seed, Source::Draws))?;
     let least = wanted.least_friction_scale;
     if least < 1.0 {
         plants.push(scaled(&plant.trocar, 0.5 * (1.0 + least))?);

@@ -15,7 +15,7 @@ pub struct Trial {
     pub settle_s: f64,
     /// Time over which it is watched then, s.
     pub watch_s: f64,
-    /// Largest rms velocity of either device in the second half of that time, m/s, with which it counts as at rest.
+    /// Largest rms velocity of both devices in the second half of that time, m/s, with which they count as at rest.
     pub at_rest_m_s: f64,
 }
 
@@ -23,8 +23,12 @@ pub struct Trial {
 const STILL_M_S: f64 = 1e-10;
 /// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast.
 const STRUCK_M_S: f64 = 1e-3;
-/// Most times that half of the watch is repeated while the velocity grows.
+/// Most times that half of the watch is repeated while the velocity grows from below rest, or decays towards it.
 const LONGEST_WATCH: u32 = 60;
+/// Part of the least velocity so far below which a half counts as decay, and halves in a row without decay after which a loop
+/// is unstable: those of a slow swing are not of equal velocity.
+const SLOWEST_DECAY: f64 = 0.9;
+const PATIENCE: u32 = 2;
 
 impl Default for Trial {
     /// A push by 10 mm, 1 s to settle, watched for 1 s, at rest below 1 mm/s.
@@ -36,9 +40,9 @@ impl Default for Trial {
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
     /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 1 mm/s: the rms velocity of both devices over the second half of
-    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half. Where it
-    /// grows from the first half to the second, the watch goes on until it no longer does, for up to sixty halves: a slow
-    /// growth from far below is unstable, too.
+    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], and does not grow from the first half. The watch goes on, for up to
+    /// sixty halves, while the velocity grows from below rest (a slow growth is unstable, too), or decays towards rest: at least
+    /// every third half is a tenth below the least so far.
     /// Both times are longer where the channel's delay asks for it. The sensor's noise and breathing,
     /// which keep a stable loop in motion, are left out.
     ///
@@ -78,16 +82,22 @@ impl Trial {
         let half = samples(0.5 * self.watch_s, 2.0);
         let windows = [samples(self.settle_s, 5.0), half, half].map(&mut rms);
         let [Some(_), Some(mut first), Some(mut second)] = windows else { return Ok(false) };
-        let grows = |first: f64, second: f64| second > first && second > STILL_M_S;
-        for _ in 0..LONGEST_WATCH {
-            if !grows(first, second) || second >= self.at_rest_m_s {
-                break;
+        let (mut least, mut without_decay) = (first, 0);
+        for _ in 0..=LONGEST_WATCH {
+            let is_below = second < self.at_rest_m_s;
+            let grows = second > first && second > STILL_M_S;
+            if is_below && !grows {
+                return Ok(true);
+            }
+            without_decay = if second < SLOWEST_DECAY * least { 0 } else { without_decay + 1 };
+            least = least.min(second);
+            if !is_below && without_decay > PATIENCE {
+                return Ok(false);
             }
             let Some(next) = rms(half) else { return Ok(false) };
             (first, second) = (second, next);
         }
-        let rests = second < self.at_rest_m_s && !grows(first, second);
-        Ok(rests || second < 0.5 * first)
+        Ok(false)
     }
 }
 
@@ -213,14 +223,22 @@ mod tests {
 
     #[test]
     fn all_ranges_are_found_with_both_ends() {
-        let tried: Vec<f64> = std::iter::once(0.0).chain((0..=12).map(|k| f64::from(k).exp())).collect();
-        let found = |holds: fn(f64) -> bool| ranges(&tried, |s| Ok::<_, Infallible>(holds(s))).unwrap();
+        let tried: Vec<f64> =
+            std::iter::once(0.0).chain((0..=12).map(|k| f64::from(k).exp())).collect();
+        let found =
+            |holds: fn(f64) -> bool| ranges(&tried, |s| Ok::<_, Infallible>(holds(s))).unwrap();
         assert_eq!(found(|_| false), Vec::<[f64; 2]>::new());
         assert_eq!(found(|_| true), [[0.0, 12f64.exp()]]);
         let [first, second] = found(|s| s < 100.0 || s > 3000.0)[..] else { panic!("two ranges") };
         assert!(first[0] == 0.0 && (first[1] / 100.0 - 1.0).abs() < ACCURACY, "{first:?}");
-        assert!(second[1] == 12f64.exp() && (second[0] / 3000.0 - 1.0).abs() < ACCURACY, "{second:?}");
+        assert!(
+            second[1] == 12f64.exp() && (second[0] / 3000.0 - 1.0).abs() < ACCURACY,
+            "{second:?}"
+        );
         let [only] = found(|s| (0.4..=50.0).contains(&s))[..] else { panic!("one range") };
-        assert!((only[0] - 0.4).abs() < ACCURACY && (only[1] / 50.0 - 1.0).abs() < ACCURACY, "{only:?}");
+        assert!(
+            (only[0] - 0.4).abs() < ACCURACY && (only[1] / 50.0 - 1.0).abs() < ACCURACY,
+            "{only:?}"
+        );
     }
 }

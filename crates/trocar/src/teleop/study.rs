@@ -1,4 +1,4 @@
-//! Everything that `trocar teleop` finds out about one loop, for all interfaces.
+//! The results of `trocar teleop` for one loop, for all interfaces.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -15,7 +15,7 @@ use super::outcome::Outcome;
 use super::stability::ZWidth;
 use crate::model_file::ModelFile;
 
-/// What to find out besides the course, its figures and the stiffnesses with which the loop is stable.
+/// What to compute besides the course, its figures and the stiffnesses with which the loop is stable.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Questions {
     /// Which fraction of the trocar's force to take out.
@@ -26,7 +26,7 @@ pub struct Questions {
     pub hybrid_hz: Option<Vec<f64>>,
 }
 
-/// One loop, and what was found out about it.
+/// A loop with its results.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Study {
     /// The loop.
@@ -43,6 +43,8 @@ pub struct Study {
     pub map: Option<Map>,
     /// The hybrid matrix, for strokes of the amplitude of the motion.
     pub hybrid: Option<Vec<Response>>,
+    /// What halving the step of the plant changes by more than 1 %.
+    pub step_error: Option<StepError>,
 }
 
 /// Why a loop cannot be studied.
@@ -70,10 +72,12 @@ pub struct Summary<'a> {
     pub z_width_n_m: Option<&'a ZWidth>,
     /// When it diverged, s.
     pub unstable_after_s: Option<f64>,
-    /// If it was asked for.
+    /// How much of the trocar's force to take out, if requested.
     pub advice: Option<&'a Advice>,
-    /// If it was asked for.
+    /// Where the loop is stable, if requested.
     pub map: Option<&'a Map>,
+    /// None where the steps of the plant are short enough.
+    pub step_error: Option<StepError>,
     /// The loop with all its keys.
     pub config: &'a Config,
 }
@@ -112,7 +116,12 @@ impl Study {
         let find_hybrid = |frequencies: &Vec<f64>| {
             response(&config, models, config.motion.amplitude_m.abs(), frequencies)
         };
+        let step_error = match config.substeps <= MOST_SUBSTEPS {
+            true => StepError::of(&config, models, &outcome)?,
+            false => None,
+        };
         Ok(Self {
+            step_error,
             advice: questions.advice.as_ref().map(find_advice).transpose()?,
             map: questions.map.as_ref().map(find_map).transpose()?,
             hybrid: questions.hybrid_hz.as_ref().map(find_hybrid).transpose()?,
@@ -138,7 +147,7 @@ impl Study {
             && self.outcome.figures.as_ref().is_some_and(|merit| !shown(merit))
     }
 
-    /// What a file or another program takes.
+    /// The contents of summary.json.
     pub fn summary(&self) -> Summary<'_> {
         Summary {
             fraction: self.config.compensation.fraction,
@@ -148,7 +157,74 @@ impl Study {
             unstable_after_s: self.unstable_after_s(),
             advice: self.advice.as_ref(),
             map: self.map.as_ref(),
+            step_error: self.step_error,
             config: &self.config,
+        }
+    }
+}
+
+/// Most steps of the plant within a sample that are halved for comparison.
+const MOST_SUBSTEPS: u32 = 64;
+/// Largest change of a figure when the step is halved, relative.
+const STEP_TOLERANCE: f64 = 0.01;
+
+/// What changes most when the step of the plant is halved: the steps are too long for the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct StepError {
+    /// The figure that changes most; none where the loop becomes stable or unstable.
+    pub figure: Option<&'static str>,
+    /// Its change relative to its new value.
+    pub relative: Option<f64>,
+}
+
+impl StepError {
+    /// Runs the loop with half the step. `None` where no figure changes by more than 1 %.
+    fn of(
+        config: &Config,
+        models: [&Trocar<Vec<f64>>; 2],
+        coarse: &Outcome,
+    ) -> Result<Option<Self>, ConfigError> {
+        let mut halved = config.clone();
+        halved.substeps *= 2;
+        if halved.check().is_err() {
+            // More steps than an experiment may have.
+            return Ok(None);
+        }
+        let fine = Outcome::of(&halved, models)?;
+        let (Some(coarse), Some(fine)) = (&coarse.figures, &fine.figures) else {
+            let differs = coarse.figures.is_some() != fine.figures.is_some();
+            return Ok(differs.then_some(Self { figure: None, relative: None }));
+        };
+        let energy = 1e3 * fine.master_energy_j.abs().max(fine.slave_energy_j.abs());
+        let pairs = coarse.rows().into_iter().zip(fine.rows());
+        let changes = pairs.filter_map(|((figure, before, unit), (_, after, _))| {
+            let (before, after) = (before?, after?);
+            let scale = if unit == "mJ" { energy } else { after.abs() };
+            let relative = (before - after).abs() / scale;
+            let counts = (before - after).abs() > least_change(unit) && relative > STEP_TOLERANCE;
+            counts.then_some(Self { figure: Some(figure), relative: Some(relative) })
+        });
+        Ok(changes.max_by(|a, b| a.relative.partial_cmp(&b.relative).expect("finite")))
+    }
+}
+
+/// Change below which a figure is the same, in its unit.
+fn least_change(unit: &str) -> f64 {
+    match unit {
+        "N/m" => 0.1,
+        "mJ" => 0.01,
+        _ => 1e-3,
+    }
+}
+
+impl std::fmt::Display for StepError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str("halving the step of the plant changes ")?;
+        match (self.figure, self.relative) {
+            (Some(figure), Some(relative)) => {
+                write!(f, "the {figure} by {:.0} %", 100.0 * relative)
+            }
+            _ => f.write_str("whether the loop is stable"),
         }
     }
 }

@@ -219,7 +219,8 @@ fn apart(values: &[f64]) -> f64 {
 /// Stiffest tissue over delay and fraction; the cell of `config` is framed.
 pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
-    let cells = || map.cells().map(|(delay, fraction, width)| (100.0 * fraction, MM * delay, width));
+    let cells =
+        || map.cells().map(|(delay, fraction, width)| (100.0 * fraction, MM * delay, width));
     let mut panel = Panel::new(
         Axis::new("fraction taken out γ", "%"),
         Axis::new("delay of one direction", "ms"),
