@@ -1303,18 +1303,43 @@ fn a_loop_that_comes_to_rest_late_is_stable() {
     assert!(!is_stable(&config) && after(&config, 60.0) > 5e-3);
 }
 
-/// Steps of the plant that are too long for a light slave on stiff tissue are reported; half as long ones are not.
+/// Passivity control that brakes and releases a light slave at each sample: steps that are too long are reported, and the default
+/// loop has none.
 #[test]
 fn steps_that_are_too_long_are_reported() {
-    let mut config = Config { sample_time_s: 4e-3, substeps: 1, ..Config::default() };
-    (config.slave.mass_kg, config.tissue.stiffness_n_m) = (0.05, 5000.0);
-    (config.control.stiffness_n_m, config.control.damping_n_s_m) = (300.0, 5.0);
+    let mut config = Config { sample_time_s: 0.01, ..Config::default() };
+    config.operator = Operator { stiffness_n_m: 20.0, damping_n_s_m: 1.0, mass_kg: 1.0 };
+    (config.master.mass_kg, config.slave.mass_kg) = (0.24, 0.0765);
+    config.slave.damping_n_s_m = 5.0;
+    config.channel.delay_s = 0.05;
+    config.control.architecture = Architecture::PositionPosition;
+    (config.control.stiffness_n_m, config.control.damping_n_s_m) = (1590.0, 68.6);
+    config.control.passivity = true;
+    config.tissue.stiffness_n_m = 174.0;
     let file = ModelFile::plausible_10_5_mm().unwrap();
-    let error = |substeps: u32| {
-        let config = Config { substeps, ..config.clone() };
+    let error = |config: Config| {
         Study::new(config, [&file; 2], &Questions::default(), &|_, _| ()).unwrap().step_error
     };
-    let coarse = error(1).unwrap();
+    let coarse = error(config).unwrap();
     assert!(coarse.to_string().starts_with("halving the step of the plant changes "), "{coarse}");
-    assert_eq!(error(32), None);
+    assert_eq!(error(Config::default()), None);
+}
+
+/// Static friction pushed with less than it holds does not move, and gives no energy, whatever the force was before.
+#[test]
+fn static_friction_holds_within_a_step_in_which_its_force_rises() {
+    let friction = StaticFriction::new(SlidingFriction::coulomb(2.6, 6.0)).unwrap();
+    let trocar = Trocar::of_seal(Seal::Classical(Classical::Static(friction)));
+    let mut config =
+        virtual_wall(3000.0, Device { mass_kg: 0.6, damping_n_s_m: 2.0, encoder_step_m: 1e-5 });
+    config.operator = Operator { stiffness_n_m: 500.0, damping_n_s_m: 50.0, mass_kg: 0.2 };
+    config.master = Device { mass_kg: 0.1, damping_n_s_m: 3.0, encoder_step_m: 1e-5 };
+    let hand =
+        |t: f64| (0.1 + 6e-3 * (TAU * 3.0 * t).sin(), 6e-3 * TAU * 3.0 * (TAU * 3.0 * t).cos());
+    let samples = run(&config, &trocar, 2.0, hand);
+    let least = samples.iter().map(|s| s.trocar_work).fold(0.0, f64::min);
+    assert!(least > -1e-12, "{least} J");
+    let given = samples.windows(2).map(|pair| pair[1].trocar_work - pair[0].trocar_work);
+    assert!(given.fold(0.0, f64::min) > -1e-12);
+    assert!(samples.iter().any(|s| s.slave_velocity > 1e-3), "it slides, too");
 }
