@@ -21,10 +21,12 @@ katex_prerender = True
 katex_css_path = "katex/katex.min.css"
 copybutton_prompt_text = "$ "
 copybutton_only_copy_prompt_lines = True
+copybutton_line_continuation_character = "\\"
 
 html_theme = "furo"
 html_title = f"trocar {version}"
-html_static_path = []
+html_static_path = ["book.css"]
+html_css_files = ["book.css"]
 html_show_copyright = False
 exclude_patterns = ["figures"]
 
@@ -57,5 +59,41 @@ def _beyond_the_book(_app: Any, page: str, source: list[str]) -> None:
         source[0] = f"# {_TITLES[page]}\n\n" + re.sub("^#+", "##", source[0], flags=re.MULTILINE)
 
 
+#: Where a page of a model has it live, by the name of the model.
+_LIVE = re.compile(r"^<!-- live: ([a-z-]+) -->$", re.MULTILINE)
+_MODELS = _FOLDER / "figures/models"
+#: Inside of a page of the book the live model stands alone.
+_ALONE = "<style>header, footer, main h2, .skip, .on-paper { display: none } main { padding: 0; margin: 0; max-width: none }</style>"
+
+
+def _live_frames(app: Any, page: str, source: list[str]) -> None:
+    """The place of a live model becomes a frame that shows it, on screens; on paper a remark."""
+    up = "../" * page.count("/")
+
+    def framed(place: re.Match[str]) -> str:
+        if app.builder.name != "html":
+            return "On a screen, the model can be moved here."
+        frame = f'<iframe class="live-model" src="{up}_live/{place[1]}.html" title="The model, live" loading="lazy"></iframe>'
+        return f"```{{raw}} html\n{frame}\n```"
+
+    source[0] = _LIVE.sub(framed, source[0])
+
+
+def _live_pages(app: Any, failure: Exception | None) -> None:
+    """The page of each live model: the one that is kept, with the numbers of the model in it."""
+    if failure is not None or app.builder.name != "html":
+        return
+    shell = (_MODELS / "live.html").read_text(encoding="utf-8").replace("</head>", f"{_ALONE}</head>")
+    kept = (_MODELS / "ems.json").read_text(encoding="utf-8").strip()
+    assert shell.count(kept) == 1
+    folder = Path(app.outdir) / "_live"
+    folder.mkdir(exist_ok=True)
+    for model in sorted(_MODELS.glob("*.json")):
+        numbers = model.read_text(encoding="utf-8").strip()
+        (folder / model.with_suffix(".html").name).write_text(shell.replace(kept, numbers), encoding="utf-8")
+
+
 def setup(app: Any) -> None:
     app.connect("source-read", _beyond_the_book)
+    app.connect("source-read", _live_frames)
+    app.connect("build-finished", _live_pages)

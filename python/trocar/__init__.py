@@ -10,6 +10,8 @@
 All quantities are in SI units, and each name includes its unit. Position and force are positive on insertion; the force
 is the one that the instrument exerts on the seal. Invalid input raises ``TrocarError`` (a ``ValueError``) or a subclass,
 and leaves no partial results. Not a medical device.
+
+The book in the folder ``docs`` of the repository goes on from here: tutorials, recipes, and ``docs/reference/python.md``.
 """
 
 from __future__ import annotations

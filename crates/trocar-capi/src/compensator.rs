@@ -119,7 +119,7 @@ impl Fault {
         (Self::None, c"nothing is wrong"),
         (Self::NoReading, c"no force reading: no tissue force"),
         (Self::NoPosition, c"no position: no tissue force, the model waits"),
-        (Self::NoDuration, c"time does not go on: the model waits"),
+        (Self::NoDuration, c"time does not advance: the model waits"),
         (Self::Saturated, c"the force reading is at the sensor's limit: no tissue force"),
         (Self::Frozen, c"the force reading is frozen while the force must have changed: no tissue force"),
         (Self::Jump, c"the position jumps (over 1 m/s): a new zero of the encoder, not a motion; the seal's state is unknown until it has slid"),
@@ -224,7 +224,7 @@ fn refused(error: CompensateError) -> Failure {
     match error {
         CompensateError::OutOfRange { .. } => Failure::new(Status::OutOfRange, error),
         CompensateError::NoForceError => {
-            let text = "the model does not say how far off its force is (force_error): identify it again with \
+            let text = "the model does not state the error of its force (force_error): identify it again with \
                         --validate, or set force_error_n";
             Failure::new(Status::Unsupported, text)
         }

@@ -268,8 +268,10 @@ pub unsafe extern "C" fn trocar_model_tuned(
             // SAFETY: by the rule of the crate.
             let (old, values) = unsafe { (Model::borrowed(model)?, Array::new(values, count)?) };
             if count > old.tunables.len() {
-                let text =
-                    format!("the model has {} numbers to turn, got {count}", old.tunables.len());
+                let text = format!(
+                    "the model has {} adjustable parameters, got {count}",
+                    old.tunables.len()
+                );
                 return Err(Failure::new(Status::OutOfRange, text));
             }
             let values: Vec<f64> = values.iter().collect();

@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-const EXAMPLES: [Example; 18] = [
+pub(crate) const EXAMPLES: [Example; 18] = [
     (
         "inspect",
         &[
@@ -199,11 +199,33 @@ const EXAMPLES: [Example; 18] = [
     ),
 ];
 
+/// Page of the book on a command, in the folder docs of the repository.
+fn page(path: &str) -> &'static str {
+    match path {
+        "inspect" => "how-to/columns.md",
+        "plan" | "bench" => "how-to/record.md",
+        "identify" => "tutorials/first-identification.md",
+        "fleet" => "how-to/fleet.md",
+        "validate" => "explanation/validation.md",
+        "compare" => "how-to/choose-model.md",
+        "simulate" => "start/simulator.md",
+        "compensate" => "how-to/compensation.md",
+        "sweep" => "how-to/sweep.md",
+        "ranges" => "reference/published.md",
+        "teleop" => "how-to/teleoperation.md",
+        "analyze" => "explanation/seal.md",
+        "export c" => "how-to/microcontroller.md",
+        "export fmu" => "reference/fmu.md",
+        _ => "index.md",
+    }
+}
+
 /// The command line with the examples in its help.
 pub(crate) fn command() -> Command {
     EXAMPLES.iter().fold(Cli::command(), |all, (path, examples)| {
-        let path: Vec<&str> = path.split(' ').collect();
-        with_text(all, &path, &text(examples))
+        let read_on = page(path);
+        let parts: Vec<&str> = path.split(' ').collect();
+        with_text(all, &parts, &format!("{}\n\nRead on: docs/{read_on}", text(examples)))
     })
 }
 
@@ -239,6 +261,14 @@ mod tests {
                 assert!(parsed.is_ok(), "{line}: {}", parsed.unwrap_err());
                 assert!(line.starts_with(&format!("trocar {path}")), "{line} is none of {path}");
             }
+        }
+    }
+
+    #[test]
+    fn every_command_names_a_page_of_the_book() {
+        for (path, _) in EXAMPLES {
+            let file = format!("../../docs/{}", page(path));
+            assert!(std::path::Path::new(&file).is_file(), "{path}: no {file}");
         }
     }
 

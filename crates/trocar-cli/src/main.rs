@@ -11,6 +11,8 @@ mod input;
 mod models;
 mod page;
 mod progress;
+#[cfg(test)]
+mod reference;
 mod table;
 mod verbs;
 
@@ -38,7 +40,12 @@ struct Cli {
 }
 
 const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done with lost or doubtful data, \
-                          130 interrupted.\n\nStart with: trocar demo";
+                          130 interrupted.
+
+Start with: trocar demo
+\
+                          Read on: docs/index.md (docs/build makes it a book); every message with its way out: \
+                          docs/troubleshooting.md";
 
 #[derive(Subcommand)]
 enum Verb {

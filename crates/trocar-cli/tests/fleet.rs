@@ -228,7 +228,7 @@ fn manifests_and_grouped_rows() {
     place
         .run("fleet list.csv --out m.parquet")
         .ends_with(1)
-        .says(&["row 2", "stands in row 1 already"]);
+        .says(&["row 2", "is already in row 1"]);
     place
         .run(&format!("fleet {a} --out m.parquet"))
         .ends_with(1)

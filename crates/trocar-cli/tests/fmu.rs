@@ -83,7 +83,7 @@ fn refusals() {
         (
             &[model, "--out", "a.fmu", "--platform", "x86-windows"],
             2,
-            "carries no FMU library for x86-windows, but for ",
+            "contains no FMU library for x86-windows, only for ",
         ),
         (&[model, "--out", "no/folder/a.fmu"], 1, "cannot create"),
     ] {

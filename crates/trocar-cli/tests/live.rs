@@ -134,14 +134,14 @@ struct Result {
 }
 
 /// A motion with the forces of the page, as it was downloaded.
-struct Motion {
-    time: Vec<f64>,
-    position: Vec<f64>,
-    force: Vec<f64>,
+pub(crate) struct Motion {
+    pub(crate) time: Vec<f64>,
+    pub(crate) position: Vec<f64>,
+    pub(crate) force: Vec<f64>,
 }
 
 impl Motion {
-    fn read(path: &Path) -> Self {
+    pub(crate) fn read(path: &Path) -> Self {
         let text = fs::read_to_string(path).unwrap();
         let mut lines = text.lines();
         assert_eq!(lines.next(), Some("time_s,position_m,force_n"));
@@ -161,7 +161,7 @@ impl Motion {
         all
     }
 
-    fn assert_forces(&self, what: &str, trocar: &Trocar<&[f64]>, state: TrocarState) {
+    pub(crate) fn assert_forces(&self, what: &str, trocar: &Trocar<&[f64]>, state: TrocarState) {
         let host = self.host(trocar, state);
         let differs = host.iter().zip(&self.force).position(|(a, b)| a.to_bits() != b.to_bits());
         assert_eq!(host.len(), self.force.len(), "{what}");
@@ -172,7 +172,7 @@ impl Motion {
         );
     }
 
-    fn travel(&self) -> f64 {
+    pub(crate) fn travel(&self) -> f64 {
         self.position.windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum()
     }
 }

@@ -73,12 +73,12 @@ mod tests {
         let error = TWO.binaries(Some(&[mac])).unwrap_err().to_string();
         assert_eq!(
             error,
-            "this trocar carries no FMU library for aarch64-darwin, but for x86_64-linux, x86_64-windows"
+            "this build contains no FMU library for aarch64-darwin, only for x86_64-linux, x86_64-windows"
         );
         let none = Embedded { libraries: &[], reason: "no linker" };
         assert_eq!(
             none.binaries(None).unwrap_err().to_string(),
-            "this trocar carries no FMU library: no linker"
+            "this build contains no FMU library: no linker"
         );
     }
 }

@@ -255,7 +255,7 @@ impl FmuError {
             Self::TooFast { input, duration } => {
                 write!(
                     f,
-                    "input {input} within {duration} s gives a way or speed that is not finite"
+                    "input {input} within {duration} s gives a displacement or velocity that is not finite"
                 )
             }
             _ => Ok(()),
@@ -292,7 +292,7 @@ impl FmuError {
                 write!(f, "{name} must be {bound} {least}, got {value}; the old value stays")
             }
             Self::Parameter(error) => {
-                write!(f, "{error}; the parameters are as they last went together")
+                write!(f, "{error}; the last valid parameters stay")
             }
             Self::TwoStarts { force, deflection } => write!(
                 f,

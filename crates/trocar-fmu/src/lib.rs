@@ -10,6 +10,8 @@
 //! - A rejected call changes nothing, returns an error and sends the reason to the importer's
 //!   logger. No panic reaches the importer.
 //! - Instances share nothing.
+//!
+//! For users: `docs/reference/fmu.md`.
 
 mod embedded;
 pub mod error;

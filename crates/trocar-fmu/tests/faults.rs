@@ -447,7 +447,7 @@ fn a_step_that_is_no_number_moves_nothing() {
     assert_eq!([unit.set(&[(INPUT, 1e-3)]), unit.step(0.0, 1e-3)], [OK; 2]);
     let before = (unit.get(FORCE), unit.get(DEFLECTION));
     assert_eq!([unit.set(&[(INPUT, 1e308)]), unit.step(1e-3, 1e-300)], [OK, ERROR]);
-    assert!(told().contains("gives a way or speed that is not finite"));
+    assert!(told().contains("gives a displacement or velocity that is not finite"));
     assert_eq!((unit.get(FORCE), unit.get(DEFLECTION)), before);
     assert_eq!([unit.set(&[(INPUT, 2e-3)]), unit.step(1e-3, 1e-3)], [OK; 2]);
     assert_ne!(unit.get(FORCE), before.0);

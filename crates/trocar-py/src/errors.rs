@@ -48,12 +48,7 @@ create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot 
 create_exception!(trocar, SweepError, TrocarError, "A sweep that cannot be made.");
 create_exception!(trocar, TeleopError, TrocarError, "A teleoperation loop that cannot run.");
 create_exception!(trocar, PlanError, TrocarError, "A motion that cannot be planned.");
-create_exception!(
-    trocar,
-    InternalError,
-    PyRuntimeError,
-    "A fault inside trocar; please report it."
-);
+create_exception!(trocar, InternalError, PyRuntimeError, "A defect of trocar; please report it.");
 
 /// An error of the library on its way to Python.
 pub(crate) trait Raise {

@@ -176,8 +176,9 @@ impl FleetTable {
     /// One for each unit of work, for `fleet_source`.
     fn orders(&self) -> PyResult<Vec<String>> {
         let orders = self.open().as_ref().map(Collector::orders).transpose();
-        let wrong =
-            |error| ParameterError::new_err(format!("a path of the data set is no text: {error}"));
+        let wrong = |error| {
+            ParameterError::new_err(format!("a path of the data set is not Unicode text: {error}"))
+        };
         Ok(orders.map_err(wrong)?.unwrap_or_default())
     }
 
@@ -225,7 +226,7 @@ impl FleetTable {
 }
 
 fn written() -> PyErr {
-    ParameterError::new_err("the table is written or closed already")
+    ParameterError::new_err("the table has already been written or closed")
 }
 
 fn of_dataset(error: DatasetError) -> PyErr {

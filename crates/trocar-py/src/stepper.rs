@@ -111,7 +111,7 @@ impl Stepper {
         }
         let read = self.model.get().trocar().state_from_numbers(numbers);
         self.state = read.map_err(|error| {
-            ArrayError::new_err(format!("state is none of this model: {error}"))
+            ArrayError::new_err(format!("the state does not belong to this model: {error}"))
         })?;
         Ok(())
     }

@@ -105,7 +105,7 @@ fn outcome<T: Send>(
             Ok(Ok(Err(stopped))) => return Err(InternalError::new_err(stopped_in_words(&stopped))),
             Ok(Err(panic)) => return Err(InternalError::new_err(panic_in_words(panic.as_ref()))),
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(InternalError::new_err("the work was lost"));
+                return Err(InternalError::new_err("the result of the computation was lost"));
             }
             Err(RecvTimeoutError::Timeout) => {
                 let reported = py.check_signals().and_then(|()| tell(py, progress, news));
@@ -129,7 +129,7 @@ fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, news: &News) -> PyResult<(
 }
 
 fn stopped_in_words(stopped: &Stopped) -> String {
-    format!("the work did not come to its end: {stopped}")
+    format!("the computation did not finish: {stopped}")
 }
 
 fn panic_in_words(panic: &(dyn Any + Send)) -> String {
@@ -137,5 +137,5 @@ fn panic_in_words(panic: &(dyn Any + Send)) -> String {
         .downcast_ref::<&str>()
         .copied()
         .or_else(|| panic.downcast_ref::<String>().map(String::as_str));
-    format!("a fault inside trocar, please report it: {}", text.unwrap_or("without a message"))
+    format!("a defect of trocar, please report it: {}", text.unwrap_or("without a message"))
 }

@@ -3,7 +3,7 @@
 //!
 //! The only crate that knows file columns and units. Everything after it is in SI: s, m, m/s, N;
 //! velocity and force are positive on insertion. Missing data are reported in [`Quality`], never
-//! repaired on reading.
+//! repaired on reading. `docs/reference/formats.md` and `docs/reference/robot-logs.md` are the pages for users.
 
 use std::io::Write;
 use std::ops::Range;

@@ -63,7 +63,7 @@ impl Recording {
             let (what, at) =
                 (if count == 1 { "position jumps" } else { "positions jump" }, self.time[*first]);
             let note = format!(
-                "{count} single {what} off and straight back, first at {at:.3} s: put between neighbours"
+                "{count} single {what} off and straight back, first at {at:.3} s: interpolated between the neighbours"
             );
             self.quality.notes.push(note);
         }
@@ -123,7 +123,7 @@ impl Recording {
             let (file, found) = (self.name.clone(), all.time.len());
             return Err(RecordingError::TooFewSamples { file, found, needed: MIN_SAMPLES });
         }
-        quality.notes.push(format!("positions taken {:.0} ms later", 1e3 * lag));
+        quality.notes.push(format!("position delay of {:.0} ms compensated", 1e3 * lag));
         Ok(all)
     }
 

@@ -128,7 +128,7 @@ pub enum CompensateError {
     Model(#[from] ModelFileError),
     /// The error of the model's force is not stated.
     #[error(
-        "the model does not say how far off its force is (force_error)\n\nhint: identify it again with --validate, or state the \
+        "the model does not state the error of its force (force_error)\n\nhint: identify it again with --validate, or state the \
          standard deviation with --force-error-n"
     )]
     NoForceError,

@@ -3,7 +3,7 @@
 //! time.
 //!
 //! Few dependencies on purpose: what identifies, records and draws is in the crate `trocar`, which
-//! exports these modules again.
+//! exports these modules again. Recipes: `docs/how-to/compensation.md`, `docs/how-to/wet-seal.md`.
 
 pub mod compensate;
 pub mod model_file;

@@ -185,7 +185,8 @@ fn begin(
     let config: Config = serde_json::from_slice(text).map_err(in_words)?;
     let numbers = |from: usize, count: usize| row.get(from..from.checked_add(count)?);
     let model = |numbers: Option<&[f64]>| {
-        let numbers = numbers.ok_or_else(|| "more numbers than there is room for".to_owned())?;
+        let numbers =
+            numbers.ok_or_else(|| "too many numbers for the memory of the page".to_owned())?;
         let trocar = Trocar::from_numbers(numbers).map_err(in_words)?;
         Ok::<_, String>(trocar.stored_as(<[f64]>::to_vec))
     };

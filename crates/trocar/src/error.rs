@@ -48,7 +48,7 @@ pub enum TableError {
         source: std::io::Error,
     },
     /// Not a complete Parquet file.
-    #[error("{}: no complete Parquet file: {found}\n\nhint: was it cut off, or is it another format? make it again", path.display())]
+    #[error("{}: no complete Parquet file: {found}\n\nhint: was it cut off, or is it another format? write it again", path.display())]
     Damaged {
         /// The file.
         path: PathBuf,
@@ -56,7 +56,7 @@ pub enum TableError {
         found: String,
     },
     /// A column contains something other than flat numbers, Booleans and text.
-    #[error("{}: column '{column}' is no column of numbers, truths or text", path.display())]
+    #[error("{}: column '{column}' holds neither numbers, Booleans nor text", path.display())]
     Unread {
         /// The file.
         path: PathBuf,

@@ -1,4 +1,7 @@
 //! From recordings of an instrument in a trocar to a validated model of the force between them.
+//!
+//! The book in the folder `docs` of the repository has tutorials and recipes (`docs/start/test-bench.md` to
+//! begin with), the equations of all models, and how far the results can be trusted.
 
 pub mod analyze;
 #[cfg(feature = "bench")]
@@ -40,7 +43,9 @@ pub mod workflow;
 pub use trocar_recording as recording;
 pub use trocar_runtime::model_file;
 
-/// Compiles and runs the README's Rust code.
+/// Compiles and runs the Rust code of the README and of the book.
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
+#[doc = include_str!("../../../docs/how-to/compensation.md")]
+#[doc = include_str!("../../../docs/reference/rust.md")]
 pub struct Readme;

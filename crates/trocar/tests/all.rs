@@ -14,6 +14,7 @@ mod export_c;
 mod fleet;
 mod fleet_partitioned;
 mod free_motion;
+mod gallery;
 mod model_file;
 mod plan;
 mod posterior;

@@ -25,7 +25,7 @@ const PIECE: usize = 1 << 16;
 ///
 /// A linear motor moves a rod through a seal; position and force are recorded through an encoder
 /// and a force sensor, as on a rig. Writes the columns time_s, position_m, velocity_m_s and
-/// force_n.
+/// force_n. Exit code 3: the force sensor was saturated, or the carriage ran into a safety stop.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force),

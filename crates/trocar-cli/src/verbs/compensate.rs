@@ -65,14 +65,14 @@ fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
         (args.observing.force_error_n, model.force_error)
     {
         console.remark(
-            "note: the band rests on the recordings identified from, without any held out: it may be too narrow; identify \
+            "note: the band is based on the recordings used for identification, none of them held out: it may be too narrow; identify \
              again with --validate",
         );
     }
     if let Some(sensor) = model.sensor.filter(|sensor| sensor.position_delay_s > 0.0) {
         console.warn(&format!(
             "the positions of the model's recordings came {:.0} ms late, and the observer does not wait for them: if these are late too, expect \
-             errors after reversals that the band does not hold",
+             errors after reversals that the band does not include",
             1e3 * sensor.position_delay_s
         ));
     }

@@ -28,7 +28,7 @@ const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol:
 ///
 /// Records all five experiments with a plausible, made-up seal, identifies a model from two of
 /// them, validates it on the other three and compares it with the truth. The folder keeps the
-/// recordings and the true model.
+/// recordings and the true model. Exit code 3: as for `identify`.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder for the results; it need not exist

@@ -106,7 +106,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         moving_mass: args.rod.moving_mass(),
     };
     console::farewell(format!(
-        "the same command goes on where this one was stopped: {} is kept",
+        "the same command continues where this one was stopped: {} is kept",
         journal.display()
     ));
     // A panic becomes a row with its message.

@@ -28,7 +28,7 @@ use crate::verbs::ranges::seals_like;
 /// Writes a motion for the rig (time_s, position_m) and prints the 95 % intervals to expect from
 /// `identify`, beside those of the paper's protocol. The motion is chosen by the information that
 /// the likelihood of `identify` has about the goal, averaged over the seals that are expected. Try
-/// it with `trocar bench --motion`.
+/// it with `trocar bench --motion`. Exit code 3: the motion will not determine every parameter.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Rig, noise and expected seals, TOML (see --print-config); without it, the defaults, or those

@@ -16,7 +16,7 @@ use crate::table::Table;
 ///
 /// Each study has a key; `trocar bench --like KEY` and `like` of `trocar sweep` draw seals whose
 /// friction lies within its range. With a key, prints all its numbers, how they were read, and
-/// what is drawn.
+/// what is drawn. Exit code 3, with --check: recordings that the model names are not in the folder.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Study to print [default: a table of all]

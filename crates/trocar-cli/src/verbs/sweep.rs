@@ -17,9 +17,10 @@ use crate::table::number;
 /// Run a model many times with drawn parameters: Monte Carlo and grids over seals, rigs and motions
 ///
 /// Writes one row per run: number, seed, parameters, peak force, RMS force, work, break-away force,
-/// fraction of time in which the seal deforms and, along a recording, the RMS error; of a teleoperation
-/// loop whether it is stable, and what is felt. The same document gives the same table on any number of cores. A run with invalid parameters is a row
-/// with its reason in the column failure (exit code 3).
+/// fraction of time in which the seal deforms and, along a recording, the RMS error; of a
+/// teleoperation loop whether it is stable, and what is felt. The same document gives the same table
+/// on any number of cores. A run with invalid parameters is a row with its reason in the column
+/// failure (exit code 3).
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// What to vary, TOML (see --print-config)

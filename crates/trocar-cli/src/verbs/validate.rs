@@ -19,7 +19,8 @@ use crate::table::{Table, number};
 /// are scored at which the state of the seal is known, that is after it has slid once in each
 /// recording. Classical models do not distinguish deforming from sliding: their table has one
 /// column for the motion. Where strokes repeat, their scatter is the repeatability of the
-/// recording: no model of the motion can be more accurate.
+/// recording: no model of the motion can be more accurate. Exit code 3: a recording lost data, or
+/// contradicts the model.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Model: model.json, one of those that compare writes, or the folder of a result

@@ -211,14 +211,14 @@ impl fmt::Display for PackageError {
             }
             Self::NoBinary => f.write_str("an FMU needs a library for at least one platform"),
             Self::NotCarried { platform, carried, reason } => {
-                f.write_str("this trocar carries no FMU library")?;
+                f.write_str("this build contains no FMU library")?;
                 if let Some(platform) = platform {
                     write!(f, " for {platform}")?;
                 }
                 let carried: Vec<String> = carried.iter().map(Platform::to_string).collect();
                 match &carried[..] {
                     [] => write!(f, ": {reason}"),
-                    names => write!(f, ", but for {}", names.join(", ")),
+                    names => write!(f, ", only for {}", names.join(", ")),
                 }
             }
             Self::Both => f.write_str("an FMU holds either libraries or source code"),

@@ -73,9 +73,7 @@ impl Source {
         read: impl FnOnce() -> Result<T, RecordingError>,
     ) -> Result<T, RecordingError> {
         let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-        outcome.unwrap_or_else(|_| {
-            Err(self.damaged(place, "nothing that its reader could make sense of"))
-        })
+        outcome.unwrap_or_else(|_| Err(self.damaged(place, "data that its reader cannot decode")))
     }
 
     /// A requested column is not numeric.

@@ -733,9 +733,7 @@ fn pieces(cursor: &mut Cursor, scale: Scale, ahead: usize, spare: &Mutex<Vec<Vec
         // The decoders may panic on damaged files.
         let read = || cursor.read(batch, scale, &mut numbers);
         let read = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
-        let panicked = |_| {
-            Err(ParquetError::General("a page that its decoder could not make sense of".into()))
-        };
+        let panicked = |_| Err(ParquetError::General("a page that cannot be decoded".into()));
         if let Err(error) = read.unwrap_or_else(panicked) {
             cursor.left = 0;
             return (batches, Some(error));

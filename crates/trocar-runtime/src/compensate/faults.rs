@@ -72,7 +72,7 @@ impl Fault {
         match self {
             Self::NoReading => "no force reading: no tissue force",
             Self::NoPosition => "no position: no tissue force, the model waits",
-            Self::NoDuration => "time does not go on: the model waits",
+            Self::NoDuration => "time does not advance: the model waits",
             Self::Saturated => "the force reading is at the sensor's limit: no tissue force",
             Self::Frozen => {
                 "the force reading is frozen while the force must have changed: no tissue force"

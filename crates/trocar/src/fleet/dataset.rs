@@ -220,7 +220,7 @@ impl Dataset {
                 return Err(wrong("no path".to_owned()));
             };
             if let Some(first) = seen.insert(name.clone(), row + 1) {
-                return Err(wrong(format!("{name} stands in row {first} already")));
+                return Err(wrong(format!("{name} is already in row {first}")));
             }
             let path = folder.join(&name);
             files.push(DataFile { name, path, metadata });

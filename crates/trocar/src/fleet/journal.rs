@@ -136,7 +136,7 @@ fn lock(file: &File) -> io::Result<()> {
                 std::thread::sleep(Duration::from_millis(50));
             }
             Err(TryLockError::WouldBlock) => {
-                return Err(io::Error::other("another trocar fleet is at work on this table"));
+                return Err(io::Error::other("another trocar fleet is writing this table"));
             }
         }
     }

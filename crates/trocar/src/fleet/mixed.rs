@@ -111,7 +111,7 @@ fn blocks(observations: &[Observation]) -> Result<Vec<Block>, String> {
     }
     if observations.len() < blocks.len() + 2 {
         return Err(
-            "hardly a specimen was recorded twice: nothing tells specimens from recordings"
+            "almost no specimen was recorded twice: specimens cannot be distinguished from recordings"
                 .to_owned(),
         );
     }

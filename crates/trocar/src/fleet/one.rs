@@ -217,7 +217,7 @@ fn words_of(panic: &(dyn Any + Send)) -> String {
         .downcast_ref::<String>()
         .map(String::as_str)
         .or_else(|| panic.downcast_ref::<&str>().copied());
-    format!("a fault of the program: {}", text.unwrap_or("no message"))
+    format!("a defect of the program: {}", text.unwrap_or("no message"))
 }
 
 fn describe(row: &mut FleetRow, input: &Input, config: &Config) {

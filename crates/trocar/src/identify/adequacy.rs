@@ -345,8 +345,8 @@ fn phases(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<Phase> {
 fn doubt(phase: &Phase) -> Option<Warning> {
     (phase.rms_n > EXCESS * phase.expected_n).then(|| {
         let message = format!(
-            "while {} the model is off by {:.3} N rms, sensor noise and the scatter between strokes explain {:.3} N: the seal is no EMS \
-             element, or the recording holds something else (another load, a late signal); see the residuals in the report",
+            "while {} the model's error is {:.3} N rms, of which sensor noise and the scatter between strokes explain {:.3} N: the seal is no \
+             EMS element, or the recording contains something else (another load, a late signal); see the residuals in the report",
             phase.phase, phase.rms_n, phase.expected_n
         );
         Warning::doubt(phase.phase, message)

@@ -47,7 +47,7 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
         .map_or((kept, None), |(e, again)| (e, Some(again)));
     if along > constant {
         let why = format!(
-            "with a profile the whole motion is off by {along:.4} N rms, without by {constant:.4} N"
+            "with a profile the error over the whole motion is {along:.4} N rms, without {constant:.4} N"
         );
         return (Some(fit), Err(why));
     }

@@ -508,11 +508,25 @@ pub(super) struct EmsTrial {
     pub(super) layout: Layout,
     /// d_k: drift of the friction scale.
     pub(super) drift: Vec<f64>,
+    /// Free numbers that a fit leaves as they are.
+    pub(super) held: Vec<usize>,
 }
 
 impl EmsTrial {
     pub(super) fn new(candidate: Candidate, layout: Layout) -> Self {
-        Self { candidate, layout, drift: Vec::new() }
+        Self { candidate, layout, drift: Vec::new(), held: Vec::new() }
+    }
+
+    /// The trial with another join of one branch, whose polynomials come nearest to its own.
+    pub(super) fn with_join(&self, direction: Direction, join: f64) -> Option<Self> {
+        let moved =
+            self.candidate.branch(direction).with_join(join, self.candidate.end_forces())?;
+        let mut other = self.clone();
+        match direction {
+            Direction::Insertion => other.candidate.insertion_branch = moved,
+            Direction::Withdrawal => other.candidate.withdrawal_branch = moved,
+        }
+        Some(other)
     }
 
     /// The trial with a moderate random change of width, branches and creep.
@@ -547,6 +561,7 @@ impl EmsTrial {
             candidate: with(self.layout, &self.candidate, own),
             layout: self.layout,
             drift: drift.to_vec(),
+            held: self.held.clone(),
         }
     }
 }
@@ -570,6 +585,10 @@ impl Trial for EmsTrial {
         };
         let mut free = self.layout.free(&self.candidate);
         free.extend(self.drift.iter().enumerate().map(of_drift));
+        for held in &self.held {
+            let Free { value, low, high, column, .. } = &mut free[*held];
+            (*low, *high, *column) = (*value, *value, Column::Held);
+        }
         free
     }
 

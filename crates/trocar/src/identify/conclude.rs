@@ -1,6 +1,6 @@
 //! Assembly of the result from the results of the stages.
 
-use trocar_model::{Quantity, Trocar};
+use trocar_model::{ParameterId, Quantity, Trocar};
 
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
@@ -166,7 +166,7 @@ fn fitted_parameters(
     scale: &FrictionScale,
     prior: Option<&PriorUse>,
 ) -> Vec<Parameter> {
-    let mut all = numbers::parameters(&fit.fitted);
+    let mut all = numbers::parameters(&fit.fitted, &fit.joins);
     let layout = fit.fitted.best.layout;
     all.extend(fit.left.damping.clone().map(|most| Parameter::new(Quantity::SealDamping, most)));
     for p in &mut all {
@@ -174,7 +174,7 @@ fn fitted_parameters(
             judged.undetermined.iter().find(|(group, _)| group.holds(p.id)).map(|(_, why)| why);
         let uninformed = prior.map(PriorUse::uninformed).unwrap_or_default();
         if uninformed.contains(&p.id.to_string().as_str()) {
-            let note = "as in the prior: the recordings say next to nothing about it";
+            let note = "as in the prior: the recordings contain almost no information about it";
             p.estimate = p.estimate.clone().with_note(note);
         }
         // What a prior knows is determined.
@@ -240,7 +240,11 @@ fn warnings(
     }
     // One line for all coefficients of a polynomial.
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
-    all.extend(undetermined.map(|p| Warning::undetermined(p, p.id != Quantity::Offset.id())));
+    // Branches are known without their joins.
+    let matters = |id: ParameterId| {
+        !matches!(id.quantity, Quantity::Offset | Quantity::Join | Quantity::JoinForce)
+    };
+    all.extend(undetermined.map(|p| Warning::undetermined(p, matters(p.id))));
     all.extend(judged.doubts.iter().cloned());
     if let Some(message) = scale.in_words(&adequacy::names(input.recordings)) {
         let changed = !scale.jumps.is_empty() || scale.drift > TOO_FAR;

@@ -16,6 +16,7 @@ use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::ASSUMED_WIDTH;
 use super::findings::Progress;
 use super::free_motion::FreeMotion;
+use super::joins::Joins;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop};
 use super::options::IdentifyOptions;
 use super::scale::{FrictionScale, Jump};
@@ -65,6 +66,7 @@ pub(super) struct Input<'a> {
 pub(super) struct ElementFit {
     pub(super) training: Training,
     pub(super) fitted: Fitted<EmsTrial>,
+    pub(super) joins: Joins,
     pub(super) trials: Vec<TermTrial>,
     pub(super) scale: FrictionScale,
     /// Root mean square error, N, of the paper's element fitted to the same readings.
@@ -244,11 +246,11 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
 impl Scaled {
     /// Adds the trials of the terms and the error of the paper's element.
     fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
-        let scale =
-            FrictionScale::new(&self.training, &self.fitted, input.recordings, self.scatter);
-        let left = UnexplainedEffects::by(input.recordings, &self.training, &self.fitted);
-        let Self { training, fitted, .. } = self;
-        ElementFit { training, fitted, trials, scale, paper_rms, left }
+        let Self { training, fitted, scatter } = self;
+        let (fitted, joins) = Joins::searched(&training, fitted, LAST);
+        let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
+        let left = UnexplainedEffects::by(input.recordings, &training, &fitted);
+        ElementFit { training, fitted, joins, trials, scale, paper_rms, left }
     }
 }
 

@@ -35,7 +35,7 @@ pub enum IdentifyError {
     /// The force opposes the motion.
     #[error(
         "the sliding force opposes the motion: F_c = {coulomb_force:.3} N, expected above 0 N\n\nhint: the force is what the device \
-         exerts on the seal, and the position increases on insertion; the data do not tell which of the two is reversed: {way_out}"
+         exerts on the seal, and the position increases on insertion; the data do not show which of the two is reversed: {way_out}"
     )]
     ForceSign {
         /// Coulomb force found, N.
@@ -65,7 +65,7 @@ pub enum IdentifyError {
         second: String,
     },
     /// The identified parameters do not form a valid model.
-    #[error("the identified numbers do not make a model: {0}")]
+    #[error("the identified parameters form no valid model: {0}")]
     NotAModel(#[from] trocar_model::ParamError),
     /// Polynomial degree outside 2 to 7.
     #[error("polynomial degree must be between 2 and 7, got {0}")]

@@ -60,6 +60,8 @@ pub(crate) enum Column {
     Mass,
     /// Drift d_k of the friction scale.
     Drift(usize),
+    /// Left as it is.
+    Held,
 }
 
 /// One free parameter: its value, the step of its difference quotient, its range, and how it
@@ -387,6 +389,7 @@ impl<'a> Predictor<'a> {
                 Source::Acceleration => step.acceleration,
                 Source::Delay => scale * rate,
                 Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
+                Source::Nothing => 0.0,
             };
         }
         (residual, z)
@@ -452,6 +455,7 @@ enum Source {
     Acceleration,
     Delay,
     Drift(usize),
+    Nothing,
 }
 
 /// The simulations that the columns need (the trial's own first), and the columns.
@@ -475,6 +479,7 @@ impl<T: Trial> Simulations<T> {
                 Column::Offset => Source::Offset,
                 Column::Mass => Source::Acceleration,
                 Column::Drift(k) => Source::Drift(k),
+                Column::Held => Source::Nothing,
                 Column::Simulated => {
                     // Step away from a bound that lies within the step.
                     let step = if f.value + f.step > f.high { -f.step } else { f.step };
@@ -674,7 +679,7 @@ fn accumulate_stroke(
         sums.cost += weight * residual * residual;
         sums.scale.add(weight, residual, z);
         let hessian = sums.hessian.as_mut_slice();
-        for (j, a) in row.iter().enumerate() {
+        for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
             let scaled = weight * a;
             sums.score[j] += scaled * residual;
             sums.cross[0][j] += scaled * z[0];
@@ -921,6 +926,11 @@ impl<T: Trial> Fitted<T> {
     pub(crate) fn promised_fall(&self) -> f64 {
         let (_, score) = self.sums();
         self.remaining().dot(&score) / self.normal.cost().max(f64::MIN_POSITIVE)
+    }
+
+    /// The same with other ranges of the free parameters.
+    pub(crate) fn promised_to(&self, free: &[Free]) -> f64 {
+        promised(&self.normal, free)
     }
 
     /// Changes of the free parameters with one cluster left out each, and their covariance if all

@@ -57,6 +57,7 @@ mod estimate;
 mod findings;
 mod free_motion;
 mod information;
+mod joins;
 mod likelihood;
 mod motion_found;
 mod nnls;

@@ -7,6 +7,7 @@ use trocar_model::{Direction, ParameterId, Quantity, Unit};
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter};
+use super::joins::Joins;
 use super::likelihood::{Fitted, Trial};
 use super::spread::{Reported, Spread};
 
@@ -117,11 +118,12 @@ fn shortest_lag(found: &Estimate) -> Estimate {
 /// Factors on the standard errors of forces and of the shape. To first order the intervals of F_c
 /// held in 172 and those of c in 175 of 200 benches (`tests/recover.rs`): neighbouring strokes
 /// share some of their scatter, and the force has kinks at ±c and at the joins, where its first
-/// derivative jumps. With 1.4 that of c held in 182. β needs none there (190 of 200), but does on
+/// derivative jumps. With 1.4 that of c held in 182. Joins have the likelihood along them besides
+/// (joins.rs). β needs none there (190 of 200), but does on
 /// the hard benches of `tests/trust`, where a mass was missed in 10 of 50.
 pub(super) const LEVEL: f64 = 1.35;
 pub(super) const SLOPE: f64 = 1.15;
-pub(super) const SHAPE: f64 = 1.4;
+pub(super) const SHAPE: f64 = 1.2;
 pub(super) const WIDTH: f64 = 1.8;
 pub(super) const MASS: f64 = 2.0;
 
@@ -207,8 +209,34 @@ pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) ->
     Covariance { parameters: ids.iter().map(ToString::to_string).collect(), rows }
 }
 
+/// Half width of an interval over that to first order up to which a standard error describes it.
+const NEARLY_NORMAL: f64 = 1.5;
+
+/// A parameter of a branch with the interval that holds it at all joins within reach.
+fn along_join(spread: &Spread<EmsTrial>, joins: &Joins, p: Parameter) -> Parameter {
+    let Some(along) = p.id.direction.and_then(|direction| joins.along(direction)) else { return p };
+    let Estimate { value, unit, determined, standard_error, .. } = p.estimate;
+    if !determined {
+        return p;
+    }
+    if along.within().is_none() {
+        let why = "polynomials with joins far apart follow the readings equally well";
+        return Parameter { estimate: Estimate::undetermined(value, unit, why), ..p };
+    }
+    let of = |t: &EmsTrial| t.candidate.value(p.id);
+    let join = |t: &EmsTrial| t.candidate.branch(along.direction).join;
+    let gradients: [_; 2] =
+        [&of as &dyn Fn(&EmsTrial) -> f64, &join].map(|of| spread.gradient(false, 1.0, of));
+    let given = (1.0 - spread.correlation(&gradients).powi(2)).sqrt() * p.estimate.half_width();
+    let [low, high] = along.hull(given, &of);
+    let found = Estimate::from_bounds(value, low, high, unit);
+    let is_normal = found.half_width() < NEARLY_NORMAL * p.estimate.half_width();
+    let standard_error = standard_error.filter(|_| is_normal);
+    Parameter { estimate: Estimate { standard_error, ..found }, ..p }
+}
+
 /// Main parameters of the fit with intervals: jackknife over clusters, to first order ([`Spread`]).
-pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
+pub(super) fn parameters(fitted: &Fitted<EmsTrial>, joins: &Joins) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
     let mut all: Vec<Parameter> = quantities(*layout)
@@ -221,7 +249,8 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>) -> Vec<Parameter> {
         all.extend(
             branch_ids(best)
                 .into_iter()
-                .map(|id| parameter(&spread, best, (id, false), factor_of(id))),
+                .map(|id| parameter(&spread, best, (id, false), factor_of(id)))
+                .map(|p| along_join(&spread, joins, p)),
         );
     }
     all

@@ -62,9 +62,9 @@ pub(crate) fn refit(
     let short = trials.filter_map(|trial| likelihood::fit(&data.training, &trial, SHORT));
     let best = short
         .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
-        .ok_or("no start gave a model that runs")?;
-    let fitted =
-        likelihood::fit(&data.training, &best.best, LONG).ok_or("the best start gave no model")?;
+        .ok_or("no initial values gave a model that runs")?;
+    let fitted = likelihood::fit(&data.training, &best.best, LONG)
+        .ok_or("the best initial values gave no valid model")?;
     let model = fitted.best.candidate.clone();
     let stages = model.stages().map_err(|error| error.to_string())?;
     let parameters = parameters(&fitted);

@@ -218,7 +218,7 @@ impl PriorUse {
         match uninformed.as_slice() {
             [] => format!("{begin}; the strokes inform all parameters"),
             names => format!(
-                "{begin}; the strokes say next to nothing about {}: as in the prior",
+                "{begin}; the strokes contain almost no information about {}: as in the prior",
                 names.join(", ")
             ),
         }

@@ -190,6 +190,19 @@ impl BranchShape {
         Self::fit_at(join, self.degrees(), end_forces, &points).map(|found| found.0)
     }
 
+    /// The shape `share` of the way to another one of the same degrees.
+    pub(super) fn towards(&self, other: &Self, share: f64) -> Self {
+        let mix = |from: f64, to: f64| from + share * (to - from);
+        let all =
+            |from: &[f64], to: &[f64]| from.iter().zip(to).map(|(a, b)| mix(*a, *b)).collect();
+        Self {
+            join: mix(self.join, other.join),
+            join_force: mix(self.join_force, other.join_force),
+            left: all(&self.left, &other.left),
+            right: all(&self.right, &other.right),
+        }
+    }
+
     /// Least squares including the join: a grid over the inner 70 % of the width, then golden
     /// section in the best cell.
     ///

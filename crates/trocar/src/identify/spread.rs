@@ -31,7 +31,7 @@ pub(crate) struct Spread<'a, T> {
 /// σ², N²: the mean squared residual, times the factor by which the correlation of neighbouring
 /// residuals increases the variance of sums.
 pub(super) fn variance<T: Trial>(fitted: &Fitted<T>) -> f64 {
-    fitted.rms[1].powi(2).max(1e-18) * Spread::new(fitted).inflation().clamp(1.0, 100.0)
+    Spread::new(fitted).variance()
 }
 
 /// A quantity that depends on the free parameters, to first order.
@@ -90,9 +90,22 @@ impl<'a, T: Trial> Spread<'a, T> {
         spread
     }
 
-    /// Median ratio of the clusters' variance to that of independent samples.
-    pub(crate) fn inflation(&self) -> f64 {
-        self.inflation
+    /// σ², N²: as [`variance`].
+    pub(super) fn variance(&self) -> f64 {
+        self.found.rms[1].powi(2).max(1e-18) * self.inflation.clamp(1.0, 100.0)
+    }
+
+    /// Curvature of C along free parameter `j` with all others fitted; 0 where it is held.
+    pub(super) fn curvature(&self, j: usize) -> f64 {
+        let variance = self.covariance[(j, j)];
+        if variance > 0.0 { self.found.rms[1].powi(2) / variance } else { 0.0 }
+    }
+
+    /// Correlation of two quantities with these gradients.
+    pub(super) fn correlation(&self, gradients: &[DVector<f64>; 2]) -> f64 {
+        let rows = self.covariance(gradients);
+        let product = (rows[0][0] * rows[1][1]).sqrt();
+        if product > 0.0 { (rows[0][1] / product).clamp(-1.0, 1.0) } else { 0.0 }
     }
 
     /// Additional variance from the errors of the prior values.

@@ -132,7 +132,7 @@ impl StickSlip {
         let [low, high] = self.force_n;
         format!(
             "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
-             slips. The static force F_s is the upper of the two, whatever the fit says: it cannot follow when each slip comes, so its \
+             slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot predict when each slip begins, so its \
              sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
             self.frequency_hz[0], self.frequency_hz[1]
         )

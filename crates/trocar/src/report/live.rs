@@ -18,15 +18,19 @@ const MODEL: &[u8] = include_bytes!("assets/model.wasm");
 const LOOP: &[u8] = include_bytes!("assets/teleop.wasm");
 
 const HANDLE_SCRIPT: &str = include_str!("assets/handle.js");
+const RUNNER_SCRIPT: &str = include_str!("assets/model.js");
 const MODEL_SCRIPT: &str = include_str!("assets/live.js");
 const LOOP_SCRIPT: &str = include_str!("assets/teleop.js");
+
+/// What moves a model in a page, before the script that draws it.
+pub(super) const MODEL_SCRIPTS: [&str; 2] = [HANDLE_SCRIPT, RUNNER_SCRIPT];
 
 /// Data of a live model or loop in a page.
 pub(super) struct Embedded {
     /// What runs there, in words.
     pub(super) what: &'static str,
     /// What is added to the script of the page.
-    pub(super) scripts: [&'static str; 2],
+    pub(super) scripts: Vec<&'static str>,
     /// The module, compressed, base64.
     pub(super) module: String,
     /// Numbers, safe inside a script element.
@@ -46,8 +50,8 @@ pub(super) fn embed(model: &LiveModel) -> Result<Embedded, serde_json::Error> {
     };
     Ok(Embedded {
         what: "the identified model",
-        scripts: [HANDLE_SCRIPT, MODEL_SCRIPT],
-        module: compressed(MODEL)?,
+        scripts: [&MODEL_SCRIPTS[..], &[MODEL_SCRIPT]].concat(),
+        module: module()?,
         json: inert(&serde_json::to_string(&page)?),
     })
 }
@@ -62,10 +66,18 @@ pub(super) fn embed_loop(live: &LiveLoop) -> Result<Embedded, serde_json::Error>
     let page = LoopPage { config, trocar, compensator, start: live.start, way: live.way };
     Ok(Embedded {
         what: "the loop",
-        scripts: [HANDLE_SCRIPT, LOOP_SCRIPT],
+        scripts: vec![HANDLE_SCRIPT, LOOP_SCRIPT],
         module: compressed(LOOP)?,
         json: inert(&serde_json::to_string(&page)?),
     })
+}
+
+/// The module of models, compressed, base64.
+///
+/// # Errors
+/// None in practice, as above.
+pub(super) fn module() -> Result<String, serde_json::Error> {
+    compressed(MODEL)
 }
 
 fn compressed(module: &[u8]) -> Result<String, serde_json::Error> {
@@ -75,7 +87,7 @@ fn compressed(module: &[u8]) -> Result<String, serde_json::Error> {
 }
 
 /// 64-bit numbers, little endian, base64: exact, including infinite ones.
-fn encoded(row: &[f64]) -> String {
+pub(super) fn encoded(row: &[f64]) -> String {
     let bytes: Vec<u8> = row.iter().flat_map(|number| number.to_le_bytes()).collect();
     STANDARD.encode(bytes)
 }

@@ -249,7 +249,7 @@ impl SweepConfig {
             _ => return refuse("protocol, file and teleop exclude each other"),
         }
         if protocol.is_none() && (rig.is_some() || !self.rig.is_empty()) {
-            return refuse("a rig moves a protocol, neither a file nor a loop");
+            return refuse("a rig runs a protocol, neither a file nor a loop");
         }
         if teleop.is_none() && !self.teleop.is_empty() {
             return refuse("[teleop] changes a loop, and none is given");

@@ -381,7 +381,7 @@ pub enum ConfigError {
     },
     /// Adaptation without the error of the model.
     #[error(
-        "adaptation needs to know how far off the model's force is, which the model does not say \
+        "adaptation needs the error of the model's force, which the model does not state \
          (force_error)\n\nhint: state the standard deviation as compensation.force_error_n, or identify the model \
          again with --validate"
     )]

@@ -133,7 +133,7 @@ fn code_of(page: &str) -> Vec<String> {
 }
 
 /// Calls the function of docs/how-to/simulink.md as the block does, in two simulations; then that of
-/// docs/reference/exported-c.md.
+/// docs/how-to/microcontroller.md.
 const SIMULATIONS: &str = r#"
 #include <stdio.h>
 #include "seal_block.h"
@@ -170,7 +170,7 @@ fn the_code_of_the_documentation_gives_the_forces() {
     let folder = tempfile::tempdir().unwrap();
     let simulink = code_of("how-to/simulink.md");
     let [header, wrapper] = &simulink[..] else { panic!("{} blocks", simulink.len()) };
-    let use_of_it = code_of("reference/exported-c.md").remove(0);
+    let use_of_it = code_of("how-to/microcontroller.md").remove(0);
     let prototypes =
         "void on_start(double position_m);\ndouble every_millisecond(double position_m);\n";
     for (name, text) in [

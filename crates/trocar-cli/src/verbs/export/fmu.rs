@@ -184,7 +184,7 @@ mod tests {
     #[test]
     fn a_program_without_a_library_says_why_and_takes_named_ones() {
         let text = binaries(NONE, &[], &[]).unwrap_err().to_string();
-        assert!(text.contains("carries no FMU library: no linker for this target"), "{text}");
+        assert!(text.contains("contains no FMU library: no linker for this target"), "{text}");
         assert!(text.contains("hint: name libraries of trocar-fmu with --library"), "{text}");
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("trocar_fmu.dll");

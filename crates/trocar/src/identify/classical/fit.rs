@@ -164,8 +164,8 @@ pub(crate) fn fit(
     let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
     let found = long
         .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
-        .ok_or("no start gave a model that runs")?;
-    let model = found.best.model().ok_or("the best numbers make no model")?;
+        .ok_or("no initial values gave a model that runs")?;
+    let model = found.best.model().ok_or("the best parameters form no valid model")?;
     let parameters = parameters(&found);
     let mut warnings = doubts(&found, &parameters);
     warnings.extend(energy_warning(&model));

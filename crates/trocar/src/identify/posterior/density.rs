@@ -27,6 +27,7 @@ use trocar_model::ParameterId;
 
 use super::super::candidate::EmsTrial;
 use super::super::estimate::t_quantile;
+use super::super::joins::Joins;
 use super::super::likelihood::{self, Fitted, Free, MODEL_DEGREES, Trial};
 use super::super::numbers;
 use super::super::prior::{Kind, Prior};
@@ -62,7 +63,11 @@ impl fmt::Debug for Density {
 
 impl Density {
     /// About the maximum `fitted`; `None` where its information is not positive definite.
-    pub(super) fn new(training: &Training, fitted: &Fitted<EmsTrial>) -> Option<Self> {
+    pub(super) fn new(
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+        joins: &Joins,
+    ) -> Option<Self> {
         let free = fitted.best.free();
         let covariance = inverse(&fitted.sums().0)? * training.variance;
         let adjusted = adjusted(fitted, &covariance, &free, training.variance);
@@ -76,7 +81,7 @@ impl Density {
             best: fitted.best.clone(),
             mode: DVector::from_iterator(free.len(), free.iter().map(|f| f.value)),
             knots: knots.len(),
-            joins: FollowedJoin::all(&fitted.best, &free),
+            joins: FollowedJoin::all(&fitted.best, &free, joins),
             free,
             working,
             adjusted,

@@ -166,8 +166,7 @@ impl Posterior {
             .enumerate()
             .map(|(k, structure)| sample(structure, per_chain, (seed, k)))
             .collect::<Option<_>>()?;
-        let Structure { training, fitted, .. } = structures.first()?;
-        let density = Density::new(training, fitted)?;
+        let density = structures.first()?.density()?;
         Some((Self::assembled(&structures, &sampled), density))
     }
 
@@ -262,7 +261,7 @@ impl Posterior {
         let as_wide = self.parameters.iter().filter(is_prior).map(|p| {
             let ratio = p.prior_ratio.unwrap_or_default();
             let message = format!(
-                "its draws are {:.0} % as wide as its prior: the recordings say next to nothing about it",
+                "its draws are {:.0} % as wide as its prior: the recordings contain almost no information about it",
                 1e2 * ratio
             );
             Warning::remark(p.id, message)
@@ -389,7 +388,7 @@ fn prior_deviation(structure: &Structure, id: ParameterId) -> Option<f64> {
 
 /// Four chains of one structure; `None` where its density is not finite at its maximum.
 fn sample(structure: &Structure, count: usize, (seed, number): (u64, usize)) -> Option<Sampled> {
-    let density = Density::new(&structure.training, &structure.fitted)?;
+    let density = structure.density()?;
     let log = |z: &DVector<f64>| density.log(z);
     let d = density.dimension();
     let begin = |k: usize| {

@@ -9,6 +9,7 @@
 
 use super::super::candidate::EmsTrial;
 use super::super::element::ElementFit;
+use super::super::joins::Joins;
 use super::super::likelihood::{self, Fitted, Stop, Trial};
 use super::super::prior;
 use super::super::spread::variance;
@@ -28,6 +29,7 @@ const LAST: Stop = Stop { iterations: 60, fall: 1e-6, promise: 10.0 * 1e-6 };
 pub(super) struct Structure {
     pub(super) training: Training,
     pub(super) fitted: Fitted<EmsTrial>,
+    pub(super) joins: Joins,
     pub(super) weight: f64,
 }
 
@@ -39,7 +41,8 @@ impl Structure {
             training.prior = prior::weak(&from.free());
         }
         let fitted = likelihood::fit(&training, from, LAST)?;
-        Some(Self { training, fitted, weight: 0.0 })
+        let (fitted, joins) = Joins::searched(&training, fitted, LAST);
+        Some(Self { training, fitted, joins, weight: 0.0 })
     }
 
     /// Its optional terms, joined by `+`; `base` without any.
@@ -50,9 +53,14 @@ impl Structure {
         if own.is_empty() { "base".to_owned() } else { own.join("+") }
     }
 
+    /// The density about its maximum.
+    pub(super) fn density(&self) -> Option<Density> {
+        Density::new(&self.training, &self.fitted, &self.joins)
+    }
+
     /// ln Z.
     fn log_evidence(&self) -> Option<f64> {
-        let density = Density::new(&self.training, &self.fitted)?;
+        let density = self.density()?;
         let deviations = self.training.prior.iter().chain([]).map(|p| p.deviation);
         let of_drift = self.training.scale.expected.iter().copied();
         let volume_of_priors: f64 = deviations.chain(of_drift).map(f64::ln).sum();

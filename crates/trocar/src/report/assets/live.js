@@ -1,103 +1,7 @@
 
-// The model of the report, run in the page: parameters to turn, a motion to replay, to drag or to draw.
-// Inside all numbers are in SI; millimetres stand on the screen only.
+// The live model of the report: parameters to turn, a motion to replay, to drag or to draw.
 
-const MILLISECOND = 1e-3;
-const LONGEST_DRAG = 300, SHOWN_DRAG = 10, LONGEST_DRAWING = 10;  // s
-const KEY_WAIT = 0.3;  // s
-const GRIP = 1 - Math.exp(-1 / 30);  // part of the way to the hand in a step
-
-
-// The WebAssembly module, crates/trocar-web: one model and its state.
-class Runner {
-  static async start(compressed, row) {
-    const plain = new Blob([bytesOf(compressed)]).stream().pipeThrough(new DecompressionStream("gzip"));
-    const { instance } = await WebAssembly.instantiate(await new Response(plain).arrayBuffer());
-    return new Runner(instance.exports, row);
-  }
-
-  constructor(module, row) {
-    this.module = module;
-    const place = (name, count) => new Float64Array(module.memory.buffer, module[name](), count);
-    place("row", row.length).set(row);
-    if (!module.load(row.length)) throw new Error("the module reads no model");
-    this.values = place("values", module.values_length());
-    this.length = module.block_length();
-    const block = place("block", 5 * this.length);
-    this.columns = [0, 1, 2, 3, 4].map((at) => block.subarray(at * this.length, (at + 1) * this.length));
-  }
-
-  // Whether the values make a model; the state is at rest where it was, with the force it had.
-  tune(values) {
-    this.values.set(values);
-    return this.module.tune(values.length) === 1;
-  }
-
-  // At rest, undeformed or with a force.
-  rest(position, force) {
-    if (force === undefined) this.module.rest(position);
-    else this.module.rest_at_force(position, force);
-  }
-
-  // Up to a block of steps; views on force, deflection and sliding, good until the next call.
-  run(positions, durations) {
-    this.columns[0].set(positions);
-    this.columns[1].set(durations);
-    const made = this.module.run(positions.length);
-    return this.columns.slice(2).map((column) => column.subarray(0, made));
-  }
-}
-
-// A motion with what the model answered. Durations are differences of the times, as in every program of this project.
-class Motion {
-  constructor(runner, time, position, force) {
-    Object.assign(this, { runner, time: [], position: [], force: [], deflection: [], sliding: [] });
-    runner.rest(position, force);
-    this.append([time], [position]);
-  }
-
-  static along(runner, times, positions, force) {
-    const motion = new Motion(runner, times[0], positions[0], force);
-    motion.append(times.slice(1), positions.slice(1));
-    return motion;
-  }
-
-  append(times, positions) {
-    for (let from = 0; from < times.length; from += this.runner.length) {
-      const some = positions.slice(from, from + this.runner.length);
-      const durations = Array.from(some, (_, i) => {
-        const before = from + i > 0 ? times[from + i - 1] : this.time.length ? this.time.at(-1) : times[0];
-        return times[from + i] - before;
-      });
-      const [force, deflection, sliding] = this.runner.run(some, durations);
-      for (let i = 0; i < some.length; i++) {
-        this.force.push(force[i]);
-        this.deflection.push(deflection[i]);
-        this.sliding.push(sliding[i]);
-      }
-    }
-    for (let i = 0; i < times.length; i++) { this.time.push(times[i]); this.position.push(positions[i]); }
-  }
-
-  get end() {
-    return this.time.length - 1;
-  }
-
-  // Columns of the samples from a time on, as many as show on the screen.
-  columns(from, ...names) {
-    const first = Math.max(0, this.time.findIndex((time) => time >= from)), count = this.time.length - first;
-    const every = Math.max(1, Math.ceil(count / MOST_DRAWN)), shown = Math.ceil(count / every);
-    return names.map((name) => Float64Array.from({ length: shown }, (_, i) => {
-      const at = Math.min(this.end, first + i * every), value = this[name][i === shown - 1 ? this.end : at];
-      return name === "position" ? MM * value : value;
-    }));
-  }
-
-  csv() {
-    const rows = this.time.map((time, i) => [time, this.position[i], this.force[i]].join());
-    return "time_s,position_m,force_n\n" + rows.join("\n") + "\n";
-  }
-}
+const SHOWN_DRAG = 10, LONGEST_DRAWING = 10;  // s
 
 // The parameters: a slider and a field each.
 class Knobs {
@@ -314,6 +218,7 @@ class Live {
     this.data = data;
     this.runner = runner;
     this.excerpt = excerptOf(data.excerpt);
+    this.hand = new Hand(this, data.way);
     this.element = element;
     this.modes();
     const body = make("div", "live-body", element);
@@ -397,7 +302,7 @@ class Live {
 
   restart() {
     this.motion = null;
-    this.hand = { target: this.strip.position, held: false, until: 0 };
+    this.hand.rest(this.strip.position);
     if (this.mode === "draw") this.pen.clear();
     this.tuned();
   }
@@ -517,62 +422,35 @@ class Live {
     this.draw();
   }
 
-  // What the hand does: while it holds the handle time runs, in steps of a millisecond.
+  // A drag begins in whatever mode, with the hand where the instrument is.
   dragging() {
-    const begin = () => { if (this.mode !== "drag") this.setMode("drag"); };
-    const move = (position) => { this.hand.target = clamp(position, ...this.data.way); };
+    const begin = () => { if (this.mode !== "drag") this.setMode("drag"); this.identified = null; };
     return {
-      hold: () => { begin(); Object.assign(this.hand, { held: true, most: Infinity }); this.advance(); },
-      move,
-      release: () => { this.hand.held = false; },
-      key: (step) => {
-        begin();
-        Object.assign(this.hand, { most: KEY_SPEED * MILLISECOND, until: performance.now() + 1000 * KEY_WAIT });
-        move(this.hand.target + step);
-        this.advance();
-      },
+      hold: () => { begin(); this.hand.hold(); },
+      move: (position) => this.hand.move(position),
+      release: () => this.hand.release(),
+      key: (step) => { begin(); this.hand.key(step); },
     };
   }
 
-  advance() {
-    if (this.isAdvancing) return;
-    this.isAdvancing = true;
-    this.identified = null;
-    let last = performance.now();
-    const frame = () => {
-      const { hand, motion } = this, now = performance.now();
-      const arrived = hand.target === motion.position.at(-1);
-      if (this.mode !== "drag" || !(hand.held || now < hand.until || !arrived)) {
-        this.isAdvancing = false;
-        if (this.mode === "drag") { this.compute(); this.draw(); }
-        return;
-      }
-      const count = Math.min(LONGEST_FRAME, Math.floor(now - last));
-      last = now - last > LONGEST_FRAME ? now : last + count;
-      if (count) { this.follow(count); this.draw(); }
-      requestAnimationFrame(frame);
-    };
-    requestAnimationFrame(frame);
+  get isMoved() {
+    return this.mode === "drag";
   }
 
-  // So many milliseconds on: towards the hand, softly, so that the steps of a pointer do not become steps of the instrument.
-  follow(count) {
-    if (this.motion.time.at(-1) >= LONGEST_DRAG) this.motion = new Motion(this.runner, 0, this.motion.position.at(-1));
-    const { motion, hand } = this, first = motion.end, times = [], positions = [];
-    let position = motion.position.at(-1);
-    for (let i = 1; i <= count; i++) {
-      const left = hand.target - position;
-      position = Math.abs(left) < CLOSE ? hand.target : position + clamp(GRIP * left, -hand.most, hand.most);
-      times.push((first + i) / 1000);
-      positions.push(position);
-    }
-    motion.append(times, positions);
+  moved() {
+    this.draw();
+  }
+
+  rested() {
+    this.compute();
+    this.draw();
   }
 }
 
 async function goLive(element) {
   const [json, module] = element.querySelectorAll("script");
   const data = JSON.parse(json.textContent);
+  for (const knob of data.knobs) knob.value ??= Infinity;  // JSON has no infinite number
   const runner = await Runner.start(module.textContent, new Float64Array(bytesOf(data.row).buffer));
   element.querySelector(".live-absent").remove();
   const live = new Live(element, data, runner);

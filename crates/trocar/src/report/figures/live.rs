@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use trocar_model::{Direction, ParameterId, Quantity, Seal, Tunable, Unit};
+use trocar_model::{Direction, ParameterId, Quantity, Seal, Trocar, Tunable, Unit};
 
 use super::tables::name_of;
 use super::{Scored, excerpt_starts};
@@ -38,18 +38,35 @@ pub(in super::super) fn live_model(
     scored: &Scored,
 ) -> Result<LiveModel, String> {
     let trocar = found.trocar();
-    let mut row = vec![0.0; trocar.count_numbers()];
-    trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
-    if row.len() > LONGEST_ROW {
-        return Err("The model has too many knots over the position to run in a page.".to_owned());
-    }
+    let row = row_of(&trocar)?;
     let excerpt = excerpt(found, scored);
     let way = excerpt.as_ref().map_or(WAY, |excerpt| {
         let (low, high) = limits(&excerpt.position);
         let margin = 0.5 * found.model.half_width;
         [low - margin, high + margin]
     });
-    Ok(LiveModel { row, knobs: knobs(trocar.seal(), found), way, excerpt })
+    let knobs = knobs(trocar.seal(), |tunable| interval(tunable, found));
+    Ok(LiveModel { row, knobs, way, excerpt })
+}
+
+impl LiveModel {
+    /// `trocar` to be moved by hand over `way`, m; without a recording and without intervals.
+    ///
+    /// # Errors
+    /// The reason, in a sentence, for which the model cannot run in a page.
+    pub fn of<K: AsRef<[f64]>>(trocar: &Trocar<K>, way: [f64; 2]) -> Result<Self, String> {
+        let knobs = knobs(trocar.seal(), |_| None);
+        Ok(Self { row: row_of(trocar)?, knobs, way, excerpt: None })
+    }
+}
+
+fn row_of<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Result<Vec<f64>, String> {
+    let mut row = vec![0.0; trocar.count_numbers()];
+    trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
+    if row.len() > LONGEST_ROW {
+        return Err("The model has too many knots over the position to run in a page.".to_owned());
+    }
+    Ok(row)
 }
 
 fn limits(values: &[f64]) -> (f64, f64) {
@@ -58,7 +75,7 @@ fn limits(values: &[f64]) -> (f64, f64) {
     })
 }
 
-fn knobs(seal: &Seal, found: &Identification) -> Vec<Knob> {
+fn knobs(seal: &Seal, interval: impl Fn(&Tunable) -> Option<[f64; 2]>) -> Vec<Knob> {
     let tunables: Vec<Tunable> = seal.tunables().collect();
     let knob = |tunable: &Tunable| {
         let Tunable { id, value } = *tunable;
@@ -70,7 +87,7 @@ fn knobs(seal: &Seal, found: &Identification) -> Vec<Knob> {
             scale,
             value,
             range: range(tunable, &tunables),
-            interval: interval(tunable, found),
+            interval: interval(tunable),
             follows: other_direction(tunable, &tunables),
             is_main: id.element.is_none_or(|element| element == 1) && is_main(id.quantity),
         }
