@@ -70,3 +70,61 @@ def test_a_model_is_a_prior_for_a_few_strokes(
         trocar.identify(training, prior=drawn.model, prior_spread=-1.0)
     with pytest.raises(trocar.ParameterError, match="multiple of 4"):
         trocar.identify(training, posterior=10)
+
+
+def test_compensation_takes_draws_and_goes_on_after_pickling(
+    drawn: trocar.Identification, training: list[trocar.Recording], tmp_path: Path
+) -> None:
+    posterior = drawn.posterior
+    assert posterior is not None
+    posterior.write(tmp_path / "posterior.parquet")
+    options = {"adaptation": False, "moving_mass_kg": ROD_KG}
+    stroke = training[0].crop(0.0, 12.0)
+    plain = trocar.compensate(drawn.model, stroke, **options)
+    given = trocar.compensate(drawn.model, stroke, posterior=posterior, **options)
+    read = trocar.compensate(drawn.model, stroke, posterior=tmp_path / "posterior.parquet", **options)
+    assert np.array_equal(given.std_n, read.std_n)
+    assert np.array_equal(plain.tissue_force_n, given.tissue_force_n)
+    assert not np.array_equal(plain.std_n, given.std_n)
+    live = trocar.Compensator(drawn.model, posterior=posterior, **options)
+    half = len(stroke) // 2
+    columns = (stroke.time_s, stroke.position_m, stroke.force_n)
+    live.run(*(column[:half] for column in columns))
+    copied = pickle.loads(pickle.dumps(live))
+    rest = tuple(column[half:] for column in columns)
+    assert np.array_equal(copied.run(*rest).std_n, live.run(*rest).std_n)
+    with pytest.raises(trocar.TrocarError):
+        trocar.compensate(drawn.model, stroke, posterior=Path(__file__))
+
+
+def test_sweeps_plans_and_advice_take_draws(drawn: trocar.Identification) -> None:
+    posterior = drawn.posterior
+    assert posterior is not None
+    config = {"runs": 20, "model": drawn.model, "posterior": posterior, "motion": {"protocol": "step"}}
+    runs = trocar.sweep(config, progress=False)
+    rows = runs["posterior_row"]
+    assert list(rows[:3]) == [0, 50, 100]
+    assert np.allclose(runs["half_width_m"], posterior["half_width_m"][rows], rtol=1e-9)
+    with pytest.raises(trocar.SweepError, match="needs the model"):
+        trocar.sweep({key: value for key, value in config.items() if key != "model"}, progress=False)
+    planned = trocar.plan(model=drawn.model, posterior=posterior, draws=3, duration_s=40.0, progress=False)
+    force_n = posterior["coulomb_force_n"]
+    assert force_n.min() <= planned.expected["coulomb_force_n"].value <= force_n.max()
+    with pytest.raises(trocar.PlanError, match="needs the model"):
+        trocar.plan(posterior=posterior)
+    advice = trocar.teleop(drawn.model, advise=True, draws=5, posterior=posterior, progress=False).advice
+    assert advice is not None and advice.plants == 6
+    with pytest.raises(trocar.ParameterError, match="posterior changes nothing"):
+        trocar.teleop(drawn.model, posterior=posterior)
+
+
+def test_the_bench_makes_a_planned_motion() -> None:
+    planned = trocar.plan(duration_s=30.0, draws=1, progress=False)
+    made = trocar.bench(motion=(planned.time_s, planned.position_m), seed=3)
+    assert made.duration_s == pytest.approx(planned.duration_s, abs=0.1)
+    at = np.interp(planned.time_s, made.time_s, made.position_m)
+    assert np.max(np.abs(at - planned.position_m)) < 2e-3
+    with pytest.raises(trocar.ParameterError, match="not both"):
+        trocar.bench("steady", motion=(planned.time_s, planned.position_m))
+    with pytest.raises(trocar.ParameterError, match="not both"):
+        trocar.bench()

@@ -305,6 +305,7 @@ def compensate(
     sensor_limit_n: Optional[float] = None,
     force_error_n: Optional[float] = None,
     adaptation: bool = True,
+    posterior: Union[Posterior, str, os.PathLike[str], None] = None,
 ) -> Compensation:
     """Subtracts the trocar force from the readings of a sensor outside the body, which leaves the tissue force.
 
@@ -317,6 +318,8 @@ def compensate(
     :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 if the weight is part of the offset
     :param sensor_limit_n: largest force that the sensor can read; readings at this limit give no tissue force
     :param force_error_n: standard deviation of the model's force; by default the value of the model, by phase
+    :param posterior: draws of the model's parameters, or their file: ``std_n`` has the error of the parameters from their
+        forces, in place of the intervals of the model
     """
     (scored,) = _recordings("recording", recording)
     columns = (scored.time_s, scored.position_m, scored.force_n)
@@ -329,6 +332,7 @@ def compensate(
         sensor_limit_n=sensor_limit_n,
         force_error_n=force_error_n,
         adaptation=adaptation,
+        posterior=posterior,
     )
     return Compensation._of(columns, estimate, drift)
 

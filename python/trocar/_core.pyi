@@ -7,7 +7,7 @@ from typing import Any, Literal, final
 import numpy as np
 import numpy.typing as npt
 
-from .results import Compensation
+from .results import Compensation, Posterior
 
 _Path = str | os.PathLike[str]
 _Array = npt.NDArray[np.float64]
@@ -225,6 +225,7 @@ class Compensator:
         sensor_limit_n: float | None = None,
         force_error_n: float | None = None,
         adaptation: bool = True,
+        posterior: Posterior | _Path | None = None,
     ) -> Compensator: ...
     def step(self, position_m: float, force_n: float, duration_s: float) -> TissueForce: ...
     def run(
@@ -387,6 +388,7 @@ def sweep(
     name: str | None,
     folder: _Path,
     model: Model | None,
+    posterior: Posterior | _Path | None,
     out: _Path | None,
     traces: _Path | None,
     seed: int | None,
@@ -403,6 +405,7 @@ def teleop(
     changes: str,
     advise: bool,
     draws: int,
+    posterior: Posterior | _Path | None,
     compensator_draws: int,
     least_friction: float,
     map: bool,
@@ -420,6 +423,7 @@ def plan(
     changes: str,
     goal: str,
     model: Model | None,
+    posterior: Posterior | _Path | None,
     after: Sequence[Recording],
     threads: int,
     progress: Callable[[str, float], object] | None,
@@ -468,8 +472,9 @@ def compare(
     progress: Callable[[str, float], object] | None,
 ) -> Compared: ...
 def bench(
-    protocol: Literal["steady", "dynamic", "validation", "step", "surgeon"],
+    protocol: Literal["steady", "dynamic", "validation", "step", "surgeon"] | None = None,
     *,
+    motion: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     seal: Model | None = None,
     seed: int = 1,
     config: str | None = None,
@@ -488,4 +493,5 @@ def compensate(
     sensor_limit_n: float | None,
     force_error_n: float | None,
     adaptation: bool,
+    posterior: Posterior | _Path | None,
 ) -> tuple[_Said, tuple[float, float, float, float]]: ...

@@ -16,6 +16,7 @@ from ._arrays import count
 from ._core import Model, PlanError, Recording
 from ._keys import as_json, document, merged
 from ._progress import Progress, watched
+from .results import Posterior
 
 _Path = Union[str, "os.PathLike[str]"]
 _Array = npt.NDArray[np.float64]
@@ -26,6 +27,7 @@ def plan(
     *,
     goal: str = "all",
     model: Optional[Model] = None,
+    posterior: Union[Posterior, _Path, None] = None,
     after: Union[Recording, Iterable[Recording]] = (),
     threads: int = 0,
     progress: Union[Progress, bool, None] = None,
@@ -46,6 +48,8 @@ def plan(
     :param goal: what for: "all" (parameters), "compensation" (the force along a hand's motion), or a parameter, with a
         precision or without ("viscous_damping_n_s_m", "half_width_m:5%")
     :param model: model of the seal, from a pilot; without it, seals drawn from the prior of ``config``
+    :param posterior: draws of the parameters of ``model``, or their file: the motion is planned for as many of them as the
+        key ``draws`` says, in place of the model itself
     :param after: recordings that are there already; with ``model``
     :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
     :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
@@ -57,6 +61,8 @@ def plan(
     recordings = [after] if isinstance(after, Recording) else list(after)
     if recordings and model is None:
         raise PlanError("after needs the model of the seal that was recorded\n\nhint: model=trocar.identify(...).model")
+    if posterior is not None and model is None:
+        raise PlanError("posterior needs the model whose parameters were drawn\n\nhint: model=trocar.identify(...).model")
     text, file, keys = document(config, {})
     with watched(progress) as watching:
         summary, (time_s, position_m) = _core.plan(
@@ -65,6 +71,7 @@ def plan(
             changes=as_json(merged(keys, changes), PlanError),
             goal=goal,
             model=model,
+            posterior=posterior,
             after=recordings,
             threads=count("threads", threads),
             progress=watching,

@@ -15,7 +15,7 @@ from . import _core
 from ._arrays import count, plain
 from ._core import Model, SweepError
 from ._progress import Progress, watched
-from .results import SweepTable
+from .results import Posterior, SweepTable
 
 _Path = Union[str, "os.PathLike[str]"]
 
@@ -36,7 +36,7 @@ def sweep(
     valid model, its row contains the reason.
 
     :param config: what to vary: path of a TOML file, TOML text (of several lines), or a dictionary with the same keys, whose ``model``
-        may also be a ``Model``. ``sweep_config()`` gives an example that describes every key. Relative paths in a text or a
+        may also be a ``Model``, and whose ``posterior`` a ``Posterior``. ``sweep_config()`` gives an example that describes every key. Relative paths in a text or a
         dictionary refer to the current directory
     :param out: file for the table: .parquet, .arrow, .csv, .csv.gz or .csv.zst. It is written completely or not at all. The table is
         then not kept in memory, so the number of rows is not limited by it
@@ -48,7 +48,7 @@ def sweep(
         shows none
     :raises SweepError: if the configuration is invalid
     """
-    text, name, folder, model = _document(config)
+    text, name, folder, model, posterior = _document(config)
     with watched(progress) as watching:
         rows, failed, first_failure, table = _core.sweep(
             text,
@@ -56,6 +56,7 @@ def sweep(
             name=name,
             folder=folder,
             model=model,
+            posterior=posterior,
             out=None if out is None else os.path.abspath(out),
             traces=None if traces is None else os.path.abspath(traces),
             seed=None if seed is None else count("seed", seed),
@@ -70,19 +71,20 @@ def _cells(cells: Any) -> npt.NDArray[Any]:
     return cells if isinstance(cells, np.ndarray) else np.array(cells, dtype=object)
 
 
-def _document(config: Union[_Path, Mapping[str, Any]]) -> tuple[str, Optional[str], str, Optional[Model]]:
-    """Text of a sweep, its name, the folder of its files, and its model if it was given as an object."""
+def _document(config: Union[_Path, Mapping[str, Any]]) -> tuple[str, Optional[str], str, Optional[Model], Optional[Posterior]]:
+    """Text of a sweep, its name, the folder of its files, and its model and draws if they were given as objects."""
     if isinstance(config, Mapping):
         given = dict(config)
         model = given.pop("model") if isinstance(given.get("model"), Model) else None
+        posterior = given.pop("posterior") if isinstance(given.get("posterior"), Posterior) else None
         try:
-            return json.dumps(given, default=plain, allow_nan=False), None, "", model
+            return json.dumps(given, default=plain, allow_nan=False), None, "", model, posterior
         except ValueError as error:
             raise SweepError(f"config: numbers must be finite ({error})") from error
     if isinstance(config, str) and "\n" in config:
-        return config, None, "", None
+        return config, None, "", None, None
     if not isinstance(config, (str, os.PathLike)):
         raise TypeError(f"config must be a path, a TOML text or a dictionary, got {type(config).__name__}")
     path = os.fspath(config)
     with open(path, encoding="utf-8") as file:
-        return file.read(), str(path), os.path.dirname(path), None
+        return file.read(), str(path), os.path.dirname(path), None, None

@@ -18,7 +18,7 @@ from ._arrays import column, count
 from ._core import Model, ParameterError, TeleopError, TrocarError
 from ._keys import as_json, document, merged
 from ._progress import Progress, watched
-from .results import _Repeatable
+from .results import Posterior, _Repeatable
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -30,6 +30,8 @@ _Ranges = tuple[tuple[float, float], ...]
 
 #: Most draws of trocars, as on the command line.
 _MOST_DRAWS = 1000
+#: Posterior draws that are tried where their number is not given, as on the command line.
+_POSTERIOR_DRAWS = 20
 
 
 def teleop(
@@ -39,6 +41,7 @@ def teleop(
     compensator: Optional[Model] = None,
     advise: bool = False,
     draws: int = 0,
+    posterior: Union[Posterior, _Path, None] = None,
     compensator_draws: int = 0,
     least_friction: float = 1.0,
     map: bool = False,
@@ -68,6 +71,8 @@ def teleop(
     :param advise: find the fraction of the trocar's force to take out (``.advice``)
     :param draws: with ``advise``, try this many trocars drawn from the model's 95 % intervals (seed of the loop), up to
         1000, besides the model and both ends of the intervals
+    :param posterior: with ``advise``, draws of the model's parameters, or their file: ``draws`` of them (20 where that is 0)
+        are tried in place of the ends of the intervals and of draws from them
     :param compensator_draws: with ``advise``, also try both ends of the intervals of the compensator's model and this many
         models drawn from them, up to 1000, with the trocar as its model describes it
     :param least_friction: with ``advise``, include trocars whose friction is down to this multiple of the model's, 0.01
@@ -93,6 +98,7 @@ def teleop(
         raise ParameterError(f"least_friction must be from 0.01 to 1, got {least_friction}")
     for name, is_given, option, is_on in (
         ("draws", draws > 0, "advise", advise),
+        ("posterior", posterior is not None, "advise", advise),
         ("compensator_draws", compensator_draws > 0, "advise", advise),
         ("least_friction", least_friction < 1.0, "advise", advise),
         ("delays_s", delays_s is not None, "map", map),
@@ -110,7 +116,8 @@ def teleop(
         name=file,
         changes=as_json(merged(keys, changes), TeleopError),
         advise=advise,
-        draws=draws,
+        draws=draws or (_POSTERIOR_DRAWS if posterior is not None else 0),
+        posterior=posterior,
         compensator_draws=compensator_draws,
         least_friction=float(least_friction),
         map=map,

@@ -104,6 +104,10 @@ pub(crate) const EXAMPLES: [Example; 18] = [
                 "trocar compensate result recording.csv --out tissue.csv",
             ),
             ("Row by row, as a sensor sends them", "trocar compensate result - --out -"),
+            (
+                "With the error of the parameters from posterior draws",
+                "trocar compensate result recording.csv --posterior result/posterior.parquet --out tissue.csv",
+            ),
         ],
     ),
     (

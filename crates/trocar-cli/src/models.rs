@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use trocar::compare::Choice;
+use trocar::identify::posterior;
 use trocar::model_file::ModelFile;
+use trocar_model::Stages;
 
 use crate::console::BadArgument;
 
@@ -37,6 +39,15 @@ pub(crate) fn read_model(path: &Path, recordings: &[PathBuf]) -> anyhow::Result<
     } else {
         Err(error.into())
     }
+}
+
+/// The posterior draws in the file `path` of the parameters of `model`, the file `of`.
+pub(crate) fn read_draws(
+    path: &Path,
+    (model, of): (&ModelFile, &Path),
+) -> anyhow::Result<Vec<Stages>> {
+    model.stages().map_err(|error| error.in_file(of))?;
+    Ok(posterior::read_models(path)?)
 }
 
 /// Whether it may be a model: a recording is not read just to see that it is none.

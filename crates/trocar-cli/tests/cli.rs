@@ -742,6 +742,43 @@ fn a_folder_and_exchanged_arguments_are_recognised() {
     ran.says(&["give one of its models: models/lugre.json"]);
 }
 
+/// `compensate`, `plan`, `teleop --advise` and `sweep` with the draws of the result `found`.
+fn draws_are_taken_by_the_other_verbs(place: &Place) {
+    let draws = "--posterior found/posterior.parquet";
+    let compensate = "compensate found strokes.csv --no-adaptation --out";
+    place.run(&format!("{compensate} plain.csv"));
+    place.run(&format!("{compensate} drawn.csv {draws}"));
+    let column = |file: &str, k: usize| -> Vec<String> {
+        let cell = |line: &str| line.split(',').nth(k).unwrap().to_owned();
+        place.text(file).lines().skip(1).map(cell).collect()
+    };
+    // tissue_force_n stays; tissue_force_std_n is another.
+    assert_eq!(column("plain.csv", 4), column("drawn.csv", 4));
+    assert_ne!(column("plain.csv", 5), column("drawn.csv", 5));
+
+    place
+        .run(&format!("plan --model found {draws} --duration-s 40 --out next.csv --report p.html"));
+    assert!(place.text("p.html").contains("8 posterior draws of"));
+    place.run(&format!("plan {draws} --out none.csv")).ends_with(2).says(&["--model"]);
+
+    let advised = place.run(&format!("teleop --model found --advise {draws} --draws 6"));
+    assert!(advised.stdout.contains("of the 7 trocars"), "{advised:#?}");
+    place.run(&format!("teleop --model found {draws}")).ends_with(2).says(&["--advise"]);
+
+    let sweep = "runs = 8\nmodel = \"found/model.json\"\nposterior = \"found/posterior.parquet\"\n\
+                 [motion]\nprotocol = \"step\"\n";
+    place.write("sweep.toml", sweep);
+    place.run("sweep sweep.toml --out runs.csv").done();
+    assert_eq!(column("runs.csv", 2)[..2], ["0", "250"]);
+    place.write("sweep.toml", &format!("{sweep}[seal]\nhalf_width_m = 0.005\n"));
+    let ran = place.run("sweep sweep.toml --out none.csv");
+    ran.fails_saying(&["sweep.toml", "line 3", "leave out like and [seal]"]);
+    place
+        .run(&format!("compensate plain.csv strokes.csv {draws} --out none.csv"))
+        .fails_saying(&[]);
+    assert!(!place.path("none.csv").exists());
+}
+
 #[test]
 fn draws_of_identify_give_simulate_a_band_and_a_model_serves_as_prior() {
     let place = Place::new();
@@ -764,6 +801,8 @@ fn draws_of_identify_give_simulate_a_band_and_a_model_serves_as_prior() {
     });
     let rows = text.lines().count() - 1;
     assert!(inside.count() > 9 * rows / 10, "the model lies in the band of its own draws");
+
+    draws_are_taken_by_the_other_verbs(&place);
 
     // A few strokes, with that model as prior.
     place.run(&format!("{identify} --to-s 6 --prior found --out in-use")).says(&["prior: found"]);

@@ -2,31 +2,47 @@
 
 use pyo3::prelude::*;
 use trocar::bench::config::DEFAULT_TOML;
-use trocar::bench::{BenchConfig, BenchError, BenchRun, Protocol, UnknownProtocol};
+use trocar::bench::{BenchConfig, BenchError, BenchRun, Course, Protocol, UnknownProtocol};
 use trocar::recording::{Readings, Recording as Record};
 
+use crate::arrays::column;
 use crate::errors::{ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::work::{How, run};
 
+/// What a rig does.
+enum Experiment {
+    Protocol(Protocol),
+    Motion(Course),
+}
+
 /// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors
 /// record it.
 ///
-/// `protocol` is "steady", "dynamic", "validation", "step" or "surgeon"; `seal` a model of EMS
+/// `protocol` is "steady", "dynamic", "validation", "step" or "surgeon"; or `motion` holds the times, s, and
+/// positions, m, of a motion to make in its place, such as `plan` gives. `seal` is a model of EMS
 /// elements, by default the made-up plausible one. `config` is TOML text as `bench_config()` gives
 /// it; keys left out keep their defaults.
 #[pyfunction]
-#[pyo3(signature = (protocol, *, seal=None, seed=1, config=None))]
+#[pyo3(signature = (protocol=None, *, motion=None, seal=None, seed=1, config=None))]
 pub(crate) fn bench(
     py: Python<'_>,
-    protocol: &str,
+    protocol: Option<&str>,
+    motion: Option<(Bound<'_, PyAny>, Bound<'_, PyAny>)>,
     seal: Option<&Bound<'_, Model>>,
     seed: u64,
     config: Option<&str>,
 ) -> PyResult<Recording> {
     let unknown = |error: UnknownProtocol| ParameterError::new_err(error.to_string());
-    let protocol: Protocol = protocol.parse().map_err(unknown)?;
+    let what = match (protocol, motion) {
+        (Some(name), None) => Experiment::Protocol(name.parse().map_err(unknown)?),
+        (None, Some((time_s, position_m))) => Experiment::Motion(Course {
+            time: column("time_s", &time_s)?.as_slice()?.to_vec(),
+            position: column("position_m", &position_m)?.as_slice()?.to_vec(),
+        }),
+        _ => return Err(ParameterError::new_err("give a protocol or a motion, and not both")),
+    };
     let config =
         config.map(BenchConfig::from_toml).transpose().map_err(Raise::raise)?.unwrap_or_default();
     let file = match seal {
@@ -35,14 +51,18 @@ pub(crate) fn bench(
     };
     let elements = file.stages().map_err(Raise::raise)?.elements().to_vec();
     let record = run(py, How::default(), move |_| {
-        let run = trocar::bench::run(&config, protocol, &elements, seed)?;
+        let (name, run) = match &what {
+            Experiment::Protocol(protocol) => {
+                (protocol.name(), trocar::bench::run(&config, *protocol, &elements, seed)?)
+            }
+            Experiment::Motion(course) => {
+                ("motion", trocar::bench::run_motion(&config, course, &elements, seed)?)
+            }
+        };
         let events = run.events;
         let BenchRun { time, position, velocity, force, .. } = run;
         let readings = Readings { time, position, force, velocity: Some(velocity) };
-        Ok((
-            Record::from_readings(protocol.name(), &readings, Some(config.force_sensor.range_n)),
-            events,
-        ))
+        Ok((Record::from_readings(name, &readings, Some(config.force_sensor.range_n)), events))
     })?;
     let (record, events) = record.map_err(|error: BenchError| error.raise())?;
     let mut record = record.map_err(Raise::raise)?;

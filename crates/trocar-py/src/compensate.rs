@@ -4,12 +4,16 @@ use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
-use trocar::compensate::{CompensateOptions, Compensator as Observer, Drift, Estimate, Fault};
+use trocar::compensate::{
+    CompensateOptions, Compensator as Observer, Drift, Estimate, Fault, MOST_DRAWS,
+};
+use trocar::identify::posterior::evenly;
 
 use crate::arrays::column;
 use crate::errors::number;
 use crate::errors::{ArrayError, MotionError, Raise};
 use crate::model::Model;
+use crate::posterior::Draws;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 15;
@@ -83,6 +87,8 @@ fn name(fault: Fault) -> &'static str {
 pub(crate) struct Compensator {
     model: Py<Model>,
     options: CompensateOptions,
+    /// The posterior whose draws the observer has.
+    posterior: Option<Py<PyAny>>,
     observer: Observer,
     /// Of the last sample, s.
     time: Option<f64>,
@@ -114,7 +120,8 @@ fn options(
 impl Compensator {
     #[new]
     #[pyo3(signature = (model, *, offset_n=None, moving_mass_kg=None, gravity_m_s2=0.0, sensor_limit_n=None,
-        force_error_n=None, adaptation=true))]
+        force_error_n=None, adaptation=true, posterior=None))]
+    #[allow(clippy::too_many_arguments)] // keywords in Python
     fn new(
         model: &Bound<'_, Model>,
         offset_n: Option<f64>,
@@ -123,6 +130,7 @@ impl Compensator {
         sensor_limit_n: Option<f64>,
         force_error_n: Option<f64>,
         adaptation: bool,
+        posterior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let options = options(
             offset_n,
@@ -132,8 +140,8 @@ impl Compensator {
             force_error_n,
             adaptation,
         );
-        let observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
-        Ok(Self { model: model.clone().unbind(), options, observer, time: None })
+        let (observer, posterior) = observer(model.get(), &options, posterior)?;
+        Ok(Self { model: model.clone().unbind(), options, posterior, observer, time: None })
     }
 
     /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its
@@ -200,8 +208,13 @@ impl Compensator {
     }
 
     fn __copy__(&self, py: Python<'_>) -> Self {
-        let (model, options) = (self.model.clone_ref(py), self.options.clone());
-        Self { model, options, observer: self.observer.clone(), time: self.time }
+        Self {
+            model: self.model.clone_ref(py),
+            options: self.options.clone(),
+            posterior: self.posterior.as_ref().map(|posterior| posterior.clone_ref(py)),
+            observer: self.observer.clone(),
+            time: self.time,
+        }
     }
 
     fn __deepcopy__(&self, py: Python<'_>, _memo: &Bound<'_, PyDict>) -> Self {
@@ -223,7 +236,9 @@ impl Compensator {
         let options =
             (offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
         let numbers = PyArray1::from_vec(py, own.observer.state());
-        let state = (own.model(py), options, numbers, own.time).into_pyobject(py)?.into_any();
+        let posterior = own.posterior.as_ref().map(|posterior| posterior.clone_ref(py));
+        let state = (own.model(py), options, numbers, own.time, posterior);
+        let state = state.into_pyobject(py)?.into_any();
         Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state))
     }
 
@@ -234,9 +249,10 @@ impl Compensator {
         options: OptionsRow,
         state: &Bound<'_, PyAny>,
         time_s: Option<f64>,
+        posterior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (offset, mass, gravity, limit, error, adaptation) = options;
-        let mut own = Self::new(model, offset, mass, gravity, limit, error, adaptation)?;
+        let mut own = Self::new(model, offset, mass, gravity, limit, error, adaptation, posterior)?;
         own.observer.set_state(column("state", state)?.as_slice()?).map_err(Raise::raise)?;
         own.time = time_s;
         Ok(own)
@@ -248,6 +264,19 @@ impl Compensator {
             "<trocar.Compensator: friction {level:.3}, viscosity {viscosity:.3} of the model's>"
         )
     }
+}
+
+/// An observer with the draws of `posterior`, and these as a `trocar.Posterior`.
+fn observer(
+    model: &Model,
+    options: &CompensateOptions,
+    posterior: Option<&Bound<'_, PyAny>>,
+) -> PyResult<(Observer, Option<Py<PyAny>>)> {
+    let observer = Observer::new(model.file(), options).map_err(Raise::raise)?;
+    let Some(given) = posterior else { return Ok((observer, None)) };
+    let Draws { posterior, models } = Draws::of(given)?;
+    let observer = observer.with_draws(&evenly(&models, MOST_DRAWS)).map_err(Raise::raise)?;
+    Ok((observer, Some(posterior)))
 }
 
 /// Trocar force, tissue force, standard deviation, adapting, fault (place in `faults`, -1 for
@@ -269,7 +298,7 @@ pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
 /// Takes the force of the trocar out of a whole recording; `trocar.compensate` wraps it.
 #[pyfunction]
 #[pyo3(signature = (model, time_s, position_m, force_n, *, offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n,
-    force_error_n, adaptation))]
+    force_error_n, adaptation, posterior))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn compensate<'py>(
     py: Python<'py>,
@@ -283,10 +312,11 @@ pub(crate) fn compensate<'py>(
     sensor_limit_n: Option<f64>,
     force_error_n: Option<f64>,
     adaptation: bool,
+    posterior: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Estimates<'py>, (f64, f64, f64, f64))> {
     let options =
         options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
-    let mut observer = Observer::new(model.get().file(), &options).map_err(Raise::raise)?;
+    let (mut observer, _) = observer(model.get(), &options, posterior)?;
     let columns =
         [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
     let (estimates, _) = along(py, &mut observer, None, &columns)?;

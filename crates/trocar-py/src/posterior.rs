@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use numpy::PyArray1;
+use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
 use trocar::identify::posterior::{self, DrawsError};
@@ -35,6 +36,27 @@ impl PosteriorTable {
     pub(crate) fn new(table: Table) -> PyResult<Self> {
         let models = posterior::models(&table).map_err(Raise::raise)?;
         Ok(Self { table, models })
+    }
+}
+
+/// Draws given as an argument `posterior`: a `trocar.Posterior`, or the path of its file.
+pub(crate) struct Draws {
+    /// As a `trocar.Posterior`, which can be pickled.
+    pub(crate) posterior: Py<PyAny>,
+    pub(crate) models: Vec<Stages>,
+}
+
+impl Draws {
+    pub(crate) fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (py, table) = (given.py(), intern!(given.py(), "_table"));
+        let posterior = if given.hasattr(table)? {
+            given.clone()
+        } else {
+            let class = py.import(intern!(py, "trocar.results"))?.getattr("Posterior")?;
+            class.call_method1(intern!(py, "read"), (given,))?
+        };
+        let models = posterior.getattr(table)?.cast::<PosteriorTable>()?.get().models.clone();
+        Ok(Self { posterior: posterior.unbind(), models })
     }
 }
 

@@ -7,11 +7,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyList;
 use trocar::output::OutputError;
 use trocar::sweep::config::EXAMPLE_TOML;
-use trocar::sweep::{Summary, Sweep, SweepConfig, SweepError as Fault};
+use trocar::sweep::{Given, Summary, Sweep, SweepConfig, SweepError as Fault};
 use trocar::table::Column;
 
 use crate::errors::{Raise, SweepError};
 use crate::model::Model;
+use crate::posterior::Draws;
 use crate::work::{How, Report, run};
 
 /// What to vary in a sweep, every key of it, as a documented TOML text.
@@ -25,7 +26,7 @@ type Columns<'py> = Option<Vec<(String, Bound<'py, PyAny>)>>;
 
 /// Runs the document `text`, TOML or JSON; rows, those failed, the first failure, and the table.
 #[pyfunction]
-#[pyo3(signature = (text, *, is_json, name, folder, model, out, traces, seed, threads, progress))]
+#[pyo3(signature = (text, *, is_json, name, folder, model, posterior, out, traces, seed, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn sweep<'py>(
     py: Python<'py>,
@@ -34,18 +35,22 @@ pub(crate) fn sweep<'py>(
     name: Option<String>,
     folder: PathBuf,
     model: Option<&Bound<'py, Model>>,
+    posterior: Option<&Bound<'py, PyAny>>,
     out: Option<PathBuf>,
     traces: Option<PathBuf>,
     seed: Option<u64>,
     threads: usize,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<(u64, u64, Option<String>, Columns<'py>)> {
-    let model = model.map(|model| (**model.get().file()).clone());
+    let given = Given {
+        model: model.map(|model| (**model.get().file()).clone()),
+        draws: posterior.map(Draws::of).transpose()?.map(|draws| draws.models),
+    };
     let work = move |report: &Report| {
         let config = if is_json { of_json(&text)? } else { SweepConfig::from_toml(&text)? };
         let config = SweepConfig { seed: seed.unwrap_or(config.seed), ..config };
         let text = if is_json { "" } else { &text };
-        let sweep = Sweep::of(config, text, &folder, model)?;
+        let sweep = Sweep::of(config, text, &folder, given)?;
         if let Some(folder) = &traces {
             let failed = |source| OutputError::Create { path: folder.clone(), source };
             std::fs::create_dir_all(folder).map_err(failed)?;
@@ -98,6 +103,7 @@ fn in_file(error: Fault, name: Option<String>) -> PyErr {
         error,
         Fault::Model(_)
             | Fault::Recording(_)
+            | Fault::Draws(_)
             | Fault::Output(_)
             | Fault::ReadDocument { .. }
             | Fault::Rig { .. }
@@ -114,7 +120,7 @@ fn in_file(error: Fault, name: Option<String>) -> PyErr {
 fn array<'py>(py: Python<'py>, column: Column) -> PyResult<Bound<'py, PyAny>> {
     Ok(match column {
         Column::Number(cells) => PyArray1::from_vec(py, cells).into_any(),
-        // All there: the number of the run and its seed.
+        // All there: the number of the run, its seed, the row of its draw.
         Column::Integer(cells) => {
             PyArray1::from_iter(py, cells.into_iter().map(Option::unwrap_or_default)).into_any()
         }

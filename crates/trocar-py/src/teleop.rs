@@ -19,6 +19,7 @@ use trocar::teleop::{
 use crate::errors::{Raise, TeleopError, in_python};
 use crate::keys::changed;
 use crate::model::Model;
+use crate::posterior::Draws;
 use crate::shared::write_page;
 use crate::work::{How, run};
 
@@ -50,8 +51,8 @@ type Arrays<'py> = Vec<(&'static str, Bound<'py, PyArray1<f64>>)>;
 /// Runs the loop of the document `text` (without it, the defaults) with the keys in `changes`, JSON, and finds out what is asked
 /// for. Delays (s), fractions and frequencies (Hz) that are not given are those of the command line.
 #[pyfunction]
-#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, compensator_draws, least_friction, map, delays_s,
-    fractions, hybrid, frequencies_hz, threads, progress))]
+#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, posterior, compensator_draws, least_friction, map,
+    delays_s, fractions, hybrid, frequencies_hz, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn teleop(
     py: Python<'_>,
@@ -62,6 +63,7 @@ pub(crate) fn teleop(
     changes: &str,
     advise: bool,
     draws: usize,
+    posterior: Option<&Bound<'_, PyAny>>,
     compensator_draws: usize,
     least_friction: f64,
     map: bool,
@@ -81,11 +83,15 @@ pub(crate) fn teleop(
         return Err(TeleopError::new_err(IN_VAIN));
     }
     let own = other.as_ref().unwrap_or(&plant).clone();
-    need_intervals("draws", draws, &plant)?;
+    let posterior = posterior.map(Draws::of).transpose()?.map(|draws| draws.models);
+    match &posterior {
+        Some(_) => drop(plant.stages().map_err(Raise::raise)?),
+        None => need_intervals("draws", draws, &plant)?,
+    }
     need_intervals("compensator_draws", compensator_draws, &own)?;
     let seed = config.seed;
-    let candidates =
-        Candidates { draws, compensator_draws, seed, least_friction_scale: least_friction };
+    let least_friction_scale = least_friction;
+    let candidates = Candidates { draws, posterior, compensator_draws, seed, least_friction_scale };
     let axes = |config: &Config| {
         let delays = delays_s.unwrap_or_else(|| map_delays(config, None));
         [delays, fractions.unwrap_or_else(map_fractions)]

@@ -19,12 +19,13 @@
 //! # Uncertainty
 //!
 //! ```text
-//! std² = σ_phase² + gain(x)²·[f²·var λ + b²·var ν + 2·f·b·cov(λ, ν) + spread² + minor² + doubt²]
+//! std² = σ_phase² + gain(x)²·[f²·var λ + b²·var ν + 2·f·b·cov(λ, ν) + drawn² + spread² + minor² + doubt²]
 //! f = F − F_β      b = λ·F_β
 //! ```
 //! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]). var λ and
 //! var ν are those of the estimates; without validation recordings they come from the intervals of
-//! the parameters. spread is half the range of the forces of extreme initial states until the seal
+//! the parameters. drawn is the error of the parameters that draws of them show ([`drawn`]); where
+//! there are draws, it replaces var λ and var ν from the intervals. spread is half the range of the forces of extreme initial states until the seal
 //! has slid. minor is half the difference between the softest and the stiffest law between the
 //! branches, as long as no recording contains partial reversals. doubt is the amount by which the
 //! last two strokes, one each way, contradict the present λ ([`bank`]). After a change of the
@@ -52,6 +53,7 @@ pub use faults::Fault;
 
 use adapt::{Adapter, Sliding};
 use bank::Bank;
+use drawn::Drawn;
 use faults::Watch;
 use inertia::Inertia;
 use saved::StateRow;
@@ -62,6 +64,7 @@ use crate::profile::Departure;
 pub mod adapt;
 pub mod bank;
 mod constants;
+mod drawn;
 mod faults;
 mod inertia;
 mod saved;
@@ -82,6 +85,9 @@ const SHORTEST: f64 = 1e-5;
 const LEAST_ERROR: f64 = 1e-3;
 /// Extreme initial states count as one when their forces agree within this, N.
 const FORGOTTEN: f64 = 1e-3;
+/// Draws of the parameters after which more hardly change the standard deviation: its own error is
+/// then 7 %.
+pub const MOST_DRAWS: usize = 100;
 /// First number of a saved state: the version of its form.
 const STATE_FORMAT: f64 = 1.0;
 /// 95 % quantile of a normal distribution, two-sided.
@@ -132,6 +138,12 @@ pub enum CompensateError {
          standard deviation with --force-error-n"
     )]
     NoForceError,
+    /// Draws for a model that is no EMS element.
+    #[error("posterior draws are of EMS elements, but the model is of kind {kind}")]
+    NoElements {
+        /// Kind of the model.
+        kind: &'static str,
+    },
     /// A value out of its range.
     #[error("{name} must be {allowed}, got {found}")]
     OutOfRange {
@@ -220,6 +232,7 @@ pub struct Compensator {
     turns: PartialReversals,
     has_turned: bool,
     minor: Option<MinorLoops>,
+    draws: Vec<Drawn>,
     inertia: Inertia,
     adapter: Adapter,
     bank: Bank,
@@ -285,6 +298,7 @@ impl Compensator {
             turns: PartialReversals::default(),
             has_turned: false,
             minor: if error.partial_n.is_some() { None } else { MinorLoops::new(&seal) },
+            draws: Vec::new(),
             inertia: Inertia::new(mass, gravity),
             bank: Bank::new(&seal, sigma),
             adapter: Adapter::new(options.adaptation, spread, sigma),
@@ -295,12 +309,30 @@ impl Compensator {
         })
     }
 
+    /// The same with draws of the parameters of its model, such as those of a posterior: the
+    /// standard deviation then has the error of the parameters from their forces, in place of that
+    /// from the intervals. Each draw is stepped with the model; [`MOST_DRAWS`] of them suffice.
+    ///
+    /// # Errors
+    /// [`CompensateError::NoElements`] for a classical model.
+    pub fn with_draws(mut self, draws: &[Stages]) -> Result<Self, CompensateError> {
+        let seal = self.setup.seal();
+        let model = seal.stages().ok_or(CompensateError::NoElements { kind: seal.kind() })?;
+        self.draws = Drawn::all(draws, model, self.setup.adaptation);
+        if !self.setup.adaptation {
+            let sigma = self.setup.error.in_phase(Phase::Sliding).max(LEAST_ERROR);
+            self.adapter = Adapter::new(false, [0.0; 2], sigma);
+        }
+        Ok(self)
+    }
+
     /// Resets the observer; it starts again with the next sample. Allocates nothing.
     pub fn reset(&mut self) {
         self.state = self.setup.seal().rest_at_force(0.0);
         (self.extremes, self.position) = (None, None);
         (self.speed, self.mean_speed, self.time, self.waited) = (0.0, 0.0, 0.0, 0.0);
         (self.turns, self.has_turned) = (PartialReversals::default(), false);
+        self.draws.iter_mut().for_each(|draw| draw.rest(0.0));
         self.inertia.restart(0.0, 0.0);
         self.adapter.reset();
         self.bank.reset(self.setup.seal());
@@ -350,6 +382,7 @@ impl Compensator {
         if let Some(minor) = &mut self.minor {
             row.state(&minor.seal, &mut minor.state);
         }
+        self.draws.iter_mut().for_each(|draw| draw.exchange(row));
         self.inertia.exchange(row);
         self.adapter.exchange(row);
         self.bank.exchange(&seal, row);
@@ -411,7 +444,7 @@ impl Compensator {
         let own =
             self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
         self.state = self.setup.seal().rest_at_force(own);
-        self.follow_minor();
+        self.follow();
         self.bank.start(self.setup.seal(), own);
         self.position = Some(position);
         self.waited = 0.0;
@@ -446,6 +479,7 @@ impl Compensator {
         if let Some(minor) = &mut self.minor {
             minor.seal.step(&mut minor.state, own, duration);
         }
+        self.draws.iter_mut().for_each(|draw| draw.step(own, duration));
         if let Some(extremes) = &mut self.extremes {
             extremes.iter_mut().for_each(|state| {
                 self.setup.seal().step(state, own, duration);
@@ -486,7 +520,11 @@ impl Compensator {
             + 2.0 * own_dry * viscous * self.adapter.covariance();
         let doubt = self.bank.doubt(level);
         let minor = level * self.minor.as_ref().map_or(0.0, |minor| minor.std(&self.state));
-        let of_seal = parameters.max(0.0) + spread * spread + minor * minor + doubt;
+        let of_model = own_dry + viscosity * viscous / level;
+        let drawn = level
+            * level
+            * drawn::mean_square(&self.draws, of_model, viscosity, self.speed / level);
+        let of_seal = parameters.max(0.0) + drawn + spread * spread + minor * minor + doubt;
         let std = (sigma * sigma + slope * slope * of_seal).sqrt();
         if self.setup.adaptation && reading.is_finite() {
             let seal =
@@ -514,16 +552,18 @@ impl Compensator {
         }
         if let Some((level, state)) = self.bank.better_than(present) {
             self.state = state;
-            self.follow_minor();
+            self.follow();
             self.adapter.restart_at(level);
         }
     }
 
-    /// Restarts the stiff law from the state of the model.
-    fn follow_minor(&mut self) {
+    /// Restarts the stiff law and the draws from the state of the model.
+    fn follow(&mut self) {
         if let Some(minor) = &mut self.minor {
             minor.state = self.state;
         }
+        let force = Seal::force(&self.state);
+        self.draws.iter_mut().for_each(|draw| draw.rest(force));
     }
 
     fn phase(&self) -> Phase {

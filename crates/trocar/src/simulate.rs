@@ -19,6 +19,7 @@ use trocar_model::{
 };
 
 use crate::error::{OutputError, RecordingError};
+use crate::identify::posterior;
 use crate::recording::block::SampleRow;
 use crate::recording::columns::Quantity;
 use crate::recording::rows::Rows;
@@ -173,10 +174,9 @@ pub fn simulate_file_with_band<K: AsRef<[f64]>>(
     progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
     let trocar = trocar.borrowed();
-    let drawn: Vec<Trocar<&[f64]>> = (0..draws.len().min(MOST_DRAWS))
-        .map(|k| k * draws.len() / draws.len().min(MOST_DRAWS))
-        .map(|k| trocar.with_seal(draws[k].into()))
-        .collect();
+    let draws = posterior::evenly(draws, MOST_DRAWS);
+    let drawn: Vec<Trocar<&[f64]>> =
+        draws.into_iter().map(|draw| trocar.with_seal(draw.into())).collect();
     let mut columns = fields(trocar.seal());
     columns.extend(BAND.map(Field::number));
     let mut result = TableWriter::create(output, &columns)?;

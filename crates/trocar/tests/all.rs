@@ -8,6 +8,7 @@ mod any_length;
 mod architecture;
 mod bench;
 mod compensate;
+mod drawn;
 mod energy;
 mod ensemble;
 mod export_c;

@@ -1,110 +1,70 @@
 //! Draws from the posterior of an identification: calibration over benches with known truth, the
 //! intervals beside those of identify, what the data leave open, and the file.
 
+use std::collections::BTreeMap;
+
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::identify::posterior::{Draws, Posterior, models, read, weak_priors};
+use trocar::identify::posterior::{Convergence, Posterior, models, read, weak_priors};
 use trocar::identify::{Identification, IdentifyOptions, SealPrior, identify};
 use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
 use trocar_model::{Branch, DeformationForce, Element, ElementParams, Friction, Piece};
 
-/// Number of benches of the calibration: 20 with `./test --statistics`, or as many as
+#[path = "../examples/calibration.rs"]
+pub(crate) mod calibration;
+
+use calibration::{Distribution, RANKED, Ranks, column, found, ranks, recordings, seal};
+
+/// What is documented.
+const DOCS: &str = include_str!("../../../docs/explanation/posterior.md");
+/// Ranks of the benches of that page, as their command wrote them.
+const KEPT: &str = include_str!("data/sbc_ranks.csv");
+/// Where the ranks of the docs come from.
+const COMMAND: &str = "cargo run --release -p trocar --example calibration";
+
+/// Number of benches that are identified again: 20 with `./test --statistics`, or as many as
 /// `TROCAR_STATISTICS` says where it is above 1.
 fn benches() -> u64 {
     let Ok(text) = std::env::var("TROCAR_STATISTICS") else { return 4 };
     text.parse().ok().filter(|count| *count > 1).unwrap_or(20)
 }
 
-fn seal(seed: u64) -> ElementParams {
-    random_seal(&PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() }, seed)
-}
-
-fn recordings(truth: ElementParams, seed: u64) -> Vec<Recording> {
-    let element = [Element::new(truth).expect("a plausible seal is a model")];
-    let record = |p: Protocol| {
-        let done = run(&BenchConfig::default(), p, &element, seed).expect("the rig runs");
-        done.to_recording(p.name()).expect("finite columns")
-    };
-    [Protocol::Steady, Protocol::Dynamic].map(record).into()
-}
-
-fn found(recordings: &[Recording], draws: usize, seed: u64) -> Identification {
-    let options = IdentifyOptions {
-        bootstrap: 0,
-        seed,
-        free_motion: false,
-        posterior: Some(Draws::new(draws).expect("a multiple of 4")),
-        ..IdentifyOptions::default()
-    };
-    identify(recordings, &options, &|_, _| {}).expect("there is steady sliding")
-}
-
 fn posterior(found: &Identification) -> &Posterior {
     found.posterior.as_ref().expect("there is a fit")
 }
 
-/// The draws of a parameter, SI.
-fn column(posterior: &Posterior, name: &str) -> Vec<f64> {
-    let at = posterior.parameters.iter().position(|p| p.id.to_string() == name);
-    let at = at.unwrap_or_else(|| panic!("{name} is a column"));
-    posterior.draws.iter().map(|draw| draw.values[at]).collect()
-}
-
-/// Fraction of the draws below the true value.
-fn rank(draws: &[f64], truth: f64) -> f64 {
-    draws.iter().filter(|draw| **draw < truth).count() as f64 / draws.len() as f64
-}
-
-const RANKED: [&str; 4] =
-    ["coulomb_force_n", "viscous_damping_n_s_m", "half_width_m", "force at 60 mm/s"];
-
-/// Ranks of the true values among the draws (SBC).
-fn ranks(seed: u64) -> [f64; 4] {
-    let truth = seal(seed);
-    let found = found(&recordings(truth, seed), 400, seed);
-    let posterior = posterior(&found);
-    let [force, damping, width] =
-        [RANKED[0], RANKED[1], RANKED[2]].map(|name| column(posterior, name));
-    let sliding: Vec<f64> = force.iter().zip(&damping).map(|(f, b)| f + 0.06 * b).collect();
-    let sliding_truth = truth.insertion.coulomb_force + 0.06 * truth.insertion.viscous_damping;
-    [
-        rank(&force, truth.insertion.coulomb_force),
-        rank(&damping, truth.insertion.viscous_damping),
-        rank(&width, truth.deformation.half_width()),
-        rank(&sliding, sliding_truth),
-    ]
+/// The ranks in the docs are those of the present program, on as many benches as time allows.
+#[test]
+fn ranks_of_the_truth_are_those_of_the_docs() {
+    let kept = calibration::read(KEPT).unwrap();
+    let all: Vec<Ranks> = (1..=benches()).into_par_iter().map(ranks).collect();
+    for (k, name) in RANKED.into_iter().enumerate() {
+        let Distribution { chi2, p, within } = Distribution::of(&all, k);
+        println!("{name:24} chi2 {chi2:.1}, p {p:.4}; in the central 95 and 50 %: {within:.3?}");
+        let off = |(now, kept): (&Ranks, &Ranks)| (now[k] - kept[k]).abs();
+        let mean = all.iter().zip(&kept).map(off).sum::<f64>() / all.len() as f64;
+        assert!(mean < 0.05, "{name}: ranks have moved by {mean:.3} on average: {COMMAND}");
+    }
 }
 
 #[test]
 fn draws_hold_the_truth_as_often_as_they_say() {
-    let all: Vec<[f64; 4]> = (1..=benches()).into_par_iter().map(ranks).collect();
-    let n = all.len() as f64;
+    let kept = calibration::read(KEPT).unwrap();
+    assert!(kept.len() >= 500, "{} benches", kept.len());
+    let table = calibration::table(&kept);
+    assert!(DOCS.contains(&table), "docs/explanation/posterior.md has not\n{table}");
     for (k, name) in RANKED.into_iter().enumerate() {
-        let mut counts = [0usize; 10];
-        for rank in all.iter().map(|ranks| ranks[k]) {
-            counts[((10.0 * rank) as usize).min(9)] += 1;
-        }
-        let chi2: f64 =
-            counts.iter().map(|count| (*count as f64 - n / 10.0).powi(2) / (n / 10.0)).sum();
-        let within = |outside: f64| {
-            all.iter().filter(|r| r[k] >= outside && r[k] <= 1.0 - outside).count() as f64 / n
-        };
-        println!(
-            "{name:24} ranks in tenths {counts:?}, chi2 {chi2:.1}; in the central 95 % {:.3}, 50 % {:.3}",
-            within(0.025),
-            within(0.25)
-        );
-        // What fewer benches show with certainty.
-        let least = match n {
-            100.0.. => 0.92,
-            20.0.. => 0.8,
-            _ => 0.5,
-        };
-        assert!(within(0.025) >= least, "{name}: {counts:?}");
+        let [most, _] = Distribution::of(&kept, k).within;
+        assert!(most >= 0.93, "{name}: {most}");
     }
+    let drawings = trocar::report::vectors(&calibration::document(&kept)).unwrap();
+    let [(id, drawn)] = &drawings[..] else { panic!("one figure") };
+    let file = format!("../../docs/figures/{id}.svg");
+    let shown =
+        std::fs::read_to_string(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(file));
+    assert!(shown.is_ok_and(|shown| shown == *drawn), "docs/figures/{id}.svg: {COMMAND} -- draw");
 }
 
 #[test]
@@ -194,10 +154,9 @@ fn draws_of_what_one_speed_leaves_open_are_named() {
 
 #[test]
 fn priors_are_documented_as_they_are() {
-    let docs = include_str!("../../../docs/explanation/posterior.md");
     for [words, symbol, prior] in weak_priors() {
         let row = format!("| {words} | {symbol} | {prior} |");
-        assert!(docs.contains(&row), "docs/explanation/posterior.md has no row\n{row}");
+        assert!(DOCS.contains(&row), "docs/explanation/posterior.md has no row\n{row}");
     }
 }
 
@@ -214,8 +173,61 @@ fn a_file_that_holds_no_draws_is_refused() {
     assert!(read(&folder.path().join("none.parquet")).is_err());
 }
 
-/// A model of the type, and a few strokes of another seal of it: drier, wider.
-fn in_use(strokes_s: f64) -> (ModelFile, ElementParams, Recording) {
+/// Another seal of the type of `seal(3)`: its forces, half width and viscous damping are multiples.
+#[derive(Debug, Clone, Copy)]
+struct Other {
+    force: f64,
+    width: f64,
+    damping: f64,
+}
+
+/// In use the seal is another one of its type, is wetted as published (forces and deflections at
+/// 0.55 to 0.85, the rubber is as stiff as before), or is worn: looser and less stiff.
+const STATES: [&str; 3] = ["another", "wetted", "worn"];
+
+impl Other {
+    fn draw(state: &str, rng: &mut ChaCha8Rng) -> Self {
+        let mut between = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
+        match state {
+            "another" => Self {
+                force: between(0.8, 1.25),
+                width: between(0.85, 1.15),
+                damping: between(0.7, 1.4),
+            },
+            "wetted" => {
+                let scale = between(0.55, 0.85);
+                Self { force: scale, width: scale, damping: 1.0 }
+            }
+            _ => Self {
+                force: between(0.65, 0.9),
+                width: between(1.05, 1.25),
+                damping: between(0.8, 1.3),
+            },
+        }
+    }
+
+    fn seal(self) -> ElementParams {
+        let mut seal = seal(3);
+        for sliding in [&mut seal.insertion, &mut seal.withdrawal] {
+            sliding.coulomb_force *= self.force;
+            sliding.static_force *= self.force;
+            sliding.viscous_damping *= self.damping;
+        }
+        let scaled = |branch: &Branch| {
+            let piece = |p: &Piece| {
+                let legendre: Vec<f64> = p.legendre().iter().map(|v| self.force * v).collect();
+                Piece::new(self.width * p.from(), self.width * p.to(), &legendre).unwrap()
+            };
+            Branch::new(piece(branch.left()), piece(branch.right())).unwrap()
+        };
+        let branches = [seal.deformation.insertion(), seal.deformation.withdrawal()].map(scaled);
+        seal.deformation = DeformationForce::new(branches[0], branches[1], None).unwrap();
+        seal
+    }
+}
+
+/// The model of `seal(3)` with its intervals.
+fn model_of_the_type() -> ModelFile {
     let first = found(&recordings(seal(3), 3), 400, 3);
     let mut model = ModelFile::new(first.stages, Origin::new(OriginKind::Identified));
     let interval = |p: &trocar::identify::Parameter| {
@@ -223,53 +235,167 @@ fn in_use(strokes_s: f64) -> (ModelFile, ElementParams, Recording) {
         (p.id.to_string(), Interval { value: p.estimate.value, ci95 })
     };
     model.intervals = first.parameters.iter().map(interval).collect();
-    let mut truth = seal(3);
-    for sliding in [&mut truth.insertion, &mut truth.withdrawal] {
-        sliding.coulomb_force *= 0.75;
-        sliding.static_force *= 0.75;
-        sliding.viscous_damping *= 0.75;
-    }
-    let scaled = |branch: &Branch| {
-        let piece = |p: &Piece| {
-            let legendre: Vec<f64> = p.legendre().iter().map(|value| 0.75 * value).collect();
-            Piece::new(p.from(), p.to(), &legendre)
-        };
-        Branch::new(piece(branch.left()).unwrap(), piece(branch.right()).unwrap()).unwrap()
-    };
-    let deformation = &truth.deformation;
-    truth.deformation = DeformationForce::new(
-        scaled(deformation.insertion()),
-        scaled(deformation.withdrawal()),
-        None,
-    )
-    .unwrap();
-    let all = recordings(truth, 4).remove(0);
-    let until = all.time.partition_point(|t| *t < strokes_s);
-    let part = |column: &[f64]| column[..until].to_vec();
-    let few =
-        Recording::from_columns("few", part(&all.time), part(&all.position), part(&all.force));
-    (model, truth, few.unwrap())
+    model
 }
 
-#[test]
-fn a_few_strokes_update_the_model_of_another_seal_of_the_type() {
-    let (model, truth, few) = in_use(20.0);
-    let prior = SealPrior::new(&model, "model.json", SealPrior::SPREAD).unwrap();
-    let options =
-        IdentifyOptions { bootstrap: 0, prior: Some(prior), ..IdentifyOptions::default() };
-    let found = identify(&[few], &options, &|_, _| {}).unwrap();
+/// The first 20 s of the paper's steady experiment: strokes at one speed.
+fn few_strokes(truth: ElementParams, seed: u64) -> Recording {
+    let all = recordings(truth, seed).remove(0);
+    let until = all.time.partition_point(|t| *t < 20.0);
+    let part = |column: &[f64]| column[..until].to_vec();
+    Recording::from_columns("few", part(&all.time), part(&all.position), part(&all.force)).unwrap()
+}
+
+/// Whether the intervals of F_c, β, c and the forces at the joins hold the truth, and the parameters
+/// that the strokes did not inform.
+fn updated(prior: &SealPrior, truth: ElementParams, seed: u64) -> ([bool; 5], Vec<String>) {
+    let prior = Some(prior.clone());
+    let options = IdentifyOptions { bootstrap: 0, prior, ..IdentifyOptions::default() };
+    let found = identify(&[few_strokes(truth, seed)], &options, &|_, _| {}).unwrap();
+    let branches = [truth.deformation.insertion(), truth.deformation.withdrawal()];
+    let [insertion, withdrawal] = branches.map(|branch| branch.force(branch.join()));
+    let holds = [
+        ("coulomb_force_n", truth.insertion.coulomb_force),
+        ("viscous_damping_n_s_m", truth.insertion.viscous_damping),
+        ("half_width_m", truth.deformation.half_width()),
+        ("insertion_join_force_n", insertion),
+        ("withdrawal_join_force_n", withdrawal),
+    ]
+    .map(|(name, truth)| found.parameter(name).expect("it is listed").covers(truth));
     let used = found.prior.as_ref().expect("the prior was used");
-    println!("{}", used.in_words());
-    for (name, ratio) in &used.ratios {
-        println!("{name:32} {ratio:.3} {:?}", found.parameter(name).map(|e| (e.value, e.ci95)));
+    for name in used.uninformed() {
+        let note = &found.parameter(name).expect("it is listed").note;
+        assert!(note.as_ref().is_some_and(|note| note.contains("prior")), "{name}: {note:?}");
     }
-    let force = found.parameter("coulomb_force_n").unwrap();
-    assert!(force.covers(truth.insertion.coulomb_force), "{force:?}");
-    // 20 s hold one speed: the viscous part stays that of the prior, and is named.
-    assert_eq!(used.uninformed(), ["viscous_damping_n_s_m"]);
-    let damping = found.parameter("viscous_damping_n_s_m").unwrap();
-    assert!(damping.determined && damping.covers(truth.insertion.viscous_damping), "{damping:?}");
-    assert!(damping.note.as_ref().is_some_and(|note| note.contains("prior")), "{damping:?}");
-    let width = found.parameter("half_width_m").unwrap();
-    assert!(width.covers(truth.deformation.half_width()), "{width:?}");
+    (holds, used.uninformed().into_iter().map(str::to_owned).collect())
+}
+
+/// A model as prior for a few strokes of another seal of its type, of a wetted and of a worn one: the
+/// intervals hold the truth, and the viscous part, which strokes at one speed do not show, is named.
+#[test]
+fn a_few_strokes_update_a_model_for_another_a_wetted_and_a_worn_seal() {
+    let prior = SealPrior::new(&model_of_the_type(), "model.json", SealPrior::SPREAD).unwrap();
+    for state in STATES {
+        let one = |seed: u64| {
+            let other = Other::draw(state, &mut ChaCha8Rng::seed_from_u64(seed));
+            updated(&prior, other.seal(), 40 + seed)
+        };
+        let all: Vec<_> = (1..=benches()).into_par_iter().map(one).collect();
+        let share =
+            |k: usize| all.iter().filter(|(holds, _)| holds[k]).count() as f64 / all.len() as f64;
+        let shares: Vec<f64> = (0..5).map(share).collect();
+        println!("{state}: F_c, beta, c, F(a+), F(a-) within their intervals: {shares:.2?}");
+        let least = if all.len() < 20 { 0.5 } else { 0.8 };
+        assert!(shares[..3].iter().all(|share| *share >= least), "{state}: {shares:?}");
+        for (_, uninformed) in &all {
+            assert!(
+                uninformed.iter().any(|name| name == "viscous_damping_n_s_m"),
+                "{uninformed:?}"
+            );
+            assert!(!uninformed.iter().any(|name| name == "coulomb_force_n"), "{uninformed:?}");
+        }
+    }
+}
+
+#[path = "../examples/posterior_density.rs"]
+mod small;
+
+/// Draws of one parameter by emcee (`reference/posterior_emcee.py`).
+#[derive(serde::Deserialize)]
+struct Sampled {
+    mean: f64,
+    standard_deviation: f64,
+    quantiles: Vec<f64>,
+    effective: f64,
+}
+
+#[derive(serde::Deserialize)]
+struct Point {
+    z: Vec<f64>,
+    log_density: f64,
+}
+
+#[derive(serde::Deserialize)]
+struct Emcee {
+    parts: Vec<f64>,
+    points: Vec<Point>,
+    working: BTreeMap<String, Sampled>,
+    adjusted: BTreeMap<String, Sampled>,
+}
+
+/// Standard errors that two samplers of one density may differ by: for 48 comparisons.
+const FAR: f64 = 4.0;
+
+/// Mean, standard deviation and quantiles of our draws, chain by chain, are those of emcee within the
+/// error of both.
+fn agrees(what: &str, chains: &[Vec<f64>], theirs: &Sampled, parts: &[f64]) {
+    let ours = Convergence::of(chains).expect("it changes");
+    let mut draws: Vec<f64> = chains.iter().flatten().copied().collect();
+    draws.sort_by(f64::total_cmp);
+    let n = draws.len() as f64;
+    let mean = draws.iter().sum::<f64>() / n;
+    let deviation = (draws.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+    let error = |effective: f64| (1.0 / effective + 1.0 / theirs.effective).sqrt();
+    let sd = theirs.standard_deviation;
+    println!(
+        "{what}: mean off by {:.3} sd, sd ratio {:.3}, effective {:.0} and {:.0}",
+        (mean - theirs.mean) / sd,
+        deviation / sd,
+        ours.ess_bulk,
+        theirs.effective
+    );
+    assert!((mean - theirs.mean).abs() < FAR * sd * error(ours.ess_bulk), "{what}: {mean}");
+    // Of a normal distribution the standard deviation has the relative error 1/sqrt(2·n).
+    let of_sd = FAR * error(ours.ess_tail) / 2f64.sqrt();
+    assert!((deviation / sd - 1.0).abs() < of_sd, "{what}: {deviation} {sd}");
+    for (part, theirs_there) in parts.iter().zip(&theirs.quantiles) {
+        let own = draws[(part * (n - 1.0)).round() as usize];
+        // Error of a quantile: that of its probability over the density there.
+        let there = ((own - mean) / sd).clamp(-2.0, 2.0);
+        let height = (-0.5 * there * there).exp() / std::f64::consts::TAU.sqrt();
+        let of_part = (part * (1.0 - part)).sqrt() / height * sd * error(ours.ess_tail);
+        assert!((own - theirs_there).abs() < FAR * of_part, "{what}, {part}: {own} {theirs_there}");
+    }
+}
+
+fn reference(name: &str) -> String {
+    let path = format!("{}/../../reference/posterior/{name}", env!("CARGO_MANIFEST_DIR"));
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{path}: {error}"))
+}
+
+/// The density, computed by another implementation at points, is ours; and so are the draws of another
+/// sampler, before and after they get the covariance of the jackknife.
+#[test]
+fn draws_are_those_of_another_sampler_on_the_same_density() {
+    let found = small::found(&small::recording(), 4000);
+    let density = found.density.as_ref().expect("there is a fit");
+    let kept: serde_json::Value = serde_json::from_str(&reference("density.json")).unwrap();
+    let now: serde_json::Value = serde_json::to_value(density.data()).unwrap();
+    let off = |(a, b): (&serde_json::Value, &serde_json::Value)| {
+        let [a, b] = [a, b].map(|v| v["maximum"].as_f64().unwrap());
+        (a - b).abs() / (a.abs() + 1e-6)
+    };
+    let of = |value: &serde_json::Value| value["parameters"].as_array().unwrap().clone();
+    let moved = of(&kept).iter().zip(&of(&now)).map(off).fold(0.0, f64::max);
+    assert!(moved < 1e-4, "the fit has moved by {moved}: ./reference/posterior_emcee --density");
+    let theirs: Emcee = serde_json::from_str(&reference("emcee.json")).unwrap();
+    for Point { z, log_density } in &theirs.points {
+        let own = density.log_density(z);
+        assert!((own - log_density).abs() < 0.05 + 2e-3 * own.abs(), "{own} {log_density}");
+    }
+    let sampled = density.sample(1000, (1, 0)).expect("it is finite at its maximum");
+    assert_eq!(sampled.stuck, 0);
+    let posterior = posterior(&found);
+    assert_eq!(posterior.structures.len(), 1, "{:?}", posterior.structures);
+    for quantity in small::COMPARED {
+        let (id, name) = (quantity.id(), quantity.id().to_string());
+        let of = |chain: &Vec<Vec<f64>>| -> Vec<f64> {
+            chain.iter().map(|z| density.working_parameter(z, id)).collect()
+        };
+        let chains: Vec<Vec<f64>> = sampled.chains.iter().map(of).collect();
+        agrees(&format!("{name}, working"), &chains, &theirs.working[&name], &theirs.parts);
+        let draws = column(posterior, &name);
+        let chains: Vec<Vec<f64>> = draws.chunks(draws.len() / 4).map(<[f64]>::to_vec).collect();
+        agrees(&format!("{name}, adjusted"), &chains, &theirs.adjusted[&name], &theirs.parts);
+    }
 }

@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 
-use trocar::compensate::{Compensation, Compensator, Fault, StreamOptions, compensate_file};
+use trocar::compensate::{
+    Compensation, Compensator, Fault, MOST_DRAWS, StreamOptions, compensate_file,
+};
+use trocar::identify::posterior::evenly;
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Completion;
 use crate::console::Console;
 use crate::input::{Choosing, Observing};
-use crate::models::read_model;
+use crate::models::{read_draws, read_model};
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -31,6 +34,10 @@ pub(crate) struct Args {
     /// .csv.gz, .csv.zst); '-' for CSV to standard output
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    /// Draws of the element's parameters that `identify --posterior` wrote: tissue_force_std_n has
+    /// the error of the parameters from their forces, in place of the intervals of the model
+    #[arg(long, value_name = "FILE")]
+    posterior: Option<PathBuf>,
     #[command(flatten)]
     observing: Observing,
     #[command(flatten)]
@@ -41,6 +48,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let model = read_model(&args.model, std::slice::from_ref(&args.recording))?;
     let choice = args.choosing.choice_for(console, &model);
     let mut observer = Compensator::new(&model, &args.observing.options())?;
+    if let Some(path) = &args.posterior {
+        let draws = read_draws(path, (&model, &args.model))?;
+        observer = observer.with_draws(&evenly(&draws, MOST_DRAWS))?;
+    }
     say_what_it_rests_on(console, args, &model);
     let is_file = std::fs::metadata(&args.recording).is_ok_and(|data| data.is_file());
     let is_stream = args.recording.as_os_str() == "-" || (args.recording.exists() && !is_file);

@@ -5,18 +5,19 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde::Serialize;
 use trocar::bench::Course;
+use trocar::identify::posterior::evenly;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
 use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Share, plan};
 use trocar::recording::{ReadOptions, Recording, read};
-use trocar::report::plan::{self as plan_report, PlanReport};
+use trocar::report::plan::{self as plan_report, PRECISION, PlanReport};
 use trocar::table::{Column, Field, TableWriter};
-use trocar_model::{ElementParams, Quantity, Unit};
+use trocar_model::{ElementParams, Quantity, Stages, Unit};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::Choosing;
-use crate::models::read_model;
+use crate::models::{read_draws, read_model};
 use crate::page::{self, model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
@@ -42,6 +43,10 @@ pub(crate) struct Args {
     /// Model of the seal, from a pilot; without it, seals drawn from the prior of RIG.toml
     #[arg(long, value_name = "MODEL")]
     model: Option<PathBuf>,
+    /// Plan for draws of its parameters that `identify --posterior` wrote, as many as the key draws of
+    /// RIG.toml says, in place of the model itself. With --model
+    #[arg(long, value_name = "FILE", requires = "model")]
+    posterior: Option<PathBuf>,
     /// Expect seals with the published friction forces of a study, a key of `trocar ranges`, as
     /// prior.like in RIG.toml
     #[arg(long, value_name = "KEY", conflicts_with = "model")]
@@ -96,7 +101,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let before = recordings(console, args, model.as_ref())?;
     let config = config(args, before.first())?;
     let seals = match (&model, &args.model) {
-        (Some(model), Some(path)) => vec![element(model, path)?],
+        (Some(model), Some(path)) => seals(args, &config, (model, path))?,
         _ => Vec::new(),
     };
     let progress = Progress::new(console);
@@ -144,6 +149,7 @@ fn write_report(
         goal: &args.goal,
         plan,
         model: model.map(|(path, file)| model_source(path, file)).transpose()?,
+        posterior: args.posterior.as_deref().map(source).transpose()?,
         before: args.after.iter().map(|path| source(path)).collect::<Result<_, _>>()?,
     };
     page::write(&plan_report::document(&input), path)
@@ -198,9 +204,26 @@ fn recordings(
     args.after.iter().map(|path| Ok(read(path, &options)?)).collect()
 }
 
+/// The seal of a model, or posterior draws of it.
+fn seals(
+    args: &Args,
+    config: &PlanConfig,
+    (model, path): (&ModelFile, &Path),
+) -> anyhow::Result<Vec<ElementParams>> {
+    match &args.posterior {
+        None => {
+            let stages = model.stages().map_err(|error| error.in_file(path))?;
+            Ok(vec![element(stages, path)?])
+        }
+        Some(file) => {
+            let draws = evenly(&read_draws(file, (model, path))?, config.draws as usize);
+            draws.iter().map(|draw| element(draw, file)).collect()
+        }
+    }
+}
+
 /// The one element of a model.
-fn element(model: &ModelFile, path: &Path) -> anyhow::Result<ElementParams> {
-    let stages = model.stages().map_err(|error| error.in_file(path))?;
+fn element(stages: &Stages, path: &Path) -> anyhow::Result<ElementParams> {
     match stages.elements() {
         [one] => Ok(*one.params()),
         several => Err(BadArgument(format!(
@@ -259,6 +282,7 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
     if answer.paper_expected.is_none() {
         text += &format!("\n{}\n", plan_report::PAPER);
     }
+    text += &more_time(planned);
     if let Some(needed) = answer.needed_s {
         let more = needed - answer.duration_s;
         text += &if needed <= 0.0 {
@@ -270,6 +294,21 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
         };
     }
     text
+}
+
+/// How much more of a motion like this takes the half widths to 5 % of the values.
+fn more_time(planned: &Plan) -> String {
+    let more = |p: &Prediction| {
+        let more = planned.time_for(p, PRECISION)? - planned.duration_s();
+        (more > 0.0).then(|| format!("{} {} s", p.id.symbol(), number(more.ceil())))
+    };
+    let main = planned.expected.iter().filter(|p| !is_coefficient(p));
+    match main.filter_map(more).collect::<Vec<_>>() {
+        none if none.is_empty() => String::new(),
+        all => {
+            format!("\nmore seconds like these for ±{} %: {}\n", 1e2 * PRECISION, all.join(", "))
+        }
+    }
 }
 
 fn is_coefficient(p: &Prediction) -> bool {

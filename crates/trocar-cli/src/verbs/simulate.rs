@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use trocar::identify::posterior;
 use trocar::profile::Departure;
 use trocar::recording::{Choice, position_resolution};
 use trocar::simulate::{Beginning, SimulateOptions, simulate_file, simulate_file_with_band};
@@ -11,7 +10,7 @@ use trocar_model::BacklashFilter;
 use crate::Completion;
 use crate::console::{BadArgument, Console};
 use crate::input::{Choosing, finite, not_negative};
-use crate::models::read_model;
+use crate::models::{read_draws, read_model};
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -87,10 +86,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let done = match &args.posterior {
         None => simulate_file(&args.motion, &choice, &model.trocar, &options, &args.out, report)?,
         Some(path) => {
-            if let Err(error) = model.stages() {
-                return Err(error.in_file(&args.model).into());
-            }
-            let draws = posterior::models(&posterior::read(path)?)?;
+            let draws = read_draws(path, (&model, &args.model))?;
             let both = (&model.trocar, draws.as_slice());
             simulate_file_with_band(&args.motion, &choice, both, &options, &args.out, report)?
         }

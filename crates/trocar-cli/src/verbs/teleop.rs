@@ -22,6 +22,8 @@ use crate::table::{Table, number};
 
 /// Least amplitude of the strokes of a hybrid matrix, m.
 const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
+/// Posterior draws that are tried without --draws.
+const POSTERIOR_DRAWS: usize = 20;
 /// Longest delay of a map, in samples.
 const LONGEST_MAPPED: f64 = 1e4;
 
@@ -51,6 +53,10 @@ pub(crate) struct Args {
     /// the loop)
     #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
     draws: Option<u16>,
+    /// With --advise: in place of the ends of the intervals and of draws from them, try draws of the
+    /// model's parameters that `identify --posterior` wrote: --draws of them, or 20
+    #[arg(long, value_name = "FILE", requires = "advise")]
+    posterior: Option<PathBuf>,
     /// With --advise: also try both ends of the intervals of the compensator's model and N models drawn from
     /// them, with the trocar as its model describes it
     #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -90,7 +96,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     check_intervals(console, args, files)?;
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
-    let questions = questions(args, &config);
+    let questions = questions(args, &config, (&file, model))?;
     let progress = Progress::new(console);
     let report = |stage: &str, part: f64| progress.report(stage, part);
     let study = Study::new(config, files, &questions, &report)?;
@@ -116,20 +122,26 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
 }
 
 /// What the options ask for.
-fn questions(args: &Args, config: &Config) -> Questions {
+fn questions(args: &Args, config: &Config, of: (&ModelFile, &Path)) -> anyhow::Result<Questions> {
     let count = |draws: Option<u16>| draws.map_or(0, usize::from);
+    let posterior =
+        args.posterior.as_deref().map(|path| models::read_draws(path, of)).transpose()?;
     let wanted = Candidates {
-        draws: count(args.draws),
+        draws: match &posterior {
+            Some(_) => args.draws.map_or(POSTERIOR_DRAWS, usize::from),
+            None => count(args.draws),
+        },
+        posterior,
         compensator_draws: count(args.compensator_draws),
         seed: config.seed,
         least_friction_scale: args.least_friction.unwrap_or(1.0),
     };
     let has_strokes = config.motion.amplitude_m.abs() >= SMALLEST_AMPLITUDE_M;
-    Questions {
+    Ok(Questions {
         advice: args.advise.then_some(wanted),
         map: args.map.map(|longest| [map_delays(config, longest), map_fractions()]),
         hybrid_hz: (args.out.is_some() && has_strokes).then(frequencies),
-    }
+    })
 }
 
 /// Prints what makes the result doubtful; whether anything does.
@@ -260,7 +272,7 @@ fn check_intervals(
     [compensator, plant]: [&ModelFile; 2],
 ) -> anyhow::Result<()> {
     for (option, is_given, file) in [
-        ("--draws", args.draws.is_some(), plant),
+        ("--draws", args.draws.is_some() && args.posterior.is_none(), plant),
         ("--compensator-draws", args.compensator_draws.is_some(), compensator),
     ] {
         if is_given && file.intervals.is_empty() {
@@ -268,14 +280,15 @@ fn check_intervals(
             return Err(BadArgument(text).into());
         }
     }
-    if args.advise && plant.intervals.is_empty() && args.least_friction.is_none() {
+    let is_certain = plant.intervals.is_empty() && args.posterior.is_none();
+    if args.advise && is_certain && args.least_friction.is_none() {
         console.remark(
             "the model has no 95 % intervals: the advice is for a trocar that equals the model",
         );
     }
     if args.advise && args.least_friction.is_none() {
         console.remark(
-            "the advice covers the model's intervals only: --least-friction 0.55 adds wetted seals",
+            "the advice covers the model's uncertainty only: --least-friction 0.55 adds wetted seals",
         );
     }
     Ok(())

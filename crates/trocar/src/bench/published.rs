@@ -178,6 +178,14 @@ pub enum DocumentError {
     },
 }
 
+/// Friction of a wet shaft over that of a dry one: lowest and highest of the published changes.
+pub fn wet_friction() -> [f64; 2] {
+    let changes = STUDIES.iter().flat_map(|study| &study.numbers);
+    let changes = changes.filter(|number| number.quantity == Quantity::FrictionChangePercent);
+    let ends = changes.flat_map(|number| number.range).map(|percent| 1.0 + 1e-2 * percent);
+    ends.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], end| [low.min(end), high.max(end)])
+}
+
 /// All studies, in the order of the document.
 pub fn studies() -> &'static [Study] {
     &STUDIES

@@ -50,7 +50,8 @@ impl Prior {
 }
 
 /// What a free parameter is. The names of those whose logarithm is free begin with `Log`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
     /// Sensor offset, N.
     Offset,

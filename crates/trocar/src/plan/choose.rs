@@ -112,7 +112,12 @@ impl<'a> Search<'a> {
             blocks.par_iter().map(|block| led_into(config, block)).collect::<Result<_, _>>()?;
         let before: Vec<(Motion, f64)> = before.iter().map(|m| (m.clone(), 0.0)).collect();
         let of = |seal| Known::new(&config.noise, goal, seal, blocks, [&motions, &before]);
-        let known = seals.par_iter().map(of).collect::<Result<_, _>>()?;
+        let found: Vec<Result<Known, PlanError>> = seals.par_iter().map(of).collect();
+        // Of posterior draws, those whose structure has the parameter of the goal.
+        let has_goal = |k: &Result<Known, PlanError>| !matches!(k, Err(PlanError::NotThere(..)));
+        let is_anywhere = found.iter().any(has_goal);
+        let known = found.into_iter().filter(|k| !is_anywhere || has_goal(k));
+        let known = known.collect::<Result<_, _>>()?;
         let durations = blocks.iter().map(|block| block.duration(&config.rig)).collect();
         Ok(Self { goal, blocks, durations, known })
     }

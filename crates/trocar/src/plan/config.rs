@@ -4,13 +4,14 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use trocar_model::ElementParams;
+use trocar_model::{Element, ElementParams, ParamError, Trocar};
 
 use crate::bench::published::{self, PublishedError};
 use crate::bench::{PlausibleSeals, random_seal};
 use crate::identify::Noise;
 use crate::recording::{Recording, local_velocity, range};
 use crate::segment::{SegmentOptions, Stroke, reversal_threshold, steady_segments, strokes};
+use crate::teleop::scaled;
 
 /// The rig with every key at its default, described.
 pub const EXAMPLE_TOML: &str = include_str!("../../data/plan.toml");
@@ -61,12 +62,26 @@ pub struct Prior {
     /// the next.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub like: Option<String>,
+    /// Whether their friction is that of dry seals, or lowered as published for wet ones.
+    pub state: State,
     /// F_c, N.
     pub coulomb_force_n: [f64; 2],
     /// β, N s/m.
     pub viscous_damping_n_s_m: [f64; 2],
     /// c, m.
     pub half_width_m: [f64; 2],
+}
+
+/// State of the expected seals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// As the ranges of the prior.
+    #[default]
+    Dry,
+    /// Wetted: each seal at a friction scale drawn from the published range
+    /// ([`published::wet_friction`]), F_wet(x) = λ·F(x/λ).
+    Wet,
 }
 
 impl Default for PlanConfig {
@@ -101,6 +116,7 @@ impl Default for Prior {
     fn default() -> Self {
         Self {
             like: None,
+            state: State::Dry,
             coulomb_force_n: [0.5, 6.0],
             viscous_damping_n_s_m: [0.5, 15.0],
             half_width_m: [2e-3, 9e-3],
@@ -147,9 +163,18 @@ pub enum ConfigError {
     /// Two ranges of F_c.
     #[error("prior.like and prior.coulomb_force_n both give F_c\n\nhint: leave out one of them")]
     LikeAlone,
+    /// A state of the prior beside a model.
+    #[error(
+        "prior.state is that of the seals of the prior, and a model is given\n\nhint: leave out prior.state; identify a \
+         wetted seal for its model"
+    )]
+    WetModel,
     /// No seals for the key of a study.
     #[error("prior.like: {0}")]
     Like(#[from] PublishedError),
+    /// A seal of the prior that makes no model once it is wetted.
+    #[error("prior.state: {0}")]
+    Wetted(#[from] ParamError),
     /// A value out of its range.
     #[error("{name} must be {allowed}, got {found}")]
     OutOfRange {
@@ -186,7 +211,14 @@ impl PlanConfig {
         let ranges = self.prior.seals()?;
         let mut seeds = ChaCha8Rng::seed_from_u64(self.seed);
         seeds.set_stream(SEALS);
-        Ok((0..self.draws).map(|_| random_seal(&ranges, seeds.random())).collect())
+        let dry: Vec<ElementParams> =
+            (0..self.draws).map(|_| random_seal(&ranges, seeds.random())).collect();
+        if self.prior.state == State::Dry {
+            return Ok(dry);
+        }
+        let [low, high] = published::wet_friction();
+        let wet = |seal| Ok(wetted(seal, low + (high - low) * seeds.random::<f64>())?);
+        dry.into_iter().map(wet).collect()
     }
 
     /// The same on the rig that made `pilot`: its travel, its fastest constant velocity (fastest
@@ -277,6 +309,13 @@ impl Prior {
         pair("prior.viscous_damping_n_s_m", allowed, damping, [1e-3, 1e3])?;
         pair("prior.half_width_m", "two values, increasing, from 1e-5 to 0.05", width, [1e-5, 0.05])
     }
+}
+
+/// The seal with the friction scale `scale`.
+fn wetted(seal: ElementParams, scale: f64) -> Result<ElementParams, ParamError> {
+    let dry = Trocar::<Vec<f64>>::new(Element::new(seal)?, None);
+    let wet = scaled(&dry, scale)?;
+    Ok(wet.seal().stages().map_or(seal, |stages| *stages.first().params()))
 }
 
 fn within(

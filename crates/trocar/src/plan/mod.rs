@@ -29,7 +29,7 @@ use crate::identify::{Expected, Motion, Progress, Rows};
 use crate::recording::{Recording, RecordingError};
 
 pub use blocks::{Block, Interruption};
-pub use config::{ConfigError, PlanConfig};
+pub use config::{ConfigError, PlanConfig, State};
 pub use course::Segment;
 pub use goal::{Goal, UnknownGoal};
 
@@ -179,6 +179,9 @@ pub fn plan(
     progress: Progress,
 ) -> Result<Plan, PlanError> {
     config.check()?;
+    if !seals.is_empty() && config.prior.state != State::Dry {
+        return Err(ConfigError::WetModel.into());
+    }
     let drawn = if seals.is_empty() { config.expected_seals()? } else { seals.to_vec() };
     let blocks = blocks::candidates(config, goal, &drawn)?;
     progress("what cycles tell", 0.0);
@@ -262,23 +265,31 @@ fn predictions(
     let over_all = |motion: &Motion| {
         let all = seals.par_iter().map(|seal| of(motion, seal));
         let all: Vec<Vec<Expected>> = all.collect::<Result<_, PlanError>>()?;
-        let count = all.first().map_or(0, Vec::len);
-        Ok((0..count).map(|k| over_seals(config, &all, k)).collect())
+        // Posterior draws may have different optional terms.
+        let mut ids: Vec<ParameterId> = Vec::new();
+        for expected in all.iter().flatten() {
+            if !ids.contains(&expected.id) {
+                ids.push(expected.id);
+            }
+        }
+        Ok(ids.into_iter().map(|id| over_seals(config, &all, id)).collect())
     };
     motions.iter().map(over_all).collect()
 }
 
-fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], k: usize) -> Prediction {
+/// What to expect of the parameter `id`, over the seals that have it.
+fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], id: ParameterId) -> Prediction {
+    let own: Vec<&Expected> = all.iter().flatten().filter(|e| e.id == id).collect();
     let median = |of: &dyn Fn(&Expected) -> f64| {
-        let mut values: Vec<f64> = all.iter().map(|expected| of(&expected[k])).collect();
+        let mut values: Vec<f64> = own.iter().map(|expected| of(expected)).collect();
         values.sort_by(f64::total_cmp);
         values[values.len() / 2]
     };
-    let largest = all.iter().map(|expected| expected[k].half_width).fold(0.0, f64::max);
-    let one = &all[0][k];
-    let relative = all
+    let largest = own.iter().map(|expected| expected.half_width).fold(0.0, f64::max);
+    let one = own[0];
+    let relative = own
         .iter()
-        .all(|expected| expected[k].value != 0.0)
+        .all(|expected| expected.value != 0.0)
         .then(|| median(&|e| e.half_width / e.value.abs()));
     // A join may lie anywhere within c, an offset anywhere within the friction.
     let scale = |expected: &Expected| {

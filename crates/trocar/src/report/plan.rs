@@ -10,8 +10,8 @@ use super::teleop::Source;
 use crate::plan::{Goal, Plan, PlanConfig, Prediction};
 use crate::summary::PROGRAM;
 
-/// Precision of the column of times, relative.
-const PRECISION: f64 = 0.05;
+/// Precision for which more time is stated, relative.
+pub const PRECISION: f64 = 0.05;
 
 /// What a report on a plan shows.
 #[derive(Debug, Clone)]
@@ -26,6 +26,8 @@ pub struct PlanReport<'a> {
     pub plan: &'a Plan,
     /// Model of the seal; `None` for seals from the prior.
     pub model: Option<Source>,
+    /// Posterior draws of the model, for which the motion is planned; `None` for the model itself.
+    pub posterior: Option<Source>,
     /// Recordings that were there already.
     pub before: Vec<Source>,
 }
@@ -48,6 +50,9 @@ pub fn document(input: &PlanReport) -> Document {
 
 fn subtitle(input: &PlanReport) -> String {
     let seals = match (&input.model, input.config.draws) {
+        (Some(model), draws) if input.posterior.is_some() => {
+            format!("planned with {draws} posterior draws of {}", model.name())
+        }
         (Some(model), _) => format!("planned with {}", model.name()),
         (None, 1) => "planned with a seal from the prior".to_owned(),
         (None, draws) => format!("planned with {draws} seals from the prior"),
@@ -197,6 +202,7 @@ fn provenance(input: &PlanReport) -> Vec<(String, String)> {
     };
     let mut all = vec![("Program".to_owned(), PROGRAM.to_owned()), ("Rig".to_owned(), config)];
     all.extend(input.model.iter().map(|model| ("Model".to_owned(), model.words())));
+    all.extend(input.posterior.iter().map(|draws| ("Draws".to_owned(), draws.words())));
     all.extend(input.before.iter().map(|source| ("Recording".to_owned(), source.words())));
     all.push(("Seed".to_owned(), input.config.seed.to_string()));
     all

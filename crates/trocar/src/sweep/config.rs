@@ -33,6 +33,9 @@ pub struct SweepConfig {
     /// Key of published ranges from which each run draws a seal of its own, in place of a model.
     #[serde(default)]
     pub like: Option<String>,
+    /// File of posterior draws of the model's parameters, from which each run takes its seal.
+    #[serde(default)]
+    pub posterior: Option<PathBuf>,
     /// The motion.
     pub motion: Motion,
     /// Parameters of the seal by name.
@@ -228,6 +231,9 @@ impl SweepConfig {
         }
         if self.like.is_some() && (self.model.is_some() || !self.seal.is_empty()) {
             return Err(SweepError::LikeAlone { line: line_of(text, "like") });
+        }
+        if self.posterior.is_some() && (self.like.is_some() || !self.seal.is_empty()) {
+            return Err(SweepError::PosteriorAlone { line: line_of(text, "posterior") });
         }
         if self.runs == 0 {
             return Err(SweepError::NoRuns { line: line_of(text, "runs") });

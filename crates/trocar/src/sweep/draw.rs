@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use trocar_model::ElementParams;
+use trocar_model::Seal;
 
 use super::config::{Law, SweepConfig};
 
@@ -16,8 +16,10 @@ pub(crate) struct Drawn {
     pub(crate) surroundings: Vec<f64>,
     /// Seed of their noise.
     pub(crate) seed: u64,
-    /// A seal drawn from published ranges, in place of the model.
-    pub(crate) own: Option<ElementParams>,
+    /// A seal of its own in place of the model: from published ranges, or a posterior draw.
+    pub(crate) own: Option<Result<Seal, String>>,
+    /// Row of that draw, from 0.
+    pub(crate) posterior_row: Option<usize>,
 }
 
 impl Drawn {
@@ -41,7 +43,7 @@ impl Drawn {
             }
         }
         let surroundings = values.split_off(config.seal.len());
-        Self { seal: values, surroundings, seed, own: None }
+        Self { seal: values, surroundings, seed, own: None, posterior_row: None }
     }
 }
 

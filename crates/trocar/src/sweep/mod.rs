@@ -28,12 +28,15 @@ use std::path::{Path as FilePath, PathBuf};
 use rayon::prelude::*;
 use thiserror::Error;
 use trocar_model::batch::Many;
-use trocar_model::{Element, ElementParams, Friction, ParamError, ParameterId, Seal, Tunable};
+use trocar_model::{
+    Element, ElementParams, Friction, ParamError, ParameterId, Seal, Stages, Tunable,
+};
 
 use crate::bench::published::{self, PublishedError};
 use crate::bench::{self, BenchConfig, PlausibleSeals, Protocol, random_seal};
 use crate::cancel;
 use crate::error::{OutputError, RecordingError};
+use crate::identify::posterior::{self, DrawsError};
 use crate::many;
 use crate::model_file::{ModelFile, ModelFileError};
 use crate::recording::Choice as Columns;
@@ -56,7 +59,7 @@ const TASK: u64 = 64;
 /// Force that fully deforms every seal backwards, N.
 const BACKWARDS: f64 = -1e6;
 
-/// Columns of a seal drawn from published ranges.
+/// Columns of a seal drawn from published ranges or from a posterior.
 const DRAWN_SEAL: [&str; 5] = [
     "half_width_m",
     "insertion_coulomb_force_n",
@@ -64,6 +67,9 @@ const DRAWN_SEAL: [&str; 5] = [
     "withdrawal_coulomb_force_n",
     "withdrawal_viscous_damping_n_s_m",
 ];
+
+/// Column of the posterior draw that a run has: its row in the file, from 0.
+const POSTERIOR_ROW: &str = "posterior_row";
 
 /// Why a sweep is not possible.
 #[derive(Debug, Error)]
@@ -116,6 +122,24 @@ pub enum SweepError {
         /// Line of the document.
         line: usize,
     },
+    /// Posterior draws together with published ranges or parameters of the seal.
+    #[error("{}posterior gives the whole seal of each run\n\nhint: leave out like and [seal]", at(*line))]
+    PosteriorAlone {
+        /// Line of the document.
+        line: usize,
+    },
+    /// Posterior draws without the model they belong to.
+    #[error(
+        "{}posterior needs the model whose parameters were drawn\n\nhint: give model, the model.json beside the draws",
+        at(*line)
+    )]
+    PosteriorNeedsModel {
+        /// Line of the document.
+        line: usize,
+    },
+    /// The draws cannot be read.
+    #[error(transparent)]
+    Draws(#[from] DrawsError),
     /// No published ranges of this key, or none of forces.
     #[error(transparent)]
     Published(#[from] PublishedError),
@@ -210,8 +234,7 @@ fn at(line: usize) -> String {
 pub struct Sweep {
     config: SweepConfig,
     model: ModelFile,
-    /// Ranges from which each run draws its seal, in place of the model.
-    like: Option<PlausibleSeals>,
+    seals: Seals,
     protocol: Option<Protocol>,
     /// The complete document of the rig, or of the loop.
     document: toml::Table,
@@ -221,6 +244,25 @@ pub struct Sweep {
     places: Vec<Vec<usize>>,
     /// Current values of the parameters, the seal's before the rig's.
     present: Vec<f64>,
+}
+
+/// Where the seal of a run is from.
+enum Seals {
+    /// The model, with the parameters of the run.
+    Model,
+    /// Published ranges, from which each run draws its own.
+    Like(Box<PlausibleSeals>),
+    /// Posterior draws of the model.
+    Draws(Vec<Stages>),
+}
+
+/// What a caller gives in place of what a document names.
+#[derive(Default)]
+pub struct Given {
+    /// Model.
+    pub model: Option<ModelFile>,
+    /// Posterior draws of its parameters.
+    pub draws: Option<Vec<Stages>>,
 }
 
 /// Summary of a sweep.
@@ -246,11 +288,11 @@ impl Sweep {
     /// # Errors
     /// [`SweepError`] with the line: the document, a name that model or rig does not have, a file.
     pub fn new(text: &str, folder: &FilePath) -> Result<Self, SweepError> {
-        Self::of(SweepConfig::from_toml(text)?, text, folder, None)
+        Self::of(SweepConfig::from_toml(text)?, text, folder, Given::default())
     }
 
     /// The same with a document already parsed from `text` (for the lines in messages; may be
-    /// empty), and with `model` in place of the one that it names.
+    /// empty), and with what is `given` in place of what it names.
     ///
     /// # Errors
     /// As for [`Sweep::new`].
@@ -258,14 +300,11 @@ impl Sweep {
         config: SweepConfig,
         text: &str,
         folder: &FilePath,
-        model: Option<ModelFile>,
+        given: Given,
     ) -> Result<Self, SweepError> {
         config.check(text)?;
-        let like = config.like.as_deref().map(|key| published::study(key)?.seals()).transpose()?;
-        if like.is_some() && model.is_some() {
-            return Err(SweepError::LikeAlone { line: line_of(text, "like") });
-        }
-        let model = match (model, &config.model) {
+        let seals = Seals::of(&config, text, folder, &given)?;
+        let model = match (given.model, &config.model) {
             (Some(model), _) => model,
             (None, Some(path)) => ModelFile::read(&folder.join(path))?,
             (None, None) => ModelFile::plausible_10_5_mm()?,
@@ -305,7 +344,7 @@ impl Sweep {
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
         let mut sweep =
-            Self { config, model, like, protocol, document, shared: None, places, present };
+            Self { config, model, seals, protocol, document, shared: None, places, present };
         sweep.shared = sweep.shared_path(folder)?;
         Ok(sweep)
     }
@@ -397,7 +436,11 @@ impl Sweep {
         let whole = ["run", "seed"].map(|name| Field::new(name, Kind::Integer));
         let surroundings = self.config.surroundings().map(|(key, _)| key);
         let parameters = self.config.seal.keys().chain(surroundings).map(Field::number);
-        let drawn = DRAWN_SEAL.iter().filter(|_| self.like.is_some()).copied().map(Field::number);
+        let row = Field::new(POSTERIOR_ROW, Kind::Integer);
+        let row = matches!(self.seals, Seals::Draws(_)).then_some(row);
+        let has_own = !matches!(self.seals, Seals::Model);
+        let own = DRAWN_SEAL.iter().filter(|_| has_own).copied().map(Field::number);
+        let drawn = row.into_iter().chain(own);
         let results = self.results().iter().copied().map(Field::number);
         let failure = Field::new("failure", Kind::Text);
         whole.into_iter().chain(parameters).chain(drawn).chain(results).chain([failure]).collect()
@@ -419,11 +462,14 @@ impl Sweep {
             let number = |row: &SweepRow| row.drawn.surroundings[k];
             columns.push(Column::Number(rows.iter().map(number).collect()));
         }
-        if self.like.is_some() {
+        if matches!(self.seals, Seals::Draws(_)) {
+            let row = |row: &SweepRow| row.drawn.posterior_row.and_then(|k| i64::try_from(k).ok());
+            columns.push(Column::Integer(rows.iter().map(row).collect()));
+        }
+        if !matches!(self.seals, Seals::Model) {
+            let own: Vec<[f64; 5]> = rows.iter().map(|row| drawn_numbers(&row.drawn)).collect();
             for k in 0..DRAWN_SEAL.len() {
-                let number =
-                    |row: &SweepRow| row.drawn.own.map_or(f64::NAN, |own| drawn_numbers(&own)[k]);
-                columns.push(Column::Number(rows.iter().map(number).collect()));
+                columns.push(Column::Number(own.iter().map(|numbers| numbers[k]).collect()));
             }
         }
         for k in 0..self.results().len() {
@@ -482,13 +528,26 @@ impl Sweep {
                 *value *= present;
             }
         }
-        drawn.own = self.like.as_ref().map(|ranges| random_seal(ranges, drawn.seed));
+        match &self.seals {
+            Seals::Model => {}
+            Seals::Like(ranges) => {
+                let own = Element::new(random_seal(ranges, drawn.seed));
+                drawn.own = Some(own.map(Seal::from).map_err(|error| error.to_string()));
+            }
+            Seals::Draws(all) => {
+                let (run, runs, count) =
+                    (row % self.config.runs, self.config.runs, all.len() as u64);
+                // Evenly spaced where there are more draws than runs at a point.
+                let k = if runs < count { run * count / runs } else { run % count } as usize;
+                (drawn.own, drawn.posterior_row) = (Some(Ok(all[k].into())), Some(k));
+            }
+        }
         drawn
     }
 
     fn tuned(&self, drawn: &Drawn) -> Result<Seal, String> {
-        if let Some(own) = drawn.own {
-            return Ok(Element::new(own).map_err(|error| error.to_string())?.into());
+        if let Some(own) = &drawn.own {
+            return own.clone();
         }
         let mut values: Vec<f64> =
             self.model.trocar.seal().tunables().map(|tunable| tunable.value).collect();
@@ -610,9 +669,40 @@ impl Summary {
     }
 }
 
-/// The columns [`DRAWN_SEAL`].
-fn drawn_numbers(seal: &ElementParams) -> [f64; 5] {
-    let ElementParams { deformation, insertion, withdrawal, .. } = seal;
+impl Seals {
+    fn of(
+        config: &SweepConfig,
+        text: &str,
+        folder: &FilePath,
+        given: &Given,
+    ) -> Result<Self, SweepError> {
+        let draws = match (&given.draws, &config.posterior) {
+            (Some(draws), _) => Some(draws.clone()),
+            (None, Some(path)) => Some(posterior::read_models(&folder.join(path))?),
+            (None, None) => None,
+        };
+        let has_model = given.model.is_some() || config.model.is_some();
+        match (draws, &config.like) {
+            (None, None) => Ok(Self::Model),
+            (None, Some(_)) if has_model => {
+                Err(SweepError::LikeAlone { line: line_of(text, "like") })
+            }
+            (None, Some(key)) => Ok(Self::Like(Box::new(published::study(key)?.seals()?))),
+            (Some(_), like) if like.is_some() || !config.seal.is_empty() => {
+                Err(SweepError::PosteriorAlone { line: line_of(text, "posterior") })
+            }
+            (Some(draws), _) if has_model => Ok(Self::Draws(draws)),
+            (Some(_), _) => {
+                Err(SweepError::PosteriorNeedsModel { line: line_of(text, "posterior") })
+            }
+        }
+    }
+}
+
+/// The columns [`DRAWN_SEAL`]: of several elements the first.
+fn drawn_numbers(drawn: &Drawn) -> [f64; 5] {
+    let Some(Ok(Seal::Ems(stages))) = &drawn.own else { return [f64::NAN; 5] };
+    let ElementParams { deformation, insertion, withdrawal, .. } = stages.first().params();
     [
         deformation.half_width(),
         insertion.coulomb_force,

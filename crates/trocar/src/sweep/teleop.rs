@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use trocar_model::Seal;
 
 use super::draw::Drawn;
-use super::{Sweep, SweepError, set_number, trace_file};
+use super::{Seals, Sweep, SweepError, set_number, trace_file};
 use crate::teleop::{Config, Outcome, write_course};
 
 /// Names of the results of a loop, in the order of [`numbers`].
@@ -74,7 +74,10 @@ impl Sweep {
         let config: Config = document.try_into().map_err(|error| error.to_string())?;
         let config = Config { seed: drawn.seed, ..config }.with_force_error(&self.model);
         let plant = self.model.trocar.with_seal(*seal);
-        let compensator = if self.like.is_some() { &plant } else { &self.model.trocar };
+        let compensator = match self.seals {
+            Seals::Like(_) => &plant,
+            Seals::Model | Seals::Draws(_) => &self.model.trocar,
+        };
         Outcome::of(&config, [compensator, &plant]).map_err(|error| {
             // A cell of a table: without the hint.
             let text = error.to_string();

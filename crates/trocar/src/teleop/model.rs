@@ -8,14 +8,18 @@ use super::hybrid::Response;
 use super::simulation::Sample;
 use crate::bench::noise::{Noise, Source};
 use crate::error::OutputError;
+use crate::identify::posterior;
 use crate::model_file::ModelFile;
 use crate::table::{Field, TableCell, TableWriter};
 
 /// Which trocars and which models in the compensator advice is for, besides the models themselves.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Candidates {
-    /// Draws of the trocar from the 95 % intervals of its model.
+    /// Draws of the trocar from the 95 % intervals of its model, or from its posterior.
     pub draws: usize,
+    /// Posterior draws of the trocar's model, in place of the ends of its intervals and of draws from them. They have the
+    /// covariance of the parameters.
+    pub posterior: Option<Vec<Stages>>,
     /// Draws of the compensator's model from its 95 % intervals.
     pub compensator_draws: usize,
     /// Seed of the draws.
@@ -28,7 +32,7 @@ pub struct Candidates {
 impl Default for Candidates {
     /// The models and the ends of the intervals of the trocar's.
     fn default() -> Self {
-        Self { draws: 0, compensator_draws: 0, seed: 1, least_friction_scale: 1.0 }
+        Self { draws: 0, posterior: None, compensator_draws: 0, seed: 1, least_friction_scale: 1.0 }
     }
 }
 
@@ -37,6 +41,7 @@ impl Default for Candidates {
 ///
 /// - the trocar has all parameters that have a 95 % interval at its lower and at its upper end,
 /// - the trocar is drawn from these intervals,
+/// - or, in place of both, the trocar is one of the posterior draws,
 /// - the trocar is at the least friction scale ([`scaled`]) and halfway to it,
 /// - the compensator's model is drawn from its own intervals; if there are such draws, also at their lower and upper ends.
 ///
@@ -51,13 +56,15 @@ pub fn candidates(
     [compensator, plant]: [&ModelFile; 2],
     wanted: &Candidates,
 ) -> Result<Vec<[Trocar<Vec<f64>>; 2]>, ParamError> {
-    let mut plants =
-        within_intervals(plant, wanted.draws, &mut Noise::new(wanted.seed, Source::Draws))?;
-    let least = wanted.least_friction_scale;
-    if least < 1.0 {
-        plants.push(scaled(&plant.trocar, 0.5 * (1.0 + least))?);
-        plants.push(scaled(&plant.trocar, least)?);
-    }
+    let mut plants = match &wanted.posterior {
+        Some(draws) => {
+            let drawn = posterior::evenly(draws, wanted.draws).into_iter();
+            let drawn = drawn.map(|draw| plant.trocar.with_seal(draw.into()));
+            std::iter::once(plant.trocar.clone()).chain(drawn).collect()
+        }
+        None => within_intervals(plant, wanted.draws, &mut Noise::new(wanted.seed, Source::Draws))?,
+    };
+    plants.extend(wetted(&plant.trocar, wanted.least_friction_scale)?);
     let models = match wanted.compensator_draws {
         0 => Vec::new(),
         count => {
@@ -88,6 +95,12 @@ fn within_intervals(
         trocars.push(drawn(file, noise)?);
     }
     Ok(trocars)
+}
+
+/// `trocar` at the friction scale `least` and halfway to it; none at 1.
+fn wetted(trocar: &Trocar<Vec<f64>>, least: f64) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let scales = [0.5 * (1.0 + least), least].into_iter().filter(|_| least < 1.0);
+    scales.map(|scale| scaled(trocar, scale)).collect()
 }
 
 /// The trocar of `file` with all its intervals at their lower (0) or upper (1) end.

@@ -39,15 +39,15 @@ use super::joins::FollowedJoin;
 /// z, nearly standard normal.
 #[derive(Clone)]
 pub struct Density {
-    training: Training,
+    pub(super) training: Training,
     best: EmsTrial,
-    free: Vec<Free>,
-    mode: DVector<f64>,
+    pub(super) free: Vec<Free>,
+    pub(super) mode: DVector<f64>,
     /// L_w and L_a.
-    working: DMatrix<f64>,
-    adjusted: DMatrix<f64>,
+    pub(super) working: DMatrix<f64>,
+    pub(super) adjusted: DMatrix<f64>,
     /// Number of joins: the first coordinates.
-    knots: usize,
+    pub(super) knots: usize,
     joins: Vec<FollowedJoin>,
     /// C(θ̂).
     least: f64,
@@ -98,9 +98,7 @@ impl Density {
 
     /// ln π_w less its value at the maximum; −∞ outside the ranges and where there is no model.
     pub(super) fn log(&self, z: &DVector<f64>) -> f64 {
-        let mut held = z.clone();
-        held.rows_mut(0, self.knots).fill(0.0);
-        let working = &self.mode + &self.working * held;
+        let working = self.working_values(z);
         let drawn = self.drawn(z);
         if !(self.is_within(&working) && self.is_within(&drawn))
             || self.trial(&drawn).model().is_none()
@@ -126,13 +124,26 @@ impl Density {
     /// few numbers.
     #[must_use]
     pub fn parameter(&self, z: &[f64], id: ParameterId) -> f64 {
-        z.get(..self.dimension())
-            .map_or(f64::NAN, |z| self.at(&DVector::from_column_slice(z)).candidate.value(id))
+        z.get(..self.dimension()).map_or(f64::NAN, |z| self.at(z).candidate.value(id))
+    }
+
+    /// The same under π_w, before the draws get the covariance of the jackknife.
+    #[must_use]
+    pub fn working_parameter(&self, z: &[f64], id: ParameterId) -> f64 {
+        let working = |z| self.working_values(&DVector::from_column_slice(z));
+        z.get(..self.dimension()).map_or(f64::NAN, |z| self.trial(&working(z)).candidate.value(id))
     }
 
     /// The trial at z.
-    pub(super) fn at(&self, z: &DVector<f64>) -> EmsTrial {
-        self.trial(&self.drawn(z))
+    pub(super) fn at(&self, z: &[f64]) -> EmsTrial {
+        self.trial(&self.drawn(&DVector::from_column_slice(z)))
+    }
+
+    /// θ_w with the joins at their estimates.
+    fn working_values(&self, z: &DVector<f64>) -> DVector<f64> {
+        let mut held = z.clone();
+        held.rows_mut(0, self.knots).fill(0.0);
+        &self.mode + &self.working * held
     }
 
     /// θ.

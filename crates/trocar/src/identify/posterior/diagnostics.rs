@@ -16,7 +16,8 @@ pub struct Convergence {
 
 impl Convergence {
     /// Of `chains`, each split in two; `None` where the parameter does not change.
-    pub(super) fn of(chains: &[Vec<f64>]) -> Option<Self> {
+    #[must_use]
+    pub fn of(chains: &[Vec<f64>]) -> Option<Self> {
         let halves: Vec<&[f64]> = chains
             .iter()
             .flat_map(|chain| {

@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::{Direction, ParameterId, Quantity};
 
+pub use data::DensityData;
 pub use density::Density;
 pub use diagnostics::Convergence;
 
@@ -34,6 +35,7 @@ use diagnostics::quantile;
 use slice::{Chain, Reference};
 use structures::Structure;
 
+mod data;
 mod density;
 mod diagnostics;
 mod joins;
@@ -42,7 +44,7 @@ mod structures;
 mod table;
 
 pub use super::prior::weak_priors;
-pub use table::{DrawsError, FILE_NAME, models, read, write};
+pub use table::{DrawsError, FILE_NAME, evenly, models, read, read_models, write};
 
 /// Chains of each structure.
 pub const CHAINS: usize = 4;
@@ -143,11 +145,15 @@ pub struct Posterior {
     pub draws: Vec<Draw>,
 }
 
-/// The draws of one structure: the candidate of each, chain by chain.
-struct Sampled {
-    chains: Vec<Vec<EmsTrial>>,
-    evaluations: usize,
-    stuck: usize,
+/// Draws of one density, chain by chain.
+#[derive(Debug, Clone)]
+pub struct Sampled<T> {
+    /// The draws.
+    pub chains: Vec<Vec<T>>,
+    /// Evaluations of the density, including the warm-up.
+    pub evaluations: usize,
+    /// Steps that found no other point.
+    pub stuck: usize,
 }
 
 impl Posterior {
@@ -161,16 +167,23 @@ impl Posterior {
     ) -> Option<(Self, Density)> {
         let structures = structures::weighted(found, speeds);
         let per_chain = count.count() / CHAINS;
-        let sampled: Vec<Sampled> = structures
+        let densities: Vec<Density> =
+            structures.iter().map(Structure::density).collect::<Option<_>>()?;
+        let sampled: Vec<Sampled<EmsTrial>> = densities
             .iter()
             .enumerate()
-            .map(|(k, structure)| sample(structure, per_chain, (seed, k)))
+            .map(|(k, density)| {
+                let Sampled { chains, evaluations, stuck } =
+                    density.sample(per_chain, (seed, k))?;
+                let at = |chain: Vec<Vec<f64>>| chain.iter().map(|z| density.at(z)).collect();
+                Some(Sampled { chains: chains.into_iter().map(at).collect(), evaluations, stuck })
+            })
             .collect::<Option<_>>()?;
-        let density = structures.first()?.density()?;
+        let density = densities.into_iter().next()?;
         Some((Self::assembled(&structures, &sampled), density))
     }
 
-    fn assembled(structures: &[Structure], sampled: &[Sampled]) -> Self {
+    fn assembled(structures: &[Structure], sampled: &[Sampled<EmsTrial>]) -> Self {
         let ids = parameters_of(structures);
         let values =
             |trial: &EmsTrial| -> Vec<f64> { ids.iter().map(|id| value(trial, *id)).collect() };
@@ -386,21 +399,31 @@ fn prior_deviation(structure: &Structure, id: ParameterId) -> Option<f64> {
     (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
 }
 
-/// Four chains of one structure; `None` where its density is not finite at its maximum.
-fn sample(structure: &Structure, count: usize, (seed, number): (u64, usize)) -> Option<Sampled> {
-    let density = structure.density()?;
-    let log = |z: &DVector<f64>| density.log(z);
-    let d = density.dimension();
+impl Density {
+    /// Four chains of `count` draws z each, with the streams of `number` of the generator `seed`;
+    /// `None` where the density is not finite at its maximum.
+    #[must_use]
+    pub fn sample(&self, count: usize, (seed, number): (u64, usize)) -> Option<Sampled<Vec<f64>>> {
+        sample(&|z| self.log(z), self.dimension(), count, (seed, number))
+    }
+}
+
+fn sample(
+    log: &(impl Fn(&DVector<f64>) -> f64 + Sync),
+    d: usize,
+    count: usize,
+    (seed, number): (u64, usize),
+) -> Option<Sampled<Vec<f64>>> {
     let begin = |k: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream((1 + number * CHAINS + k) as u64);
         let start = DVector::from_fn(d, |_, _| 1.5 * normal(&mut rng));
-        Chain::new(&log, start, rng)
+        Chain::new(log, start, rng)
     };
     let mut chains: Vec<Chain> = (0..CHAINS).map(begin).collect::<Option<_>>()?;
     let steps = |chain: &mut Chain, reference: &Reference, count: usize| -> Vec<DVector<f64>> {
         let step = |_| {
-            chain.step(&log, reference);
+            chain.step(log, reference);
             chain.at.clone()
         };
         (0..count).map(step).collect()
@@ -411,20 +434,53 @@ fn sample(structure: &Structure, count: usize, (seed, number): (u64, usize)) -> 
     let last: Vec<DVector<f64>> =
         warm.into_iter().flat_map(|chain| chain.into_iter().skip(WARM_UP / 2)).collect();
     let reference = Reference::of(&last)?;
-    let drawn = |chain: &mut Chain| -> Vec<EmsTrial> {
+    let drawn = |chain: &mut Chain| -> Vec<Vec<f64>> {
         steps(chain, &reference, SETTLING);
         chain.stuck = 0;
         (0..count)
             .map(|_| {
                 steps(chain, &reference, THINNING);
-                density.at(&chain.at)
+                chain.at.as_slice().to_vec()
             })
             .collect()
     };
-    let drawn: Vec<Vec<EmsTrial>> = chains.par_iter_mut().map(drawn).collect();
+    let drawn: Vec<Vec<Vec<f64>>> = chains.par_iter_mut().map(drawn).collect();
     Some(Sampled {
         chains: drawn,
         evaluations: chains.iter().map(|c| c.evaluations).sum(),
         stuck: chains.iter().map(|c| c.stuck).sum(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A density with an isolated peak, which no step leaves: there are no divergences to report, but
+    /// steps that found no other point, and these make the result doubtful (exit code 3).
+    #[test]
+    fn an_isolated_peak_is_reported_and_makes_the_draws_doubtful() {
+        let peak = |z: &DVector<f64>| if z.norm() < 1e-9 { 0.0 } else { f64::NEG_INFINITY };
+        let normal = |z: &DVector<f64>| -0.5 * z.norm_squared();
+        let stuck = |log: &(dyn Fn(&DVector<f64>) -> f64 + Sync)| {
+            sample(&log, 2, 100, (1, 0)).map(|sampled| sampled.stuck)
+        };
+        assert_eq!(stuck(&normal), Some(0));
+        assert!(stuck(&peak).is_some_and(|stuck| stuck > 0));
+        let structure = |stuck: usize| PosteriorStructure {
+            name: "base".to_owned(),
+            weight: 1.0,
+            draws: 400,
+            stuck,
+            evaluations: 1,
+        };
+        let warnings = |stuck: usize| {
+            let structures = vec![structure(stuck)];
+            Posterior { structures, parameters: Vec::new(), draws: Vec::new() }.warnings()
+        };
+        assert!(warnings(0).is_empty());
+        let [warning] = &warnings(3)[..] else { panic!("one warning") };
+        assert!(warning.message.starts_with("3 steps of the sampler"), "{}", warning.message);
+        assert!(warning.doubtful);
+    }
 }

@@ -115,6 +115,21 @@ pub fn models(table: &Table) -> Result<Vec<Stages>, DrawsError> {
     (0..table.rows()).map(model).collect()
 }
 
+/// The elements of the draws in a file that [`Posterior::write`] wrote, in the order of its rows.
+///
+/// # Errors
+/// As for [`read`] and [`models`].
+pub fn read_models(path: &Path) -> Result<Vec<Stages>, DrawsError> {
+    models(&read(path)?)
+}
+
+/// At most `most` of the draws `all`, evenly spaced, so that each chain has its share.
+#[must_use]
+pub fn evenly(all: &[Stages], most: usize) -> Vec<Stages> {
+    let count = all.len().min(most);
+    (0..count).map(|k| all[k * all.len() / count]).collect()
+}
+
 /// The columns of parameters of a table of draws.
 struct Rows<'a> {
     columns: Vec<(ParameterId, &'a [f64])>,
