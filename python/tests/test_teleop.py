@@ -36,23 +36,24 @@ NOISY = (
 
 
 def command(folder: Path, model: trocar.Model, loop: str, *options: str) -> tuple[dict[str, Any], Path]:
-    """What the command line prints as JSON, and the course that it writes."""
+    """What the command line prints as JSON, and the folder that it writes."""
     program = os.environ.get("TROCAR_PROGRAM")
     if program is None:
         pytest.skip("TROCAR_PROGRAM names no command line")
     model.save(folder / "model.json")
     (folder / "loop.toml").write_text(loop)
-    run = [program, "--quiet", "teleop", "loop.toml", "--model", "model.json", "--json", "--out", "course.parquet"]
+    run = [program, "--quiet", "teleop", "loop.toml", "--model", "model.json", "--json", "--out", "found"]
     done = subprocess.run([*run, *options], check=False, capture_output=True, text=True, cwd=folder)
     assert done.returncode in (0, 3), done.stderr
-    return json.loads(done.stdout), folder / "course.parquet"
+    return json.loads(done.stdout), folder / "found"
 
 
 @pytest.mark.parametrize("loop", [SOFT, NOISY, NOISY.replace("four_channel", "position_force"), trocar.teleop_config("phantom"), DIVERGING])
 def test_figures_and_course_are_those_of_the_command_line(loop: str, tmp_path: Path, model: trocar.Model) -> None:
     ours = trocar.teleop(model, loop)
-    theirs, path = command(tmp_path, model, loop)
-    assert {name: ours.summary[name] for name in theirs} == theirs
+    theirs, folder = command(tmp_path, model, loop)
+    assert ours.summary == theirs
+    path = folder / "course.parquet"
     assert path.exists() == (ours.unstable_after_s is None)
     if path.exists():
         course = polars.read_parquet(path)
@@ -64,14 +65,29 @@ def test_figures_and_course_are_those_of_the_command_line(loop: str, tmp_path: P
 def test_the_advice_is_that_of_the_command_line(tmp_path: Path, found: trocar.Identification) -> None:
     ours = trocar.teleop(found.model, FAR, advise=True, draws=2, threads=2)
     theirs, _ = command(tmp_path, found.model, FAR, "--advise", "--draws", "2")
-    assert {name: ours.summary[name] for name in theirs} == theirs
-    assert ours.advice is not None and ours.advice.plants == 5
+    assert ours.summary == theirs
+    assert ours.advice is not None and ours.advice.pairs == 5
+    drawn = trocar.teleop(found.model, FAR, advise=True, compensator_draws=2, threads=2)
+    theirs, _ = command(tmp_path, found.model, FAR, "--advise", "--compensator-draws", "2")
+    assert drawn.summary == theirs and drawn.advice is not None and drawn.advice.pairs == 7
+
+
+def test_a_folder_is_that_of_the_command_line(tmp_path: Path, model: trocar.Model) -> None:
+    ours = trocar.teleop(model, FAR, hybrid=True)
+    _, folder = command(tmp_path, model, FAR)
+    ours.save(tmp_path / "ours")
+    names = {path.name for path in folder.iterdir()}
+    assert names == {path.name for path in (tmp_path / "ours").iterdir()} and "report.html" in names
+    for name in ("summary.json", "course.parquet", "hybrid.parquet"):
+        assert (tmp_path / "ours" / name).read_bytes() == (folder / name).read_bytes(), name
+    ours.report(tmp_path / "page.html")
+    assert (tmp_path / "page.html").read_bytes() == (tmp_path / "ours" / "report.html").read_bytes()
 
 
 def test_the_hybrid_matrix_is_that_of_the_command_line(tmp_path: Path, model: trocar.Model) -> None:
     ours = trocar.teleop(model, FAR, hybrid=True).hybrid
-    command(tmp_path, model, FAR, "--hybrid", "hybrid.parquet")
-    theirs = polars.read_parquet(tmp_path / "hybrid.parquet")
+    _, folder = command(tmp_path, model, FAR)
+    theirs = polars.read_parquet(folder / "hybrid.parquet")
     assert ours is not None and list(ours.columns()) == theirs.columns
     for name, column in ours.columns().items():
         assert np.array_equal(column, theirs[name].to_numpy()), name
@@ -157,7 +173,8 @@ def test_a_tip_out_of_reach_is_doubtful(model: trocar.Model) -> None:
 def test_advice_says_which_fractions_are_stable(found: trocar.Identification) -> None:
     loop = trocar.teleop(found.model, FAR, advise=True, draws=2)
     advice = loop.advice
-    assert advice is not None and advice.fraction is not None and advice.plants == 5
+    assert advice is not None and advice.fraction is not None and advice.pairs == 5
+    assert advice.noticeable_with is not None and advice.noticeable_with.is_noticed and advice.noticeable_without is None
     columns = advice.columns()
     assert np.array_equal(columns["fraction"], np.arange(61) * 0.025)
     errors = columns["force_error_rms_n"]
@@ -201,12 +218,14 @@ def test_the_map_is_where_loops_settle(model: trocar.Model) -> None:
     assert bounded >= 4
     assert {stage for stage, _ in told} <= {"stability map"} and all(0 < part <= 1 for _, part in told)
     frame = polars.DataFrame(found.columns())
-    assert frame.shape == (6, 4) and frame["stiffness_n_m"].to_list() == found.stiffness_n_m.ravel().tolist()
+    assert frame.shape == (6, 5) and frame["ranges"].to_list() == [len(cell) for row in found.z_width_n_m for cell in row] and frame["stiffness_n_m"].to_list() == found.stiffness_n_m.ravel().tolist()
     assert len(found.to_frame()) == 6 and "5 ms" in found._repr_html_()
     own = trocar.teleop(model).z_width_n_m
-    assert own == (0.0, 20_000.0)
+    assert own == ((0.0, 20_000.0),)
     cell = trocar.teleop(model, channel={"delay_s": 0.005}, compensation={"fraction": 0.9}).z_width_n_m
-    assert cell == (found.least_stiffness_n_m[0, 1], found.stiffness_n_m[0, 1])
+    assert cell is not None and cell[0][0] == found.least_stiffness_n_m[0, 1]
+    # Its own stiffness is tried, too, so that the bisection begins elsewhere.
+    assert cell[0][1] == pytest.approx(found.stiffness_n_m[0, 1], rel=0.02)
 
 
 def test_the_hybrid_matrix_transmits_what_it_says(model: trocar.Model) -> None:
@@ -289,6 +308,8 @@ def test_what_is_no_loop_is_named_with_its_key(config: Any, kind: type, words: s
         ({"advise": True, "draws": 1001}, trocar.ParameterError, "draws must be from 0 to 1000, got 1001"),
         ({"advise": True, "draws": -1}, trocar.ParameterError, "draws must be a whole number from 0 on"),
         ({"draws": 5}, trocar.ParameterError, "draws changes nothing without advise=True"),
+        ({"compensator_draws": 5}, trocar.ParameterError, "compensator_draws changes nothing without advise=True"),
+        ({"advise": True, "compensator_draws": 5}, trocar.TeleopError, "compensator_draws needs a model with 95 % intervals"),
         ({"delays_s": [0.0]}, trocar.ParameterError, "delays_s changes nothing without map=True"),
         ({"frequencies_hz": [1.0]}, trocar.ParameterError, "frequencies_hz changes nothing without hybrid=True"),
         ({"map": True, "delays_s": [0.0015]}, trocar.TeleopError, "channel.delay_s must be a multiple"),

@@ -57,7 +57,7 @@ from ._many import simulate_many, squared_error_many
 from ._plan import Plan, Prediction, plan, plan_config
 from ._progress import Progress as _Progress, watched as _watched
 from ._sweep import sweep
-from ._teleop import Advice, HybridMatrix, Merit, StabilityMap, Teleoperation, teleop, teleop_config
+from ._teleop import Advice, HybridMatrix, Merit, NoticeableStep, StabilityMap, Teleoperation, teleop, teleop_config
 from .results import (
     ComparedModel,
     Comparison,
@@ -102,6 +102,7 @@ __all__ = [
     "ModelFileError",
     "MotionError",
     "NotConverged",
+    "NoticeableStep",
     "Parameter",
     "ParameterError",
     "Parameters",

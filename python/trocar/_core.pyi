@@ -283,6 +283,14 @@ class Compared:
     def save(self, folder: _Path) -> None: ...
 
 @final
+class Studied:
+    def summary_json(self) -> str: ...
+    def course(self) -> list[tuple[str, _Array]] | None: ...
+    def hybrid(self) -> list[tuple[str, _Array]] | None: ...
+    def report(self, path: _Path) -> None: ...
+    def save(self, folder: _Path) -> None: ...
+
+@final
 class FleetConfig:
     def __new__(
         cls,
@@ -398,6 +406,7 @@ def teleop(
     advise: bool,
     draws: int,
     posterior: Posterior | _Path | None,
+    compensator_draws: int,
     least_friction: float,
     map: bool,
     delays_s: Sequence[float] | None,
@@ -406,7 +415,7 @@ def teleop(
     frequencies_hz: Sequence[float] | None,
     threads: int,
     progress: Callable[[str, float], object] | None,
-) -> tuple[str, list[tuple[str, _Array]] | None, list[tuple[str, _Array]] | None]: ...
+) -> Studied: ...
 def plan(
     *,
     text: str | None,

@@ -235,7 +235,7 @@ def advice(found: Advice) -> str:
     if found.fraction is None:
         return "<p>No fraction from 0 to 150 % makes the loop stable.</p>"
     ranges = ", ".join(f"{_percent(low)} to {_percent(high)}" for low, high in found.stable)
-    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable with {found.plants} trocars: {ranges}"
+    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
     cases = [("without", found.figures_without), (_percent(found.fraction), found.figures_with)]
     table = _merits([(heading, merit) for heading, merit in cases if merit is not None])
     unstable = "" if found.figures_without is not None else "<p>Without compensation the loop is unstable.</p>"
@@ -258,8 +258,11 @@ def teleoperation(found: Teleoperation) -> str:
     caption = f"<b>Teleoperation</b>, <code>{escape(control['architecture'])}</code>, {delay}"
     table = "" if found.figures is None else _merits([(f"{_percent(fraction)} taken out", found.figures)])
     width = "Stable with no tissue from 0 to 20,000 N/m"
-    if found.z_width_n_m is not None:
-        width = "Stable with tissue of {:,.0f} to {:,.0f} N/m".format(*found.z_width_n_m)
+    if found.z_width_n_m is None:
+        width = "No tissue"
+    elif found.z_width_n_m:
+        ranges = ("{:,.0f} to {:,.0f}".format(*ends) for ends in found.z_width_n_m)
+        width = f"Stable with tissue of {' and of '.join(ranges)} N/m"
     parts = [
         f'<p style="margin:0">{caption}</p>{table}<p style="margin:0">{width}.</p>',
         _list("<b>Doubtful:</b>", found.warnings),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
+from functools import partial
 from typing import TYPE_CHECKING, Any, Optional, Union
 
 import numpy as np
@@ -17,13 +18,15 @@ from ._arrays import column, count
 from ._core import Model, ParameterError, TeleopError, TrocarError
 from ._keys import as_json, document, merged
 from ._progress import Progress, watched
-from .results import Posterior
+from .results import Posterior, _Repeatable
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 _Path = Union[str, "os.PathLike[str]"]
 _Array = npt.NDArray[np.float64]
+#: Smallest and greatest value of each range.
+_Ranges = tuple[tuple[float, float], ...]
 
 #: Most draws of trocars, as on the command line.
 _MOST_DRAWS = 1000
@@ -39,6 +42,7 @@ def teleop(
     advise: bool = False,
     draws: int = 0,
     posterior: Union[Posterior, _Path, None] = None,
+    compensator_draws: int = 0,
     least_friction: float = 1.0,
     map: bool = False,
     delays_s: Optional[ArrayLike] = None,
@@ -69,9 +73,11 @@ def teleop(
         1000, besides the model and both ends of the intervals
     :param posterior: with ``advise``, draws of the model's parameters, or their file: ``draws`` of them (20 where that is 0)
         are tried in place of the ends of the intervals and of draws from them
-    :param least_friction: with ``advise``, reckon with trocars whose friction is down to this multiple of the model's, 0.01
+    :param compensator_draws: with ``advise``, also try both ends of the intervals of the compensator's model and this many
+        models drawn from them, up to 1000, with the trocar as its model describes it
+    :param least_friction: with ``advise``, include trocars whose friction is down to this multiple of the model's, 0.01
         to 1, as that of a wetted seal, which loses 15 to 45 %
-    :param map: find the stiffest and the softest tissue with which the loop is stable, over delay and fraction (``.map``)
+    :param map: find the ranges of the tissue's stiffness with which the loop is stable, over delay and fraction (``.map``)
     :param delays_s: delays of the map, of one direction, s; by default 0 to 19 samples
     :param fractions: fractions of the map; by default 0 to 1.425
     :param hybrid: compute the hybrid matrix over frequency, with the trocar as its describing function at the amplitude of
@@ -85,13 +91,15 @@ def teleop(
     :raises TeleopError: if the loop cannot run: an unknown key, a value out of its range. A loop that is unstable is a
         result
     """
-    if count("draws", draws) > _MOST_DRAWS:
-        raise ParameterError(f"draws must be from 0 to {_MOST_DRAWS}, got {draws}")
+    for name, number in (("draws", draws), ("compensator_draws", compensator_draws)):
+        if count(name, number) > _MOST_DRAWS:
+            raise ParameterError(f"{name} must be from 0 to {_MOST_DRAWS}, got {number}")
     if not 0.01 <= least_friction <= 1.0:
         raise ParameterError(f"least_friction must be from 0.01 to 1, got {least_friction}")
     for name, is_given, option, is_on in (
         ("draws", draws > 0, "advise", advise),
         ("posterior", posterior is not None, "advise", advise),
+        ("compensator_draws", compensator_draws > 0, "advise", advise),
         ("least_friction", least_friction < 1.0, "advise", advise),
         ("delays_s", delays_s is not None, "map", map),
         ("fractions", fractions is not None, "map", map),
@@ -100,26 +108,29 @@ def teleop(
         if is_given and not is_on:
             raise ParameterError(f"{name} changes nothing without {option}=True")
     text, file, keys = document(config, dict(_core.teleop_presets()))
+    work = partial(
+        _core.teleop,
+        model,
+        compensator=compensator,
+        text=text,
+        name=file,
+        changes=as_json(merged(keys, changes), TeleopError),
+        advise=advise,
+        draws=draws or (_POSTERIOR_DRAWS if posterior is not None else 0),
+        posterior=posterior,
+        compensator_draws=compensator_draws,
+        least_friction=float(least_friction),
+        map=map,
+        delays_s=_numbers("delays_s", delays_s),
+        fractions=_numbers("fractions", fractions),
+        hybrid=hybrid,
+        frequencies_hz=_numbers("frequencies_hz", frequencies_hz),
+        threads=count("threads", threads),
+        progress=None,
+    )
     with watched(progress) as watching:
-        summary, course, matrix = _core.teleop(
-            model,
-            compensator=compensator,
-            text=text,
-            name=file,
-            changes=as_json(merged(keys, changes), TeleopError),
-            advise=advise,
-            draws=draws or (_POSTERIOR_DRAWS if posterior is not None else 0),
-            posterior=posterior,
-            least_friction=float(least_friction),
-            map=map,
-            delays_s=_numbers("delays_s", delays_s),
-            fractions=_numbers("fractions", fractions),
-            hybrid=hybrid,
-            frequencies_hz=_numbers("frequencies_hz", frequencies_hz),
-            threads=count("threads", threads),
-            progress=watching,
-        )
-    return Teleoperation._of(json.loads(summary), course, matrix)
+        done = work(progress=watching)
+    return Teleoperation._of(done, work)
 
 
 def teleop_config(device: Optional[str] = None) -> str:
@@ -177,28 +188,49 @@ def _row(found: Optional[Mapping[str, Any]], name: str) -> float:
     return math.nan if value is None else float(value)
 
 
+@dataclass(frozen=True)
+class NoticeableStep:
+    """The smallest step of the tissue's stiffness that a person notices, among steps up to ten times the stiffness."""
+
+    #: "noticed"; "not_noticed": no step up to the largest is noticed; "unstable": the loop becomes unstable with stiffer
+    #: tissue before a step is noticed.
+    finding: str
+    #: The step that is noticed, the largest that was tried, or the one from which on the loop is unstable, N/m.
+    step_n_m: float
+
+    @classmethod
+    def _of(cls, found: Optional[Mapping[str, Any]]) -> Optional[NoticeableStep]:
+        return None if found is None else cls(found["finding"], found["step_n_m"])
+
+    @property
+    def is_noticed(self) -> bool:
+        """Whether there is a step that is noticed."""
+        return self.finding == "noticed"
+
+
 @dataclass(frozen=True, eq=False)
 class Advice:
     """Which fraction of the trocar's force to take out in a loop, from fractions between 0 and 1.5.
 
-    A fraction counts as stable if the loop is stable with every trocar that was tried.
+    A fraction counts as stable if the loop is stable with every pair of a compensator's model and a trocar that was tried.
     """
 
     #: Stable fraction with the smallest force error; None if there is none.
     fraction: Optional[float]
     #: Intervals of stable fractions, lowest and highest.
     stable: tuple[tuple[float, float], ...]
-    #: Figures with that fraction and without compensation, of the trocar with the largest force error; None if unstable.
+    #: Figures with that fraction and without compensation, of the pair with the largest force error; None if unstable.
     figures_with: Optional[Merit]
     figures_without: Optional[Merit]
-    #: Number of trocars: the model, both ends of its 95 % intervals, and draws.
-    plants: int
-    #: Lowest and highest of the fractions that are best for each trocar by itself; None if no trocar has one.
+    #: Number of pairs: the trocar as its model describes it, at both ends of the model's 95 % intervals, drawn from them and
+    #: with less friction, each with the compensator's model; and draws of the compensator's model.
+    pairs: int
+    #: Lowest and highest of the fractions that are best for each pair by itself; None if no pair has one.
     best: Optional[tuple[float, float]]
-    #: Smallest step of the tissue's stiffness that a person notices with that fraction and without compensation, N/m;
-    #: None if there is none up to ten times the stiffness, or the loop is unstable.
-    noticeable_with_n_m: Optional[float]
-    noticeable_without_n_m: Optional[float]
+    #: Smallest step of the tissue's stiffness that a person notices with that fraction and without compensation; None if
+    #: the loop is unstable or the tip does not touch the tissue.
+    noticeable_with: Optional[NoticeableStep]
+    noticeable_without: Optional[NoticeableStep]
     _tried: dict[str, npt.NDArray[Any]] = field(repr=False)
 
     @classmethod
@@ -215,17 +247,17 @@ class Advice:
             stable=tuple((low, high) for low, high in found["stable"]),
             figures_with=Merit._of(found["with"]),
             figures_without=Merit._of(found["without"]),
-            plants=found["plants"],
+            pairs=found["pairs"],
             best=None if best is None else (best[0], best[1]),
-            noticeable_with_n_m=found["noticeable_with_n_m"],
-            noticeable_without_n_m=found["noticeable_without_n_m"],
+            noticeable_with=NoticeableStep._of(found["noticeable_with"]),
+            noticeable_without=NoticeableStep._of(found["noticeable_without"]),
             _tried=columns,
         )
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """Each fraction that was tried: whether it is stable, the share of trocars with which it is, and its figures.
+        """Each fraction that was tried: whether it is stable, the share of pairs with which it is, and its figures.
 
-        The figures are those of the trocar with the largest force error, and nan where the fraction is not stable.
+        The figures are those of the pair with the largest force error, and nan where the fraction is not stable.
         """
         return dict(self._tried)
 
@@ -248,11 +280,15 @@ class Advice:
     def __repr__(self) -> str:
         ranges = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in self.stable)
         if self.fraction is None:
-            return f"<trocar.Advice: no stable fraction, {self.plants} trocars>"
-        return f"<trocar.Advice: fraction {self.fraction:.4g}, stable {ranges}, {self.plants} trocars>"
+            return f"<trocar.Advice: no stable fraction, {self.pairs} pairs>"
+        return f"<trocar.Advice: fraction {self.fraction:.4g}, stable {ranges}, {self.pairs} pairs>"
 
     def _repr_html_(self) -> str:
         return f"<div>{_show.advice(self)}</div>"
+
+
+def _ranges(found: Sequence[Sequence[float]]) -> _Ranges:
+    return tuple((least, greatest) for least, greatest in found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,24 +298,34 @@ class StabilityMap:
     #: Delays of one direction, s, and fractions.
     delays_s: _Array
     fractions: _Array
-    #: Greatest stable stiffness, N/m, a row for each delay; 0 where there is none, 20,000 where it is stable up to there.
+    #: Greatest stiffness of the softest stable range, N/m, a row for each delay; 0 where there is none, 20,000 where the
+    #: loop is stable up to there.
     stiffness_n_m: _Array
-    #: Smallest stable stiffness, N/m; nan where there is none.
+    #: Smallest stiffness of that range, N/m; nan where there is none.
     least_stiffness_n_m: _Array
+    #: All stable ranges, smallest and greatest stiffness, N/m, a row for each delay.
+    z_width_n_m: tuple[tuple[_Ranges, ...], ...]
 
     @classmethod
     def _of(cls, found: Mapping[str, Any]) -> StabilityMap:
-        names = (own.name for own in fields(cls))
-        return cls(**{name: np.array(found[name], dtype=np.float64) for name in names})
+        widths = tuple(tuple(_ranges(cell) for cell in row) for row in found["z_width_n_m"])
+        greatest = [[cell[0][1] if cell else 0.0 for cell in row] for row in widths]
+        least = [[cell[0][0] if cell else math.nan for cell in row] for row in widths]
+        axes = (np.array(found[name], dtype=np.float64) for name in ("delays_s", "fractions"))
+        return cls(*axes, np.array(greatest), np.array(least), widths)
 
-    def columns(self) -> dict[str, _Array]:
-        """A row for each delay and fraction, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept."""
+    def columns(self) -> dict[str, npt.NDArray[Any]]:
+        """A row for each delay and fraction, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept.
+
+        ``ranges`` is the number of stable ranges; the stiffnesses are those of the softest one.
+        """
         delays, fractions = np.meshgrid(self.delays_s, self.fractions, indexing="ij")
         return {
             "delay_s": delays.ravel(),
             "fraction": fractions.ravel(),
             "stiffness_n_m": self.stiffness_n_m.ravel(),
             "least_stiffness_n_m": self.least_stiffness_n_m.ravel(),
+            "ranges": np.array([len(cell) for row in self.z_width_n_m for cell in row]),
         }
 
     def to_frame(self) -> Any:
@@ -374,47 +420,47 @@ class HybridMatrix:
 
 
 @dataclass(frozen=True, eq=False)
-class Teleoperation:
+class Teleoperation(_Repeatable[_core.Studied]):
     """A teleoperation loop through a trocar: whether it is stable, what is felt, and its course."""
 
     #: Whether the loop comes to rest after a push into the tissue.
     settles: bool
     #: Figures of merit along the motion; None if the loop is unstable.
     figures: Optional[Merit]
-    #: Least and greatest stiffness of the tissue with which the loop is stable, N/m; None if there is none.
-    z_width_n_m: Optional[tuple[float, float]]
+    #: Ranges of the tissue's stiffness with which the loop is stable, smallest and greatest, N/m; None without tissue.
+    z_width_n_m: Optional[_Ranges]
     #: When a device left 10 m or 100 m/s, s; None if the loop did not diverge.
     unstable_after_s: Optional[float]
-    #: What ``advise``, ``map`` and ``hybrid`` asked for.
+    #: Results of ``advise``, ``map`` and ``hybrid``; None where not requested.
     advice: Optional[Advice]
     map: Optional[StabilityMap]
     hybrid: Optional[HybridMatrix]
     #: The loop with all its keys.
     config: Mapping[str, Any] = field(repr=False)
-    #: The contents of the JSON of the command line, and ``config``.
+    #: The contents of summary.json.
     summary: Mapping[str, Any] = field(repr=False)
+    _work: partial[_core.Studied] = field(repr=False)
     _course: Optional[dict[str, _Array]] = field(repr=False)
 
     @classmethod
-    def _of(
-        cls,
-        summary: Mapping[str, Any],
-        course: Optional[list[tuple[str, _Array]]],
-        hybrid: Optional[list[tuple[str, _Array]]],
-    ) -> Teleoperation:
-        width, advice, found = summary["z_width"], summary["advice"], summary["map"]
-        return cls(
+    def _of(cls, done: _core.Studied, work: partial[_core.Studied]) -> Teleoperation:
+        summary = json.loads(done.summary_json())
+        course, hybrid = done.course(), done.hybrid()
+        width, advice, found = summary["z_width_n_m"], summary["advice"], summary["map"]
+        result = cls(
             settles=summary["settles"],
             figures=Merit._of(summary["figures"]),
-            z_width_n_m=None if width is None else (width["least_n_m"], width["greatest_n_m"]),
+            z_width_n_m=None if width is None else _ranges(width),
             unstable_after_s=summary["unstable_after_s"],
             advice=None if advice is None else Advice._of(advice),
             map=None if found is None else StabilityMap._of(found),
             hybrid=None if hybrid is None else HybridMatrix._of(dict(hybrid)),
             config=summary["config"],
             summary=summary,
+            _work=work,
             _course=None if course is None else dict(course),
         )
+        return result._with(done)  # type: ignore[no-any-return]
 
     @property
     def is_stable(self) -> bool:
@@ -439,6 +485,12 @@ class Teleoperation:
             found.append("the tip does not reach the tissue: the figures are those of free motion")
         if self.advice is not None and self.advice.fraction is None:
             found.append("no fraction from 0 to 1.5 makes the loop stable")
+        error = self.summary["step_error"]
+        if error is not None and error["figure"] is None:
+            found.append("halving the step of the plant changes whether the loop is stable: increase substeps")
+        elif error is not None:
+            change = f"the {error['figure']} by {100 * error['relative']:.0f} %"
+            found.append(f"halving the step of the plant changes {change}: increase substeps")
         return tuple(found)
 
     def columns(self) -> dict[str, _Array]:
@@ -464,6 +516,17 @@ class Teleoperation:
         :raises ImportError: if neither pandas nor polars is installed
         """
         return _report.frame(self.columns(), "time_s")
+
+    def save(self, folder: _Path) -> None:
+        """Writes summary.json, course.parquet, report.html and figures into a folder, and hybrid.parquet with ``hybrid``.
+
+        Either all of them are written or none. A loop that diverged has no course.
+        """
+        self._repeated().save(folder)
+
+    def report(self, path: _Path) -> None:
+        """Writes the report as one self-contained HTML file."""
+        self._repeated().report(path)
 
     @property
     def felt_force_n(self) -> _Array:

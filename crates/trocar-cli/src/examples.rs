@@ -143,7 +143,7 @@ pub(crate) const EXAMPLES: [Example; 18] = [
             ("The defaults with a made-up seal", "trocar teleop --model plausible"),
             ("A loop of your own: change the file, then run it", "trocar teleop --print-config"),
             ("The same of a device", "trocar teleop --print-config dvrk"),
-            ("", "trocar teleop loop.toml --model result --out course.parquet"),
+            ("", "trocar teleop loop.toml --model result --out looked-at"),
             (
                 "How much of the trocar's force to take out",
                 "trocar teleop loop.toml --model result --advise",

@@ -126,14 +126,13 @@ fn a_reader_turns_and_drags_and_sees_the_loop_of_the_library() {
     };
     let place = Place::new();
     fs::write(place.path("loop.toml"), CONFIG).unwrap();
-    let printed =
-        place.run("teleop loop.toml --model plausible --advise --map --json --report page.html");
+    let printed = place.run("teleop loop.toml --model plausible --advise --map --json --out found");
     let printed = printed.ends_with(0);
-    let size = fs::metadata(place.path("page.html")).unwrap().len();
+    let size = fs::metadata(place.path("found/report.html")).unwrap().len();
     assert!(size < LARGEST, "{size} bytes");
     let mut drive = Command::new("node");
     drive.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/live/drive_loop.mjs"));
-    drive.arg(modules).arg(browser).arg(place.path("page.html")).arg(place.path("."));
+    drive.arg(modules).arg(browser).arg(place.path("found/report.html")).arg(place.path("."));
     let ran = Ran::from(drive.output().unwrap()).ends_with(0);
     let seen: Result = serde_json::from_str(&ran.stdout).unwrap();
     assert!(seen.complaints.is_empty() && seen.asked.is_empty(), "{seen:?}");

@@ -2,7 +2,9 @@
 
 use std::fs;
 
-use crate::common::Place;
+use trocar::table;
+
+use crate::common::{Place, names_in};
 
 const PAGE: &str = include_str!("../../../docs/explanation/teleoperation.md");
 const SOFT: &str = "[tissue]\nstiffness_n_m = 50.0\n";
@@ -24,15 +26,40 @@ fn the_page_shows_what_the_program_prints() {
 }
 
 #[test]
-fn a_course_is_written_and_json_printed() {
+fn the_results_are_a_folder_and_json_is_its_summary() {
     let place = place(SOFT);
-    let ran = place.run("teleop loop.toml --model plausible --out course.csv --json").ends_with(0);
-    assert!(ran.stdout.contains("\"settles\": true"), "{}", ran.stdout);
-    let course = fs::read_to_string(place.path("course.csv")).unwrap();
-    assert!(course.starts_with("time_s,hand_position_m,master_position_m,slave_position_m,"));
-    assert_eq!(course.lines().count(), 4001);
-    let again = place.run("teleop loop.toml --model plausible --out - ").ends_with(0);
-    assert_eq!(again.stdout, course, "the same loop gives the same course");
+    let run = |folder: &str| {
+        let command = format!("teleop loop.toml --model plausible --out {folder} --json");
+        place.run(&command).ends_with(0).stdout
+    };
+    let printed = run("one");
+    assert!(printed.contains("\"settles\": true"), "{printed}");
+    let names = ["course.parquet", "figures", "hybrid.parquet", "report.html", "summary.json"];
+    assert_eq!(names_in(&place.path("one")), names);
+    assert_eq!(fs::read_to_string(place.path("one/summary.json")).unwrap(), printed);
+    let course = table::read(place.path("one/course.parquet")).unwrap();
+    assert_eq!((course.rows(), course.column("time_s").unwrap().len()), (4000, 4000));
+    let drawn = names_in(&place.path("one/figures"));
+    for figure in ["course", "depth", "energy", "hybrid", "transmitted"] {
+        assert!(drawn.contains(&format!("{figure}.svg")), "{drawn:?}");
+        assert!(drawn.contains(&format!("{figure}.png")), "{drawn:?}");
+    }
+    assert_eq!(run("two"), printed);
+    for name in ["course.parquet", "hybrid.parquet", "report.html"] {
+        let read = |folder: &str| fs::read(place.path(&format!("{folder}/{name}"))).unwrap();
+        assert!(read("one") == read("two"), "{name}: the same loop gives the same bytes");
+    }
+}
+
+/// A loop that diverges has no course; that of an earlier run is named.
+#[test]
+fn a_loop_that_diverges_leaves_no_course() {
+    let place = place("[control]\nforce_gain = 50.0\n[channel]\ndelay_s = 0.01\n");
+    let run = || place.run("teleop loop.toml --model plausible --out found").ends_with(3);
+    run().says(&["diverged after"]);
+    assert!(!names_in(&place.path("found")).contains(&"course.parquet".to_owned()));
+    fs::write(place.path("found/course.parquet"), "earlier").unwrap();
+    run().says(&["course.parquet is that of an earlier run"]);
 }
 
 /// The page's text: without scripts, styles and tags.
@@ -52,9 +79,9 @@ fn text_of(page: &str) -> String {
 }
 
 fn report(place: &Place, options: &str, code: i32) -> (String, String) {
-    let command = format!("teleop loop.toml --model plausible --report page.html {options}");
+    let command = format!("teleop loop.toml --model plausible --out found {options}");
     let ran = place.run(&command).ends_with(code);
-    (ran.stdout, fs::read_to_string(place.path("page.html")).unwrap())
+    (ran.stdout, fs::read_to_string(place.path("found/report.html")).unwrap())
 }
 
 #[test]
@@ -78,7 +105,7 @@ fn the_report_shows_what_the_program_prints_and_needs_nothing_else() {
         let number = number.replace('-', "\u{2212}");
         assert!(text.contains(&format!(" {number} ")), "{number} is not in the page");
     }
-    for words in ["stable", "100 %", "67.5 to 150 %", "Seed", "SHA-256", "loop.toml"] {
+    for words in ["stable", "100 %", "57.5 to 150 %", "Seed", "SHA-256", "loop.toml"] {
         assert!(text.contains(words), "{words}");
     }
     assert_eq!(report(&place, "--advise", 0).1, page, "the same loop gives the same bytes");
@@ -102,8 +129,8 @@ fn an_unstable_loop_has_a_report_without_figures_of_merit() {
         }
     }
     let place = place(FAR);
-    let ran = place.run("teleop loop.toml --model plausible --report -").ends_with(2);
-    ran.says(&["needs a file"]);
+    let ran = place.run("teleop loop.toml --model plausible --out -").ends_with(2);
+    ran.says(&["the results are a folder"]);
 }
 
 #[test]
@@ -111,13 +138,12 @@ fn the_map_and_the_fractions_are_in_the_report() {
     let (printed, page) = report(&place(SOFT), "--map --json", 0);
     let answer: serde_json::Value = serde_json::from_str(&printed).unwrap();
     let text = text_of(&page);
-    for row in answer["map"]["stiffness_n_m"].as_array().unwrap() {
-        for stiffness in row.as_array().unwrap() {
-            let shown = format!(" {:.0} ", stiffness.as_f64().unwrap());
-            assert!(text.contains(&shown), "{shown}");
-        }
+    let rows = answer["map"]["z_width_n_m"].as_array().unwrap().iter();
+    for range in rows.flat_map(|row| row.as_array().unwrap()).filter_map(|cell| cell.get(0)) {
+        let shown = format!("{:.0}", range[1].as_f64().unwrap());
+        assert!(text.contains(&shown), "{shown}");
     }
-    assert!(text.contains("Not asked for: --advise"), "what is missing is said");
+    assert!(text.contains("Not computed: --advise"), "what is missing is stated");
 }
 
 #[test]
@@ -152,32 +178,33 @@ fn advice_over_draws_counts_them() {
     fs::write(place.path("model.json"), model.to_string()).unwrap();
     let ran = place.run("teleop loop.toml --model model.json --advise --draws 4 --json");
     let printed: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
-    assert_eq!(printed["advice"]["plants"], 7, "{ran:#?}");
+    assert_eq!(printed["advice"]["pairs"], 7, "{ran:#?}");
     let shares = printed["advice"]["tried"].as_array().unwrap().iter();
     let shares: Vec<f64> = shares.map(|tried| tried["stable_share"].as_f64().unwrap()).collect();
     assert!(shares.contains(&1.0), "{shares:?}");
     let text = place.run("teleop loop.toml --model model.json --advise --draws 4").stdout;
-    assert!(text.contains("best for each of the 7 trocars by itself: "), "{text}");
+    assert!(
+        text.contains("best for each of the 7 pairs of compensator and trocar by itself: "),
+        "{text}"
+    );
+    let both = "teleop loop.toml --model model.json --advise --compensator-draws 2 --json";
+    let printed: serde_json::Value = serde_json::from_str(&place.run(both).stdout).unwrap();
+    // The model, both ends for the trocar, both ends and two draws for the compensator.
+    assert_eq!(printed["advice"]["pairs"], 7);
 }
 
+/// The hybrid matrix is that of strokes of the motion: without strokes there is none.
 #[test]
-fn a_hybrid_matrix_is_written() {
-    let place = place(SOFT);
-    place.run("teleop loop.toml --model plausible --hybrid matrix.csv").ends_with(0);
-    let matrix = fs::read_to_string(place.path("matrix.csv")).unwrap();
-    assert!(matrix.starts_with("frequency_hz,h11_real_n_s_m,h11_imaginary_n_s_m,h12_real,"));
-    assert_eq!(matrix.lines().count(), 62);
-    let cells = matrix.lines().skip(1).flat_map(|line| line.split(','));
-    assert!(cells.into_iter().all(|cell| cell.parse::<f64>().is_ok_and(f64::is_finite)));
-}
-
-/// What cannot be computed is refused before anything is written.
-#[test]
-fn a_hybrid_matrix_without_strokes_leaves_no_file() {
-    let place = place("[motion]\namplitude_m = 0.0\n");
-    let both = "teleop loop.toml --model plausible --hybrid matrix.csv --out course.csv";
-    place.run(both).ends_with(2).says(&["motion.amplitude_m", "got 0 m"]);
-    assert!(!place.path("matrix.csv").exists() && !place.path("course.csv").exists());
+fn a_hybrid_matrix_is_written_where_the_motion_has_strokes() {
+    let written = |config: &str| {
+        let place = place(config);
+        place.run("teleop loop.toml --model plausible --out found");
+        let path = place.path("found/hybrid.parquet");
+        path.exists().then(|| table::read(path).unwrap())
+    };
+    let matrix = written(SOFT).unwrap();
+    assert!(matrix.rows() == 61 && matrix.column("h11_real_n_s_m").is_some());
+    assert!(written("[motion]\namplitude_m = 0.0\n").is_none());
 }
 
 #[test]
@@ -238,11 +265,15 @@ fn what_is_no_loop_is_refused() {
         ("[tissue]\nstifness_n_m = 1.0", ["stifness_n_m", "line 2", "--print-config"]),
     ] {
         let place = place(config);
-        place.run("teleop loop.toml --model plausible --out none.csv").ends_with(1).says(&words);
-        assert!(!place.path("none.csv").exists());
+        place.run("teleop loop.toml --model plausible --out none").ends_with(1).says(&words);
+        assert!(!place.path("none").exists());
     }
     for (config, options, words) in [
-        (SOFT, "--out - --json", "leave out --json"),
+        (
+            SOFT,
+            "--advise --compensator-draws 5",
+            "--compensator-draws needs a model with 95 % intervals",
+        ),
         (SOFT, "--advise --draws 5", "a model with 95 % intervals"),
         (SOFT, "--least-friction 0.5", "--advise"),
         (SOFT, "--advise --least-friction 1.5", "must be from 0.01 to 1"),

@@ -164,6 +164,12 @@ impl Raise for trocar::teleop::ConfigError {
     }
 }
 
+impl Raise for trocar::teleop::StudyError {
+    fn raise(self) -> PyErr {
+        TeleopError::new_err(in_python(&self.to_string()))
+    }
+}
+
 impl Raise for trocar::plan::ConfigError {
     fn raise(self) -> PyErr {
         PlanError::new_err(in_python(&self.to_string()))

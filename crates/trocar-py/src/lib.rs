@@ -70,7 +70,7 @@ mod _core {
     #[pymodule_export]
     use crate::sweep::{sweep, sweep_config};
     #[pymodule_export]
-    use crate::teleop::{teleop, teleop_example, teleop_presets};
+    use crate::teleop::{Studied, teleop, teleop_example, teleop_presets};
     #[pymodule_export]
     use crate::validate::{Validated, validate};
 

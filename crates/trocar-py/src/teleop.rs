@@ -1,27 +1,36 @@
 //! `teleop`: a teleoperation loop through a trocar; `trocar._teleop` wraps it.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use serde_json::{Value, json};
 use trocar::model_file::ModelFile;
-use trocar::teleop::advise::{self, Advice, Map};
+use trocar::output::StagedFolder;
+use trocar::report::teleop::{Source, Sources, TeleopReport, document as report_document};
+use trocar::report::{Document, ReportError};
+use trocar::teleop::advise::{map_delays, map_fractions};
 use trocar::teleop::config::{EXAMPLE_TOML, PRESETS};
-use trocar::teleop::hybrid::{self, response};
-use trocar::teleop::stability::ZWidth;
+use trocar::teleop::hybrid::frequencies;
 use trocar::teleop::{
-    Candidates, Config, ConfigError, Outcome, candidates, course_columns, posterior_candidates,
-    response_columns,
+    Candidates, Config, ConfigError, Questions, Study, course_columns, response_columns,
 };
-use trocar_model::{Stages, Trocar};
 
 use crate::errors::{Raise, TeleopError, in_python};
 use crate::keys::changed;
 use crate::model::Model;
 use crate::posterior::Draws;
-use crate::work::{How, Report, run};
+use crate::shared::write_page;
+use crate::work::{How, run};
+
+/// A loop that was studied.
+#[pyclass(module = "trocar._core", frozen)]
+pub(crate) struct Studied(Arc<Job>);
+
+struct Job {
+    study: Study,
+    sources: Sources,
+}
 
 /// The loop with every key at its default, as a documented TOML text.
 #[pyfunction]
@@ -38,27 +47,24 @@ pub(crate) fn teleop_presets() -> Vec<(&'static str, &'static str)> {
 /// Columns by their names.
 type Columns = Vec<(&'static str, Vec<f64>)>;
 type Arrays<'py> = Vec<(&'static str, Bound<'py, PyArray1<f64>>)>;
-/// Delays, s, and fractions of a map; those of the command line where they are not given.
-type Axes = (Option<Vec<f64>>, Option<Vec<f64>>);
-/// Frequencies of a hybrid matrix, Hz; those of the command line where they are not given.
-type Frequencies = Option<Vec<f64>>;
 
-/// Runs the loop of the document `text` (without it, the defaults) with the keys in `changes`, JSON: the
-/// summary as JSON, the course (None if the loop diverged) and the hybrid matrix.
+/// Runs the loop of the document `text` (without it, the defaults) with the keys in `changes`, JSON, and finds out what is asked
+/// for. Delays (s), fractions and frequencies (Hz) that are not given are those of the command line.
 #[pyfunction]
-#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, posterior, least_friction, map, delays_s, fractions, hybrid,
-    frequencies_hz, threads, progress))]
+#[pyo3(signature = (model, *, compensator, text, name, changes, advise, draws, posterior, compensator_draws, least_friction, map,
+    delays_s, fractions, hybrid, frequencies_hz, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
-pub(crate) fn teleop<'py>(
-    py: Python<'py>,
-    model: &Bound<'py, Model>,
-    compensator: Option<&Bound<'py, Model>>,
+pub(crate) fn teleop(
+    py: Python<'_>,
+    model: &Bound<'_, Model>,
+    compensator: Option<&Bound<'_, Model>>,
     text: Option<&str>,
     name: Option<&str>,
     changes: &str,
     advise: bool,
     draws: usize,
-    posterior: Option<&Bound<'py, PyAny>>,
+    posterior: Option<&Bound<'_, PyAny>>,
+    compensator_draws: usize,
     least_friction: f64,
     map: bool,
     delays_s: Option<Vec<f64>>,
@@ -67,29 +73,58 @@ pub(crate) fn teleop<'py>(
     frequencies_hz: Option<Vec<f64>>,
     threads: usize,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(String, Option<Arrays<'py>>, Option<Arrays<'py>>)> {
+) -> PyResult<Studied> {
     let plant = model.get().file().clone();
-    let compensator = compensator.map_or_else(|| plant.clone(), |own| own.get().file().clone());
+    let other = compensator.map(|own| own.get().file().clone());
     let config =
         changed(document(text, name)?, changes, ConfigError::Syntax).map_err(Raise::raise)?;
     config.check().map_err(Raise::raise)?;
     if (advise || map) && !config.uses_compensation() {
         return Err(TeleopError::new_err(IN_VAIN));
     }
-    let config = config.with_force_error(&compensator);
-    let (map, hybrid) = (map.then_some((delays_s, fractions)), hybrid.then_some(frequencies_hz));
+    let own = other.as_ref().unwrap_or(&plant).clone();
     let posterior = posterior.map(Draws::of).transpose()?.map(|draws| draws.models);
-    let job =
-        Job { config, plant, compensator, advise, draws, posterior, least_friction, map, hybrid };
-    let done = run(py, How { progress, threads }, move |report| job.run(report))??;
-    let arrays = |columns: Columns| {
-        columns.into_iter().map(|(name, cells)| (name, PyArray1::from_vec(py, cells))).collect()
+    match &posterior {
+        Some(_) => drop(plant.stages().map_err(Raise::raise)?),
+        None => need_intervals("draws", draws, &plant)?,
+    }
+    need_intervals("compensator_draws", compensator_draws, &own)?;
+    let seed = config.seed;
+    let least_friction_scale = least_friction;
+    let candidates = Candidates { draws, posterior, compensator_draws, seed, least_friction_scale };
+    let axes = |config: &Config| {
+        let delays = delays_s.unwrap_or_else(|| map_delays(config, None));
+        [delays, fractions.unwrap_or_else(map_fractions)]
     };
-    Ok((done.summary.to_string(), done.course.map(arrays), done.hybrid.map(arrays)))
+    let questions = Questions {
+        advice: advise.then_some(candidates),
+        map: map.then(|| axes(&config)),
+        hybrid_hz: hybrid.then(|| frequencies_hz.unwrap_or_else(frequencies)),
+    };
+    let of = |file: &ModelFile| Source::new("model", file.to_json().as_bytes());
+    let sources = Sources {
+        config: text.map(|text| Source::new(name.unwrap_or("text"), text.as_bytes())),
+        trocar: of(&plant),
+        compensator: other.as_deref().map(of),
+    };
+    let task = move |report: &crate::work::Report| {
+        let tell = |stage: &str, part: f64| report.tell(stage, part);
+        Study::new(config, [&own, &plant], &questions, &tell)
+    };
+    let study = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
+    Ok(Studied(Arc::new(Job { study, sources })))
 }
 
 const IN_VAIN: &str = "the fraction of the trocar's force changes nothing in this loop: position_position and wave \
      send no force, and a sensor at the tip reads none of it\n\nhint: leave out advise and map";
+
+fn need_intervals(name: &str, draws: usize, file: &ModelFile) -> PyResult<()> {
+    if draws > 0 && file.intervals.is_empty() {
+        let text = format!("{name} needs a model with 95 % intervals, as identify gives it");
+        return Err(TeleopError::new_err(text));
+    }
+    Ok(())
+}
 
 fn document(text: Option<&str>, name: Option<&str>) -> PyResult<Config> {
     let read = text.map(Config::from_toml).transpose();
@@ -100,92 +135,54 @@ fn document(text: Option<&str>, name: Option<&str>) -> PyResult<Config> {
     Ok(read.map_err(in_file)?.unwrap_or_default())
 }
 
-/// Everything that was asked for.
-struct Job {
-    config: Config,
-    plant: Arc<ModelFile>,
-    compensator: Arc<ModelFile>,
-    advise: bool,
-    draws: usize,
-    posterior: Option<Vec<Stages>>,
-    least_friction: f64,
-    map: Option<Axes>,
-    hybrid: Option<Frequencies>,
-}
-
-struct Done {
-    /// With the keys of `trocar teleop --json`, and the loop.
-    summary: Value,
-    course: Option<Columns>,
-    hybrid: Option<Columns>,
-}
-
 impl Job {
-    fn run(&self, report: &Report) -> PyResult<Done> {
-        let config = &self.config;
-        let Outcome { course: samples, settles, figures } =
-            Outcome::of(config, self.models()).map_err(Raise::raise)?;
-        let summary = json!({
-            "fraction": config.compensation.fraction,
-            "settles": settles,
-            "figures": figures,
-            "z_width": ZWidth::of(config, self.models()).map_err(Raise::raise)?,
-            "unstable_after_s": samples.as_ref().err().map(|diverged| diverged.time_s),
-            "advice": self.advise.then(|| self.advice(report)).transpose()?,
-            "map": self.map.as_ref().map(|axes| self.stability_map(axes, report)).transpose()?,
-            "config": config,
-        });
-        let course = samples.ok().map(|samples| course_columns(&samples));
-        let hybrid =
-            self.hybrid.as_ref().map(|frequencies| self.hybrid(frequencies)).transpose()?;
-        Ok(Done { summary, course, hybrid })
+    fn report(&self) -> TeleopReport<'_> {
+        TeleopReport { study: &self.study, sources: self.sources.clone() }
     }
 
-    /// The model in the compensator, and the trocar.
-    fn models(&self) -> [&Trocar<Vec<f64>>; 2] {
-        [&self.compensator.trocar, &self.plant.trocar]
+    fn page(&self) -> Document {
+        report_document(&self.report())
     }
 
-    fn advice(&self, report: &Report) -> PyResult<Advice> {
-        report.tell("advice", 0.0);
-        let (file, [own, _]) = (&self.plant, self.models());
-        let within = |error| format!("the model within its 95 % intervals: {error}");
-        let refuse = |error| TeleopError::new_err(within(error));
-        if let Some(draws) = &self.posterior {
-            file.stages().map_err(Raise::raise)?;
-            let trocars = posterior_candidates(file, draws, self.draws, self.least_friction);
-            let trocars = trocars.map_err(refuse)?;
-            return advise::advise(&self.config, own, &trocars).map_err(Raise::raise);
-        }
-        if self.draws > 0 && file.intervals.is_empty() {
-            let text = "draws needs a model with 95 % intervals, as identify gives it";
-            return Err(TeleopError::new_err(text));
-        }
-        let wanted = Candidates {
-            draws: self.draws,
-            seed: self.config.seed,
-            least_friction_scale: self.least_friction,
-        };
-        let trocars = candidates(file, &wanted).map_err(refuse)?;
-        advise::advise(&self.config, own, &trocars).map_err(Raise::raise)
+    fn save(&self, folder: &Path) -> Result<(), ReportError> {
+        let staged = StagedFolder::create(folder)?;
+        self.report().write(&staged)?;
+        Ok(staged.commit()?)
+    }
+}
+
+fn arrays(py: Python<'_>, columns: Columns) -> Arrays<'_> {
+    columns.into_iter().map(|(name, cells)| (name, PyArray1::from_vec(py, cells))).collect()
+}
+
+#[pymethods]
+impl Studied {
+    /// The text of summary.json.
+    fn summary_json(&self) -> String {
+        self.0.study.summary().to_json()
     }
 
-    fn stability_map(&self, (delays, fractions): &Axes, report: &Report) -> PyResult<Map> {
-        let delays = delays.clone().unwrap_or_else(|| advise::map_delays(&self.config, None));
-        let fractions = fractions.clone().unwrap_or_else(advise::map_fractions);
-        let (done, cells) = (AtomicUsize::new(0), delays.len() * fractions.len());
-        let tell = || {
-            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-            report.tell("stability map", done as f64 / cells as f64);
-        };
-        advise::map(&self.config, self.models(), &delays, &fractions, tell).map_err(Raise::raise)
+    /// The course; None if the loop diverged.
+    fn course<'py>(&self, py: Python<'py>) -> Option<Arrays<'py>> {
+        let samples = self.0.study.outcome.course.as_ref().ok()?;
+        Some(arrays(py, course_columns(samples)))
     }
 
-    /// For strokes of the motion's amplitude.
-    fn hybrid(&self, frequencies: &Frequencies) -> PyResult<Columns> {
-        let frequencies = frequencies.clone().unwrap_or_else(hybrid::frequencies);
-        let amplitude = self.config.motion.amplitude_m.abs();
-        let rows = response(&self.config, self.models(), amplitude, &frequencies);
-        rows.map(|rows| response_columns(&rows)).map_err(Raise::raise)
+    /// The hybrid matrix, if it was asked for.
+    fn hybrid<'py>(&self, py: Python<'py>) -> Option<Arrays<'py>> {
+        let rows = self.0.study.hybrid.as_ref()?;
+        Some(arrays(py, response_columns(rows)))
+    }
+
+    /// Writes the page of the report, one file with everything inside.
+    fn report(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        let job = self.0.clone();
+        write_page(py, path, move || job.page())
+    }
+
+    /// Writes summary.json, course.parquet, hybrid.parquet, report.html and figures.
+    fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
+        let job = self.0.clone();
+        run(py, How::default(), move |_| job.save(&folder))?.map_err(Raise::raise)
     }
 }

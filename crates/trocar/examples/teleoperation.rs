@@ -65,7 +65,7 @@ pub(crate) fn curves() -> Result<Vec<Curve>, Box<dyn Error>> {
             config.tissue.stiffness_n_m = tissue;
             config.motion = PUSH;
             let trocar = scaled(friction)?;
-            let tried = advise(&config, &trocar, std::slice::from_ref(&trocar))?.tried;
+            let tried = advise(&config, &[[trocar.clone(), trocar]], || ())?.tried;
             curves.push(Curve { tissue, friction, tried });
         }
     }
@@ -108,8 +108,8 @@ pub(crate) fn advised() -> Result<String, Box<dyn Error>> {
         config.channel.delay_s = delay_s;
         config.tissue.stiffness_n_m = stiffness_n_m;
         let found = |least_friction_scale: f64| {
-            let wanted = Candidates { draws: 0, seed: 1, least_friction_scale };
-            advise(&config, &file.trocar, &candidates(&file, &wanted)?)
+            let wanted = Candidates { least_friction_scale, ..Candidates::default() };
+            advise(&config, &candidates([&file; 2], &wanted)?, || ())
                 .map_err(Box::<dyn Error>::from)
         };
         let [dry, wetted] = [found(1.0)?, found(0.55)?];

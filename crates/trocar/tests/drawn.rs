@@ -12,7 +12,7 @@ use trocar::plan::{Goal, PlanConfig, PlanError, State, plan};
 use trocar::sweep::{Sweep, SweepError};
 use trocar::table::{Column, Table};
 use trocar::teleop::advise::advise;
-use trocar::teleop::{Config, Outcome, posterior_candidates};
+use trocar::teleop::{Candidates, Config, Outcome, candidates};
 use trocar_model::{
     Classical, Element, ElementParams, Friction, Mode, ParameterId, Quantity, Seal,
     SlidingFriction, Stages, StaticFriction, Tunable,
@@ -294,10 +294,14 @@ fn deviation(values: &[f64]) -> f64 {
 fn advice_with_draws_holds_for_the_true_seal() {
     let (file, mut config) = (file(), Config::default());
     config.channel.delay_s = 0.01;
-    let plants = posterior_candidates(&file, &DRAWN.draws, 12, 1.0).unwrap();
-    assert_eq!(plants.len(), 13);
-    assert_eq!(posterior_candidates(&file, &DRAWN.draws, 12, 0.55).unwrap().len(), 15);
-    let advice = advise(&config, &file.trocar, &plants).unwrap();
+    let pairs = |least_friction_scale: f64| {
+        let posterior = Some(DRAWN.draws.clone());
+        let wanted =
+            Candidates { draws: 12, posterior, least_friction_scale, ..Candidates::default() };
+        candidates([&file; 2], &wanted).unwrap()
+    };
+    assert_eq!((pairs(1.0).len(), pairs(0.55).len()), (13, 15));
+    let advice = advise(&config, &pairs(1.0), || ()).unwrap();
     config.compensation.fraction = advice.fraction.expect("there is one");
     let truth = file.trocar.with_seal(Element::new(DRAWN.truth).unwrap().into());
     let felt = Outcome::of(&config, [&file.trocar, &truth]).unwrap().figures.expect("it is stable");

@@ -1,26 +1,22 @@
 //! `trocar teleop`
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::Context;
-use serde::Serialize;
 use trocar::model_file::ModelFile;
-use trocar::report::teleop::{self as teleop_report, SourcedModel, TeleopReport};
-use trocar::teleop::advise::{self, Advice, MOST, Map, Tried, advise, map_delays, map_fractions};
+use trocar::output::StagedFolder;
+use trocar::report::teleop::{COURSE, Sources, TeleopReport};
+use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried, map_delays, map_fractions};
 use trocar::teleop::config::{Architecture, TissueKind, shipped};
-use trocar::teleop::hybrid::{frequencies, response};
+use trocar::teleop::hybrid::frequencies;
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::ZWidth;
-use trocar::teleop::{
-    Candidates, Config, Outcome, candidates, posterior_candidates, write_course, write_response,
-};
-use trocar_model::Trocar;
+use trocar::teleop::{Candidates, Config, Questions, Study};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::models;
-use crate::page::{self, model_source, source};
+use crate::page::{model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
@@ -34,10 +30,11 @@ const LONGEST_MAPPED: f64 = 1e4;
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
 /// Operator, master, channel, slave, trocar, tissue and sensor along the axis of the instrument. Prints
-/// what is felt of the tissue with the fraction of the trocar's force that is taken out, and the range of
-/// the tissue's stiffness that the loop holds stably. --advise finds the best fraction over the model's
-/// 95 % intervals, --map the range of stiffness over delay and fraction. A loop that is unstable, or a tip
-/// that does not reach the tissue, gives exit code 3.
+/// what is felt of the tissue with the fraction of the trocar's force that is taken out, and the ranges of
+/// the tissue's stiffness with which the loop is stable. --advise finds the best fraction over the model's
+/// 95 % intervals, --map the ranges of stiffness over delay and fraction. Writes summary.json,
+/// course.parquet, hybrid.parquet, report.html and figures into the folder given with --out. Exit code 3:
+/// the loop is unstable, the tip does not reach the tissue, or the steps of the plant are too long.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// The loop, TOML (see --print-config); without it, the defaults
@@ -52,7 +49,7 @@ pub(crate) struct Args {
     /// Find the fraction of the trocar's force to take out
     #[arg(long)]
     advise: bool,
-    /// With --advise: besides the model and both ends of its intervals, try this many draws from them (seed of
+    /// With --advise: besides the model and both ends of its intervals, try N trocars drawn from them (seed of
     /// the loop)
     #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
     draws: Option<u16>,
@@ -60,54 +57,29 @@ pub(crate) struct Args {
     /// model's parameters that `identify --posterior` wrote: --draws of them, or 20
     #[arg(long, value_name = "FILE", requires = "advise")]
     posterior: Option<PathBuf>,
+    /// With --advise: also try both ends of the intervals of the compensator's model and N models drawn from
+    /// them, with the trocar as its model describes it
+    #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    compensator_draws: Option<u16>,
     /// With --advise: include trocars whose friction is down to this multiple of the model's, as that of a
     /// wetted seal, which loses 15 to 45 %
     #[arg(long, value_name = "SCALE", requires = "advise", value_parser = friction_scale)]
     least_friction: Option<f64>,
-    /// Find the stiffest and the softest tissue with which the loop is stable, over fractions up to 1.425 and
+    /// Find the ranges of the tissue's stiffness with which the loop is stable, over fractions up to 1.425 and
     /// delays of one direction up to this one, s (without it, 19 samples)
     #[arg(long, value_name = "DELAY_S", num_args = 0..=1)]
     map: Option<Option<f64>>,
-    /// Write the hybrid matrix over frequency, with the trocar as its describing function at the amplitude of
-    /// the motion: .parquet, .arrow, .csv, .csv.gz or .csv.zst
-    #[arg(long, value_name = "TABLE")]
-    hybrid: Option<PathBuf>,
-    /// Write the course of the loop: .parquet, .arrow, .csv, .csv.gz or .csv.zst, '-' for CSV to standard
-    /// output
-    #[arg(long, value_name = "TABLE")]
+    /// Folder for the results; it need not exist: the report with the loop to try by hand, its course, and the
+    /// hybrid matrix with the trocar as its describing function at the amplitude of the motion
+    #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Write a report, one HTML page that needs nothing else, with what --advise and --map find, and the loop
-    /// itself to try by hand
-    #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
-    /// Print JSON instead of text
+    /// Print summary.json instead of text
     #[arg(long)]
     json: bool,
     /// Print a documented loop and stop: all defaults, or a device
     #[arg(long, value_name = "DEVICE", num_args = 0..=1, default_missing_value = "default",
           value_parser = ["default", "dvrk", "phantom"])]
     print_config: Option<String>,
-}
-
-/// Everything that was asked for.
-#[derive(Serialize)]
-struct Answer {
-    fraction: f64,
-    /// Whether it comes to rest in the tissue after a push.
-    settles: bool,
-    /// None where it does not, or diverges.
-    figures: Option<Merit>,
-    /// Stiffnesses of the tissue with which the loop is stable; none where it is with none that is tried.
-    z_width: Option<ZWidth>,
-    #[serde(skip)]
-    has_tissue: bool,
-    /// Of the tissue, N/m.
-    #[serde(skip)]
-    stiffness_n_m: f64,
-    /// When it diverged, s.
-    unstable_after_s: Option<f64>,
-    advice: Option<Advice>,
-    map: Option<Map>,
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
@@ -120,78 +92,91 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     check(args, &config)?;
     let file = model_of(model)?;
     let compensator = args.compensator.as_deref().map(model_of).transpose()?;
-    let config = config.with_force_error(compensator.as_ref().unwrap_or(&file));
-    let in_compensator = compensator.as_ref().map_or(&file.trocar, |other| &other.trocar);
-    let models = [in_compensator, &file.trocar];
-    let Outcome { course: samples, settles, figures } = Outcome::of(&config, models)?;
-    let map = |longest| stability_map(console, &config, models, longest);
-    let answer = Answer {
-        fraction: config.compensation.fraction,
-        settles,
-        figures,
-        z_width: ZWidth::of(&config, models)?,
-        has_tissue: config.tissue.kind != TissueKind::None,
-        stiffness_n_m: config.tissue.stiffness_n_m,
-        unstable_after_s: samples.as_ref().err().map(|diverged| diverged.time_s),
-        advice: args.advise.then(|| advice(console, args, &config, models, &file)).transpose()?,
-        map: args.map.map(map).transpose()?,
+    let files = [compensator.as_ref().unwrap_or(&file), &file];
+    check_intervals(console, args, files)?;
+    // Fails before the computation if nothing can be written there.
+    let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
+    let questions = questions(args, &config, (&file, model))?;
+    let progress = Progress::new(console);
+    let report = |stage: &str, part: f64| progress.report(stage, part);
+    let study = Study::new(config, files, &questions, &report)?;
+    drop(progress);
+    if let Some(staged) = staged {
+        let sources = Sources {
+            config: args.config.as_deref().map(source).transpose()?,
+            trocar: model_source(model, &file)?,
+            compensator: match (&args.compensator, &compensator) {
+                (Some(path), Some(other)) => Some(model_source(path, other)?),
+                _ => None,
+            },
+        };
+        TeleopReport { study: &study, sources }.write(&staged)?;
+        staged.commit()?;
+    }
+    let json = || study.summary().to_json();
+    console::print(&if args.json { json() } else { text(&study) })?;
+    if let Some(folder) = &args.out {
+        console.remark(&format!("report: {}", folder.join("report.html").display()));
+    }
+    Ok(Completion::doubtful_if(warn(console, args, &study)))
+}
+
+/// What the options ask for.
+fn questions(args: &Args, config: &Config, of: (&ModelFile, &Path)) -> anyhow::Result<Questions> {
+    let count = |draws: Option<u16>| draws.map_or(0, usize::from);
+    let posterior =
+        args.posterior.as_deref().map(|path| models::read_draws(path, of)).transpose()?;
+    let wanted = Candidates {
+        draws: match &posterior {
+            Some(_) => args.draws.map_or(POSTERIOR_DRAWS, usize::from),
+            None => count(args.draws),
+        },
+        posterior,
+        compensator_draws: count(args.compensator_draws),
+        seed: config.seed,
+        least_friction_scale: args.least_friction.unwrap_or(1.0),
     };
-    if let Some(out) = &args.hybrid {
-        let amplitude = config.motion.amplitude_m.abs();
-        write_response(&response(&config, models, amplitude, &frequencies())?, out)?;
-    }
-    if let (Some(out), Ok(samples)) = (&args.out, &samples) {
-        write_course(samples, out)?;
-    }
-    let text =
-        if args.json { serde_json::to_string_pretty(&answer)? + "\n" } else { text(&answer) };
-    if args.out.as_deref() != Some(Path::new("-")) {
-        console::print(&text)?;
-    }
-    if let Some(path) = &args.report {
-        let named = |trocar, path: &Path, file| {
-            Ok::<_, anyhow::Error>(SourcedModel { trocar, source: model_source(path, file)? })
-        };
-        let compensator = match (&args.compensator, &compensator) {
-            (Some(path), Some(other)) => Some(named(&other.trocar, path, other)?),
-            _ => None,
-        };
-        let input = TeleopReport {
-            config: &config,
-            config_source: args.config.as_deref().map(source).transpose()?,
-            trocar: named(&file.trocar, model, &file)?,
-            compensator,
-            course: samples.as_deref().map_err(|diverged| *diverged),
-            settles,
-            figures: answer.figures.as_ref(),
-            z_width: answer.z_width.as_ref(),
-            advice: answer.advice.as_ref(),
-            map: answer.map.as_ref(),
-        };
-        page::write(&teleop_report::document(&input), path)?;
-        console.remark(&format!("report: {}", path.display()));
-    }
-    let advised = answer.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
-    let unstable = match samples {
+    let has_strokes = config.motion.amplitude_m.abs() >= SMALLEST_AMPLITUDE_M;
+    Ok(Questions {
+        advice: args.advise.then_some(wanted),
+        map: args.map.map(|longest| [map_delays(config, longest), map_fractions()]),
+        hybrid_hz: (args.out.is_some() && has_strokes).then(frequencies),
+    })
+}
+
+/// Prints what makes the result doubtful; whether anything does.
+fn warn(console: &Console, args: &Args, study: &Study) -> bool {
+    let unstable = match &study.outcome.course {
         Err(diverged) => Some(diverged.to_string()),
-        Ok(_) if !settles => Some(
+        Ok(_) if !study.outcome.settles => Some(
             "the loop is unstable: after a push into the tissue it does not come to rest"
                 .to_owned(),
         ),
         Ok(_) => None,
     };
-    if let (Some(out), true) = (&args.out, answer.unstable_after_s.is_some()) {
-        console
-            .warn(&format!("{}: not written; what was there before is still there", out.display()));
+    let course = args.out.as_ref().map(|folder| folder.join(COURSE));
+    if let (Some(course), true) = (course, study.unstable_after_s().is_some())
+        && course.exists()
+    {
+        let course = course.display();
+        console.warn(&format!("{course} is that of an earlier run: a loop that diverged has none"));
     }
     if let Some(why) = &unstable {
-        console.warn(&format!("{why}\n\nhint: try {}", remedies(&config, args).join(", ")));
+        console.warn(&format!("{why}\n\nhint: try {}", remedies(&study.config, args).join(", ")));
     }
-    let out_of_reach = warn_of_no_contact(console, &config, &answer);
-    Ok(Completion::doubtful_if(unstable.is_some() || !advised || out_of_reach))
+    if let Some(error) = study.step_error {
+        let more = 4 * study.config.substeps;
+        console.warn(&format!(
+            "{error}\n\nhint: try substeps = {more}; where passivity control, losses or an encoder keep switching a force, more steps \
+             may not help"
+        ));
+    }
+    let advised = study.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
+    let no_contact = warn_of_no_contact(console, study);
+    unstable.is_some() || !advised || no_contact || study.step_error.is_some()
 }
 
-/// What may make an unstable loop stable.
+/// Changes that may make an unstable loop stable.
 fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
     let control = &config.control;
     let four_channels = control.architecture == Architecture::FourChannel;
@@ -213,25 +198,24 @@ fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
     all.into_iter().filter(|(helps, _)| *helps).map(|(_, what)| what).collect()
 }
 
-/// Whether there is tissue that the tip does not reach: the figures then say nothing about it.
-fn warn_of_no_contact(console: &Console, config: &Config, answer: &Answer) -> bool {
-    let tissue = &config.tissue;
+/// Whether the figures tell nothing about the tissue.
+fn warn_of_no_contact(console: &Console, study: &Study) -> bool {
+    let tissue = &study.config.tissue;
     let is_there = tissue.kind != TissueKind::None && tissue.stiffness_n_m > 0.0;
-    if is_there && config.begins_in_the_tissue() {
+    let begins_inside = is_there && study.config.begins_in_the_tissue();
+    if begins_inside {
         console.warn(
             "the motion begins in the tissue: no stiffness displayed\n\nhint: begin before tissue.surface_m, see [motion]",
         );
-        return true;
     }
-    let out_of_reach = is_there && answer.figures.is_some_and(|f| f.true_stiffness_n_m.is_none());
-    if out_of_reach {
+    if study.is_out_of_reach() {
         console.warn(
             "the tip does not reach the tissue: the figures are those of free motion\n\nhint: let the hand go further, \
              or longer than the channel delays, see [motion]; hand and control need a stiffness; with passivity = true give the \
              control a passivity_reserve_j",
         );
     }
-    out_of_reach
+    begins_inside || study.is_out_of_reach()
 }
 
 fn friction_scale(text: &str) -> Result<f64, String> {
@@ -239,20 +223,11 @@ fn friction_scale(text: &str) -> Result<f64, String> {
     if (0.01..=1.0).contains(&scale) { Ok(scale) } else { Err("must be from 0.01 to 1".into()) }
 }
 
-/// Refuses what would be computed in vain.
+/// Refuses options that cannot have a result.
 fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
-    let to_stdout = args.out.as_deref() == Some(Path::new("-"));
-    if to_stdout && (args.json || args.advise || args.map.is_some()) {
-        let text = "--out - prints the course alone\n\nhint: write it to a file, or leave out --json, --advise and --map";
+    if args.out.as_deref() == Some(Path::new("-")) {
+        let text = "--out - : the results are a folder\n\nhint: --json prints summary.json";
         return Err(BadArgument(text.to_owned()).into());
-    }
-    page::needs_a_file(args.report.as_deref())?;
-    if args.hybrid.is_some() && config.motion.amplitude_m.abs() < SMALLEST_AMPLITUDE_M {
-        let text = format!(
-            "--hybrid: the hybrid matrix is that of strokes of motion.amplitude_m, which must be {SMALLEST_AMPLITUDE_M} m or more, got {} m",
-            config.motion.amplitude_m
-        );
-        return Err(BadArgument(text).into());
     }
     if let Some(Some(longest)) = args.map
         && !(config.sample_time_s..=LONGEST_MAPPED * config.sample_time_s).contains(&longest)
@@ -290,110 +265,70 @@ fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
     }
 }
 
-fn advice(
+/// Refuses draws from a model without intervals.
+fn check_intervals(
     console: &Console,
     args: &Args,
-    config: &Config,
-    [model, _]: [&Trocar<Vec<f64>>; 2],
-    file: &ModelFile,
-) -> anyhow::Result<Advice> {
-    let least_friction_scale = args.least_friction.unwrap_or(1.0);
-    let plants = match (&args.posterior, &args.model) {
-        (Some(path), Some(of)) => {
-            let draws = models::read_draws(path, (file, of))?;
-            let most = args.draws.map_or(POSTERIOR_DRAWS, usize::from);
-            posterior_candidates(file, &draws, most, least_friction_scale)
-                .context("posterior draws of the model")?
+    [compensator, plant]: [&ModelFile; 2],
+) -> anyhow::Result<()> {
+    for (option, is_given, file) in [
+        ("--draws", args.draws.is_some() && args.posterior.is_none(), plant),
+        ("--compensator-draws", args.compensator_draws.is_some(), compensator),
+    ] {
+        if is_given && file.intervals.is_empty() {
+            let text = format!("{option} needs a model with 95 % intervals, as identify writes it");
+            return Err(BadArgument(text).into());
         }
-        _ => within_intervals(console, args, config, file, least_friction_scale)?,
-    };
-    if args.least_friction.is_none() {
-        console.remark(
-            "the advice includes the model's uncertainty alone: --least-friction 0.55 adds seals that are wetted",
-        );
     }
-    Ok(advise(config, model, &plants)?)
-}
-
-/// The trocars within the intervals of the model.
-fn within_intervals(
-    console: &Console,
-    args: &Args,
-    config: &Config,
-    file: &ModelFile,
-    least_friction_scale: f64,
-) -> anyhow::Result<Vec<Trocar<Vec<f64>>>> {
-    if args.draws.is_some() && file.intervals.is_empty() {
-        let text = "--draws needs a model with 95 % intervals, as identify writes it";
-        return Err(BadArgument(text.to_owned()).into());
-    }
-    let wanted = Candidates {
-        draws: args.draws.map_or(0, usize::from),
-        seed: config.seed,
-        least_friction_scale,
-    };
-    let plants = candidates(file, &wanted).context("the model within its 95 % intervals")?;
-    if plants.len() == 1 {
+    let is_certain = plant.intervals.is_empty() && args.posterior.is_none();
+    if args.advise && is_certain && args.least_friction.is_none() {
         console.remark(
             "the model has no 95 % intervals: the advice is for a trocar that equals the model",
         );
     }
-    Ok(plants)
+    if args.advise && args.least_friction.is_none() {
+        console.remark(
+            "the advice covers the model's uncertainty only: --least-friction 0.55 adds wetted seals",
+        );
+    }
+    Ok(())
 }
 
-fn stability_map(
-    console: &Console,
-    config: &Config,
-    models: [&Trocar<Vec<f64>>; 2],
-    longest: Option<f64>,
-) -> anyhow::Result<Map> {
-    let (delays, fractions) = (map_delays(config, longest), map_fractions());
-    let progress = Progress::new(console);
-    let (done, cells) = (AtomicUsize::new(0), delays.len() * fractions.len());
-    let report = || {
-        let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-        progress.report("stability map", done as f64 / cells as f64);
-    };
-    Ok(advise::map(config, models, &delays, &fractions, report)?)
-}
-
-fn text(answer: &Answer) -> String {
+fn text(study: &Study) -> String {
+    let (fraction, figures) = (study.config.compensation.fraction, &study.outcome.figures);
     let mut text = String::new();
-    match (&answer.figures, answer.unstable_after_s) {
+    match (figures, study.unstable_after_s()) {
         (Some(_), _) => {}
         (None, Some(time)) => text += &format!("unstable: diverged after {} s\n", number(time)),
         (None, None) => text += "unstable: it does not come to rest after a push into the tissue\n",
     }
-    text += &match &answer.z_width {
-        _ if !answer.has_tissue => String::new(),
-        Some(ZWidth { least_n_m, greatest_n_m }) => format!(
-            "stable with tissue of {} to {} N/m\n",
-            number(*least_n_m),
-            number(*greatest_n_m)
-        ),
-        None => "unstable with every tissue that is tried, from 0 to 20 000 N/m\n".to_owned(),
-    };
-    let beyond = |z: &ZWidth| !(z.least_n_m..=z.greatest_n_m).contains(&answer.stiffness_n_m);
-    if answer.figures.is_some() && answer.z_width.as_ref().is_some_and(beyond) {
-        text += &format!(
-            "and beyond that range with its own tissue of {} N/m: the stiffnesses are not one range\n",
-            number(answer.stiffness_n_m)
-        );
-    }
-    let advised = answer.advice.as_ref().and_then(|a| Some((a.fraction?, a.with.as_ref()?)));
+    text += &study.z_width.as_ref().map_or(String::new(), z_width_text);
+    let advised = study.advice.as_ref().and_then(|a| Some((a.fraction?, a.with.as_ref()?)));
     let cases: Vec<(f64, &Merit)> =
-        answer.figures.iter().map(|figures| (answer.fraction, figures)).chain(advised).collect();
+        figures.iter().map(|figures| (fraction, figures)).chain(advised).collect();
     if !cases.is_empty() {
         text += "\nwith a percentage of the trocar's force taken out:\n";
         text += &figures_table(&cases);
     }
-    if let Some(advice) = &answer.advice {
+    if let Some(advice) = &study.advice {
         text += &advice_text(advice);
     }
-    if let Some(map) = &answer.map {
+    if let Some(map) = &study.map {
         text += &map_text(map);
     }
     text
+}
+
+fn z_width_text(width: &ZWidth) -> String {
+    let range =
+        |[least, greatest]: &[f64; 2]| format!("{} to {}", number(*least), number(*greatest));
+    match width.ranges_n_m.as_slice() {
+        [] => "unstable with every tissue that is tried, from 0 to 20 000 N/m\n".to_owned(),
+        ranges => {
+            let all: Vec<String> = ranges.iter().map(range).collect();
+            format!("stable with tissue of {} N/m\n", all.join(" and of "))
+        }
+    }
 }
 
 /// Figures side by side, each with the fraction of the trocar's force that is taken out.
@@ -432,66 +367,69 @@ fn advice_text(advice: &Advice) -> String {
         ranges.join(", ")
     );
     text += &partly_stable(advice);
-    if let (Some(best), true) = (&advice.best, advice.plants > 1) {
-        text +=
-            &format!("best for each of the {} trocars by itself: {}\n", advice.plants, range(best));
+    if let (Some(best), true) = (&advice.best, advice.pairs > 1) {
+        text += &format!("best for each of the {} by itself: {}\n", tried(advice), range(best));
     }
-    let step = |step: Option<f64>| {
-        let none = "none before ten times the stiffness, or before the loop is unstable";
-        step.map_or(none.to_owned(), |s| number(s) + " N/m")
-    };
     text += &format!(
-        "least step of the tissue's stiffness that is noticed: {}",
-        step(advice.noticeable_with_n_m)
+        "least step of the tissue's stiffness that is noticed: {}\n",
+        step_text(advice.noticeable_with)
     );
     text + &match advice.without {
-        Some(_) => {
-            format!("; without compensation: {}\n", step(advice.noticeable_without_n_m))
-        }
-        None => "\nwithout compensation the loop is unstable\n".to_owned(),
+        Some(_) => format!("without compensation: {}\n", step_text(advice.noticeable_without)),
+        None => "without compensation the loop is unstable\n".to_owned(),
     }
+}
+
+fn step_text(step: Option<NoticeableStep>) -> String {
+    match step {
+        None => "none, since the tip does not touch the tissue".to_owned(),
+        Some(NoticeableStep::Noticed { step_n_m }) => format!("{} N/m", number(step_n_m)),
+        Some(NoticeableStep::NotNoticed { step_n_m }) => {
+            format!("none up to {} N/m, the largest that is tried", number(step_n_m))
+        }
+        Some(NoticeableStep::Unstable { step_n_m }) => {
+            format!(
+                "none before the loop becomes unstable, with tissue stiffer by {} N/m",
+                number(step_n_m)
+            )
+        }
+    }
+}
+
+/// What a fraction is tried with.
+fn tried(advice: &Advice) -> String {
+    format!("{} pairs of compensator and trocar", advice.pairs)
 }
 
 /// Fractions with which the loop is stable with some of the trocars, and with how many.
 fn partly_stable(advice: &Advice) -> String {
     let is_partly = |tried: &&Tried| tried.stable_share > 0.0 && !tried.stable;
     let held = |tried: &Tried| {
-        let count = (tried.stable_share * advice.plants as f64).round();
+        let count = (tried.stable_share * advice.pairs as f64).round();
         format!("{} % ({count})", number(100.0 * tried.fraction))
     };
     let partly: Vec<String> = advice.tried.iter().filter(is_partly).map(held).collect();
     if partly.is_empty() {
         return String::new();
     }
-    format!("stable with some of the {} trocars: {}\n", advice.plants, partly.join(", "))
+    format!("stable with some of the {} (how many): {}\n", self::tried(advice), partly.join(", "))
 }
 
 fn map_text(map: &Map) -> String {
-    let mut text = "\nstiffest tissue with which the loop is stable (N/m; from 0 to 20 000 are tried; -: with none), delay of one \
-                    direction in ms down, percentage taken out across\n"
+    let mut text = "\nstiffest tissue with which the loop is stable (N/m; from 0 to 20 000 are tried; -: with none; *: not from 0 on, or \
+                    in several ranges, see summary.json), delay of one direction in ms down, percentage taken out across\n"
         .to_owned();
-    text += &grid(map, |delay, fraction| {
-        map.least_stiffness_n_m[delay][fraction].map(|_| map.stiffness_n_m[delay][fraction])
-    });
-    if map.least_stiffness_n_m.iter().flatten().any(|least| least.is_some_and(|least| least > 0.0))
-    {
-        text += "\nsoftest tissue with which the loop is stable (N/m)\n";
-        text += &grid(map, |delay, fraction| map.least_stiffness_n_m[delay][fraction]);
-    }
-    text
-}
-
-/// A number for each delay, down, and fraction, across.
-fn grid(map: &Map, of: impl Fn(usize, usize) -> Option<f64>) -> String {
-    let mut text = " ".repeat(6);
-    map.fractions.iter().for_each(|fraction| text += &format!("{:6.1}", 100.0 * fraction));
-    text.push('\n');
-    for (row, delay) in map.delays_s.iter().enumerate() {
-        text += &format!("{:6.1}", 1e3 * delay);
-        for column in 0..map.fractions.len() {
-            text += &of(row, column).map_or(format!("{:>6}", "-"), |value| format!("{value:6.0}"));
+    text += &" ".repeat(6);
+    map.fractions.iter().for_each(|fraction| text += &format!("{:6.1} ", 100.0 * fraction));
+    for (delay, row) in map.delays_s.iter().zip(&map.z_width_n_m) {
+        text = text.trim_end().to_owned() + &format!("\n{:6.1}", 1e3 * delay);
+        for width in row {
+            text += &match width.ranges_n_m.as_slice() {
+                [] => format!("{:>6} ", "-"),
+                [[0.0, greatest]] => format!("{greatest:6.0} "),
+                [[_, greatest], ..] => format!("{greatest:6.0}*"),
+            };
         }
-        text.push('\n');
     }
-    text
+    text.trim_end().to_owned() + "\n"
 }

@@ -94,7 +94,10 @@ const NAMES: [(&str, &[&str]); 20] = [
     ("trocar-cli/src/progress.rs", &["new", "left"]),
     ("trocar-cli/src/verbs/ranges.rs", &["details", "drawn", "span"]),
     ("trocar-cli/src/verbs/plan.rs", &["text"]),
-    ("trocar-cli/src/verbs/teleop.rs", &["text", "advice_text", "partly_stable", "map_text"]),
+    (
+        "trocar-cli/src/verbs/teleop.rs",
+        &["text", "z_width_text", "advice_text", "step_text", "tried", "partly_stable", "map_text"],
+    ),
     ("trocar-cli/src/verbs/inspect.rs", &["rows_in_words", "column_in_words"]),
     (
         "trocar-cli/src/verbs/analyze.rs",

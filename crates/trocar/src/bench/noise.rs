@@ -21,6 +21,7 @@ pub(crate) enum Source {
     ToMaster = 12,
     RemoteSensor = 13,
     Draws = 14,
+    CompensatorDraws = 15,
 }
 
 /// One reproducible stream of uniform and normal numbers.

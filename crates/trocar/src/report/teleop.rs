@@ -3,19 +3,19 @@
 //! This module runs no loop. It evaluates linear theory over frequency, because the results contain no curves of it.
 
 use sha2::{Digest as _, Sha256};
-use trocar_model::Trocar;
 
 use super::document::{Cell, Document, Figure, LiveLoop, Section, Table, Tile};
 use super::figures::MM;
 use super::figures::teleop as figures;
 use super::figures::teleop::plain;
 use super::number::significant;
+use super::{ReportError, stage_document};
+use crate::output::StagedFolder;
 use crate::summary::PROGRAM;
-use crate::teleop::advise::{Advice, Map};
+use crate::teleop::advise::{Advice, Map, NoticeableStep};
 use crate::teleop::config::{Config, TissueKind};
 use crate::teleop::merit::Merit;
-use crate::teleop::stability::ZWidth;
-use crate::teleop::{Diverged, Sample};
+use crate::teleop::{Diverged, Sample, Study, write_course, write_response};
 
 /// An input by its name, without a folder, and the SHA-256 of its bytes.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -43,45 +43,54 @@ impl Source {
     }
 }
 
-/// A model with where it comes from.
-#[derive(Debug, Clone)]
-pub struct SourcedModel<'a> {
-    /// The model.
-    pub trocar: &'a Trocar<Vec<f64>>,
-    /// Its file.
-    pub source: Source,
+/// Where the inputs of a study come from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Sources {
+    /// File of the configuration; `None` for the defaults.
+    pub config: Option<Source>,
+    /// File of the trocar's model.
+    pub trocar: Source,
+    /// File of the compensator's model; `None` for the same.
+    pub compensator: Option<Source>,
 }
 
 /// What a report on a loop shows.
 #[derive(Debug, Clone)]
 pub struct TeleopReport<'a> {
     /// The loop.
-    pub config: &'a Config,
-    /// Its file; `None` for the defaults.
-    pub config_source: Option<Source>,
-    /// Model of the trocar.
-    pub trocar: SourcedModel<'a>,
-    /// Model in the compensator; `None` for the same.
-    pub compensator: Option<SourcedModel<'a>>,
-    /// The course of the loop.
-    pub course: Result<&'a [Sample], Diverged>,
-    /// Whether it comes to rest after a push into the tissue.
-    pub settles: bool,
-    /// Figures of the course; `None` where the loop is not stable.
-    pub figures: Option<&'a Merit>,
-    /// Stiffnesses of the tissue with which the loop is stable; `None` where it is with none.
-    pub z_width: Option<&'a ZWidth>,
-    /// The fraction to take out, if it was asked for.
-    pub advice: Option<&'a Advice>,
-    /// Where the loop is stable, if it was asked for.
-    pub map: Option<&'a Map>,
+    pub study: &'a Study,
+    /// Its inputs.
+    pub sources: Sources,
 }
 
 impl TeleopReport<'_> {
-    fn in_compensator(&self) -> &Trocar<Vec<f64>> {
-        self.compensator.as_ref().map_or(self.trocar.trocar, |model| model.trocar)
+    fn config(&self) -> &Config {
+        &self.study.config
+    }
+
+    fn course(&self) -> Result<&[Sample], Diverged> {
+        self.study.outcome.course.as_deref().map_err(|diverged| *diverged)
+    }
+
+    /// Stages summary.json, course.parquet unless the loop diverged, hybrid.parquet if it was requested, report.html and
+    /// figures.
+    ///
+    /// # Errors
+    /// What cannot be written.
+    pub fn write(&self, staged: &StagedFolder) -> Result<(), ReportError> {
+        staged.write("summary.json", self.study.summary().to_json().as_bytes())?;
+        if let Ok(samples) = self.course() {
+            write_course(samples, staged.path().join(COURSE))?;
+        }
+        if let Some(rows) = &self.study.hybrid {
+            write_response(rows, staged.path().join("hybrid.parquet"))?;
+        }
+        stage_document(staged, &document(self))
     }
 }
+
+/// File of the course in the folder of a study.
+pub const COURSE: &str = "course.parquet";
 
 /// Most numbers of a row in the module.
 const LONGEST_ROW: usize = 24_576;
@@ -107,7 +116,7 @@ pub fn document(input: &TeleopReport) -> Document {
             map(input),
             linear(input),
             energy(input),
-            configuration(input.config),
+            configuration(input.config()),
         ],
         provenance: provenance(input),
     };
@@ -121,7 +130,7 @@ fn percent(fraction: f64) -> String {
 }
 
 fn subtitle(input: &TeleopReport) -> String {
-    let Config { control, channel, tissue, compensation, .. } = input.config;
+    let Config { control, channel, tissue, compensation, .. } = input.config();
     let tissue = match tissue.kind {
         TissueKind::None => "no tissue".to_owned(),
         _ => format!("tissue of {} N/m", plain(tissue.stiffness_n_m)),
@@ -136,12 +145,12 @@ fn subtitle(input: &TeleopReport) -> String {
 
 /// Why the loop is not stable; `None` where it is.
 fn warning(input: &TeleopReport) -> Option<String> {
-    match input.course {
+    match input.course() {
         Err(Diverged { time_s }) => Some(format!(
             "The loop is unstable: it diverged after {} s. A loop that is unstable has no figures of merit.",
             significant(time_s, 4)
         )),
-        Ok(_) if !input.settles => Some(
+        Ok(_) if !input.study.outcome.settles => Some(
             "The loop is unstable: after a push into the tissue it does not come to rest. A loop that is unstable has no figures of merit."
                 .to_owned(),
         ),
@@ -150,7 +159,7 @@ fn warning(input: &TeleopReport) -> Option<String> {
 }
 
 fn tiles(input: &TeleopReport) -> Vec<Tile> {
-    let verdict = match (input.course, input.settles) {
+    let verdict = match (input.course(), input.study.outcome.settles) {
         (Err(Diverged { time_s }), _) => {
             ("unstable", format!("diverged after {} s", significant(time_s, 4)))
         }
@@ -158,19 +167,23 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
         (Ok(_), true) => ("stable", "comes to rest after a push into the tissue".to_owned()),
     };
     let mut tiles = vec![Tile::new("The loop", verdict.0, verdict.1)];
-    let held = input.z_width.map_or_else(
-        || "none".to_owned(),
-        |z| format!("{} to {} N/m", significant(z.least_n_m, 4), significant(z.greatest_n_m, 4)),
-    );
-    if input.config.tissue.kind != TissueKind::None {
-        tiles.push(Tile::new("Stable with tissue of", held, "tried from 0 to 20 000 N/m"));
+    if let Some(width) = &input.study.z_width {
+        let range = |[least, greatest]: &[f64; 2]| {
+            format!("{} to {}", significant(*least, 4), significant(*greatest, 4))
+        };
+        let held: Vec<String> = width.ranges_n_m.iter().map(range).collect();
+        let value = match held.as_slice() {
+            [] => "none".to_owned(),
+            held => held.join(", ") + " N/m",
+        };
+        tiles.push(Tile::new("Stable with tissue of", value, "tried from 0 to 20 000 N/m"));
     }
-    if let Some(Advice { fraction, stable, .. }) = input.advice {
+    if let Some(Advice { fraction, stable, .. }) = &input.study.advice {
         let value = fraction.map_or_else(|| "no fraction".to_owned(), percent);
         let note = if stable.is_empty() { "none is stable".to_owned() } else { ranges(stable) };
         tiles.push(Tile::new("Take out of the trocar's force", value, note));
     }
-    let Some(merit) = input.figures else { return tiles };
+    let Some(merit) = &input.study.outcome.figures else { return tiles };
     if let (Some(shown), Some(own)) = (merit.displayed_stiffness_n_m, merit.true_stiffness_n_m) {
         let note = format!("of the tissue {} N/m", significant(own, 4));
         tiles.push(Tile::new(
@@ -209,15 +222,15 @@ fn merit_table(caption: &str, merit: &Merit) -> Table {
 
 fn felt(input: &TeleopReport) -> Section {
     let section = Section::new("What is felt");
-    let Ok(samples) = input.course else {
+    let Ok(samples) = input.course() else {
         return section.paragraph("The loop diverged: there is no course to show.");
     };
-    let section = match input.figures {
+    let section = match &input.study.outcome.figures {
         Some(merit) => section.table(merit_table("Figures of merit", merit)),
         None => section.paragraph("The loop is unstable; the figures below show its motion only."),
     };
-    let section = section.figure(figures::course(input.config, samples));
-    match figures::depth(input.config, samples, input.figures) {
+    let section = section.figure(figures::course(input.config(), samples));
+    match figures::depth(input.config(), samples, input.study.outcome.figures.as_ref()) {
         Ok(figure) => section.figure(figure),
         Err(why) => section.paragraph(why),
     }
@@ -225,33 +238,44 @@ fn felt(input: &TeleopReport) -> Section {
 
 fn advised(input: &TeleopReport) -> Section {
     let section = Section::new("How much to take out");
-    let Some(advice) = input.advice else {
-        return section.paragraph("Not asked for: --advise tries fractions from 0 to 150 %.");
+    let Some(advice) = &input.study.advice else {
+        return section.paragraph("Not computed: --advise tries fractions from 0 to 150 %.");
     };
     let words = match advice.fraction {
         Some(fraction) => format!(
             "Take out {} of the trocar's force: the least error of the force felt among the fractions that are stable with {} ({}).",
             percent(fraction),
-            match advice.plants {
+            match advice.pairs {
                 1 => "the model".to_owned(),
-                n => format!("the model and {} other trocars that it may be", n - 1),
+                n => format!("all {n} pairs of a compensator's model and a trocar"),
             },
             ranges(&advice.stable)
         ),
         None => "No fraction from 0 to 150 % makes the loop stable.".to_owned(),
     };
     let mut section = section.paragraph(words);
-    if let Some(step) = advice.noticeable_with_n_m {
-        section = section.paragraph(format!(
-            "Least step of the tissue's stiffness that is noticed with it: {} N/m.",
-            significant(step, 4)
-        ));
+    if let Some(step) = advice.noticeable_with {
+        section = section.paragraph(match step {
+            NoticeableStep::Noticed { step_n_m } => format!(
+                "With it, the least step of the tissue's stiffness that is noticed is {} N/m.",
+                significant(step_n_m, 4)
+            ),
+            NoticeableStep::NotNoticed { step_n_m } => format!(
+                "With it, no step of the tissue's stiffness up to {} N/m is noticed.",
+                significant(step_n_m, 4)
+            ),
+            NoticeableStep::Unstable { step_n_m } => format!(
+                "With it, no step of the tissue's stiffness is noticed before the loop becomes unstable, with tissue stiffer \
+                 by {} N/m.",
+                significant(step_n_m, 4)
+            ),
+        });
     }
     if let Some(merit) = &advice.with {
         section = section
-            .table(merit_table("With that fraction, the trocar with the largest error", merit));
+            .table(merit_table("With that fraction, the pair with the largest error", merit));
     }
-    section.table(figures::tried(advice)).figure(figures::errors(input.config, advice))
+    section.table(figures::tried(advice)).figure(figures::errors(input.config(), advice))
 }
 
 /// The map alone, as in the report; the cell of `config` is framed.
@@ -261,10 +285,12 @@ pub fn stability_map(config: &Config, map: &Map) -> Figure {
 
 fn map(input: &TeleopReport) -> Section {
     let section = Section::new("Where the loop is stable");
-    match input.map {
-        Some(map) => section.figure(figures::map(input.config, map)).table(figures::map_table(map)),
+    match &input.study.map {
+        Some(map) => {
+            section.figure(figures::map(input.config(), map)).table(figures::map_table(map))
+        }
         None => section
-            .paragraph("Not asked for: --map finds the stiffest tissue over delay and fraction."),
+            .paragraph("Not computed: --map finds the stiffest tissue over delay and fraction."),
     }
 }
 
@@ -273,17 +299,18 @@ fn linear(input: &TeleopReport) -> Section {
         "The same loop without sampling. A seal is not linear: it enters as its describing function, the first harmonic of its force at the \
          stated amplitude around the surface of the tissue, and the figures hold for that amplitude.",
     );
-    let model = match input.config.compensation.model(input.in_compensator()) {
+    let [model, trocar] = &input.study.models;
+    let model = match input.config().compensation.model(model) {
         Ok(model) => model,
-        Err(why) => return section.paragraph(format!("There is none: {why}.")),
+        Err(why) => return section.paragraph(format!("Not computed: {why}.")),
     };
-    let [matrix, transmitted] = figures::hybrid(input.config, [&model, input.trocar.trocar]);
+    let [matrix, transmitted] = figures::hybrid(input.config(), [&model, trocar]);
     section.figure(matrix).figure(transmitted)
 }
 
 fn energy(input: &TeleopReport) -> Section {
     let section = Section::new("Energy");
-    match input.course {
+    match input.course() {
         Ok(samples) => section.figure(figures::energy(samples)),
         Err(_) => section.paragraph("The loop diverged: there is no course to show."),
     }
@@ -291,12 +318,13 @@ fn energy(input: &TeleopReport) -> Section {
 
 fn live(input: &TeleopReport) -> Section {
     let section = Section::new("The loop, live");
-    let rows = [input.trocar.trocar, input.in_compensator()].map(|trocar| {
+    let [compensator, trocar] = &input.study.models;
+    let rows = [trocar, compensator].map(|trocar| {
         let mut row = vec![0.0; trocar.count_numbers()];
         trocar.write_numbers(&mut row).ok().map(|_| row)
     });
     let ([Some(trocar), Some(compensator)], Ok(config)) =
-        (rows, serde_json::to_string(input.config))
+        (rows, serde_json::to_string(input.config()))
     else {
         return section.paragraph("This loop cannot be written as numbers for a page.");
     };
@@ -304,7 +332,7 @@ fn live(input: &TeleopReport) -> Section {
         return section
             .paragraph("The model has too many knots over the position to run in a page.");
     }
-    let Config { motion, tissue, .. } = input.config;
+    let Config { motion, tissue, .. } = input.config();
     let (first, last) = (motion.start_m(), motion.middle_m + motion.amplitude_m);
     let way = [
         first.min(last).min(tissue.surface_m - REACH[0]),
@@ -327,15 +355,16 @@ fn configuration(config: &Config) -> Section {
 }
 
 fn provenance(input: &TeleopReport) -> Vec<(String, String)> {
-    let config = input.config_source.as_ref().map_or_else(|| "defaults".to_owned(), Source::words);
+    let Sources { config, trocar, compensator } = &input.sources;
+    let config = config.as_ref().map_or_else(|| "defaults".to_owned(), Source::words);
     let mut all = vec![
         ("Program".to_owned(), PROGRAM.to_owned()),
         ("Configuration".to_owned(), config),
-        ("Model".to_owned(), input.trocar.source.words()),
+        ("Model".to_owned(), trocar.words()),
     ];
-    if let Some(other) = &input.compensator {
-        all.push(("Compensator".to_owned(), other.source.words()));
+    if let Some(other) = compensator {
+        all.push(("Compensator".to_owned(), other.words()));
     }
-    all.push(("Seed".to_owned(), input.config.seed.to_string()));
+    all.push(("Seed".to_owned(), input.config().seed.to_string()));
     all
 }

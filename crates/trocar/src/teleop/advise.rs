@@ -7,13 +7,17 @@ use trocar_model::Trocar;
 use super::config::{Config, ConfigError};
 use super::merit::{Merit, STIFFNESS_NOTICEABLE};
 use super::outcome::Outcome;
-use super::stability::{ZWidth, boundary};
+use super::stability::{ZWidth, bisect};
 
 /// Largest fraction that is tried, beginning with 0, and the distance of two.
 pub const MOST: f64 = 1.5;
 const APART: f64 = 0.025;
+/// Number of fractions that are tried.
+pub const FRACTIONS: u32 = 61;
 /// Tissue up to so many times as stiff is tried for a step that is noticed.
 const STIFFEST_STEP: f64 = 10.0;
+/// Stiffnesses that are tried up to there, even in their logarithm.
+const STEPS_TRIED: u32 = 12;
 /// Accuracy of that step, relative to the tissue's stiffness.
 const STEP_ACCURACY: f64 = 0.01;
 
@@ -22,24 +26,45 @@ const STEP_ACCURACY: f64 = 0.01;
 pub struct Advice {
     /// γ with the least force error among those with which the loop is stable; none if it is never.
     pub fraction: Option<f64>,
-    /// Intervals of γ, lowest and highest, over which the loop is stable with every plant.
+    /// Intervals of γ, lowest and highest, over which the loop is stable with every pair.
     pub stable: Vec<[f64; 2]>,
-    /// Figures with that γ, of the plant with the largest force error.
+    /// Figures with that γ, of the pair with the largest force error.
     pub with: Option<Merit>,
     /// Figures without compensation; none where the loop is then unstable.
     pub without: Option<Merit>,
     /// Each γ that was tried.
     pub tried: Vec<Tried>,
-    /// Number of plants.
-    pub plants: usize,
-    /// Lowest and highest of the best γ of each plant by itself: stable, with the least force error. None where no plant has
+    /// Number of pairs of a compensator's model and a trocar.
+    pub pairs: usize,
+    /// Lowest and highest of the best γ of each pair by itself: stable, with the least force error. None where no pair has
     /// one.
     pub best: Option<[f64; 2]>,
-    /// Least step of the tissue's stiffness that is noticed with that γ, N/m, with the first plant
-    /// ([`noticeable_step`]); none where there is no such γ or step.
-    pub noticeable_with_n_m: Option<f64>,
-    /// The same without compensation; none where the loop is then unstable, too.
-    pub noticeable_without_n_m: Option<f64>,
+    /// Least step of the tissue's stiffness that is noticed with that γ, with the first pair ([`noticeable_step`]); none where
+    /// there is no such γ.
+    pub noticeable_with: Option<NoticeableStep>,
+    /// The same without compensation; none where the loop is then unstable.
+    pub noticeable_without: Option<NoticeableStep>,
+}
+
+/// The least step by which tissue must be stiffer for a person to notice it ([`noticeable_step`]).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(tag = "finding", rename_all = "snake_case")]
+pub enum NoticeableStep {
+    /// There is one.
+    Noticed {
+        /// N/m
+        step_n_m: f64,
+    },
+    /// No step up to the largest that is tried is noticed.
+    NotNoticed {
+        /// The largest that is tried, N/m.
+        step_n_m: f64,
+    },
+    /// The loop is unstable with stiffer tissue before a step is noticed.
+    Unstable {
+        /// The step from which on it is unstable, N/m.
+        step_n_m: f64,
+    },
 }
 
 /// One fraction.
@@ -47,40 +72,43 @@ pub struct Advice {
 pub struct Tried {
     /// γ
     pub fraction: f64,
-    /// Whether the loop is stable with every plant.
+    /// Whether the loop is stable with every pair.
     pub stable: bool,
-    /// Share of the plants with which it is, 0 to 1.
+    /// Share of the pairs with which it is, 0 to 1.
     pub stable_share: f64,
-    /// Figures of the plant with the largest force error; none where it is not stable.
+    /// Figures of the pair with the largest force error; none where it is not stable.
     pub merit: Option<Merit>,
 }
 
-/// Tries the fractions from 0 to 1.5 in `config`, with `model` in the compensator and each of `plants` as the
-/// trocar, such as draws from the model's intervals.
+/// Tries the fractions from 0 to 1.5 in `config` with each of `pairs`: the model in the compensator, and the trocar
+/// ([`super::candidates`]).
 ///
-/// Stable means: with every plant the loop settles in the tissue of `config` ([`Outcome`]), and runs through
-/// the motion of `config` without diverging.
+/// Stable means: with every pair the loop settles in the tissue of `config` ([`Outcome`]), and runs through
+/// the motion of `config` without diverging. `done` is called after each fraction.
 ///
 /// # Errors
 /// A value of `config` out of its range.
 pub fn advise<K: AsRef<[f64]> + Clone + Sync>(
     config: &Config,
-    model: &Trocar<K>,
-    plants: &[Trocar<K>],
+    pairs: &[[Trocar<K>; 2]],
+    done: impl Fn() + Sync,
 ) -> Result<Advice, ConfigError> {
     config.check()?;
-    let count = (MOST / APART).round() as u32;
-    let outcomes = (0..=count)
+    let outcomes = (0..FRACTIONS)
         .into_par_iter()
-        .map(|k| outcomes(config, model, plants, f64::from(k) * APART))
+        .map(|k| {
+            let outcomes = outcomes(config, pairs, f64::from(k) * APART);
+            done();
+            outcomes
+        })
         .collect::<Result<Vec<Outcomes>, ConfigError>>()?;
     let tried: Vec<Tried> = outcomes.iter().map(Outcomes::tried).collect();
     let best =
         tried.iter().filter(|t| t.stable).min_by(|a, b| error(a.merit).total_cmp(&error(b.merit)));
     let stable = tried.chunk_by(|a, b| a.stable == b.stable).filter(|run| run[0].stable);
-    let own = (0..plants.len()).filter_map(|plant| own_best(&outcomes, plant));
-    let step = |fraction: f64| match plants.first() {
-        Some(plant) => noticeable_step(&with_fraction(config, fraction), [model, plant]),
+    let own = (0..pairs.len()).filter_map(|pair| own_best(&outcomes, pair));
+    let step = |fraction: f64| match pairs.first() {
+        Some([model, plant]) => noticeable_step(&with_fraction(config, fraction), [model, plant]),
         None => Ok(None),
     };
     let without = tried[0].merit.filter(|_| tried[0].stable);
@@ -89,12 +117,12 @@ pub fn advise<K: AsRef<[f64]> + Clone + Sync>(
         stable: stable.map(|run| [run[0].fraction, run[run.len() - 1].fraction]).collect(),
         with: best.and_then(|best| best.merit),
         without,
-        plants: plants.len(),
+        pairs: pairs.len(),
         best: own.fold(None, |range: Option<[f64; 2]>, own| {
             Some(range.map_or([own; 2], |[low, high]| [low.min(own), high.max(own)]))
         }),
-        noticeable_with_n_m: best.map_or(Ok(None), |best| step(best.fraction))?,
-        noticeable_without_n_m: without.map_or(Ok(None), |_| step(0.0))?,
+        noticeable_with: best.map_or(Ok(None), |best| step(best.fraction))?,
+        noticeable_without: without.map_or(Ok(None), |_| step(0.0))?,
         tried,
     })
 }
@@ -103,7 +131,7 @@ fn error(merit: Option<Merit>) -> f64 {
     merit.map_or(f64::INFINITY, |merit| merit.force_error_rms_n)
 }
 
-/// Figures of every plant at one fraction; none where the loop is unstable.
+/// Figures of every pair at one fraction; none where the loop is unstable.
 struct Outcomes {
     fraction: f64,
     merits: Vec<Option<Merit>>,
@@ -123,53 +151,77 @@ impl Outcomes {
     }
 }
 
-/// γ with which `plant` is stable with the least force error.
-fn own_best(outcomes: &[Outcomes], plant: usize) -> Option<f64> {
-    let held = outcomes.iter().filter(|outcome| outcome.merits[plant].is_some());
-    let best = held.min_by(|a, b| error(a.merits[plant]).total_cmp(&error(b.merits[plant])));
+/// γ with which the pair of this number is stable with the least force error.
+fn own_best(outcomes: &[Outcomes], pair: usize) -> Option<f64> {
+    let held = outcomes.iter().filter(|outcome| outcome.merits[pair].is_some());
+    let best = held.min_by(|a, b| error(a.merits[pair]).total_cmp(&error(b.merits[pair])));
     best.map(|best| best.fraction)
 }
 
 fn outcomes<K: AsRef<[f64]> + Clone>(
     config: &Config,
-    model: &Trocar<K>,
-    plants: &[Trocar<K>],
+    pairs: &[[Trocar<K>; 2]],
     fraction: f64,
 ) -> Result<Outcomes, ConfigError> {
     let config = with_fraction(config, fraction);
-    let merit = |plant: &Trocar<K>| Outcome::of(&config, [model, plant]).map(|found| found.figures);
-    Ok(Outcomes { fraction, merits: plants.iter().map(merit).collect::<Result<_, _>>()? })
+    let merit = |[model, plant]: &[Trocar<K>; 2]| {
+        Outcome::of(&config, [model, plant]).map(|found| found.figures)
+    };
+    Ok(Outcomes { fraction, merits: pairs.iter().map(merit).collect::<Result<_, _>>()? })
+}
+
+/// What becomes of a step of the tissue's stiffness.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Felt {
+    Alike,
+    Different,
+    Unstable,
 }
 
 /// The least step by which the tissue must be stiffer for the stiffness displayed to differ by 23 %, which a person notices
-/// (JONES), N/m, with `model` in the compensator and `plant` as the trocar. `None` where the tip does not touch the
-/// tissue, the loop is unstable, or no step up to ten times the stiffness makes that difference before the loop
-/// is unstable with it.
+/// (JONES), with `model` in the compensator and `plant` as the trocar. Twelve stiffnesses up to ten times that of the tissue
+/// are tried upwards, and the first change is bisected to within 1 % of the tissue's stiffness. `None` where the tip
+/// does not touch the tissue, or the loop is unstable as it is.
 ///
 /// # Errors
 /// A value of `config` out of its range.
 pub fn noticeable_step<K: AsRef<[f64]> + Clone>(
     config: &Config,
     models: [&Trocar<K>; 2],
-) -> Result<Option<f64>, ConfigError> {
+) -> Result<Option<NoticeableStep>, ConfigError> {
     let stiffness = config.tissue.stiffness_n_m;
-    // `None`: the loop is unstable.
-    let displayed = |ratio: f64| {
+    let figures = |ratio: f64| {
         let mut config = config.clone();
         config.tissue.stiffness_n_m = ratio * stiffness;
-        let figures = Outcome::of(&config, models)?.figures;
-        Ok::<_, ConfigError>(figures.map(|merit| merit.displayed_stiffness_n_m))
+        Ok::<_, ConfigError>(Outcome::of(&config, models)?.figures)
     };
-    let Some(Some(first)) = displayed(1.0)? else { return Ok(None) };
-    let differs = |other: Option<f64>| {
-        other.is_some_and(|other| (other - first).abs() >= STIFFNESS_NOTICEABLE * first.abs())
+    let Some(first) = figures(1.0)?.and_then(|merit| merit.displayed_stiffness_n_m) else {
+        return Ok(None);
     };
-    let stays = |ratio: f64| Ok(displayed(ratio)?.is_some_and(|other| !differs(other)));
-    let found = boundary([1.0, STIFFEST_STEP], STEP_ACCURACY, stays)?;
-    // The boundary may be that of stability.
-    let Some(ratio) = found else { return Ok(None) };
-    let beyond = displayed(ratio + STEP_ACCURACY)?;
-    Ok(beyond.filter(|other| differs(*other)).map(|_| (ratio - 1.0) * stiffness))
+    let felt = |ratio: f64| {
+        Ok::<_, ConfigError>(match figures(ratio)?.map(|merit| merit.displayed_stiffness_n_m) {
+            None => Felt::Unstable,
+            Some(Some(other)) if (other - first).abs() > STIFFNESS_NOTICEABLE * first.abs() => {
+                Felt::Different
+            }
+            Some(_) => Felt::Alike,
+        })
+    };
+    let tried = |k: u32| STIFFEST_STEP.powf(f64::from(k) / f64::from(STEPS_TRIED));
+    for k in 1..=STEPS_TRIED {
+        if felt(tried(k))? == Felt::Alike {
+            continue;
+        }
+        let is_alike = |ratio: f64| Ok::<_, ConfigError>(felt(ratio)? == Felt::Alike);
+        let [_, changed] = bisect([tried(k - 1), tried(k)], STEP_ACCURACY, is_alike)?;
+        let step_n_m = (changed - 1.0) * stiffness;
+        return Ok(Some(match felt(changed)? {
+            Felt::Unstable => NoticeableStep::Unstable { step_n_m },
+            _ => NoticeableStep::Noticed { step_n_m },
+        }));
+    }
+    let step_n_m = (STIFFEST_STEP - 1.0) * stiffness;
+    Ok(Some(NoticeableStep::NotNoticed { step_n_m }))
 }
 
 fn with_fraction(config: &Config, fraction: f64) -> Config {
@@ -178,18 +230,24 @@ fn with_fraction(config: &Config, fraction: f64) -> Config {
     config
 }
 
-/// Stiffnesses of the tissue with which a loop is stable, over delays and fractions ([`ZWidth`]).
+/// Stiffnesses of the tissue with which a loop is stable, over delays and fractions.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Map {
     /// Delays of one direction, s.
     pub delays_s: Vec<f64>,
     /// Fractions γ.
     pub fractions: Vec<f64>,
-    /// Greatest stiffness, N/m, by delay, then by fraction; 0 where the loop is stable with no stiffness that is tried, 20 000
-    /// where it is up to there.
-    pub stiffness_n_m: Vec<Vec<f64>>,
-    /// Least stiffness, N/m; none where the loop is stable with no stiffness that is tried.
-    pub least_stiffness_n_m: Vec<Vec<Option<f64>>>,
+    /// By delay, then by fraction.
+    pub z_width_n_m: Vec<Vec<ZWidth>>,
+}
+
+impl Map {
+    /// Delay, fraction and stable stiffnesses of each cell, by delay, then by fraction.
+    pub fn cells(&self) -> impl Iterator<Item = (f64, f64, &ZWidth)> {
+        self.delays_s.iter().zip(&self.z_width_n_m).flat_map(|(delay, row)| {
+            self.fractions.iter().zip(row).map(|(fraction, width)| (*delay, *fraction, width))
+        })
+    }
 }
 
 /// Delays and fractions of a map, along each axis.
@@ -214,8 +272,7 @@ pub fn map_fractions() -> Vec<f64> {
 }
 
 /// The map of `config` over `delays_s` (s) and `fractions`; of `models` the first is in the compensator, the second the
-/// trocar.
-/// `done` is called after each cell.
+/// trocar. `done` is called after each cell. Without tissue the map has no cells.
 ///
 /// # Errors
 /// A value of `config` or a delay out of its range.
@@ -236,14 +293,11 @@ pub fn map<K: AsRef<[f64]> + Clone + Sync>(
             done();
             width
         })
-        .collect::<Result<Vec<Option<ZWidth>>, ConfigError>>()?;
-    let rows = || widths.chunks(fractions.len().max(1));
-    let greatest = |width: &Option<ZWidth>| width.map_or(0.0, |width| width.greatest_n_m);
-    let least = |width: &Option<ZWidth>| width.map(|width| width.least_n_m);
+        .collect::<Result<Option<Vec<ZWidth>>, ConfigError>>()?;
+    let rows = widths.as_deref().unwrap_or_default().chunks(fractions.len().max(1));
     Ok(Map {
         delays_s: delays_s.to_vec(),
         fractions: fractions.to_vec(),
-        stiffness_n_m: rows().map(|row| row.iter().map(greatest).collect()).collect(),
-        least_stiffness_n_m: rows().map(|row| row.iter().map(least).collect()).collect(),
+        z_width_n_m: rows.map(<[ZWidth]>::to_vec).collect(),
     })
 }

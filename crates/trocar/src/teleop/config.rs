@@ -164,11 +164,11 @@ pub struct Control {
     pub passivity: bool,
     /// Energy that the passivity control is given back.
     pub passivity_credit: PassivityCredit,
-    /// Friction scale λ of the trocar with the least friction that is reckoned with, above 0, at most 1:
-    /// the credit is what a trocar of this scale has surely dissipated.
+    /// Least friction scale λ of the trocar that the credit assumes, 0.01 to 1: the credit is what a trocar between this scale
+    /// and the model's has dissipated at least.
     pub credit_friction_scale: f64,
     /// Energy that the passivity control may give beyond what it has received, J, ≥ 0, half of it at each port. A slave
-    /// whose force is compensated needs some to begin to move, before the credit comes.
+    /// whose force is compensated needs some to begin to move, before there is a credit.
     pub passivity_reserve_j: f64,
 }
 
@@ -178,9 +178,9 @@ pub struct Control {
 pub enum PassivityCredit {
     /// None: both ports are passive by themselves.
     None,
-    /// What a trocar with the compensator's law has surely dissipated, whatever its friction scale from
-    /// [`Control::credit_friction_scale`] to that of the model: the ports are passive together with the trocar. No bound for
-    /// a trocar with less friction, or of another law.
+    /// The least that a trocar with the compensator's law has dissipated, with any friction scale from
+    /// [`Control::credit_friction_scale`] to that of the model: the ports are passive together with the trocar. It is no bound
+    /// for a trocar with less friction or another law.
     Trocar,
 }
 
@@ -440,7 +440,7 @@ impl Config {
     /// The loop that a TOML document describes; keys that are missing have their default.
     ///
     /// # Errors
-    /// What is no such document, or a value out of its range.
+    /// A document that is not valid, or a value out of its range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
         let config: Self = toml::from_str(text)
             .map_err(|error| ConfigError::Syntax(error.to_string().trim_end().to_owned()))?;
@@ -453,7 +453,7 @@ impl Config {
     /// # Errors
     /// The first value out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        // Beyond these no device is meant, and the arithmetic of the plant could overflow.
+        // No device is beyond these, and the arithmetic of the plant could overflow.
         let mass = |name, found: f64| {
             check((1e-6..=1e15).contains(&found), name, "from 1e-6 to 1e15", found)
         };
@@ -482,7 +482,7 @@ impl Config {
         )?;
         let substeps = f64::from(self.substeps);
         check((1.0..=1000.0).contains(&substeps), "substeps", "from 1 to 1000", substeps)?;
-        // Above, a page and JSON would round it.
+        // JSON and a page would round a larger number.
         let seed = self.seed as f64;
         check(self.seed <= GREATEST_SEED, "seed", "at most 9007199254740992", seed)?;
         not_below_0("operator.stiffness_n_m", self.operator.stiffness_n_m)?;

@@ -1,4 +1,4 @@
-//! Energy that the trocar has surely dissipated, which the passivity control may count as its own, FRANKEN.
+//! Energy that the trocar has dissipated at least, which the passivity control may count as dissipated by the network, FRANKEN.
 //!
 //! ```text
 //! W_i(t) = ∫ F_i dx              work on trocar i along the slave's encoder, J, without the profile's offset F_0(x)
@@ -6,7 +6,7 @@
 //! D(t)   = min over i of D_i(t)
 //! ```
 //! No trocar of the set has dissipated less than D: what it has taken up and not dissipated is at most S_i, and
-//! what is dissipated stays so. The set is the model at the least friction scale that is reckoned with
+//! dissipated energy does not return. The set is the model at the least friction scale that is assumed
 //! ([`super::config::Control::credit_friction_scale`]) and at its own, which bounds the scales in between for seals
 //! that stick and slide: the work of a stroke is then concave in the scale. It is no bound for a trocar with
 //! less friction than that, or of another law than the model's.
@@ -99,7 +99,7 @@ fn greatest_gain<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> f64 {
     trocar.profile().map_or(1.0, |profile| profile.gains().iter().copied().fold(0.0, f64::max))
 }
 
-/// Most energy, J, that comes back of a seal that slides and is reversed.
+/// Most energy, J, that a seal returns when it slides and is reversed.
 fn most_stored(seal: &Seal) -> f64 {
     let alone = Trocar::of_seal(*seal);
     let mut most = 0.0_f64;

@@ -1,5 +1,4 @@
-//! What linear theory says about a loop: its hybrid matrix, what is felt of the tissue, and the margin
-//! of Llewellyn's criterion.
+//! Linear theory of a loop: its hybrid matrix, the impedance felt of the tissue, and the margin of Llewellyn's criterion.
 //!
 //! Sampling, jitter, loss, resolutions, passivity control and the damping of Hunt-Crossley tissue are left out: the
 //! controllers are taken as continuous, with the delay as e^(−sT). The seal

@@ -7,7 +7,7 @@ use super::simulation::Sample;
 
 /// Just noticeable difference of a force, as a fraction of it, PANG.
 const NOTICEABLE: f64 = 0.07;
-/// Force below which that fraction grows, N: the difference stays that of this force.
+/// Force below which the difference stays that of this force, N.
 const WEAKEST_N: f64 = 2.5;
 
 /// Just noticeable difference of a stiffness, as a fraction of it, JONES.
@@ -15,8 +15,8 @@ pub const STIFFNESS_NOTICEABLE: f64 = 0.23;
 
 /// How well the operator feels the tissue.
 ///
-/// The force felt is that of the master's motor, F_mc. Where the controller compensates the master's mass (four-channel), F_mc
-/// holds the force that moves it; the force felt is then that of the operator, F_h.
+/// The force felt is that of the master's motor, F_mc. In four channels F_mc includes the force that accelerates the master's
+/// mass; the force felt is then that of the operator, F_h.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Merit {
     /// Rms of the force felt less the force on the tissue, N.
@@ -26,7 +26,8 @@ pub struct Merit {
     /// Rms of that in just noticeable differences of the force on the tissue, 1.
     pub force_error_rms_jnd: f64,
     /// Slope of the force felt over the depth of the tip in the tissue while it goes deeper, N/m; none
-    /// without contact, without stiffness, and where the motion begins in the tissue. Damping counts: compare it with the true one, not with the tissue's stiffness.
+    /// without contact, without stiffness, and where the motion begins in the tissue. It includes damping: compare it with that
+    /// of the force on the tissue.
     pub displayed_stiffness_n_m: Option<f64>,
     /// The same of the force on the tissue, N/m.
     pub true_stiffness_n_m: Option<f64>,
@@ -43,8 +44,8 @@ pub struct Merit {
     pub credit_j: Option<f64>,
 }
 
-/// The force that a person notices as different from `force`, N: 7 % of it (2.5 to 10 N, PANG), and below
-/// 2.5 N 7 % of that.
+/// The least difference from `force` that a person notices, N: 7 % of it (2.5 to 10 N, PANG); below 2.5 N it stays 7 % of
+/// 2.5 N.
 pub fn just_noticeable_difference(force: f64) -> f64 {
     NOTICEABLE * force.abs().max(WEAKEST_N)
 }
@@ -70,7 +71,7 @@ impl Merit {
         let error = |sample: &Sample| config.felt(sample) - sample.tissue_force;
         let in_steps =
             |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
-        // Begun in the tissue, the seal is undeformed there as on no later way in; without stiffness there is none to show.
+        // A motion that begins in the tissue begins with an undeformed seal, unlike every later contact.
         let is_shown = !config.begins_in_the_tissue() && config.tissue.stiffness_n_m > 0.0;
         let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0;
         let loading: Vec<&Sample> = samples.iter().filter(|s| is_shown && deepens(s)).collect();
@@ -91,7 +92,7 @@ impl Merit {
         }
     }
 
-    /// The figures as people read them: name, value, `None` without contact, and unit.
+    /// The figures for display: name, value (`None` without contact) and unit.
     pub fn rows(&self) -> Vec<(&'static str, Option<f64>, &'static str)> {
         let rows = [
             ("stiffness displayed", self.displayed_stiffness_n_m, "N/m"),

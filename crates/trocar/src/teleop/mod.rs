@@ -15,7 +15,8 @@
 //!
 //! - [`Config`]: the loop and the experiment.
 //! - [`Loop`]: runs it, sample by sample; [`Outcome`]: once along its motion.
-//! - [`hybrid`]: what linear theory says about the same loop.
+//! - [`hybrid`]: linear theory of the same loop.
+//! - [`Study`]: the results that the command line and Python show.
 
 pub mod advise;
 mod channel;
@@ -31,11 +32,12 @@ mod passivity;
 mod plant;
 mod simulation;
 pub mod stability;
+mod study;
 
 pub use config::{Config, ConfigError};
 pub use model::{
-    Candidates, candidates, course_columns, posterior_candidates, response_columns, scaled,
-    write_course, write_response,
+    Candidates, candidates, course_columns, response_columns, scaled, write_course, write_response,
 };
 pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};
+pub use study::{Questions, StepError, Study, StudyError, Summary};

@@ -12,31 +12,77 @@ use crate::identify::posterior;
 use crate::model_file::ModelFile;
 use crate::table::{Field, TableCell, TableWriter};
 
-/// Trocars that the one in use may be, given a model file.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Which trocars and which models in the compensator advice is for, besides the models themselves.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Candidates {
-    /// Draws from the model's 95 % intervals.
+    /// Draws of the trocar from the 95 % intervals of its model, or from its posterior.
     pub draws: usize,
+    /// Posterior draws of the trocar's model, in place of the ends of its intervals and of draws from them. They have the
+    /// covariance of the parameters.
+    pub posterior: Option<Vec<Stages>>,
+    /// Draws of the compensator's model from its 95 % intervals.
+    pub compensator_draws: usize,
     /// Seed of the draws.
     pub seed: u64,
-    /// Least friction scale that is reckoned with, above 0, at most 1: wetting lowers the friction of a seal by 15 to 45 %, more
-    /// than its intervals say.
+    /// Least friction scale of the trocar, above 0, at most 1: wetting lowers the friction of a seal by 15 to 45 %, more than
+    /// the intervals of its model cover.
     pub least_friction_scale: f64,
 }
 
-/// The trocars that a model file stands for: the model; the two with all parameters that have a 95 % interval at its
-/// lower and at its upper end; draws; and the model at the least friction scale ([`scaled`]) and halfway to it.
+impl Default for Candidates {
+    /// The models and the ends of the intervals of the trocar's.
+    fn default() -> Self {
+        Self { draws: 0, posterior: None, compensator_draws: 0, seed: 1, least_friction_scale: 1.0 }
+    }
+}
+
+/// Pairs of a compensator's model and a trocar, of the files `compensator` and `plant`. The first pair is that of the files. In
+/// the following ones
 ///
-/// All parameters at the same end is more than the intervals of single parameters say together: a loop that is
-/// stable with the three has some margin. In a draw each parameter with an interval is drawn from a normal distribution that has
+/// - the trocar has all parameters that have a 95 % interval at its lower and at its upper end,
+/// - the trocar is drawn from these intervals,
+/// - or, in place of both, the trocar is one of the posterior draws,
+/// - the trocar is at the least friction scale ([`scaled`]) and halfway to it,
+/// - the compensator's model is drawn from its own intervals; if there are such draws, also at their lower and upper ends.
+///
+/// All parameters at the same end is more than the intervals of single parameters claim together: a loop that is
+/// stable at both ends has some margin. In a draw each parameter with an interval is drawn from a normal distribution that has
 /// this interval, each side by itself; a draw that makes no model is drawn again. Parameters are drawn independently,
 /// since a model file holds no covariance: that exaggerates the scatter of what depends on several of them.
 ///
 /// # Errors
 /// Parameters that make no model: at an end of their intervals, in a thousand draws in a row, or at the friction scale.
 pub fn candidates(
-    file: &ModelFile,
+    [compensator, plant]: [&ModelFile; 2],
     wanted: &Candidates,
+) -> Result<Vec<[Trocar<Vec<f64>>; 2]>, ParamError> {
+    let mut plants = match &wanted.posterior {
+        Some(draws) => {
+            let drawn = posterior::evenly(draws, wanted.draws).into_iter();
+            let drawn = drawn.map(|draw| plant.trocar.with_seal(draw.into()));
+            std::iter::once(plant.trocar.clone()).chain(drawn).collect()
+        }
+        None => within_intervals(plant, wanted.draws, &mut Noise::new(wanted.seed, Source::Draws))?,
+    };
+    plants.extend(wetted(&plant.trocar, wanted.least_friction_scale)?);
+    let models = match wanted.compensator_draws {
+        0 => Vec::new(),
+        count => {
+            let mut noise = Noise::new(wanted.seed, Source::CompensatorDraws);
+            within_intervals(compensator, count, &mut noise)?
+        }
+    };
+    let of_plants = plants.into_iter().map(|plant| [compensator.trocar.clone(), plant]);
+    // The first model is that of the file, which all trocars have met.
+    let of_models = models.into_iter().skip(1).map(|model| [model, plant.trocar.clone()]);
+    Ok(of_plants.chain(of_models).collect())
+}
+
+/// The trocar of `file`, those at both ends of its intervals, and draws from them.
+fn within_intervals(
+    file: &ModelFile,
+    draws: usize,
+    noise: &mut Noise,
 ) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
     let mut trocars = vec![file.trocar.clone()];
     for index in [0, 1] {
@@ -45,31 +91,9 @@ pub fn candidates(
             trocars.push(end);
         }
     }
-    let mut noise = Noise::new(wanted.seed, Source::Draws);
-    for _ in 0..wanted.draws {
-        trocars.push(drawn(file, &mut noise)?);
+    for _ in 0..draws {
+        trocars.push(drawn(file, noise)?);
     }
-    trocars.extend(wetted(&file.trocar, wanted.least_friction_scale)?);
-    Ok(trocars)
-}
-
-/// The trocars that posterior draws of a model file stand for: the model, at most `most` of `draws`,
-/// and the model at the least friction scale ([`scaled`]) and halfway to it. The draws have the
-/// covariance of the parameters, which the intervals of [`candidates`] do not.
-///
-/// # Errors
-/// Parameters that make no model at the friction scale.
-pub fn posterior_candidates(
-    file: &ModelFile,
-    draws: &[Stages],
-    most: usize,
-    least_friction_scale: f64,
-) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
-    let drawn = posterior::evenly(draws, most);
-    let drawn = drawn.into_iter().map(|draw| file.trocar.with_seal(draw.into()));
-    let mut trocars: Vec<Trocar<Vec<f64>>> =
-        std::iter::once(file.trocar.clone()).chain(drawn).collect();
-    trocars.extend(wetted(&file.trocar, least_friction_scale)?);
     Ok(trocars)
 }
 

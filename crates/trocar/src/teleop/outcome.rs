@@ -7,7 +7,7 @@ use super::merit::Merit;
 use super::simulation::{Diverged, Loop, Sample};
 use super::stability::Trial;
 
-/// What a loop came to.
+/// Result of a loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The samples along the motion of the configuration, or when the loop diverged.

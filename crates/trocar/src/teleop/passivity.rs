@@ -9,9 +9,9 @@
 /// given(n) <= received by the other port, as it arrives over the channel
 /// f_d = α·v,  α = excess/(T_s·v²)
 /// ```
-/// The credit is energy that the device has surely dissipated in the meantime ([`super::credit`]): the port is then that of
-/// network and dissipation together. While there is an excess the motor only brakes, by at most m·v/(2·T_s): more could turn the motion round
-/// within the sample, and so give energy.
+/// The credit is energy that the device has dissipated at least since the last sample ([`super::credit`]): the port is then
+/// that of network and dissipation together. While there is an excess the motor only brakes, by at most m·v/(2·T_s): more
+/// could reverse the motion within the sample, and so give energy.
 #[derive(Debug, Clone)]
 pub(crate) struct Port {
     /// Mass of the device at the port, kg, and sample time, s.
@@ -38,8 +38,8 @@ impl Port {
         Self { mass, duration, received: 0.0, given: 0.0, last: None }
     }
 
-    /// Notes the motion since the last sample to `position`, m, and what the device has surely dissipated meanwhile,
-    /// `credit`, J; returns the energy received so far, J.
+    /// Adds the energy of the motion since the last sample to `position`, m, and `credit`, which the device has dissipated at
+    /// least in the meantime, J; returns the energy received so far, J.
     pub(crate) fn observe(&mut self, position: f64, credit: f64) -> f64 {
         if let Some(held) = self.last {
             let energy = held.force * (position - held.position) + credit;

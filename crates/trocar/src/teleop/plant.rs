@@ -9,6 +9,9 @@ use super::config::{Config, Device, Operator, Tissue};
 const ITERATIONS: usize = 5;
 /// Change of force below which the iteration ends, N.
 const CONVERGED_N: f64 = 1e-9;
+/// Part of a substep after which a force is compared with that at its end, and change that counts as a jump, N.
+const SHORT: f64 = 1e-6;
+const JUMP_N: f64 = 0.05;
 /// Bisections for the velocity at the end of a stiff substep.
 const BISECTIONS: usize = 80;
 /// Doublings of the interval that contains it.
@@ -190,6 +193,9 @@ impl<K: AsRef<[f64]>> Slave<K> {
             let change = met.force() - force;
             force = met.force();
             if change.abs() <= CONVERGED_N {
+                if self.jumps(motion, &met) {
+                    break;
+                }
                 let way = motion.position - self.motion.position;
                 // ∫F·v dt of a force and a velocity that are linear in time.
                 let beside = (motion.velocity - self.motion.velocity) * self.duration / 12.0;
@@ -208,6 +214,19 @@ impl<K: AsRef<[f64]>> Slave<K> {
         let trocar_force = self.trocar.step_to(&mut seal, motion.position, self.duration);
         let tissue_force = self.tissue.force(time, motion.position, motion.velocity);
         Met { seal, trocar_force, tissue_force }
+    }
+
+    /// Whether friction jumps where the motion turned within the substep that leads to `motion`: its force, which follows from the
+    /// way of the substep, then has the wrong sign for the velocity at its end.
+    fn jumps(&self, motion: Motion, met: &Met) -> bool {
+        let way = motion.position - self.motion.position;
+        if way * motion.velocity >= 0.0 {
+            return false;
+        }
+        let (mut seal, duration) = (met.seal, SHORT * self.duration);
+        let position = motion.position + motion.velocity * duration;
+        let force = self.trocar.step_to(&mut seal, position, duration);
+        (force - met.trocar_force).abs() > JUMP_N
     }
 
     /// `work` is that of a force with its values before and after the substep, by the rule by which it was taken.

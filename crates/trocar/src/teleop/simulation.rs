@@ -15,7 +15,7 @@ use crate::cancel;
 /// Beyond these a loop counts as unstable, m and m/s: far outside any device.
 const FARTHEST_M: f64 = 10.0;
 const FASTEST_M_S: f64 = 100.0;
-/// Samples after which a loop looks again whether its work was cancelled: a millisecond of work.
+/// Samples between two checks whether the work was cancelled: a millisecond of work.
 const SAMPLES_BETWEEN_CHECKS: u64 = 1024;
 
 /// The loop at one sample.
@@ -49,10 +49,10 @@ pub struct Sample {
     pub master_energies: [f64; 2],
     /// Energy that it has received from and given to the slave, J; with a credit, from slave and trocar.
     pub slave_energies: [f64; 2],
-    /// Energy that the trocar has surely dissipated, which the passivity control counts as the network's own, J; 0 without a
-    /// credit.
+    /// Energy that the trocar has dissipated at least, which the passivity control counts as dissipated by the network, J; 0
+    /// without a credit.
     pub credit: f64,
-    /// What the passivity control adds to the forces of the motors at master and slave, N, against the motion.
+    /// Forces that the passivity control adds to those of the motors at master and slave, N, against the motion.
     pub passivity_forces: [f64; 2],
     /// Work of the operator on the master, J.
     pub operator_work: f64,
@@ -86,11 +86,11 @@ pub struct Loop<K> {
     to_master: Channel,
     estimator: Estimator<K>,
     ports: [Port; 2],
-    /// Where the passivity control has one.
+    /// Of the passivity control, if it has one.
     credit: Option<Credit<K>>,
     /// F_mc and F_sc as held since the last sample, N.
     held: [f64; 2],
-    /// What the master has from the slave.
+    /// The last packet of the slave that the master has received.
     arrived: Packet,
     /// Number of the next sample.
     count: u64,
@@ -99,8 +99,8 @@ pub struct Loop<K> {
 }
 
 impl<K: AsRef<[f64]> + Clone> Loop<K> {
-    /// A loop at rest at `position` (m) with the slave in `trocar`; the compensator takes the force of `compensator` out, which
-    /// need not be the same.
+    /// A loop at rest at `position` (m) with the slave in `trocar`; `compensator` is the compensator's model, which need not be
+    /// the same.
     ///
     /// # Errors
     /// A value of `config` out of its range, or a model that cannot be made with it.
@@ -139,8 +139,8 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         self
     }
 
-    /// One sample: reads, sends, sets the motors and moves the plant to the next sample. `hand` gives the operator's
-    /// intended position (m) and velocity (m/s) at a time (s).
+    /// One sample: reads the sensors, exchanges packets, sets the motors and moves the plant to the next sample. `hand` gives the
+    /// operator's intended position (m) and velocity (m/s) at a time (s).
     ///
     /// # Errors
     /// [`Diverged`] where a device has left 10 m or 100 m/s; the loop then stays so.
@@ -278,7 +278,7 @@ fn credit<K: AsRef<[f64]> + Clone>(
     credit.map(Some).map_err(|why| ConfigError::Model { name, scale, why })
 }
 
-/// The loop is unstable: a device left its range.
+/// The loop is unstable: a device left 10 m or 100 m/s.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error("the loop is unstable: it diverged after {time_s} s")]
 pub struct Diverged {

@@ -15,7 +15,7 @@ pub struct Trial {
     pub settle_s: f64,
     /// Time over which it is watched then, s.
     pub watch_s: f64,
-    /// Largest rms velocity of either device in the second half of that time, m/s, with which it counts as at rest.
+    /// Largest rms velocity of both devices in the second half of that time, m/s, with which they count as at rest.
     pub at_rest_m_s: f64,
 }
 
@@ -23,8 +23,12 @@ pub struct Trial {
 const STILL_M_S: f64 = 1e-10;
 /// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast.
 const STRUCK_M_S: f64 = 1e-3;
-/// Most times that half of the watch is repeated while the velocity grows.
+/// Most times that half of the watch is repeated while the velocity grows from below rest, or decays towards it.
 const LONGEST_WATCH: u32 = 60;
+/// Part of the least velocity so far below which a half counts as decay, and halves in a row without decay after which a loop
+/// is unstable: those of a slow swing are not of equal velocity.
+const SLOWEST_DECAY: f64 = 0.9;
+const PATIENCE: u32 = 2;
 
 impl Default for Trial {
     /// A push by 10 mm, 1 s to settle, watched for 1 s, at rest below 1 mm/s.
@@ -36,9 +40,9 @@ impl Default for Trial {
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
     /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 1 mm/s: the rms velocity of both devices over the second half of
-    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], or below half of that over the first half. Where it
-    /// grows from the first half to the second, the watch goes on until it no longer does, for up to sixty halves: a slow
-    /// growth from far below is unstable, too.
+    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], and does not grow from the first half. The watch goes on, for up to
+    /// sixty halves, while the velocity grows from below rest (a slow growth is unstable, too), or decays towards rest: at least
+    /// every third half is a tenth below the least so far.
     /// Both times are longer where the channel's delay asks for it. The sensor's noise and breathing,
     /// which keep a stable loop in motion, are left out.
     ///
@@ -78,16 +82,22 @@ impl Trial {
         let half = samples(0.5 * self.watch_s, 2.0);
         let windows = [samples(self.settle_s, 5.0), half, half].map(&mut rms);
         let [Some(_), Some(mut first), Some(mut second)] = windows else { return Ok(false) };
-        let grows = |first: f64, second: f64| second > first && second > STILL_M_S;
-        for _ in 0..LONGEST_WATCH {
-            if !grows(first, second) || second >= self.at_rest_m_s {
-                break;
+        let (mut least, mut without_decay) = (first, 0);
+        for _ in 0..=LONGEST_WATCH {
+            let is_below = second < self.at_rest_m_s;
+            let grows = second > first && second > STILL_M_S;
+            if is_below && !grows {
+                return Ok(true);
+            }
+            without_decay = if second < SLOWEST_DECAY * least { 0 } else { without_decay + 1 };
+            least = least.min(second);
+            if !is_below && without_decay > PATIENCE {
+                return Ok(false);
             }
             let Some(next) = rms(half) else { return Ok(false) };
             (first, second) = (second, next);
         }
-        let rests = second < self.at_rest_m_s && !grows(first, second);
-        Ok(rests || second < 0.5 * first)
+        Ok(false)
     }
 }
 
@@ -104,23 +114,23 @@ pub fn boundary<E>(
     if !holds(low)? || holds(high)? {
         return Ok(None);
     }
-    bisect([low, high], accuracy, holds).map(Some)
+    bisect([low, high], accuracy, holds).map(|[low, high]| Some(0.5 * (low + high)))
 }
 
-/// The same where `low` is known to hold, and `high` not to.
-fn bisect<E>(
+/// The interval, no wider than `accuracy`, in which that changes, where `low` is known to hold, and `high` not to.
+pub(super) fn bisect<E>(
     [mut low, mut high]: [f64; 2],
     accuracy: f64,
     mut holds: impl FnMut(f64) -> Result<bool, E>,
-) -> Result<f64, E> {
+) -> Result<[f64; 2], E> {
     while high - low > accuracy {
         let middle = 0.5 * (low + high);
         if holds(middle)? { low = middle } else { high = middle }
     }
-    Ok(0.5 * (low + high))
+    Ok([low, high])
 }
 
-/// Softest and stiffest tissue that are tried, N/m; beside them, none at all.
+/// Softest and stiffest tissue that are tried, N/m; beside them, none at all and the loop's own.
 const RANGE_N_M: [f64; 2] = [1.0, 20_000.0];
 /// Intervals between them, even in their logarithm.
 const TRIED: u32 = 12;
@@ -128,19 +138,19 @@ const TRIED: u32 = 12;
 const ACCURACY: f64 = 0.02;
 
 /// Stiffnesses of the tissue with which a loop is stable.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(transparent)]
 pub struct ZWidth {
-    /// Least, N/m; 0 where it is stable without any.
-    pub least_n_m: f64,
-    /// Greatest, N/m; 20 000 where it is stable up to there, the stiffest that is tried.
-    pub greatest_n_m: f64,
+    /// Ranges, from the softest on: least and greatest stiffness of each, N/m. A range from 0 on holds without tissue; 20 000,
+    /// the stiffest that is tried, may not be the end of one. Empty where the loop is stable with none that is tried.
+    pub ranges_n_m: Vec<[f64; 2]>,
 }
 
 impl ZWidth {
     /// The stiffnesses with which the loop of `config` settles ([`Trial`]) at the surface of its tissue, with `model` in the
-    /// compensator and `plant` as the trocar: 0, 1 and 20 000 N/m and eleven in between are tried upwards, and both ends of
-    /// the first run that settles are bisected to within 2 %, below 1 N/m to within 0.02 N/m. `None` where none settles,
-    /// and without tissue.
+    /// compensator and `plant` as the trocar. Tried are 0, 1 and 20 000 N/m, eleven in between and that of `config`; between two
+    /// of which one settles and the other does not, the boundary is bisected to within 2 %, below 1 N/m to within 0.02 N/m. A
+    /// range or a gap that lies between two of these stiffnesses is not found. `None` without tissue.
     ///
     /// # Errors
     /// A value of `config` out of its range.
@@ -151,38 +161,84 @@ impl ZWidth {
         if config.tissue.kind == TissueKind::None {
             return Ok(None);
         }
+        let [softest, stiffest] = RANGE_N_M.map(f64::ln);
+        let between = |k: u32| softest + (stiffest - softest) * f64::from(k) / f64::from(TRIED);
+        let own = config.tissue.stiffness_n_m;
+        let ends = [0.0, own, RANGE_N_M[1]];
+        let mut tried: Vec<f64> = (0..TRIED).map(|k| between(k).exp()).chain(ends).collect();
+        tried.sort_by(f64::total_cmp);
         let mut config = config.clone();
         let settles = |stiffness: f64| {
             config.tissue.stiffness_n_m = stiffness;
             Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)
         };
-        first_run(settles)
-            .map(|run| run.map(|[least_n_m, greatest_n_m]| Self { least_n_m, greatest_n_m }))
+        Ok(Some(Self { ranges_n_m: ranges(&tried, settles)? }))
+    }
+
+    /// The softest of the ranges; `None` where there is none.
+    pub fn first(&self) -> Option<[f64; 2]> {
+        self.ranges_n_m.first().copied()
     }
 }
 
-/// Ends of the first run of stiffnesses that settle.
-fn first_run<E>(mut settles: impl FnMut(f64) -> Result<bool, E>) -> Result<Option<[f64; 2]>, E> {
-    let [softest, stiffest] = RANGE_N_M.map(f64::ln);
-    let tried = |k: u32| (softest + (stiffest - softest) * f64::from(k) / f64::from(TRIED)).exp();
-    let (mut least, mut below) = (None, 0.0);
-    for here in std::iter::once(0.0).chain((0..=TRIED).map(tried)) {
-        match (least, settles(here)?) {
-            (None, true) if here == 0.0 => least = Some(0.0),
-            (None, true) => least = Some(edge([below, here], |s| settles(s).map(|is| !is))?),
-            (Some(least), false) => return Ok(Some([least, edge([below, here], settles)?])),
-            _ => {}
+/// Ranges in which `holds`, of `tried`, which rises; their ends are bisected.
+fn ranges<E>(
+    tried: &[f64],
+    mut holds: impl FnMut(f64) -> Result<bool, E>,
+) -> Result<Vec<[f64; 2]>, E> {
+    let mut ranges: Vec<[f64; 2]> = Vec::new();
+    let (mut below, mut held) = (0.0, false);
+    for &here in tried {
+        let holds_here = holds(here)?;
+        match (held, holds_here) {
+            (false, true) if here == 0.0 => ranges.push([0.0; 2]),
+            (false, true) => ranges.push([edge([below, here], |s| Ok(!holds(s)?))?, here]),
+            (true, false) => {
+                let end = edge([below, here], &mut holds)?;
+                ranges.last_mut().expect("one that holds")[1] = end;
+            }
+            (true, true) => ranges.last_mut().expect("one that holds")[1] = here,
+            (false, false) => {}
         }
-        below = here;
+        (below, held) = (here, holds_here);
     }
-    Ok(least.map(|least| [least, RANGE_N_M[1]]))
+    Ok(ranges)
 }
 
 /// The stiffness between `low`, which holds, and `high`, which does not, at which that changes: relative to it, and up to
 /// the softest that is tried in N/m.
 fn edge<E>([low, high]: [f64; 2], mut holds: impl FnMut(f64) -> Result<bool, E>) -> Result<f64, E> {
-    if low == 0.0 {
-        return bisect([low, high], ACCURACY, holds);
+    let middle = |[low, high]: [f64; 2]| 0.5 * (low + high);
+    if low < RANGE_N_M[0] {
+        return bisect([low, high], ACCURACY, holds).map(middle);
     }
-    bisect([low.ln(), high.ln()], ACCURACY, |log| holds(log.exp())).map(f64::exp)
+    bisect([low.ln(), high.ln()], ACCURACY, |log| holds(log.exp())).map(|e| middle(e).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::convert::Infallible;
+
+    use super::*;
+
+    #[test]
+    fn all_ranges_are_found_with_both_ends() {
+        let tried: Vec<f64> =
+            std::iter::once(0.0).chain((0..=12).map(|k| f64::from(k).exp())).collect();
+        let found =
+            |holds: fn(f64) -> bool| ranges(&tried, |s| Ok::<_, Infallible>(holds(s))).unwrap();
+        assert_eq!(found(|_| false), Vec::<[f64; 2]>::new());
+        assert_eq!(found(|_| true), [[0.0, 12f64.exp()]]);
+        let [first, second] = found(|s| s < 100.0 || s > 3000.0)[..] else { panic!("two ranges") };
+        assert!(first[0] == 0.0 && (first[1] / 100.0 - 1.0).abs() < ACCURACY, "{first:?}");
+        assert!(
+            second[1] == 12f64.exp() && (second[0] / 3000.0 - 1.0).abs() < ACCURACY,
+            "{second:?}"
+        );
+        let [only] = found(|s| (0.4..=50.0).contains(&s))[..] else { panic!("one range") };
+        assert!(
+            (only[0] - 0.4).abs() < ACCURACY && (only[1] / 50.0 - 1.0).abs() < ACCURACY,
+            "{only:?}"
+        );
+    }
 }

@@ -11,6 +11,7 @@ use crate::teleop::advise::{Advice, Map, Tried};
 use crate::teleop::config::{Architecture, Config};
 use crate::teleop::hybrid::{self, Hybrid, seal_impedance, tissue_impedance};
 use crate::teleop::merit::Merit;
+use crate::teleop::stability::ZWidth;
 
 /// Roles of the three forces, the same in every figure and in the live loop.
 const FELT: Role = Role::Model;
@@ -170,8 +171,8 @@ pub(in super::super) fn errors(config: &Config, advice: &Advice) -> Figure {
     let stiffness = curve(stiffness, "of the tissue", TISSUE, |m| m.true_stiffness_n_m);
     Figure::new("fractions", 0, "Error and stiffness over the fraction taken out")
         .caption(
-            "Of the trocar with the largest error among the model and the two with all parameters at the ends of their 95 % intervals; only where \
-             the loop is stable with all of them (shaded). A just noticeable difference (JND) is 7 % of the force, and below 2.5 N as large \
+            "Of the trocar and compensator with the largest error among all that were tried; only where the loop is stable with all of them \
+             (shaded). A just noticeable difference (JND) is 7 % of the force, and below 2.5 N as large \
              as there.",
         )
         .panel(marked(newtons.aspect(0.28), true))
@@ -218,14 +219,8 @@ fn apart(values: &[f64]) -> f64 {
 /// Stiffest tissue over delay and fraction; the cell of `config` is framed.
 pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
-    let cells = || {
-        let rows = map.stiffness_n_m.iter().zip(&map.least_stiffness_n_m);
-        map.delays_s.iter().zip(rows).flat_map(|(delay, (row, least))| {
-            row.iter().zip(least).zip(&map.fractions).map(move |((stiffness, least), fraction)| {
-                (100.0 * fraction, MM * delay, *stiffness, least.unwrap_or(0.0))
-            })
-        })
-    };
+    let cells =
+        || map.cells().map(|(delay, fraction, width)| (100.0 * fraction, MM * delay, width));
     let mut panel = Panel::new(
         Axis::new("fraction taken out γ", "%"),
         Axis::new("delay of one direction", "ms"),
@@ -233,13 +228,17 @@ pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     .aspect(0.75);
     for level in 0..=CLASSES.len() {
         // Where softer tissue is not held, the stiffest says little.
-        let level_of = |stiffness, least| if least > 0.0 { 0 } else { class(stiffness) };
-        let inside = cells().filter(|(_, _, most, least)| level_of(*most, *least) == level);
+        let level_of = |width: &ZWidth| match width.first() {
+            Some([0.0, greatest]) => class(greatest),
+            _ => 0,
+        };
+        let inside = cells().filter(|(_, _, width)| level_of(width) == level);
         let (mut x, mut y, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        for (fraction, delay, stiffness, least) in inside {
+        for (fraction, delay, width) in inside {
             x.push(fraction);
             y.push(delay);
-            labels.push(short(stiffness) + if least > 0.0 { "*" } else { "" });
+            let greatest = width.first().map_or(0.0, |[_, greatest]| greatest);
+            labels.push(short(greatest) + if is_simple(width) { "" } else { "*" });
         }
         let role = Role::Level(level as u8);
         panel = panel.series(Series::cells(class_name(level), role, size, [x, y], labels));
@@ -257,7 +256,7 @@ pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     Figure::new("stability", 0, "Stiffest tissue with which the loop is stable")
         .caption(
             "Up to the number in a cell (N/m; k: thousand) the loop comes to rest after a push into the tissue; tissue from 0 to 20 000 N/m \
-             was tried. 0: with none that was tried; a star: not with soft tissue, but from the stiffness on that the table states.",
+             was tried. 0: with none that was tried. A star: stable not from 0 on, or in several ranges; the table has all of them.",
         )
         .panel(panel)
 }
@@ -298,20 +297,29 @@ fn short(stiffness: f64) -> String {
 pub(in super::super) fn map_table(map: &Map) -> Table {
     let heads = map.fractions.iter().map(|fraction| plain(100.0 * fraction));
     let columns: Vec<String> = std::iter::once("Delay (ms)".to_owned()).chain(heads).collect();
-    let caption = "The numbers of the map: stiffest tissue (N/m), delay of one direction down, fraction taken out (%) across";
-    type Stiffnesses<'a> = (&'a Vec<f64>, &'a Vec<Option<f64>>);
-    let row = |table: Table, (delay, (stiffness, least)): (&f64, Stiffnesses)| {
+    let caption = "The numbers of the map: tissue with which the loop is stable (N/m; one number: from 0 up to it), delay of one direction \
+                   down, fraction taken out (%) across";
+    let row = |table: Table, (delay, widths): (&f64, &Vec<ZWidth>)| {
         let first = Cell::Number { value: MM * delay, digits: 4 };
-        let rest = stiffness.iter().zip(least).map(|(stiffness, least)| match least {
-            Some(least) if *least > 0.0 => {
-                Cell::Text(format!("{} to {}", plain(least.round()), plain(stiffness.round())))
+        let rest = widths.iter().map(|width| match width.ranges_n_m.as_slice() {
+            [] => Cell::Number { value: 0.0, digits: 1 },
+            [[0.0, greatest]] => Cell::Number { value: greatest.round(), digits: 1 },
+            all => {
+                let range = |[low, high]: &[f64; 2]| {
+                    format!("{} to {}", plain(low.round()), plain(high.round()))
+                };
+                Cell::Text(all.iter().map(range).collect::<Vec<String>>().join(", "))
             }
-            _ => Cell::Number { value: stiffness.round(), digits: 1 },
         });
         table.row(std::iter::once(first).chain(rest))
     };
-    let rows = map.delays_s.iter().zip(map.stiffness_n_m.iter().zip(&map.least_stiffness_n_m));
+    let rows = map.delays_s.iter().zip(&map.z_width_n_m);
     Table { collapsed: true, ..rows.fold(Table::new(caption, columns), row) }
+}
+
+/// Whether the stable stiffnesses are one range from 0 on, or none.
+fn is_simple(width: &ZWidth) -> bool {
+    matches!(width.ranges_n_m[..], [] | [[0.0, _]])
 }
 
 /// The hybrid matrix, and what follows from it, over frequency.
