@@ -78,7 +78,8 @@ const STROKE: f64 = 0.08;
 /// Strokes of several speeds: displacement of each sample.
 fn strokes(count: usize) -> Vec<f64> {
     let stroke = |k: usize| {
-        let (speed, sign) = ([0.02, 0.05, 0.1][k / 2 % 3], if k % 2 == 0 { 1.0 } else { -1.0 });
+        let (speed, sign) =
+            ([0.02, 0.05, 0.1][k / 2 % 3], if k.is_multiple_of(2) { 1.0 } else { -1.0 });
         std::iter::repeat_n(1e-3 * sign * speed, (STROKE / speed * 1e3) as usize)
     };
     (0..count).flat_map(stroke).collect()

@@ -1289,10 +1289,12 @@ fn a_loop_that_comes_to_rest_late_is_stable() {
         let last = &samples[count - 500..];
         last.iter().map(|s| s.master_velocity.abs().max(s.slave_velocity.abs())).fold(0.0, f64::max)
     };
-    let mut config = Config::default();
     // A light hand with a heavy master.
-    config.operator = Operator { stiffness_n_m: 50.0, damping_n_s_m: 1.2, mass_kg: 1.0 };
-    config.master = Device { mass_kg: 1.0, damping_n_s_m: 0.0, encoder_step_m: 0.0 };
+    let mut config = Config {
+        operator: Operator { stiffness_n_m: 50.0, damping_n_s_m: 1.2, mass_kg: 1.0 },
+        master: Device { mass_kg: 1.0, damping_n_s_m: 0.0, encoder_step_m: 0.0 },
+        ..Config::default()
+    };
     config.control.force_gain = 0.0;
     let is_stable = |config: &Config| {
         Trial::default().is_stable(config, &trocar, &trocar, config.tissue.surface_m).unwrap()

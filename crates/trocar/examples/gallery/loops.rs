@@ -1,10 +1,10 @@
 //! A teleoperation loop: what the hand feels through a trocar, and the energy at both ports.
 
 use trocar::model_file::ModelFile;
-use trocar::report::teleop::{Source, SourcedModel, TeleopReport, document};
+use trocar::report::teleop::{Source, Sources, TeleopReport, document};
 use trocar::report::{Axis, Figure, Panel, Role, Series};
 use trocar::teleop::config::Press;
-use trocar::teleop::{Config, Outcome as Loop};
+use trocar::teleop::{Config, Outcome as Loop, Questions, Study};
 
 use super::{Outcome, chosen};
 
@@ -56,20 +56,9 @@ fn felt() -> Outcome<Figure> {
 
 fn loop_of_the_report() -> Outcome<Vec<Figure>> {
     let file = ModelFile::plausible_10_5_mm()?;
-    let config = pushed(0.8);
-    let outcome = Loop::of(&config, [&file.trocar, &file.trocar])?;
-    let input = TeleopReport {
-        config: &config,
-        config_source: None,
-        trocar: SourcedModel { trocar: &file.trocar, source: Source::new("plausible", b"") },
-        compensator: None,
-        course: outcome.course.as_deref().map_err(|diverged| *diverged),
-        settles: outcome.settles,
-        figures: outcome.figures.as_ref(),
-        z_width: None,
-        advice: None,
-        map: None,
-    };
+    let study = Study::new(pushed(0.8), [&file, &file], &Questions::default(), &|_, _| {})?;
+    let sources =
+        Sources { config: None, trocar: Source::new("plausible", b""), compensator: None };
     let names = ["course", "energy", "transmitted"].map(|name| (name, name));
-    chosen(document(&input), &names)
+    chosen(document(&TeleopReport { study: &study, sources }), &names)
 }

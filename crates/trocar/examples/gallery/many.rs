@@ -125,7 +125,6 @@ fn planned() -> Outcome<Figure> {
         model: None,
         posterior: None,
         before: Vec::new(),
-        posterior: None,
     };
     Ok(chosen(report::plan::document(&input), &[("motion", "plan")])?.remove(0))
 }
