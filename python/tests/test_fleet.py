@@ -238,7 +238,7 @@ def test_wrong_data_sets_are_refused(folder: Path, tmp_path: Path) -> None:
         fleet.identify_dataset(tmp_path / "empty", out, engine="serial")
     one = folder / "lubricant=wet" / "0.csv"
     (tmp_path / "manifest.csv").write_text(f"path,site\n{one},a\n{one},b\n")
-    with pytest.raises(trocar.ParameterError, match="row 1 already"):
+    with pytest.raises(trocar.ParameterError, match="already in row 1"):
         fleet.identify_dataset(tmp_path / "manifest.csv", out, engine="serial")
     assert not out.exists()
 

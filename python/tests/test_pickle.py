@@ -79,6 +79,7 @@ def instances(
         loop,
         loop.figures,
         loop.advice,
+        trocar.NoticeableStep("noticed", 80.0),
         loop.map,
         loop.hybrid,
         planned,
@@ -180,10 +181,10 @@ def test_a_compensator_is_sent_to_another_process(
 
 
 def test_damaged_pickles_are_refused(instances: dict[type, Any]) -> None:
-    restore, (model, options, state, time_s) = instances[trocar.Compensator].__reduce__()
+    restore, (model, options, state, *rest) = instances[trocar.Compensator].__reduce__()
     for damaged in (state[:-1], np.append(state, 0.0), state * np.nan, np.roll(state, 1)):
         with pytest.raises(trocar.ArrayError, match="not the state of a compensator"):
-            restore(model, options, damaged, time_s)
+            restore(model, options, damaged, *rest)
     restore, fields = instances[trocar.TissueForce].__reduce__()
     with pytest.raises(trocar.ArrayError, match='"tired" is no fault of a sample'):
         restore(*fields[:-1], "tired")

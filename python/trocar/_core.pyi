@@ -246,6 +246,7 @@ class Compensator:
         options: tuple[float | None, float | None, float, float | None, float | None, bool],
         state: npt.ArrayLike,
         time_s: float | None,
+        posterior: Posterior | _Path | None,
     ) -> Compensator: ...
 
 @final

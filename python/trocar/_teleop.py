@@ -311,8 +311,8 @@ class StabilityMap:
         widths = tuple(tuple(_ranges(cell) for cell in row) for row in found["z_width_n_m"])
         greatest = [[cell[0][1] if cell else 0.0 for cell in row] for row in widths]
         least = [[cell[0][0] if cell else math.nan for cell in row] for row in widths]
-        axes = (np.array(found[name], dtype=np.float64) for name in ("delays_s", "fractions"))
-        return cls(*axes, np.array(greatest), np.array(least), widths)
+        delays_s, fractions = (np.array(found[name], dtype=np.float64) for name in ("delays_s", "fractions"))
+        return cls(delays_s, fractions, np.array(greatest), np.array(least), widths)
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """A row for each delay and fraction, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept.

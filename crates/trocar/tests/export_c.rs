@@ -693,7 +693,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "../../trocar-runtime/src/compensate/faults.rs",
             "../../trocar-runtime/src/compensate/inertia.rs",
         ],
-        0x132acce93d82bdf4,
+        0x27a5_2d85_c81f_da97,
     ),
 ];
 

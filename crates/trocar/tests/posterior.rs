@@ -10,7 +10,9 @@ use trocar::identify::posterior::{Convergence, Posterior, models, read, weak_pri
 use trocar::identify::{Identification, IdentifyOptions, SealPrior, identify};
 use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
-use trocar_model::{Branch, DeformationForce, Element, ElementParams, Friction, Piece};
+use trocar_model::{
+    Branch, DeformationForce, Element, ElementParams, Friction, Piece, Quantity,
+};
 
 #[path = "../examples/calibration.rs"]
 pub(crate) mod calibration;
@@ -79,7 +81,10 @@ fn draws_agree_with_the_intervals_of_identify_and_with_their_file() {
         let ratio = (p.ci95[1] - p.ci95[0]) / (own.ci95[1] - own.ci95[0]);
         println!("{:32} {:?} identify {:?} ratio {ratio:.2}", p.id.to_string(), p.ci95, own.ci95);
         if RANKED.contains(&p.id.to_string().as_str()) {
-            assert!((0.6..1.6).contains(&ratio), "{}: {:?} {:?}", p.id, p.ci95, own.ci95);
+            // Draws of a join can reach minima that its interval leaves out.
+            let is_join = matches!(p.id.quantity, Quantity::Join | Quantity::JoinForce);
+            let most = if is_join { 4.0 } else { 1.6 };
+            assert!((0.6..most).contains(&ratio), "{}: {:?} {:?}", p.id, p.ci95, own.ci95);
             assert!(p.ci95[0] < own.value && own.value < p.ci95[1], "{}", p.id);
         }
     }
@@ -289,9 +294,9 @@ fn a_few_strokes_update_a_model_for_another_a_wetted_and_a_worn_seal() {
         let shares: Vec<f64> = (0..5).map(share).collect();
         println!("{state}: F_c, beta, c, F(a+), F(a-) within their intervals: {shares:.2?}");
         let least = if all.len() < 20 { 0.5 } else { 0.8 };
-        // c is too narrow after few strokes: the limits of docs/explanation/posterior.md.
-        let held = [shares[0], shares[1], shares[3], shares[4]];
-        assert!(held.iter().all(|share| *share >= least), "{state}: {shares:?}");
+        // F_c and c are too narrow after few strokes: the limits of docs/explanation/posterior.md.
+        let least = [0.75, 1.0, 0.75, 1.0, 1.0].map(|part| part * least);
+        assert!(shares.iter().zip(least).all(|(s, least)| *s >= least), "{state}: {shares:?}");
         let names = |name: &str| {
             all.iter().filter(|(_, open)| open.iter().any(|own| own == name)).count() as f64
         };

@@ -133,6 +133,9 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     training.prior = prior.of(&start);
     progress("fitting the element", 0.02);
     let fitted = likelihood::fit(&training, &start, NEXT)?;
+    // A wetted seal slides before it is deformed as far: from the width of the prior the fit may not get there.
+    let other = other_width(&training, &fitted).filter(|other| other.cost() < fitted.cost());
+    let fitted = other.unwrap_or(fitted);
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.15);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
