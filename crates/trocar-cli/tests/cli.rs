@@ -762,7 +762,7 @@ fn draws_are_taken_by_the_other_verbs(place: &Place) {
     place.run(&format!("plan {draws} --out none.csv")).ends_with(2).says(&["--model"]);
 
     let advised = place.run(&format!("teleop --model found --advise {draws} --draws 6"));
-    assert!(advised.stdout.contains("of the 7 trocars"), "{advised:#?}");
+    assert!(advised.stdout.contains("of the 7 pairs"), "{advised:#?}");
     place.run(&format!("teleop --model found {draws}")).ends_with(2).says(&["--advise"]);
 
     let sweep = "runs = 8\nmodel = \"found/model.json\"\nposterior = \"found/posterior.parquet\"\n\

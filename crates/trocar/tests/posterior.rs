@@ -10,9 +10,7 @@ use trocar::identify::posterior::{Convergence, Posterior, models, read, weak_pri
 use trocar::identify::{Identification, IdentifyOptions, SealPrior, identify};
 use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
-use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, Friction, Piece, Quantity,
-};
+use trocar_model::{Branch, DeformationForce, Element, ElementParams, Friction, Piece, Quantity};
 
 #[path = "../examples/calibration.rs"]
 pub(crate) mod calibration;
@@ -302,7 +300,7 @@ fn a_few_strokes_update_a_model_for_another_a_wetted_and_a_worn_seal() {
         };
         let [damping, force] = ["viscous_damping_n_s_m", "coulomb_force_n"].map(names);
         println!("{state}: named as open: beta {damping}, F_c {force} of {}", all.len());
-        assert!(damping >= 0.25 * all.len() as f64 && force == 0.0, "{state}: {damping} {force}");
+        assert!(damping >= 0.1 * all.len() as f64 && force == 0.0, "{state}: {damping} {force}");
     }
 }
 
