@@ -24,7 +24,7 @@
 //! ```
 //! σ_phase is the error of the model's force on recordings, by phase ([`ForceError`]). var λ and
 //! var ν are those of the estimates; without validation recordings they come from the intervals of
-//! the parameters. drawn is the error of the parameters that draws of them show ([`drawn`]); where
+//! the parameters. drawn is the error of the parameters that draws of them show (`drawn.rs`); where
 //! there are draws, it replaces var λ and var ν from the intervals. spread is half the range of the forces of extreme initial states until the seal
 //! has slid. minor is half the difference between the softest and the stiffest law between the
 //! branches, as long as no recording contains partial reversals. doubt is the amount by which the
