@@ -362,7 +362,7 @@ fn speeds() -> Outcome<Figure> {
     }
     Ok(Figure::new("speeds", 1, "Speed").width(Width::Narrow).panel(panel).caption(
         "Full strokes of the plausible seal at three speeds. The deformation force does not depend on the speed; the sliding force grows with it by \
-         viscous friction, β = 5 N s/m. The faster it slid, the further the seal was bent when it reverses.",
+         viscous friction, β = 5 N s/m. The faster it slid, the further the seal is deflected when it reverses.",
     ))
 }
 

@@ -400,7 +400,7 @@ fn outline(force: &DeformationForce, now: &Shown) -> String {
     around(&strip(SCALE * z, height, low, side))
 }
 
-/// The middle line of a strip that bulges to the side it is not bent to; between the sides it is curved like an S.
+/// The middle line of a strip that bulges to the side away from its deflection; between the sides it is curved like an S.
 fn strip(z: f64, height: f64, bulge: f64, side: f64) -> Vec<[f64; 2]> {
     let double = (1.0 - side * side).max(0.0).sqrt();
     let point = |k: usize| {
