@@ -11,8 +11,11 @@
 //! branch is
 //!
 //! ```text
-//! hull over D(a) ≤ 1 of g(θ_a) ± w_g|a·√(1 − D(a))        w_g|a² = w_g² − (dg/da·w)²: half width at a given join
+//! hull over D(a) ≤ 1 or a ∈ A of g(θ_a) ± w_g|a·√(1 − D(a))₊        w_g|a² = w_g² − (dg/da·w)²: half width at a given join
 //! ```
+//! A is the range that holds the central 95 % of the density exp(−½·(1.96)²·D). Where C_b is a
+//! parabola it adds nothing; minima a little above D = 1 that are broad, or several, belong to it.
+//!
 //! C_b is computed on a grid. From one join to the next the polynomials start from those that come
 //! nearest, and all other numbers take undamped steps. A better minimum is followed, so that the
 //! fit does not depend on the join that it started from.
@@ -81,6 +84,8 @@ pub(super) struct Along {
     pub(super) direction: Direction,
     /// In the order of their joins.
     points: Vec<Point>,
+    /// A.
+    central: [f64; 2],
 }
 
 /// The search along one branch about a fit.
@@ -164,7 +169,7 @@ impl Search<'_> {
     /// C_b, and the lowest trial that is better than the fit, with its D.
     fn along(&self, half_width: f64) -> (Along, Option<(f64, EmsTrial)>) {
         let points = self.grid(half_width);
-        let mut along = Along { direction: self.direction, points };
+        let mut along = Along { direction: self.direction, points, central: [0.0; 2] };
         // A narrow minimum may lie between two joins of the grid.
         self.add_between(&mut along.points, |low, _, width| {
             low.excess < NEAR && width > 0.6 * STEP
@@ -181,6 +186,7 @@ impl Search<'_> {
         let better = least.filter(|point| point.excess < -BETTER);
         let better = better.map(|point| (point.excess, point.trial.clone()));
         along.points.iter_mut().for_each(|point| point.excess = point.excess.max(0.0));
+        along.central = along.quantiles([0.025, 0.975]);
         (along, better)
     }
 
@@ -374,6 +380,12 @@ impl Along {
         first.into_iter().chain(all).collect()
     }
 
+    /// The joins below which these parts of the density lie.
+    fn quantiles(&self, parts: [f64; 2]) -> [f64; 2] {
+        let all = self.distribution();
+        parts.map(|part| all[all.partition_point(|(_, below)| *below < part).min(all.len() - 1)].0)
+    }
+
     /// The branch at a join, between those of the points beside it.
     pub(super) fn branch_at(&self, join: f64) -> Option<BranchShape> {
         let after = self.points.partition_point(|point| point.join < join);
@@ -404,13 +416,19 @@ impl Along {
             let half = given * (1.0 - excess).max(0.0).sqrt();
             hull = [hull[0].min(value - half), hull[1].max(value + half)];
         };
+        let is_central = |join: f64| self.central[0] <= join && join <= self.central[1];
         for (low, high) in self.cells() {
-            let Some(most) = share_within(low, high) else { continue };
             let [from, to] = [low, high].map(|point| of(&point.trial));
-            for i in 0..=BETWEEN {
-                let x = most * i as f64 / BETWEEN as f64;
-                add(from + x * (to - from), low.excess + (high.excess - low.excess) * x * x);
-            }
+            let mut up_to = |most: f64, is_open: &dyn Fn(f64) -> bool| {
+                for x in (0..=BETWEEN).map(|i| most * i as f64 / BETWEEN as f64) {
+                    if is_open(low.join + x * (high.join - low.join)) {
+                        let excess = low.excess + (high.excess - low.excess) * x * x;
+                        add(from + x * (to - from), excess);
+                    }
+                }
+            };
+            share_within(low, high).iter().for_each(|most| up_to(*most, &|_| true));
+            up_to(1.0, &is_central);
         }
         hull
     }
