@@ -124,6 +124,32 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
     assert!(outside.is_empty(), "coverage outside {band:?}: {outside:?}");
 }
 
+/// Rigs turn at the same places, so that the readings of a coarse encoder err alike at all reversals
+/// of a speed: their turning points are interpolated.
+#[test]
+fn a_coarse_encoder_does_not_bias_the_half_width() {
+    const STEP: f64 = 1e-4;
+    let benches: u64 = if std::env::var_os("TROCAR_STATISTICS").is_some() { 40 } else { 8 };
+    let mut config = BenchConfig::default();
+    config.encoder.resolution_m = STEP;
+    let outcome = |seed: u64| {
+        let truth = seal(seed);
+        let element = [Element::new(truth).expect("a plausible seal is a model")];
+        let record = |p: Protocol| {
+            run(&config, p, &element, seed).expect("the rig runs").to_recording(p.name()).unwrap()
+        };
+        let found = found(&[Protocol::Steady, Protocol::Dynamic].map(record), seed);
+        let half_width = found.parameter("half_width_m").expect("it is resolved").clone();
+        (half_width.value - truth.deformation.half_width(), half_width)
+    };
+    let all: Vec<(f64, Estimate)> = (1..=benches).into_par_iter().map(outcome).collect();
+    let n = benches as f64;
+    let mean = all.iter().map(|(error, _)| error).sum::<f64>() / n;
+    let covered = all.iter().filter(|(error, found)| found.covers(found.value - error)).count();
+    println!("half width: mean error {mean:.2e} m, {covered} of {benches} intervals hold it");
+    assert!(mean.abs() < 0.1 * STEP && covered as f64 >= 0.87 * n, "{mean} {covered}");
+}
+
 #[test]
 fn the_branches_are_recovered_between_their_ends() {
     let truth = seal(3);

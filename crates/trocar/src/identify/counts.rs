@@ -1,20 +1,14 @@
-//! Positions between the counts of a coarse encoder.
+//! Turning points between the counts of a coarse encoder.
 //!
 //! ```text
-//! x = (p + q)/2 where the reading changes from p to q, half way between the two samples
-//! x = p within a reading, from T/2 after its begin to T′/2 before its end
-//! x = e + 4·h·u·(1 − u), h = s·d²/(D² − d²)      about a turning point
+//! x = e + 4·h·u·(1 − u)        h = s·d²/(D² − d²)
 //! ```
-//! T and T′ are the duration of the reading or, if that is shorter, twice that of the reading
-//! before or after it: a longer reading contains a rest or a reversal. In between x is linear in
-//! time. A reading of one sample is kept.
-//!
-//! At a turning point the readings before and after are equal, s from that reading, and e is half
-//! way to them. A constant acceleration makes x the parabola with the height h above e, where the
-//! reading lasts d, and D with those beside it; u is the fraction of d. A height beyond s means a
-//! rest: it counts as s/2. The readings themselves err by the same distance at all reversals of
-//! one speed, since rigs turn at the same places, and bias c by it. With the readings themselves the seal rests most of the
-//! time in slow motion, and moves in jumps.
+//! Where the readings before and after one are equal, the motion turns within it. Half way to them,
+//! at e, the reading changes. A constant acceleration makes x a parabola of height h above e: s is
+//! the distance of the readings, d the time that this one lasts, D that time with the readings
+//! beside it, u the fraction of d. A height beyond s means a rest, and counts as s/2. The readings
+//! themselves err by the same distance at all reversals of one speed, since rigs turn at the same
+//! places, and so bias the half width by it. Elsewhere their errors average out.
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -27,8 +21,6 @@ use crate::recording::Recording;
 
 /// Step of the positions, m, from which it matters: 0.2 % of the smallest half widths in use.
 const COARSE: f64 = 2e-5;
-/// Longest reading that is all motion, in readings before or after it.
-const EVEN: f64 = 2.0;
 
 /// Error, in steps, with which turning points are known: 0.12 rms, 95 % within this.
 const TURNING: f64 = 0.24;
@@ -42,7 +34,7 @@ struct Readings<'a> {
     edges: Vec<f64>,
 }
 
-/// The recordings, with positions between the counts where these are coarse.
+/// The recordings, with turning points between the counts where these are coarse.
 pub(super) fn resolved(recordings: &[Recording]) -> Cow<'_, [Recording]> {
     let is_coarse = |recording: &Recording| recording.quality.position_resolution >= COARSE;
     if !recordings.iter().any(is_coarse) {
@@ -98,16 +90,13 @@ impl<'a> Readings<'a> {
     fn positions(&self) -> Vec<f64> {
         let of_reading = |k: usize| {
             let turning = self.turning(k);
-            let [before, after] = [k.checked_sub(1), Some(k + 1)].map(|other| self.edge(k, other));
-            let at = move |i: usize| {
-                let since = self.recording.time[i] - self.edges[k];
-                let until = self.edges[k + 1] - self.recording.time[i];
-                match turning {
-                    Some([edge, height]) => {
-                        edge + 4.0 * height * since * until / self.duration(k).powi(2)
-                    }
-                    None => self.reading(k) + towards(before, since) + towards(after, until),
+            let at = move |i: usize| match turning {
+                Some([edge, height]) => {
+                    let since = self.recording.time[i] - self.edges[k];
+                    let until = self.edges[k + 1] - self.recording.time[i];
+                    edge + 4.0 * height * since * until / self.duration(k).powi(2)
                 }
+                None => self.reading(k),
             };
             self.samples[k].clone().map(at)
         };
@@ -124,21 +113,5 @@ impl<'a> Readings<'a> {
             let height = own / ((self.edges[k + 2] - self.edges[k - 1]).powi(2) - own);
             [self.reading(k) - 0.5 * step, step * if height > 1.0 { 0.5 } else { height }]
         })
-    }
-
-    /// Distance from reading `k` to where it changes to the `other`, and for how long it takes to
-    /// there.
-    fn edge(&self, k: usize, other: Option<usize>) -> Option<[f64; 2]> {
-        let other = other.filter(|k| *k < self.samples.len())?;
-        let within = 0.5 * self.duration(k).min(EVEN * self.duration(other));
-        Some([0.5 * (self.reading(other) - self.reading(k)), within])
-    }
-}
-
-/// Distance from a reading at a time `off` from its edge.
-fn towards(edge: Option<[f64; 2]>, off: f64) -> f64 {
-    match edge {
-        Some([distance, within]) if off < within => distance * (1.0 - off / within),
-        _ => 0.0,
     }
 }

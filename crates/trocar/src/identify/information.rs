@@ -67,12 +67,23 @@ pub struct Expected {
     pub id: ParameterId,
     /// Its assumed value, SI.
     pub value: f64,
-    /// Standard deviation of its estimate over repetitions, to first order, SI.
+    /// Standard deviation of its estimate over repetitions, SI: to first order, but for β and c
+    /// with the factors of `identify`, which estimates the weights of the strokes, too. Over 200
+    /// seals the errors are that much larger (`tests/plan.rs`).
     pub deviation: f64,
     /// Half width of its 95 % interval, SI: with the factors and degrees of freedom of `identify`.
     pub half_width: f64,
     /// Whether its interval is taken on the logarithm.
     pub on_log: bool,
+}
+
+/// The factor of β and of c. That of F_c and of joins is for what the scatter of strokes does not
+/// show, which is in the covariance here.
+fn beyond_first_order(id: ParameterId) -> f64 {
+    match id.quantity {
+        Quantity::ViscousDamping | Quantity::HalfWidth => factor_of(id),
+        _ => 1.0,
+    }
 }
 
 /// Weight of the force along a motion for the criterion of prediction.
@@ -357,7 +368,8 @@ impl Rows {
         let unit = if on_log { value } else { 1.0 };
         let error = variance.max(0.0).sqrt();
         let half = t_quantile(degrees) * factor_of(id) * error;
-        Expected { id, value, deviation: unit * error, half_width: unit * half, on_log }
+        let deviation = unit * beyond_first_order(id) * error;
+        Expected { id, value, deviation, half_width: unit * half, on_log }
     }
 
     fn gradient(&self, id: ParameterId, on_log: bool) -> DVector<f64> {

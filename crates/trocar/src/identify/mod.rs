@@ -1,7 +1,7 @@
 //! Identification of an EMS element from recordings.
 //!
 //! ```text
-//! recordings -> positions between counts                                         counts.rs
+//! recordings -> turning points between counts                                    counts.rs
 //!            -> strokes, constant velocity -> F_0, F_c, β (23), Stribeck (11)    steady.rs, stribeck.rs
 //!            -> full reversals, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs       the paper's two steps
 //!            -> all motion against simulated force: one likelihood              likelihood.rs, training.rs
