@@ -15,12 +15,12 @@ const PAGE: &str = include_str!("../../../docs/gallery/index.md");
 const AGAIN: &str = "run cargo run --release -p trocar --example gallery -- docs";
 
 fn kept(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/figures/gallery").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/figures").join(name)
 }
 
 fn assert_kept(name: &str, made: &str) {
     let is_same = std::fs::read_to_string(kept(name)).is_ok_and(|kept| kept == made);
-    assert!(is_same, "docs/figures/gallery/{name}: {AGAIN}");
+    assert!(is_same, "docs/figures/{name}: {AGAIN}");
 }
 
 #[test]
@@ -28,9 +28,35 @@ fn pictures_and_page_are_those_of_the_command() {
     let figures = example::figures(&[]).unwrap();
     assert!(figures.len() >= 25, "{}", figures.len());
     for (name, svg) in example::drawn(&figures).unwrap() {
+        assert_kept(&format!("gallery/{name}.svg"), &svg);
+    }
+    for (name, svg) in example::schematics(&[]).unwrap() {
         assert_kept(&format!("{name}.svg"), &svg);
     }
     assert!(PAGE == example::page(&figures), "docs/gallery/index.md: {AGAIN}");
+}
+
+/// Drawn texts of all pictures below a folder.
+fn texts(folder: &Path) -> Vec<(PathBuf, String)> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let of = |path: PathBuf| match path.extension() {
+        _ if path.is_dir() => texts(&path),
+        Some(extension) if extension == "svg" => {
+            let svg = std::fs::read_to_string(&path).unwrap();
+            svg.split("<text").skip(1).map(|text| (path.clone(), text.to_owned())).collect()
+        }
+        _ => vec![],
+    };
+    entries.flat_map(of).collect()
+}
+
+#[test]
+fn no_text_of_a_picture_is_cut() {
+    let all = texts(&kept(""));
+    assert!(all.len() > 1000, "{}", all.len());
+    for (path, text) in all {
+        assert!(!text.contains('…'), "{}: {text}", path.display());
+    }
 }
 
 fn between<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
@@ -41,7 +67,7 @@ fn between<'a>(text: &'a str, begin: &str, end: &str) -> &'a str {
 #[test]
 fn the_seal_of_the_first_page_is_that_of_the_command_and_of_the_library() {
     let made = example::moving().unwrap();
-    assert_kept("moving-seal.html", &made);
+    assert_kept("gallery/moving-seal.html", &made);
     let module = STANDARD.decode(between(&made, "<script type=\"application/gzip\">", "</script>"));
     let mut plain = Vec::new();
     std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(&module.unwrap()[..]), &mut plain)
