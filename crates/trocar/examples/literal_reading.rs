@@ -57,14 +57,24 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         span(&hold.element[from..])
     );
 
+    write_document(Path::new(&folder), &document()?)?;
+    Ok(())
+}
+
+/// The drawing.
+pub(crate) fn document() -> Result<Document, Box<dyn std::error::Error>> {
+    let params = ElementParams::plausible_10_5_mm()?;
+    let [reversals, stop, hold] = [partial_reversals(), braking(), noisy_hold()];
+    let [reversals, stop, hold] =
+        [compare(params, &reversals)?, compare(params, &stop)?, compare(params, &hold)?];
+    let decay = decaying(params, &stop);
     let figure = draw(&reversals, &stop, decay, &hold);
     let section = Section::new("Mode and branch by the sign of the velocity").figure(figure);
-    let document = Document {
+    Ok(Document {
         title: "The literal reading".into(),
         sections: vec![section],
         ..Document::default()
-    };
-    Ok(write_document(Path::new(&folder), &document)?)
+    })
 }
 
 /// Runs both readings along positions at 1 kHz, from A seal deformed as after a withdrawal.

@@ -1,14 +1,23 @@
 //! The pictures of the book, and their page, are those that their command makes.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use trocar::bench::config::TissueKind;
 use trocar_model::{Element, ElementParams, Trocar};
 
 #[path = "../examples/gallery/main.rs"]
 #[allow(dead_code)] // its main
 mod example;
+
+#[path = "../examples/compensation.rs"]
+#[allow(dead_code)] // its main
+mod compensation;
+#[path = "../examples/literal_reading.rs"]
+#[allow(dead_code)] // its main
+mod literal_reading;
 
 const PAGE: &str = include_str!("../../../docs/gallery/index.md");
 
@@ -34,6 +43,62 @@ fn pictures_and_page_are_those_of_the_command() {
         assert_kept(&format!("{name}.svg"), &svg);
     }
     assert!(PAGE == example::page(&figures), "docs/gallery/index.md: {AGAIN}");
+}
+
+#[test]
+fn drawings_of_other_commands_are_those_they_make() {
+    let made = [
+        ("compensation", compensation::document().unwrap()),
+        ("literal_reading", literal_reading::document().unwrap()),
+    ];
+    for (command, document) in made {
+        for (id, svg) in trocar::report::vectors(&document).unwrap() {
+            let same = std::fs::read_to_string(kept(&format!("{id}.svg"))).unwrap() == svg;
+            assert!(
+                same,
+                "docs/figures/{id}.svg: run cargo run --release -p trocar --example {command} -- docs"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_errors_of_compensation_in_the_docs_are_those_of_the_command() {
+    let page = include_str!("../../../docs/explanation/compensation.md");
+    let scores = compensation::scores(TissueKind::HuntCrossley).unwrap();
+    let (table, coverage) = (scores.table(), scores.coverage());
+    assert!(page.contains(&table), "docs/explanation/compensation.md has not\n{table}");
+    let words = page.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words.contains(&coverage), "docs/explanation/compensation.md has not {coverage}");
+}
+
+/// A picture that no command makes would go stale unnoticed.
+#[test]
+fn every_picture_of_the_docs_has_its_command() {
+    let mut made: BTreeSet<String> =
+        example::schematics(&[]).unwrap().into_iter().map(|(name, _)| name.to_owned()).collect();
+    // Compared above, in `teleop_figures`, in `posterior` and in `published`.
+    let compared = [
+        "compensation",
+        "literal-reading",
+        "stability-map",
+        "displayed-stiffness",
+        "sbc",
+        "one-reversal",
+        "error-by-parameters",
+    ];
+    made.extend(compared.map(str::to_owned));
+    // Made and compared by docs/check, which runs the tutorials.
+    for page in std::fs::read_dir(kept("../tutorials")).unwrap() {
+        let text = std::fs::read_to_string(page.unwrap().path()).unwrap();
+        let names = text.split("](../figures/").skip(1).filter_map(|rest| rest.split_once(".svg)"));
+        made.extend(names.map(|(name, _)| name.to_owned()));
+    }
+    let all = std::fs::read_dir(kept("")).unwrap().map(|entry| entry.unwrap().path());
+    let svg = all.filter(|path| path.extension().is_some_and(|own| own == "svg"));
+    let all: BTreeSet<String> =
+        svg.map(|path| path.file_stem().unwrap().to_string_lossy().into_owned()).collect();
+    assert_eq!(all, made, "drawn, and made by a command that a test compares");
 }
 
 /// Drawn texts of all pictures below a folder.
