@@ -24,7 +24,7 @@ use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ErrorSource;
 use trocar::model_file::{ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::Recording;
-use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
+use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, vectors};
 use trocar::validate::validate;
 use trocar_model::{
     BacklashFilter, BacklashState, Classical, Element, ElementParams, Seal, StaticFriction, Trocar,
@@ -56,7 +56,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     print_cost()?;
     if let Some(folder) = std::env::args().nth(1) {
-        write_document(Path::new(&folder), &document()?)?;
+        for (name, svg) in vectors(&document()?)? {
+            let place = Path::new(&folder).join("figures").join(name);
+            std::fs::write(place.with_extension("svg"), svg)?;
+        }
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
+use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, vectors};
 use trocar_model::{Element, ElementParams, LiteralState, PaperLiteral};
 
 /// s; 1 kHz, as in a recording.
@@ -57,7 +57,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         span(&hold.element[from..])
     );
 
-    write_document(Path::new(&folder), &document()?)?;
+    for (name, svg) in vectors(&document()?)? {
+        let place = Path::new(&folder).join("figures").join(name);
+        std::fs::write(place.with_extension("svg"), svg)?;
+    }
     Ok(())
 }
 

@@ -83,7 +83,7 @@ struct Schematic {
     draw: fn() -> Outcome<Sheet>,
 }
 
-const SCHEMATICS: [Schematic; 7] = [
+const SCHEMATICS: [Schematic; 6] = [
     Schematic {
         name: "trocar",
         title: "A trocar with a one-stage seal",
@@ -110,12 +110,6 @@ const SCHEMATICS: [Schematic; 7] = [
         caption: "A linear motor with an encoder moves a rod through a fixed trocar; a force sensor lies between motor and rod. Drawn lying; the bench of the \
                   paper stands upright, so that the weight of the rod adds to the offset of the force.",
         draw: schematics::test_bench,
-    },
-    Schematic {
-        name: "simulink-files",
-        title: "A seal in Simulink",
-        caption: "From model.json to the C Caller block.",
-        draw: simulink::files,
     },
     Schematic {
         name: "simulink-ports",

@@ -1,4 +1,4 @@
-//! Diagrams of the recipe for Simulink: how its files come about, the ports of its block, and the block in a model.
+//! Diagrams of the recipe for Simulink: the ports of its block, and the block in a model.
 
 use super::Outcome;
 use super::sheet::{Align, EDGE, GREY, INK, PALE, PALE_BLUE, Pen, Point, Sheet, WHITE};
@@ -12,29 +12,6 @@ fn block(sheet: &mut Sheet, at: Point, size: Point, fill: &str, [name, word]: [&
     let up = if word.is_empty() { 5.0 } else { -3.0 };
     sheet.text([x, y + up], Align::Middle, INK, name);
     sheet.text([x, y + 15.0], Align::Middle, GREY, word);
-}
-
-pub(crate) fn files() -> Outcome<Sheet> {
-    let mut sheet = Sheet::new(780.0, 170.0);
-    let size = [140.0, 54.0];
-    block(&mut sheet, [10.0, 58.0], [110.0, 54.0], PALE, ["model.json", ""]);
-    block(&mut sheet, [220.0, 18.0], size, PALE, ["seal.c, seal.h", "exported"]);
-    block(&mut sheet, [220.0, 98.0], size, PALE, ["seal_block.c, .h", "wrapper, step 2"]);
-    block(
-        &mut sheet,
-        [430.0, 58.0],
-        [150.0, 54.0],
-        PALE,
-        ["Simulation Target", "custom code, step 3"],
-    );
-    block(&mut sheet, [646.0, 58.0], [124.0, 54.0], PALE_BLUE, ["C Caller", "seal_block, step 4"]);
-    sheet.arrow(&[[120.0, 85.0], [160.0, 85.0], [160.0, 45.0], [220.0, 45.0]], LINE);
-    sheet.text([150.0, 32.0], Align::Middle, GREY, "trocar export c");
-    sheet.arrow(&[[360.0, 45.0], [395.0, 45.0], [395.0, 76.0], [430.0, 76.0]], LINE);
-    sheet.arrow(&[[360.0, 125.0], [395.0, 125.0], [395.0, 94.0], [430.0, 94.0]], LINE);
-    sheet.arrow(&[[580.0, 85.0], [646.0, 85.0]], LINE);
-    sheet.text([612.0, 76.0], Align::Middle, GREY, "compiled");
-    Ok(sheet)
 }
 
 pub(crate) fn ports() -> Outcome<Sheet> {
