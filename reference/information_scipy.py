@@ -11,6 +11,7 @@ whole covariance C of the readings, dense, sample by sample: A' C^-1 A, A by cen
 import numpy
 import scipy.integrate
 
+import ems
 import vectors
 
 NAMES = [
@@ -58,26 +59,9 @@ def forces(values, time, position):
     beta, width = values[2], values[3]
     z, force = 0.0, [0.0]
     for step, duration in zip(numpy.diff(position), numpy.diff(time)):
-        velocity, left = step / duration, duration
+        velocity = step / duration
         _, high, low = deformation(values, z, velocity > 0.0)
-        while left > 0.0:
-            outside = z > width or z < -width or (abs(z) == width and velocity * z > 0.0)
-            if not outside:
-                # The seal sticks until z reaches an end.
-                end = width if velocity > 0.0 else -width
-                reach = (end - z) / velocity if velocity != 0.0 else numpy.inf
-                z = end if reach <= left else z + velocity * left
-                left -= min(reach, left)
-                continue
-            # It slides: z - end tends to beta*v/k, and ends where that brings it back inside.
-            end, k = (width, high) if z > 0.0 else (-width, low)
-            settled, beyond = beta * velocity / k, z - end
-            back = numpy.inf
-            if settled * beyond < 0.0:
-                back = beta / k * numpy.log((beyond - settled) / -settled)
-            lasts = min(back, left)
-            z = end if back <= left else end + settled + (beyond - settled) * numpy.exp(-k * lasts / beta)
-            left -= lasts
+        z = ems.deflected(z, velocity, duration, beta, width, low, high)
         force.append(float(deformation(values, z, velocity > 0.0)[0]))
     return numpy.array(force)
 

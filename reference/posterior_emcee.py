@@ -4,7 +4,7 @@
     reference/posterior_emcee --speed   # effective draws a second beside those of the example posterior_density
 
 The density is that of crates/trocar/src/identify/posterior/density.rs, computed anew: the element in closed form along each step
-(as in information_scipy.py), the friction scales of the strokes by dense matrices, cluster by cluster. Data, variances, priors and
+(ems.py), the friction scales of the strokes by dense matrices, cluster by cluster. Data, variances, priors and
 coordinates come from posterior/density.json, which `cargo run -p trocar --example posterior_density` writes:
 
     C = sum w*(y - o - (1 + d)*F)^2 - m'(Z'Z + lambda)^-1 m + sum of priors     ln pi = -C/(2 sigma^2)     theta_w = maximum + L_w z
@@ -23,6 +23,7 @@ import emcee
 import numba
 import numpy
 
+import ems
 import vectors
 
 FOLDER = pathlib.Path(__file__).parent / "posterior"
@@ -33,6 +34,8 @@ BRANCH = ["join", "join_force", "bend", "bend"]
 WALKERS, STEPS, WARM_UP, SEED = 48, 12000, 2000, 1
 END_SLOPE = 0.05  # least slope beyond the ends, of the mean slope of the branch
 POINTS = 24
+
+deflected = numba.njit(ems.deflected)
 
 
 @numba.njit(cache=False)
@@ -57,23 +60,9 @@ def forces(values, displacement, duration, centre):
     z, before = 0.0, 0.0
     found = numpy.empty(len(displacement))
     for i in range(len(displacement)):
-        velocity, left = displacement[i] / duration[i], duration[i]
+        velocity = displacement[i] / duration[i]
         rises = velocity > 0.0
-        while left > 0.0:
-            if not (z > width or z < -width or (abs(z) == width and velocity * z > 0.0)):
-                end = width if rises else -width
-                reach = (end - z) / velocity if velocity != 0.0 else numpy.inf
-                z = end if reach <= left else z + velocity * left
-                left -= min(reach, left)
-                continue
-            end, k = (width, high) if z > 0.0 else (-width, low)
-            settled, beyond = beta * velocity / k, z - end
-            back = numpy.inf
-            if settled * beyond < 0.0:
-                back = beta / k * numpy.log((beyond - settled) / -settled)
-            lasts = min(back, left)
-            z = end if back <= left else end + settled + (beyond - settled) * numpy.exp(-k * lasts / beta)
-            left -= lasts
+        z = deflected(z, velocity, duration[i], beta, width, low, high)
         if z > width:
             after = coulomb + high * (z - width)
         elif z < -width:

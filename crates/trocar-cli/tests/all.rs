@@ -6,6 +6,7 @@ mod cli;
 mod compare;
 mod compensate;
 mod export_c;
+mod files_page;
 mod fleet;
 mod fmu;
 mod live;

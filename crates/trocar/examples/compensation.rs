@@ -24,7 +24,7 @@ use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ErrorSource;
 use trocar::model_file::{ModelFile, Origin, OriginKind, SensorInfo};
 use trocar::recording::Recording;
-use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
+use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, vectors};
 use trocar::validate::validate;
 use trocar_model::{
     BacklashFilter, BacklashState, Classical, Element, ElementParams, Seal, StaticFriction, Trocar,
@@ -47,40 +47,42 @@ const BACKLASH: f64 = 0.5e-3;
 const WET: f64 = 0.65;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let seal = [Element::new(ElementParams::plausible_10_5_mm()?)?];
-    let (ems, coulomb) = models(&seal)?;
     for (title, kind) in
         [("Hunt-Crossley", TissueKind::HuntCrossley), ("Kelvin-Voigt", TissueKind::KelvinVoigt)]
     {
-        let mut scores = Scores::default();
-        for seed in SEEDS {
-            let record = run(&surgery(kind), Protocol::Surgeon, &seal, seed)?;
-            score(&record, [&ems, &coulomb], &mut scores)?;
-        }
-        scores.print(title);
+        let scores = scores(kind)?;
+        println!("\n{title}: RMS error of the tissue force, N\n\n{}", scores.table());
+        println!("the 95 % band of EMS and adaptation holds the truth in {}", scores.coverage());
     }
-    print_cost(&ems, &seal)?;
+    print_cost()?;
     if let Some(folder) = std::env::args().nth(1) {
-        let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, &seal, SEEDS[0])?;
-        let section = Section::new("Compensation").figure(draw(&record, &ems)?);
-        let document = Document {
-            title: "Compensation".into(),
-            sections: vec![section],
-            ..Document::default()
-        };
-        write_document(Path::new(&folder), &document)?;
+        for (name, svg) in vectors(&document()?)? {
+            let place = Path::new(&folder).join("figures").join(name);
+            std::fs::write(place.with_extension("svg"), svg)?;
+        }
     }
     Ok(())
 }
 
+/// The drawing.
+pub(crate) fn document() -> Result<Document, Box<dyn Error>> {
+    let seal = [Element::new(ElementParams::plausible_10_5_mm()?)?];
+    let (ems, _) = models(&seal)?;
+    let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, &seal, SEEDS[0])?;
+    let section = Section::new("Compensation").figure(draw(&record, &ems)?);
+    Ok(Document { title: "Compensation".into(), sections: vec![section], ..Document::default() })
+}
+
 /// Time of a step, median over repetitions.
-fn print_cost(ems: &ModelFile, seal: &[Element]) -> Result<(), Box<dyn Error>> {
-    let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, seal, SEEDS[0])?;
+fn print_cost() -> Result<(), Box<dyn Error>> {
+    let seal = [Element::new(ElementParams::plausible_10_5_mm()?)?];
+    let (ems, _) = models(&seal)?;
+    let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, &seal, SEEDS[0])?;
     for (name, adaptation) in [("fixed", false), ("adapting", true)] {
         let options = CompensateOptions { adaptation, ..CompensateOptions::default() };
         let mut times = Vec::new();
         for _ in 0..11 {
-            let mut observer = Compensator::new(ems, &options)?;
+            let mut observer = Compensator::new(&ems, &options)?;
             let start = Instant::now();
             for (x, y) in record.position.iter().zip(&record.force) {
                 black_box(observer.step(*x, *y, 1e-3));
@@ -228,13 +230,13 @@ fn after_reversals(position: &[f64]) -> Vec<bool> {
 /// Squares by method, part of the run (dry, changing, wet) and whether after a reversal; covered
 /// samples by part.
 #[derive(Default)]
-struct Scores {
+pub(crate) struct Scores {
     errors: [[[Sum; 2]; 3]; 5],
     covered: [Sum; 3],
 }
 
 const METHODS: [&str; 5] =
-    ["none", "Coulomb", "Coulomb after a backlash of 0.5 mm", "EMS", "EMS and adaptation"];
+    ["none", "Coulomb", "Coulomb after a backlash filter of 0.5 mm", "EMS", "EMS and adaptation"];
 
 /// Every method along one run.
 fn score(
@@ -278,31 +280,37 @@ fn score(
     Ok(())
 }
 
+/// All runs with one law of the tissue.
+pub(crate) fn scores(kind: TissueKind) -> Result<Scores, Box<dyn Error>> {
+    let seal = [Element::new(ElementParams::plausible_10_5_mm()?)?];
+    let (ems, coulomb) = models(&seal)?;
+    let mut scores = Scores::default();
+    for seed in SEEDS {
+        let record = run(&surgery(kind), Protocol::Surgeon, &seal, seed)?;
+        score(&record, [&ems, &coulomb], &mut scores)?;
+    }
+    Ok(scores)
+}
+
 impl Scores {
-    fn print(&self, title: &str) {
-        let runs = SEEDS.len();
-        println!(
-            "\n{title}: RMS error of the tissue force, N, {runs} runs of 120 s; friction falls to {WET} from {ONSET} s on"
-        );
-        println!(
-            "| compensation | dry | 15 s of change | wet | reversals, dry | reversals, change | reversals, wet | dry reversals, of none |"
-        );
-        println!("|---|---|---|---|---|---|---|---|");
+    pub(crate) fn table(&self) -> String {
+        let mut table = "| compensation | dry | 15 s of change | wet | reversals, dry | reversals, change | reversals, wet |\n\
+                         |---|---|---|---|---|---|---|\n"
+            .to_owned();
         let rms = |sums: &[&Sum]| sums.iter().fold(Sum::default(), |a, b| a.plus(**b)).rms();
         for (name, sum) in METHODS.into_iter().zip(&self.errors) {
             let whole = sum.iter().map(|part| rms(&[&part[0], &part[1]]));
             let behind = sum.iter().map(|part| part[1].rms());
             let cells: Vec<String> =
                 whole.chain(behind).map(|value| format!("{value:.3}")).collect();
-            println!(
-                "| {name} | {} | {:.3} |",
-                cells.join(" | "),
-                sum[0][1].rms() / self.errors[0][0][1].rms()
-            );
+            table += &format!("| {name} | {} |\n", cells.join(" | "));
         }
+        table
+    }
+
+    /// How often the band of EMS with adaptation holds the true force, in words.
+    pub(crate) fn coverage(&self) -> String {
         let [dry, change, wet] = self.covered.map(|sum| 100.0 * sum.squares / sum.count.max(1.0));
-        println!(
-            "the 95 % band of EMS and adaptation holds the truth in {dry:.1} % of the samples dry, {change:.1} % in the change, {wet:.1} % wet"
-        );
+        format!("{dry:.1} % of the samples dry, {change:.1} % during the change and {wet:.1} % wet")
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, write_document};
+use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, vectors};
 use trocar_model::{Element, ElementParams, LiteralState, PaperLiteral};
 
 /// s; 1 kHz, as in a recording.
@@ -57,14 +57,27 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         span(&hold.element[from..])
     );
 
+    for (name, svg) in vectors(&document()?)? {
+        let place = Path::new(&folder).join("figures").join(name);
+        std::fs::write(place.with_extension("svg"), svg)?;
+    }
+    Ok(())
+}
+
+/// The drawing.
+pub(crate) fn document() -> Result<Document, Box<dyn std::error::Error>> {
+    let params = ElementParams::plausible_10_5_mm()?;
+    let [reversals, stop, hold] = [partial_reversals(), braking(), noisy_hold()];
+    let [reversals, stop, hold] =
+        [compare(params, &reversals)?, compare(params, &stop)?, compare(params, &hold)?];
+    let decay = decaying(params, &stop);
     let figure = draw(&reversals, &stop, decay, &hold);
     let section = Section::new("Mode and branch by the sign of the velocity").figure(figure);
-    let document = Document {
+    Ok(Document {
         title: "The literal reading".into(),
         sections: vec![section],
         ..Document::default()
-    };
-    Ok(write_document(Path::new(&folder), &document)?)
+    })
 }
 
 /// Runs both readings along positions at 1 kHz, from A seal deformed as after a withdrawal.

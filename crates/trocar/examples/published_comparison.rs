@@ -3,20 +3,28 @@
 //!
 //! ```text
 //! cargo run --release -p trocar --example published_comparison -- FOLDER > docs/explanation/comparison-tables.md
+//! cargo run --release -p trocar --example published_comparison -- FOLDER docs
 //! ```
-//! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon) and `elastomer_seals` (one
+//! The second writes the drawings `docs/figures/one-reversal.svg` and `error-by-parameters.svg` alone. FOLDER holds `seal_a` (steady, dynamic, validation, surgeon) and `elastomer_seals` (one
 //! recording a seal, ZILLEN).
 
 use std::error::Error;
 use std::path::Path;
 
-use trocar::compare::{Choice, CompareOptions, Comparison, Entry, compare, reversal_match, split};
+use trocar::compare::{
+    Choice, CompareOptions, Comparison, Entry, Outcome, compare, reversal_match, split,
+};
 use trocar::identify::IdentifyOptions;
 use trocar::identify::classical::Kind;
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
+use trocar::report::comparison::document;
+use trocar::report::vectors;
+use trocar::workflow::MovingMass;
 
 /// Numbers of elements that get a row; all from 1 to 12 are fitted.
 const SHOWN: [usize; 4] = [1, 2, 4, 10];
+/// Drawings of docs/figures.
+const DRAWN: [&str; 2] = ["one-reversal", "error-by-parameters"];
 
 fn load(folder: &Path, names: &[&str]) -> Result<Vec<Recording>, RecordingError> {
     names
@@ -87,16 +95,37 @@ fn print_table(title: &str, comparison: &Comparison) {
     }
 }
 
+/// The simulated lip seal.
+fn of_lip_seal(folder: &Path) -> Result<Comparison, Box<dyn Error>> {
+    let seal = folder.join("seal_a");
+    compared(&load(&seal, &["steady", "dynamic"])?, &load(&seal, &["validation", "surgeon"])?)
+}
+
+/// Names and SVG of the drawings of docs/explanation/comparison.md.
+pub(crate) fn drawings(folder: &Path) -> Result<Vec<(String, String)>, Box<dyn Error>> {
+    let comparison = of_lip_seal(folder)?;
+    let moving_mass = MovingMass::default();
+    let outcome = Outcome { comparison: &comparison, seed: 0, held_out: false, moving_mass };
+    let mut drawings = vectors(&document(&outcome, ""))?;
+    drawings.retain(|(name, _)| DRAWN.contains(&name.as_str()));
+    Ok(drawings)
+}
+
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).ok_or("the folder of the recordings is missing")?;
-    let (seal, elastomers) =
-        (Path::new(&folder).join("seal_a"), Path::new(&folder).join("elastomer_seals"));
+    let folder = Path::new(&folder);
+    if let Some(docs) = std::env::args().nth(2) {
+        for (name, svg) in drawings(folder)? {
+            let figures = Path::new(&docs).join("figures");
+            std::fs::write(figures.join(name).with_extension("svg"), svg)?;
+        }
+        return Ok(());
+    }
+    let elastomers = folder.join("elastomer_seals");
     println!(
         "<!-- made by: cargo run --release -p trocar --example published_comparison -- FOLDER -->"
     );
-    let validation = load(&seal, &["validation", "surgeon"])?;
-    let comparison = compared(&load(&seal, &["steady", "dynamic"])?, &validation)?;
-    print_table("A simulated lip seal that is no EMS element", &comparison);
+    print_table("A simulated lip seal that is no EMS element", &of_lip_seal(folder)?);
     let rerun = load(&elastomers, &["o_ring257_1bar_rerun"])?;
     let comparison = compared(&load(&elastomers, &["o_ring257_1bar"])?, &rerun)?;
     print_table("O-ring, 25.7 mm bore, validated on its rerun", &comparison);

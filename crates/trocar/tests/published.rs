@@ -8,6 +8,10 @@ use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::validate::validate;
 
+#[path = "../examples/published_comparison.rs"]
+#[allow(dead_code)] // its main
+mod comparison;
+
 /// The folder of the recordings next to the project; `None` and a message if there is none.
 fn shared(name: &str) -> Option<PathBuf> {
     let folder =
@@ -103,6 +107,21 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
             (score.rms_n - printed).abs() < 6e-4,
             "{name}: {} N, docs/explanation/validation.md prints {printed}",
             score.rms_n
+        );
+    }
+}
+
+#[test]
+fn the_drawings_of_the_comparison_are_those_of_its_command() {
+    let Some(seal) = shared("seal_a") else { return };
+    let folder = seal.parent().expect("a folder of recordings");
+    let drawn = comparison::drawings(folder).unwrap();
+    assert_eq!(drawn.len(), 2);
+    for (name, svg) in drawn {
+        let file = format!("{}/../../docs/figures/{name}.svg", env!("CARGO_MANIFEST_DIR"));
+        assert!(
+            std::fs::read_to_string(file).is_ok_and(|kept| kept == svg),
+            "docs/figures/{name}.svg: run cargo run --release -p trocar --example published_comparison -- FOLDER docs"
         );
     }
 }

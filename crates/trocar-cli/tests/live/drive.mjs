@@ -1,28 +1,12 @@
 // Uses a report as a reader would: sliders, keys, a drag, a touch, a drawing. Prints what it saw as JSON; tests/live.rs
 // judges it. Arguments: playwright-core's folder, the browser, the report, a folder for downloads.
-import { createRequire } from "node:module";
 import { join } from "node:path";
-import { pathToFileURL } from "node:url";
+import { download as downloaded, start } from "./browser.mjs";
 
 const [modules, browserPath, report, folder] = process.argv.slice(2);
-const { chromium } = createRequire(join(modules, "package.json"))("playwright-core");
-const url = pathToFileURL(report).href;
-const browser = await chromium.launch({
-  executablePath: browserPath,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"],
-});
-const complaints = [], asked = [];
-
-async function open(options) {
-  const context = await browser.newContext({ acceptDownloads: true, ...options });
-  await context.setOffline(true);
-  const page = await context.newPage();
-  page.on("request", (request) => { if (request.url() !== url && !/^(data|blob):/.test(request.url())) asked.push(request.url()); });
-  page.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
-  page.on("pageerror", (error) => complaints.push(error.message));
-  await page.goto(url);
-  return page;
-}
+const browser = await start(modules, browserPath), { complaints, asked } = browser;
+const open = (options) => browser.open(report, options);
+const download = (page, name) => downloaded(page, join(folder, name));
 
 // What stands on the page: texts, numbers behind them, parameters.
 const seen = (page) => page.evaluate(() => {
@@ -39,10 +23,6 @@ const frames = (page, count) => page.evaluate((left) => new Promise((done) => {
   next();
 }), count);
 const mode = (page, words) => page.locator(".live-modes label", { hasText: words }).click();
-async function download(page, name) {
-  const [file] = await Promise.all([page.waitForEvent("download"), page.locator(".live-view .tools button", { hasText: "CSV" }).click()]);
-  await file.saveAs(join(folder, name));
-}
 async function settled(page) {
   let last;
   for (let now = ""; now !== last; last = now, now = (await seen(page)).value.force, await page.waitForTimeout(150));
@@ -144,10 +124,8 @@ async function paper() {
   };
 }
 
-async function without(options, prepare) {
-  const context = await browser.newContext(options), page = await context.newPage();
-  if (prepare) await page.addInitScript(prepare);
-  await page.goto(url);
+async function without(options) {
+  const page = await open(options);
   return { absent: await page.locator(".live-absent").isVisible(), figures: await page.locator("figure svg").count() };
 }
 
@@ -158,7 +136,7 @@ const result = {
   complaints: [...complaints],
   asked,
   noScript: await without({ javaScriptEnabled: false }),
-  noWebAssembly: await without({}, () => { delete globalThis.WebAssembly; }),
+  noWebAssembly: await without({ prepare: () => { delete globalThis.WebAssembly; } }),
 };
 await browser.close();
 console.log(JSON.stringify(result));

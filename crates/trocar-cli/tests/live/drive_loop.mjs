@@ -1,30 +1,17 @@
 // Uses the report of `trocar teleop` as a reader would: watches the motion, turns sliders, drags with mouse, keys and finger.
 // Prints what it saw as JSON; tests/live_loop.rs judges it. Arguments: playwright-core's folder, the browser, the report,
 // a folder for downloads.
-import { createRequire } from "node:module";
 import { join } from "node:path";
-import { pathToFileURL } from "node:url";
+import { download as downloaded, start } from "./browser.mjs";
 
 const [modules, browserPath, report, folder] = process.argv.slice(2);
-const { chromium } = createRequire(join(modules, "package.json"))("playwright-core");
-const url = pathToFileURL(report).href;
-const browser = await chromium.launch({
-  executablePath: browserPath,
-  args: ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking"],
-});
-const complaints = [], asked = [];
-
+const browser = await start(modules, browserPath), { complaints, asked } = browser;
 async function open(options) {
-  const context = await browser.newContext({ acceptDownloads: true, ...options });
-  await context.setOffline(true);
-  const page = await context.newPage();
-  page.on("request", (request) => { if (request.url() !== url && !/^(data|blob):/.test(request.url())) asked.push(request.url()); });
-  page.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
-  page.on("pageerror", (error) => complaints.push(error.message));
-  await page.goto(url);
-  await page.waitForSelector(".live-status", { timeout: 15000 });
+  const page = await browser.open(report, options);
+  if (options.javaScriptEnabled !== false) await page.waitForSelector(".live-status", { timeout: 15000 });
   return page;
 }
+const download = (page, name) => downloaded(page, join(folder, name));
 
 const seen = (page) => page.evaluate(() => {
   const nodes = [...document.querySelectorAll("[data-live]")];
@@ -34,10 +21,6 @@ const seen = (page) => page.evaluate(() => {
     message: document.querySelector(".knob-message").textContent,
   };
 });
-async function download(page, name) {
-  const [file] = await Promise.all([page.waitForEvent("download"), page.locator(".live-view .tools button", { hasText: "CSV" }).click()]);
-  await file.saveAs(join(folder, name));
-}
 async function field(page, id, text) {
   await page.locator(".knob", { has: page.locator("#knob-" + id) }).locator("input[type=number]").fill(text);
   await page.keyboard.press("Tab");
@@ -119,8 +102,7 @@ async function paper() {
 }
 
 async function without(options) {
-  const context = await browser.newContext(options), page = await context.newPage();
-  await page.goto(url);
+  const page = await open(options);
   return { absent: await page.locator(".live-absent").isVisible(), figures: await page.locator("figure svg").count() };
 }
 

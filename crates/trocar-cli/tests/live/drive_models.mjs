@@ -1,19 +1,13 @@
 // Opens live models as the book shows them, and moves each by the keyboard. Prints the force before and after, and what the page says of the
 // values, as JSON; tests/model_pages.rs judges it. Arguments: playwright-core's folder, the browser, the pages.
-import { createRequire } from "node:module";
-import { join } from "node:path";
-import { pathToFileURL } from "node:url";
+import { start } from "./browser.mjs";
 
 const [modules, browserPath, ...pages] = process.argv.slice(2);
-const { chromium } = createRequire(join(modules, "package.json"))("playwright-core");
-const browser = await chromium.launch({ executablePath: browserPath, args: ["--no-sandbox", "--disable-gpu", "--no-first-run"] });
-const context = await browser.newContext({ viewport: { width: 900, height: 1100 } });
-await context.setOffline(true);
+const browser = await start(modules, browserPath);
 
 const seen = [];
 for (const path of pages) {
-  const page = await context.newPage();
-  await page.goto(pathToFileURL(path).href);
+  const page = await browser.open(path, { viewport: { width: 900, height: 1100 } });
   const shown = page.locator("[data-live=force][data-value]");
   await shown.waitFor({ timeout: 30000 });
   const force = async () => Number(await shown.getAttribute("data-value"));

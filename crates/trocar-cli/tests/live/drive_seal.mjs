@@ -1,23 +1,13 @@
 // Uses the seal of the book's first page as a reader would: a drag, keys, a finger, the button. Prints what it saw as JSON; tests/live_seal.rs
 // judges it. Arguments: playwright-core's folder, the browser, the page, the page that plays, a file for the motion.
 import { writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
-import { join } from "node:path";
-import { pathToFileURL } from "node:url";
+import { start } from "./browser.mjs";
 
 const [modules, executablePath, dragged, played, file] = process.argv.slice(2);
-const { chromium } = createRequire(join(modules, "package.json"))("playwright-core");
-const browser = await chromium.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"] });
-const complaints = [], asked = [];
+const browser = await start(modules, executablePath), { complaints, asked } = browser;
 
 async function open(path, options) {
-  const url = pathToFileURL(path).href, context = await browser.newContext(options);
-  await context.setOffline(true);
-  const page = await context.newPage();
-  page.on("request", (request) => { if (request.url() !== url && !/^(data|blob):/.test(request.url())) asked.push(request.url()); });
-  page.on("console", (message) => { if (message.type() === "error") complaints.push(message.text()); });
-  page.on("pageerror", (error) => complaints.push(error.message));
-  await page.goto(url);
+  const page = await browser.open(path, options);
   if (options.javaScriptEnabled !== false) await page.waitForSelector(".moving-seal[data-live]", { timeout: 15000 });
   return page;
 }

@@ -189,6 +189,60 @@ pub(crate) fn of_python(text: &str, whole: bool) -> Vec<String> {
     found
 }
 
+/// What begins a statement of a script whose texts a user reads: of any length, and of three words or more.
+const THROWN: [&str; 2] = ["Error(", "console.error("];
+const SHOWN: [&str; 3] = ["message.textContent", "return ", "words ="];
+
+/// The messages of a script of a page: texts that `+` joins are one, with `…` for what is put in between.
+pub(crate) fn of_javascript(text: &str) -> Vec<String> {
+    // With whether they are thrown.
+    let mut found: Vec<(String, bool)> = Vec::new();
+    // Where the statement began, and where its last text ended.
+    let (mut begin, mut at, mut last) = (0, 0, None);
+    while let Some(next) = text[at..].find(['"', ';', '{', '}', '/']) {
+        let from = at + next;
+        at = from + 1;
+        match &text[from..at] {
+            "\"" => {
+                let (inside, after) = one_line(&text[at..], '"');
+                at = text.len() - after.len();
+                let has =
+                    |marks: &[&str]| marks.iter().any(|mark| text[begin..from].contains(mark));
+                let goes_on = last.is_some_and(|end: usize| is_sum(&text[end..from]));
+                match found.last_mut().filter(|_| goes_on) {
+                    Some((message, _)) => message.push_str(inside),
+                    None if has(&THROWN) => found.push((inside.to_owned(), true)),
+                    None if has(&SHOWN) => found.push((inside.to_owned(), false)),
+                    None => continue,
+                }
+                let is_followed = is_followed(after);
+                if let Some((message, _)) = found.last_mut().filter(|_| is_followed) {
+                    message.push_str("{…}");
+                }
+                last = Some(at);
+            }
+            "/" if text[at..].starts_with('/') => {
+                at = text[at..].find('\n').map_or(text.len(), |end| at + end);
+            }
+            "/" => {}
+            _ => (begin, last) = (at, None),
+        }
+    }
+    found.retain(|(message, thrown)| *thrown || words(message) >= FEWEST_WORDS);
+    found.iter().map(|(message, _)| as_read(message)).collect()
+}
+
+/// Whether a text goes on with `+` and something that is no text.
+fn is_followed(after: &str) -> bool {
+    after.trim_start().strip_prefix('+').is_some_and(|rest| !rest.trim_start().starts_with('"'))
+}
+
+/// Whether code between two texts joins them by `+`.
+fn is_sum(code: &str) -> bool {
+    let code = code.trim();
+    code.starts_with('+') && code.ends_with('+') && !code.contains(['?', ':'])
+}
+
 /// Whether what follows `before` is inside the parentheses of a `raise`.
 fn is_raised(before: &str) -> bool {
     let Some(at) = before.rfind("raise ") else { return false };
@@ -286,4 +340,26 @@ fn messages_are_found_wherever_they_stand_and_texts_for_nobody_are_not() {
     assert_eq!(of_python(source, true), ["{name} must be {…} here"]);
     let source = "title = \"one of three words\"\nraise E(\"this is an error\")\ntext(\"two and a half words\")\n";
     assert_eq!(of_python(source, false), ["this is an error"]);
+}
+
+#[test]
+fn messages_of_scripts_are_what_is_thrown_or_shown() {
+    let source = r#"
+        // throw new Error("not this one, it is a comment");
+        if (!ok) throw new Error("no model");
+        start().catch((error) => console.error("live model: " + error.message));
+        this.message.textContent = works ? "" : "No such model; the last one stays.";
+        const words = slow ? "ended after " + end.toFixed(1) + " s of work" : "all is well here";
+        button(bar, "Reset all", "Reset all of the parameters", () => this.reset());
+    "#;
+    assert_eq!(
+        of_javascript(source),
+        [
+            "no model",
+            "live model: {…}",
+            "No such model; the last one stays.",
+            "ended after {…} s of work",
+            "all is well here"
+        ]
+    );
 }

@@ -3,8 +3,8 @@
 //! `TROCAR_WRITE_DOCS=1 cargo test -p trocar-cli --test all messages` writes new messages into the page and takes old ones out;
 //! what is explained there stays.
 //!
-//! A message is a text of three words or more in the sources of Rust and Python, or of any length in `#[error]`. Left out are
-//! texts that go elsewhere: into reports, generated files, tables of results, or nowhere (`expect`, assertions, tests).
+//! A message is a text of three words or more in the sources of Rust and Python, or of any length in `#[error]`; of the scripts of the
+//! pages, what is thrown, written to the console, or shown as a refusal. Left out are texts that go elsewhere: into reports, generated files, tables of results, or nowhere (`expect`, assertions, tests).
 
 mod find;
 
@@ -12,7 +12,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use find::{of_python, of_rust};
+use find::{of_javascript, of_python, of_rust};
 
 /// Sections of the page, and the sources whose messages they hold. The first that fits takes a source.
 const SECTIONS: [(&str, &[&str]); 18] = [
@@ -61,10 +61,13 @@ const SECTIONS: [(&str, &[&str]); 18] = [
         "export, and inside a simulation program",
         &["trocar/src/export", "trocar-cli/src/verbs/export", "trocar-fmu/src"],
     ),
+    (
+        "Reports and live pages in a browser",
+        &["trocar/src/report/assets", "trocar-web-teleop/src", "trocar-web/src"],
+    ),
     ("All commands: input, output, reports", &["trocar/src", "trocar-cli/src"]),
     ("Python", &["trocar-py/src", "python/trocar"]),
     ("C", &["trocar-capi/src"]),
-    ("The page of a teleoperation loop", &["trocar-web-teleop/src", "trocar-web/src"]),
 ];
 
 /// Sources whose texts are no messages: what they make instead.
@@ -147,6 +150,9 @@ fn sources() -> Vec<(String, String)> {
     let folders =
         crates.map(|one| one.expect("a crate").path().join("src")).filter(|src| src.is_dir());
     let mut paths: Vec<PathBuf> = folders.flat_map(|src| files(&src, "rs")).collect();
+    paths.extend(files(&root.join("crates/trocar/src/report/assets"), "js"));
+    // A library of others, which speaks to nobody.
+    paths.retain(|path| !path.ends_with("uplot/uPlot.iife.min.js"));
     paths.extend(files(&root.join("python/trocar"), "py"));
     paths.sort();
     let named = |path: PathBuf| {
@@ -170,10 +176,10 @@ fn messages() -> Vec<Vec<String>> {
         for (name, text) in sources.iter().filter(|(name, _)| section_of(name) == Some(section)) {
             let whole = !ELSEWHERE.iter().any(|(prefix, _)| name.starts_with(prefix));
             let names = NAMES.iter().find(|(file, _)| file == name).map_or(&[][..], |(_, all)| all);
-            let found = if name.ends_with(".py") {
-                of_python(text, whole)
-            } else {
-                of_rust(text, whole, names)
+            let found = match name.rsplit('.').next() {
+                Some("py") => of_python(text, whole),
+                Some("js") => of_javascript(text),
+                _ => of_rust(text, whole, names),
             };
             let new = found.into_iter().filter(|message| seen.insert(message.clone()));
             of_section.extend(new);

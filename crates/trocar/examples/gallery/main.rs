@@ -1,10 +1,10 @@
-//! The pictures of the book: docs/figures/gallery with the page of them, and the seal that moves on the first page.
+//! The pictures of the book: docs/figures/gallery with the page of them, the schematics in docs/figures, and the seal that moves on the first page.
 //!
 //! ```text
 //! cargo run --release -p trocar --example gallery -- FOLDER [PICTURE ...]
 //! ```
-//! writes `FOLDER/figures/gallery/PICTURE.svg` for each picture named, or all of them and the page `FOLDER/gallery/index.md`. The seal is
-//! `moving-seal`, an HTML fragment. Everything is made anew from seeds, the same bytes every time.
+//! writes `FOLDER/figures/gallery/PICTURE.svg` for each picture named, `FOLDER/figures/PICTURE.svg` for a schematic, or all of them and the page
+//! `FOLDER/gallery/index.md`. The seal is `moving-seal`, an HTML fragment. Everything is made anew from seeds, the same bytes every time.
 
 use std::error::Error;
 use std::path::Path;
@@ -15,7 +15,12 @@ use trocar_model::ElementParams;
 mod bench;
 mod loops;
 mod many;
+mod schematics;
 mod seal;
+mod sheet;
+mod simulink;
+
+use sheet::Sheet;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error + Send + Sync>>;
 
@@ -70,33 +75,67 @@ const OTHERS: [[&str; 4]; 4] = [
     ],
 ];
 
-/// Drawings: file in docs/figures, title, caption.
-const SCHEMATICS: [[&str; 3]; 4] = [
-    [
-        "trocar.svg",
-        "A trocar with a one-stage seal",
-        "Longitudinal section: the instrument slides in, reverses, takes the lip along until it snaps through, and slides out.",
-    ],
-    [
-        "ems-element.svg",
-        "The EMS element",
-        "One stage of a seal, and the element that stands for it: a nonlinear spring and a damper carry the contact on which the instrument slides.",
-    ],
-    [
-        "maxwell-slip.svg",
-        "The Maxwell-Slip model",
-        "Springs in series with blocks that slide at a limit force; all are moved at one velocity, and their forces add up.",
-    ],
-    [
-        "test-bench.svg",
-        "The test bench",
-        "A linear motor with an encoder moves a rod through a fixed trocar; a force sensor lies between motor and rod.",
-    ],
+/// A drawing: name of its file in docs/figures, title, caption, and what makes it.
+struct Schematic {
+    name: &'static str,
+    title: &'static str,
+    caption: &'static str,
+    draw: fn() -> Outcome<Sheet>,
+}
+
+const SCHEMATICS: [Schematic; 6] = [
+    Schematic {
+        name: "trocar",
+        title: "A trocar with a one-stage seal",
+        caption: "Longitudinal section: the instrument slides in, reverses, takes the lip along until it snaps through, and slides out. The deflection z \
+                  is where the lip touches the instrument, from where the lip is clamped; c is the half width.",
+        draw: schematics::trocar,
+    },
+    Schematic {
+        name: "ems-element",
+        title: "The EMS element",
+        caption: "One stage of a seal, and the element that stands for it: a nonlinear spring and a damper carry the contact A on which the instrument \
+                  slides; O is fixed, B is a point of the instrument.",
+        draw: schematics::ems_element,
+    },
+    Schematic {
+        name: "maxwell-slip",
+        title: "The Maxwell-Slip model",
+        caption: "Springs in series with blocks that slide at a limit force; all are moved at one velocity, and their forces add up with that of a damper.",
+        draw: schematics::maxwell_slip,
+    },
+    Schematic {
+        name: "test-bench",
+        title: "The test bench",
+        caption: "A linear motor with an encoder moves a rod through a fixed trocar; a force sensor lies between motor and rod. Drawn lying; the bench of the \
+                  paper stands upright, so that the weight of the rod adds to the offset of the force.",
+        draw: schematics::test_bench,
+    },
+    Schematic {
+        name: "simulink-ports",
+        title: "Ports of the C Caller block",
+        caption: "Port specification of the block with the exported seal.",
+        draw: simulink::ports,
+    },
+    Schematic {
+        name: "simulink-model",
+        title: "The C Caller block in a model",
+        caption: "The block takes the sampled position of the plant and returns the force of the seal, which acts against the motion.",
+        draw: simulink::model,
+    },
 ];
 
 /// Names of all pictures.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    GROUPS.iter().flat_map(|group| group.names).copied()
+    let figures = GROUPS.iter().flat_map(|group| group.names).copied();
+    figures.chain(SCHEMATICS.iter().map(|schematic| schematic.name))
+}
+
+/// Name and SVG of the schematics of `wanted`, or all.
+pub(crate) fn schematics(wanted: &[String]) -> Outcome<Vec<(&'static str, String)>> {
+    let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|own| own == name);
+    let wanted = SCHEMATICS.iter().filter(|schematic| is_wanted(schematic.name));
+    wanted.map(|s| Ok((s.name, (s.draw)()?.svg(s.name, s.title, s.caption)))).collect()
 }
 
 /// The figures of `wanted`, or all.
@@ -136,11 +175,14 @@ pub(crate) fn page(figures: &[Figure]) -> String {
             large += &entry;
         }
     }
-    let drawings = SCHEMATICS.map(|[file, title, caption]| [file, title, caption, ""]);
-    for (k, [thumbnail, entry]) in OTHERS.into_iter().chain(drawings).map(entry).enumerate() {
-        if k == OTHERS.len() {
-            large += "## Schematics\n\n";
-        }
+    for [thumbnail, entry] in OTHERS.map(entry) {
+        small += &thumbnail;
+        large += &entry;
+    }
+    large += "## Schematics\n\n";
+    for Schematic { name, title, caption, .. } in &SCHEMATICS {
+        let [file, command] = [format!("{name}.svg"), format!("{COMMAND} {name}")];
+        let [thumbnail, entry] = entry([&file, title, caption, &command]);
         small += &thumbnail;
         large += &entry;
     }
@@ -152,15 +194,14 @@ pub(crate) fn page(figures: &[Figure]) -> String {
 
 const COMMAND: &str = "cargo run --release -p trocar --example gallery -- docs";
 
-/// A picture small, with a link to where it is large, and that place with its command, if it has one.
+/// A picture small, with a link to where it is large, and that place with its command.
 fn entry([file, title, caption, command]: [&str; 4]) -> [String; 2] {
     let kept = |c: char| c.is_alphanumeric() || c == ' ' || c == '-';
     let anchor = title.to_lowercase().replace(|c| !kept(c), "").replace(' ', "-");
     let picture = format!("![{title}](../figures/{file})");
-    let command = if command.is_empty() { String::new() } else { format!("`{command}`\n\n") };
     [
         format!(":::{{grid-item}}\n[{picture}](#{anchor})\n:::\n"),
-        format!("### {title}\n\n{picture}\n\n{caption}\n\n{command}"),
+        format!("### {title}\n\n{picture}\n\n{caption}\n\n`{command}`\n\n"),
     ]
 }
 
@@ -187,8 +228,8 @@ fn write(folder: &Path, wanted: &[String]) -> Outcome<()> {
     if wanted.is_empty() || wanted.iter().any(|name| name == MOVING) {
         std::fs::write(pictures.join(MOVING).with_extension("html"), moving()?)?;
     }
-    if wanted.iter().all(|name| name == MOVING) && !wanted.is_empty() {
-        return Ok(());
+    for (name, svg) in schematics(wanted)? {
+        std::fs::write(folder.join("figures").join(name).with_extension("svg"), svg)?;
     }
     let figures = figures(wanted)?;
     for (name, svg) in drawn(&figures)? {

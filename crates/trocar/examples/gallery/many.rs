@@ -1,15 +1,13 @@
 //! Many seals: published ranges, drawn seals, and a fleet of recordings.
 
-use std::fs;
 use std::path::Path;
 
 use rayon::prelude::*;
 use trocar::bench::published::{self, Quantity};
-use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
+use trocar::bench::{BenchConfig, PlausibleSeals, random_seal};
 use trocar::cancel::Cancel;
 use trocar::fleet::{self, Config, Dataset};
 use trocar::plan::{Goal, PlanConfig, plan};
-use trocar::recording;
 use trocar::report::fleet::{Roles, document};
 use trocar::report::plan::PlanReport;
 use trocar::report::{self, Axis, Figure, Panel, Role, Series};
@@ -17,6 +15,11 @@ use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams};
 
 use super::{Outcome, chosen};
+
+#[path = "../fleet_dataset/types.rs"]
+mod types;
+
+use types::{Specimen, TYPES};
 
 pub(crate) const PICTURES: [&str; 3] = ["published-ranges", "drawn-seals", "plan"];
 pub(crate) const FLEET: [&str; 1] = ["fleet"];
@@ -129,19 +132,15 @@ fn planned() -> Outcome<Figure> {
     Ok(chosen(report::plan::document(&input), &[("motion", "plan")])?.remove(0))
 }
 
-/// Types of trocars: name, F_c (N), β (N s/m), c (m).
-const TYPES: [(&str, [f64; 3]); 3] =
-    [("gel", [1.5, 8.0, 4e-3]), ("leaf", [2.5, 4.0, 6e-3]), ("membrane", [3.5, 2.0, 3e-3])];
 const SPECIMENS: u64 = 3;
-/// Insertions before each recording of a specimen, and part of F_c lost with each.
-const INSERTIONS: [u32; 4] = [0, 40, 80, 120];
-const WEAR: f64 = 1e-3;
+/// Insertions before each recording of a specimen.
+const INSERTIONS: [u64; 4] = [0, 40, 80, 120];
 
 /// Three types of trocars, three specimens of each, which wear.
 pub(crate) fn fleet() -> Outcome<Vec<Figure>> {
     let folder = tempfile::tempdir()?;
     let specimens = (0..TYPES.len()).flat_map(|kind| (0..SPECIMENS).map(move |one| (kind, one)));
-    let all: Vec<(usize, u64, u32)> = specimens
+    let all: Vec<(usize, u64, u64)> = specimens
         .flat_map(|(kind, one)| INSERTIONS.map(|insertions| (kind, one, insertions)))
         .collect();
     let recordings = folder.path().join("recordings");
@@ -154,27 +153,17 @@ pub(crate) fn fleet() -> Outcome<Vec<Figure>> {
     chosen(document(&found, &config, &Roles::default()), &[("drift", FLEET[0])])
 }
 
-fn record(folder: &Path, (kind, specimen, insertions): (usize, u64, u32)) -> Outcome<()> {
-    let (name, [force, viscous, width]) = TYPES[kind];
-    let spread = 1.0 + 0.12 * (specimen as f64 - 1.0);
-    let force = force * spread * (1.0 - WEAR * f64::from(insertions));
-    let ranges = PlausibleSeals {
-        coulomb_force: (force, force),
-        viscous_damping: (viscous, viscous),
-        half_width: (width, width),
-        friction_asymmetry: 0.0,
-        branch_asymmetry: 0.1,
+fn record(folder: &Path, (kind, one, insertions): (usize, u64, u64)) -> Outcome<()> {
+    let specimen = Specimen {
+        kind,
+        name: one.to_string(),
+        factor: 1.0 + 0.12 * (one as f64 - 1.0),
+        branches_seed: 1 + one,
+        insertions,
     };
     let mut config = BenchConfig::default();
     config.protocol.validation.increment_m_s = 0.02;
-    let seal = [Element::new(random_seal(&ranges, 1 + specimen))?];
-    let seed = 1000 * kind as u64 + 10 * specimen + u64::from(insertions);
-    let run = run(&config, Protocol::Validation, &seal, seed)?;
-    let folder = folder
-        .join(format!("trocar_type={name}"))
-        .join(format!("specimen={name}-{specimen}"))
-        .join(format!("insertion_count={insertions}"));
-    fs::create_dir_all(&folder)?;
-    let file = fs::File::create(folder.join("strokes.csv"))?;
-    Ok(recording::write(std::io::BufWriter::new(file), &run.time, &run.position, None, &run.force)?)
+    let seed = 1000 * kind as u64 + 10 * one + insertions;
+    types::record(folder, &specimen, &config, (seed, usize::MAX))?;
+    Ok(())
 }

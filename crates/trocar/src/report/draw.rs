@@ -33,6 +33,8 @@ const CELL_SIZE: u32 = 8;
 const WIDEST_LABEL: &str = "8.8k";
 const LEGEND_ROW: f64 = 17.0;
 const TITLE_ROW: f64 = 19.0;
+/// Room for the letter of a panel before its title.
+const LETTER_ROOM: f64 = 30.0;
 const SWATCH: f64 = 24.0;
 const LETTER: f64 = 24.0;
 /// Radius of a marker with a text.
@@ -186,8 +188,9 @@ impl<'a> Layout<'a> {
             };
             let legends: Vec<_> = panels.iter().map(legend).collect();
             let legend_height = legends.iter().map(Vec::len).max().unwrap_or(0) as f64 * LEGEND_ROW;
-            let title =
-                if titled || (indent > 0.0 && legend_height == 0.0) { TITLE_ROW } else { 0.0 };
+            let rows = panels.iter().map(|panel| title_rows(&panel.title, inner).len()).max();
+            let letter_alone = indent > 0.0 && legend_height == 0.0;
+            let title = rows.unwrap_or(0).max(usize::from(letter_alone)) as f64 * TITLE_ROW;
             let axes_top = top + title + legend_height + 5.0;
             let height = panels.iter().map(|panel| panel.aspect * inner).fold(60.0, f64::max);
             let names_x = !(figure.linked_x && columns == 1) || row + 1 == figure.panels.len();
@@ -344,14 +347,19 @@ impl Sheet {
     fn head(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
         let top = frame.top - 5.0 - frame.legend.len() as f64 * LEGEND_ROW;
         let baseline = if frame.title > 0.0 { top - 6.0 } else { top + LEGEND_ROW / 2.0 + 4.0 };
-        let letter = letter.map(|letter| bold(letter + " "));
-        let title = fitted(&panel.title, f64::from(LABEL_SIZE), frame.width - 30.0);
-        self.rich_text(
-            [frame.left, baseline],
-            letter.into_iter().chain([TextSpan::plain(title)]),
-            LABEL_SIZE,
-            TextAnchor::Start,
-        );
+        let mut letter = letter.map(|letter| bold(letter + " "));
+        let mut rows = title_rows(&panel.title, frame.width);
+        if rows.is_empty() {
+            rows.push(String::new());
+        }
+        for (above, row) in (0..rows.len()).rev().zip(rows) {
+            self.rich_text(
+                [frame.left, baseline - above as f64 * TITLE_ROW],
+                letter.take().into_iter().chain([TextSpan::plain(row)]),
+                LABEL_SIZE,
+                TextAnchor::Start,
+            );
+        }
         for (at, row) in frame.legend.iter().enumerate() {
             self.legend_row(row, frame.left + frame.legend_indent, top + at as f64 * LEGEND_ROW);
         }
@@ -847,6 +855,23 @@ fn write_point(outline: &mut String, command: char, (x, y): (f64, f64)) {
     let _ = write!(outline, "{command}{x:.2} {y:.2}");
 }
 
+/// The title of a panel in rows as wide as the panel; only a word wider than that is shortened.
+fn title_rows(title: &str, width: f64) -> Vec<String> {
+    let (size, room) = (f64::from(LABEL_SIZE), width - LETTER_ROOM);
+    let mut rows: Vec<String> = Vec::new();
+    for word in title.split_whitespace() {
+        let fits = |row: &str| text_width(&view::printable(row), size) <= room;
+        match rows.last_mut() {
+            Some(row) if fits(&format!("{row} {word}")) => {
+                row.push(' ');
+                row.push_str(word);
+            }
+            _ => rows.push(word.to_owned()),
+        }
+    }
+    rows.iter().map(|row| fitted(row, size, room)).collect()
+}
+
 /// `text`, shortened with an ellipsis until it is at most `room` pixels wide.
 fn fitted(text: &str, size: f64, room: f64) -> String {
     let text = view::printable(text);
@@ -881,6 +906,16 @@ mod tests {
         }
         let drawn: f64 = ends.iter().map(|piece| piece[piece.len() - 1].0 - piece[0].0).sum();
         assert!((drawn - 67.0).abs() < 1e-9, "11 dashes of 6 and a last one of 1, got {drawn}");
+    }
+
+    #[test]
+    fn a_long_title_takes_more_rows_and_loses_nothing() {
+        let title = "strokes at 15 mm/s, with partial reversals and a rest between them";
+        let rows = title_rows(title, 180.0);
+        assert!(rows.len() > 1, "{rows:?}");
+        assert_eq!(rows.join(" "), title);
+        let is_inside = |row: &String| text_width(row, f64::from(LABEL_SIZE)) <= 150.0;
+        assert!(rows.iter().all(is_inside), "{rows:?}");
     }
 
     #[test]

@@ -45,7 +45,7 @@ pub use document::{
     Mark, Panel, Role, Section, Series, Table, Tile, Width,
 };
 
-pub use seal::moving_seal;
+pub use seal::{LIP_HEIGHT_MM, lip_outline, moving_seal};
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
 const PNG_SCALE: f32 = 2.5;

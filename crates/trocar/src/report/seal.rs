@@ -201,7 +201,7 @@ impl Fragment<'_> {
         let [left, _] = CLAMP;
         let mirror = format!("transform=\"matrix(1 0 0 -1 0 {})\"", 2.0 * (SURFACE + 25.0));
         let wall = format!("class=\"seal-wall\" d=\"M{0} 12H480V30H{0}Z\"/>", left - 40.0);
-        let lip = outline(&self.params.deformation, now);
+        let lip = closed(&outline(&self.params.deformation, now));
         let lip = format!("<path class=\"seal-lip\" d=\"{lip}\"/>");
         let along = SCALE * (now.position - WAY[0]);
         let rings = (0..26).map(|ring| format!("M{} {SURFACE}v50", TIP - 25.0 * f64::from(ring)));
@@ -375,9 +375,27 @@ fn arrow(force: f64) -> String {
     format!("M{x} {y}h{long:.2}m{:.2} -5l{head:.2} 5l{:.2} 5", -head, -head)
 }
 
+/// How far the surface of the shaft is from where the lip of [`lip_outline`] is clamped, mm.
+pub const LIP_HEIGHT_MM: f64 = (SURFACE - CLAMP[1]) / SCALE;
+
+/// Outline of the lip that [`moving_seal`] shows, mm: from where it is clamped in the wall, along the insertion and towards the shaft.
+///
+/// `deflection_m` and `force_n` are a state of the seal: the force tells on which branch it is, and so to which side the lip bends. The shape
+/// is a drawing, no result of the model.
+#[must_use]
+pub fn lip_outline(
+    deformation: &DeformationForce,
+    deflection_m: f64,
+    force_n: f64,
+) -> Vec<[f64; 2]> {
+    let shown = Shown { position: 0.0, deflection: MM * deflection_m, force: force_n };
+    let from_clamp = |[x, y]: [f64; 2]| [(x - CLAMP[0]) / SCALE, (y - CLAMP[1]) / SCALE];
+    outline(deformation, &shown).into_iter().map(from_clamp).collect()
+}
+
 /// Outline of the lip over the shaft, pixels: an elastic strip of constant length, clamped in the wall, whose end is on the shaft
 /// at the deflection. Up to its join a branch has the lip on one side, after it on the other.
-fn outline(force: &DeformationForce, now: &Shown) -> String {
+fn outline(force: &DeformationForce, now: &Shown) -> Vec<[f64; 2]> {
     let c = MM * force.half_width();
     let z = now.deflection;
     let gap = force.half_gap(z / MM);
@@ -416,8 +434,8 @@ fn length(line: &[[f64; 2]]) -> f64 {
     line.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).sum()
 }
 
-/// A closed path at half the thickness from the line on both sides.
-fn around(line: &[[f64; 2]]) -> String {
+/// The points at half the thickness from the line on both sides.
+fn around(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let last = line.len() - 1;
     let side = |k: usize, sign: f64| {
         let (a, b) = (line[k.saturating_sub(1)], line[(k + 1).min(last)]);
@@ -425,10 +443,14 @@ fn around(line: &[[f64; 2]]) -> String {
         let part = k as f64 / last as f64;
         let half =
             0.5 * sign * (THICKNESS[0] + (THICKNESS[1] - THICKNESS[0]) * part) / dx.hypot(dy);
-        format!("{:.1} {:.1}", line[k][0] - half * dy, (line[k][1] + half * dx).min(SURFACE))
+        [line[k][0] - half * dy, (line[k][1] + half * dx).min(SURFACE)]
     };
-    let all: Vec<String> =
-        (0..=last).map(|k| side(k, 1.0)).chain((0..=last).rev().map(|k| side(k, -1.0))).collect();
+    (0..=last).map(|k| side(k, 1.0)).chain((0..=last).rev().map(|k| side(k, -1.0))).collect()
+}
+
+/// A closed path through points.
+fn closed(points: &[[f64; 2]]) -> String {
+    let all: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1} {y:.1}")).collect();
     format!("M{}Z", all.join("L"))
 }
 

@@ -12,26 +12,23 @@
 
 use std::collections::HashMap;
 use std::error::Error;
-use std::fs::{self, File};
-use std::io::BufWriter;
+use std::fs;
 use std::path::Path;
 
 use rayon::prelude::*;
-use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::recording;
+use trocar::bench::BenchConfig;
 use trocar::table::{self, Column};
-use trocar_model::Element;
+
+mod types;
+
+use types::{Specimen, TYPES};
 
 const SAMPLES: usize = 40_000;
 /// Recordings of a specimen, and insertions from one to the next.
 const REPEATS: u64 = 10;
 const INSERTIONS: u64 = 20;
-/// Name, F_c in N, β in N s/m, c in m.
-const TYPES: [(&str, [f64; 3]); 3] =
-    [("gel", [1.5, 8.0, 4e-3]), ("leaf", [2.5, 4.0, 6e-3]), ("membrane", [3.5, 2.0, 3e-3])];
-/// Standard deviation of the specimens' factor, and part of F_c lost with each insertion.
+/// Standard deviation of the specimens' factor.
 const SPECIMENS: f64 = 0.08;
-const WEAR: f64 = 1e-3;
 /// Under a name that is no part of the data set.
 const TRUTH: &str = "_truth.csv";
 
@@ -58,34 +55,17 @@ fn deviate(specimen: u64) -> f64 {
 
 fn make(folder: &Path, number: u64) -> Outcome<Made> {
     let (specimen, repeat) = (number / REPEATS, number % REPEATS);
-    let (kind, [force, viscous, width]) = TYPES[specimen as usize % TYPES.len()];
-    let insertions = repeat * INSERTIONS;
-    let force = force * (1.0 + SPECIMENS * deviate(specimen)) * (1.0 - WEAR * insertions as f64);
-    let ranges = PlausibleSeals {
-        coulomb_force: (force, force),
-        viscous_damping: (viscous, viscous),
-        half_width: (width, width),
-        friction_asymmetry: 0.0,
-        branch_asymmetry: 0.1,
+    let specimen = Specimen {
+        kind: specimen as usize % TYPES.len(),
+        name: format!("{specimen:03}"),
+        factor: 1.0 + SPECIMENS * deviate(specimen),
+        branches_seed: specimen,
+        insertions: repeat * INSERTIONS,
     };
     let mut config = BenchConfig::default();
     config.protocol.validation.stroke_m = 0.046;
-    let seal = [Element::new(random_seal(&ranges, specimen))?];
-    let run = run(&config, Protocol::Validation, &seal, number)?;
-    let samples = SAMPLES.min(run.time.len());
-    let name =
-        format!("trocar_type={kind}/specimen={kind}-{specimen:03}/insertion_count={insertions}");
-    fs::create_dir_all(folder.join(&name))?;
-    let path = format!("{name}/strokes.csv");
-    let file = BufWriter::new(File::create(folder.join(&path))?);
-    recording::write(
-        file,
-        &run.time[..samples],
-        &run.position[..samples],
-        None,
-        &run.force[..samples],
-    )?;
-    Ok(Made { path, truth: [force, viscous, width] })
+    let (path, truth) = types::record(folder, &specimen, &config, (number, SAMPLES))?;
+    Ok(Made { path, truth })
 }
 
 fn make_all(folder: &Path, count: u64) -> Outcome<()> {
