@@ -69,6 +69,7 @@ mod random;
 mod refit;
 mod replicates;
 mod result;
+mod ripple;
 mod scale;
 mod seal_prior;
 mod segments;
