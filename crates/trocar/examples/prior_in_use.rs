@@ -283,13 +283,8 @@ pub(crate) fn table(all: &[Row]) -> String {
     let head = "| seal in use | F_c | β | c | F(a) inserting | F(a) withdrawing |\n|---|---|---|---|---|---|\n";
     let cell = |state: &str, parameter: &str| {
         let rows = group(all, state, parameter);
-        let without = median(&rows, |row| row.without);
-        let without = match without.is_finite() {
-            true => format!("{:.1} %", 1e2 * without),
-            false => "none".to_owned(),
-        };
         let own = 1e2 * median(&rows, Row::half_width);
-        format!(" {:.0} %: ±{own:.1} % ({without}) |", 1e2 * held(&rows))
+        format!(" {:.0} %: ±{own:.1} % |", 1e2 * held(&rows))
     };
     let row = |state: &&str| {
         let cells: String = COMPARED.iter().map(|parameter| cell(state, parameter)).collect();
