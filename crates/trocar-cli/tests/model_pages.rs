@@ -62,7 +62,7 @@ fn every_model_has_a_page_with_all_its_parts() {
         "## Equations",
         "## Symbols",
         "## Limits",
-        "## What it can and cannot draw",
+        "## What it can and cannot reproduce",
         "## Source, tests, other programs",
     ];
     for (stem, text) in &pages {

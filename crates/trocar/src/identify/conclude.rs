@@ -5,6 +5,7 @@ use trocar_model::{ParameterId, Quantity, Trocar};
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
 use super::candidate::Candidate;
+use super::counts;
 use super::element::{self, ElementFit, Input};
 use super::unexplained::PositionDelay;
 
@@ -63,6 +64,7 @@ pub(super) fn conclude(
         Some(fit) => fitted_parameters(fit, &judged, &scale, prior.as_ref()),
         None => two_step_parameters.clone(),
     };
+    parameters.iter_mut().for_each(|p| p.estimate = counts::with_error(p, input.recordings));
     parameters.sort_by_key(|p| numbers::rank(p.id));
     let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
     let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);

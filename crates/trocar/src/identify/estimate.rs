@@ -1,6 +1,7 @@
 //! An estimated parameter with its 95 % interval, and the linear least squares used for
 //! most of them.
 
+use super::spread::MANY_DEGREES;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
@@ -70,6 +71,17 @@ impl Estimate {
     pub fn with_note(mut self, note: impl Into<String>) -> Self {
         self.note = Some(note.into());
         self
+    }
+
+    /// The same estimate with a further independent error, 95 % of which is within `half`.
+    pub(super) fn with_further(&self, half: f64) -> Self {
+        if half == 0.0 || !self.determined {
+            return self.clone();
+        }
+        let value = self.value;
+        let [low, high] = self.ci95.map(|end| (end - value).hypot(half));
+        let (ci95, own) = ([value - low, value + high], half / t_quantile(MANY_DEGREES));
+        Self { ci95, standard_error: self.standard_error.map(|e| e.hypot(own)), ..self.clone() }
     }
 
     /// Whether the interval contains `value`.

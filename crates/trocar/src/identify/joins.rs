@@ -11,12 +11,16 @@
 //! branch is
 //!
 //! ```text
-//! hull over D(a) ≤ 1 of g(θ_a) ± w_g|a·√(1 − D(a))        w_g|a² = w_g² − (dg/da·w)²: half width at a given join
+//! hull over D(a) ≤ 1 or a ∈ A of g(θ_a) ± w_g|a·√(1 − D(a))₊        w_g|a² = w_g² − (dg/da·w)²: half width at a given join
 //! ```
+//! A is the range that holds the central 95 % of the density exp(−½·(1.96)²·D). Where C_b is a
+//! parabola it adds nothing; minima a little above D = 1 that are broad, or several, belong to it.
+//!
 //! C_b is computed on a grid. From one join to the next the polynomials start from those that come
 //! nearest, and all other numbers take undamped steps. A better minimum is followed, so that the
 //! fit does not depend on the join that it started from.
 
+use rayon::prelude::*;
 use trocar_model::Direction;
 
 use super::candidate::EmsTrial;
@@ -35,11 +39,17 @@ const STEPS: usize = 2;
 const PROMISE: f64 = 0.05;
 /// Excess above which a join is not of interest. With the other numbers as they are it is too high.
 const FAR: f64 = 5.0;
-/// How often cells are halved, and the part of w that needs no halving.
+/// Distance of joins between which all other numbers change little.
+const CLOSE: f64 = 0.03;
+/// Excess below which the cells of the grid are halved.
+const NEAR: f64 = 50.0;
+/// How often cells are halved at the ends of the reach, and the part of w that needs no halving.
 const HALVINGS: usize = 2;
 const NARROW: f64 = 0.25;
 /// Joins that count as the same.
 const SAME: f64 = 1e-3;
+/// Excess below 0 that a start for another fit promises.
+const PROMISING: f64 = 0.1;
 /// Excess below 0 at which another minimum is better.
 const BETTER: f64 = 0.01;
 /// Most better minima that are followed.
@@ -74,6 +84,8 @@ pub(super) struct Along {
     pub(super) direction: Direction,
     /// In the order of their joins.
     points: Vec<Point>,
+    /// A.
+    central: [f64; 2],
 }
 
 /// The search along one branch about a fit.
@@ -96,19 +108,20 @@ impl Search<'_> {
     /// of other branches as they are. `None` where no model runs.
     fn at(&self, from: &EmsTrial, join: f64) -> Option<Point> {
         let moved = from.with_join(self.direction, join)?;
-        let cheap = self.stepped(&EmsTrial { held: self.others(&moved), ..moved })?;
-        let mut point = Point { trial: EmsTrial { held: Vec::new(), ..cheap.0.trial }, ..cheap.0 };
+        let is_near = (join - self.join(from)).abs() < CLOSE;
+        let held = if is_near { Vec::new() } else { self.others(&moved) };
+        let (mut point, mut missed) = self.stepped(&EmsTrial { held, ..moved })?;
+        point.trial.held.clear();
+        let mut is_whole = is_near;
         for _ in 0..STEPS {
-            if point.excess > FAR {
+            if point.excess > FAR || is_whole && missed < PROMISE {
                 break;
             }
-            let (next, missed) = self.stepped(&point.trial)?;
-            let is_done = next.excess >= point.excess || missed < PROMISE;
-            if next.excess <= point.excess {
+            let (next, by) = self.stepped(&point.trial)?;
+            let is_better = next.excess < point.excess;
+            (missed, is_whole) = (if is_better { by } else { 0.0 }, true);
+            if is_better {
                 point = next;
-            }
-            if is_done {
-                break;
             }
         }
         Some(Point { join, ..point })
@@ -156,15 +169,24 @@ impl Search<'_> {
     /// C_b, and the lowest trial that is better than the fit, with its D.
     fn along(&self, half_width: f64) -> (Along, Option<(f64, EmsTrial)>) {
         let points = self.grid(half_width);
-        let mut along = Along { direction: self.direction, points };
+        let mut along = Along { direction: self.direction, points, central: [0.0; 2] };
+        // A narrow minimum may lie between two joins of the grid.
+        self.add_between(&mut along.points, |low, _, width| {
+            low.excess < NEAR && width > 0.6 * STEP
+        });
         self.add_minima(&mut along.points);
         for _ in 0..HALVINGS {
-            self.add_between(&mut along.points, NARROW * half_width);
+            self.add_between(&mut along.points, |low, high, width| {
+                let share = share_within(low, high).unwrap_or(0.0);
+                let is_wide = width > 1.1 * half_width && share * width > NARROW * half_width;
+                high.excess > 1.0 && is_wide
+            });
         }
         let least = along.points.iter().min_by(|a, b| a.excess.total_cmp(&b.excess));
         let better = least.filter(|point| point.excess < -BETTER);
         let better = better.map(|point| (point.excess, point.trial.clone()));
         along.points.iter_mut().for_each(|point| point.excess = point.excess.max(0.0));
+        along.central = along.quantiles([0.025, 0.975]);
         (along, better)
     }
 
@@ -188,15 +210,19 @@ impl Search<'_> {
         points
     }
 
-    /// Adds other minima that are within reach.
+    /// Adds other minima that are within reach: from joins with a lower cost than those beside
+    /// them, or from which a free join promises the most and more than the fit has.
     fn add_minima(&self, points: &mut Vec<Point>) {
-        let lowest = |k: &usize| {
+        let is_least = |k: usize, of: fn(&Point) -> f64| {
             let beside = [k.checked_sub(1), Some(k + 1)].into_iter().flatten();
             let mut beside = beside.filter_map(|j| points.get(j));
-            let point = &points[*k];
-            point.excess != 0.0
-                && point.bottom < FAR
-                && beside.all(|other| point.excess <= other.excess)
+            beside.all(|other| of(&points[k]) <= of(other))
+        };
+        let lowest = |k: &usize| {
+            let Point { excess, bottom, .. } = points[*k];
+            let is_minimum = bottom < FAR && is_least(*k, |point| point.excess);
+            let is_promising = bottom < -PROMISING && is_least(*k, |point| point.bottom);
+            excess != 0.0 && (is_minimum || is_promising)
         };
         let minimum = |k: usize| {
             let excess = |fitted: &Fitted<EmsTrial>| self.unit.excess(fitted.cost());
@@ -212,20 +238,25 @@ impl Search<'_> {
                 trial: fitted.best,
             })
         };
-        let found: Vec<Point> = (0..points.len()).filter(lowest).filter_map(minimum).collect();
+        let starts: Vec<usize> = (0..points.len()).filter(lowest).collect();
+        let found: Vec<Point> = starts.into_par_iter().filter_map(minimum).collect();
         points.extend(found);
         points.sort_by(|a, b| a.join.total_cmp(&b.join));
     }
 
-    /// Adds a point in the middle of cells in which the reach may end far from their lower end.
-    fn add_between(&self, points: &mut Vec<Point>, narrow: f64) {
+    /// Adds a point in the middle of the cells, given by their lower and higher end and their width,
+    /// that are `open`.
+    fn add_between(
+        &self,
+        points: &mut Vec<Point>,
+        open: impl Fn(&Point, &Point, f64) -> bool + Sync,
+    ) {
         let between = |pair: &[Point]| {
             let (low, high) = by_excess(&pair[0], &pair[1]);
-            let width = (high.join - low.join).abs();
-            let is_open = high.excess > 1.0 && share_within(low, high)? * width > narrow;
+            let is_open = open(low, high, (high.join - low.join).abs());
             is_open.then(|| self.at(&low.trial, 0.5 * (low.join + high.join))).flatten()
         };
-        let found: Vec<Point> = points.windows(2).filter_map(between).collect();
+        let found: Vec<Point> = points.par_windows(2).filter_map(between).collect();
         points.extend(found);
         points.sort_by(|a, b| a.join.total_cmp(&b.join));
     }
@@ -280,8 +311,8 @@ impl Joins {
             let search = Search { training, fitted, direction, number, unit };
             search.along(half_width)
         };
-        let (all, better): (Vec<Along>, Vec<_>) =
-            Direction::BOTH.into_iter().zip(numbers).map(search).unzip();
+        let branches: Vec<(Direction, usize)> = Direction::BOTH.into_iter().zip(numbers).collect();
+        let (all, better): (Vec<Along>, Vec<_>) = branches.into_par_iter().map(search).unzip();
         let better = better.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
         (Self(all), better.map(|(_, trial)| trial))
     }
@@ -349,6 +380,12 @@ impl Along {
         first.into_iter().chain(all).collect()
     }
 
+    /// The joins below which these parts of the density lie.
+    fn quantiles(&self, parts: [f64; 2]) -> [f64; 2] {
+        let all = self.distribution();
+        parts.map(|part| all[all.partition_point(|(_, below)| *below < part).min(all.len() - 1)].0)
+    }
+
     /// The branch at a join, between those of the points beside it.
     pub(super) fn branch_at(&self, join: f64) -> Option<BranchShape> {
         let after = self.points.partition_point(|point| point.join < join);
@@ -379,13 +416,19 @@ impl Along {
             let half = given * (1.0 - excess).max(0.0).sqrt();
             hull = [hull[0].min(value - half), hull[1].max(value + half)];
         };
+        let is_central = |join: f64| self.central[0] <= join && join <= self.central[1];
         for (low, high) in self.cells() {
-            let Some(most) = share_within(low, high) else { continue };
             let [from, to] = [low, high].map(|point| of(&point.trial));
-            for i in 0..=BETWEEN {
-                let x = most * i as f64 / BETWEEN as f64;
-                add(from + x * (to - from), low.excess + (high.excess - low.excess) * x * x);
-            }
+            let mut up_to = |most: f64, is_open: &dyn Fn(f64) -> bool| {
+                for x in (0..=BETWEEN).map(|i| most * i as f64 / BETWEEN as f64) {
+                    if is_open(low.join + x * (high.join - low.join)) {
+                        let excess = low.excess + (high.excess - low.excess) * x * x;
+                        add(from + x * (to - from), excess);
+                    }
+                }
+            };
+            share_within(low, high).iter().for_each(|most| up_to(*most, &|_| true));
+            up_to(1.0, &is_central);
         }
         hull
     }

@@ -128,6 +128,9 @@ where
 /// State of a trial's model.
 pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
 
+/// Simulations of one part at least: each part steps the leading model anew.
+const TOGETHER: usize = 10;
+
 /// Steps simulated at a time.
 const BLOCK: usize = 2048;
 
@@ -540,6 +543,7 @@ fn normal_equations<T: Trial>(
     let total: usize = training.runs.iter().map(|run| run.steps.len()).sum();
     let of_run = |(run, strokes): (&Run, &mut [StrokeSums])| {
         let parts = (threads * run.steps.len() as f64 / total as f64).round().max(1.0) as usize;
+        let parts = parts.min(close.div_ceil(TOGETHER));
         let mut states: Vec<StateOf<T>> =
             models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
         let mut before = 0.0;

@@ -1,7 +1,8 @@
 //! Identification of an EMS element from recordings.
 //!
 //! ```text
-//! recordings -> strokes, constant velocity -> F_0, F_c, β (23), Stribeck (11)    steady.rs, stribeck.rs
+//! recordings -> positions between counts                                         counts.rs
+//!            -> strokes, constant velocity -> F_0, F_c, β (23), Stribeck (11)    steady.rs, stribeck.rs
 //!            -> full reversals, c, branches (12), (24)-(26), σ (figure 7)        deformation.rs, shape.rs       the paper's two steps
 //!            -> all motion against simulated force: one likelihood              likelihood.rs, training.rs
 //!               friction scale of each stroke, optional terms                   element.rs, scale.rs, terms.rs
@@ -49,6 +50,7 @@ mod along;
 mod candidate;
 pub mod classical;
 mod conclude;
+mod counts;
 mod deformation;
 mod delay;
 mod divide;
@@ -114,6 +116,7 @@ pub fn identify(
         }
     }
     recordings.iter().try_for_each(shows_force)?;
+    let recordings = &*counts::resolved(recordings);
     progress("steady state", 0.0);
     let (in_time, fit) = delay::fitted(recordings, options, progress)?;
     let (input, lag) = (in_time.input(options), in_time.lag);

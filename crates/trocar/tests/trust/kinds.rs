@@ -483,6 +483,17 @@ fn rigs() -> Vec<Kind> {
             plain()?.with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (100.0, 100))
         }),
         kind("coarse_encoder_0.1_mm", |_| plain()?.with(|c| c.encoder.resolution_m = 1e-4)),
+        kind("coarse_encoder_0.1_mm_random_seal", |seed| {
+            Bench::of(vec![random_plausible_seal(seed)]).with(|c| c.encoder.resolution_m = 1e-4)
+        }),
+        kind("coarse_sampling_200_hz_random_seal", |seed| {
+            Bench::of(vec![random_plausible_seal(seed)])
+                .with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (200.0, 50))
+        }),
+        kind("coarse_sampling_100_hz_random_seal", |seed| {
+            Bench::of(vec![random_plausible_seal(seed)])
+                .with(|c| (c.rig.sample_rate_hz, c.rig.substeps) = (100.0, 100))
+        }),
         kind("coarse_force_0.1_n", |_| plain()?.with(|c| c.force_sensor.resolution_n = 0.1)),
         kind("coarse_force_0.5_n", |_| plain()?.with(|c| c.force_sensor.resolution_n = 0.5)),
         kind("noise_0.1_n", |_| plain()?.with(|c| c.force_sensor.noise_n = 0.1)),
