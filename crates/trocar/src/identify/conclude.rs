@@ -14,6 +14,7 @@ use super::findings::{IdentifyError, Parameter, Warning};
 use super::free_motion::FreeMotion;
 use super::numbers;
 use super::posterior::{Density, Posterior};
+use super::prior::Kind;
 use super::result::{FitSummary, Identification};
 use super::scale::{FrictionScale, TOO_FAR};
 use super::seal_prior::PriorUse;
@@ -117,16 +118,21 @@ fn prior_use(input: &Input, fit: Option<&ElementFit>) -> Option<PriorUse> {
     Some(prior.used(&fit.fitted, &fit.training.prior))
 }
 
-/// What the recordings did not add to the prior.
-fn of_prior(input: &Input, used: Option<&PriorUse>) -> Option<Warning> {
-    input.options.prior.as_ref()?;
-    Some(match used {
+/// What the recordings did not add to the prior, and where they contradict it.
+fn of_prior(input: &Input, used: Option<&PriorUse>) -> Vec<Warning> {
+    if input.options.prior.is_none() {
+        return Vec::new();
+    }
+    let words = match used {
         Some(used) => Warning::remark("prior", used.in_words()),
         None => {
             let message = "the prior was not used: fewer than 2 strokes, or its element does not run along them";
             Warning::doubt("prior", message.to_owned())
         }
-    })
+    };
+    let contradiction = used.and_then(|used| used.contradiction.as_ref());
+    let doubt = contradiction.map(|c| Warning::doubt(c.parameter, c.in_words()));
+    std::iter::once(words).chain(doubt).collect()
 }
 
 /// The draws that were asked for; adds what they say to `warnings`.
@@ -178,6 +184,12 @@ fn fitted_parameters(
         if uninformed.contains(&p.id.to_string().as_str()) {
             let note = "as in the prior: the recordings contain almost no information about it";
             p.estimate = p.estimate.clone().with_note(note);
+        }
+        if let (Some(_), false) =
+            (prior.and_then(|p| p.contradiction.as_ref()), Kind::of_rig(p.id.quantity))
+        {
+            let why = "the strokes contradict the prior";
+            p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why);
         }
         // What a prior knows is determined.
         if let (Some(why), true, None) = (why, p.estimate.determined, prior) {

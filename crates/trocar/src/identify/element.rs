@@ -19,6 +19,7 @@ use super::free_motion::FreeMotion;
 use super::joins::Joins;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop};
 use super::options::IdentifyOptions;
+use super::ripple::Ripple;
 use super::scale::{FrictionScale, Jump};
 use super::seal_prior::SealPrior;
 use super::segments::Segments;
@@ -119,6 +120,7 @@ const FEWEST_WITH_PRIOR: usize = 2;
 fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Begun> {
     let from_readings = Layout {
         offset: input.options.offset.is_none(),
+        unmodelled_mass: shows_mass(input),
         largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
         narrowest: 0.0,
         slowest_creep: slowest_creep(input.recordings),
@@ -133,10 +135,16 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     training.prior = prior.of(&start);
     progress("fitting the element", 0.02);
     let fitted = likelihood::fit(&training, &start, NEXT)?;
-    // A wetted seal slides before it is deformed as far: from the width of the prior the fit may not get there.
-    let other = other_width(&training, &fitted).filter(|other| other.cost() < fitted.cost());
-    let fitted = other.unwrap_or(fitted);
-    free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
+    training.variance = variance(&fitted);
+    let lambda = training.variance / INITIAL_SCATTER.powi(2);
+    free_scales(input, &mut training, &fitted.best, lambda);
+    // Scatter between few strokes looks like viscous friction where they have one scale, and the fit
+    // may not get from there, or from the width of the prior, to the least cost.
+    let widths = two_step_width(input).into_iter().filter_map(|width| of_width(&start, width));
+    let starts: Vec<EmsTrial> =
+        other_widths(&start).chain(widths).chain([start.clone(), fitted.best]).collect();
+    let fits = starts.par_iter().filter_map(|from| likelihood::fit(&training, from, NEXT));
+    let fitted = fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.15);
     let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
@@ -154,10 +162,17 @@ fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<E
 
 /// The same full stroke with other half widths.
 fn other_widths(trial: &EmsTrial) -> impl Iterator<Item = EmsTrial> + '_ {
-    OTHER_WIDTHS.iter().filter_map(|part| {
-        let candidate = trial.candidate.with_half_width(part * trial.candidate.half_width)?;
-        Some(EmsTrial { candidate, ..trial.clone() })
-    })
+    OTHER_WIDTHS.iter().filter_map(|part| of_width(trial, part * trial.candidate.half_width))
+}
+
+fn of_width(trial: &EmsTrial, half_width: f64) -> Option<EmsTrial> {
+    let candidate = trial.candidate.with_half_width(half_width)?;
+    Some(EmsTrial { candidate, ..trial.clone() })
+}
+
+/// The half width that the two steps resolved without a prior, m.
+fn two_step_width(input: &Input) -> Option<f64> {
+    (!is_assumed(input)).then_some(input.two.candidate.half_width)
 }
 
 /// Restarts from near the best, and the most steps of training data for which they are used. Where
@@ -261,7 +276,7 @@ impl Scaled {
 /// scatter.
 fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda: f64) {
     training.scale = Scale {
-        is_free: training.strokes.len() >= FEWEST_STROKES,
+        is_free: input.options.prior.is_some() || training.strokes.len() >= FEWEST_STROKES,
         lambda,
         unconstrained: unconstrained(input, training),
         ..Scale::default()
@@ -304,15 +319,15 @@ pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
 fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     if !training.scale.is_free {
-        let mut fitted = likelihood::fit(&training, &from, stop)?;
-        if fitted.has_prior {
-            // The weight of the prior follows from the residuals.
-            training.variance = variance(&fitted);
-            fitted = likelihood::fit(&training, &fitted.best, stop)?;
-        }
+        let fitted = likelihood::fit(&training, &from, stop)?;
         return Some(Scaled { training, fitted, scatter: 0.0 });
     }
-    let first = likelihood::fit(&training, &from, SHORT)?;
+    let mut first = likelihood::fit(&training, &from, SHORT)?;
+    if first.has_prior {
+        training.ripple = Ripple::of(&training, &first);
+        first.score_variance =
+            training.ripple.and_then(|ripple| ripple.score_variance(&training, &first.best));
+    }
     let sigma2 = variance(&first);
     training.variance = sigma2;
     let jumps = Jump::find(&training, &first);
@@ -435,13 +450,9 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
 
 /// Terms that are not tried.
 fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
-    let Input { recordings, options, .. } = input;
+    let Input { options, .. } = input;
     let mut excluded = options.without.clone();
-    // With a declared mass, a small remainder is the error of that mass.
-    if !options.estimate_unmodelled_mass
-        || options.inertia_removed
-        || !acceleration_is_resolved(recordings)
-    {
+    if !shows_mass(input) {
         excluded.push(Term::UnmodelledMass);
     }
     if !options.free_motion {
@@ -451,6 +462,15 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
         excluded.extend(Term::OF_FREE_MOTION);
     }
     excluded
+}
+
+/// Whether the readings can show an unmodelled mass. With a declared one, a small remainder is its
+/// error.
+fn shows_mass(input: &Input) -> bool {
+    let Input { recordings, options, .. } = input;
+    options.estimate_unmodelled_mass
+        && !options.inertia_removed
+        && acceleration_is_resolved(recordings)
 }
 
 /// Fewest partial reversals needed to identify minor loops and a second stage.

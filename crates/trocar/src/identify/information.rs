@@ -492,7 +492,7 @@ impl Reversals {
 }
 
 /// Samples of a step, from the weight that they have together.
-fn samples(row: &Row) -> f64 {
+pub(super) fn samples(row: &Row) -> f64 {
     row.weight / (1.0 - row.weight / INDEPENDENT).max(1e-3)
 }
 

@@ -146,6 +146,8 @@ pub(crate) struct Fitted<T> {
     pub(crate) held: Vec<bool>,
     /// Whether the fit had a prior of the seal's parameters.
     pub(crate) has_prior: bool,
+    /// Variance of the score by the model of the residuals; `None` where there is none.
+    pub(crate) score_variance: Option<DMatrix<f64>>,
     pub(crate) normal: Normal,
 }
 
@@ -577,6 +579,8 @@ fn normal_equations<T: Trial>(
 pub(crate) struct Row {
     /// Derivatives of the prediction with respect to the free parameters.
     pub(crate) derivatives: Vec<f64>,
+    /// r_i, N.
+    pub(crate) residual: f64,
     /// Z_i, N: its own stroke, and the one before.
     pub(crate) scale: [f64; 2],
     pub(crate) force: f64,
@@ -609,10 +613,11 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
         }
         let of_step = |i: usize| {
             let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
-            let (_, scale) =
+            let (residual, scale) =
                 predictor.row(&run.steps, i, &lanes, &sources, lanes[0][0], &mut derivatives);
             Row {
                 derivatives,
+                residual,
                 scale,
                 force: lanes[0][i],
                 weight: step.weight,
@@ -696,6 +701,55 @@ fn accumulate_stroke(
 }
 
 impl Training {
+    /// W·(x − Z·P⁻¹·Z'Wx) of the steps of a cluster with the first stroke `first`; adds the variance
+    /// of the score that the scatter of their strokes makes to `sum`.
+    pub(super) fn scattered(
+        &self,
+        rows: &[Row],
+        first: usize,
+        sum: &mut DMatrix<f64>,
+    ) -> Vec<DVector<f64>> {
+        let p = sum.nrows();
+        let x = |row: &Row| DVector::from_column_slice(&row.derivatives[..p]);
+        if !self.scale.is_free {
+            return rows.iter().map(|row| row.weight * x(row)).collect();
+        }
+        let count = rows.last().map_or(0, |row| row.stroke - first + 1);
+        let mut scales = vec![ScaleSums::default(); count];
+        // Columns of Z'WX: the stroke before, and those of the cluster.
+        let mut cross = DMatrix::zeros(p, count + 1);
+        for row in rows {
+            let k = row.stroke - first;
+            scales[k].add(row.weight, 0.0, row.scale);
+            for (column, z) in [(k + 1, row.scale[0]), (k, row.scale[1])] {
+                cross.column_mut(column).axpy(row.weight * z, &x(row), 1.0);
+            }
+        }
+        let with_before = with_stroke_before(scales.into_iter());
+        let factored = Scatter::new(&with_before, first, &self.scale, self.scale.lambda);
+        let mut solved = cross.clone();
+        for j in 0..p {
+            let row = factored.solve(cross.row(j).iter().copied().collect());
+            row.into_iter().enumerate().for_each(|(k, value)| solved[(j, k)] = value);
+        }
+        let moved = |row: &Row| {
+            let k = row.stroke - first;
+            let all =
+                x(row) - solved.column(k + 1) * row.scale[0] - solved.column(k) * row.scale[1];
+            row.weight * all
+        };
+        // X̃'WZ is λ·X'WZ·P⁻¹, and τ² = σ²/λ.
+        let lambda = self.scale.lambda;
+        for (k, own) in solved.column_iter().enumerate() {
+            let is_unconstrained =
+                (first + k).checked_sub(1).is_some_and(|g| self.scale.is_unconstrained(g));
+            if !is_unconstrained {
+                sum.ger(self.variance * lambda, &own, &own, 1.0);
+            }
+        }
+        rows.iter().map(moved).collect()
+    }
+
     /// The normal equations with the scatter of the strokes eliminated, summed by cluster.
     fn eliminated(
         &self,
@@ -883,7 +937,9 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     step_within(&normal.sums(), &best.free(), 1e-12, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
     let has_prior = !training.prior.is_empty();
-    Some(Fitted { best, rms, iterations, converged, held, has_prior, normal })
+    let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
+    let score_variance = ripple.and_then(|ripple| ripple.score_variance(training, &best));
+    Some(Fitted { best, rms, iterations, converged, held, has_prior, score_variance, normal })
 }
 
 /// Fraction of C that an undamped step would remove if the model were linear.
@@ -906,6 +962,21 @@ impl<T: Trial> Fitted<T> {
     /// The smallest C found.
     pub(crate) fn cost(&self) -> f64 {
         self.normal.cost()
+    }
+
+    /// Residuals of the steps with the friction scale of each stroke, N.
+    pub(crate) fn residuals(&self, training: &Training, rows: &[Row]) -> Vec<f64> {
+        let drift = drifts(training, &self.best);
+        let scatter = |g: usize| self.normal.scales[g].value - drift[g];
+        let residual = |row: &Row| {
+            let [own, before] = row.scale;
+            let of_before = if before != 0.0 { before * scatter(row.stroke - 1) } else { 0.0 };
+            row.residual - own * scatter(row.stroke) - of_before
+        };
+        match training.scale.is_free {
+            true => rows.iter().map(residual).collect(),
+            false => rows.iter().map(|row| row.residual).collect(),
+        }
     }
 
     /// Sums of the normal equations, without the gradient of parameters held at a bound.
@@ -955,11 +1026,13 @@ impl<T: Trial> Fitted<T> {
             .iter()
             .zip(&self.normal.scores)
             .filter(|(h, _)| h.diagonal().sum() > 0.0);
-        let left_out = used
-            .filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &self.held));
+        // What a prior knows may lie on both sides of a bound.
+        let held: Vec<bool> = self.held.iter().map(|held| *held && !self.has_prior).collect();
+        let left_out =
+            used.filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &held));
         let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { variance } else { 0.0 });
         let column = |j: usize| {
-            damped_step(&hessian, &unit(j), 1e-12, &self.held).unwrap_or_else(|| DVector::zeros(p))
+            damped_step(&hessian, &unit(j), 1e-12, &held).unwrap_or_else(|| DVector::zeros(p))
         };
         (left_out.collect(), DMatrix::from_columns(&(0..p).map(column).collect::<Vec<_>>()))
     }

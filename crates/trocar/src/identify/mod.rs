@@ -71,6 +71,7 @@ mod random;
 mod refit;
 mod replicates;
 mod result;
+mod ripple;
 mod scale;
 mod seal_prior;
 mod segments;

@@ -167,7 +167,7 @@ pub(super) fn parameter_or_held(
     factor: f64,
 ) -> Parameter {
     let best = &fitted.best.candidate;
-    if is_held(fitted, id) {
+    if !fitted.has_prior && is_held(fitted, id) {
         let why = "the fit holds it at an end of its range";
         return Parameter::new(id, Estimate::undetermined(best.value(id), id.unit().si, why));
     }
@@ -243,8 +243,10 @@ fn along_joins(
         along.hull(given, &of)
     };
     let wider = |a: [f64; 2], b: [f64; 2]| [a[0].min(b[0]), a[1].max(b[1])];
-    // The joins of a branch replace its first order; other parameters keep theirs at least.
-    let start = (!is_of_branch).then_some(first);
+    // The joins of a branch replace its first order; other parameters keep theirs at least, and so do
+    // all from few strokes, in which the errors of the readings are correlated along a branch.
+    let has_prior = spread.has_prior();
+    let start = (!is_of_branch || has_prior).then_some(first);
     let Some([low, high]) = start.into_iter().chain(own.by_ref().map(hull)).reduce(wider) else {
         return estimate;
     };

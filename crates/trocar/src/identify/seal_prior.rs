@@ -7,8 +7,8 @@
 //! |---|---|
 //! | F_c, F_s, forces of the branches | F_c |
 //! | β, σ | β + F_c/(0.2 m/s) |
-//! | c, joins | half their value, half of c |
-//! | v_s, δ, κ | their value |
+//! | joins | half of c |
+//! | c, v_s, δ, κ | their value |
 //! | creep, relaxation, second stage | a factor of e |
 //!
 //! The sensor offset and an unmodelled mass belong to the rig: they keep their weak priors. The
@@ -18,7 +18,7 @@
 use std::collections::BTreeMap;
 
 use serde::Serialize;
-use trocar_model::{Direction, ParamError, Quantity, Stages};
+use trocar_model::{Direction, ParamError, ParameterId, Quantity, Stages};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::likelihood::{Fitted, Free, Trial};
@@ -56,6 +56,21 @@ pub struct PriorUse {
     /// Standard error of each parameter relative to that of the prior, by name: near 1 where the
     /// strokes say nothing.
     pub ratios: BTreeMap<String, f64>,
+    /// The parameter farthest outside the range of the prior; `None` where the seal may be of its
+    /// type.
+    pub contradiction: Option<Contradiction>,
+}
+
+/// A parameter for which the strokes contradict the prior, SI.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Contradiction {
+    /// The parameter; in JSON its name.
+    #[serde(serialize_with = "name")]
+    pub parameter: ParameterId,
+    /// Range that holds it in 95 % of the seals of the prior.
+    pub prior_range: [f64; 2],
+    /// Estimate from the strokes and the prior.
+    pub estimate: f64,
 }
 
 impl SealPrior {
@@ -111,9 +126,10 @@ impl SealPrior {
         let candidate = self.candidate()?;
         let own_slopes =
             candidate.insertion.viscous_damping != candidate.withdrawal.viscous_damping;
-        let Layout { offset, largest, narrowest, slowest_creep, .. } = layout;
+        let Layout { offset, unmodelled_mass, largest, narrowest, slowest_creep, .. } = layout;
         let layout = Layout {
             offset,
+            unmodelled_mass,
             largest,
             narrowest,
             slowest_creep,
@@ -148,7 +164,7 @@ impl SealPrior {
             Kind::SlidingForce => (force, error(Q::CoulombForce).unwrap_or(0.0)),
             Kind::JoinForce | Kind::Bend => (force, error(Q::JoinForce).unwrap_or(0.0)),
             Kind::Damping => (value + force / SPEED, error(Q::ViscousDamping).unwrap_or(0.0)),
-            Kind::HalfWidth => (0.5 * value, error(Q::HalfWidth).unwrap_or(0.0)),
+            Kind::HalfWidth => (value, error(Q::HalfWidth).unwrap_or(0.0)),
             Kind::Join => (0.5, error(Q::Join).map_or(0.0, |e| e / candidate.half_width)),
             Kind::StribeckVelocity => (value, error(Q::StribeckVelocity).unwrap_or(0.0)),
             Kind::StribeckExponent => (value, error(Q::StribeckExponent).unwrap_or(0.0)),
@@ -197,7 +213,44 @@ impl SealPrior {
             model: self.name.clone(),
             spread: self.spread,
             ratios: numbers::quantities(*layout).into_iter().filter_map(ratio).collect(),
+            contradiction: Contradiction::most(&free, priors),
         }
+    }
+}
+
+fn name<S: serde::Serializer>(id: &ParameterId, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(id)
+}
+
+impl Contradiction {
+    /// The farthest of F_c, β and c outside the prior.
+    fn most(free: &[Free], priors: &[Prior]) -> Option<Self> {
+        let off = |(free, prior): (&Free, &Prior)| {
+            let quantity = match free.kind? {
+                Kind::SlidingForce => Quantity::CoulombForce,
+                Kind::Damping => Quantity::ViscousDamping,
+                Kind::HalfWidth => Quantity::HalfWidth,
+                _ => return None,
+            };
+            let Prior { mean, deviation } = *prior;
+            let range = [-IN_95, IN_95].map(|far| (mean + far * deviation).max(0.0));
+            let own = Self { parameter: quantity.id(), prior_range: range, estimate: free.value };
+            let off = (free.value - mean).abs() / deviation;
+            (off > IN_95).then_some((off, own))
+        };
+        let all = free.iter().zip(priors).filter_map(off);
+        all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, own)| own)
+    }
+
+    /// What contradicts, in one line.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let Self { parameter, prior_range: [low, high], estimate } = self;
+        let unit = parameter.unit().si;
+        format!(
+            "{estimate:.3e} {unit} is outside the range of the prior, {low:.3e} to {high:.3e} {unit}: the strokes contradict it, and no \
+             interval holds; identify without --prior from more strokes, or give a larger --prior-spread"
+        )
     }
 }
 

@@ -23,6 +23,8 @@ pub(crate) struct Spread<'a, T> {
     departures: Vec<DVector<f64>>,
     /// Covariance if all samples were independent.
     covariance: DMatrix<f64>,
+    /// That of the errors of the readings, where there is a model of them.
+    moderated: Option<DMatrix<f64>>,
     /// Ratio of the clusters' variance to that of independent samples: median over the free
     /// parameters.
     inflation: f64,
@@ -81,13 +83,22 @@ impl<'a, T: Trial> Spread<'a, T> {
         let free = found.best.free();
         let widths: Vec<f64> = free.iter().map(|f| PRIOR_WIDTH * f.step).collect();
         let (departures, covariance) = found.departures(&widths);
-        let mut spread = Self { found, departures, covariance, inflation: 1.0 };
+        let mut spread = Self { found, departures, covariance, moderated: None, inflation: 1.0 };
+        spread.moderated = spread.moderated();
         let unit = |j: usize| DVector::from_fn(free.len(), |i, _| f64::from(i == j));
-        let ratio = |j: usize| spread.jackknife(&unit(j)) / spread.covariance[(j, j)];
+        let ratio = |j: usize| {
+            let direction = spread.covariance.column(j).into_owned();
+            spread.of_data(&unit(j), &direction).0 / spread.covariance[(j, j)]
+        };
         let mut ratios: Vec<f64> = (0..free.len()).filter(|j| !found.held[*j]).map(ratio).collect();
         ratios.sort_by(f64::total_cmp);
         spread.inflation = ratios.get(ratios.len() / 2).copied().unwrap_or(1.0).max(1.0);
         spread
+    }
+
+    /// Whether the fit had a prior of the seal's parameters.
+    pub(super) fn has_prior(&self) -> bool {
+        self.found.has_prior
     }
 
     /// σ², N²: as [`variance`].
@@ -115,6 +126,29 @@ impl<'a, T: Trial> Spread<'a, T> {
         // The direction already contains σ².
         precisions.iter().zip(direction.iter()).map(|(p, d)| p * d * d).sum::<f64>() / variance
             * self.inflation
+    }
+
+    /// Variance that the errors of the readings make, and its degrees of freedom: by the jackknife
+    /// over clusters, moderated where there is a model of the errors.
+    fn of_data(&self, gradient: &DVector<f64>, direction: &DVector<f64>) -> (f64, f64) {
+        match &self.moderated {
+            Some(all) => (gradient.dot(&(all * gradient)), self.own_degrees() + MODEL_DEGREES),
+            None => (self.jackknife(gradient), self.degrees(direction)),
+        }
+    }
+
+    fn own_degrees(&self) -> f64 {
+        (self.departures.len() as f64 - 1.0).max(0.0)
+    }
+
+    /// The covariance of the jackknife with that of the model of the errors (as for the variances of
+    /// many small samples, SMYTH).
+    fn moderated(&self) -> Option<DMatrix<f64>> {
+        let score = self.found.score_variance.as_ref()?;
+        let unit = self.found.rms[1].powi(2).max(f64::MIN_POSITIVE);
+        let of_model = &self.covariance * score * &self.covariance / unit.powi(2);
+        let own = self.own_degrees();
+        Some((self.jackknifed().0 * own + of_model * MODEL_DEGREES) / (own + MODEL_DEGREES))
     }
 
     /// Variance by the jackknife over clusters.
@@ -156,18 +190,14 @@ impl<'a, T: Trial> Spread<'a, T> {
         let plain = |u: f64| if log { u.exp() } else { u };
         let direction = &self.covariance * &gradient;
         let remaining = gradient.dot(&self.found.remaining());
-        let (jackknife, beforehand) = (self.jackknife(&gradient), self.beforehand(&direction));
-        let variance = jackknife + beforehand + remaining * remaining;
-        let error = factor * variance.sqrt();
-        let degrees = self.degrees(&direction);
+        let (clusters, degrees) = self.of_data(&gradient, &direction);
+        let variance = clusters + self.beforehand(&direction);
+        // The variance of the prior has no error (SATTERTHWAITE).
         let degrees = match self.found.has_prior {
-            // The variance of the prior has no error (SATTERTHWAITE); that of few strokes is moderated.
-            true => {
-                let own = (variance / jackknife).powi(2) * (degrees.max(0.0) + MODEL_DEGREES);
-                own.min(MANY_DEGREES)
-            }
+            true => (degrees * (variance / clusters).powi(2)).min(MANY_DEGREES),
             false => degrees,
         };
+        let error = factor * (variance + remaining * remaining).sqrt();
         let own = Estimate::from_standard_error(value, error, degrees, unit);
         if !own.determined {
             return Estimate { value: plain(value), ..own };
@@ -193,8 +223,11 @@ impl<'a, T: Trial> Spread<'a, T> {
     pub(super) fn deviation(&self, of: &dyn Fn(&T) -> f64) -> f64 {
         let Dependent { gradient, .. } = Dependent::on(&self.found.best, false, of);
         let direction = &self.covariance * &gradient;
-        let clusters = self.jackknife(&gradient) + self.beforehand(&direction);
-        clusters.max(self.inflation * gradient.dot(&direction)).max(0.0).sqrt()
+        let (clusters, _) = self.of_data(&gradient, &direction);
+        (clusters + self.beforehand(&direction))
+            .max(self.inflation * gradient.dot(&direction))
+            .max(0.0)
+            .sqrt()
     }
 
     /// Gradient of a quantity times the factor on its standard error; from its logarithm if its
@@ -219,11 +252,17 @@ impl<'a, T: Trial> Spread<'a, T> {
             let scale = (self.inflation / variance).sqrt();
             let beforehand =
                 precisions.iter().zip(direction.iter()).map(|(p, d)| scale * p.sqrt() * d);
+            let clusters = clusters.filter(|_| self.moderated.is_none());
             let all = clusters.chain(beforehand).chain([gradient.dot(&remaining)]);
             DVector::from_vec(all.collect())
         };
         let all: Vec<DVector<f64>> = gradients.iter().map(deviations).collect();
-        all.iter().map(|a| all.iter().map(|b| a.dot(b)).collect()).collect()
+        let moderated = |i: usize, j: usize| {
+            let covariance = self.moderated.as_ref()?;
+            Some(gradients[i].dot(&(covariance * &gradients[j])))
+        };
+        let of = |i: usize, j: usize| all[i].dot(&all[j]) + moderated(i, j).unwrap_or(0.0);
+        (0..all.len()).map(|i| (0..all.len()).map(|j| of(i, j)).collect()).collect()
     }
 }
 

@@ -12,6 +12,7 @@ use std::ops::Range;
 use trocar_model::{Seal, Stages};
 
 use super::prior::Prior;
+use super::ripple::Ripple;
 use crate::recording::Recording;
 use crate::replay::forgotten_after;
 use crate::segment::{Direction, SteadySegment, Stroke};
@@ -125,6 +126,8 @@ pub(crate) struct Training {
     /// In chronological order.
     pub(crate) strokes: Vec<ScaledStroke>,
     pub(crate) scale: Scale,
+    /// The error that is correlated along the travel, where its model is used.
+    pub(crate) ripple: Option<Ripple>,
 }
 
 /// A recording with its segmentation.
@@ -184,7 +187,15 @@ impl Training {
             }
         }
         let clusters = strokes.last().map_or(0, |s: &ScaledStroke| s.cluster + 1);
-        Self { runs, clusters, variance: 0.0, prior: Vec::new(), strokes, scale: Scale::default() }
+        Self {
+            runs,
+            clusters,
+            variance: 0.0,
+            prior: Vec::new(),
+            strokes,
+            scale: Scale::default(),
+            ripple: None,
+        }
     }
 
     /// Values over the strokes less their mean over the strokes whose size counts.
