@@ -95,6 +95,8 @@ def test_a_wrong_configuration_is_an_exception() -> None:
         fleet.Config(depth="deep")
     with pytest.raises(trocar.ParameterError, match="moving_mass_kg"):
         fleet.Config(moving_mass_kg=-1.0)
+    with pytest.raises(trocar.ParameterError, match="without a moving mass"):
+        fleet.Config(gravity_m_s2=-9.81)
 
 
 def test_columns_are_a_text_or_a_dictionary(strokes: list[trocar.Recording], tmp_path: Path) -> None:

@@ -110,6 +110,7 @@ def test_what_cannot_be_identified_is_told(training: list[trocar.Recording]) -> 
         ({"degrees": (4,)}, trocar.ParameterError, "degrees must be two numbers"),
         ({"without": ["salt"]}, trocar.ParameterError, 'without "salt": expected one of stribeck'),
         ({"moving_mass_kg": -1}, trocar.ParameterError, "moving_mass_kg must be finite and not negative, got -1 kg"),
+        ({"gravity_m_s2": -9.81}, trocar.ParameterError, "gravity_m_s2 is -9.81 m/s² without a moving mass"),
         ({"gravity_m_s2": np.inf}, trocar.ParameterError, "gravity_m_s2 must be finite"),
         ({"offset_n": np.inf}, trocar.ParameterError, "offset_n must be a finite number, got inf"),
     ],
@@ -219,6 +220,10 @@ def test_faulty_samples_are_named(found: trocar.Identification) -> None:
         trocar.Compensator(trocar.Model.plausible())
     with pytest.raises(trocar.ParameterError, match="sensor_limit_n must be above 0"):
         trocar.Compensator(found.model, sensor_limit_n=0)
+    with pytest.raises(trocar.ParameterError, match="the offset of the model includes the weight"):
+        trocar.Compensator(found.model, gravity_m_s2=-9.81)
+    with pytest.raises(trocar.ParameterError, match="without a moving mass"):
+        trocar.Compensator(found.model, offset_n=0.1, moving_mass_kg=0.0, gravity_m_s2=-9.81)
 
 
 def test_figures_and_parts_of_results_are_pickled(found: trocar.Identification) -> None:

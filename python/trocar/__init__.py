@@ -193,8 +193,8 @@ def identify(
     :param prior: model of a trocar of the same type, whose parameters the recordings update
     :param prior_spread: spread of the friction between trocars of that type, relative
     :param moving_mass_kg: mass between sensor and seal; its inertia is subtracted from the readings
-    :param gravity_m_s2: component of gravity along the insertion that acts on the reading of that mass; with 0 the weight
-        is part of the offset
+    :param gravity_m_s2: component of gravity along the insertion that acts on the reading of that mass, which must be
+        above 0; with 0 the weight is part of the offset
     :param threads: number of threads; 0 takes one per processor. At most four per processor, or 64 if that is more, are used
     :param progress: called on the calling thread with the stage and the fraction done, 0 to 1. By
         default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
@@ -315,7 +315,8 @@ def compensate(
 
     :param offset_n: reading of the sensor without any force
     :param moving_mass_kg: mass between sensor and seal; its inertia is subtracted
-    :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 if the weight is part of the offset
+    :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 if the weight is part of the offset, as it is of that
+        of the model: with gravity, state ``offset_n`` without the weight
     :param sensor_limit_n: largest force that the sensor can read; readings at this limit give no tissue force
     :param force_error_n: standard deviation of the model's force; by default the value of the model, by phase
     :param posterior: draws of the model's parameters, or their file: ``std_n`` has the error of the parameters from their

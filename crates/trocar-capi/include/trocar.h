@@ -225,7 +225,8 @@ typedef struct {
      */
     double moving_mass_kg;
     /**
-     * Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
+     * Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset,
+     * as it is of the offset of a model file: with gravity, state offset_n without the weight.
      */
     double gravity_m_s2;
     /**

@@ -343,7 +343,7 @@ struct CompensatorOptions {
     std::optional<double> offset_n;
     /** Mass between sensor and seal, kg. */
     std::optional<double> moving_mass_kg;
-    /** Gravity as it acts on the reading of the moving mass; 0 where the weight is part of the offset. */
+    /** Gravity as it acts on the reading of the moving mass; not 0 only with an offset_n without the weight. */
     double gravity_m_s2 = 0.0;
     /** Largest force that the sensor can read, N; nothing where none is known. */
     std::optional<double> sensor_limit_n;

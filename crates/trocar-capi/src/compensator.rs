@@ -52,7 +52,8 @@ pub struct CompensatorOptions {
     pub offset_n: f64,
     /// Mass between sensor and seal, kg, 0 or more; NaN: as in the model file, else 0.
     pub moving_mass_kg: f64,
-    /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset.
+    /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of the offset,
+    /// as it is of the offset of a model file: with gravity, state offset_n without the weight.
     pub gravity_m_s2: f64,
     /// Largest force that the sensor can read, N, above 0; NaN: none is known.
     pub sensor_limit_n: f64,
@@ -222,7 +223,9 @@ fn out_of_range(text: std::fmt::Arguments) -> Failure {
 
 fn refused(error: CompensateError) -> Failure {
     match error {
-        CompensateError::OutOfRange { .. } => Failure::new(Status::OutOfRange, error),
+        CompensateError::OutOfRange { .. }
+        | CompensateError::WeightTwice { .. }
+        | CompensateError::GravityWithoutMass { .. } => Failure::new(Status::OutOfRange, error),
         CompensateError::NoForceError => {
             let text = "the model does not state the error of its force (force_error): identify it again with \
                         --validate, or set force_error_n";

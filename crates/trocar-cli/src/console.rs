@@ -150,7 +150,12 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 
 fn is_bad_argument(error: &anyhow::Error) -> bool {
     let reading = |error: &RecordingError| {
-        matches!(error, RecordingError::BadColumns { .. } | RecordingError::MovingMass { .. })
+        matches!(
+            error,
+            RecordingError::BadColumns { .. }
+                | RecordingError::MovingMass { .. }
+                | RecordingError::GravityWithoutMass { .. }
+        )
     };
     error.chain().any(|cause| {
         cause.is::<BadArgument>()

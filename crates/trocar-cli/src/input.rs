@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use trocar::compensate::CompensateOptions;
 use trocar::model_file::ModelFile;
+use trocar::recording::rows::BY_OWN_HEADER;
 use trocar::recording::{
     Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read,
 };
@@ -66,11 +67,16 @@ impl Choosing {
         let period = Choice { from: own.from, to: own.to, ..Choice::default() };
         let Some(choice) = choice_for(model).filter(|_| own == period) else { return own };
         console.remark(&format!(
-            "note: read like the recordings of the model, with {}",
+            "note: read like the recordings of the model, with {}, unless the file lacks them",
             options_of(&choice)
         ));
         Choice { from: own.from, to: own.to, ..choice }
     }
+}
+
+/// Says that `file` was read by its own header, not like the recordings of the model.
+pub(crate) fn say_own_header(console: &Console, file: &Path) {
+    console.remark(&format!("note: {}: {BY_OWN_HEADER}", file.display()));
 }
 
 /// The options of the command line that make this choice.
@@ -188,15 +194,15 @@ pub(crate) struct Rod {
     #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     moving_mass_kg: f64,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81
-    /// for a withdrawal downwards, -9.81 for an insertion downwards); 0 leaves the weight in the
-    /// offset
+    /// for a withdrawal downwards, -9.81 for an insertion downwards); needs --moving-mass-kg; 0
+    /// leaves the weight in the offset
     #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
     gravity_m_s2: f64,
 }
 
 impl Rod {
-    pub(crate) fn moving_mass(&self) -> MovingMass {
-        MovingMass { mass: self.moving_mass_kg, gravity: self.gravity_m_s2 }
+    pub(crate) fn moving_mass(&self) -> Result<MovingMass, RecordingError> {
+        MovingMass::new(self.moving_mass_kg, self.gravity_m_s2)
     }
 }
 
@@ -274,8 +280,9 @@ pub(crate) struct Observing {
     /// file]
     #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
     pub(crate) moving_mass_kg: Option<f64>,
-    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; 0
-    /// leaves the weight in the offset
+    /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; needs
+    /// an --offset-n without the weight, which the offset of a model file includes; 0 leaves the
+    /// weight in the offset
     #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
     pub(crate) gravity_m_s2: f64,
     /// Largest force the sensor can read, in N: readings there count as saturated

@@ -716,10 +716,53 @@ fn recordings_for_a_model_are_read_like_its_own() {
     place
         .run("validate found other.csv")
         .fails_saying(&["other.csv line 1: no time, position or force column among 'a, b, c'"]);
+    streams_for_a_model_are_read_like_files(&place);
     // Options of one's own replace those of the model.
     let ran =
         place.run("validate found plain.csv --columns time_s=time_s,position_m=position_m,force_n=force_n").done();
     assert!(!ran.stderr.contains("read like"), "{ran:#?}");
+}
+
+/// With the columns of the model's recordings and with a header of its own, from a pipe as from a file.
+fn streams_for_a_model_are_read_like_files(place: &Place) {
+    for verb in ["compensate", "simulate"] {
+        for file in ["logger.csv", "own.csv"] {
+            let ran = place.run(&format!("{verb} found {file} --out file.csv")).done();
+            let stream =
+                fed(place.command(&format!("{verb} found - --out stream.csv")), &place.path(file))
+                    .done();
+            assert_eq!(place.text("stream.csv"), place.text("file.csv"), "{verb} {file}");
+            for ran in [ran, stream] {
+                ran.says(&["read like the recordings of the model", "unless the file lacks them"]);
+                let is_own = ran.stderr.contains("read by its own header");
+                assert_eq!(is_own, file == "own.csv", "{ran:#?}");
+            }
+        }
+        let ran = fed(
+            place.command(&format!("{verb} found - --out stream.csv")),
+            &place.path("other.csv"),
+        );
+        ran.fails_saying(&["line 1: no time", "column among 'a, b, c'"]);
+    }
+}
+
+/// Gravity acts on the moving mass: alone it would change nothing.
+#[test]
+fn gravity_without_a_moving_mass_is_refused() {
+    let place = Place::new();
+    place.recording("rec.csv");
+    fs::create_dir(place.path("many")).unwrap();
+    fs::rename(place.path("rec.csv"), place.path("many/rec.csv")).unwrap();
+    for verb in ["identify many/rec.csv", "compare many/rec.csv", "fleet many"] {
+        for mass in ["", "--moving-mass-kg 0"] {
+            let ran = place.run(&format!("{verb} {mass} --gravity-m-s2 -9.81 --out out"));
+            ran.ends_with(2).says(&[
+                "gravity_m_s2 is -9.81 m/s² without a moving mass on which it acts",
+                "give moving_mass_kg above 0",
+            ]);
+            assert!(!place.path("out").exists(), "{verb}");
+        }
+    }
 }
 
 #[test]

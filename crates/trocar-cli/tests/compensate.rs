@@ -5,6 +5,8 @@ use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
+use trocar::model_file::{ModelFile, SensorInfo};
+
 use crate::common::{Place, names_in};
 
 /// A folder with a made-up model and a hand-like recording into tissue.
@@ -96,6 +98,42 @@ fn faults_are_told() {
     ]);
     let out = fs::read_to_string(place.path("out.csv")).unwrap();
     assert!(out.lines().nth(120).unwrap().contains(",nan,"), "{}", out.lines().nth(120).unwrap());
+}
+
+/// The offset in a model file includes the weight: gravity needs an offset without it and a mass.
+#[test]
+fn the_weight_is_subtracted_once() {
+    let place = place();
+    let mut model = ModelFile::read(&place.path("model.json")).unwrap();
+    let weight = 0.04 * -9.81;
+    model.sensor =
+        Some(SensorInfo { offset_n: -0.34 + weight, moving_mass_kg: 0.04, position_delay_s: 0.0 });
+    fs::write(place.path("vertical.json"), model.to_json()).unwrap();
+    let run = |rest: &str| {
+        place.run(&format!(
+            "compensate vertical.json hand.csv --force-error-n 0.05 --out out.csv {rest}"
+        ))
+    };
+    run("--gravity-m-s2 -9.81 --moving-mass-kg 0.04").ends_with(1).says(&[
+        "gravity_m_s2 is -9.81 m/s²",
+        "the offset of the model includes the weight",
+        "leave gravity_m_s2 out, or give offset_n without the weight",
+    ]);
+    assert!(!place.path("out.csv").exists(), "nothing half-written");
+    run("--gravity-m-s2 -9.81 --moving-mass-kg 0 --offset-n -0.34")
+        .ends_with(1)
+        .says(&["without a moving mass on which it acts"]);
+    let tissue = || -> Vec<f64> {
+        let text = fs::read_to_string(place.path("out.csv")).unwrap();
+        text.lines().skip(1).map(|row| row.split(',').nth(4).unwrap().parse().unwrap()).collect()
+    };
+    run("").ends_with(0);
+    let with_weight = tissue();
+    run("--gravity-m-s2 -9.81 --offset-n -0.34").ends_with(0);
+    let both_ways = tissue();
+    assert!(with_weight.iter().any(|force| force.abs() > 1.0), "the tissue was met");
+    let apart = with_weight.iter().zip(&both_ways).map(|(a, b)| (a - b).abs());
+    assert!(apart.fold(0.0, f64::max) < 1e-3, "the same weight, in the offset or beside it");
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub(crate) fn records(recordings: &[PyRef<'_, Recording>]) -> Vec<Record> {
 pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
     not_negative("moving_mass_kg", mass, "kg")?;
     finite("gravity_m_s2", gravity, "m/s^2")?;
-    Ok(MovingMass { mass, gravity })
+    MovingMass::new(mass, gravity).map_err(|error| ParameterError::new_err(error.to_string()))
 }
 
 pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {

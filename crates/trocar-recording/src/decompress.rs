@@ -4,8 +4,8 @@
 use std::fs::File;
 use std::io::{self, Cursor, Read};
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::RecordingError;
 use super::utf16::{BIG_ENDIAN, Decoder, LITTLE_ENDIAN};
@@ -44,6 +44,58 @@ impl TextInput {
         let counted = Counted { inner: file, read: read.clone() };
         let text = decoded(decompressed(Box::new(counted)).map_err(failed)?).map_err(failed)?;
         Ok(Self { text, file: metadata.is_file().then_some((metadata.len(), read)) })
+    }
+}
+
+/// A stream whose head can be read a second time, with another choice of columns. Clones share it.
+#[derive(Clone)]
+pub(super) struct Head(Arc<Mutex<Kept>>);
+
+struct Kept {
+    input: Box<dyn Read + Send>,
+    /// Bytes read so far, and how many of them have been passed on since the last start.
+    bytes: Vec<u8>,
+    passed: usize,
+    /// Whether bytes are still kept.
+    keeps: bool,
+}
+
+impl Head {
+    pub(super) fn new(input: Box<dyn Read + Send>) -> Self {
+        Self(Arc::new(Mutex::new(Kept { input, bytes: Vec::new(), passed: 0, keeps: true })))
+    }
+
+    /// Starts again at the first byte.
+    pub(super) fn rewind(&self) {
+        self.kept().passed = 0;
+    }
+
+    /// Keeps no further bytes.
+    pub(super) fn forget(&self) {
+        self.kept().keeps = false;
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Read for Head {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let kept = &mut *self.kept();
+        if kept.passed < kept.bytes.len() {
+            let read = (&kept.bytes[kept.passed..]).read(bytes)?;
+            kept.passed += read;
+            return Ok(read);
+        }
+        let read = kept.input.read(bytes)?;
+        if kept.keeps {
+            kept.bytes.extend_from_slice(&bytes[..read]);
+            kept.passed += read;
+        } else {
+            (kept.bytes, kept.passed) = (Vec::new(), 0);
+        }
+        Ok(read)
     }
 }
 

@@ -469,4 +469,13 @@ pub enum RecordingError {
         /// The given value, in kg.
         found: f64,
     },
+    /// Gravity without a moving mass on which it acts.
+    #[error(
+        "gravity_m_s2 is {gravity} m/s² without a moving mass on which it acts: give moving_mass_kg above 0, or leave \
+         gravity_m_s2 out (the weight then is part of the offset)"
+    )]
+    GravityWithoutMass {
+        /// The given value, m/s².
+        gravity: f64,
+    },
 }

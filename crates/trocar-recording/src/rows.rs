@@ -13,11 +13,15 @@ use super::block::{Block, SampleRow};
 use super::choice::{Choice, Picked, check_topics, pick};
 use super::columns::{Layout, Quantity};
 use super::container::{Batches, Container};
-use super::decompress::TextInput;
+use super::decompress::{Head, TextInput};
 use super::registry;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
 use super::{Location, RecordingError, log};
+
+/// Note on a file for which [`Rows::is_by_own_header`].
+pub const BY_OWN_HEADER: &str =
+    "the columns of the model's recordings are not in this file: read by its own header";
 
 /// Bytes hashed at a time.
 const HASHED: usize = 1 << 20;
@@ -28,6 +32,8 @@ pub struct Rows<'a> {
     /// Size of a text file, and number of bytes read; compressed or not.
     text_file: Option<(u64, Arc<AtomicU64>)>,
     crop: Crop,
+    /// Whether the columns of a choice from another file were missing.
+    is_by_own_header: bool,
     /// Rows numbered so far, if times follow from a rate.
     numbered: u64,
     block: Block,
@@ -51,14 +57,28 @@ impl Rows<'static> {
         needed: &[Quantity],
         hash: bool,
     ) -> Result<Self, RecordingError> {
-        let opened = Self::open_with(path, choice, needed, hash);
-        let (Some(own), true) = (choice.by_own_header(), path.is_file()) else { return opened };
-        opened.or_else(|_| {
-            let mut rows = Self::open_with(path, &own, needed, hash)?;
-            let note = "the columns of the model's recordings are not in this file: read by its own header";
-            rows.layout_mut().notes.push(note.to_owned());
-            Ok(rows)
-        })
+        let Some(own) = choice.by_own_header() else {
+            return Self::open_with(path, choice, needed, hash);
+        };
+        if path.is_file() {
+            return Self::open_with(path, choice, needed, hash)
+                .or_else(|_| Self::open_with(path, &own, needed, hash).map(Self::by_own_header));
+        }
+        let (name, head) = (path.display().to_string(), Head::new(TextInput::open(path)?.text));
+        let open =
+            |choice| Self::from_text(&name, Box::new(head.clone()), false, choice, needed, hash);
+        let opened = open(choice).or_else(|_| {
+            head.rewind();
+            open(&own).map(Self::by_own_header)
+        });
+        head.forget();
+        opened
+    }
+
+    fn by_own_header(mut self) -> Self {
+        self.layout_mut().notes.push(BY_OWN_HEADER.to_owned());
+        self.is_by_own_header = true;
+        self
     }
 
     fn open_with(
@@ -111,6 +131,7 @@ impl<'a> Rows<'a> {
             source,
             text_file,
             crop,
+            is_by_own_header: false,
             numbered: 0,
             block: Block::new(Quantity::ALL.len()),
             next: 0,
@@ -119,6 +140,12 @@ impl<'a> Rows<'a> {
             rows.layout_mut().flip_force();
         }
         rows
+    }
+
+    /// Whether the file lacks the columns of a choice that is [from another
+    /// file](Choice::from_another_file), so that its own header was used.
+    pub fn is_by_own_header(&self) -> bool {
+        self.is_by_own_header
     }
 
     pub(crate) fn layout(&self) -> &Layout {

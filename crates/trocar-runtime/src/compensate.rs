@@ -101,7 +101,7 @@ pub struct CompensateOptions {
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: Option<f64>,
     /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of
-    /// the offset.
+    /// the offset, as it is of the offset in a model file.
     pub gravity_m_s2: f64,
     /// Largest force the sensor can read, N.
     pub sensor_limit_n: Option<f64>,
@@ -143,6 +143,24 @@ pub enum CompensateError {
     NoElements {
         /// Kind of the model.
         kind: &'static str,
+    },
+    /// Gravity with the offset of the model file, of which the weight is a part.
+    #[error(
+        "gravity_m_s2 is {gravity} m/s², but the offset of the model includes the weight, which would be subtracted twice\n\nhint: \
+         leave gravity_m_s2 out, or give offset_n without the weight"
+    )]
+    WeightTwice {
+        /// The given value, m/s².
+        gravity: f64,
+    },
+    /// Gravity without a moving mass on which it acts.
+    #[error(
+        "gravity_m_s2 is {gravity} m/s² without a moving mass on which it acts: give moving_mass_kg above 0, or leave \
+         gravity_m_s2 out"
+    )]
+    GravityWithoutMass {
+        /// The given value, m/s².
+        gravity: f64,
     },
     /// A value out of its range.
     #[error("{name} must be {allowed}, got {found}")]
@@ -268,6 +286,12 @@ impl Compensator {
         let mass = options.moving_mass_kg.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
         let mass = not_negative("moving_mass_kg", mass)?;
         let gravity = finite("gravity_m_s2", options.gravity_m_s2)?;
+        if gravity != 0.0 && mass == 0.0 {
+            return Err(CompensateError::GravityWithoutMass { gravity });
+        }
+        if gravity != 0.0 && options.offset_n.is_none() && sensor.is_some() {
+            return Err(CompensateError::WeightTwice { gravity });
+        }
         let limit =
             options.sensor_limit_n.map(|limit| positive("sensor_limit_n", limit)).transpose()?;
         let error = match options.force_error_n {
@@ -440,7 +464,8 @@ impl Compensator {
     /// At rest with the first reading; extreme initial states in parallel bound the remaining
     /// uncertainty.
     fn start(&mut self, position: f64, force: f64) {
-        let reading = if force.is_finite() { force - self.setup.offset } else { 0.0 };
+        let weight = self.inertia.weight();
+        let reading = if force.is_finite() { force - self.setup.offset - weight } else { 0.0 };
         let own =
             self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
         self.state = self.setup.seal().rest_at_force(own);

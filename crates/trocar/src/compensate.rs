@@ -40,6 +40,8 @@ pub struct Compensation {
     pub drift: Drift,
     /// By how far the motion left the range of the position profile.
     pub departure: Option<Departure>,
+    /// Whether the columns of the model's recordings were missing.
+    pub is_by_own_header: bool,
 }
 
 /// Options for reading and writing a stream.
@@ -102,7 +104,7 @@ pub fn compensate_file(
         }
     }
     result.commit()?;
-    Ok(count.summary(observer))
+    Ok(Compensation { is_by_own_header: rows.is_by_own_header(), ..count.summary(observer) })
 }
 
 /// Time since the row before, s; 0 for the first and for a repeated time.
@@ -186,6 +188,7 @@ impl Counter {
             faults,
             drift,
             departure,
+            is_by_own_header: false,
         }
     }
 }

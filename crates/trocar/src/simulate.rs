@@ -132,6 +132,8 @@ pub struct Simulated {
     pub highest: f64,
     /// The initial state; `None` without rows.
     pub beginning: Option<Beginning>,
+    /// Whether the columns of the model's recordings were missing.
+    pub is_by_own_header: bool,
 }
 
 /// Simulates `trocar` along the file `motion` and writes `output`; `-` is standard input or output.
@@ -309,7 +311,13 @@ fn run(
         band.write(output)?;
     }
     let beginning = under_way.map(|(_, beginning)| beginning);
-    Ok(Simulated { rows: count, lowest: rows.lowest, highest: rows.highest, beginning })
+    Ok(Simulated {
+        rows: count,
+        lowest: rows.lowest,
+        highest: rows.highest,
+        beginning,
+        is_by_own_header: rows.rows.is_by_own_header(),
+    })
 }
 
 fn cells(Deformation { deflection, mode }: Deformation) -> [TableCell; 2] {

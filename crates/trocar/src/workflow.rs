@@ -24,6 +24,21 @@ pub struct MovingMass {
 }
 
 impl MovingMass {
+    /// A mass in kg under `gravity` in m/s².
+    ///
+    /// # Errors
+    /// [`RecordingError::MovingMass`] for a mass that is negative, or a number that is not finite;
+    /// [`RecordingError::GravityWithoutMass`] for gravity where the mass is 0.
+    pub fn new(mass: f64, gravity: f64) -> Result<Self, RecordingError> {
+        if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
+            return Err(RecordingError::MovingMass { found: mass });
+        }
+        if mass == 0.0 && gravity != 0.0 {
+            return Err(RecordingError::GravityWithoutMass { gravity });
+        }
+        Ok(Self { mass, gravity })
+    }
+
     /// `recording` without the inertia and weight of this mass and without the inertia of
     /// `unmodelled` kg, whose weight is part of the offset.
     ///

@@ -693,7 +693,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "../../trocar-runtime/src/compensate/faults.rs",
             "../../trocar-runtime/src/compensate/inertia.rs",
         ],
-        0x27a5_2d85_c81f_da97,
+        0x1331_8b89_c638_583f,
     ),
 ];
 

@@ -667,7 +667,8 @@ fn gains(config: &Config, samples: &[Sample], held: f64) -> [f64; 3] {
     worst
 }
 
-/// Energy that a trocar gives back when it is moved from rest one way, at most, J: what it holds there.
+/// Energy that a trocar gives back when it is moved from rest one way, at most, J: what it holds there. Of the forces at the
+/// ends of a step counts the one that gives more, which bounds the work of a force that lies between them from above.
 fn held_at_rest(trocar: &Trocar) -> f64 {
     let mut most = 0.0_f64;
     for direction in [-1.0, 1.0] {
@@ -677,7 +678,7 @@ fn held_at_rest(trocar: &Trocar) -> f64 {
             for _ in 0..20_000 {
                 let before = state.force();
                 let after = trocar.step(&mut state, direction * step, step / speed);
-                given -= direction * step * before.min(after).min(0.5 * (before + after));
+                given -= step * (direction * before).min(direction * after);
                 most = most.max(given);
             }
         }
@@ -686,7 +687,7 @@ fn held_at_rest(trocar: &Trocar) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     /// Whatever the controllers do: master, slave and tissue pass on what motors and hand give, and no friction model gives
     /// energy.
@@ -718,9 +719,7 @@ proptest! {
         let samples: Vec<Sample> = (0..1000).map_while(|_| tried.step(hand).ok()).collect();
         let held = held_at_rest(&trocar);
         let gained = gains(&config, &samples, held);
-        // What a weakening friction holds depends on more than its state at rest.
-        let most = [1e-4, 1e-4, 1e-2];
-        let is_kept = gained.iter().zip(most).all(|(gain, most)| *gain <= most);
+        let is_kept = gained.iter().all(|gain| *gain <= 1e-6);
         prop_assert!(is_kept, "{} {} J {:?}", name, held, gained);
     }
 }

@@ -66,10 +66,10 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    let moving_mass = args.rod.moving_mass()?;
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut training = args.reading.recordings(console, &paths)?;
     let lost = training.iter().any(|r| !r.quality.warnings.is_empty());
-    let moving_mass = args.rod.moving_mass();
     refuse_twice(&training)?;
     training = moving_mass.subtracted_from_all(training, 0.0)?;
     let mut validation = training.split_off(args.recordings.len());

@@ -10,7 +10,7 @@ use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Completion;
 use crate::console::Console;
-use crate::input::{Choosing, Observing};
+use crate::input::{Choosing, Observing, say_own_header};
 use crate::models::{read_draws, read_model};
 use crate::progress::Progress;
 use crate::table::number;
@@ -90,6 +90,9 @@ fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
 }
 
 fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
+    if done.is_by_own_header {
+        say_own_header(console, &args.recording);
+    }
     for count in &done.faults {
         let (words, line, rows) = (count.fault.words(), count.first_line, count.rows);
         console.warn(&format!(

@@ -103,7 +103,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         },
         seed: args.seed,
         bootstrap: args.bootstrap,
-        moving_mass: args.rod.moving_mass(),
+        moving_mass: args.rod.moving_mass()?,
     };
     console::farewell(format!(
         "the same command continues where this one was stopped: {} is kept",

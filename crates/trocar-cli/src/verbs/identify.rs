@@ -128,6 +128,7 @@ fn term(text: &str) -> Result<Term, String> {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    let moving_mass = args.rod.moving_mass()?;
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
     let held_out = recordings.split_off(args.recordings.len());
@@ -140,7 +141,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         ));
     }
     let overlaps = !overlap.is_empty();
-    let moving_mass = args.rod.moving_mass();
     let prior = args.prior.as_deref().map(|path| seal_prior(path, args)).transpose()?;
     let options = IdentifyOptions {
         prior,

@@ -9,7 +9,7 @@ use trocar_model::BacklashFilter;
 
 use crate::Completion;
 use crate::console::{BadArgument, Console};
-use crate::input::{Choosing, finite, not_negative};
+use crate::input::{Choosing, finite, not_negative, say_own_header};
 use crate::models::{read_draws, read_model};
 use crate::progress::Progress;
 use crate::table::number;
@@ -92,6 +92,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         }
     };
     drop(progress);
+    if done.is_by_own_header {
+        say_own_header(console, &args.motion);
+    }
     if let Some(beginning) = done.beginning.filter(|_| options.initial_deflection.is_none()) {
         console.remark(&start_in_words(&beginning, options.offset));
     }

@@ -37,6 +37,11 @@ impl Inertia {
         self.mass
     }
 
+    /// m·g, N.
+    pub(super) fn weight(&self) -> f64 {
+        self.mass * self.gravity
+    }
+
     pub(super) fn gravity(&self) -> f64 {
         self.gravity
     }

@@ -752,7 +752,12 @@ static void trocar_follow_model(trocar_compensator *o)
 
 static void trocar_start(trocar_compensator *o, double position, double force)
 {
-    const double reading = trocar_is_finite(force) ? force - trocar_sensor_offset_n : 0.0;
+//@if mass
+    const double weight = trocar_moving_mass_kg * trocar_gravity_m_s2;
+//@else
+    const double weight = 0.0;
+//@end
+    const double reading = trocar_is_finite(force) ? force - trocar_sensor_offset_n - weight : 0.0;
     const double own = trocar_without_profile(position, reading);
     trocar_rest_with(&o->state, own);
     trocar_follow_model(o);
