@@ -22,6 +22,7 @@ use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
 use trocar_model::{Branch, DeformationForce, ElementParams, Piece};
 
+#[allow(clippy::duplicate_mod)] // a test takes this example and that one
 #[path = "calibration.rs"]
 mod calibration;
 
@@ -171,11 +172,7 @@ pub(crate) fn priors() -> Vec<SealPrior> {
 }
 
 /// The seal of a bench, with the prior of its type.
-pub(crate) fn bench<'a>(
-    priors: &'a [SealPrior],
-    other: Other,
-    bench: u64,
-) -> (ElementParams, &'a SealPrior) {
+pub(crate) fn bench(priors: &[SealPrior], other: Other, bench: u64) -> (ElementParams, &SealPrior) {
     let of_type = bench % TYPES;
     (other.of(calibration::seal(of_type + 1)), &priors[of_type as usize])
 }
