@@ -147,7 +147,7 @@ fn a_coarse_encoder_does_not_bias_the_half_width() {
     let mean = all.iter().map(|(error, _)| error).sum::<f64>() / n;
     let covered = all.iter().filter(|(error, found)| found.covers(found.value - error)).count();
     println!("half width: mean error {mean:.2e} m, {covered} of {benches} intervals hold it");
-    assert!(mean.abs() < 0.1 * STEP && covered as f64 >= 0.87 * n, "{mean} {covered}");
+    assert!(mean.abs() < 0.15 * STEP && covered as f64 >= 0.87 * n, "{mean} {covered}");
 }
 
 #[test]
