@@ -22,9 +22,8 @@ use trocar::model_file::{Interval, ModelFile, Origin, OriginKind};
 use trocar::recording::Recording;
 use trocar_model::{Branch, DeformationForce, ElementParams, Piece};
 
-#[allow(clippy::duplicate_mod)] // a test takes this example and that one
 #[path = "calibration.rs"]
-mod calibration;
+pub(crate) mod calibration;
 
 /// Seals of which a model is the prior.
 const TYPES: u64 = 4;

@@ -11,9 +11,7 @@ use trocar::identify::posterior::{Convergence, Posterior, models, read, weak_pri
 use trocar::recording::Recording;
 use trocar_model::{Element, ElementParams, Friction, Quantity};
 
-#[path = "../examples/calibration.rs"]
-pub(crate) mod calibration;
-
+pub(crate) use self::in_use::calibration;
 use calibration::{Distribution, RANKED, Ranks, column, found, ranks, recordings, seal};
 
 /// What is documented.

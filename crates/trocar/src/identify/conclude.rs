@@ -64,7 +64,7 @@ pub(super) fn conclude(
         Some(fit) => fitted_parameters(fit, &judged, &scale, prior.as_ref()),
         None => two_step_parameters.clone(),
     };
-    parameters.iter_mut().for_each(|p| p.estimate = counts::with_error(p, input.recordings));
+    counts::add_error(&mut parameters, input.recordings);
     parameters.sort_by_key(|p| numbers::rank(p.id));
     let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
     let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);

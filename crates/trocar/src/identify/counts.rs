@@ -15,7 +15,6 @@ use std::ops::Range;
 
 use trocar_model::Quantity;
 
-use super::estimate::Estimate;
 use super::findings::Parameter;
 use crate::recording::Recording;
 
@@ -35,9 +34,14 @@ struct Readings<'a> {
     edges: Vec<f64>,
 }
 
+/// Step of the positions, m; 0 where it does not matter.
+fn coarse_step(recording: &Recording) -> f64 {
+    Some(recording.quality.position_resolution).filter(|step| *step >= COARSE).unwrap_or(0.0)
+}
+
 /// The recordings, with turning points between the counts where these are coarse.
 pub(super) fn resolved(recordings: &[Recording]) -> Cow<'_, [Recording]> {
-    let is_coarse = |recording: &Recording| recording.quality.position_resolution >= COARSE;
+    let is_coarse = |recording: &Recording| coarse_step(recording) > 0.0;
     if !recordings.iter().any(is_coarse) {
         return Cow::Borrowed(recordings);
     }
@@ -52,14 +56,14 @@ pub(super) fn resolved(recordings: &[Recording]) -> Cow<'_, [Recording]> {
     recordings.iter().map(resolved).collect::<Vec<_>>().into()
 }
 
-/// The estimate of a parameter. All turning points may err alike, which the scatter of the strokes
-/// does not show: the half width and the joins have an error of their own.
-pub(super) fn with_error(parameter: &Parameter, recordings: &[Recording]) -> Estimate {
-    let steps = recordings.iter().map(|recording| recording.quality.position_resolution);
-    let step = steps.filter(|step| *step >= COARSE).fold(0.0, f64::max);
-    match parameter.id.quantity {
-        Quantity::HalfWidth | Quantity::Join => parameter.estimate.with_further(TURNING * step),
-        _ => parameter.estimate.clone(),
+/// Adds the error of coarse readings to the half width and the joins: all turning points may err
+/// alike, which the scatter of the strokes does not show.
+pub(super) fn add_error(parameters: &mut [Parameter], recordings: &[Recording]) {
+    let error = TURNING * recordings.iter().map(coarse_step).fold(0.0, f64::max);
+    let is_length =
+        |p: &&mut Parameter| matches!(p.id.quantity, Quantity::HalfWidth | Quantity::Join);
+    for p in parameters.iter_mut().filter(is_length) {
+        p.estimate = p.estimate.with_further(error);
     }
 }
 
