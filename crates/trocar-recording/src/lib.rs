@@ -300,15 +300,11 @@ impl Recording {
                 .push(format!("the force is constant: inertia of {mass} kg not taken out"));
             return Ok(self);
         }
-        let window = self.acceleration_window();
-        let acceleration = self.acceleration_about(window);
+        let acceleration = self.acceleration_of(mass, self.quality.force_noise);
         for (force, a) in self.force.iter_mut().zip(acceleration) {
             *force -= mass * (a + gravity);
         }
-        let window_ms = 1e3 * window;
-        self.quality
-            .notes
-            .push(format!("inertia of {mass} kg subtracted, acceleration over {window_ms:.3} ms"));
+        self.quality.notes.push(format!("inertia of {mass} kg subtracted"));
         Ok(self)
     }
 }

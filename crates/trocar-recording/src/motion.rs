@@ -57,26 +57,43 @@ impl Recording {
     /// window of a third of its length (regression calibration).
     #[must_use]
     pub fn acceleration(&self) -> Vec<f64> {
-        self.acceleration_about(self.acceleration_window())
-    }
-
-    /// The same from the fit over `window`, s.
-    pub(super) fn acceleration_about(&self, window: f64) -> Vec<f64> {
+        let window = self.acceleration_window();
         let narrow = local_acceleration(self, window);
         let mut best = local_acceleration(self, WIDER * window);
-        let difference: Vec<f64> = narrow.iter().zip(&best).map(|(a, b)| a - b).collect();
-        let noise = self.acceleration_variance(self.samples_in(window));
+        let noise = ABOVE_NOISE * self.acceleration_variance(self.samples_in(window));
         let around = (self.samples_in(WIDER * window) / 2.0) as usize;
-        for ((a, d), energy) in
-            best.iter_mut().zip(&difference).zip(mean_squares(&difference, around))
-        {
-            if energy > ABOVE_NOISE * noise {
-                *a += d * (1.0 - (ABOVE_NOISE * noise / energy).powi(2));
-            }
-        }
+        refine(&mut best, &narrow, around, noise);
         let factor = self.left_by_blur(&best, window);
         best.iter_mut().for_each(|a| *a *= factor);
         best
+    }
+
+    /// Acceleration in m/s^2 for a known mass in kg, whose inertia is to be subtracted from a force
+    /// that errs by `error`, N.
+    ///
+    /// [`Recording::acceleration`] loses small pulses, as where a seal begins to slide. They come at
+    /// the same place in every stroke and would bias the force that is left. Here windows become
+    /// shorter as long as the noise variance of the fit is below the mean square of the
+    /// acceleration, and its force below twice the error; shorter ones count where they differ by
+    /// more than noise.
+    #[must_use]
+    pub fn acceleration_of(&self, mass: f64, error: f64) -> Vec<f64> {
+        let signal = self.acceleration();
+        let square = signal.iter().map(|a| a * a).sum::<f64>() / signal.len().max(1) as f64;
+        let harmless = square.min((2.0 * error / mass).powi(2));
+        let mut window = LONGEST_WINDOW.min(self.duration() / 4.0);
+        let mut samples = self.samples_in(window);
+        let mut value = local_acceleration(self, window);
+        while samples > FEWEST as f64 {
+            let around = (samples / 2.0) as usize;
+            window /= WINDOW_STEP;
+            samples = self.samples_in(window);
+            let variance = self.acceleration_variance(samples);
+            let noise = if variance > harmless { ABOVE_NOISE * variance } else { 0.0 };
+            let narrow = local_acceleration(self, window);
+            refine(&mut value, &narrow, around, noise);
+        }
+        value
     }
 
     /// Ratio of a pulse of the true acceleration to that over `window`. Blur grows with the square
@@ -119,8 +136,7 @@ impl Recording {
     /// square of the window. The bias is estimated from the difference to the fit over half the
     /// window, m samples: its mean square is `b^2 (1 - (m / n)^2)^2 + V(m) - V(n)`, since the
     /// longer fit is the efficient one.
-    #[must_use]
-    pub fn acceleration_window(&self) -> f64 {
+    fn acceleration_window(&self) -> f64 {
         let interval = self.quality.median_interval;
         let shortest = (FEWEST - 1) as f64 * interval;
         let mut best = (f64::INFINITY, shortest);
@@ -144,6 +160,17 @@ impl Recording {
             window *= WINDOW_STEP;
         }
         best.1
+    }
+}
+
+/// Adds the difference of `narrow` to `best` where its mean square, over up to `around` values on
+/// either side of each, is above `noise`.
+fn refine(best: &mut [f64], narrow: &[f64], around: usize, noise: f64) {
+    let d: Vec<f64> = narrow.iter().zip(&*best).map(|(narrow, best)| narrow - best).collect();
+    for ((best, d), energy) in best.iter_mut().zip(&d).zip(mean_squares(&d, around)) {
+        if energy > noise {
+            *best += d * (1.0 - (noise / energy).powi(2));
+        }
     }
 }
 

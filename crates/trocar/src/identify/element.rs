@@ -109,7 +109,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     fitted = restarted(input, &training, fitted);
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.15);
-    let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
+    let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
 }
 
@@ -146,7 +146,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let fits = starts.par_iter().filter_map(|from| likelihood::fit(&training, from, NEXT));
     let fitted = fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.15);
-    let Scaled { training, fitted, .. } = scaled(training, fitted.best, NEXT)?;
+    let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
 }
 
@@ -236,7 +236,11 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
     let paper_rms = fitted.rms[1];
     if input.options.prior.is_some() {
         let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
-        return Some(scaled(training, without_drift, LAST)?.with(input, Vec::new(), paper_rms));
+        return Some(scaled(input, training, without_drift, LAST)?.with(
+            input,
+            Vec::new(),
+            paper_rms,
+        ));
     }
     progress("optional terms", terms::TERMS_FROM);
     let mut excluded = excluded(input, fitted.best.candidate.half_width);
@@ -258,7 +262,7 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
     let fitted = restarted(input, &training, fitted);
     progress("last fit", terms::TERMS_TO);
     let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
-    Some(scaled(training, without_drift, LAST)?.with(input, trials, paper_rms))
+    Some(scaled(input, training, without_drift, LAST)?.with(input, trials, paper_rms))
 }
 
 impl Scaled {
@@ -316,7 +320,7 @@ pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
 }
 
 /// Sets the variances of the friction scale from a fit at `from`, and refits with them.
-fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
+fn scaled(input: &Input, mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     if !training.scale.is_free {
         let fitted = likelihood::fit(&training, &from, stop)?;
@@ -330,6 +334,7 @@ fn scaled(mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> 
     }
     let sigma2 = variance(&first);
     training.variance = sigma2;
+    training.take_out_faint_inertia(input.recordings, first.best.candidate.unmodelled_mass);
     let jumps = Jump::find(&training, &first);
     let drift = drift_basis(&training);
     let mut relative: Vec<f64> = drift.iter().map(|d| d.1).collect();
@@ -721,6 +726,6 @@ pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
     let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
     let lambda = found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2);
     free_scales(input, &mut training, &start, lambda);
-    let last = scaled(training, start, LAST)?;
+    let last = scaled(input, training, start, LAST)?;
     Some(last.with(input, found.trials.clone(), found.paper_rms))
 }

@@ -9,6 +9,7 @@
 
 use std::ops::Range;
 
+use rayon::prelude::*;
 use trocar_model::{Seal, Stages};
 
 use super::prior::Prior;
@@ -33,13 +34,17 @@ const SLIDING_STROKE: f64 = 0.02;
 const SLIDES: f64 = 3.0;
 
 /// One step of the simulation.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Step {
     pub(crate) displacement: f64,
     pub(crate) duration: f64,
+    /// Samples of the recording.
+    samples: Range<usize>,
     /// Mean reading over the step's samples, N.
+    reading: f64,
+    /// The same without the inertia that noise hides from `acceleration`.
     pub(crate) force: f64,
-    /// Mean acceleration over the step's samples, m/s².
+    /// Mean acceleration over the step's samples, m/s²: what differs from noise.
     pub(crate) acceleration: f64,
     /// Number of samples in the step that count as independent; 0 where the state is not yet known.
     pub(crate) weight: f64,
@@ -223,6 +228,21 @@ impl Training {
         steps.for_each(|step| step.blend = 1.0 - (-step.path / length).exp());
     }
 
+    /// Takes the inertia of `mass`, kg, that noise hides from a fit of the mass out of the readings.
+    pub(crate) fn take_out_faint_inertia(&mut self, recordings: &[Recording], mass: f64) {
+        if mass == 0.0 {
+            return;
+        }
+        let error = self.variance.sqrt();
+        let all: Vec<Vec<f64>> =
+            recordings.par_iter().map(|r| r.acceleration_of(mass, error)).collect();
+        let recordings: Vec<usize> = self.strokes.iter().map(|s| s.recording).collect();
+        for step in self.runs.iter_mut().flat_map(|run| &mut run.steps) {
+            let acceleration = mean(&all[recordings[step.stroke]][step.samples.clone()]);
+            step.force = step.reading - mass * (acceleration - step.acceleration);
+        }
+    }
+
     /// Strokes of each cluster.
     pub(crate) fn cluster_strokes(&self) -> impl Iterator<Item = Range<usize>> + '_ {
         let mut from = 0;
@@ -313,7 +333,8 @@ fn run(
             None => together(part, at, range.end, limits.finest),
         };
         let samples = (next - at) as f64;
-        let mean = |values: &[f64]| values[at + 1..=next].iter().sum::<f64>() / samples;
+        let mean = |values: &[f64]| mean(&values[at + 1..=next]);
+        let reading = mean(&recording.force);
         let displacement = recording.position[next] - recording.position[at];
         progress.path += displacement.abs();
         progress.since_reversal += displacement.abs();
@@ -321,7 +342,9 @@ fn run(
         steps.push(Step {
             displacement,
             duration: recording.time[next] - recording.time[at],
-            force: mean(&recording.force),
+            samples: at + 1..next + 1,
+            reading,
+            force: reading,
             acceleration: mean(part.acceleration),
             weight: if is_clipped { 0.0 } else { samples / (1.0 + samples / limits.independent) },
             centre: if displacement == 0.0 {
@@ -371,6 +394,10 @@ impl Progress {
         let direction = part.strokes.get(self.stroke).map(|p| p.direction);
         scaled.push(ScaledStroke { cluster, recording: index, start: at, time, direction });
     }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
 }
 
 /// Last of the samples after `at` that are averaged: few, close in position and time, moving in one

@@ -75,7 +75,8 @@ fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
     if model.unmodelled_mass == 0.0 {
         return force.collect();
     }
-    let acceleration = recording.acceleration();
+    let acceleration =
+        recording.acceleration_of(model.unmodelled_mass, recording.quality.force_noise);
     force.zip(acceleration).map(|(force, a)| force - model.unmodelled_mass * a).collect()
 }
 
