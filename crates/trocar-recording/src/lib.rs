@@ -277,7 +277,7 @@ impl Recording {
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the
     /// insertion axis (0 when the axis is horizontal; a constant weight may as well stay in the
-    /// offset). The acceleration is [`Recording::acceleration`]. A force that never changes is not
+    /// offset). The acceleration is [`Recording::acceleration_of`]. A force that never changes is not
     /// that of a sensor which feels the mass: it stays as it is.
     ///
     /// # Errors
@@ -300,10 +300,8 @@ impl Recording {
                 .push(format!("the force is constant: inertia of {mass} kg not taken out"));
             return Ok(self);
         }
-        let acceleration = self.acceleration_of(mass, self.quality.force_noise);
-        for (force, a) in self.force.iter_mut().zip(acceleration) {
-            *force -= mass * (a + gravity);
-        }
+        self.force = self.force_without_inertia(mass);
+        self.force.iter_mut().for_each(|force| *force -= mass * gravity);
         self.quality.notes.push(format!("inertia of {mass} kg subtracted"));
         Ok(self)
     }

@@ -44,7 +44,7 @@ pub fn local_acceleration(recording: &Recording, window: f64) -> Vec<f64> {
 impl Recording {
     /// Acceleration in m/s^2 at every sample, as it acts on a mass.
     ///
-    /// The local fit over [`Recording::acceleration_window`] where it differs by more than noise
+    /// The local fit over the window of least error where it differs by more than noise
     /// from the fit over a window four times as wide, and the latter elsewhere. With `d` the
     /// difference, `<d^2>` its mean square over the wider window and V the noise variance of the
     /// narrower fit,
@@ -94,6 +94,16 @@ impl Recording {
             refine(&mut value, &narrow, around, noise);
         }
         value
+    }
+
+    /// The readings in N without the inertia of a known mass in kg: `force - mass * acceleration`.
+    #[must_use]
+    pub fn force_without_inertia(&self, mass: f64) -> Vec<f64> {
+        if mass == 0.0 {
+            return self.force.clone();
+        }
+        let acceleration = self.acceleration_of(mass, self.quality.force_noise);
+        self.force.iter().zip(acceleration).map(|(force, a)| force - mass * a).collect()
     }
 
     /// Ratio of a pulse of the true acceleration to that over `window`. Blur grows with the square

@@ -172,10 +172,8 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = RecordingSums::default();
-    let acceleration = &input.accelerations[index];
-    let reading = |i: usize| {
-        recording.force[i] - candidate.offset - candidate.unmodelled_mass * acceleration[i]
-    };
+    let force = recording.force_without_inertia(candidate.unmodelled_mass);
+    let reading = |i: usize| force[i] - candidate.offset;
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
     for stroke in &segments.strokes {

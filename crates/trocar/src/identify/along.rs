@@ -68,13 +68,13 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
     let (mut samples, mut cycles) = (Vec::new(), 0);
     for (index, recording) in input.recordings.iter().enumerate() {
         let run = replay(&trocar, recording, candidate.offset);
-        let acceleration = &input.accelerations[index];
+        let reading = recording.force_without_inertia(candidate.unmodelled_mass);
         let cycle = profile::cycles(recording, &strokes(recording, reversal_threshold(recording)));
         let slides = |i: &usize| run.sliding[*i];
         samples.extend(run.known.iter().cloned().flatten().filter(slides).map(|i| ProfileSample {
             position: recording.position[i],
             seal_force: fit.scale.at(index, recording.time[i] - recording.time[0]) * run.force[i],
-            reading: recording.force[i] - candidate.unmodelled_mass * acceleration[i],
+            reading: reading[i],
             cycle: cycles + cycle[i],
         }));
         cycles += cycle.iter().max().map_or(0, |last| last + 1);

@@ -207,19 +207,14 @@ fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) ->
 /// Root mean square error, N, over all samples whose force does not depend on the unknown start.
 pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     let Ok(stages) = candidate.stages() else { return f64::INFINITY };
-    let of = |(recording, acceleration): (&Recording, &Vec<f64>)| {
+    let of = |recording: &Recording| {
         let run = replay(&Trocar::of_seal(stages), recording, candidate.offset);
-        let reading = |i: usize| recording.force[i] - candidate.unmodelled_mass * acceleration[i];
-        let error = |i: usize| reading(i) - candidate.offset - run.force[i];
+        let reading = recording.force_without_inertia(candidate.unmodelled_mass);
+        let error = |i: usize| reading[i] - candidate.offset - run.force[i];
         let known = run.known.iter().cloned().flatten();
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
     };
-    let sums = input
-        .recordings
-        .iter()
-        .zip(input.accelerations)
-        .map(of)
-        .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let sums = input.recordings.iter().map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
@@ -322,19 +317,20 @@ pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
 /// Sets the variances of the friction scale from a fit at `from`, and refits with them.
 fn scaled(input: &Input, mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
+    let mut first = likelihood::fit(&training, &from, SHORT)?;
+    let sigma2 = variance(&first);
+    let mass = first.best.candidate.unmodelled_mass;
+    training.take_out_faint_inertia(input.recordings, mass, sigma2.sqrt());
     if !training.scale.is_free {
-        let fitted = likelihood::fit(&training, &from, stop)?;
+        let fitted = likelihood::fit(&training, &first.best, stop)?;
         return Some(Scaled { training, fitted, scatter: 0.0 });
     }
-    let mut first = likelihood::fit(&training, &from, SHORT)?;
     if first.has_prior {
         training.ripple = Ripple::of(&training, &first);
         first.score_variance =
             training.ripple.and_then(|ripple| ripple.score_variance(&training, &first.best));
     }
-    let sigma2 = variance(&first);
     training.variance = sigma2;
-    training.take_out_faint_inertia(input.recordings, first.best.candidate.unmodelled_mass);
     let jumps = Jump::find(&training, &first);
     let drift = drift_basis(&training);
     let mut relative: Vec<f64> = drift.iter().map(|d| d.1).collect();

@@ -229,15 +229,21 @@ impl Training {
     }
 
     /// Takes the inertia of `mass`, kg, that noise hides from a fit of the mass out of the readings.
-    pub(crate) fn take_out_faint_inertia(&mut self, recordings: &[Recording], mass: f64) {
+    /// The readings err by `error`, N.
+    pub(crate) fn take_out_faint_inertia(
+        &mut self,
+        recordings: &[Recording],
+        mass: f64,
+        error: f64,
+    ) {
+        let steps = self.runs.iter_mut().flat_map(|run| &mut run.steps);
         if mass == 0.0 {
-            return;
+            return steps.for_each(|step| step.force = step.reading);
         }
-        let error = self.variance.sqrt();
         let all: Vec<Vec<f64>> =
             recordings.par_iter().map(|r| r.acceleration_of(mass, error)).collect();
         let recordings: Vec<usize> = self.strokes.iter().map(|s| s.recording).collect();
-        for step in self.runs.iter_mut().flat_map(|run| &mut run.steps) {
+        for step in steps {
             let acceleration = mean(&all[recordings[step.stroke]][step.samples.clone()]);
             step.force = step.reading - mass * (acceleration - step.acceleration);
         }

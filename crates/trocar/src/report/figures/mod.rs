@@ -71,13 +71,9 @@ pub(super) fn with(section: Section, drawn: Drawn) -> Section {
 
 /// The readings minus sensor offset and unmodelled inertia: the seal's force as measured, N.
 fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
-    let force = recording.force.iter().map(|force| force - model.offset);
-    if model.unmodelled_mass == 0.0 {
-        return force.collect();
-    }
-    let acceleration =
-        recording.acceleration_of(model.unmodelled_mass, recording.quality.force_noise);
-    force.zip(acceleration).map(|(force, a)| force - model.unmodelled_mass * a).collect()
+    let mut force = recording.force_without_inertia(model.unmodelled_mass);
+    force.iter_mut().for_each(|force| *force -= model.offset);
+    force
 }
 
 /// The recordings with the unmodelled mass subtracted that the identification found in their
@@ -89,10 +85,9 @@ pub(super) fn without_unmodelled_mass<'a>(
     if model.unmodelled_mass == 0.0 {
         return Cow::Borrowed(recordings);
     }
-    let corrected = |recording: &Recording| {
-        let force =
-            seal_force(recording, model).into_iter().map(|force| force + model.offset).collect();
-        Recording { force, ..recording.clone() }
+    let corrected = |recording: &Recording| Recording {
+        force: recording.force_without_inertia(model.unmodelled_mass),
+        ..recording.clone()
     };
     Cow::Owned(recordings.iter().map(corrected).collect())
 }
