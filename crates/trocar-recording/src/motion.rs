@@ -69,18 +69,18 @@ impl Recording {
     }
 
     /// Acceleration in m/s^2 for a known mass in kg, whose inertia is to be subtracted from a force
-    /// that errs by `error`, N.
+    /// that may have `noise`, N rms, from it.
     ///
     /// [`Recording::acceleration`] loses small pulses, as where a seal begins to slide. They come at
     /// the same place in every stroke and would bias the force that is left. Here windows become
     /// shorter as long as the noise variance of the fit is below the mean square of the
-    /// acceleration, and its force below twice the error; shorter ones count where they differ by
-    /// more than noise.
+    /// acceleration, and its force below `noise`; shorter ones count where they differ by more than
+    /// noise.
     #[must_use]
-    pub fn acceleration_of(&self, mass: f64, error: f64) -> Vec<f64> {
+    pub fn acceleration_of(&self, mass: f64, noise: f64) -> Vec<f64> {
         let signal = self.acceleration();
         let square = signal.iter().map(|a| a * a).sum::<f64>() / signal.len().max(1) as f64;
-        let harmless = square.min((2.0 * error / mass).powi(2));
+        let harmless = square.min((noise / mass).powi(2));
         let mut window = LONGEST_WINDOW.min(self.duration() / 4.0);
         let mut samples = self.samples_in(window);
         let mut value = local_acceleration(self, window);
@@ -89,9 +89,9 @@ impl Recording {
             window /= WINDOW_STEP;
             samples = self.samples_in(window);
             let variance = self.acceleration_variance(samples);
-            let noise = if variance > harmless { ABOVE_NOISE * variance } else { 0.0 };
+            let threshold = if variance > harmless { ABOVE_NOISE * variance } else { 0.0 };
             let narrow = local_acceleration(self, window);
-            refine(&mut value, &narrow, around, noise);
+            refine(&mut value, &narrow, around, threshold);
         }
         value
     }
@@ -102,7 +102,7 @@ impl Recording {
         if mass == 0.0 {
             return self.force.clone();
         }
-        let acceleration = self.acceleration_of(mass, self.quality.force_noise);
+        let acceleration = self.acceleration_of(mass, 2.0 * self.quality.force_noise);
         self.force.iter().zip(acceleration).map(|(force, a)| force - mass * a).collect()
     }
 

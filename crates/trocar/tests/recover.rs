@@ -190,6 +190,27 @@ fn an_unmodelled_mass_does_not_bias_the_friction_of_few_strokes() {
     assert!(mean.abs() < 8e-5, "{all:?}");
 }
 
+/// A mass whose inertia is comparable to the friction is subtracted well enough for the intervals to
+/// hold; beyond that the result is doubtful. Blurred accelerations made F_c of the third seal 2.7
+/// standard errors too large.
+#[test]
+fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
+    let with = |mass: f64, seed: u64| {
+        let mut config = BenchConfig::default();
+        config.rod.mass_kg = mass;
+        found_on(&config, seed)
+    };
+    for (mass, seed) in [(0.3, 9), (0.3, 12), (0.3, 21), (1.0, 12)] {
+        let (truth, found) = with(mass, seed);
+        let doubted = found.warnings.iter().any(|w| w.doubtful && w.message.contains("inertia of"));
+        println!("{mass} kg, seal {seed}: named {doubted}");
+        assert_eq!(doubted, mass > 0.5, "{mass} {seed}");
+        let main = known(&truth, &found).into_iter().take(3);
+        let held = main.filter(|(_, value, estimate)| estimate.covers(*value)).count();
+        assert!(doubted || held == 3, "{mass} {seed}: {held} of 3");
+    }
+}
+
 /// Rigs turn at the same places, so that the readings of a coarse encoder err alike at all reversals
 /// of a speed: their turning points are interpolated.
 #[test]

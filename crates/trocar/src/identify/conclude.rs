@@ -283,14 +283,36 @@ fn warnings(
         }
     }
     if model.unmodelled_mass > 0.0 {
-        let message = format!(
-            "the readings follow the acceleration, as from an unmodelled mass of {:.3} kg between sensor and seal; if \
-             there is one, declare it with --moving-mass-kg",
-            model.unmodelled_mass
-        );
-        all.push(Warning::remark(Quantity::UnmodelledMass, message));
+        all.push(of_mass(input, model));
     }
     all
+}
+
+/// The mass found in the readings. Where its inertia exceeds the friction, errors of the
+/// acceleration that are too small to be seen are large for the seal.
+fn of_mass(input: &Input, model: &Candidate) -> Warning {
+    let (mass, friction) = (model.unmodelled_mass, model.insertion.coulomb_force);
+    let inertia = mass * input.accelerations.iter().map(|a| reached(a)).fold(0.0, f64::max);
+    if inertia > friction {
+        let message = format!(
+            "the readings follow the acceleration, as from an unmodelled mass of {mass:.3} kg between sensor and seal, \
+             whose inertia of {inertia:.2} N exceeds the sliding force of {friction:.2} N: all numbers may be off; \
+             declare the mass with --moving-mass-kg, or reverse more gently"
+        );
+        return Warning::doubt(Quantity::UnmodelledMass, message);
+    }
+    let message = format!(
+        "the readings follow the acceleration, as from an unmodelled mass of {mass:.3} kg between sensor and seal; if \
+         there is one, declare it with --moving-mass-kg"
+    );
+    Warning::remark(Quantity::UnmodelledMass, message)
+}
+
+/// Magnitude that one of a hundred values reaches.
+fn reached(values: &[f64]) -> f64 {
+    let mut all: Vec<f64> = values.iter().map(|value| value.abs()).collect();
+    let at = all.len().saturating_sub(1) * 99 / 100;
+    *all.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// Optional terms that the recordings cannot show.

@@ -32,6 +32,9 @@ const SLIDING: f64 = 0.15;
 const SLIDING_STROKE: f64 = 0.02;
 /// Path after a reversal beyond which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
+/// Noise of the inertia that is taken out, relative to the error of a reading: noise averages over
+/// samples and strokes, the blur of longer windows is the same in every stroke.
+const NOISIER: f64 = 8.0;
 
 /// One step of the simulation.
 #[derive(Debug, Clone)]
@@ -229,7 +232,7 @@ impl Training {
     }
 
     /// Takes the inertia of `mass`, kg, that noise hides from a fit of the mass out of the readings.
-    /// The readings err by `error`, N.
+    /// The readings err by `error`, N rms.
     pub(crate) fn take_out_faint_inertia(
         &mut self,
         recordings: &[Recording],
@@ -241,7 +244,7 @@ impl Training {
             return steps.for_each(|step| step.force = step.reading);
         }
         let all: Vec<Vec<f64>> =
-            recordings.par_iter().map(|r| r.acceleration_of(mass, error)).collect();
+            recordings.par_iter().map(|r| r.acceleration_of(mass, NOISIER * error)).collect();
         let recordings: Vec<usize> = self.strokes.iter().map(|s| s.recording).collect();
         for step in steps {
             let acceleration = mean(&all[recordings[step.stroke]][step.samples.clone()]);
