@@ -1,4 +1,4 @@
-//! Turning points between the counts of a coarse encoder.
+//! Positions between the counts of a coarse encoder.
 //!
 //! ```text
 //! x = e + 4·h·u·(1 − u)        h = s·d²/(D² − d²)
@@ -8,7 +8,8 @@
 //! the distance of the readings, d the time that this one lasts, D that time with the readings
 //! beside it, u the fraction of d. A height beyond s means a rest, and counts as s/2. The readings
 //! themselves err by the same distance at all reversals of one speed, since rigs turn at the same
-//! places, and so bias the half width by it. Elsewhere their errors average out.
+//! places, and so bias the half width by it. Elsewhere the positions are linear from edge to edge:
+//! speeds of no or one step would bias the viscous damping towards zero (errors in variables).
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -39,7 +40,7 @@ fn coarse_step(recording: &Recording) -> f64 {
     Some(recording.quality.position_resolution).filter(|step| *step >= COARSE).unwrap_or(0.0)
 }
 
-/// The recordings, with turning points between the counts where these are coarse.
+/// The recordings, with positions between the counts where these are coarse.
 pub(super) fn resolved(recordings: &[Recording]) -> Cow<'_, [Recording]> {
     let is_coarse = |recording: &Recording| coarse_step(recording) > 0.0;
     if !recordings.iter().any(is_coarse) {
@@ -95,13 +96,17 @@ impl<'a> Readings<'a> {
     fn positions(&self) -> Vec<f64> {
         let of_reading = |k: usize| {
             let turning = self.turning(k);
-            let at = move |i: usize| match turning {
-                Some([edge, height]) => {
-                    let since = self.recording.time[i] - self.edges[k];
-                    let until = self.edges[k + 1] - self.recording.time[i];
-                    edge + 4.0 * height * since * until / self.duration(k).powi(2)
+            let is_inside = k > 0 && k + 1 < self.samples.len();
+            let between = |a: usize, b: usize| 0.5 * (self.reading(a) + self.reading(b));
+            let at = move |i: usize| {
+                let part = (self.recording.time[i] - self.edges[k]) / self.duration(k);
+                match turning {
+                    Some([edge, height]) => edge + 4.0 * height * part * (1.0 - part),
+                    None if is_inside => {
+                        (1.0 - part) * between(k - 1, k) + part * between(k, k + 1)
+                    }
+                    None => self.reading(k),
                 }
-                None => self.reading(k),
             };
             self.samples[k].clone().map(at)
         };
