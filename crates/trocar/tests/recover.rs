@@ -178,7 +178,8 @@ fn an_unmodelled_mass_does_not_bias_friction_and_half_width() {
 fn an_unmodelled_mass_does_not_bias_the_friction_of_few_strokes() {
     let mut config = quiet();
     let steady = &mut config.protocol.steady;
-    (steady.slowest_m_s, steady.increment_m_s, steady.cycles_per_speed) = (0.03, 0.03, 1);
+    (steady.slowest_m_s, steady.fastest_m_s, steady.increment_m_s) = (0.03, 0.15, 0.03);
+    steady.cycles_per_speed = 1;
     let error = |seed: u64| {
         let truth = seal(seed);
         let found = found(&recordings_of(&config, truth, &[Protocol::Steady], seed), seed);
