@@ -143,8 +143,12 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let widths = two_step_width(input).into_iter().filter_map(|width| of_width(&start, width));
     let starts: Vec<EmsTrial> =
         other_widths(&start).chain(widths).chain([start.clone(), fitted.best]).collect();
-    let fits = starts.par_iter().filter_map(|from| likelihood::fit(&training, from, NEXT));
-    let fitted = fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
+    let fit = |training: &Training, from: &EmsTrial| likelihood::fit(training, from, NEXT);
+    let mut fits: Vec<_> = starts.par_iter().filter_map(|from| fit(&training, from)).collect();
+    // The variance of a fit in another minimum would give the prior too much weight.
+    training.variance = fits.iter().map(variance).min_by(f64::total_cmp)?;
+    fits = fits.par_iter().filter_map(|found| fit(&training, &found.best)).collect();
+    let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.15);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
