@@ -277,8 +277,8 @@ impl Recording {
     ///
     /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the
     /// insertion axis (0 when the axis is horizontal; a constant weight may as well stay in the
-    /// offset). The acceleration is [`Recording::acceleration_of`]. A force that never changes is not
-    /// that of a sensor which feels the mass: it stays as it is.
+    /// offset). The acceleration is [`Recording::acceleration_of`]. A force that never changes is
+    /// not that of a sensor which feels the mass: it stays as it is.
     ///
     /// # Errors
     /// [`RecordingError::MovingMass`] when the mass is negative or not finite.

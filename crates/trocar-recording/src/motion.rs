@@ -29,6 +29,10 @@ const WIDER: f64 = 4.0;
 /// Mean square, in noise variances, above which the two windows differ by more than noise.
 const ABOVE_NOISE: f64 = 3.0;
 
+/// Most noise of a single force after inertia is subtracted, in units of its own: less would leave
+/// inertia that repeats in every stroke.
+const ADDED: f64 = 2.0;
+
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
 #[must_use]
 pub fn local_velocity(recording: &Recording, window: f64) -> Vec<f64> {
@@ -68,10 +72,10 @@ impl Recording {
         best
     }
 
-    /// Acceleration in m/s^2 for a known mass in kg, whose inertia is to be subtracted from a force
-    /// that may have `noise`, N rms, from it.
+    /// Acceleration in m/s^2 for a known mass in kg, whose inertia is to be subtracted from a force.
+    /// The subtraction may add `noise`, N rms.
     ///
-    /// [`Recording::acceleration`] loses small pulses, as where a seal begins to slide. They come at
+    /// [`Recording::acceleration`] loses small pulses, as where a seal begins to slide. They are at
     /// the same place in every stroke and would bias the force that is left. Here windows become
     /// shorter as long as the noise variance of the fit is below the mean square of the
     /// acceleration, and its force below `noise`; shorter ones count where they differ by more than
@@ -102,7 +106,7 @@ impl Recording {
         if mass == 0.0 {
             return self.force.clone();
         }
-        let acceleration = self.acceleration_of(mass, 2.0 * self.quality.force_noise);
+        let acceleration = self.acceleration_of(mass, ADDED * self.quality.force_noise);
         self.force.iter().zip(acceleration).map(|(force, a)| force - mass * a).collect()
     }
 

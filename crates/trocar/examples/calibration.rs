@@ -150,6 +150,7 @@ pub(crate) fn ranks(seed: u64) -> Ranks {
         [-insertion[*k], withdrawal[*k]].iter().all(|join| JOINS.contains(&(join / width[*k])))
     };
     let kept: Vec<usize> = (0..width.len()).filter(in_use).collect();
+    assert!(!kept.is_empty(), "bench {seed}: no draw has joins of a random seal");
     std::array::from_fn(|k| {
         let draws: Vec<f64> = match RANKED[k] {
             "force_at_60_mm_s_n" => {

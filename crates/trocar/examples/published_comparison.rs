@@ -76,7 +76,11 @@ fn print_table(title: &str, comparison: &Comparison) {
         if by_recording {
             s.by_recording_n.iter().for_each(|rms| print!(" {rms:.4} |"));
         }
-        let loose = entry.estimates.iter().filter(|p| !p.estimate.determined && !p.is_coefficient()).count();
+        let loose = entry
+            .estimates
+            .iter()
+            .filter(|p| !p.estimate.determined && !p.is_coefficient())
+            .count();
         let criteria = format!("{:.0} | {:.0}", s.aic, s.bic);
         println!(
             " {:.1} | {criteria} | {:.4} | {:.4} | {loose} |",

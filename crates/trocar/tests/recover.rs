@@ -191,9 +191,9 @@ fn an_unmodelled_mass_does_not_bias_the_friction_of_few_strokes() {
     assert!(mean.abs() < 8e-5, "{all:?}");
 }
 
-/// A mass whose inertia is comparable to the friction is subtracted well enough for the intervals to
-/// hold; beyond that the result is doubtful. Blurred accelerations made F_c of the third seal 2.7
-/// standard errors too large.
+/// A mass whose inertia is comparable to the friction is subtracted well enough for the intervals
+/// to hold; beyond that the result is doubtful. Blurred accelerations made F_c of the third seal
+/// 2.7 standard errors too large.
 #[test]
 fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
     let with = |mass: f64, seed: u64| {
@@ -212,9 +212,9 @@ fn a_heavy_unmodelled_mass_is_subtracted_or_named() {
     }
 }
 
-/// Rigs turn at the same places, so that the readings of a coarse encoder err alike at all reversals
-/// of a speed: their turning points are interpolated. Between them, speeds of no or one step in a
-/// short time made the damping too small by 10 standard errors.
+/// Rigs turn at the same places, so that the readings of a coarse encoder err alike at all
+/// reversals of a speed: their turning points are interpolated. Between them, speeds of no or one
+/// step in a short time made the damping too small by 10 standard errors.
 #[test]
 fn a_coarse_encoder_does_not_bias_half_width_and_damping() {
     const STEP: f64 = 1e-4;

@@ -291,13 +291,14 @@ fn warnings(
 /// The mass found in the readings. Where its inertia exceeds the friction, errors of the
 /// acceleration that are too small to be seen are large for the seal.
 fn of_mass(input: &Input, model: &Candidate) -> Warning {
-    let (mass, friction) = (model.unmodelled_mass, model.insertion.coulomb_force);
+    let mass = model.unmodelled_mass;
+    let friction = model.insertion.coulomb_force.min(model.withdrawal.coulomb_force);
     let inertia = mass * input.accelerations.iter().map(|a| reached(a)).fold(0.0, f64::max);
     if inertia > friction {
         let message = format!(
             "the readings follow the acceleration, as from an unmodelled mass of {mass:.3} kg between sensor and seal, \
-             whose inertia of {inertia:.2} N exceeds the sliding force of {friction:.2} N: all numbers may be off; \
-             declare the mass with --moving-mass-kg, or reverse more gently"
+             whose inertia of {inertia:.2} N exceeds the Coulomb force of {friction:.2} N: all numbers may be off; \
+             declare the mass with --moving-mass-kg, or reverse with less acceleration"
         );
         return Warning::doubt(Quantity::UnmodelledMass, message);
     }

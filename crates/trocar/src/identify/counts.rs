@@ -8,8 +8,9 @@
 //! the distance of the readings, d the time that this one lasts, D that time with the readings
 //! beside it, u the fraction of d. A height beyond s means a rest, and counts as s/2. The readings
 //! themselves err by the same distance at all reversals of one speed, since rigs turn at the same
-//! places, and so bias the half width by it. Elsewhere the positions are linear from edge to edge:
-//! speeds of no or one step would bias the viscous damping towards zero (errors in variables).
+//! places, and so bias the half width by it. Where a reading repeats in slow motion, the positions
+//! are linear from edge to edge: speeds of no or one step would bias the viscous damping towards
+//! zero (errors in variables).
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -95,22 +96,37 @@ impl<'a> Readings<'a> {
     /// Positions of all samples, m.
     fn positions(&self) -> Vec<f64> {
         let of_reading = |k: usize| {
-            let turning = self.turning(k);
-            let is_inside = k > 0 && k + 1 < self.samples.len();
-            let between = |a: usize, b: usize| 0.5 * (self.reading(a) + self.reading(b));
-            let at = move |i: usize| {
-                let part = (self.recording.time[i] - self.edges[k]) / self.duration(k);
-                match turning {
-                    Some([edge, height]) => edge + 4.0 * height * part * (1.0 - part),
-                    None if is_inside => {
-                        (1.0 - part) * between(k - 1, k) + part * between(k, k + 1)
-                    }
-                    None => self.reading(k),
+            let (turning, passes) = (self.turning(k), self.passes(k));
+            let at = move |i: usize| match turning {
+                Some([edge, height]) => {
+                    let part = (self.recording.time[i] - self.edges[k]) / self.duration(k);
+                    edge + 4.0 * height * part * (1.0 - part)
                 }
+                None if passes => self.passing(k, self.recording.time[i]),
+                None => self.reading(k),
             };
             self.samples[k].clone().map(at)
         };
         (0..self.samples.len()).flat_map(of_reading).collect()
+    }
+
+    /// Whether the motion passes reading `k`, in one direction, and slowly enough to repeat it.
+    fn passes(&self, k: usize) -> bool {
+        let is_inside = k > 0 && k + 1 < self.samples.len();
+        let on = |k: usize| self.reading(k + 1) > self.reading(k);
+        is_inside && self.samples[k].len() > 1 && on(k - 1) == on(k)
+    }
+
+    /// The position within such a reading, m: from the edge half way to the last reading, to the edge
+    /// half way to the next. A reading that lasts more than twice as long as its neighbour is a rest.
+    fn passing(&self, k: usize, time: f64) -> f64 {
+        let near = |other: usize, since: f64| {
+            let on_the_way = (0.5 * self.duration(k)).min(self.duration(other));
+            let left = (1.0 - since / on_the_way).max(0.0);
+            0.5 * left * (self.reading(other) - self.reading(k))
+        };
+        let [since, until] = [time - self.edges[k], self.edges[k + 1] - time];
+        self.reading(k) + near(k - 1, since) + near(k + 1, until)
     }
 
     /// e and the height above it, where reading `k` is a turning point.

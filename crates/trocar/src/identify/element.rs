@@ -146,7 +146,10 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let fit = |training: &Training, from: &EmsTrial| likelihood::fit(training, from, NEXT);
     let mut fits: Vec<_> = starts.par_iter().filter_map(|from| fit(&training, from)).collect();
     // The variance of a fit in another minimum would give the prior too much weight.
-    training.variance = fits.iter().map(variance).min_by(f64::total_cmp)?;
+    let least = fits.iter().min_by(|a, b| variance(a).total_cmp(&variance(b)))?;
+    training.variance = variance(least);
+    let lambda = training.variance / INITIAL_SCATTER.powi(2);
+    free_scales(input, &mut training, &least.best, lambda);
     fits = fits.par_iter().filter_map(|found| fit(&training, &found.best)).collect();
     let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.15);

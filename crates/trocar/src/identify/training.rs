@@ -231,7 +231,7 @@ impl Training {
         steps.for_each(|step| step.blend = 1.0 - (-step.path / length).exp());
     }
 
-    /// Takes the inertia of `mass`, kg, that noise hides from a fit of the mass out of the readings.
+    /// Subtracts from the readings the inertia of `mass`, kg, that `Step::acceleration` lacks.
     /// The readings err by `error`, N rms.
     pub(crate) fn take_out_faint_inertia(
         &mut self,
