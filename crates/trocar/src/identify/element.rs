@@ -135,9 +135,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     training.prior = prior.of(&start);
     progress("fitting the element", 0.02);
     let fitted = likelihood::fit(&training, &start, NEXT)?;
-    training.variance = variance(&fitted);
-    let lambda = training.variance / INITIAL_SCATTER.powi(2);
-    free_scales(input, &mut training, &fitted.best, lambda);
+    weigh(input, &mut training, &fitted);
     // Scatter between few strokes looks like viscous friction where they have one scale, and the fit
     // may not get from there, or from the width of the prior, to the least cost.
     let widths = two_step_width(input).into_iter().filter_map(|width| of_width(&start, width));
@@ -147,14 +145,18 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let mut fits: Vec<_> = starts.par_iter().filter_map(|from| fit(&training, from)).collect();
     // The variance of a fit in another minimum would give the prior too much weight.
     let least = fits.iter().min_by(|a, b| variance(a).total_cmp(&variance(b)))?;
-    training.variance = variance(least);
-    let lambda = training.variance / INITIAL_SCATTER.powi(2);
-    free_scales(input, &mut training, &least.best, lambda);
+    weigh(input, &mut training, least);
     fits = fits.par_iter().filter_map(|found| fit(&training, &found.best)).collect();
     let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.15);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
+}
+
+/// Takes the weight of the prior, and of the friction scales, from the error of a fit.
+fn weigh(input: &Input, training: &mut Training, fitted: &Fitted<EmsTrial>) {
+    training.variance = variance(fitted);
+    free_scales(input, training, &fitted.best, training.variance / INITIAL_SCATTER.powi(2));
 }
 
 /// Fraction of the squared error that another width must remove.

@@ -43,9 +43,8 @@ pub(crate) struct Step {
     pub(crate) duration: f64,
     /// Samples of the recording.
     samples: Range<usize>,
-    /// Mean reading over the step's samples, N.
-    reading: f64,
-    /// The same without the inertia that noise hides from `acceleration`.
+    /// Mean reading over the step's samples, N, without the inertia that noise hides from
+    /// `acceleration`.
     pub(crate) force: f64,
     /// Mean acceleration over the step's samples, m/s²: what differs from noise.
     pub(crate) acceleration: f64,
@@ -239,16 +238,15 @@ impl Training {
         mass: f64,
         error: f64,
     ) {
-        let steps = self.runs.iter_mut().flat_map(|run| &mut run.steps);
-        if mass == 0.0 {
-            return steps.for_each(|step| step.force = step.reading);
-        }
-        let all: Vec<Vec<f64>> =
-            recordings.par_iter().map(|r| r.acceleration_of(mass, NOISIER * error)).collect();
-        let recordings: Vec<usize> = self.strokes.iter().map(|s| s.recording).collect();
-        for step in steps {
-            let acceleration = mean(&all[recordings[step.stroke]][step.samples.clone()]);
-            step.force = step.reading - mass * (acceleration - step.acceleration);
+        let whole = |r: &Recording| (mass != 0.0).then(|| r.acceleration_of(mass, NOISIER * error));
+        let all: Vec<Option<Vec<f64>>> = recordings.par_iter().map(whole).collect();
+        for step in self.runs.iter_mut().flat_map(|run| &mut run.steps) {
+            let of = self.strokes[step.stroke].recording;
+            step.force = mean(&recordings[of].force[step.samples.clone()]);
+            if let Some(whole) = &all[of] {
+                let acceleration = mean(&whole[step.samples.clone()]);
+                step.force -= mass * (acceleration - step.acceleration);
+            }
         }
     }
 
@@ -343,7 +341,6 @@ fn run(
         };
         let samples = (next - at) as f64;
         let mean = |values: &[f64]| mean(&values[at + 1..=next]);
-        let reading = mean(&recording.force);
         let displacement = recording.position[next] - recording.position[at];
         progress.path += displacement.abs();
         progress.since_reversal += displacement.abs();
@@ -352,8 +349,7 @@ fn run(
             displacement,
             duration: recording.time[next] - recording.time[at],
             samples: at + 1..next + 1,
-            reading,
-            force: reading,
+            force: mean(&recording.force),
             acceleration: mean(part.acceleration),
             weight: if is_clipped { 0.0 } else { samples / (1.0 + samples / limits.independent) },
             centre: if displacement == 0.0 {
