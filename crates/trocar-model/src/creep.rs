@@ -75,23 +75,11 @@ pub(crate) struct Resistance {
     pub(crate) slope: f64,
     /// λ.
     pub(crate) rise: f64,
-    /// `now`·g', N·s/m.
-    fall: f64,
 }
 
 impl Resistance {
     /// Slip at rest without creep.
-    pub(crate) const NONE: Self = Self { force: 0.0, slope: 0.0, rise: 1.0, fall: 0.0 };
-
-    /// λ at a slip speed `change` (m/s) away, to first order: a search ends with a correction that
-    /// is not evaluated again.
-    #[inline(always)]
-    pub(crate) fn rise_beside(&self, sliding: &SlidingFriction, change: f64) -> f64 {
-        let difference = self.fall / (sliding.static_force - sliding.coulomb_force) * change;
-        // Nothing falls without a surplus; the slope is infinite at rest where the shape exponent
-        // is below 1.
-        if difference.is_finite() { (self.rise + difference).clamp(0.0, 1.0) } else { self.rise }
-    }
+    pub(crate) const NONE: Self = Self { force: 0.0, slope: 0.0, rise: 1.0 };
 }
 
 /// The contact at slip speed `u` >= 0, m/s; ρ = 1 without creep.
@@ -116,7 +104,7 @@ pub(crate) fn resistance_at(
 ) -> Resistance {
     let beta = sliding.viscous_damping;
     if creep_velocity <= 0.0 {
-        return Resistance { force: level + beta * u, slope: fall + beta, rise: 1.0, fall: 0.0 };
+        return Resistance { force: level + beta * u, slope: fall + beta, rise: 1.0 };
     }
     let surplus = sliding.static_force - sliding.coulomb_force;
     let rise_now = rise.kept + rise.now * sliding.rise(level);
@@ -124,7 +112,6 @@ pub(crate) fn resistance_at(
     let inverse = 1.0 / libm::sqrt(u * u + creep_velocity * creep_velocity);
     let part = u * inverse;
     let growth = creep_velocity * creep_velocity * inverse * (inverse * inverse);
-    let fall = rise.now * fall;
-    let slope = fall * part + level * growth + beta;
-    Resistance { force: level * part + beta * u, slope, rise: rise_now, fall }
+    let slope = rise.now * fall * part + level * growth + beta;
+    Resistance { force: level * part + beta * u, slope, rise: rise_now }
 }

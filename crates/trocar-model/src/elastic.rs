@@ -408,16 +408,18 @@ impl DeformationForce {
 
     /// As [`Self::reach`], with the slope of the force for a motion that goes on in direction `to`
     /// - `from`.
-    pub(crate) fn reach_with_slope(&self, from: f64, q: f64, to: f64) -> (f64, f64) {
-        let local = self.local(to);
+    #[inline(always)]
+    pub(crate) fn reach_with_slope(&self, from: f64, q: f64, to: f64) -> (f64, f64, f64) {
+        let Local { mid, gap, mid_slope, gap_slope } = self.local(to);
         let trial = q + self.yield_stiffness * (to - from);
-        if trial > local.gap {
-            (local.mid + local.gap, local.mid_slope + local.gap_slope)
-        } else if trial < -local.gap {
-            (local.mid - local.gap, local.mid_slope - local.gap_slope)
+        let (q, slope) = if trial > gap {
+            (gap, mid_slope + gap_slope)
+        } else if trial < -gap {
+            (-gap, mid_slope - gap_slope)
         } else {
-            (local.mid + trial, local.mid_slope + self.yield_stiffness)
-        }
+            (trial, mid_slope + self.yield_stiffness)
+        };
+        (mid + q, q, slope)
     }
 
     /// Force at an end of [-c, c], the upper or the lower, and the slope beyond it.

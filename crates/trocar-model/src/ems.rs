@@ -296,6 +296,11 @@ impl Element {
     ///
     /// Any size of step is allowed. A duration that is not positive, or a displacement, duration or
     /// velocity that is not finite, leaves the state untouched and returns the last force.
+    ///
+    /// After a step the law of the contact holds to 2e-9 of the forces, |F| <= F_max =
+    /// max(F_s + β·v + D(2v), max|F_e|) with v the greatest speed so far, and |ΔF| <= (max|F_e'| +
+    /// κ)·|Δx| + D'(2v)·|Δv| + F_max - F_c: the last part is what one change between deforming and
+    /// sliding can release. Relaxing arms add their stiffness and force; creep gives way in time.
     pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
             // Two commits, so that the exact step stays in registers.

@@ -27,25 +27,30 @@ pub(crate) mod beside;
 /// Limit on evaluations of r in one search: keeps the work of a step bounded.
 const MAX_EVALUATIONS: usize = 240;
 
-/// Evaluations after which a bracketed search bisects.
+/// Evaluations inside a bracket after which the search bisects.
 const NEWTON_EVALUATIONS: usize = 24;
 
 /// Evaluations after which a march doubles its stride.
 const EVEN_STRIDES: usize = 100;
 
-/// A residual below this fraction of the static force gets one last Newton correction, which
-/// squares it.
-const RESIDUAL: f64 = 1e-4;
+/// Residual, as a fraction of the static force, at which a search ends: some nanonewtons, ten
+/// million times the rounding of the forces.
+const RESIDUAL: f64 = 1e-9;
 
-/// Change of force, as a fraction of the static force, up to which the slip speed at the start of a
-/// step follows to first order. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
-const SMALL_SURPLUS: f64 = 1e-3;
+/// Change of the slip speed, as a fraction of it, up to which the one at the start of a step
+/// follows to first order: g and ρ, functions of powers of u, then miss by less than 1e-4 of
+/// themselves. It only weighs in with 1 - θ < 1/2 and a factor K·dt.
+const SMALL_CHANGE: f64 = 1e-2;
+
+/// How far the force has passed the static force when a slip starts, as a fraction of it: rounding,
+/// 1e-7 in single precision, must not decide whether a law that falls at once is left by a jump.
+const YIELD_MARGIN: f64 = 1e-5;
 
 /// March stride as a fraction of the Stribeck speed: a tenth of the narrowest feature of g.
 const STRIBECK_STRIDE: f64 = 0.1;
 
-/// Where a march without any scale begins, m/s.
-const FIRST_STRIDE: f64 = 1e-3;
+/// Longest stride from rest, m/s: no seal slips that fast.
+const LONGEST_STRIDE: f64 = 1.0;
 
 /// March stride as a fraction of c, in deflection.
 const DEFLECTION_STRIDE: f64 = 1.0 / 32.0;
@@ -108,6 +113,28 @@ impl Slide {
     fn reached(&self, u: f64) -> f64 {
         self.target - self.s * self.implicit * u
     }
+}
+
+/// The end of a slide with some slip speed.
+struct End {
+    deflection: f64,
+    yield_force: f64,
+    force: f64,
+    /// r and dr/du.
+    residual: f64,
+    slope: f64,
+    contact: Resistance,
+}
+
+impl End {
+    const NOWHERE: Self = Self {
+        deflection: f64::NAN,
+        yield_force: f64::NAN,
+        force: f64::NAN,
+        residual: f64::NAN,
+        slope: f64::NAN,
+        contact: Resistance::NONE,
+    };
 }
 
 /// How far a search for a root may stride, and from where it starts.
@@ -198,7 +225,9 @@ impl Element {
         let local = self.params.deformation.local(reached);
         let arms = arms_at(part);
         let elastic = local.mid + yield_force + arms.iter().sum::<f64>();
-        let (speed, drag) = self.slip_at(direction, elastic, motion.velocity, Rise::INSTANT, 0.0);
+        let drive = (s * (elastic + damping)).max((1.0 + YIELD_MARGIN) * limit);
+        let (speed, drag) =
+            self.slip_at(direction, s * drive - damping, motion.velocity, Rise::INSTANT, 0.0);
         let onset =
             Onset { z: reached, q: yield_force, local, arms, direction, speed, drag, rise: 1.0 };
         self.slide(onset, Motion { time: (1.0 - part) * motion.time, ..motion })
@@ -207,7 +236,7 @@ impl Element {
     /// Slip speed and drag in a running slide when the velocity becomes `velocity`.
     ///
     /// The last force is the sliding force at the last slip speed, (13): it tells g without an
-    /// exponential. A small change of damping force is answered to first order.
+    /// exponential. A small change of slip speed is taken to first order.
     fn slip_after(
         &self,
         state: &State,
@@ -231,9 +260,9 @@ impl Element {
         };
         let drag = slope + self.params.damping.slope(deformation_velocity);
         let surplus = s * (elastic + self.params.damping.force(deformation_velocity) - state.force);
-        let speed = last + surplus / drag;
-        if surplus.abs() < SMALL_SURPLUS * sliding.static_force && drag > 0.0 && speed > 0.0 {
-            (speed, drag)
+        let change = surplus / drag;
+        if change.abs() <= SMALL_CHANGE * last {
+            (last + change, drag)
         } else {
             self.slip_at(
                 direction,
@@ -288,8 +317,11 @@ impl Element {
     #[inline(always)]
     fn slide_by_theta(&self, onset: Onset, motion: Motion) -> (State, f64) {
         let arms = self.params.relaxation.within(&onset.arms, motion.time);
-        let (theta, guess) = self.predict(&onset, motion, arms);
-        let next = self.slide_with(&onset, motion, arms, theta, guess);
+        let (mut theta, guess) = self.predict(&onset, motion, arms);
+        let mut next = self.slide_with(&onset, motion, arms, theta, guess);
+        if next.slip_velocity == 0.0 && self.stops_too_late(&onset, motion, arms, theta) {
+            (next, theta) = (self.slide_with(&onset, motion, arms, 1.0, 0.0), 1.0);
+        }
         let across = onset.direction.opposite();
         let limit = if self.creeps { 0.0 } else { self.sliding(across).static_force };
         if next.slip_velocity == 0.0 && across.sign() * next.force > limit {
@@ -298,6 +330,19 @@ impl Element {
             return (self.slide_with(&onset, motion, arms, 1.0, 0.0), theta);
         }
         (next, theta)
+    }
+
+    /// Whether a slide that ends at rest had slipped on where it must have stopped: a contact that
+    /// slips carries at least F_c, a creeping one has the sign of its slip. The slip at the start,
+    /// held for (1 - θ)·dt, may take a seal that stiffens on its way back further.
+    #[inline(never)]
+    fn stops_too_late(&self, onset: &Onset, motion: Motion, arms: StepArms, theta: f64) -> bool {
+        let (s, sliding) = (onset.direction.sign(), self.sliding(onset.direction));
+        let slip = (1.0 - theta) * onset.speed * motion.time;
+        let change = s * ((s * motion.velocity * motion.time).max(0.0) - slip);
+        let elastic = self.params.deformation.reach(onset.z, onset.q, onset.z + change).0;
+        let damping = self.params.damping.force(motion.velocity).abs();
+        self.creeps || s * (elastic + arms.force(change)) < sliding.coulomb_force - damping
     }
 
     fn slide_with(
@@ -313,58 +358,47 @@ impl Element {
         let sliding = self.sliding(direction);
         let before = || if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
         let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, before);
-        let (mut seen, mut seen_at) = (Resistance::NONE, 0.0);
+        let mut end = End::NOWHERE;
         let residual = |u: f64| {
-            (seen, seen_at) = (self.resistance(direction, lagged, u), u);
-            self.balance(&slide, u, &seen)
+            end = self.end(&slide, lagged, u);
+            (end.residual, end.slope)
         };
         let search = self.search(onset, slide.implicit, lagged.now, guess);
         let u = find_root(residual, search).0;
-        self.arrive(&slide, u, &seen, seen_at)
+        let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
+        State {
+            deflection: end.deflection,
+            yield_force: end.yield_force,
+            force: end.force,
+            slip_velocity: slide.s * u,
+            // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a
+            // state to be finite numbers.
+            contact_slope: end.contact.slope.max(-f64::MAX),
+            rise: end.contact.rise,
+            arms: arms.forces(end.deflection - z),
+            mode,
+        }
     }
 
-    /// r(u) and its slope where the contact is `contact`, EMS (13).
+    /// Where `slide` ends with slip speed `u`, EMS (14), and r(u) there, EMS (13).
     #[inline(always)]
-    fn balance(&self, slide: &Slide, u: f64, contact: &Resistance) -> (f64, f64) {
-        let Slide { z, q, s, motion, arms, .. } = slide;
-        let reached = slide.reached(u);
-        let (elastic, stiffness) = self.params.deformation.reach_with_slope(*z, *q, reached);
+    fn end(&self, slide: &Slide, rise: Rise, u: f64) -> End {
+        let Slide { z, q, direction, s, motion, arms, .. } = slide;
+        let contact = self.resistance(*direction, rise, u);
+        let deflection = slide.reached(u);
+        let (elastic, yield_force, stiffness) =
+            self.params.deformation.reach_with_slope(*z, *q, deflection);
         let deformation_velocity = motion.velocity - s * u; // EMS (8)
         let damping = &self.params.damping;
-        let drive = s * (elastic + arms.force(reached - z) + damping.force(deformation_velocity));
+        let force = elastic + arms.force(deflection - z) + damping.force(deformation_velocity);
         let drag = contact.slope + damping.slope(deformation_velocity);
-        (drive - contact.force, -drag - slide.implicit * (stiffness + arms.stiffness))
-    }
-
-    /// The state after a slide that ends with slip speed `u`; the contact was last seen at
-    /// `seen_at`.
-    #[inline(always)]
-    fn arrive(&self, slide: &Slide, u: f64, seen: &Resistance, seen_at: f64) -> State {
-        let Slide { z, q, direction, s, motion, arms, .. } = slide;
-        let deflection = slide.reached(u);
-        let (elastic, yield_force) = self.params.deformation.reach(*z, *q, deflection);
-        let force = elastic
-            + arms.force(deflection - z)
-            + self.params.damping.force(motion.velocity - s * u); // EMS (14)
-        let arms = arms.forces(deflection - z);
-        let mode = if u <= self.params.creep_velocity { Mode::Deforming } else { Mode::Sliding };
-        // Falls at an infinite rate at u = 0 where the shape exponent is below 1: finite, for a
-        // state to be finite numbers.
-        let contact_slope = seen.slope.max(-f64::MAX);
-        let rise = if self.params.friction_lag > 0.0 {
-            seen.rise_beside(self.sliding(*direction), u - seen_at)
-        } else {
-            seen.rise
-        };
-        State {
+        End {
             deflection,
             yield_force,
             force,
-            slip_velocity: s * u,
-            contact_slope,
-            rise,
-            arms,
-            mode,
+            residual: s * force - contact.force,
+            slope: -drag - slide.implicit * (stiffness + arms.stiffness),
+            contact,
         }
     }
 
@@ -467,38 +501,38 @@ fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
 }
 
 /// A root u >= 0 of a residual that is positive left of it, and the slope there; 0 when the
-/// residual is not positive at 0.
+/// residual is not positive at 0. What is returned is what was evaluated last.
 ///
 /// Newton steps inside a bracket. Until there is a bracket the search marches from the guess
 /// towards the root, never further at once than the stride, so that it stops at the nearest root.
+/// No step is taken on trust: near the end of a branch of a multivalued law the slope all but
+/// vanishes, and a small residual may lie far from any root.
 fn find_root(mut residual: impl FnMut(f64) -> (f64, f64), search: Search) -> (f64, f64) {
     let Search { guess: mut u, mut stride, residual: small } = search;
-    let (mut below, mut above): (Option<f64>, Option<f64>) = (None, None);
+    let (mut low, mut high): (Option<f64>, Option<f64>) = (None, None);
+    let mut bracketed = 0;
     let (mut r, mut slope) = residual(u);
     for evaluations in 0..MAX_EVALUATIONS {
-        if r <= 0.0 && u == 0.0 {
-            return (0.0, slope);
-        }
-        let newton = if slope < 0.0 { u - r / slope } else { f64::NAN };
-        if r.abs() <= small {
-            return (if newton >= 0.0 { newton } else { u }, slope);
+        if (r <= 0.0 && u == 0.0) || (r.abs() <= small && slope < 0.0) {
+            break;
         }
         if r > 0.0 {
-            below = Some(u);
+            low = Some(u);
         } else {
-            above = Some(u);
+            high = Some(u);
         }
         if evaluations > EVEN_STRIDES {
             stride *= 2.0;
         }
-        let next = match (below, above) {
+        let newton = if slope < 0.0 { u - r / slope } else { f64::NAN };
+        let next = match (low, high) {
             (Some(low), Some(high)) => {
-                let inside = newton > low && newton < high && evaluations < NEWTON_EVALUATIONS;
+                bracketed += 1;
+                let inside = newton > low && newton < high && bracketed < NEWTON_EVALUATIONS;
                 if inside { newton } else { 0.5 * (low + high) }
             }
-            (_, None) if newton.is_nan() => u + stride.min(u + FIRST_STRIDE),
-            (_, None) => newton.min(u + stride),
-            (None, _) if newton.is_nan() => (u - stride).max(0.0),
+            // A slope that vanishes leads anywhere: at most doubled, u stays a number.
+            (_, None) => newton.min(u + stride.min(u + LONGEST_STRIDE)),
             (None, _) => newton.max(u - stride).max(0.0),
         };
         if next == u {

@@ -8,6 +8,7 @@ mod batch;
 mod beside;
 mod classical;
 mod maxwell;
+mod promise;
 mod propositions;
 mod reference;
 mod reference_vectors;

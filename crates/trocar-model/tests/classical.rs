@@ -43,7 +43,7 @@ fn scaled(motion: &[Movement], length: f64) -> Vec<Movement> {
     motion.iter().map(scale).collect()
 }
 
-fn slidings() -> impl Strategy<Value = SlidingFriction> {
+pub(crate) fn slidings() -> impl Strategy<Value = SlidingFriction> {
     let ratio = prop_oneof![1 => Just(1.0), 4 => 1.0..2.0_f64];
     let shape = prop_oneof![Just(1.0), Just(2.0), 0.5..3.0_f64];
     (0.25..8.0_f64, ratio, scales(1e-3, 0.1), shape, 0.0..20.0_f64).prop_map(
@@ -59,7 +59,7 @@ fn slidings() -> impl Strategy<Value = SlidingFriction> {
     )
 }
 
-fn dahls() -> impl Strategy<Value = DahlParams> {
+pub(crate) fn dahls() -> impl Strategy<Value = DahlParams> {
     let exponent = prop_oneof![Just(0.5), Just(1.0), Just(1.5), Just(2.0), 0.2..3.0_f64];
     (scales(100.0, 1e6), 0.25..8.0_f64, exponent, 0.0..20.0_f64).prop_map(
         |(stiffness, coulomb_force, exponent, viscous_damping)| DahlParams {
@@ -71,7 +71,7 @@ fn dahls() -> impl Strategy<Value = DahlParams> {
     )
 }
 
-fn lugres() -> impl Strategy<Value = LuGreParams> {
+pub(crate) fn lugres() -> impl Strategy<Value = LuGreParams> {
     let damping_velocity = prop_oneof![Just(f64::INFINITY), scales(1e-3, 1.0)];
     let curve = prop_oneof![Just(StribeckCurve::Exponential), Just(StribeckCurve::Rational)];
     (scales(100.0, 1e6), 0.0..300.0_f64, damping_velocity, slidings(), curve).prop_map(

@@ -37,7 +37,7 @@ fn stribeck(coulomb_force: f64, static_force: f64, viscous_damping: f64) -> Slid
     }
 }
 
-fn banks() -> impl Strategy<Value = Vec<SlipElement>> {
+pub(crate) fn banks() -> impl Strategy<Value = Vec<SlipElement>> {
     let element = (50.0..5000.0_f64, 0.05..2.0_f64)
         .prop_map(|(stiffness, limit_force)| SlipElement { stiffness, limit_force });
     prop::collection::vec(element, 1..=8)
@@ -324,7 +324,7 @@ fn ems_elements_with_linear_springs_are_maxwell_slip() {
 // GMS
 
 /// Elements with shares that add up to 1.
-fn gms_elements(damped: bool) -> impl Strategy<Value = Vec<GmsElement>> {
+pub(crate) fn gms_elements(damped: bool) -> impl Strategy<Value = Vec<GmsElement>> {
     let one = (50.0..5000.0_f64, 0.05..1.0_f64, 1e-4..0.5_f64, 0.0..3.0_f64);
     prop::collection::vec(one, 1..=6).prop_map(move |raw| {
         let total: f64 = raw.iter().map(|one| one.1).sum();
@@ -351,7 +351,7 @@ fn curves() -> impl Strategy<Value = SlidingFriction> {
     )
 }
 
-fn slip_rates() -> impl Strategy<Value = SlipRate> {
+pub(crate) fn slip_rates() -> impl Strategy<Value = SlipRate> {
     prop_oneof![Just(SlipRate::Free), Just(SlipRate::Limited)]
 }
 
@@ -557,7 +557,7 @@ fn leuven(
 }
 
 /// A bank with a curve it can carry, an exponent and damping.
-fn leuvens() -> impl Strategy<Value = Leuven> {
+pub(crate) fn leuvens() -> impl Strategy<Value = Leuven> {
     (banks(), 0.3..1.0_f64, curves(), 0.4..6.0_f64, 0.0..20.0_f64).prop_map(
         |(bank, part, curve, exponent, damping)| {
             let scale = part * limit_of(&bank) / curve.static_force;

@@ -2,6 +2,7 @@
 
 mod builds;
 mod compensator;
+mod promise;
 mod single;
 
 use std::fmt::Write as _;
@@ -672,7 +673,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0xfd52_2294_9182_819b,
+        0x9cef_eee5_91d3_50b5,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["stribeck.rs"], 0xa4cb6b831ec6ed83),

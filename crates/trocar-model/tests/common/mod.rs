@@ -2,6 +2,8 @@
 //! step of the library but the deformation force.
 #![allow(dead_code)] // every test binary uses its own part
 
+pub(crate) mod promise;
+
 use proptest::prelude::*;
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping,

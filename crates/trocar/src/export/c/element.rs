@@ -89,6 +89,7 @@ fn fill_values(filling: &mut Filling, prefix: &str, elements: usize, terms: usiz
     filling.value("REACHED", if filling.has("stribeck") { "reached" } else { "1.0" });
     let creep = filling.has("creep");
     filling.value("CREEP_VELOCITY", if creep { "e->creep_velocity_m_s" } else { "0.0" });
+    filling.value("OR_CREEPING", if creep { "e->creep_velocity_m_s > 0.0 || " } else { "" });
     filling.value("UNLESS_CREEPING", if creep { " && !(e->creep_velocity_m_s > 0.0)" } else { "" });
 }
 

@@ -26,20 +26,22 @@ static trocar_local trocar_local_at(const trocar_element *e, double z)
 }
 
 /* As trocar_reach, with the slope of the force for a motion that goes on. */
-static double trocar_reach_with_slope(const trocar_element *e, double from, double q, double to, double *slope)
+static double trocar_reach_with_slope(const trocar_element *e, double from, double q, double to, double *reached,
+                                      double *slope)
 {
     const trocar_local local = trocar_local_at(e, to);
     const double trial = q + e->yield_stiffness_n_m * (to - from);
     if (trial > local.gap) {
         *slope = local.middle_slope + local.gap_slope;
-        return local.middle + local.gap;
-    }
-    if (trial < -local.gap) {
+        *reached = local.gap;
+    } else if (trial < -local.gap) {
         *slope = local.middle_slope - local.gap_slope;
-        return local.middle - local.gap;
+        *reached = -local.gap;
+    } else {
+        *slope = local.middle_slope + e->yield_stiffness_n_m;
+        *reached = trial;
     }
-    *slope = local.middle_slope + e->yield_stiffness_n_m;
-    return local.middle + trial;
+    return local.middle + *reached;
 }
 
 //@if damping
@@ -120,7 +122,7 @@ static void trocar_arm_forces(const trocar_step_arms *step, double change, doubl
 typedef struct {
     double force, slope;
 //@if lag
-    double rise, fall, at; /* the slip speed, and how the part falls with it, in N s/m */
+    double rise;
 //@end
 } trocar_resistance;
 
@@ -179,7 +181,9 @@ typedef struct {
 //@if lag
     trocar_rise memory;
 //@end
+    /* Where the last slip speed ends. */
     trocar_resistance seen;
+    double deflection, yield_force, force;
 } trocar_balance;
 
 /* The contact at slip speed u >= 0, EMS (11) and creep: rho(u) = u/sqrt(u^2 + v_c^2). */
@@ -210,8 +214,6 @@ static trocar_resistance trocar_resist(const trocar_balance *b, double u)
         reached = resistance.rise;
 //@end
         fall *= b->memory.now;
-        resistance.fall = fall;
-        resistance.at = u;
 //@end
 //@if stribeck
         level = c->coulomb_force_n + c->surplus_force_n * reached;
@@ -228,28 +230,9 @@ static trocar_resistance trocar_resist(const trocar_balance *b, double u)
     resistance.slope = fall + beta;
 //@if lag
     resistance.rise = 1.0;
-    resistance.fall = 0.0;
-    resistance.at = u;
 //@end
     return resistance;
 }
-
-//@if lag
-/* The part at slip speed u beside the last one seen, to first order. */
-static double trocar_rise_beside(const trocar_balance *b, double u)
-{
-//@if stribeck
-    const double difference = b->seen.fall / b->contact->surplus_force_n * (u - b->seen.at);
-    if (fabs(difference) <= trocar_greatest) {
-        return trocar_least(trocar_most(b->seen.rise + difference, 0.0), 1.0);
-    }
-//@else
-    (void)u;
-//@end
-    return b->seen.rise;
-}
-
-//@end
 
 /* What is left over of the force at slip speed u, EMS (13), and its slope. */
 static double trocar_residual(trocar_balance *b, double u, double *slope)
@@ -259,11 +242,11 @@ static double trocar_residual(trocar_balance *b, double u, double *slope)
     b->seen = trocar_resist(b, u);
     drag = b->seen.slope;
     if (b->deforms) {
-        const double reached = b->target - b->sign * b->implicit * u;
         double stiffness;
-        elastic = trocar_reach_with_slope(b->element, b->z, b->q, reached, &stiffness);
+        b->deflection = b->target - b->sign * b->implicit * u;
+        elastic = trocar_reach_with_slope(b->element, b->z, b->q, b->deflection, &b->yield_force, &stiffness);
 //@if arms
-        elastic += b->arms->held + b->arms->stiffness * (reached - b->z);
+        elastic += b->arms->held + b->arms->stiffness * (b->deflection - b->z);
         stiffness += b->arms->stiffness;
 //@end
         softening = b->implicit * stiffness;
@@ -274,26 +257,27 @@ static double trocar_residual(trocar_balance *b, double u, double *slope)
 //@else
     (void)deformation_velocity;
 //@end
+    b->force = elastic;
     *slope = -drag - softening;
     return b->sign * elastic - b->seen.force;
 }
 
-/* A root u >= 0 of the residual, positive left of it; 0 where it is not positive at 0. Newton steps inside a bracket;
- * until there is one the search marches from the guess, never further at once than the stride. At most 241
- * evaluations. */
+/* A root u >= 0 of the residual, positive left of it; 0 where it is not positive at 0. It is what was evaluated last.
+ * Newton steps inside a bracket; until there is one the search marches from the guess, never further at once than the
+ * stride. At most 241 evaluations. */
 static double trocar_find_root(trocar_balance *b, double guess, double stride, double *slope)
 {
-    const double small = 1e-4 * b->contact->static_force_n;
+//@if single
+    const double small = 1e-6 * b->contact->static_force_n;
+//@else
+    const double small = 1e-9 * b->contact->static_force_n;
+//@end
     double u = guess, low = 0.0, high = 0.0, newton, next;
     double r = trocar_residual(b, u, slope);
-    int evaluations, has_low = 0, has_high = 0;
+    int evaluations, has_low = 0, has_high = 0, bracketed = 0;
     for (evaluations = 0; evaluations < 240; ++evaluations) {
-        if (r <= 0.0 && u == 0.0) {
-            return 0.0;
-        }
-        newton = *slope < 0.0 ? u - r / *slope : (double)NAN;
-        if (fabs(r) <= small) {
-            return newton >= 0.0 ? newton : u; /* one last correction squares the residual */
+        if ((r <= 0.0 && u == 0.0) || (fabs(r) <= small && *slope < 0.0)) {
+            break;
         }
         if (r > 0.0) {
             low = u;
@@ -305,12 +289,14 @@ static double trocar_find_root(trocar_balance *b, double guess, double stride, d
         if (evaluations > 100) {
             stride *= 2.0;
         }
+        newton = *slope < 0.0 ? u - r / *slope : (double)NAN;
         if (has_low && has_high) {
-            next = newton > low && newton < high && evaluations < 24 ? newton : 0.5 * (low + high);
+            bracketed += 1;
+            next = newton > low && newton < high && bracketed < 24 ? newton : 0.5 * (low + high);
         } else if (!has_high) {
-            next = newton != newton ? u + trocar_least(stride, u + 1e-3) : trocar_least(newton, u + stride);
+            next = trocar_least(newton, u + trocar_least(stride, u + 1.0));
         } else {
-            next = trocar_most(newton != newton ? u - stride : trocar_most(newton, u - stride), 0.0);
+            next = trocar_most(trocar_most(newton, u - stride), 0.0);
         }
         if (next == u) {
             break;
@@ -352,9 +338,9 @@ static trocar_balance trocar_balance_of(const trocar_element *e, int side, doubl
     b.memory.kept = 0.0;
     b.memory.now = 1.0;
     b.seen.rise = 1.0;
-    b.seen.fall = b.seen.at = 0.0;
 //@end
     b.seen.force = b.seen.slope = 0.0;
+    b.deflection = b.yield_force = b.force = 0.0;
     return b;
 }
 
@@ -401,14 +387,14 @@ static double trocar_slip_at(trocar_balance *b, double elastic, double guess, do
 }
 
 /* Slip speed and drag in a running slide when the velocity becomes `velocity`. The last force is the sliding force at
- * the last slip speed, EMS (13); a small change is answered to first order. */
+ * the last slip speed, EMS (13); a small change of slip speed is taken to first order. */
 static double trocar_slip_after(const trocar_element *e, const trocar_element_state *state, int side, double elastic,
                                 double velocity, double *drag)
 {
     trocar_balance b = trocar_balance_of(e, side, velocity);
     const trocar_contact *c = b.contact;
     const double s = b.sign, last = fabs(state->slip_velocity_m_s);
-    double surplus, speed, drive = elastic;
+    double change, drive = elastic;
     *drag = 0.0;
     if (c->force_is_free) {
         return last;
@@ -430,10 +416,9 @@ static double trocar_slip_after(const trocar_element *e, const trocar_element_st
     *drag += trocar_damping_slope(e, velocity - s * last); /* EMS (8) */
     drive += trocar_damping_force(e, velocity - s * last);
 //@end
-    surplus = s * (drive - state->force_n);
-    speed = last + surplus / *drag;
-    if (fabs(surplus) < 1e-3 * c->static_force_n && *drag > 0.0 && speed > 0.0) {
-        return speed;
+    change = s * (drive - state->force_n) / *drag;
+    if (fabs(change) <= 1e-2 * last) {
+        return last + change;
     }
 //@if lag
     b.memory = trocar_rise_at_start(e, state->rise);
@@ -473,7 +458,7 @@ static void trocar_slide_with(const trocar_element *e, trocar_element_state *sta
 {
     trocar_balance b = trocar_balance_of(e, onset->side, velocity);
     const double s = b.sign;
-    double stride, slope, u, deflection, yield_force, force;
+    double stride, slope, u;
     b.deforms = 1;
     b.z = onset->z;
     b.q = onset->q;
@@ -487,22 +472,16 @@ static void trocar_slide_with(const trocar_element *e, trocar_element_state *sta
 //@end
     guess = trocar_search(&b, onset, guess, &stride);
     u = trocar_find_root(&b, guess, stride, &slope);
-    deflection = b.target - s * b.implicit * u;
-    force = trocar_reach(e, b.z, b.q, deflection, &yield_force);
 //@if arms
-    force += arms->held + arms->stiffness * (deflection - b.z);
-    trocar_arm_forces(arms, deflection - b.z, state->arm_force_n);
+    trocar_arm_forces(arms, b.deflection - b.z, state->arm_force_n);
 //@end
-//@if damping
-    force += trocar_damping_force(e, velocity - s * u);
-//@end
-    trocar_stick(state, deflection, yield_force, force);
+    trocar_stick(state, b.deflection, b.yield_force, b.force);
     state->slip_velocity_m_s = s * u;
 //@if creep
     state->contact_slope_n_s_m = b.seen.slope;
 //@end
 //@if lag
-    state->rise = e->friction_lag_s > 0.0 ? trocar_rise_beside(&b, u) : b.seen.rise;
+    state->rise = b.seen.rise;
 //@end
     state->sliding = !(u <= @CREEP_VELOCITY@);
 }
@@ -552,6 +531,23 @@ static double trocar_predict(const trocar_element *e, const trocar_onset *onset,
     return theta;
 }
 
+/* Whether a slide that ends at rest had slipped on where it must have stopped: a contact that slips carries at least
+ * F_c, a creeping one has the sign of its slip. */
+static int trocar_stops_too_late(const trocar_element *e, const trocar_onset *onset, double velocity, double time,
+                                 @ARMS_PARAMETER@double theta)
+{
+    const double s = onset->side ? 1.0 : -1.0, slip = (1.0 - theta) * onset->speed * time;
+    const double change = s * (trocar_most(s * velocity * time, 0.0) - slip);
+    double reached, damping = 0.0, elastic = trocar_reach(e, onset->z, onset->q, onset->z + change, &reached);
+//@if arms
+    elastic += arms->held + arms->stiffness * change;
+//@end
+//@if damping
+    damping = fabs(trocar_damping_force(e, velocity));
+//@end
+    return @OR_CREEPING@s * elastic < e->contact[onset->side].coulomb_force_n - damping;
+}
+
 /* Slides at `velocity` for `time`, EMS (14). */
 static void trocar_slide(const trocar_element *e, trocar_element_state *state, const trocar_onset *onset,
                          double velocity, double time)
@@ -563,6 +559,9 @@ static void trocar_slide(const trocar_element *e, trocar_element_state *state, c
 //@end
     theta = trocar_predict(e, onset, velocity, time, @ARMS_ARGUMENT@&guess);
     trocar_slide_with(e, state, onset, velocity, time, @ARMS_ARGUMENT@theta, guess);
+    if (state->slip_velocity_m_s == 0.0 && trocar_stops_too_late(e, onset, velocity, time, @ARMS_ARGUMENT@theta)) {
+        trocar_slide_with(e, state, onset, velocity, time, @ARMS_ARGUMENT@1.0, 0.0);
+    }
     across.side = !onset->side;
     across.speed = 0.0;
     limit = e->contact[across.side].static_force_n;
@@ -620,7 +619,7 @@ static void trocar_yield_within(const trocar_element *e, trocar_element_state *s
     const double end = b.sign * trial - b.contact->static_force_n;
     const double part = trocar_yield_fraction(e, state, side, velocity, time, end);
     const double moved = part * velocity * time;
-    double elastic;
+    double elastic, drive, damping = 0.0;
     trocar_onset onset;
 //@if arms
     const trocar_step_arms arms = trocar_arms_within(e, state->arm_force_n, part * time);
@@ -637,7 +636,12 @@ static void trocar_yield_within(const trocar_element *e, trocar_element_state *s
 //@if lag
     onset.rise = 1.0;
 //@end
-    onset.speed = trocar_slip_at(&b, elastic, 0.0, &onset.drag);
+//@if damping
+    damping = trocar_damping_force(e, velocity);
+//@end
+    /* Rounding must not decide whether a law that falls at once is left by a jump. */
+    drive = trocar_most(b.sign * (elastic + damping), (1.0 + 1e-5) * b.contact->static_force_n);
+    onset.speed = trocar_slip_at(&b, b.sign * drive - damping, 0.0, &onset.drag);
     trocar_slide(e, state, &onset, velocity, (1.0 - part) * time);
 }
 
