@@ -707,6 +707,11 @@ fn recordings_for_a_model_are_read_like_its_own() {
 
     place.run("simulate found logger.csv --out simulated.csv").done().says(&[said]);
     place.run("compensate found logger.csv --out tissue.csv").done().says(&[said]);
+    no_tissue_is_found(&place);
+    place.run("export c found/model.json --compensator --out seal.c").done();
+    assert!(place.text("seal.h").contains("the observer reverses it"));
+    place.run("export c found/model.json --compensator --flip-force=false --out seal.c").done();
+    assert!(!place.text("seal.h").contains("the observer reverses it"));
 
     // A file with a header of its own, and one with neither.
     let own = place.text("plain.csv").replacen("force_n", "-force_n", 0);
@@ -721,6 +726,16 @@ fn recordings_for_a_model_are_read_like_its_own() {
     let ran =
         place.run("validate found plain.csv --columns time_s=time_s,position_m=position_m,force_n=force_n").done();
     assert!(!ran.stderr.contains("read like"), "{ran:#?}");
+}
+
+/// The recording met none; readings of the other sign would be several N of it.
+fn no_tissue_is_found(place: &Place) {
+    let table = place.text("tissue.csv");
+    let cells = table.lines().skip(1).map(|line| line.split(',').nth(4).unwrap());
+    let forces: Vec<f64> = cells.map(|cell| cell.parse().unwrap()).collect();
+    let squares: f64 = forces.iter().map(|force| force * force).sum();
+    let rms = (squares / forces.len() as f64).sqrt();
+    assert!(rms < 0.3, "{rms} N");
 }
 
 /// With the columns of the model's recordings and with a header of its own, from a pipe as from a file.

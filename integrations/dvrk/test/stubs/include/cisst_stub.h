@@ -1,5 +1,5 @@
 /*
- * Stub for tests, no cisst: see ../README.md. Interfaces as in cisst 1.2 to 1.5; each part names the header that it follows. What a
+ * Stub for tests, no cisst: see ../README.md. Interfaces as in cisst 1.2 to 1.4; each part names the header that it follows. What a
  * test needs beyond them stands under "For tests".
  */
 #pragma once
