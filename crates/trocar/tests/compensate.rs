@@ -627,8 +627,8 @@ fn random_drive(seed: u64) -> (ModelFile, BenchRun) {
     let part = |k: u64| ((seed * (2 * k + 3)) as f64 * 0.618_034).fract();
     let config = surgeon(60.0, |config| {
         config.tissue.kind =
-            if seed % 2 == 0 { TissueKind::HuntCrossley } else { TissueKind::KelvinVoigt };
-        config.tissue.surface_m = if seed % 3 == 0 { 1.0 } else { 0.04 + 0.08 * part(1) };
+            if seed.is_multiple_of(2) { TissueKind::HuntCrossley } else { TissueKind::KelvinVoigt };
+        config.tissue.surface_m = if seed.is_multiple_of(3) { 1.0 } else { 0.04 + 0.08 * part(1) };
         config.tissue.force_at_10_mm_n = 0.5 + 3.0 * part(2);
         config.tissue.load_n = 10.0 * part(3) - 5.0;
         config.tissue.load_from_s = 5.0 + 10.0 * part(4);
@@ -636,7 +636,7 @@ fn random_drive(seed: u64) -> (ModelFile, BenchRun) {
         (config.lubrication.level, config.lubrication.onset_s) = (0.4 + 0.8 * part(6), 20.0);
         config.rod.mass_kg = 0.0;
     });
-    let protocol = if seed % 3 == 0 { Protocol::Steady } else { Protocol::Surgeon };
+    let protocol = if seed.is_multiple_of(3) { Protocol::Steady } else { Protocol::Surgeon };
     let mut record = run(&config, protocol, &seal, 900 + seed).unwrap();
     for (reading, time) in record.force.iter_mut().zip(&record.time) {
         *reading += 1.5 * libm::sin(core::f64::consts::TAU * 0.25 * time);
