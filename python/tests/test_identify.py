@@ -205,6 +205,26 @@ def test_the_tissue_is_told_from_the_trocar(found: trocar.Identification, held_o
     assert np.allclose(rest.tissue_force_n, estimate.tissue_force_n[500:], atol=1e-6)  # N; the times differ by rounding
 
 
+def test_live_readings_have_the_sign_of_the_sensor(
+    training: list[trocar.Recording], held_out: list[trocar.Recording]
+) -> None:
+    def upside_down(recording: trocar.Recording) -> trocar.Recording:
+        return trocar.Recording(
+            recording.time_s, recording.position_m, -recording.force_n, flip_force=True, name=recording.name
+        )
+
+    model = trocar.identify([upside_down(recording) for recording in training], bootstrap=0, moving_mass_kg=ROD_KG).model
+    recording = held_out[0]
+    columns = (recording.time_s, recording.position_m)
+    expected = trocar.compensate(model, recording)
+    live = trocar.Compensator(model).run(*columns, -recording.force_n)
+    assert np.array_equal(live.tissue_force_n, expected.tissue_force_n)
+    plain = trocar.Compensator(model, flip_force=False).run(*columns, recording.force_n)
+    assert np.array_equal(plain.tissue_force_n, expected.tissue_force_n) and not plain.faults
+    wrong = trocar.Compensator(model, flip_force=False).run(*columns, -recording.force_n)
+    assert "opposite_sign" in wrong.faults and wrong.is_doubtful
+
+
 def test_faulty_samples_are_named(found: trocar.Identification) -> None:
     live = trocar.Compensator(found.model, sensor_limit_n=20)
     live.step(0.1, 0.0, 0.0)

@@ -311,9 +311,10 @@ def compensate(
 
     The samples are processed in order and causally; ``Compensator`` does the same with live samples. Options that are
     None take their values from the model. The observer tracks friction that has changed since the identification, unless
-    ``adaptation`` is False.
+    ``adaptation`` is False. The recording has the sign of the model: where the sensor counts the other way round, it was
+    made with ``flip_force``.
 
-    :param offset_n: reading of the sensor without any force
+    :param offset_n: reading of the sensor without any force, with the sign of the recording
     :param moving_mass_kg: mass between sensor and seal; its inertia is subtracted
     :param gravity_m_s2: gravity as it acts on the reading of that mass; 0 if the weight is part of the offset, as it is of that
         of the model: with gravity, state ``offset_n`` without the weight
@@ -328,6 +329,7 @@ def compensate(
         model,
         *columns,
         offset_n=offset_n,
+        flip_force=False,
         moving_mass_kg=moving_mass_kg,
         gravity_m_s2=gravity_m_s2,
         sensor_limit_n=sensor_limit_n,

@@ -220,6 +220,7 @@ class Compensator:
         model: Model,
         *,
         offset_n: float | None = None,
+        flip_force: bool | None = None,
         moving_mass_kg: float | None = None,
         gravity_m_s2: float = 0.0,
         sensor_limit_n: float | None = None,
@@ -243,7 +244,9 @@ class Compensator:
     @staticmethod
     def _restore(
         model: Model,
-        options: tuple[float | None, float | None, float, float | None, float | None, bool],
+        options: tuple[
+            float | None, bool | None, float | None, float, float | None, float | None, bool
+        ],
         state: npt.ArrayLike,
         time_s: float | None,
         posterior: Posterior | _Path | None,
@@ -489,6 +492,7 @@ def compensate(
     force_n: npt.ArrayLike,
     *,
     offset_n: float | None,
+    flip_force: bool | None,
     moving_mass_kg: float | None,
     gravity_m_s2: float,
     sensor_limit_n: float | None,

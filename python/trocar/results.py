@@ -886,7 +886,7 @@ class Compensation:
     @property
     def is_doubtful(self) -> bool:
         """Whether some readings did not determine the force, or samples were missing."""
-        return bool({"no_reading", "no_position", "saturated", "frozen", "gap"} & self.faults.keys())
+        return bool({"no_reading", "no_position", "saturated", "frozen", "gap", "opposite_sign"} & self.faults.keys())
 
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """The columns, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept."""

@@ -78,6 +78,7 @@ fn observer_of(model: *mut Model) -> Result<*mut CCompensator, Box<dyn Error>> {
         sensor_limit_n: nothing,
         force_error_n: nothing,
         adaptation: 0,
+        flip_force: -1,
     };
     let mut observer = null_mut();
     // SAFETY: a place for the options, of their size.

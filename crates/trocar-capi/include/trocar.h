@@ -34,7 +34,7 @@
  * Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
  * compiled for one version must not run with a library of another; compare with trocar_abi_version().
  */
-#define TROCAR_ABI_VERSION 2
+#define TROCAR_ABI_VERSION 3
 
 /**
  * Bytes of a state.
@@ -184,6 +184,10 @@ enum trocar_fault
      * More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
      */
     TROCAR_FAULT_GAP = 7,
+    /**
+     * The reading, or the position, has the opposite sign of the model's over several strokes: no tissue force.
+     */
+    TROCAR_FAULT_OPPOSITE_SIGN = 8,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -217,7 +221,7 @@ typedef struct {
      */
     size_t struct_size;
     /**
-     * Reading without any force, N; NaN: as in the model file, else 0.
+     * Reading without any force, N, with the sign of the readings; NaN: as in the model file, else 0.
      */
     double offset_n;
     /**
@@ -241,6 +245,10 @@ typedef struct {
      * 1: friction and viscosity are adapted in use; 0: they stay those of the model.
      */
     int32_t adaptation;
+    /**
+     * Whether the sign of each reading is reversed, 1 or 0; -1: as the recordings of the model file were, else 0.
+     */
+    int32_t flip_force;
 } trocar_compensator_options;
 
 /**
@@ -369,7 +377,7 @@ trocar_status trocar_compensator_options_init(trocar_compensator_options *option
  * message as for trocar_model_load().
  *
  * Refuses: TROCAR_STATUS_OUT_OF_RANGE for an option, TROCAR_STATUS_UNSUPPORTED where neither the model file nor
- * force_error_n states how far off the model's force is.
+ * force_error_n states how far off the model's force is, and where neither the model file nor flip_force states the sign.
  */
 trocar_status trocar_compensator_new(const trocar_model *model,
                                      const trocar_compensator_options *options,
@@ -385,8 +393,9 @@ trocar_status trocar_compensator_new(const trocar_model *model,
 trocar_status trocar_compensator_free(trocar_compensator *compensator);
 
 /**
- * Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) of the sensor,
- * duration_s (s) after the last one; the first sample starts, whatever its duration. No allocation, bounded work.
+ * Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) with the sign that the
+ * sensor gives it (see flip_force of the options), duration_s (s) after the last one; the first sample starts, whatever its
+ * duration. No allocation, bounded work.
  *
  * Any number is accepted, also NaN: see the fault in *estimate. If the call is refused, *estimate has no tissue force
  * (NaN) and a trocar force of 0.

@@ -339,8 +339,10 @@ using Drift = trocar_drift;
 
 /** How a compensator is set up; an empty optional means: as in the model file. */
 struct CompensatorOptions {
-    /** Reading without any force, N. */
+    /** Reading without any force, N, with the sign of the readings. */
     std::optional<double> offset_n;
+    /** Whether the sign of each reading is reversed; nothing: as the recordings of the model file were, else not. */
+    std::optional<bool> flip_force;
     /** Mass between sensor and seal, kg. */
     std::optional<double> moving_mass_kg;
     /** Gravity as it acts on the reading of the moving mass; not 0 only with an offset_n without the weight. */
@@ -413,7 +415,10 @@ class Compensator {
     }
 #endif
 
-    /** Takes the next sample: position, reading of the sensor, time since the last sample. Any numbers, NaN too. */
+    /**
+     * Takes the next sample: position (positive is insertion), reading with the sign that the sensor gives it, time since
+     * the last sample. Any numbers, NaN too.
+     */
     Estimate step(double position_m, double force_n, double duration_s) noexcept {
         trocar_estimate said{};
         Estimate step;
@@ -461,6 +466,7 @@ class Compensator {
         set(from.force_error_n, to.force_error_n);
         to.gravity_m_s2 = from.gravity_m_s2;
         to.adaptation = from.adaptation ? 1 : 0;
+        to.flip_force = from.flip_force ? static_cast<int>(*from.flip_force) : -1;
         return numbers;
     }
 

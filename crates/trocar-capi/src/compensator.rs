@@ -48,7 +48,7 @@ const _: fn() = || {
 pub struct CompensatorOptions {
     /// Size of this struct in bytes; a library that knows another one refuses it.
     pub struct_size: usize,
-    /// Reading without any force, N; NaN: as in the model file, else 0.
+    /// Reading without any force, N, with the sign of the readings; NaN: as in the model file, else 0.
     pub offset_n: f64,
     /// Mass between sensor and seal, kg, 0 or more; NaN: as in the model file, else 0.
     pub moving_mass_kg: f64,
@@ -61,6 +61,8 @@ pub struct CompensatorOptions {
     pub force_error_n: f64,
     /// 1: friction and viscosity are adapted in use; 0: they stay those of the model.
     pub adaptation: i32,
+    /// Whether the sign of each reading is reversed, 1 or 0; -1: as the recordings of the model file were, else 0.
+    pub flip_force: i32,
 }
 
 /// What cannot be right about a sample. No error of the call: what the compensator makes of it is defined.
@@ -83,6 +85,8 @@ pub enum Fault {
     Jump = 6,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap = 7,
+    /// The reading, or the position, has the opposite sign of the model's over several strokes: no tissue force.
+    OppositeSign = 8,
 }
 
 /// Estimate of a compensator after each sample. Forces are those of the instrument on what it touches.
@@ -116,7 +120,7 @@ pub struct Drift {
 }
 
 impl Fault {
-    const ALL: [(Self, &CStr); 8] = [
+    const ALL: [(Self, &CStr); 9] = [
         (Self::None, c"nothing is wrong"),
         (Self::NoReading, c"no force reading: no tissue force"),
         (Self::NoPosition, c"no position: no tissue force, the model waits"),
@@ -125,6 +129,7 @@ impl Fault {
         (Self::Frozen, c"the force reading is frozen while the force must have changed: no tissue force"),
         (Self::Jump, c"the position jumps (over 1 m/s): a new zero of the encoder, not a motion; the seal's state is unknown until it has slid"),
         (Self::Gap, c"more than 0.2 s without a sample: the seal's state is unknown until it has slid"),
+        (Self::OppositeSign, c"the force reading, or the position, has the opposite sign of the model's over several strokes: no tissue force"),
     ];
 }
 
@@ -139,6 +144,7 @@ impl From<Option<compensate::Fault>> for Fault {
             Some(compensate::Fault::Frozen) => Self::Frozen,
             Some(compensate::Fault::Jump) => Self::Jump,
             Some(compensate::Fault::Gap) => Self::Gap,
+            Some(compensate::Fault::OppositeSign) => Self::OppositeSign,
         }
     }
 }
@@ -175,6 +181,7 @@ impl CompensatorOptions {
         sensor_limit_n: f64::NAN,
         force_error_n: f64::NAN,
         adaptation: 1,
+        flip_force: -1,
     };
 
     /// # Safety
@@ -198,8 +205,19 @@ impl CompensatorOptions {
                 return Err(out_of_range(format_args!("adaptation must be 0 or 1, got {other}")));
             }
         };
+        let flip_force = match options.flip_force {
+            -1 => None,
+            0 => Some(false),
+            1 => Some(true),
+            other => {
+                return Err(out_of_range(format_args!(
+                    "flip_force must be -1, 0 or 1, got {other}"
+                )));
+            }
+        };
         Ok(CompensateOptions {
             offset_n: known(options.offset_n),
+            flip_force,
             moving_mass_kg: known(options.moving_mass_kg),
             gravity_m_s2: options.gravity_m_s2,
             sensor_limit_n: known(options.sensor_limit_n),
@@ -231,6 +249,7 @@ fn refused(error: CompensateError) -> Failure {
                         --validate, or set force_error_n";
             Failure::new(Status::Unsupported, text)
         }
+        CompensateError::SignUnknown => Failure::new(Status::Unsupported, error),
         error => Failure::new(Status::ModelInvalid, error),
     }
 }
@@ -313,7 +332,7 @@ pub unsafe extern "C" fn trocar_compensator_options_init(
 /// message as for trocar_model_load().
 ///
 /// Refuses: TROCAR_STATUS_OUT_OF_RANGE for an option, TROCAR_STATUS_UNSUPPORTED where neither the model file nor
-/// force_error_n states how far off the model's force is.
+/// force_error_n states how far off the model's force is, and where neither the model file nor flip_force states the sign.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_compensator_new(
     model: *const Model,
@@ -364,8 +383,9 @@ pub unsafe extern "C" fn trocar_compensator_free(compensator: *mut Compensator) 
     })
 }
 
-/// Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) of the sensor,
-/// duration_s (s) after the last one; the first sample starts, whatever its duration. No allocation, bounded work.
+/// Takes the next sample: instrument at position_m (m, positive is insertion), reading force_n (N) with the sign that the
+/// sensor gives it (see flip_force of the options), duration_s (s) after the last one; the first sample starts, whatever its
+/// duration. No allocation, bounded work.
 ///
 /// Any number is accepted, also NaN: see the fault in *estimate. If the call is refused, *estimate has no tissue force
 /// (NaN) and a trocar force of 0.

@@ -433,6 +433,7 @@ fn c_and_rust_lay_out_alike() {
         offset_of!(Tunable, element),
         size_of::<CompensatorOptions>(),
         offset_of!(CompensatorOptions, adaptation),
+        offset_of!(CompensatorOptions, flip_force),
         size_of::<Estimate>(),
         offset_of!(Estimate, adapting),
         offset_of!(Estimate, fault),

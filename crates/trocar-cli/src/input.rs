@@ -300,6 +300,7 @@ impl Observing {
     pub(crate) fn options(&self) -> CompensateOptions {
         CompensateOptions {
             offset_n: self.offset_n,
+            flip_force: None,
             moving_mass_kg: self.moving_mass_kg,
             gravity_m_s2: self.gravity_m_s2,
             sensor_limit_n: self.sensor_limit_n,

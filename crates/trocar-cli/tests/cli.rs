@@ -707,9 +707,14 @@ fn recordings_for_a_model_are_read_like_its_own() {
 
     place.run("simulate found logger.csv --out simulated.csv").done().says(&[said]);
     place.run("compensate found logger.csv --out tissue.csv").done().says(&[said]);
+    no_tissue_is_found(&place);
+    place.run("export c found/model.json --compensator --out seal.c").done();
+    assert!(place.text("seal.h").contains("the observer reverses it"));
+    place.run("export c found/model.json --compensator --flip-force=false --out seal.c").done();
+    assert!(!place.text("seal.h").contains("the observer reverses it"));
 
-    // A file with a header of its own, and one with neither.
-    let own = place.text("plain.csv").replacen("force_n", "-force_n", 0);
+    // A file of the same sensor with a header of its own, and one with neither.
+    let own = place.text("logger.csv").replacen("t,pos,Fz", "time_s,position_mm,force_n", 1);
     place.put("own.csv", &own);
     place.run("validate found own.csv").says(&["read by its own header"]);
     place.put("other.csv", &place.text("logger.csv").replacen("t,pos,Fz", "a,b,c", 1));
@@ -717,10 +722,22 @@ fn recordings_for_a_model_are_read_like_its_own() {
         .run("validate found other.csv")
         .fails_saying(&["other.csv line 1: no time, position or force column among 'a, b, c'"]);
     streams_for_a_model_are_read_like_files(&place);
+    // One of the other sign is noticed.
+    place.run("compensate found plain.csv --out tissue.csv").ends_with(3).says(&["opposite sign"]);
     // Options of one's own replace those of the model.
     let ran =
         place.run("validate found plain.csv --columns time_s=time_s,position_m=position_m,force_n=force_n").done();
     assert!(!ran.stderr.contains("read like"), "{ran:#?}");
+}
+
+/// The recording met none; readings of the other sign would be several N of it.
+fn no_tissue_is_found(place: &Place) {
+    let table = place.text("tissue.csv");
+    let cells = table.lines().skip(1).map(|line| line.split(',').nth(4).unwrap());
+    let forces: Vec<f64> = cells.map(|cell| cell.parse().unwrap()).collect();
+    let squares: f64 = forces.iter().map(|force| force * force).sum();
+    let rms = (squares / forces.len() as f64).sqrt();
+    assert!(rms < 0.3, "{rms} N");
 }
 
 /// With the columns of the model's recordings and with a header of its own, from a pipe as from a file.

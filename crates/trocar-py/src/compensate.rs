@@ -75,12 +75,15 @@ fn name(fault: Fault) -> &'static str {
         Fault::Frozen => "frozen",
         Fault::Jump => "jump",
         Fault::Gap => "gap",
+        Fault::OppositeSign => "opposite_sign",
     }
 }
 
 /// Takes the force of the trocar out of live readings, sample by sample, without looking ahead.
 ///
-/// Whatever is None comes from the model. A step never fails: what cannot be right about a sample
+/// Whatever is None comes from the model. Readings have the sign that the sensor gives them: where
+/// the recordings of the model were read with the sign reversed, the observer reverses the readings
+/// too; `flip_force=False` is for readings that have the sign of the model already. A step never fails: what cannot be right about a sample
 /// is named in its `fault`. Compensators can be copied and pickled; the copy goes on from the same
 /// state.
 #[pyclass(module = "trocar")]
@@ -95,11 +98,12 @@ pub(crate) struct Compensator {
 }
 
 /// Options in the order of [`options`].
-type OptionsRow = (Option<f64>, Option<f64>, f64, Option<f64>, Option<f64>, bool);
+type OptionsRow = (Option<f64>, Option<bool>, Option<f64>, f64, Option<f64>, Option<f64>, bool);
 
 /// Options of both.
 fn options(
     offset_n: Option<f64>,
+    flip_force: Option<bool>,
     moving_mass_kg: Option<f64>,
     gravity_m_s2: f64,
     sensor_limit_n: Option<f64>,
@@ -108,6 +112,7 @@ fn options(
 ) -> CompensateOptions {
     CompensateOptions {
         offset_n,
+        flip_force,
         moving_mass_kg,
         gravity_m_s2,
         sensor_limit_n,
@@ -119,12 +124,13 @@ fn options(
 #[pymethods]
 impl Compensator {
     #[new]
-    #[pyo3(signature = (model, *, offset_n=None, moving_mass_kg=None, gravity_m_s2=0.0, sensor_limit_n=None,
-        force_error_n=None, adaptation=true, posterior=None))]
+    #[pyo3(signature = (model, *, offset_n=None, flip_force=None, moving_mass_kg=None, gravity_m_s2=0.0,
+        sensor_limit_n=None, force_error_n=None, adaptation=true, posterior=None))]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn new(
         model: &Bound<'_, Model>,
         offset_n: Option<f64>,
+        flip_force: Option<bool>,
         moving_mass_kg: Option<f64>,
         gravity_m_s2: f64,
         sensor_limit_n: Option<f64>,
@@ -134,6 +140,7 @@ impl Compensator {
     ) -> PyResult<Self> {
         let options = options(
             offset_n,
+            flip_force,
             moving_mass_kg,
             gravity_m_s2,
             sensor_limit_n,
@@ -227,14 +234,22 @@ impl Compensator {
         let own = slf.borrow();
         let CompensateOptions {
             offset_n,
+            flip_force,
             moving_mass_kg,
             gravity_m_s2,
             sensor_limit_n,
             force_error_n,
             adaptation,
         } = own.options;
-        let options =
-            (offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+        let options = (
+            offset_n,
+            flip_force,
+            moving_mass_kg,
+            gravity_m_s2,
+            sensor_limit_n,
+            force_error_n,
+            adaptation,
+        );
         let numbers = PyArray1::from_vec(py, own.observer.state());
         let posterior = own.posterior.as_ref().map(|posterior| posterior.clone_ref(py));
         let state = (own.model(py), options, numbers, own.time, posterior);
@@ -251,8 +266,9 @@ impl Compensator {
         time_s: Option<f64>,
         posterior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let (offset, mass, gravity, limit, error, adaptation) = options;
-        let mut own = Self::new(model, offset, mass, gravity, limit, error, adaptation, posterior)?;
+        let (offset, flip, mass, gravity, limit, error, adaptation) = options;
+        let mut own =
+            Self::new(model, offset, flip, mass, gravity, limit, error, adaptation, posterior)?;
         own.observer.set_state(column("state", state)?.as_slice()?).map_err(Raise::raise)?;
         own.time = time_s;
         Ok(own)
@@ -297,8 +313,8 @@ pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
 
 /// Takes the force of the trocar out of a whole recording; `trocar.compensate` wraps it.
 #[pyfunction]
-#[pyo3(signature = (model, time_s, position_m, force_n, *, offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n,
-    force_error_n, adaptation, posterior))]
+#[pyo3(signature = (model, time_s, position_m, force_n, *, offset_n, flip_force, moving_mass_kg, gravity_m_s2,
+    sensor_limit_n, force_error_n, adaptation, posterior))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn compensate<'py>(
     py: Python<'py>,
@@ -307,6 +323,7 @@ pub(crate) fn compensate<'py>(
     position_m: &Bound<'py, PyAny>,
     force_n: &Bound<'py, PyAny>,
     offset_n: Option<f64>,
+    flip_force: Option<bool>,
     moving_mass_kg: Option<f64>,
     gravity_m_s2: f64,
     sensor_limit_n: Option<f64>,
@@ -314,8 +331,15 @@ pub(crate) fn compensate<'py>(
     adaptation: bool,
     posterior: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(Estimates<'py>, (f64, f64, f64, f64))> {
-    let options =
-        options(offset_n, moving_mass_kg, gravity_m_s2, sensor_limit_n, force_error_n, adaptation);
+    let options = options(
+        offset_n,
+        flip_force,
+        moving_mass_kg,
+        gravity_m_s2,
+        sensor_limit_n,
+        force_error_n,
+        adaptation,
+    );
     let (mut observer, _) = observer(model.get(), &options, posterior)?;
     let columns =
         [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];

@@ -66,18 +66,19 @@ fn recording_of(
     name: String,
     mut readings: Readings,
     sensor_limit_n: Option<f64>,
-    flip_force: bool,
+    choice: Choice,
 ) -> PyResult<Record> {
     check_limit(sensor_limit_n)?;
-    if flip_force {
+    if choice.flip_force {
         readings.force.iter_mut().for_each(|force| *force = -*force);
     }
     let mut record = py
         .detach(|| Record::from_readings(name, &readings, sensor_limit_n))
         .map_err(Raise::raise)?;
-    if flip_force {
+    if choice.flip_force {
         record.quality.notes.push("sign of the force reversed".to_owned());
     }
+    record.choice = choice;
     Ok(record)
 }
 
@@ -175,7 +176,8 @@ impl Recording {
             force: values("force_n", force_n)?,
             velocity: velocity_m_s.map(|velocity| values("velocity_m_s", velocity)).transpose()?,
         };
-        Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, flip_force)?))
+        let choice = Choice { flip_force, ..Choice::default() };
+        Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, choice)?))
     }
 
     /// A recording from a pandas or polars data frame, an xarray data set, or a dictionary of
@@ -200,7 +202,8 @@ impl Recording {
         let py = frame.py();
         let columns = columns.map(columns_in_words).transpose()?;
         let (readings, notes) = readings_of_frame(frame, &name, columns.as_deref())?;
-        let mut record = recording_of(py, name, readings, sensor_limit_n, flip_force)?;
+        let choice = Choice { columns, flip_force, ..Choice::default() };
+        let mut record = recording_of(py, name, readings, sensor_limit_n, choice)?;
         record.quality.notes.extend(notes);
         Ok(Self::new(record))
     }

@@ -32,6 +32,13 @@
 //! friction, std does not cover it until a position is crossed in the direction opposite to its
 //! last crossing.
 //!
+//! # Sign
+//!
+//! Readings are passed with the sign that the sensor gives them. Where the recordings of the model
+//! were read with the sign reversed, the observer reverses the readings too
+//! ([`CompensateOptions::flip_force`]); otherwise a positive reading is a force of the instrument
+//! in the direction of insertion.
+//!
 //! # Faults
 //!
 //! A step never fails. A [`Fault`] names an invalid sample, and the tissue force is NaN where the
@@ -57,6 +64,7 @@ use drawn::Drawn;
 use faults::Watch;
 use inertia::Inertia;
 use saved::StateRow;
+use sign::{SignWatch, Slid};
 
 use crate::model_file::{ErrorSource, ForceError, Interval, ModelFile, ModelFileError};
 use crate::profile::Departure;
@@ -68,6 +76,7 @@ mod drawn;
 mod faults;
 mod inertia;
 mod saved;
+mod sign;
 
 /// Speed below which the instrument counts as held, m/s, and the averaging time of that speed, s:
 /// as in validation, from which the error of the phase comes.
@@ -89,15 +98,18 @@ const FORGOTTEN: f64 = 1e-3;
 /// then 7 %.
 pub const MOST_DRAWS: usize = 100;
 /// First number of a saved state: the version of its form.
-const STATE_FORMAT: f64 = 1.0;
+const STATE_FORMAT: f64 = 2.0;
 /// 95 % quantile of a normal distribution, two-sided.
 const NORMAL_95: f64 = 1.96;
 
 /// Options of a compensator; all that are `None` come from the model file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompensateOptions {
-    /// Reading without any force, N.
+    /// Reading without any force, N, with the sign of the readings.
     pub offset_n: Option<f64>,
+    /// Whether readings are reversed, because the sensor counts the other way round than the model;
+    /// from the model file: as its recordings were.
+    pub flip_force: Option<bool>,
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: Option<f64>,
     /// Gravity as it acts on the reading of the moving mass, m/s²; 0 where the weight is part of
@@ -116,6 +128,7 @@ impl Default for CompensateOptions {
     fn default() -> Self {
         Self {
             offset_n: None,
+            flip_force: None,
             moving_mass_kg: None,
             gravity_m_s2: 0.0,
             sensor_limit_n: None,
@@ -138,6 +151,12 @@ pub enum CompensateError {
          standard deviation with --force-error-n"
     )]
     NoForceError,
+    /// The model does not tell which sign the readings have.
+    #[error(
+        "some recordings of the model were read with the sign of the force reversed and some without: the sign of a reading is \
+         unknown\n\nhint: state with flip_force whether readings are reversed"
+    )]
+    SignUnknown,
     /// Draws for a model that is no EMS element.
     #[error("posterior draws are of EMS elements, but the model is of kind {kind}")]
     NoElements {
@@ -220,6 +239,9 @@ impl Estimate {
 #[derive(Debug, Clone)]
 struct Setup {
     trocar: Trocar<Vec<f64>>,
+    /// Whether readings have the other sign than the model.
+    flips: bool,
+    /// With the sign of the model.
     offset: f64,
     error: ForceError,
     adaptation: bool,
@@ -255,6 +277,7 @@ pub struct Compensator {
     adapter: Adapter,
     bank: Bank,
     watch: Watch,
+    sign: SignWatch,
     time: f64,
     /// Time since the model last moved, s, where samples could not move it.
     waited: f64,
@@ -281,8 +304,12 @@ impl Compensator {
         options: &CompensateOptions,
     ) -> Result<Self, CompensateError> {
         let sensor = file.sensor;
-        let offset =
-            finite("offset_n", options.offset_n.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
+        let flips = options
+            .flip_force
+            .or_else(|| file.flips_force())
+            .ok_or(CompensateError::SignUnknown)?;
+        let given = options.offset_n.map(|offset| if flips { -offset } else { offset });
+        let offset = finite("offset_n", given.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
         let mass = options.moving_mass_kg.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
         let mass = not_negative("moving_mass_kg", mass)?;
         let gravity = finite("gravity_m_s2", options.gravity_m_s2)?;
@@ -307,9 +334,11 @@ impl Compensator {
         let shown = options.force_error_n.is_some() || error.source != ErrorSource::Identification;
         let of = |quantity: Quantity| if shown { 0.0 } else { relative_std(file, quantity) };
         let spread = [of(Quantity::CoulombForce), of(Quantity::ViscousDamping)];
+        let watch = Watch::new(limit, sigma);
         Ok(Self {
             setup: Setup {
                 trocar: file.trocar.with_seal(seal),
+                flips,
                 offset,
                 error,
                 adaptation: options.adaptation,
@@ -326,7 +355,8 @@ impl Compensator {
             inertia: Inertia::new(mass, gravity),
             bank: Bank::new(&seal, sigma),
             adapter: Adapter::new(options.adaptation, spread, sigma),
-            watch: Watch::new(limit, sigma),
+            sign: SignWatch::new(&seal, watch.least_change()),
+            watch,
             time: 0.0,
             waited: 0.0,
             last: Estimate::NONE,
@@ -361,7 +391,14 @@ impl Compensator {
         self.adapter.reset();
         self.bank.reset(self.setup.seal());
         self.watch.reset();
+        self.sign.reset();
         self.last = Estimate::NONE;
+    }
+
+    /// Whether readings are reversed from now on, whatever the options and the model say: for
+    /// readings whose sign the reader of a recording has reversed already.
+    pub fn set_flip_force(&mut self, flips: bool) {
+        self.setup.flips = flips;
     }
 
     /// All that changes with the samples, as numbers, for [`Compensator::set_state`]; some may be
@@ -411,6 +448,7 @@ impl Compensator {
         self.adapter.exchange(row);
         self.bank.exchange(&seal, row);
         self.watch.exchange(row);
+        self.sign.exchange(row);
         self.last.exchange(row);
     }
 
@@ -435,12 +473,13 @@ impl Compensator {
         self.last
     }
 
-    /// Processes the next sample: `position` (m) and reading `force` (N), `duration` (s) after the
-    /// last one.
+    /// Processes the next sample: `position` (m, positive is insertion) and reading `force` (N, with
+    /// the sign that the sensor gives it), `duration` (s) after the last one.
     ///
     /// The first sample starts the observer, whatever its duration. The model is not stepped if the
     /// duration is not positive and finite or the position is not finite.
     pub fn step(&mut self, position: f64, force: f64, duration: f64) -> Estimate {
+        let force = if self.setup.flips { -force } else { force };
         let goes_on = duration > 0.0 && duration.is_finite();
         self.waited += if goes_on { duration } else { 0.0 };
         let elapsed = if goes_on { self.waited } else { duration };
@@ -490,6 +529,7 @@ impl Compensator {
         self.extremes = Some(extremes(self.setup.seal()));
         self.adapter.break_off();
         self.bank.break_off();
+        self.sign.break_off();
     }
 
     /// Moves the model by `displacement`, m, within the time since it last moved.
@@ -535,6 +575,7 @@ impl Compensator {
         let dry = level * Seal::force(&self.state) - viscous;
         let trocar_force = along(dry + viscosity * viscous);
         let own = force - self.setup.offset - self.inertia.force();
+        let fault = self.with_sign(position, own, fault);
         let reading = if fault.is_some_and(Fault::spoils_reading) { f64::NAN } else { own };
         let spread =
             level * self.extremes.as_ref().map_or(0.0, |starts| spread(starts, &self.state));
@@ -560,6 +601,21 @@ impl Compensator {
         let tissue_force = reading - trocar_force;
         self.watch.follow(trocar_force, force);
         Estimate { trocar_force, tissue_force, std, adapting: self.adapter.is_adapting(), fault }
+    }
+
+    /// The fault of a sample whose reading is `own`, N, when its sign is compared with the model's.
+    fn with_sign(&mut self, position: f64, own: f64, fault: Option<Fault>) -> Option<Fault> {
+        if fault.is_some_and(Fault::spoils_reading) || !own.is_finite() {
+            return fault;
+        }
+        let slides = self.extremes.is_none() && self.slides();
+        if slides && self.speed * self.mean_speed > 0.0 {
+            let reading =
+                self.setup.profile().map_or(own, |profile| profile.without(position, own));
+            let now = Slid { reading, model: Seal::force(&self.state) };
+            self.sign.take(position, self.speed > 0.0, now);
+        }
+        if self.sign.is_opposite() { Some(Fault::OppositeSign) } else { fault }
     }
 
     fn learn(&mut self, position: f64, now: Sliding, variance: f64) {
@@ -592,22 +648,23 @@ impl Compensator {
     }
 
     fn phase(&self) -> Phase {
-        let deforms =
-            matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
-        match (self.mean_speed.abs() < HOLD_SPEED, deforms) {
+        match (self.mean_speed.abs() < HOLD_SPEED, self.slides()) {
             (true, _) if self.has_turned => Phase::PartialHeld,
             (true, _) => Phase::Held,
-            (false, true) if self.has_turned => Phase::Partial,
-            (false, true) => Phase::Deforming,
-            (false, false) => Phase::Sliding,
+            (false, false) if self.has_turned => Phase::Partial,
+            (false, false) => Phase::Deforming,
+            (false, true) => Phase::Sliding,
         }
+    }
+
+    /// Whether the seal slides; all motion for a model without deflection.
+    fn slides(&self) -> bool {
+        !matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }))
     }
 
     /// Direction of a slide once it is certain.
     fn settled(&mut self) -> Option<bool> {
-        let deforms =
-            matches!(self.state.deformation(), Some(Deformation { mode: Mode::Deforming, .. }));
-        let slides = self.extremes.is_none() && self.speed.abs() >= HOLD_SPEED && !deforms;
+        let slides = self.extremes.is_none() && self.speed.abs() >= HOLD_SPEED && self.slides();
         self.adapter.settle(
             slides,
             self.speed > 0.0,

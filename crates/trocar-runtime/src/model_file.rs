@@ -38,6 +38,9 @@ pub const FORMAT: &str = "trocar-model";
 /// keys.
 pub const VERSION: u32 = 8;
 
+/// Words by which `--columns` names the force.
+const FORCE_WORDS: [&str; 4] = ["force", "f", "load", "friction"];
+
 /// Largest difference between a joint and the ends of its pieces, as a fraction of the half width.
 const INTERVAL_TOLERANCE: f64 = 1e-9;
 
@@ -213,6 +216,27 @@ pub struct ReadWith {
     pub rate_hz: Option<f64>,
 }
 
+impl ReadWith {
+    /// Whether the sign of the force was reversed: by `flip_force`, or by a minus before its column.
+    fn reverses_force(&self) -> bool {
+        self.flip_force != self.columns.as_deref().is_some_and(negates_force)
+    }
+}
+
+/// Whether `columns`, in the syntax of `--columns`, has a minus before the force: in
+/// `force_n=-fz`, or in order, `time_s,position_m,-force_n`.
+fn negates_force(columns: &str) -> bool {
+    let is_force = |name: &str| {
+        let mut words = name.split(|c: char| !c.is_alphanumeric());
+        words.any(|word| FORCE_WORDS.iter().any(|own| word.eq_ignore_ascii_case(own)))
+    };
+    let is_by_name = columns.contains('=');
+    columns.split(',').any(|entry| match entry.split_once('=') {
+        Some((what, column)) => is_force(what) && column.trim_start().starts_with('-'),
+        None => !is_by_name && entry.trim_start().strip_prefix('-').is_some_and(is_force),
+    })
+}
+
 /// The sensor of the recordings used for a model.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -374,6 +398,16 @@ impl ModelFile {
         let mut all = self.origin.recordings.iter().map(|recording| recording.read_with.as_ref());
         let first = all.next()?;
         if all.all(|other| other == first) { first } else { None }
+    }
+
+    /// Whether the sign of the sensor was reversed when the recordings of the model were read;
+    /// `None` where only some of them were read so. Not reversed without recordings.
+    pub fn flips_force(&self) -> Option<bool> {
+        let recordings = self.origin.recordings.iter();
+        let mut all = recordings
+            .map(|recording| recording.read_with.as_ref().is_some_and(ReadWith::reverses_force));
+        let Some(first) = all.next() else { return Some(false) };
+        all.all(|other| other == first).then_some(first)
     }
 
     /// Reads and checks the text of a model file.

@@ -55,6 +55,8 @@ pub struct StreamOptions<'a> {
 
 /// Runs `observer` along the file at `path` and writes `output`; `-` is standard input or output.
 ///
+/// The sign of the readings is that of `options.choice`: the observer does not reverse it again.
+///
 /// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress`
 /// regularly receives the fraction of the file read, 0 to 1 (0 for a stream), and the number of
 /// rows; `on_fault` the first line of each kind of fault when it occurs.
@@ -77,6 +79,7 @@ pub fn compensate_file(
     let mut rows = Rows::open(path, options.choice, &needed, false)?;
     let mut count = Counter::default();
     let mut before = None;
+    observer.set_flip_force(false);
     while let Some(row) = rows.next_row()? {
         let [time, position, force, _] = row.values;
         // A live stream cannot be corrected: an invalid time is a fault there, and the model is not

@@ -11,7 +11,9 @@ use trocar::bench::random::random_plausible_seal;
 use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
 use trocar::compensate::{CompensateError, CompensateOptions, Compensator, Drift, Estimate, Fault};
 use trocar::identify::{IdentifyOptions, identify};
-use trocar::model_file::{ErrorSource, ForceError, ModelFile, Origin, OriginKind, SensorInfo};
+use trocar::model_file::{
+    ErrorSource, ForceError, ModelFile, Origin, OriginKind, ReadWith, RecordingInfo, SensorInfo,
+};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::validate::validate;
 use trocar::workflow::{MovingMass, Workflow};
@@ -297,6 +299,7 @@ fn under_load(seed: u64, tissue: impl Fn(f64, f64) -> f64) -> (f64, f64, Drift) 
     record.force.iter_mut().zip(&truth).for_each(|(reading, load)| *reading += load);
     let mut observer = observer(true);
     let said = observe(&mut observer, &record);
+    assert!(said.iter().all(|e| e.fault.is_none()), "seed {seed}");
     let late: Vec<usize> = (0..said.len()).filter(|k| record.time[*k] > 30.0).collect();
     let error = rms(late.iter().map(|k| said[*k].tissue_force - truth[*k]));
     let covered = late
@@ -612,6 +615,153 @@ fn clock_jitter_costs_nothing() {
         }
     });
     assert!(clean_error(&said) < FOUND, "{}", clean_error(&said));
+}
+
+/// A random seal with its exact model, in a random motion with random tissue, loads of several N and
+/// breathing. In full strokes there is no tissue, which would saturate the sensor.
+fn random_drive(seed: u64) -> (ModelFile, BenchRun) {
+    let params = random_plausible_seal(500 + seed);
+    let seal = [Element::new(params).unwrap()];
+    let mut file = ModelFile::new(seal[0], Origin::new(OriginKind::HandMade));
+    file.force_error = Some(ForceError::everywhere(0.05));
+    let part = |k: u64| ((seed * (2 * k + 3)) as f64 * 0.618_034).fract();
+    let config = surgeon(60.0, |config| {
+        config.tissue.kind =
+            if seed.is_multiple_of(2) { TissueKind::HuntCrossley } else { TissueKind::KelvinVoigt };
+        config.tissue.surface_m = if seed.is_multiple_of(3) { 1.0 } else { 0.04 + 0.08 * part(1) };
+        config.tissue.force_at_10_mm_n = 0.5 + 3.0 * part(2);
+        config.tissue.load_n = 10.0 * part(3) - 5.0;
+        config.tissue.load_from_s = 5.0 + 10.0 * part(4);
+        config.tissue.load_until_s = 20.0 + 30.0 * part(5);
+        (config.lubrication.level, config.lubrication.onset_s) = (0.4 + 0.8 * part(6), 20.0);
+        config.rod.mass_kg = 0.0;
+    });
+    let protocol = if seed.is_multiple_of(3) { Protocol::Steady } else { Protocol::Surgeon };
+    let mut record = run(&config, protocol, &seal, 900 + seed).unwrap();
+    for (reading, time) in record.force.iter_mut().zip(&record.time) {
+        *reading += 1.5 * libm::sin(core::f64::consts::TAU * 0.25 * time);
+    }
+    (file, record)
+}
+
+/// Samples at which the motion has reversed, after a stroke of more than `least`, m.
+fn reversals(position: &[f64], least: f64) -> Vec<usize> {
+    let (mut found, mut extreme, mut inserts) = (Vec::new(), position[0], None);
+    for (k, &x) in position.iter().enumerate() {
+        let way = x - extreme;
+        if inserts.is_some_and(|inserts| (way > 0.0) == inserts) {
+            extreme = x;
+        } else if way.abs() > least {
+            (extreme, inserts) = (x, Some(way > 0.0));
+            found.push(k);
+        }
+    }
+    found
+}
+
+/// Full strokes after which every reading of the opposite sign is a fault.
+const STROKES: usize = 6;
+
+/// Readings of the opposite sign are a fault within the first strokes, whatever touches the tip, and
+/// readings of the right sign never are; the same where the position counts the other way round.
+#[test]
+fn the_sign_of_the_readings_is_watched() {
+    for seed in 0..40 {
+        let (file, record) = random_drive(seed);
+        let strokes = reversals(&record.position, 4.0 * file.trocar.seal().half_width() + 5e-3);
+        for (adaptation, flips) in [(false, false), (true, true)] {
+            let options = CompensateOptions {
+                adaptation,
+                flip_force: Some(flips),
+                ..CompensateOptions::default()
+            };
+            // With these signs of position and reading.
+            let opposite = |x: f64, y: f64| {
+                let mut observer = Compensator::new(&file, &options).unwrap();
+                let y = if flips { -y } else { y };
+                (0..record.time.len()).position(|k| {
+                    let duration = record.time[k] - record.time[k.saturating_sub(1)];
+                    let said = observer.step(x * record.position[k], y * record.force[k], duration);
+                    let found = said.fault == Some(Fault::OppositeSign);
+                    assert!(!found || said.tissue_force.is_nan());
+                    found
+                })
+            };
+            assert_eq!(opposite(1.0, 1.0), None, "seed {seed}, adaptation {adaptation}");
+            for (x, y) in [(1.0, -1.0), (-1.0, 1.0)] {
+                let from = opposite(x, y).unwrap_or_else(|| panic!("seed {seed}: not noticed"));
+                let strokes = strokes.iter().filter(|end| **end < from).count();
+                assert!(strokes <= STROKES, "seed {seed}, {x} {y}: after {strokes} strokes");
+            }
+        }
+    }
+}
+
+/// The fault ends when the readings have the sign of the model again, and nothing was learnt from
+/// those of the other sign.
+#[test]
+fn a_sign_that_was_mended_is_no_fault() {
+    let mut record = run(&surgeon(100.0, |_| {}), Protocol::Surgeon, &seal(), 61).unwrap();
+    record.force[10_000..50_000].iter_mut().for_each(|reading| *reading = -*reading);
+    let said = observe(&mut observer(true), &record);
+    let faults: Vec<usize> =
+        (0..said.len()).filter(|k| said[*k].fault == Some(Fault::OppositeSign)).collect();
+    let (first, last) = (faults[0], *faults.last().unwrap());
+    let count = faults.len();
+    assert!(first > 10_000 && first < 50_000, "{first}");
+    assert!(last > 50_000 && last < record.time.len() - 5_000, "{last}");
+    assert_eq!(count, last - first + 1, "without a break");
+    let late = rms(said[last + 1..].iter().map(|e| e.tissue_force));
+    assert!(late < FOUND, "{late} N");
+}
+
+/// The sign comes from how the recordings of the model were read, and each form of reversing it
+/// counts; where they contradict each other, it must be stated.
+#[test]
+fn the_sign_of_the_recordings_is_that_of_the_readings() {
+    let recording = |columns: Option<&str>, flip_force: bool| RecordingInfo {
+        name: "log.csv".into(),
+        sha256: "0".repeat(64),
+        read_with: Some(ReadWith {
+            columns: columns.map(str::to_owned),
+            flip_force,
+            ..ReadWith::default()
+        }),
+    };
+    let with = |recordings: Vec<RecordingInfo>| {
+        let mut file = MODEL.clone();
+        file.origin.recordings = recordings;
+        file
+    };
+    let record = run(&surgeon(20.0, |_| {}), Protocol::Surgeon, &seal(), 5).unwrap();
+    let tissue = |file: &ModelFile, flip_force: Option<bool>, sign: f64| {
+        let options = CompensateOptions { flip_force, ..CompensateOptions::default() };
+        let mut observer = Compensator::new(file, &options).unwrap();
+        let mut own = record.clone();
+        own.force.iter_mut().for_each(|reading| *reading *= sign);
+        bits(&observe(&mut observer, &own))
+    };
+    let expected = tissue(&MODEL, None, 1.0);
+    for (columns, flip_force, flips) in [
+        (None, false, false),
+        (None, true, true),
+        (Some("time_s=t,position_mm=x,force_n=-fz"), false, true),
+        (Some("time_s=t,position_mm=-x,force_n=fz"), false, false),
+        (Some("force_n=-fz"), true, false),
+        (Some("time_s,-,position_mm,-force_n"), false, true),
+        (Some("time_s,-position_mm,force_n"), false, false),
+        (Some("load_n= -\"load, raw\",position_m=x"), false, true),
+    ] {
+        let file = with(vec![recording(columns, flip_force); 2]);
+        assert_eq!(file.flips_force(), Some(flips), "{columns:?}, {flip_force}");
+        let sign = if flips { -1.0 } else { 1.0 };
+        assert!(tissue(&file, None, sign) == expected, "{columns:?}, {flip_force}");
+        assert!(tissue(&file, Some(false), 1.0) == expected, "readings in the sign of the model");
+    }
+    let both = with(vec![recording(None, true), recording(None, false)]);
+    let refused = Compensator::new(&both, &CompensateOptions::default()).unwrap_err();
+    assert!(matches!(refused, CompensateError::SignUnknown), "{refused}");
+    assert!(tissue(&both, Some(true), -1.0) == expected);
 }
 
 #[test]

@@ -693,8 +693,9 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "../../trocar-runtime/src/compensate/bank.rs",
             "../../trocar-runtime/src/compensate/faults.rs",
             "../../trocar-runtime/src/compensate/inertia.rs",
+            "../../trocar-runtime/src/compensate/sign.rs",
         ],
-        0x1331_8b89_c638_583f,
+        0x8b5b_1438_615a_8862,
     ),
 ];
 

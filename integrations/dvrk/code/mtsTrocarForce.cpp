@@ -106,6 +106,8 @@ mtsTrocarForce::mtsTrocarForce(const mtsTaskPeriodicConstructorArg &arg) : mtsTa
 
 void mtsTrocarForce::Init(void) {
     m_measured_cf.SetValid(false);
+    // The state table would stamp the force with the time of the period, and an old one would look new.
+    m_measured_cf.SetAutomaticTimestamp(false);
     m_variance = std::numeric_limits<double>::infinity();
     StateTable.AddData(m_measured_cf, "measured_cf");
     StateTable.AddData(m_variance, "variance");

@@ -1,6 +1,7 @@
 // The dVRK component, run period by period. Compiled with stubs of cisst (stubs/README.md). Usage: component_test MODEL.json FOLDER
 #include <cmath>
 #include <fstream>
+#include <initializer_list>
 #include <limits>
 #include <string>
 #include <utility>
@@ -28,12 +29,19 @@ class Robot {
         arm.at("measured_cp")->source = &pose;
         arm.at("body/jacobian")->source = &jacobian;
         component.required["ForceSensor"].functions.at("measured_cf")->source = &sensor;
-        joints.Name() = {"yaw", "pitch", "insertion"};
-        joints.Position() = {0.1, 0.2, 0.0};
+        joints.Name().SetSize(3);
+        joints.Name()[0] = "yaw";
+        joints.Name()[1] = "pitch";
+        joints.Name()[2] = "insertion";
+        joints.Position().SetSize(3);
+        for (mtsGenericObject *read : std::initializer_list<mtsGenericObject *>{&joints, &pose, &sensor}) {
+            read->SetValid(true);
+        }
         // Tip turned by 90 degrees about y: x of the tip is -z of the reference, z of the tip is x of it.
-        pose.Position().Rotation().Element(0, 2) = 1.0;
-        pose.Position().Rotation().Element(1, 1) = 1.0;
-        pose.Position().Rotation().Element(2, 0) = -1.0;
+        vctMatRot3 &rotation = pose.Position().Rotation();
+        rotation.Element(0, 0) = rotation.Element(2, 2) = 0.0;
+        rotation.Element(0, 2) = 1.0;
+        rotation.Element(2, 0) = -1.0;
         jacobian.Element(0, 2) = 0.8;
         jacobian.Element(2, 2) = 0.6;
         jacobian.Element(0, 0) = 0.11; // a revolute joint: a lever arm
@@ -43,13 +51,12 @@ class Robot {
     void run(int tick, int end) {
         for (; tick < end; ++tick) {
             const double time_s = tick * 1e-3;
-            component.StateTable.tic = time_s;
             joints.SetTimestamp(time_s);
             joints.Position()[2] = joint_sign * motion::position_m(time_s);
             sensor.SetTimestamp(time_s);
             sensor.Force()[0] = 9.0;
             sensor.Force()[2] = motion::reading_n(time_s, static_cast<unsigned long>(tick));
-            component.Run();
+            component.period(time_s + delay_s);
         }
     }
 
@@ -68,6 +75,8 @@ class Robot {
     std::size_t messages() { return component.provided["TissueForce"].messages.size(); }
 
     double joint_sign = 1.0;
+    /** By how much arm and sensor are older than the period that reads them, s. */
+    double delay_s = 0.0;
     mtsTrocarForce component;
     prmStateJoint joints;
     prmPositionCartesianGet pose;
@@ -115,8 +124,7 @@ void not_valid() {
     robot.run(800, 1000);
     CHECK(robot.force().Valid() && robot.said("tissue force is estimated"));
     // Neither arm nor sensor give anything new: a force that is held would be felt.
-    robot.component.StateTable.tic = 1.5;
-    robot.component.Run();
+    robot.component.period(1.5);
     CHECK(!robot.force().Valid() && robot.said("no new pair"));
     robot.run(1501, 1600);
     robot.pose.SetValid(false);
@@ -126,6 +134,28 @@ void not_valid() {
     robot.component.required["PSM"].functions.at("measured_js")->source = nullptr;
     robot.run(1601, 1800);
     CHECK(!robot.force().Valid());
+}
+
+/** A force bears the time of its samples, not that of the period: what is old looks old. */
+void old_force() {
+    Robot robot;
+    robot.delay_s = 0.08;
+    robot.run(0, 200);
+    CHECK(robot.force().Valid() && std::abs(robot.force().Timestamp() - 0.199) < 1e-9);
+    // Nothing new for 15 ms more, which is still allowed.
+    robot.component.period(0.294);
+    CHECK(robot.force().Valid() && std::abs(robot.force().Timestamp() - 0.199) < 1e-9);
+    robot.component.period(0.3);
+    CHECK(!robot.force().Valid() && robot.said("no new pair"));
+}
+
+/** Readings of the opposite sign give no force. */
+void opposite_sign() {
+    Robot robot;
+    Robot other(", \"flip_force\": \"yes\"");
+    robot.run(0, 12000);
+    other.run(0, 12000);
+    CHECK(robot.force().Valid() && !other.force().Valid() && other.said("opposite sign"));
 }
 
 /** A joint that disappears is named; a message whose stamp is no time is ignored. */
@@ -141,7 +171,7 @@ void lost_joint_and_stamp() {
     for (const double stamp_s : {std::nan(""), std::numeric_limits<double>::infinity(), 1e300}) {
         robot.joints.SetTimestamp(stamp_s);
         robot.sensor.SetTimestamp(stamp_s);
-        robot.component.Run();
+        robot.component.period(0.4);
         CHECK(robot.force().Valid() && std::abs(robot.force().Timestamp() - 0.399) < 1e-9);
     }
     robot.run(400, 600);
@@ -215,6 +245,7 @@ void refused() {
              {"\"adaptation\": 1", "adaptation must be true or false, got 1"},
              {"\"joint\": 3", "joint must be a string, got 3"},
              {"\"longest_age\": 0.2", "unknown key \"longest_age\"; the keys are model_path, force_axis"},
+             {"\"flip_force\": \"maybe\"", "flip_force must be model, yes or no, got \"maybe\""},
              {"\"gravity_m_s2\": 98.1", "gravity_m_s2 must be from -20.0 to 20.0, got 98.1"},
              {"\"moving_mass_kg\": -1", "moving_mass"},
              {"\"force_error_n\": 0.2", "uplicate key"},
@@ -242,6 +273,8 @@ int main(int argc, char **argv) {
     folder = argv[2];
     along_the_shaft();
     not_valid();
+    old_force();
+    opposite_sign();
     lost_joint_and_stamp();
     joint_the_other_way();
     gravity();

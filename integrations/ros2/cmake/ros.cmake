@@ -11,9 +11,9 @@ target_link_libraries(trocar_ros_node PUBLIC core rclcpp::rclcpp rclcpp_componen
 rclcpp_components_register_node(trocar_ros_node PLUGIN "trocar_ros::TissueForceNode" EXECUTABLE tissue_force)
 
 set(libraries core trocar_ros_node)
-# Controllers export state interfaces from ros2_control 4 (ROS 2 Jazzy) on.
-if(controller_interface_VERSION VERSION_LESS 4)
-    message(STATUS "no broadcaster: it needs ros2_control 4, found ${controller_interface_VERSION}")
+# on_export_state_interfaces() came with ros2_control 4.13, get_optional() with 4.27 (ROS 2 Jazzy).
+if(controller_interface_VERSION VERSION_LESS 4.27)
+    message(WARNING "no broadcaster: it needs ros2_control 4.27, found ${controller_interface_VERSION}; the node does not")
 else()
     add_library(trocar_ros_broadcaster SHARED src/tissue_force_broadcaster.cpp)
     target_link_libraries(trocar_ros_broadcaster PUBLIC core rclcpp::rclcpp rclcpp_lifecycle::rclcpp_lifecycle

@@ -322,7 +322,7 @@ void parameters_refused() {
     for (const auto &[name, descriptor] : bench.node->descriptors()) {
         CHECK(descriptor.description.size() > 20);
     }
-    CHECK(bench.node->descriptors().size() == 14);
+    CHECK(bench.node->descriptors().size() == 15);
 }
 
 /** What the node accepts and another callback refuses changes nothing. */

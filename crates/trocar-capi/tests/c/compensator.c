@@ -98,6 +98,7 @@ static void options(void)
     one = plain(), one.sensor_limit_n = 0.0, refused(one, TROCAR_STATUS_OUT_OF_RANGE, "sensor_limit_n must be above 0");
     one = plain(), one.force_error_n = -0.1, refused(one, TROCAR_STATUS_OUT_OF_RANGE, "force_error_n must be");
     one = plain(), one.adaptation = 2, refused(one, TROCAR_STATUS_OUT_OF_RANGE, "adaptation must be 0 or 1");
+    one = plain(), one.flip_force = 2, refused(one, TROCAR_STATUS_OUT_OF_RANGE, "flip_force must be -1, 0 or 1");
     one = plain(), one.force_error_n = NAN, refused(one, TROCAR_STATUS_UNSUPPORTED, "set force_error_n");
     REFUSED(UNSUPPORTED, trocar_compensator_new(model, NULL, &observer, message, sizeof message));
     CHECK(observer == NULL && strstr(message, "force_error") != NULL);
@@ -145,10 +146,10 @@ static void sensors(void)
     CHECK(fault_of(observer, 0.1004, -15.0, 1e-3) == TROCAR_FAULT_SATURATED);
     CHECK(fault_of(observer, 0.2, 0.2, 1e-3) == TROCAR_FAULT_JUMP);
     CHECK(fault_of(observer, 0.2001, 0.2, 0.5) == TROCAR_FAULT_GAP);
-    for (k = 0; k < 8; k++) {
+    for (k = 0; k < 9; k++) {
         CHECK(strcmp(trocar_fault_message(k), "unknown fault") != 0);
     }
-    CHECK(strcmp(trocar_fault_message(8), "unknown fault") == 0 && strcmp(trocar_fault_message(-1), "unknown fault") == 0);
+    CHECK(strcmp(trocar_fault_message(9), "unknown fault") == 0 && strcmp(trocar_fault_message(-1), "unknown fault") == 0);
 
     REFUSED(OK, trocar_compensator_drift(observer, &drift));
     CHECK(drift.level == 1.0 && drift.viscosity == 1.0 && drift.level_std > 0.0 && drift.viscosity_std > 0.0);

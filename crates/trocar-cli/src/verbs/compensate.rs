@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use trocar::compensate::{
-    Compensation, Compensator, Fault, MOST_DRAWS, StreamOptions, compensate_file,
+    CompensateOptions, Compensation, Compensator, Fault, MOST_DRAWS, StreamOptions, compensate_file,
 };
 use trocar::identify::posterior::evenly;
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
@@ -47,7 +47,9 @@ pub(crate) struct Args {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = read_model(&args.model, std::slice::from_ref(&args.recording))?;
     let choice = args.choosing.choice_for(console, &model);
-    let mut observer = Compensator::new(&model, &args.observing.options())?;
+    // The reader has reversed the sign where it must be.
+    let options = CompensateOptions { flip_force: Some(false), ..args.observing.options() };
+    let mut observer = Compensator::new(&model, &options)?;
     if let Some(path) = &args.posterior {
         let draws = read_draws(path, (&model, &args.model))?;
         observer = observer.with_draws(&evenly(&draws, MOST_DRAWS))?;

@@ -13,7 +13,11 @@ pub struct CompensatorConstants<'a> {
     /// The same seal with the stiffest law between its branches, run in parallel; `None` where
     /// recordings contain partial reversals, and for a seal without branches that differ.
     pub stiff: Option<&'a Seal>,
-    /// Reading without any force, N.
+    /// Whether readings have the other sign than the model.
+    pub flips: bool,
+    /// Distance of a slide, m, from which it counts for the sign of the readings.
+    pub sign_travel: f64,
+    /// Reading without any force, N, with the sign of the model.
     pub offset: f64,
     /// Mass between sensor and seal, kg.
     pub moving_mass: f64,
@@ -40,6 +44,8 @@ impl Compensator {
         CompensatorConstants {
             trocar: &self.setup.trocar,
             stiff: self.minor.as_ref().map(|minor| &minor.seal),
+            flips: self.setup.flips,
+            sign_travel: self.sign.settled(),
             offset: self.setup.offset,
             moving_mass: self.inertia.mass(),
             gravity: self.inertia.gravity(),

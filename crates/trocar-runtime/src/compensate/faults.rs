@@ -1,4 +1,4 @@
-//! Invalid samples.
+//! Faults of samples: what cannot be right about them.
 
 use super::saved::StateRow;
 
@@ -41,11 +41,14 @@ pub enum Fault {
     Jump,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap,
+    /// Over the last strokes the reading has reversed against the friction of the model: it has the
+    /// opposite sign, or the position has.
+    OppositeSign,
 }
 
 impl Fault {
     /// All faults.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::NoReading,
         Self::NoPosition,
         Self::NoDuration,
@@ -53,11 +56,19 @@ impl Fault {
         Self::Frozen,
         Self::Jump,
         Self::Gap,
+        Self::OppositeSign,
     ];
 
     /// Whether the reading contains no information about the tissue.
     pub fn spoils_reading(self) -> bool {
-        matches!(self, Self::NoReading | Self::NoPosition | Self::Saturated | Self::Frozen)
+        matches!(
+            self,
+            Self::NoReading
+                | Self::NoPosition
+                | Self::Saturated
+                | Self::Frozen
+                | Self::OppositeSign
+        )
     }
 
     /// Writes or reads the fault of a sample: 0 for none, else its place in [`Self::ALL`] plus 1.
@@ -82,6 +93,9 @@ impl Fault {
             }
             Self::Gap => {
                 "more than 0.2 s without a sample: the seal's state is unknown until it has slid"
+            }
+            Self::OppositeSign => {
+                "the force reading, or the position, has the opposite sign of the model's over several strokes: no tissue force"
             }
         }
     }

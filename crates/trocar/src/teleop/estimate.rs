@@ -108,6 +108,7 @@ fn adaptive<K: AsRef<[f64]>>(
     file.trocar = model.stored_as(<[f64]>::to_vec);
     let options = CompensateOptions {
         offset_n: Some(sensor.offset_n),
+        flip_force: Some(false),
         moving_mass_kg: Some(sensor.moving_mass_kg),
         force_error_n: compensation.force_error_n,
         ..CompensateOptions::default()

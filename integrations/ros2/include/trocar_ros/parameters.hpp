@@ -25,6 +25,7 @@ struct Range {
 struct Parameters {
     std::string model_path;
     std::string force_axis = "z";
+    std::string flip_force = "model";
     bool invert_position = false;
     bool adaptation = true;
     double longest_interval_s = Settings{}.longest_interval_s;
@@ -39,8 +40,12 @@ struct Parameters {
         const std::optional<Range> any;
         visit("model_path", model_path, "Identified model (model.json). Read when set; setting it again reads it again.", any);
         visit("force_axis", force_axis,
-              "Axis of the wrench along the shaft that points in the direction of insertion: x, y, z, -x, -y or -z. The "
-              "wrench is what the instrument exerts; for a sensor that reports the reaction, take the opposite axis.",
+              "Axis of the sensor along the shaft that points in the direction of insertion, as for the recordings of the model: x, "
+              "y, z, -x, -y or -z.",
+              any);
+        visit("flip_force", flip_force,
+              "Whether the sign of the readings is reversed, as for a sensor that reports the reaction: model (as the recordings "
+              "of the model were), yes or no.",
               any);
         visit("invert_position", invert_position, "Whether the position of the joint falls on insertion.", any);
         visit("adaptation", adaptation, "Whether friction and viscosity are adapted in use.", any);
@@ -79,9 +84,16 @@ struct Parameters {
             why = "force_axis must be x, y, z, -x, -y or -z, got \"" + force_axis + "\"";
             return std::nullopt;
         }
+        if (flip_force != "model" && flip_force != "yes" && flip_force != "no") {
+            why = "flip_force must be model, yes or no, got \"" + flip_force + "\"";
+            return std::nullopt;
+        }
         Settings settings;
         settings.longest_interval_s = longest_interval_s;
         settings.compensator.adaptation = adaptation;
+        if (flip_force != "model") {
+            settings.compensator.flip_force = flip_force == "yes";
+        }
         settings.compensator.gravity_m_s2 = gravity_m_s2;
         settings.compensator.force_error_n = given(force_error_n);
         settings.compensator.offset_n = given(offset_n);

@@ -7,7 +7,8 @@
  *     tissue.add_reading(stamp_ns, reading_n);
  *     while (auto sample = tissue.next()) use(sample->tissue_force_n(), sample->variance_n2);
  *
- * Units are SI; positive is insertion; forces are those that the instrument exerts.
+ * Units are SI; positive is insertion; forces are those that the instrument exerts. Readings have the sign that the sensor gives them:
+ * the observer reverses them where the recordings of the model were read with the sign reversed.
  *
  * How the streams are joined: as docs/reference/robot-logs.md describes for recordings. There is one sample for each position, at its
  * stamp. The reading is interpolated linearly between the readings before and after it; a reading at exactly that stamp is
@@ -94,7 +95,7 @@ struct Counts {
     /** Positions without a sample: before the first reading, or set aside when the clock was set back. */
     std::uint64_t left_out = 0;
     /** Samples by fault; the place is the trocar::Fault. */
-    std::array<std::uint64_t, TROCAR_FAULT_GAP + 1> faults{};
+    std::array<std::uint64_t, TROCAR_FAULT_OPPOSITE_SIGN + 1> faults{};
 };
 
 /** Time-stamped values, oldest first; a full one forgets its oldest. */

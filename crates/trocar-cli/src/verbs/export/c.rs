@@ -35,6 +35,10 @@ pub(crate) struct Args {
     /// options
     #[arg(long)]
     compensator: bool,
+    /// Whether the observer reverses the sign of the readings, true or false [default: as the
+    /// recordings of the model were read]
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
+    flip_force: Option<bool>,
     #[command(flatten)]
     observing: Observing,
 }
@@ -54,9 +58,9 @@ fn source_file(text: &str) -> Result<PathBuf, CError> {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    let observing = args.observing.options();
+    let observing = CompensateOptions { flip_force: args.flip_force, ..args.observing.options() };
     if !args.compensator && observing != CompensateOptions::default() {
-        let text = "options of the observer need --compensator: offset, moving mass, gravity, sensor limit, force error, adaptation";
+        let text = "options of the observer need --compensator: offset, moving mass, sign of the force, gravity, sensor limit, force error, adaptation";
         return Err(BadArgument(text.to_owned()).into());
     }
     let options = COptions {

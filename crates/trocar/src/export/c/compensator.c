@@ -163,6 +163,55 @@ static void trocar_follow(trocar_watch *watch, double model, double reading)
     watch->high_n = model > watch->high_n ? model : watch->high_n;
 }
 
+/* The sign of the readings: over a reversal of the motion they change as the friction does. */
+
+static void trocar_break_off_sign(trocar_sign_watch *sign)
+{
+    sign->now.is_known = sign->before.is_known = 0;
+}
+
+/* Three reversals in succession decide. */
+static void trocar_judge_sign(trocar_sign_watch *sign, double ratio)
+{
+    if (ratio > 0.1) {
+        sign->run = sign->run < 0 ? 1 : sign->run < 3 ? sign->run + 1 : 3;
+    } else if (ratio < -0.1) {
+        sign->run = sign->run > 0 ? -1 : sign->run > -3 ? sign->run - 1 : -3;
+    } else {
+        sign->run = 0;
+    }
+    if (sign->run == 3 || sign->run == -3) {
+        sign->is_opposite = sign->run < 0;
+    }
+}
+
+/* A sample while the seal slides. */
+static void trocar_take_sign(trocar_sign_watch *sign, double position, int inserts, double reading, double model)
+{
+    trocar_one_way *now = &sign->now;
+    const trocar_one_way *before = &sign->before;
+    if (!now->is_known || now->inserts != inserts) {
+        now->is_known = 1;
+        now->inserts = inserts;
+        now->from_m = position;
+        now->reading_n = reading;
+        now->model_n = model;
+    }
+    now->reading_n += 0.0625 * (reading - now->reading_n);
+    now->model_n += 0.0625 * (model - now->model_n);
+    if (fabs(position - now->from_m) < trocar_sign_travel_m) {
+        return;
+    }
+    if (before->is_known && before->inserts != inserts) {
+        const double change = now->model_n - before->model_n;
+        if (fabs(change) < trocar_least_change_n) {
+            return;
+        }
+        trocar_judge_sign(sign, (now->reading_n - before->reading_n) / change);
+    }
+    sign->before = *now;
+}
+
 //@if mass
 /* Inertia: a parabola through the positions of the last 30 ms, or of 8 samples. */
 
@@ -735,6 +784,7 @@ static void trocar_forget(trocar_compensator *o)
     trocar_rest_between(&o->extremes[0], -1.0);
     trocar_rest_between(&o->extremes[1], 1.0);
     o->are_apart = 1;
+    trocar_break_off_sign(&o->sign);
 //@if adapts
     trocar_break_off_adapter(&o->adapter);
     trocar_break_off_bank(&o->bank);
@@ -851,14 +901,25 @@ static void trocar_move_to(trocar_compensator *o, double position)
 //@end
 }
 
+/* All motion of a model without deflection is a slide. */
+static int trocar_slides(const trocar_compensator *o)
+{
+//@if ems
+    return trocar_all_slide(&o->state);
+//@else
+    (void)o;
+    return 1;
+//@end
+}
+
 /* Error of the model in the present phase of the motion. */
 static double trocar_phase_error(const trocar_compensator *o)
 {
-    const int held = fabs(o->mean_speed_m_s) < 1e-3;
+    const int held = fabs(o->mean_speed_m_s) < 1e-3, deforms = !trocar_slides(o);
 //@if ems
-    const int deforms = !trocar_all_slide(&o->state), turned = o->has_turned;
+    const int turned = o->has_turned;
 //@else
-    const int deforms = 0, turned = 0;
+    const int turned = 0;
 //@end
     if (held) {
         return trocar_phase_error_n[turned ? 4 : 3];
@@ -871,12 +932,7 @@ static void trocar_learn(trocar_compensator *o, const trocar_slid *now, double v
 {
     trocar_adapter *a = &o->adapter;
     const int inserts = o->speed_m_s > 0.0;
-//@if ems
-    const int deforms = !trocar_all_slide(&o->state);
-//@else
-    const int deforms = 0;
-//@end
-    const int slides = !o->are_apart && fabs(o->speed_m_s) >= 1e-3 && !deforms;
+    const int slides = !o->are_apart && fabs(o->speed_m_s) >= 1e-3 && trocar_slides(o);
     const trocar_state *better;
     double level;
     if (trocar_settle(a, slides, inserts, o->position_m, 2.0 * trocar_half_width_m)) {
@@ -939,13 +995,23 @@ static trocar_estimate trocar_estimated(trocar_compensator *o, double force, int
 //@else
     own = force - trocar_sensor_offset_n;
 //@end
+    is_spoilt = fault == trocar_NO_READING || fault == trocar_NO_POSITION || fault == trocar_SATURATED
+             || fault == trocar_FROZEN;
+    if (!is_spoilt && trocar_is_finite(own)) {
+        if (!o->are_apart && trocar_slides(o) && o->speed_m_s * o->mean_speed_m_s > 0.0) {
+            trocar_take_sign(&o->sign, position, o->speed_m_s > 0.0, trocar_without_profile(position, own),
+                             trocar_seal_force(&o->state));
+        }
+        if (o->sign.is_opposite) {
+            e.fault = trocar_OPPOSITE_SIGN;
+            is_spoilt = 1;
+        }
+    }
     own_dry = dry / level;
 //@if stiff
     minor = level * (0.5 * fabs(trocar_seal_force(&o->stiff) - trocar_seal_force(&o->state)));
 //@end
     e.tissue_force_std_n = trocar_force_std(o, sigma, slope, own_dry, viscous, minor);
-    is_spoilt = fault == trocar_NO_READING || fault == trocar_NO_POSITION || fault == trocar_SATURATED
-             || fault == trocar_FROZEN;
     e.tissue_force_n = is_spoilt ? (double)NAN : own - e.@TROCAR_FORCE@;
     e.adapting = 0;
 //@if adapts
@@ -979,6 +1045,8 @@ static trocar_estimate trocar_estimated(trocar_compensator *o, double force, int
 //@end
     o->watch.is_known = 0;
     o->watch.usual_s = 0.02;
+    trocar_break_off_sign(&o->sign);
+    o->sign.run = o->sign.is_opposite = 0;
 //@if adapts
     trocar_reset_adapter(&o->adapter);
     trocar_start_bank(&o->bank, 0.0);
@@ -995,16 +1063,21 @@ static trocar_estimate trocar_estimated(trocar_compensator *o, double force, int
 
 @LINKAGE@trocar_estimate trocar_compensate(trocar_compensator *o, double position_m, double reading_n, double duration_s)
 {
+//@if flips
+    const double force = -reading_n;
+//@else
+    const double force = reading_n;
+//@end
     const int goes_on = duration_s > 0.0 && trocar_is_finite(duration_s);
     double elapsed;
     int motion, reading;
     o->waited_s += goes_on ? duration_s : 0.0;
     elapsed = goes_on ? o->waited_s : duration_s;
     motion = trocar_motion_fault(o, position_m, elapsed);
-    reading = trocar_reading_fault(&o->watch, reading_n, elapsed);
+    reading = trocar_reading_fault(&o->watch, force, elapsed);
     if (!o->has_position) {
         if (motion == trocar_NO_FAULT) {
-            trocar_start(o, position_m, reading_n);
+            trocar_start(o, position_m, force);
         }
     } else if (motion == trocar_GAP) {
         trocar_move_to(o, position_m);
@@ -1014,7 +1087,7 @@ static trocar_estimate trocar_estimated(trocar_compensator *o, double force, int
     } else if (motion == trocar_NO_FAULT && !(o->waited_s < 1e-5)) {
         trocar_move_to(o, position_m);
     }
-    o->last = trocar_estimated(o, reading_n, motion != trocar_NO_POSITION && reading ? reading : motion);
+    o->last = trocar_estimated(o, force, motion != trocar_NO_POSITION && reading ? reading : motion);
     return o->last;
 }
 

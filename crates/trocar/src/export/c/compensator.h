@@ -5,7 +5,15 @@
  *     trocar_reset(&compensator);                          once
  *     e = trocar_compensate(&compensator, position, reading, duration); every sample; e.tissue_force_n
  *
- * A step never fails. The first sample starts the observer, whatever its duration. */
+ * A step never fails. The first sample starts the observer, whatever its duration.
+ *
+//@if flips
+ * The reading has the sign that the sensor gives it: the observer reverses it, as the sign of the force was reversed for the
+ * recordings of the model. Positive positions are insertion. */
+//@else
+ * The reading has the sign that the sensor gives it, which is that of the model: the force that the instrument exerts,
+ * positive in the direction of insertion. Positive positions are insertion. */
+//@end
 
 /* What cannot be right about a sample. */
 enum {
@@ -16,7 +24,8 @@ enum {
     trocar_SATURATED,   /* at the sensor's limit: no tissue force, it is larger */
     trocar_FROZEN,      /* constant although the force must have changed: no tissue force */
     trocar_JUMP,        /* the position moved faster than 1 m/s and by more than 1 mm: a new zero of the encoder */
-    trocar_GAP          /* more than 0.2 s: the state of the seal is unknown until it has slid */
+    trocar_GAP,         /* more than 0.2 s: the state of the seal is unknown until it has slid */
+    trocar_OPPOSITE_SIGN /* reading or position of the opposite sign over several strokes: no tissue force */
 };
 
 /* The estimate after a sample; forces are those of the instrument on what it touches. */
@@ -70,6 +79,17 @@ typedef struct {
     uint32_t samples;
     double reading_n, time_s, low_n, high_n, usual_s;
 } trocar_watch;
+
+typedef struct {
+    int is_known, inserts;
+    double from_m, reading_n, model_n;
+} trocar_one_way;
+
+typedef struct {
+    trocar_one_way now, before;
+    int run; /* reversals in succession with the sign of the model, negative against it */
+    int is_opposite;
+} trocar_sign_watch;
 
 //@if adapts
 typedef struct {
@@ -142,6 +162,7 @@ typedef struct {
     trocar_inertia inertia;
 //@end
     trocar_watch watch;
+    trocar_sign_watch sign;
 //@if adapts
     trocar_adapter adapter;
     trocar_bank bank;
@@ -152,7 +173,7 @@ typedef struct {
 /* Starts anew with the next sample. */
 @LINKAGE@void trocar_reset(trocar_compensator *compensator);
 
-/* The next sample: position and reading of the force sensor, duration_s after the last one. */
+/* The next sample: position, reading of the force sensor with its own sign, duration_s after the last one. */
 @LINKAGE@trocar_estimate trocar_compensate(trocar_compensator *compensator, double position_m, double reading_n,
                                   double duration_s);
 

@@ -15,6 +15,7 @@ pub(super) fn constants(known: &CompensatorConstants, filling: &mut Filling) -> 
     filling.set("mass", known.moving_mass > 0.0);
     filling.set("clock", known.adaptation || known.moving_mass > 0.0);
     filling.set("stiff", known.stiff.is_some());
+    filling.set("flips", known.flips);
     let mut text = String::from(
         "/* What the observer knows: sensor, error of the model by phase (deforming, the same after a partial reversal,\n \
          * sliding, held, the same after a partial reversal), and variances of friction and viscosity at the start. */\n",
@@ -22,6 +23,7 @@ pub(super) fn constants(known: &CompensatorConstants, filling: &mut Filling) -> 
     constant(&mut text, "trocar_sensor_offset_n", known.offset);
     constant(&mut text, "trocar_sensor_limit_n", known.sensor_limit);
     constant(&mut text, "trocar_least_change_n", known.least_change);
+    constant(&mut text, "trocar_sign_travel_m", known.sign_travel);
     table(&mut text, "trocar_phase_error_n", &known.phase_error);
     table(&mut text, "trocar_prior", &known.prior);
     if known.adaptation {

@@ -1,4 +1,5 @@
-/* Stub for tests, no ROS 2: see ../../README.md. As of ros2_control 4 (ROS 2 Jazzy). */
+/* Stub for tests, no ROS 2: see ../../README.md. Follows controller_interface/chainable_controller_interface.hpp of ros2_control
+ * 4.27.0 (ROS 2 Jazzy). */
 #pragma once
 
 #include <cstdint>
