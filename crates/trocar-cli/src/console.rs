@@ -162,5 +162,6 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             || cause.downcast_ref::<RecordingError>().is_some_and(reading)
             || matches!(cause.downcast_ref(), Some(SimulateError::Motion(error)) if reading(error))
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
+            || matches!(cause.downcast_ref(), Some(OutputError::IsInput { .. }))
     })
 }

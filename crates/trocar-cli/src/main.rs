@@ -9,6 +9,7 @@ mod console;
 mod examples;
 mod input;
 mod models;
+mod output;
 mod page;
 mod progress;
 #[cfg(test)]
@@ -88,8 +89,8 @@ impl Completion {
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
 fn main() -> ExitCode {
-    let cli = Cli::from_arg_matches(&examples::command().get_matches())
-        .unwrap_or_else(|error| error.exit());
+    let matches = examples::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     let console = Console::new(cli.quiet);
     let interruptible = ctrlc::set_handler(|| {
         INTERRUPTED.store(true, Ordering::SeqCst);
@@ -100,7 +101,7 @@ fn main() -> ExitCode {
     if let Err(error) = interruptible {
         console.warn(&format!("an interruption may leave hidden temporary files: {error}"));
     }
-    let outcome = run(&console, cli.verb);
+    let outcome = output::check(&matches).and_then(|()| run(&console, cli.verb));
     while INTERRUPTED.load(Ordering::SeqCst) {
         // The handler's thread ends the process with its own exit code.
         std::thread::park();

@@ -15,6 +15,7 @@ mod live_seal;
 mod messages;
 mod model_file_page;
 mod model_pages;
+mod outputs;
 mod plan;
 mod ranges;
 mod readme;

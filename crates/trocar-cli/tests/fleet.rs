@@ -258,3 +258,35 @@ fn grouped(place: &Place, paths: &[&String]) {
     }
     writer.commit().unwrap();
 }
+
+#[test]
+fn every_format_that_is_known_is_part_of_a_data_set() {
+    let place = Place::new();
+    fs::create_dir(place.path("set")).unwrap();
+    let endings: Vec<&str> = trocar::recording::registry::endings().collect();
+    for ending in &endings {
+        fs::write(place.path(&format!("set/run.{ending}")), "no recording").unwrap();
+    }
+    let ran = place.run("fleet set --out table.csv").ends_with(3);
+    assert!(!ran.stderr.contains("left out"), "{ran:#?}");
+    let table = fs::read_to_string(place.path("table.csv")).unwrap();
+    assert!(endings.iter().all(|ending| table.contains(&format!("\nrun.{ending},"))), "{table}");
+    assert!(endings.contains(&"xlsx") && endings.contains(&"npz"));
+}
+
+/// A name that a spreadsheet would execute is harmless in the table, which can be a manifest.
+#[test]
+fn names_are_no_formulas_in_the_table() {
+    let place = Place::new();
+    fs::create_dir(place.path("set")).unwrap();
+    for name in ["=1+1.csv", "@x.csv", "-2.csv", "plain.csv"] {
+        fs::write(place.path(&format!("set/{name}")), "no recording").unwrap();
+    }
+    place.run("fleet set --out set/table.csv").ends_with(3);
+    let table = fs::read_to_string(place.path("set/table.csv")).unwrap();
+    assert!(table.lines().all(|line| !line.starts_with(['=', '+', '-', '@'])), "{table}");
+    let again = place.run("fleet set/table.csv --out again.csv").ends_with(3);
+    assert!(!again.stderr.contains("No such file"), "{again:#?}");
+    let again = fs::read_to_string(place.path("again.csv")).unwrap();
+    assert!(again.contains("\n'=1+1.csv,"), "{again}");
+}

@@ -1,4 +1,4 @@
-//! Streams that may be compressed or in UTF-16: gzip, zstd and byte order marks are detected by
+//! Streams that may be compressed or in UTF-16: gzip, zstd, xz and byte order marks are detected by
 //! their first bytes.
 
 use std::fs::File;
@@ -10,9 +10,14 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use super::RecordingError;
 use super::utf16::{BIG_ENDIAN, Decoder, LITTLE_ENDIAN};
 
-/// First bytes of gzip members and of zstd frames.
+/// First bytes of gzip members, of zstd frames and of xz streams.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+const XZ: [u8; 6] = *b"\xfd7zXZ\0";
+
+/// Most memory of the xz decoder, bytes: `xz -9` needs 65 MiB, and a header may ask for 4 GiB.
+#[cfg(feature = "xz")]
+const XZ_MEMORY: u64 = 100 << 20;
 
 /// Bytes read at a time from a compressed stream.
 #[cfg(feature = "gzip")]
@@ -120,16 +125,19 @@ impl<R: Read> Read for Counted<R> {
 /// The error of the operating system for the first bytes, or that this build lacks the
 /// stream's compression.
 fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
-    let mut head = Vec::with_capacity(ZSTD.len());
-    (&mut input).take(ZSTD.len() as u64).read_to_end(&mut head)?;
+    let mut head = Vec::with_capacity(XZ.len());
+    (&mut input).take(XZ.len() as u64).read_to_end(&mut head)?;
     let is = |magic: &[u8]| head.starts_with(magic);
-    let (gzip, zstd) = (is(&GZIP), is(&ZSTD));
+    let (gzip, zstd, xz) = (is(&GZIP), is(&ZSTD), is(&XZ));
     let whole = Cursor::new(head).chain(input);
     if gzip {
         return gzip_text(whole);
     }
     if zstd {
         return zstd_text(whole);
+    }
+    if xz {
+        return xz_text(whole);
     }
     Ok(Box::new(whole))
 }
@@ -166,7 +174,20 @@ fn zstd_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Se
     Err(no_feature("zstd"))
 }
 
-#[cfg(not(all(feature = "gzip", feature = "zstd")))]
+#[cfg(feature = "xz")]
+fn xz_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    let stream =
+        liblzma::stream::Stream::new_stream_decoder(XZ_MEMORY, liblzma::stream::CONCATENATED)?;
+    let text = liblzma::read::XzDecoder::new_stream(input, stream);
+    Ok(Box::new(Told { text, format: "xz", bytes: 0 }))
+}
+
+#[cfg(not(feature = "xz"))]
+fn xz_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
+    Err(no_feature("xz"))
+}
+
+#[cfg(not(all(feature = "gzip", feature = "zstd", feature = "xz")))]
 fn no_feature(name: &str) -> io::Error {
     let text = format!(
         "compressed with {name}, and this build has no feature {name}; build with --features {name} or decompress it"
@@ -175,14 +196,14 @@ fn no_feature(name: &str) -> io::Error {
 }
 
 /// A decoder whose errors state the format and the position reached.
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "xz"))]
 struct Told<R> {
     text: R,
     format: &'static str,
     bytes: u64,
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "xz"))]
 impl<R: Read> Read for Told<R> {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         match self.text.read(bytes) {
@@ -196,7 +217,7 @@ impl<R: Read> Read for Told<R> {
     }
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd"))]
+#[cfg(any(feature = "gzip", feature = "zstd", feature = "xz"))]
 impl<R> Told<R> {
     fn fault(&self, error: &io::Error) -> io::Error {
         let (format, bytes) = (self.format, self.bytes);
@@ -247,6 +268,19 @@ mod tests {
         assert_eq!(read(both).unwrap(), TEXT);
     }
 
+    #[cfg(feature = "xz")]
+    fn xz(text: &[u8]) -> Vec<u8> {
+        let mut stream = Vec::new();
+        liblzma::read::XzEncoder::new(text, 6).read_to_end(&mut stream).unwrap();
+        stream
+    }
+
+    #[cfg(feature = "xz")]
+    #[test]
+    fn xz_streams_after_each_other_are_one_text() {
+        assert_eq!(read([xz(&TEXT[..30]), xz(&TEXT[30..])].concat()).unwrap(), TEXT);
+    }
+
     #[cfg(feature = "zstd")]
     #[test]
     fn zstd_frames_after_each_other_are_one_text() {
@@ -258,10 +292,12 @@ mod tests {
     #[test]
     fn a_stream_that_ends_early_says_so_wherever_it_ends() {
         let mut streams = vec![gzip(TEXT)];
+        #[cfg(feature = "xz")]
+        streams.push(xz(TEXT));
         #[cfg(feature = "zstd")]
         streams.push(zstd::encode_all(TEXT, 3).unwrap());
         for stream in streams {
-            for length in ZSTD.len()..stream.len() {
+            for length in XZ.len()..stream.len() {
                 let error = read(stream[..length].to_vec()).unwrap_err().to_string();
                 assert!(error.contains("ends early"), "{length}: {error}");
             }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::RecordingError;
 use super::container::Container;
-use super::formats::{Source, mat5, read_exact_at};
+use super::formats::{Source, mat5, numpy, read_exact_at};
 use super::text::TextTable;
 
 /// Opens a file of any format; text is one table.
@@ -105,9 +105,66 @@ enum Kind {
     Rosbag,
     Ros1,
     Xlsx,
+    Npy,
+    Npz,
+    JsonLines,
+    /// Recognised by name only.
+    Xls,
+    Ods,
+    Tdms,
+    Feather1,
+}
+
+/// Endings of files of text, compressed or not.
+const TEXT: [&str; 8] = ["csv", "tsv", "txt", "dat", "log", "gz", "zst", "xz"];
+
+/// Endings of the files that may be recordings, without a dot: of text, and of every format.
+pub fn endings() -> impl Iterator<Item = &'static str> {
+    TEXT.into_iter().chain(Kind::ALL.into_iter().flat_map(|kind| kind.endings().iter().copied()))
 }
 
 impl Kind {
+    const ALL: [Self; 17] = [
+        Self::Parquet,
+        Self::Arrow,
+        Self::ArrowStream,
+        Self::Mat4,
+        Self::Mat5,
+        Self::Hdf5,
+        Self::Mcap,
+        Self::Rosbag,
+        Self::Ros1,
+        Self::Xlsx,
+        Self::Npy,
+        Self::Npz,
+        Self::JsonLines,
+        Self::Xls,
+        Self::Ods,
+        Self::Tdms,
+        Self::Feather1,
+    ];
+
+    fn endings(self) -> &'static [&'static str] {
+        match self {
+            Self::Parquet => &["parquet", "pq"],
+            Self::Arrow => &["arrow", "feather", "ipc"],
+            Self::ArrowStream => &["arrows"],
+            Self::Mat4 | Self::Feather1 => &[],
+            Self::Mat5 => &["mat"],
+            Self::Hdf5 => &["h5", "hdf5"],
+            Self::Mcap => &["mcap"],
+            Self::Rosbag => &["db3"],
+            Self::Ros1 => &["bag"],
+            Self::Xlsx => &["xlsx", "xlsm"],
+            Self::Npy => &["npy"],
+            Self::Npz => &["npz"],
+            Self::JsonLines => &["jsonl", "ndjson"],
+            Self::Xls => &["xls"],
+            Self::Ods => &["ods"],
+            Self::Tdms => &["tdms"],
+        }
+    }
+
     fn of(head: &[u8]) -> Option<Self> {
         let version = head.get(124..128).unwrap_or_default();
         Some(match head {
@@ -122,11 +179,29 @@ impl Kind {
                 Self::Hdf5
             }
             _ if version == b"\x00\x01IM" || version == b"\x01\x00MI" => Self::Mat5,
-            _ if head.starts_with(b"PK\x03\x04") => Self::Xlsx,
+            _ if head.starts_with(b"PK\x03\x04") => Self::of_archive(head),
+            _ if head.starts_with(numpy::MAGIC) => Self::Npy,
+            _ if head.starts_with(b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1") => Self::Xls,
+            _ if head.starts_with(b"TDSm") => Self::Tdms,
+            _ if head.starts_with(b"FEA1") => Self::Feather1,
+            _ if is_object(head) => Self::JsonLines,
             _ if head.starts_with(&[0xff; 4]) && is_arrow_message(head) => Self::ArrowStream,
             _ if mat5::is_version_4(head) => Self::Mat4,
             _ => return None,
         })
+    }
+
+    /// Of a ZIP archive, by its first entry.
+    fn of_archive(head: &[u8]) -> Self {
+        let length =
+            head.get(26..28).map_or(0, |bytes| usize::from(bytes[0]) + 256 * usize::from(bytes[1]));
+        let name = head.get(30..30 + length).unwrap_or_default();
+        let content = head.get(30 + length..).unwrap_or_default();
+        match () {
+            () if name.ends_with(b".npy") => Self::Npz,
+            () if name == b"mimetype" && content.starts_with(b"application/vnd.oasis") => Self::Ods,
+            () => Self::Xlsx,
+        }
     }
 
     fn name(self) -> &'static str {
@@ -141,6 +216,13 @@ impl Kind {
             Self::Rosbag => "SQLite",
             Self::Ros1 => "ROS 1 bag",
             Self::Xlsx => "Excel workbook",
+            Self::Npy => "NumPy array",
+            Self::Npz => numpy::NPZ,
+            Self::JsonLines => "JSON lines",
+            Self::Xls => "Excel 97 workbook",
+            Self::Ods => "OpenDocument",
+            Self::Tdms => "TDMS",
+            Self::Feather1 => "Feather 1",
         }
     }
 
@@ -194,6 +276,25 @@ impl Kind {
             Self::Xlsx => Ok(Box::new(super::formats::xlsx::Xlsx::open(path, source, skip_rows)?)),
             #[cfg(not(feature = "xlsx"))]
             Self::Xlsx => lacks("xlsx"),
+            Self::Npy => Ok(Box::new(numpy::Numpy::open(path, length, source)?)),
+            #[cfg(feature = "npz")]
+            Self::Npz => Ok(Box::new(numpy::Numpy::open(path, length, source)?)),
+            #[cfg(not(feature = "npz"))]
+            Self::Npz => lacks("npz"),
+            #[cfg(feature = "json")]
+            Self::JsonLines => {
+                Ok(Box::new(super::formats::json_lines::JsonLines::open(path, source)?))
+            }
+            #[cfg(not(feature = "json"))]
+            Self::JsonLines => lacks("json"),
+            Self::Xls => Err(source.unsupported("cells in the layout of before 2007", SAVE_SHEET)),
+            Self::Ods => Err(source.unsupported("cells in its own XML", SAVE_SHEET)),
+            Self::Tdms => {
+                Err(source.unsupported("the segments of LabVIEW", "export it from LabVIEW or DIAdem as CSV, or in Python: nptdms.TdmsFile.read('run.tdms').as_dataframe().to_csv('run.csv')"))
+            }
+            Self::Feather1 => {
+                Err(source.unsupported("its layout of before 2020", "write it again with pyarrow.feather.write_feather(table, 'run.feather', version=2)"))
+            }
             #[cfg(not(feature = "mcap"))]
             Self::Mcap => lacks("mcap"),
             #[cfg(not(feature = "rosbag"))]
@@ -206,6 +307,14 @@ impl Kind {
             Self::Hdf5 => lacks("hdf5"),
         }
     }
+}
+
+const SAVE_SHEET: &str = "save the spreadsheet as .xlsx or CSV";
+
+/// Whether the bytes begin an object of JSON with members.
+fn is_object(head: &[u8]) -> bool {
+    let head = head.strip_prefix(b"\xef\xbb\xbf").unwrap_or(head).trim_ascii_start();
+    head.strip_prefix(b"{").is_some_and(|rest| rest.trim_ascii_start().starts_with(b"\""))
 }
 
 /// First bytes of an HDF5 file, or of what follows a block of the user's.

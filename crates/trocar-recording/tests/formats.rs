@@ -2,6 +2,7 @@
 //! contain.
 
 use std::f64::consts::PI;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
 use trocar_recording::{Choice, ReadOptions, Recording, Table, read, read_columns, tables};
@@ -545,5 +546,137 @@ fn files_cut_off_say_so() {
         let faults = read_all(&path);
         assert!(!faults.is_empty(), "{name}");
         assert!(faults.iter().all(|fault| fault.contains("hint: ")), "{name}: {faults:?}");
+    }
+}
+
+/// A `.npy` file of format 1.0, after NumPy Enhancement Proposal 1.
+fn npy(kind: &str, fortran_order: &str, shape: &str, numbers: &[u8]) -> Vec<u8> {
+    let text = format!("{{'descr': {kind}, 'fortran_order': {fortran_order}, 'shape': {shape}, }}");
+    let text = format!("{text:<117}\n");
+    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), numbers]
+        .concat()
+}
+
+fn bytes_of<const N: usize>(numbers: impl Iterator<Item = f64>, of: fn(f64) -> [u8; N]) -> Vec<u8> {
+    numbers.flat_map(of).collect()
+}
+
+/// The signal as a recording, however it was saved.
+fn is_the_signal(path: &Path) {
+    let found = read(path, &ReadOptions::default()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(found.len(), ROWS, "{}", path.display());
+    for k in 0..ROWS {
+        assert_eq!(found.time[k], time(k), "{} row {k}", path.display());
+        assert!((found.position[k] - 1e-3 * position(k)).abs() < 1e-15, "row {k}");
+        assert_eq!(found.force[k], force(k), "{} row {k}", path.display());
+    }
+}
+
+#[test]
+fn arrays_of_numpy() {
+    let folder = tempfile::tempdir().unwrap();
+    let put = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let rows = || (0..ROWS).flat_map(|k| [time(k), position(k), force(k)]);
+    let kind = "[('time_s', '<f8'), ('position_mm', '<f8'), ('force_n', '<f8')]";
+    is_the_signal(&put(
+        "fields.npy",
+        &npy(kind, "False", "(240,)", &bytes_of(rows(), f64::to_le_bytes)),
+    ));
+    let columns = || (0..ROWS).map(time).chain((0..ROWS).map(position)).chain((0..ROWS).map(force));
+    for (order, numbers) in [
+        ("False", bytes_of(rows(), f64::to_be_bytes)),
+        ("True", bytes_of(columns(), f64::to_be_bytes)),
+    ] {
+        let path = put("matrix.npy", &npy("'>f8'", order, "(240, 3)", &numbers));
+        let read = read_columns(&path, "", &["value[2]", "value[0]"]).unwrap();
+        assert!((0..ROWS).all(|k| read[0][k] == force(k) && read[1][k] == time(k)), "{order}");
+    }
+    let flags = npy("'|b1'", "False", "(2,)", &[0, 1]);
+    assert_eq!(read_columns(put("flags.npy", &flags), "", &["value"]).unwrap(), [[0.0, 1.0]]);
+    // What is no vector of numbers is listed with the way out; what is cut off is an error.
+    let objects = tables(put("objects.npy", &npy("'|O'", "False", "(2,)", b"pickle"))).unwrap();
+    assert!(objects[0].kind.contains("save vectors of numbers"), "{objects:?}");
+    let huge = tables(put("huge.npy", &npy("'<f8'", "False", "(99999999999,)", b""))).unwrap();
+    assert!(huge[0].kind.contains("more than the file has bytes for"), "{huge:?}");
+    let path = folder.path().join("run.npz");
+    let mut archive = zip::ZipWriter::new(std::fs::File::create(&path).unwrap());
+    for (name, of) in
+        [("time_s", time as fn(usize) -> f64), ("position_mm", position), ("force_n", force)]
+    {
+        archive
+            .start_file(format!("{name}.npy"), zip::write::SimpleFileOptions::default())
+            .unwrap();
+        let numbers = bytes_of((0..ROWS).map(of), f64::to_le_bytes);
+        archive.write_all(&npy("'<f8'", "False", "(240,)", &numbers)).unwrap();
+    }
+    archive.finish().unwrap();
+    is_the_signal(&path);
+}
+
+#[test]
+fn json_lines_and_text_in_xz() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.jsonl");
+    let line = |k: usize| {
+        format!(
+            "{{\"time_s\": {}, \"note\": \"a\", \"position_mm\": {}, \"force_n\": {}}}\n",
+            time(k),
+            position(k),
+            force(k)
+        )
+    };
+    let whole: String = (0..ROWS).map(line).collect();
+    std::fs::write(&path, &whole).unwrap();
+    is_the_signal(&path);
+    // Members inside, missing ones, and a line that is damaged after others were read.
+    let text = "{\"a\": {\"x\": 1, \"y\": [2, true]}}\n\n{\"a\": {\"x\": null}}\n{\"a\": ";
+    std::fs::write(&path, text).unwrap();
+    let error = tables(&path).unwrap_err().to_string();
+    assert!(error.contains("line 4"), "{error}");
+    std::fs::write(&path, text.trim_end_matches("{\"a\": ")).unwrap();
+    let read = read_columns(&path, "", &["a.y[1]", "a.x"]).unwrap();
+    assert!(read[0][0] == 1.0 && read[0][1].is_nan() && read[1][0] == 1.0 && read[1][1].is_nan());
+    let csv: String =
+        (0..ROWS).map(|k| format!("{},{},{}\n", time(k), position(k), force(k))).collect();
+    let mut packed = Vec::new();
+    let csv = format!("time_s,position_mm,force_n\n{csv}");
+    liblzma::read::XzEncoder::new(csv.as_bytes(), 6).read_to_end(&mut packed).unwrap();
+    let path = folder.path().join("run.csv.xz");
+    std::fs::write(&path, packed).unwrap();
+    is_the_signal(&path);
+}
+
+#[test]
+fn formats_that_are_not_read_are_named_with_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let ods = [
+        b"PK\x03\x04",
+        &[0; 22][..],
+        &[8, 0, 0, 0],
+        b"mimetype",
+        b"application/vnd.oasis.opendocument.spreadsheet",
+    ]
+    .concat();
+    for (name, bytes, essentials) in [
+        (
+            "a.xls",
+            &b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1 and sectors"[..],
+            ["Excel 97", "save the spreadsheet as .xlsx"],
+        ),
+        ("a.ods", &ods, ["OpenDocument", "save the spreadsheet as .xlsx"]),
+        ("a.tdms", b"TDSm\x0e\0\0\0", ["TDMS", "nptdms"]),
+        ("a.feather", b"FEA1\0\0\0\0", ["Feather 1", "version=2"]),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let error = tables(&path).unwrap_err().to_string();
+        assert!(essentials.iter().all(|own| error.contains(own)), "{error}");
+        assert!(error.contains("hint: "), "{error}");
+        let ending = name.split_once('.').unwrap().1;
+        assert!(trocar_recording::registry::endings().any(|own| own == ending), "{name}");
     }
 }

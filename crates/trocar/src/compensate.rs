@@ -6,6 +6,7 @@ use std::path::Path;
 pub use trocar_runtime::compensate::*;
 
 use crate::error::RecordingError;
+use crate::output::refuse_inputs;
 use crate::profile::Departure;
 use crate::recording::columns::Quantity;
 use crate::recording::rows::Rows;
@@ -63,8 +64,8 @@ pub struct StreamOptions<'a> {
 ///
 /// # Errors
 /// [`SimulateError::Motion`] for a file that cannot be read, or a time that is not finite or
-/// decreases; [`SimulateError::Output`] when the result cannot be written. Neither leaves an output
-/// file.
+/// decreases; [`SimulateError::Output`] when the result cannot be written, or would replace the
+/// recording. Neither leaves an output file.
 pub fn compensate_file(
     path: &Path,
     options: StreamOptions,
@@ -73,6 +74,7 @@ pub fn compensate_file(
     mut progress: impl FnMut(f64, u64),
     mut on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
+    refuse_inputs([output], &[path.to_owned()])?;
     let file = &path.display().to_string();
     let mut result = TableWriter::create(output, &fields())?.with_missing("nan");
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];

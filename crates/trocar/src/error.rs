@@ -25,6 +25,17 @@ pub enum OutputError {
         /// Error of the operating system.
         source: std::io::Error,
     },
+    /// It would replace an input.
+    #[error(
+        "{}: the output is the input {}, which it would replace\n\nhint: give the output another name or folder; nothing was changed",
+        path.display(), input.display()
+    )]
+    IsInput {
+        /// Destination of the output.
+        path: PathBuf,
+        /// The input that is the same file.
+        input: PathBuf,
+    },
     /// The extension selects a format that this build does not support.
     #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}, or let the name end in .csv", path.display())]
     NoFeature {

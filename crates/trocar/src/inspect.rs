@@ -291,8 +291,11 @@ impl Course {
 
     fn view(self, column: &recording::Column) -> ColumnView {
         let seen = self.lowest <= self.highest;
-        let mean =
-            |(sum, count): &(f64, u64)| if *count > 0 { sum / *count as f64 } else { f64::NAN };
+        // Rounding makes no mean of equal values another value.
+        let mean = |(sum, count): &(f64, u64)| match count {
+            0 => f64::NAN,
+            _ => (sum / *count as f64).clamp(self.lowest, self.highest),
+        };
         ColumnView {
             name: column.name.clone(),
             unit: column

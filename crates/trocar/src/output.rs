@@ -2,8 +2,11 @@
 //!
 //! Results are written next to their destination and renamed at the end. So an error, a full disk
 //! or an interruption never leaves a half-written file in place of a complete one. An interruption
-//! that ends the process runs no destructors; its handler calls [`remove_unfinished`].
+//! that ends the process runs no destructors; its handler calls [`remove_unfinished`]. What a killed
+//! process leaves, the next output into the same folder removes: unfinished files are locked by
+//! their process, and the system unlocks them when it ends.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -14,7 +17,10 @@ use tempfile::{NamedTempFile, TempDir};
 pub use crate::error::OutputError;
 
 /// Prefix of all unfinished files; the dot hides it from plain listings.
-const PREFIX: &str = ".trocar-";
+const PREFIX: &str = ".trocar-unfinished-";
+
+/// File in an unfinished folder that its process has locked.
+const LOCK: &str = ".lock";
 
 /// Unfinished temporary files and folders of this process.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
@@ -118,7 +124,15 @@ impl Target {
             Ok(_) => fs::canonicalize(path)?,
             Err(_) => path.to_owned(),
         };
-        let file = hidden(0o666).tempfile_in(folder_of(&to)).map_err(without_name)?;
+        let folder = folder_of(&to);
+        remove_abandoned(folder);
+        let file = locked(|| {
+            let file = hidden(0o666).tempfile_in(folder).map_err(without_name)?;
+            let lock = file.as_file().try_clone()?;
+            let path = file.path().to_owned();
+            Ok((file, lock, path))
+        })?
+        .0;
         let unfinished = Unfinished::new(file.path());
         Ok(Self::Temporary { file, to, _unfinished: unfinished })
     }
@@ -140,6 +154,73 @@ impl Write for AtomicFile {
             Target::Stdout(stdout) => stdout.flush(),
         }
     }
+}
+
+/// Refuses outputs that would replace one of the `inputs`, also under another path, through a
+/// symbolic link or as a hard link (this on Unix only).
+///
+/// An output may have a `*` in its name for any text: it stands for all files of such names that are
+/// there. `-` is standard input or output; standard input is refused where it is redirected from
+/// the output. An input folder stands for the model in it, or as a bag for all of its files.
+///
+/// # Errors
+/// [`OutputError::IsInput`] with the first such pair.
+pub fn refuse_inputs(
+    outputs: impl IntoIterator<Item = impl AsRef<Path>>,
+    inputs: &[PathBuf],
+) -> Result<(), OutputError> {
+    let inputs: Vec<(&PathBuf, Identity)> =
+        inputs.iter().flat_map(|input| identities(input).map(move |id| (input, id))).collect();
+    for output in outputs.into_iter().flat_map(|output| existing(output.as_ref())) {
+        let Some(own) = identity(&output) else { continue };
+        if let Some((input, _)) = inputs.iter().find(|(_, id)| *id == own) {
+            let input = (*input).clone();
+            return Err(OutputError::IsInput { path: output, input });
+        }
+    }
+    Ok(())
+}
+
+/// What two paths of the same regular file have in common.
+#[cfg(unix)]
+type Identity = (u64, u64);
+#[cfg(not(unix))]
+type Identity = PathBuf;
+
+/// Of a regular file; nothing is lost of a pipe, a device or what does not exist.
+fn identity(path: &Path) -> Option<Identity> {
+    let metadata = fs::metadata(path).ok().filter(fs::Metadata::is_file)?;
+    #[cfg(unix)]
+    return Some((
+        std::os::unix::fs::MetadataExt::dev(&metadata),
+        std::os::unix::fs::MetadataExt::ino(&metadata),
+    ));
+    #[cfg(not(unix))]
+    path.canonicalize().ok().filter(|_| metadata.is_file())
+}
+
+fn identities(input: &Path) -> impl Iterator<Item = Identity> {
+    let files = match () {
+        () if input == Path::new("-") => vec![PathBuf::from("/dev/stdin")],
+        () if input.join("metadata.yaml").is_file() => existing(&input.join("*")),
+        () if input.is_dir() => vec![input.join(crate::model_file::FILE_NAME)],
+        () => vec![input.to_owned()],
+    };
+    files.into_iter().filter_map(|file| identity(&file))
+}
+
+/// The path, or what is there of the names that it stands for.
+fn existing(path: &Path) -> Vec<PathBuf> {
+    let name = path.file_name().and_then(|name| name.to_str());
+    let Some((start, end)) = name.and_then(|name| name.split_once('*')) else {
+        return vec![path.to_owned()];
+    };
+    let fits = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end)
+    };
+    let entries = fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).filter(fits).collect()
 }
 
 /// Writes files that belong together, each whole; if one of them fails, all are as before.
@@ -198,6 +279,7 @@ fn folder_of(path: &Path) -> &Path {
 pub struct StagedFolder {
     target: PathBuf,
     staging: TempDir,
+    lock: File,
     _unfinished: Unfinished,
 }
 
@@ -209,10 +291,10 @@ impl StagedFolder {
     /// computation.
     pub fn create(target: impl AsRef<Path>) -> Result<Self, OutputError> {
         let target = target.as_ref();
-        let staging = stage(target)
+        let (staging, lock) = stage(target)
             .map_err(|source| OutputError::Create { path: target.to_owned(), source })?;
         let unfinished = Unfinished::new(staging.path());
-        Ok(Self { target: target.to_owned(), staging, _unfinished: unfinished })
+        Ok(Self { target: target.to_owned(), staging, lock, _unfinished: unfinished })
     }
 
     /// The final path of the folder.
@@ -248,6 +330,8 @@ impl StagedFolder {
     /// [`OutputError::Write`] when they cannot be moved into place.
     pub fn commit(self) -> Result<(), OutputError> {
         let place = || {
+            fs::remove_file(self.staging.path().join(LOCK))?;
+            drop(self.lock);
             if !self.target.exists() {
                 fs::create_dir_all(folder_of(&self.target))?;
                 return fs::rename(self.staging.path(), &self.target);
@@ -260,13 +344,58 @@ impl StagedFolder {
 
 /// A temporary folder on the same file system: inside the target, or next to it if it does not
 /// exist.
-fn stage(target: &Path) -> io::Result<TempDir> {
+fn stage(target: &Path) -> io::Result<(TempDir, File)> {
     let existing = target.ancestors().find(|path| path.exists());
     let folder = existing.filter(|path| !path.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
         return Err(io::ErrorKind::NotADirectory.into());
     }
-    hidden(0o777).tempdir_in(folder).map_err(without_name)
+    remove_abandoned(folder);
+    locked(|| {
+        let staging = hidden(0o777).tempdir_in(folder).map_err(without_name)?;
+        let path = staging.path().join(LOCK);
+        let lock = File::create(&path)?;
+        Ok((staging, lock, path))
+    })
+}
+
+/// What `create` makes, locked for the life of this process: a temporary file or folder, its file
+/// to lock, and the path of that.
+///
+/// Another process may take it for abandoned before it is locked, and remove it: then it is made
+/// anew. Where the file system has no locks, nothing is ever taken for abandoned.
+fn locked<T>(create: impl Fn() -> io::Result<(T, File, PathBuf)>) -> io::Result<(T, File)> {
+    loop {
+        let (made, file, path) = create()?;
+        let _ = file.lock();
+        if path.exists() {
+            return Ok((made, file));
+        }
+    }
+}
+
+/// Removes what processes that were killed have left unfinished in `folder`; once a process, since
+/// a run may write very many files into one folder.
+fn remove_abandoned(folder: &Path) {
+    static SEEN: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+    let Ok(folder) = folder.canonicalize() else { return };
+    if !SEEN.lock().unwrap_or_else(PoisonError::into_inner).insert(folder.clone()) {
+        return;
+    }
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        if !entry.file_name().to_string_lossy().starts_with(PREFIX) {
+            continue;
+        }
+        let path = entry.path();
+        let is_folder = path.is_dir();
+        let lock = if is_folder { path.join(LOCK) } else { path.clone() };
+        let unlocked = File::options().write(true).open(&lock).ok();
+        // Committed in the meantime, it is no longer there.
+        if unlocked.is_some_and(|file| file.try_lock().is_ok() && lock.exists()) {
+            // An error leaves a hidden file, and has nothing to do with this run's output.
+            let _ = if is_folder { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+        }
+    }
 }
 
 /// Moves all files, replacing those of the same name.

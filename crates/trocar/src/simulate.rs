@@ -20,6 +20,7 @@ use trocar_model::{
 
 use crate::error::{OutputError, RecordingError};
 use crate::identify::posterior;
+use crate::output::refuse_inputs;
 use crate::recording::block::SampleRow;
 use crate::recording::columns::Quantity;
 use crate::recording::rows::Rows;
@@ -145,8 +146,8 @@ pub struct Simulated {
 /// # Errors
 /// [`SimulateError::Motion`] names the line of the first row that cannot be simulated: not a
 /// number, not finite, decreasing time, a change of position without a change of time, more than
-/// two metres of stroke. [`SimulateError::Output`] when the result cannot be written. No error
-/// leaves an output file.
+/// two metres of stroke. [`SimulateError::Output`] when the result cannot be written, or would
+/// replace the motion. No error leaves an output file.
 pub fn simulate_file<K: AsRef<[f64]>>(
     motion: &Path,
     choice: &Choice,
@@ -155,6 +156,7 @@ pub fn simulate_file<K: AsRef<[f64]>>(
     output: &Path,
     progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
+    refuse_inputs([output], &[motion.to_owned()])?;
     let mut result = TableWriter::create(output, &fields(trocar.seal()))?;
     let simulated =
         simulate(Positions::open(motion, choice)?, trocar, options, &mut result, progress)?;
@@ -175,6 +177,7 @@ pub fn simulate_file_with_band<K: AsRef<[f64]>>(
     output: &Path,
     progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
+    refuse_inputs([output], &[motion.to_owned()])?;
     let trocar = trocar.borrowed();
     let draws = posterior::evenly(draws, MOST_DRAWS);
     let drawn: Vec<Trocar<&[f64]>> =

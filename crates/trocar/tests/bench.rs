@@ -2,7 +2,7 @@
 
 use trocar::bench::config::SpeedOrder;
 use trocar::bench::{
-    BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol,
+    BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol, length,
     random_plausible_seal, random_seal, run,
 };
 use trocar_model::{
@@ -742,4 +742,51 @@ fn protocols_run_much_faster_than_real_time() {
         println!("{protocol:>10}: {recorded:6.1} s recorded in {:5.1} ms", 1e3 * wall);
         assert!(recorded > 20.0 * wall, "{protocol}: {recorded} s took {wall} s");
     }
+}
+
+/// Every number of the rig and of a protocol, as small and as large as the document takes it: the
+/// length is known before the run, right, and bounded.
+#[test]
+fn no_number_makes_a_recording_without_end() {
+    const MOST: usize = 5_000_000;
+    // Long enough to see that a run ends, short enough for a test.
+    const SHORT: usize = 20_000;
+    let (mut refused, mut ran) = (0, 0);
+    let document: toml::Table = trocar::bench::config::DEFAULT_TOML.parse().unwrap();
+    for protocol in Protocol::ALL {
+        for section in ["rig".to_owned(), format!("protocol.{protocol}")] {
+            let names = section.split('.');
+            let table = names.fold(&document, |table, name| table[name].as_table().unwrap());
+            for (key, default) in table {
+                let whole = [1, 1000, 1_000_000].map(|count: u32| count.to_string());
+                let numbers =
+                    [1e-320, 1e-7, 1e-3, 10.0, 1e7, 1e300].map(|number| format!("{number:e}"));
+                let values = if default.is_integer() { whole.to_vec() } else { numbers.to_vec() };
+                for value in values {
+                    let text = format!("[{section}]\n{key} = {value}\n");
+                    let Ok(config) = BenchConfig::from_toml(&text) else { continue };
+                    let said = length(&config, protocol);
+                    match said {
+                        Ok(samples) if samples < SHORT => {
+                            let made = run(&config, protocol, &[plausible()], 1);
+                            let made = made.map_or(0, |run| run.time.len());
+                            assert!(made <= samples + 1, "{text}: {made} samples, said {samples}");
+                            ran += 1;
+                        }
+                        Ok(samples) => assert!(samples <= MOST, "{text}: {samples}"),
+                        Err(error) => {
+                            let text = error.to_string();
+                            assert!(
+                                text.contains("samples at") && text.contains("hint: "),
+                                "{text}"
+                            );
+                            assert!(run(&config, protocol, &[plausible()], 1) == Err(error));
+                            refused += 1;
+                        }
+                    }
+                }
+            }
+        }
+    }
+    assert!(refused > 15 && ran > 15, "{refused} refused, {ran} run");
 }

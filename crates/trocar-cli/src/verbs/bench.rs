@@ -14,9 +14,13 @@ use trocar_model::{Element, ElementParams};
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::Choosing;
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::number;
 use crate::verbs::ranges::seals_like;
+
+/// Columns of the recording and of its true values.
+const BYTES_OF_A_SAMPLE: usize = 13 * size_of::<f64>();
 
 /// Rows per write.
 const PIECE: usize = 1 << 16;
@@ -39,7 +43,7 @@ pub(crate) struct Args {
     /// Recording to write, '-' for standard output; the extension selects CSV, .parquet, .arrow,
     /// .csv.gz or .csv.zst
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
-    out: Option<PathBuf>,
+    out: Option<Output>,
     /// Rig and protocol, TOML; keys left out keep their defaults (see --print-config)
     #[arg(long, value_name = "FILE")]
     rig: Option<PathBuf>,
@@ -54,7 +58,7 @@ pub(crate) struct Args {
     seed: u64,
     /// Also write what only a simulation knows (true motion, forces and deflections)
     #[arg(long, value_name = "FILE")]
-    truth_out: Option<PathBuf>,
+    truth_out: Option<Output>,
     /// Print the rig and protocol as a documented TOML file and stop
     #[arg(long)]
     print_config: bool,
@@ -87,6 +91,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
                 .with_context(|| path.display().to_string())?
         }
         (None, Some(protocol)) => {
+            say_if_long(console, bench::length(&config, protocol)?);
             progress.report(protocol.name(), 0.0);
             bench::run(&config, protocol, &elements, args.seed)?
         }
@@ -99,6 +104,17 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     }
     console.remark(&format!("{} samples -> {}", run.time.len(), out.display()));
     Ok(Completion::doubtful_if(warn_of_events(console, &run)))
+}
+
+/// Says what a long recording will take, before it is made.
+fn say_if_long(console: &Console, samples: usize) {
+    const LONG: usize = 1_000_000;
+    if samples > LONG {
+        console.remark(&format!(
+            "note: up to {samples} samples, {} MB in memory",
+            samples * BYTES_OF_A_SAMPLE / 1_000_000
+        ));
+    }
 }
 
 fn read_motion(path: &Path, choice: &Choice) -> anyhow::Result<Course> {

@@ -14,6 +14,7 @@ use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
 use crate::models::{Models, models};
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
@@ -45,8 +46,8 @@ pub(crate) struct Args {
     models: Models,
     /// Folder for compare.json, models (lugre.json, gms-4.json, for simulate and validate),
     /// report.html and figures; it need not exist
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&["compare.json", "models/*.json", "report.html", "figures/*"]))]
+    out: Option<Output>,
     /// Print every model, criteria, times and warnings after the best of each family
     #[arg(long)]
     all: bool,

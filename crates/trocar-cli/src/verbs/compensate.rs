@@ -12,6 +12,7 @@ use crate::Completion;
 use crate::console::Console;
 use crate::input::{Choosing, Observing, say_own_header};
 use crate::models::{read_draws, read_model};
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -33,7 +34,7 @@ pub(crate) struct Args {
     /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow,
     /// .csv.gz, .csv.zst); '-' for CSV to standard output
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    out: Output,
     /// Draws of the element's parameters that `identify --posterior` wrote: tissue_force_std_n has
     /// the error of the parameters from their forces, in place of the intervals of the model
     #[arg(long, value_name = "FILE")]

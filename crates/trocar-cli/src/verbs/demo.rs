@@ -1,6 +1,6 @@
 //! `trocar demo`
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use trocar::bench::{self, BenchConfig, Protocol};
 use trocar::identify::IdentifyOptions;
@@ -14,6 +14,7 @@ use trocar_model::{ElementParams, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
@@ -24,6 +25,10 @@ use super::identify;
 const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
 
+/// What the folder of results holds.
+const FILES: [&str; 6] =
+    ["truth.json", "model.json", "summary.json", "report.html", "figures/*", "recordings/*"];
+
 /// Demonstrate the whole workflow on the virtual bench: record, identify, validate, report
 ///
 /// Records all five experiments with a plausible, made-up seal, identifies a model from two of
@@ -32,8 +37,8 @@ const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol:
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder for the results; it need not exist
-    #[arg(long, value_name = "DIR", default_value = "trocar-demo")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", default_value = "trocar-demo", value_parser = Output::folder(&FILES))]
+    out: Output,
     /// Seed of noise, fluctuation, hand-like motion and bootstrap
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use trocar::cancel::{Cancel, most_threads};
 use trocar::fleet::{Config, Dataset, Depth, Fleet, Tally, journal_path, run as run_fleet};
-use trocar::output::AtomicFile;
+use trocar::output::{AtomicFile, refuse_inputs};
 use trocar::report::fleet::{self as fleet_report, Roles};
 use trocar::report::page;
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
+use crate::output::Output;
 use crate::progress::Progress;
 
 /// Identify every recording of a data set separately, on all cores, and write one table
@@ -26,8 +27,8 @@ pub(crate) struct Args {
     #[arg(value_name = "DATASET")]
     dataset: PathBuf,
     /// Table to write: .parquet, .csv, .csv.gz, .csv.zst or .arrow
-    #[arg(long, value_name = "TABLE")]
-    out: PathBuf,
+    #[arg(long, value_name = "TABLE", value_parser = Output::with(|table| vec![journal_path(table), report_beside(table)]))]
+    out: Output,
     /// Depth of the identification
     #[arg(long, value_enum, default_value_t = Far::Quick)]
     depth: Far,
@@ -46,7 +47,7 @@ pub(crate) struct Args {
     threads: usize,
     /// Report to write [default: the table's name with .html]
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<Output>,
     /// Metadata column with the type of the trocar [default: trocar_type or similar]
     #[arg(long = "type", value_name = "COLUMN")]
     kind: Option<String>,
@@ -72,7 +73,7 @@ enum Far {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    if args.out == Path::new("-") {
+    if *args.out == *Path::new("-") {
         return Err(BadArgument(
             "--out - : the table needs a file, beside which its journal stands".into(),
         )
@@ -82,8 +83,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let dataset = Dataset::open(
         &args.dataset,
         args.group_by.as_deref(),
-        &[args.out.clone(), journal.clone()],
+        &[args.out.to_path_buf(), journal.clone()],
     )?;
+    let report = args.report.as_deref().map_or_else(|| report_beside(&args.out), Path::to_path_buf);
+    refuse_inputs([&report], &dataset.files())?;
     if let [first, ..] = dataset.left_out.as_slice() {
         console.remark(&format!(
             "note: {} left out for their extension, such as {first}",
@@ -128,7 +131,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         usage: args.usage.clone(),
         specimen: args.specimen.clone(),
     };
-    let report = args.report.clone().unwrap_or_else(|| report_beside(&args.out));
     let page = page(&fleet_report::document(&fleet, &config, &roles))?;
     let mut file = AtomicFile::create(&report)?;
     file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;

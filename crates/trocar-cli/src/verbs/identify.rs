@@ -17,8 +17,13 @@ use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::{Reading, Rod};
 use crate::models::read_model;
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
+
+/// What the folder of results holds.
+const FILES: [&str; 5] =
+    ["model.json", "summary.json", "report.html", "posterior.parquet", "figures/*"];
 
 /// Identify a model from recordings, validate it on others, and write a report
 ///
@@ -37,8 +42,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
     /// Folder for the results; it need not exist
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES))]
+    out: Output,
     /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
     #[arg(long, default_value_t = 200, value_name = "N")]
     bootstrap: usize,
@@ -157,7 +162,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     // Fails before the computation if nothing can be written there.
     let staged = StagedFolder::create(&args.out)?;
     let mut done = run_workflow(console, recordings, held_out, moving_mass, options)?;
-    done.command = Some(command_line());
+    done.command = Some(command_line(args));
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
     let (deflections, speeds) =
         (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
@@ -178,19 +183,38 @@ fn seal_prior(path: &Path, args: &Args) -> anyhow::Result<SealPrior> {
 
 /// The command line with the names of files instead of their paths, and without the folder of the
 /// results: the same inputs and options give the same line.
-fn command_line() -> String {
-    let mut words = std::env::args().skip(1);
+fn command_line(args: &Args) -> String {
+    let inputs: Vec<&PathBuf> =
+        args.recordings.iter().chain(&args.validate).chain(&args.prior).collect();
+    let mut words = std::env::args_os().skip(1);
     let mut line = "trocar".to_owned();
     while let Some(word) = words.next() {
+        let word = word.to_string_lossy();
         if word == "--out" {
             words.next();
-        } else if !word.starts_with("--out=") {
-            let name = word.rsplit(['/', '\\']).next().unwrap_or_default();
-            let quote = if name.contains([' ', '[', ';']) { "'" } else { "" };
-            line.push_str(&format!(" {quote}{name}{quote}"));
+            continue;
+        }
+        let (option, value) = match word.split_once('=') {
+            Some((option, value)) if option.starts_with("--") => (format!("{option}="), value),
+            _ => (String::new(), &*word),
+        };
+        if option != "--out=" {
+            let path = inputs.iter().find(|path| path.to_string_lossy() == value);
+            let name = path.and_then(|path| path.file_name()).map(|name| name.to_string_lossy());
+            line.push(' ');
+            line.push_str(&quoted(&format!("{option}{}", name.as_deref().unwrap_or(value))));
         }
     }
     line
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_=./,:%@+^".contains(c);
+    match !word.is_empty() && word.chars().all(is_plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
 }
 
 /// Runs the workflow; prints first what the recordings can determine, and finally what is doubtful.

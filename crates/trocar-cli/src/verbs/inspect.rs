@@ -20,8 +20,8 @@ const SHOWN: usize = 40;
 /// Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be
 /// identified from it
 ///
-/// Reads CSV and TSV (plain, gzip, zstd), Parquet, Arrow, MATLAB .mat, HDF5, Excel, MCAP, ROS 2 and
-/// ROS 1 bags. Prints which columns would be used as time, position, velocity and force, as options
+/// Reads CSV and TSV (plain, gzip, zstd, xz), Parquet, Arrow, MATLAB .mat, HDF5, Excel, NumPy, JSON
+/// lines, MCAP, ROS 2 and ROS 1 bags. Prints which columns would be used as time, position, velocity and force, as options
 /// --columns and --topic. Exit code 3: the file cannot be read as a recording without further
 /// options.
 #[derive(clap::Args)]

@@ -1,19 +1,18 @@
 //! `trocar man`
 
-use std::path::PathBuf;
-
 use clap::Command;
 use clap_mangen::Man;
 use trocar::output::StagedFolder;
 
+use crate::output::Output;
 use crate::{Completion, console, examples};
 
 /// Print the man page, or write it and one page per command into a folder
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Folder for trocar.1 and one page per command
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&["trocar*.1"]))]
+    out: Option<Output>,
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {

@@ -18,6 +18,7 @@ use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::Choosing;
 use crate::models::{read_draws, read_model};
+use crate::output::Output;
 use crate::page::{self, model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
@@ -59,11 +60,11 @@ pub(crate) struct Args {
     duration_s: Option<f64>,
     /// The motion: .csv, .parquet, .arrow, .csv.gz or .csv.zst, '-' for CSV to standard output
     #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
-    out: Option<PathBuf>,
+    out: Option<Output>,
     /// Write a report, one HTML page that needs nothing else: the motion, what its parts tell, and the
     /// intervals to expect
     #[arg(long, value_name = "FILE")]
-    report: Option<PathBuf>,
+    report: Option<Output>,
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
@@ -90,7 +91,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(EXAMPLE_TOML)?;
         return Ok(Completion::Clean);
     };
-    let to_stdout = out == Path::new("-");
+    let to_stdout = **out == *Path::new("-");
     if to_stdout && args.json {
         let text =
             "--out - prints the motion alone\n\nhint: write it to a file, or leave out --json";

@@ -11,6 +11,7 @@ use crate::Completion;
 use crate::console::{BadArgument, Console};
 use crate::input::{Choosing, finite, not_negative, say_own_header};
 use crate::models::{read_draws, read_model};
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -30,7 +31,7 @@ pub(crate) struct Args {
     /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow,
     /// .csv.gz, .csv.zst); '-' for CSV to standard output
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    out: Output,
     /// Deflection of the seal before the first row, in mm, positive on insertion [default: from the
     /// first force reading where the motion has one, else 0]; for EMS elements only
     #[arg(long, value_name = "MM", value_parser = finite, allow_negative_numbers = true)]

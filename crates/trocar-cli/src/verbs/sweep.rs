@@ -11,6 +11,7 @@ use trocar::sweep::config::EXAMPLE_TOML;
 
 use crate::Completion;
 use crate::console::{self, Console};
+use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::number;
 
@@ -28,10 +29,10 @@ pub(crate) struct Args {
     sweep: Option<PathBuf>,
     /// Table to write: .parquet, .arrow, .csv, .csv.gz or .csv.zst, '-' for CSV to standard output
     #[arg(long, value_name = "TABLE", required_unless_present_any = ["print_config", "list"])]
-    out: Option<PathBuf>,
+    out: Option<Output>,
     /// Also write time, position and force of each run into this folder, one Parquet file each
-    #[arg(long, value_name = "DIR")]
-    traces: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&["run_*.parquet"]))]
+    traces: Option<Output>,
     /// Print a documented example of what to vary and stop
     #[arg(long)]
     print_config: bool,

@@ -16,6 +16,7 @@ use trocar::teleop::{Candidates, Config, Questions, Study};
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::models;
+use crate::output::Output;
 use crate::page::{model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
@@ -26,6 +27,10 @@ const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
 const POSTERIOR_DRAWS: usize = 20;
 /// Longest delay of a map, in samples.
 const LONGEST_MAPPED: f64 = 1e4;
+
+/// What the folder of results holds.
+const FILES: [&str; 5] =
+    ["summary.json", "course.parquet", "hybrid.parquet", "report.html", "figures/*"];
 
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
@@ -71,8 +76,8 @@ pub(crate) struct Args {
     map: Option<Option<f64>>,
     /// Folder for the results; it need not exist: the report with the loop to try by hand, its course, and the
     /// hybrid matrix with the trocar as its describing function at the amplitude of the motion
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES))]
+    out: Option<Output>,
     /// Print summary.json instead of text
     #[arg(long)]
     json: bool,

@@ -5,8 +5,8 @@
 //! correctly. Attributes `units` or `unit` are the column's unit. Memory: a batch of rows, or the
 //! whole array if its longer dimension is not the first one (as MATLAB writes vectors).
 
+use std::collections::HashMap;
 use std::path::Path;
-use std::sync::Arc;
 
 use hdf5_pure::{AttrValue, DType, Dataset, File};
 
@@ -28,9 +28,11 @@ const DENSEST: u64 = 2000;
 const UNITS: [&str; 4] = ["units", "unit", "Units", "Unit"];
 
 /// Where one column is stored.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 struct ColumnLocation {
     path: String,
+    /// Opened by its path again, it would be sought among all others.
+    dataset: Dataset,
     /// Index among `width` columns.
     column: u64,
     width: u64,
@@ -41,7 +43,6 @@ struct ColumnLocation {
 /// An open file.
 pub(crate) struct Hdf5 {
     source: Source,
-    file: Arc<File>,
     length: u64,
     tables: Vec<Table>,
     places: Vec<Vec<Option<ColumnLocation>>>,
@@ -49,17 +50,15 @@ pub(crate) struct Hdf5 {
 
 impl Hdf5 {
     pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let (file, groups) = source.guard("its structure", || {
+        let groups = source.guard("its structure", || {
             let file = File::open_streaming(path)
                 .map_err(|error| refused(&source, "the superblock", &error))?;
-            let mut listing =
-                Listing { source: &source, file: &file, length, groups: Vec::new(), listed: 0 };
-            listing.group("", 0)?;
-            let groups = listing.groups;
-            Ok((file, groups))
+            let mut listing = Listing { source: &source, length, groups: Vec::new(), listed: 0 };
+            listing.group(&file.root(), "", 0)?;
+            Ok(listing.groups)
         })?;
         let (tables, places) = lengths::tables(groups);
-        Ok(Self { source, file: Arc::new(file), length, tables, places })
+        Ok(Self { source, length, tables, places })
     }
 }
 
@@ -74,14 +73,14 @@ impl Container for Hdf5 {
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let mut arrays: Vec<Array> = Vec::new();
+        let mut known: HashMap<&str, usize> = HashMap::new();
         let mut sources = Vec::with_capacity(columns.len());
         for &column in columns {
             let name = &self.tables[table].columns[column].name;
             let place =
                 self.places[table][column].as_ref().ok_or_else(|| self.source.not_numeric(name))?;
-            let known = arrays.iter().position(|array| array.path == place.path);
-            let at = known.unwrap_or(arrays.len());
-            if known.is_none() {
+            let at = *known.entry(&place.path).or_insert(arrays.len());
+            if at == arrays.len() {
                 arrays.push(self.source.guard(&place.path, || self.array(place))?);
             }
             sources.push((at, place.column));
@@ -94,7 +93,7 @@ impl Container for Hdf5 {
 impl Hdf5 {
     fn array(&self, place: &ColumnLocation) -> Result<Array, RecordingError> {
         let refused = |error| refused(&self.source, &place.path, &error);
-        let dataset = self.file.dataset(&place.path).map_err(refused)?;
+        let dataset = place.dataset.clone();
         // The reader reserves memory for the length that a chunk states.
         let chunks =
             if dataset.is_chunked() { dataset.chunks().unwrap_or_default() } else { Vec::new() };
@@ -133,27 +132,26 @@ fn refused(
 
 struct Listing<'a> {
     source: &'a Source,
-    file: &'a File,
     length: u64,
     groups: Vec<Group<ColumnLocation>>,
     listed: usize,
 }
 
 impl Listing<'_> {
-    fn group(&mut self, path: &str, depth: usize) -> Result<(), RecordingError> {
+    fn group(
+        &mut self,
+        group: &hdf5_pure::Group,
+        path: &str,
+        depth: usize,
+    ) -> Result<(), RecordingError> {
         let shown = if path.is_empty() { "/" } else { path };
         let failed = |error| refused(self.source, shown, &error);
-        let group = if path.is_empty() {
-            self.file.root()
-        } else {
-            self.file.group(path).map_err(failed)?
-        };
         let mut listed = Group { name: path.to_owned(), columns: Vec::new(), refused: Vec::new() };
-        for name in group.datasets().map_err(failed)? {
+        for (name, dataset) in group.iter_datasets().map_err(failed)? {
             self.count(shown)?;
             let full = if path.is_empty() { name.clone() } else { format!("{path}/{name}") };
-            match self.file.dataset(&full).and_then(|dataset| described(&dataset)) {
-                Ok(described) => self.dataset(&mut listed, &name, full, described),
+            match described(&dataset) {
+                Ok(described) => self.dataset(&mut listed, &name, (full, dataset), described),
                 // An array that cannot be read does not affect the others.
                 Err(error) => {
                     listed.refused.push(format!("{name} ({})", refused(self.source, &full, &error)))
@@ -161,7 +159,7 @@ impl Listing<'_> {
             }
         }
         self.groups.push(listed);
-        for name in group.groups().map_err(failed)? {
+        for (name, inner) in group.iter_groups().map_err(failed)? {
             // Cells and objects of MATLAB store their parts there, without names.
             if depth == 0 && name.starts_with('#') {
                 continue;
@@ -169,6 +167,7 @@ impl Listing<'_> {
             self.count(shown)?;
             if depth < DEEPEST {
                 self.group(
+                    &inner,
                     &if path.is_empty() { name } else { format!("{path}/{name}") },
                     depth + 1,
                 )?;
@@ -189,7 +188,7 @@ impl Listing<'_> {
         &self,
         group: &mut Group<ColumnLocation>,
         name: &str,
-        path: String,
+        (path, dataset): (String, Dataset),
         described: Described,
     ) {
         let Described { shape, unit, is_numeric, size, compressed, reason } = described;
@@ -220,7 +219,8 @@ impl Listing<'_> {
         }
         for column in 0..width {
             let name = if width == 1 { name.to_owned() } else { format!("{name}[{column}]") };
-            let place = ColumnLocation { path: path.clone(), column, width, across };
+            let (path, dataset) = (path.clone(), dataset.clone());
+            let place = ColumnLocation { path, dataset, column, width, across };
             group.columns.push((Column { name, unit: unit.clone(), is_numeric }, rows, place));
         }
     }

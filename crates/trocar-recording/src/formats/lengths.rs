@@ -1,5 +1,7 @@
 //! Groups the vectors of a group into tables by their length.
 
+use std::collections::HashMap;
+
 use crate::container::{Column, Table};
 
 /// Most columns into which a matrix is split; a wider one is an image rather than readings.
@@ -32,10 +34,10 @@ pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
             .filter(|(column, ..)| column.is_numeric)
             .map(|&(_, rows, _)| rows)
             .max();
+        let mut of_length: HashMap<u64, usize> = HashMap::new();
         for (column, rows, place) in group.columns {
-            let known = placed.0[first..].iter().position(|table| table.rows == Some(rows));
-            let at = known.map_or(placed.0.len(), |at| first + at);
-            if known.is_none() {
+            let at = *of_length.entry(rows).or_insert(placed.0.len());
+            if at == placed.0.len() {
                 let name = if Some(rows) == longest {
                     group.name.clone()
                 } else {

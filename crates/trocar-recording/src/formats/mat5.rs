@@ -66,7 +66,7 @@ pub(crate) fn is_version_4(head: &[u8]) -> bool {
 
 /// Storage types of numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Storage {
+pub(super) enum Storage {
     I8,
     U8,
     I16,
@@ -96,7 +96,7 @@ impl Storage {
         })
     }
 
-    fn size(self) -> usize {
+    pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -106,7 +106,7 @@ impl Storage {
     }
 
     /// The number at the start of `bytes`, in big-endian order if `big`.
-    fn number(self, bytes: &[u8], big: bool) -> f64 {
+    pub(super) fn number(self, bytes: &[u8], big: bool) -> f64 {
         let size = self.size();
         let mut little = [0; 8];
         little[..size].copy_from_slice(&bytes[..size]);

@@ -15,12 +15,15 @@ pub(super) mod arrow;
 mod cdr;
 #[cfg(feature = "hdf5")]
 pub(super) mod hdf5;
+#[cfg(feature = "json")]
+pub(super) mod json_lines;
 pub(super) mod lengths;
 pub(super) mod mat5;
 #[cfg(feature = "mcap")]
 pub(super) mod mcap;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod message;
+pub(super) mod numpy;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod ordered;
 #[cfg(feature = "parquet")]
@@ -35,6 +38,8 @@ mod rosmsg;
 mod scale;
 #[cfg(feature = "xlsx")]
 pub(super) mod xlsx;
+#[cfg(any(feature = "xlsx", feature = "npz"))]
+mod zipped;
 
 /// Columns of a robot log's own times, and of the times in its messages.
 pub(super) const LOG_TIME: &str = "log_time_s";
@@ -77,7 +82,6 @@ impl Source {
     }
 
     /// A requested column is not numeric.
-    #[cfg(any(feature = "parquet", feature = "arrow", feature = "hdf5", feature = "xlsx"))]
     pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
         RecordingError::NotNumeric {
             file: self.file.clone(),

@@ -7,14 +7,16 @@
 //! header that is repeated, and rows of text at the end, are left out with a warning.
 //!
 //! Memory: the texts of the workbook and the columns asked for; a sheet has at most 1,048,576 rows.
+//! What the parts of a workbook unpack to is checked before the library reads them, since it holds
+//! all shared texts, and the text of a cell, in memory.
 
 use std::fs::File;
-use std::io::BufReader;
+use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use calamine::{CellErrorType, DataRef, Reader as _, SheetType, XlsxError, open_workbook};
 
-use super::Source;
+use super::{Source, zipped};
 use crate::columns::{UNIT_IN_CELL, has_unit, is_recognised, time_unit};
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
 use crate::format::Format;
@@ -28,6 +30,16 @@ const FIRST_ROWS: usize = 300;
 /// Size of a sheet, by the definition of the format.
 const MOST_ROWS: u32 = 1 << 20;
 const MOST_COLUMNS: u32 = 1 << 14;
+
+/// Longest text or tag, bytes: a cell has at most 32,767 characters. A picture has no tags, and is not
+/// packed as densely as this.
+const LONGEST: u64 = 1 << 18;
+const DENSEST_TEXT: u64 = 4;
+/// Most bytes of text in a row, and in the rows in which the header is sought: a shared text may be
+/// in any number of cells.
+const MOST_TEXT: usize = 1 << 22;
+/// Fewest bytes of a shared text with its tags.
+const SHORTEST_TEXT: u64 = 5;
 
 /// Days from the first day of Excel's calendar to 1970.
 const DAYS_TO_1970: f64 = 25_569.0;
@@ -108,6 +120,11 @@ impl Cell {
         }
     }
 
+    /// Bytes in memory.
+    fn bytes(&self) -> usize {
+        size_of::<(u32, Self)>() + if let Self::Text(text) = self { text.len() } else { 0 }
+    }
+
     fn kind(&self, format: Format) -> Option<Kind> {
         match self {
             Self::Number(_) => Some(Kind::Number),
@@ -165,6 +182,7 @@ impl Xlsx {
             notes: Vec::new(),
         };
         source.guard("its structure", || {
+            check_parts(path, &source)?;
             let mut workbook = open_book(path, &source)?;
             let sheets =
                 workbook.sheets_metadata().iter().filter(|sheet| sheet.typ == SheetType::WorkSheet);
@@ -187,12 +205,14 @@ impl Xlsx {
     /// Adds a sheet, if it holds rows.
     fn list(&mut self, workbook: &mut Workbook, name: String) -> Result<(), RecordingError> {
         let mut rows: Vec<(u32, Vec<(u32, Cell)>)> = Vec::new();
+        let mut bytes = 0;
         each_row(workbook, &self.source, &name, self.skip_rows, |row, cells| {
             let own = cells.iter().filter(|(_, cell)| *cell != Cell::Missing);
             if own.clone().next().is_some() {
                 rows.push((row, own.cloned().collect()));
             }
-            rows.len() < FIRST_ROWS
+            bytes += cells.iter().map(|(_, cell)| cell.bytes()).sum::<usize>();
+            rows.len() < FIRST_ROWS && bytes < MOST_TEXT
         })?;
         let columns = rows.iter().flat_map(|(_, cells)| cells.iter().map(|(column, _)| *column));
         let Some((left, right)) = columns.clone().min().zip(columns.max()) else { return Ok(()) };
@@ -275,6 +295,66 @@ fn as_text(rows: &[(u32, Vec<(u32, Cell)>)], left: u32, right: u32) -> String {
     text
 }
 
+/// Refuses a workbook whose parts would take more memory than its length justifies.
+fn check_parts(path: &Path, source: &Source) -> Result<(), RecordingError> {
+    // The library finds what is wrong with the archive.
+    let Ok(mut archive) = zipped::open(path) else { return Ok(()) };
+    let length = std::fs::metadata(path).map_or(0, |metadata| metadata.len());
+    let mut total = 0;
+    for k in 0..archive.len() {
+        let Ok(mut part) = archive.by_index(k) else { continue };
+        let most = length.saturating_mul(DENSEST_TEXT).max(LONGEST);
+        let mut found = Part::default();
+        let mut buffer = vec![0; 1 << 16];
+        while let Ok(read @ 1..) = part.read(&mut buffer) {
+            found.take(&buffer[..read]);
+            zipped::check(total + found.bytes, length, source)?;
+        }
+        total += found.bytes;
+        let problem = match found.shared_texts() {
+            _ if found.longest > most => format!("a text or tag of {} bytes", found.longest),
+            Some(count) if count > found.bytes / SHORTEST_TEXT => {
+                format!("{count} shared texts stated in {} bytes", found.bytes)
+            }
+            _ => continue,
+        };
+        return Err(source.damaged(format!("part {}", k + 1), problem));
+    }
+    Ok(())
+}
+
+/// What is known of a part before it is read.
+#[derive(Default)]
+struct Part {
+    bytes: u64,
+    /// Longest text or tag, and bytes since the last tag began.
+    longest: u64,
+    since: u64,
+    head: Vec<u8>,
+}
+
+impl Part {
+    fn take(&mut self, bytes: &[u8]) {
+        self.bytes += bytes.len() as u64;
+        if (self.head.len() as u64) < LONGEST {
+            self.head.extend_from_slice(bytes);
+        }
+        for (k, run) in bytes.split(|byte| *byte == b'<').enumerate() {
+            self.since = run.len() as u64 + if k == 0 { self.since } else { 0 };
+            self.longest = self.longest.max(self.since);
+        }
+    }
+
+    /// The number of shared texts that it states, for which the library reserves memory.
+    fn shared_texts(&self) -> Option<u64> {
+        const COUNT: &[u8] = b"uniqueCount";
+        let at = self.head.windows(COUNT.len()).position(|bytes| bytes == COUNT)? + COUNT.len();
+        let digits = self.head[at..].iter().skip_while(|byte| !byte.is_ascii_digit());
+        let digits: Vec<u8> = digits.copied().take_while(u8::is_ascii_digit).collect();
+        Some(std::str::from_utf8(&digits).ok()?.parse().unwrap_or(u64::MAX))
+    }
+}
+
 fn open_book(path: &Path, source: &Source) -> Result<Workbook, RecordingError> {
     open_workbook(path).map_err(|error: XlsxError| match error {
         XlsxError::Io(error) => RecordingError::Open { file: source.file.clone(), source: error },
@@ -300,6 +380,7 @@ fn each_row(
         .worksheet_cells_reader(name)
         .map_err(|error| source.damaged(format!("sheet '{name}'"), error))?;
     let mut row: (u32, Vec<(u32, Cell)>) = (0, Vec::new());
+    let mut bytes = 0;
     loop {
         let next = reader.next_cell().map_err(|error| source.damaged(place(row.0), error))?;
         let at = next.as_ref().map(calamine::Cell::get_position);
@@ -308,6 +389,7 @@ fn each_row(
                 return Ok(());
             }
             row.1.clear();
+            bytes = 0;
         }
         let Some((cell, (at, column))) = next.zip(at) else { return Ok(()) };
         let is_in_order = at >= row.0 && row.1.last().is_none_or(|(last, _)| *last < column);
@@ -320,6 +402,11 @@ fn each_row(
         }
         row.0 = at;
         row.1.extend(Cell::of(cell.get_value()).map(|cell| (column, cell)));
+        bytes += row.1.last().map_or(0, |(_, cell)| cell.bytes());
+        if bytes > MOST_TEXT {
+            return Err(source
+                .damaged(place(at), format!("a row with more than {MOST_TEXT} bytes of text")));
+        }
     }
 }
 

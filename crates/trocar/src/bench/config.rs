@@ -4,6 +4,8 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use super::Protocol;
+
 /// The default document with every key, its default and its meaning.
 pub const DEFAULT_TOML: &str = include_str!("../../data/bench.toml");
 
@@ -54,6 +56,14 @@ pub struct Rig {
     pub sample_rate_hz: f64,
     /// Integration steps per sample, at least 1.
     pub substeps: u32,
+}
+
+impl Rig {
+    /// Duration of the withdrawal and the rest before the first sample, s.
+    pub(super) fn homing_s(&self) -> f64 {
+        // The ramps take as long again as half of the way at full speed.
+        1.5 * self.homing_m / self.homing_speed_m_s + self.homing_hold_s
+    }
 }
 
 /// Linear motor with its guide.
@@ -237,6 +247,30 @@ pub struct Protocols {
     pub surgeon: Surgeon,
 }
 
+impl Protocols {
+    /// Longest duration of a recording, s: under constant force, of strokes that just do not stall.
+    pub fn duration_s(&self, protocol: Protocol) -> f64 {
+        match protocol {
+            Protocol::Steady => self.steady.duration_s(),
+            Protocol::Validation => self.validation.duration_s(),
+            Protocol::Dynamic => {
+                2.0 * f64::from(self.dynamic.cycles) * self.dynamic.stroke_timeout_s
+            }
+            Protocol::Step => {
+                let speeds = [self.step.insertion_speed_m_s, self.step.withdrawal_speed_m_s];
+                let of = |v| stroke_s(v, self.step.stroke_m, self.step.acceleration_m_s2);
+                speeds.map(of).iter().sum()
+            }
+            Protocol::Surgeon => self.surgeon.duration_s,
+        }
+    }
+}
+
+/// Duration of a stroke at `speed` from rest to rest, s.
+fn stroke_s(speed: f64, stroke: f64, acceleration: f64) -> f64 {
+    stroke / speed + speed / acceleration
+}
+
 /// Order of the speeds of the cycles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -282,6 +316,15 @@ impl SpeedCycles {
         (0..=increments as u32)
             .map(|i| self.slowest_m_s + f64::from(i) * self.increment_m_s)
             .collect()
+    }
+
+    /// Longest duration of all cycles, s.
+    fn duration_s(&self) -> f64 {
+        let stroke = self.stroke_m + 2.0 * self.turning_scatter_m;
+        let cycle = |speed| 2.0 * (stroke_s(speed, stroke, self.acceleration_m_s2) + self.dwell_s);
+        let each: f64 = self.speeds().into_iter().map(cycle).sum();
+        let there_and_back = if self.order == SpeedOrder::UpAndDown { 2.0 } else { 1.0 };
+        there_and_back * f64::from(self.cycles_per_speed) * each
     }
 }
 
@@ -611,7 +654,13 @@ impl BenchConfig {
         within(&key("longest_m"), hand.longest_m, hand.shortest_m, half)?;
         positive(&key("slowest_m_s"), hand.slowest_m_s)?;
         within(&key("fastest_m_s"), hand.fastest_m_s, hand.slowest_m_s, 10.0)?;
+        // None is shorter than a sample, so there are no more of them than samples.
         positive(&key("quickest_s"), hand.quickest_s)?;
+        let sample = 1.0 / self.rig.sample_rate_hz;
+        if hand.quickest_s < sample {
+            let allowed = format!("at least a sample, {sample}");
+            return out_of_range(&key("quickest_s"), allowed, hand.quickest_s);
+        }
         within(&key("hold_probability"), hand.hold_probability, 0.0, 0.9)?;
         not_negative(&key("hold_shortest_s"), hand.hold_shortest_s)?;
         let longest_hold = hand.hold_longest_s;

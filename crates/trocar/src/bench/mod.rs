@@ -179,6 +179,26 @@ pub enum BenchError {
     /// The configuration is out of range.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// It would take more memory or time than a recording justifies.
+    #[error(
+        "{what} takes up to {duration_s:.3e} s, {samples:.3e} samples at {rate_hz} Hz of {substeps} steps each: a run has at most \
+         {most:e} samples and {most_steps:e} steps\n\nhint: {hint}; or lower rig.sample_rate_hz",
+        most = MOST_SAMPLES, most_steps = MOST_STEPS
+    )]
+    TooLong {
+        /// Protocol or motion.
+        what: String,
+        /// Its duration, s.
+        duration_s: f64,
+        /// Its samples.
+        samples: f64,
+        /// Samples per second.
+        rate_hz: f64,
+        /// Steps per sample.
+        substeps: u32,
+        /// Keys that make it shorter.
+        hint: &'static str,
+    },
     /// A motion that the rig cannot make.
     #[error("the motion cannot be run: {0}")]
     Motion(String),
@@ -204,8 +224,9 @@ pub enum BenchError {
 /// as the controller tracks.
 ///
 /// # Errors
-/// [`BenchError::Config`] when a value is out of range, [`BenchError::Stalled`] when the constant
-/// force does not move the instrument.
+/// [`BenchError::Config`] when a value is out of range, [`BenchError::TooLong`] for more than
+/// 5 million samples or 10⁹ steps, [`BenchError::Stalled`] when the constant force does not move the
+/// instrument.
 pub fn run(
     config: &BenchConfig,
     protocol: Protocol,
@@ -213,6 +234,7 @@ pub fn run(
     seed: u64,
 ) -> Result<BenchRun, BenchError> {
     config.validate()?;
+    length(config, protocol)?;
     let protocols = &config.protocol;
     let reference = match protocol {
         Protocol::Steady => Reference::speed_cycles(&protocols.steady, seed),
@@ -227,25 +249,60 @@ pub fn run(
     recorded(config, seal, seed, |rig, log| rig.follow(reference, log))
 }
 
+/// Most samples of the recording that `protocol` gives, known before it is made.
+///
+/// # Errors
+/// [`BenchError::TooLong`].
+pub fn length(config: &BenchConfig, protocol: Protocol) -> Result<usize, BenchError> {
+    let hint = match protocol {
+        Protocol::Steady | Protocol::Validation => {
+            "raise slowest_m_s or increment_m_s, or lower cycles_per_speed or dwell_s"
+        }
+        Protocol::Dynamic => "lower cycles or stroke_timeout_s",
+        Protocol::Step => "raise the speeds or lower stroke_m",
+        Protocol::Surgeon => "lower duration_s",
+    };
+    let homing = "raise rig.homing_speed_m_s, or lower rig.homing_m or rig.homing_hold_s";
+    samples(config, "homing (section rig)", config.rig.homing_s(), homing)?;
+    samples(config, &format!("protocol.{protocol}"), config.protocol.duration_s(protocol), hint)
+}
+
+fn samples(
+    config: &BenchConfig,
+    what: &str,
+    duration_s: f64,
+    hint: &'static str,
+) -> Result<usize, BenchError> {
+    let (rate_hz, substeps) = (config.rig.sample_rate_hz, config.rig.substeps);
+    let samples = (duration_s * rate_hz).ceil();
+    if samples <= MOST_SAMPLES && samples * f64::from(substeps) <= MOST_STEPS {
+        return Ok(samples as usize);
+    }
+    let what = what.to_owned();
+    Err(BenchError::TooLong { what, duration_s, samples, rate_hz, substeps, hint })
+}
+
 /// Runs a motion, given as positions at times, with `seal`: the drive follows its speed.
 ///
 /// The rig starts at the first position, after homing as for [`run`]; `rig.start_m` is not used.
 ///
 /// # Errors
-/// [`BenchError::Config`] when a value is out of range, [`BenchError::Motion`] when it is
-/// not a motion or leaves the rig's travel.
+/// [`BenchError::Config`] when a value is out of range, [`BenchError::TooLong`] as for [`run`],
+/// [`BenchError::Motion`] when it is not a motion or leaves the rig's travel.
 pub fn run_motion(
     config: &BenchConfig,
     motion: &Course,
     seal: &[Element],
     seed: u64,
 ) -> Result<BenchRun, BenchError> {
-    motion.check(config.rig.stroke_limit_m, config.rig.sample_rate_hz)?;
+    motion.check(config.rig.stroke_limit_m)?;
     let mut config = config.clone();
     config.rig.start_m = motion.position[0];
     // Homing comes from deeper inside.
     config.rig.homing_m = config.rig.homing_m.min(config.rig.stroke_limit_m - config.rig.start_m);
     config.validate_without_protocols()?;
+    let duration = motion.time[motion.time.len() - 1] - motion.time[0];
+    samples(&config, "the motion", duration, "take a part of it")?;
     let reference = Reference::through(&motion.time, &motion.position);
     recorded(&config, seal, seed, |rig, log| rig.follow(reference, log))
 }
@@ -259,11 +316,13 @@ pub struct Course {
     pub position: Vec<f64>,
 }
 
-/// Longest motion, in samples: its columns take half a gigabyte.
+/// Longest recording, in samples: its columns take half a gigabyte.
 const MOST_SAMPLES: f64 = 5e6;
+/// Most integration steps: minutes.
+const MOST_STEPS: f64 = 1e9;
 
 impl Course {
-    fn check(&self, travel: f64, sample_rate: f64) -> Result<(), BenchError> {
+    fn check(&self, travel: f64) -> Result<(), BenchError> {
         let wrong = |what: String| Err(BenchError::Motion(what));
         if self.time.len() < 2 || self.time.len() != self.position.len() {
             let (times, positions) = (self.time.len(), self.position.len());
@@ -277,13 +336,6 @@ impl Course {
         }
         if let Some(pair) = self.time.windows(2).find(|pair| pair[0] >= pair[1]) {
             return wrong(format!("time goes from {} s to {} s", pair[0], pair[1]));
-        }
-        let duration = self.time[self.time.len() - 1] - self.time[0];
-        if duration * sample_rate > MOST_SAMPLES {
-            let most = MOST_SAMPLES / sample_rate;
-            return wrong(format!(
-                "it takes {duration} s, at most {most} s at {sample_rate} Hz (rig.sample_rate_hz)"
-            ));
         }
         match self.position.iter().find(|x| !(0.0..=travel).contains(*x)) {
             Some(x) => wrong(format!(

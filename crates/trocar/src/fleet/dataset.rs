@@ -11,16 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use super::one::Input;
 use super::parts::{self, Group};
-use super::row::FleetCell;
+use super::row::{FleetCell, columns};
 use crate::error::TableError;
-use crate::recording::{ReadOptions, RecordingError};
+use crate::recording::{self, ReadOptions, RecordingError, registry};
 use crate::table::{self, Column, Table};
-
-/// Extensions of files that may be recordings.
-const EXTENSIONS: [&str; 18] = [
-    "csv", "tsv", "txt", "dat", "gz", "zst", "parquet", "pq", "arrow", "feather", "ipc", "mat",
-    "h5", "hdf5", "mcap", "db3", "bag", "log",
-];
 
 /// Extensions of files that may hold rows of several recordings.
 const ROWS: [&str; 2] = ["parquet", "pq"];
@@ -53,7 +47,7 @@ pub enum DatasetError {
     #[error(
         "{}: no recordings, expected files that end in {}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
          with other extensions",
-        path.display(), EXTENSIONS.join(", ")
+        path.display(), registry::endings().collect::<Vec<_>>().join(", ")
     )]
     Empty {
         /// The data set.
@@ -138,7 +132,8 @@ pub(super) struct Job {
 
 impl Dataset {
     /// Opens `path`. `group_by` names the column of Parquet files, or the key of folders, that
-    /// distinguishes recordings (`recording` if that exists). The files in `without` are ignored.
+    /// distinguishes recordings (`recording` if that exists). The files in `without` are ignored, if
+    /// they are what an earlier run has written.
     ///
     /// In Parquet files with that column, the column is read.
     ///
@@ -153,7 +148,7 @@ impl Dataset {
         if std::fs::metadata(path).map_err(failed)?.is_dir() {
             return Self::folder(path, group_by, without);
         }
-        let is_parquet = ends_in(path, &ROWS);
+        let is_parquet = ends_in(path, ROWS);
         let names = if is_parquet { table::names(path)? } else { header(path)? };
         if names.iter().any(|name| name == "path") {
             let rows = if is_parquet { table::read(path)? } else { text_table(path)? };
@@ -181,7 +176,9 @@ impl Dataset {
             without.iter().filter_map(|path| path.canonicalize().ok()).collect();
         let mut files = Vec::new();
         walk(root, &mut files, &mut BTreeSet::new())?;
-        files.retain(|file| file.canonicalize().map_or(true, |path| !without.contains(&path)));
+        files.retain(|file| {
+            !file.canonicalize().is_ok_and(|path| without.contains(&path)) || !is_written(file)
+        });
         let name = |path: &Path| {
             let parts = path.strip_prefix(root).unwrap_or(path).components();
             parts
@@ -191,7 +188,7 @@ impl Dataset {
         };
         files.sort_by_key(|path| name(path));
         let (taken, left_out): (Vec<_>, Vec<_>) =
-            files.into_iter().partition(|path| ends_in(path, &EXTENSIONS) || is_bag(path));
+            files.into_iter().partition(|path| ends_in(path, registry::endings()) || is_bag(path));
         let file = |path: PathBuf| {
             let name = name(&path);
             DataFile { metadata: hive(&name), name, path }
@@ -203,6 +200,15 @@ impl Dataset {
             return Err(DatasetError::Empty { path: root.to_owned() });
         }
         Ok(Self { sources, left_out: left_out.iter().map(|path| name(path)).collect() })
+    }
+
+    /// All files with recordings.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let of = |source: &Source| {
+            let parts = source.parts.iter().map(|part| part.path.clone());
+            parts.chain([source.path.clone()]).collect::<Vec<_>>()
+        };
+        self.sources.iter().flat_map(of).collect()
     }
 
     fn manifest(path: &Path, table: &Table) -> Result<Self, DatasetError> {
@@ -236,9 +242,20 @@ impl Dataset {
     }
 }
 
-fn ends_in(path: &Path, extensions: &[&str]) -> bool {
+/// Whether a file was written by an earlier run: its journal, or a table with the columns of one.
+fn is_written(file: &Path) -> bool {
+    let names = |table: &recording::Table| -> BTreeSet<String> {
+        table.columns.iter().map(|column| column.name.clone()).collect()
+    };
+    ends_in(file, ["journal"])
+        || recording::tables(file).is_ok_and(|tables| {
+            tables.iter().any(|table| columns().iter().all(|own| names(table).contains(&own.name)))
+        })
+}
+
+fn ends_in(path: &Path, extensions: impl IntoIterator<Item = &'static str>) -> bool {
     let own = path.extension().and_then(|extension| extension.to_str()).unwrap_or_default();
-    extensions.iter().any(|extension| own.eq_ignore_ascii_case(extension))
+    extensions.into_iter().any(|extension| own.eq_ignore_ascii_case(extension))
 }
 
 fn file_name(path: &Path) -> String {
@@ -333,7 +350,7 @@ fn sources(files: Vec<DataFile>, by: &str) -> Vec<Source> {
 
 /// Content of a file according to the column or folder key `by`.
 fn holds(file: &DataFile, by: &str) -> Holds {
-    if !ends_in(&file.path, &ROWS) {
+    if !ends_in(&file.path, ROWS) {
         return Holds::One;
     }
     // A file that cannot be read becomes a row with the reason.
@@ -442,7 +459,7 @@ fn header(path: &Path) -> Result<Vec<String>, DatasetError> {
     Ok(fields(line).into_iter().next().unwrap_or_default())
 }
 
-/// A CSV file of strings; empty cells are missing values.
+/// A CSV file of strings; empty cells are missing values. It may be a table of results.
 fn text_table(path: &Path) -> Result<Table, DatasetError> {
     let bytes = std::fs::read(path)
         .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
@@ -456,7 +473,9 @@ fn text_table(path: &Path) -> Result<Table, DatasetError> {
                 format!("{} cells, expected {} as in the header", line.len(), names.len());
             return Err(DatasetError::Row { path: path.to_owned(), row: row + 1, problem });
         }
-        let cells = line.into_iter().map(|cell| (!cell.is_empty()).then(|| cell.into()));
+        let cells = line
+            .into_iter()
+            .map(|cell| (!cell.is_empty()).then(|| table::csv::original(&cell).to_owned().into()));
         columns.iter_mut().zip(cells).for_each(|(column, cell)| column.push(cell));
     }
     Ok(Table { fields: names, columns: columns.into_iter().map(Column::Text).collect() })

@@ -12,8 +12,11 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
+use super::dataset::Dataset;
+use super::one::Config;
 use super::row::{FleetRow, columns};
 use crate::error::OutputError;
+use crate::output::refuse_inputs;
 
 /// Longest time until a finished recording is safe from a power failure.
 const SYNC: Duration = Duration::from_secs(1);
@@ -52,14 +55,18 @@ pub fn journal_path(table: &Path) -> PathBuf {
 }
 
 impl Journal {
-    /// Opens the journal at `path` and finds its entries for `config`, by name.
+    /// Opens the journal of `table` and finds its entries for `config`, by name.
     ///
     /// # Errors
-    /// [`OutputError`] when it cannot be written, or another process is writing it.
+    /// [`OutputError`] when it cannot be written, another process is writing it, or table or journal
+    /// would replace a recording of `dataset`.
     pub(super) fn open(
-        path: &Path,
-        config: &str,
+        dataset: &Dataset,
+        table: &Path,
+        config: &Config,
     ) -> Result<(Self, HashMap<String, EntryLocation>), OutputError> {
+        let path = &journal_path(table);
+        refuse_inputs([table, path], &dataset.files())?;
         let create = |source| OutputError::Create { path: path.to_owned(), source };
         let file = OpenOptions::new()
             .create(true)
@@ -69,7 +76,7 @@ impl Journal {
             .open(path)
             .map_err(create)?;
         lock(&file).map_err(create)?;
-        let (places, end) = read(&file, config).map_err(create)?;
+        let (places, end) = read(&file, &config.hash()).map_err(create)?;
         file.set_len(end).map_err(create)?;
         Ok((Self { path: path.to_owned(), file, end, synced: Instant::now() }, places))
     }

@@ -9,7 +9,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use trocar_model::{Direction, ParameterId, Quantity};
 
 use super::dataset::{Dataset, Job, Metadata};
-use super::journal::{Entry, EntryLocation, Journal, journal_path};
+use super::journal::{Entry, EntryLocation, Journal};
 use super::one::{Config, hash_of, identify_one, is_passing, refused, warn};
 use super::row::{ENDS, FleetCell, FleetRow, columns};
 use crate::cancel::{self, Cancel, Stopped};
@@ -143,7 +143,8 @@ enum RowSource {
 /// hundred bytes for each finished recording, and 1024 rows.
 ///
 /// # Errors
-/// [`FleetError`] when table or journal cannot be written, or the work was cancelled. Recordings
+/// [`FleetError`] when table or journal cannot be written, would replace a recording, or the work was
+/// cancelled. Recordings
 /// that fail are rows.
 pub fn run(
     dataset: &Dataset,
@@ -153,7 +154,7 @@ pub fn run(
     cancel: &Cancel,
     progress: &mut dyn FnMut(&Tally),
 ) -> Result<Fleet, FleetError> {
-    let (mut journal, before) = Journal::open(&journal_path(table), &config.hash())?;
+    let (mut journal, before) = Journal::open(dataset, table, config)?;
     let threads =
         if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
     let queue = Queue::new(dataset);

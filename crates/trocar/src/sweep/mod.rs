@@ -39,6 +39,7 @@ use crate::error::{OutputError, RecordingError};
 use crate::identify::posterior::{self, DrawsError};
 use crate::many;
 use crate::model_file::{ModelFile, ModelFileError};
+use crate::output::refuse_inputs;
 use crate::recording::Choice as Columns;
 use crate::simulate::Positions;
 use crate::table::{Column, Field, Kind, TableWriter};
@@ -238,6 +239,8 @@ pub struct Sweep {
     protocol: Option<Protocol>,
     /// The complete document of the rig, or of the loop.
     document: toml::Table,
+    /// Files that the document names.
+    inputs: Vec<PathBuf>,
     /// The motion shared by all runs; none if each run has its own rig or loop.
     shared: Option<Path>,
     /// For each parameter of the seal, the indices of [`Seal::tunables`] that it sets.
@@ -343,8 +346,22 @@ impl Sweep {
             }
         }
         let protocol = config.motion.protocol.as_deref().and_then(|name| name.parse().ok());
-        let mut sweep =
-            Self { config, model, seals, protocol, document, shared: None, places, present };
+        let motion = &config.motion;
+        let named = [&config.model, &config.posterior, &motion.file, &motion.rig];
+        let named = named.into_iter().flatten().map(PathBuf::as_path);
+        let named = named.chain(motion.teleop.as_deref().map(FilePath::new));
+        let inputs = named.map(|name| folder.join(name)).collect();
+        let mut sweep = Self {
+            config,
+            model,
+            seals,
+            protocol,
+            document,
+            inputs,
+            shared: None,
+            places,
+            present,
+        };
         sweep.shared = sweep.shared_path(folder)?;
         Ok(sweep)
     }
@@ -389,13 +406,15 @@ impl Sweep {
     /// folder `traces`. `report` receives the number of rows done.
     ///
     /// # Errors
-    /// [`SweepError::Output`]; the table is then not created.
+    /// [`SweepError::Output`], also where a file that the document names would be replaced; the table
+    /// is then not created.
     pub fn run(
         &self,
         out: &FilePath,
         traces: Option<&FilePath>,
         mut report: impl FnMut(u64),
     ) -> Result<Summary, SweepError> {
+        refuse_inputs([out], &self.inputs)?;
         let mut table = TableWriter::create(out, &self.fields())?;
         let summary = self.each(traces, |done, columns| {
             table.write(columns)?;
@@ -416,6 +435,7 @@ impl Sweep {
         traces: Option<&FilePath>,
         mut take: impl FnMut(u64, &[Column]) -> Result<(), SweepError>,
     ) -> Result<Summary, SweepError> {
+        refuse_inputs(traces.map(|folder| folder.join("run_*.parquet")), &self.inputs)?;
         let mut summary = Summary { rows: self.rows(), ..Summary::default() };
         let window = WINDOW * rayon::current_num_threads() as u64;
         for from in (0..self.rows()).step_by(window as usize) {

@@ -65,7 +65,7 @@ impl Writer {
         };
         let mut writer = Self { sink, line: Line::default(), missing: "" };
         for field in fields {
-            writer.line.word(&quoted(&field.name));
+            writer.line.word(&quoted(&harmless(&field.name)));
         }
         writer.line.finish(&mut writer.sink)?;
         writer.line.flush(&mut writer.sink)?;
@@ -105,13 +105,49 @@ fn cell(line: &mut Line, column: &Column, row: usize, missing: &str) {
         Column::Boolean(cells) => {
             line.word(cells[row].map_or("", |cell| if cell { "true" } else { "false" }))
         }
-        Column::Text(cells) => line.word(&quoted(cells[row].as_deref().unwrap_or_default())),
+        Column::Text(cells) => {
+            line.word(&quoted(&harmless(cells[row].as_deref().unwrap_or_default())))
+        }
     };
+}
+
+/// Whether a spreadsheet executes a text as a formula, once the apostrophes before it are gone.
+fn is_formula(text: &str) -> bool {
+    text.trim_start_matches('\'').starts_with(['=', '+', '-', '@', '\t', '\r', '\n'])
+        && text.parse::<f64>().is_err()
+}
+
+/// The text with an apostrophe before it if a spreadsheet would execute it as a formula.
+fn harmless(text: &str) -> Cow<'_, str> {
+    if is_formula(text) { format!("'{text}").into() } else { text.into() }
+}
+
+/// The text that became `cell` in a CSV table of results.
+pub(crate) fn original(cell: &str) -> &str {
+    cell.strip_prefix('\'').filter(|text| is_formula(text)).unwrap_or(cell)
 }
 
 fn quoted(text: &str) -> Cow<'_, str> {
     match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")).into(),
         false => text.into(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_spreadsheet_would_execute_is_harmless_and_can_be_read_back() {
+        let starts = ["=", "+", "-", "@", "\t", "\r", "\n", "'", "''=", "'a", "a", ""];
+        for text in starts.map(|start| format!("{start}cmd|' /C calc'!A0")) {
+            let written = harmless(&text);
+            assert!(!written.starts_with(['=', '+', '-', '@', '\t', '\r', '\n']), "{written:?}");
+            assert_eq!(original(&written), text);
+        }
+        for number in ["-0.3", "+1e3", "-inf", "3"] {
+            assert_eq!((harmless(number).as_ref(), original(number)), (number, number));
+        }
     }
 }

@@ -3,8 +3,9 @@
 //!
 //! The file extension selects the format; the same columns give the same bytes. A cell may be
 //! missing: NaN for numbers, `None` otherwise. It becomes null in Parquet and Arrow and an empty
-//! cell in CSV. The unit at the end of a name, as in `force_n`, is also stored in Parquet and Arrow
-//! as the field's metadata `unit`.
+//! cell in CSV. A text in CSV that a spreadsheet would execute (it begins with =, +, -, @, a tab or a
+//! line break, and is no number) has an apostrophe before it. The unit at the end of a name, as in
+//! `force_n`, is also stored in Parquet and Arrow as the field's metadata `unit`.
 
 use std::borrow::Cow;
 use std::io;
@@ -15,7 +16,7 @@ use crate::output::AtomicFile;
 
 #[cfg(feature = "arrow")]
 mod arrow;
-mod csv;
+pub(crate) mod csv;
 #[cfg(feature = "parquet")]
 mod parquet;
 

@@ -1,8 +1,9 @@
 //! `trocar export c`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
+use clap::builder::TypedValueParser;
 use trocar::compensate::CompensateOptions;
 use trocar::export::c::{
     CError, COptions, DEFAULT_PREFIX, Precision, check_prefix, from_file, stem,
@@ -11,6 +12,7 @@ use trocar::export::c::{
 use crate::Completion;
 use crate::console::{BadArgument, Console};
 use crate::input::Observing;
+use crate::output::Output;
 
 /// Write a model in C99 for a microcontroller: a source file and its header, for C and C++
 ///
@@ -22,8 +24,8 @@ pub(crate) struct Args {
     /// Model file (model.json, or one of those that compare writes)
     model: PathBuf,
     /// Result: the source file; the header is written beside it as FILE.h
-    #[arg(long, value_name = "FILE.c", value_parser = source_file)]
-    out: PathBuf,
+    #[arg(long, value_name = "FILE.c", value_parser = source_file())]
+    out: Output,
     /// Beginning of all names in the files: PREFIX_state, PREFIX_rest, PREFIX_step
     #[arg(long, value_name = "PREFIX", default_value = DEFAULT_PREFIX, value_parser = prefix)]
     name: String,
@@ -53,8 +55,10 @@ fn prefix(text: &str) -> Result<String, CError> {
     check_prefix(text).map(|()| text.to_owned())
 }
 
-fn source_file(text: &str) -> Result<PathBuf, CError> {
-    stem(Path::new(text)).map(|_| PathBuf::from(text))
+/// A source file with its header.
+fn source_file() -> impl TypedValueParser<Value = Output> + Clone {
+    Output::with(|source| vec![source.with_extension("h")])
+        .try_map(|source| stem(&source).map(drop).map(|()| source))
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {

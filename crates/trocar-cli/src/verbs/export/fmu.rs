@@ -13,6 +13,7 @@ use trocar_fmu::{Binary, Contents, Embedded, Input, Platform, Source, Version, p
 
 use crate::Completion;
 use crate::console::{BadArgument, Console};
+use crate::output::Output;
 
 /// The libraries that this program carries.
 const INSIDE: Embedded = include!(concat!(env!("OUT_DIR"), "/fmu.rs"));
@@ -28,7 +29,7 @@ pub(crate) struct Args {
     model: PathBuf,
     /// Result: an FMU file, '-' for standard output
     #[arg(long, value_name = "FILE.fmu")]
-    out: PathBuf,
+    out: Output,
     /// Version of FMI: 2 is read by most programs
     #[arg(long, value_name = "VERSION", default_value = "2")]
     fmi: Fmi,

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::{Finished, Fleet, FleetError, Gathered, RowSource, Tally, finish};
 use crate::error::OutputError;
 use crate::fleet::dataset::{Dataset, Metadata, Source};
-use crate::fleet::journal::{Entry, EntryLocation, Journal, journal_path};
+use crate::fleet::journal::{Entry, EntryLocation, Journal};
 use crate::fleet::one::{Config, refused};
 use crate::fleet::row::FleetCell;
 
@@ -86,9 +86,10 @@ impl Collector {
     /// Opens the journal of `table`.
     ///
     /// # Errors
-    /// [`OutputError`] when it cannot be written, or another process is writing it.
+    /// [`OutputError`] when it cannot be written, another process is writing it, or a recording would
+    /// be replaced.
     pub fn open(dataset: Dataset, config: &Config, table: &Path) -> Result<Self, OutputError> {
-        let (journal, before) = Journal::open(&journal_path(table), &config.hash())?;
+        let (journal, before) = Journal::open(&dataset, table, config)?;
         let gathered = Gathered::new(dataset.sources.len());
         let (sources, table) = (dataset.sources, table.to_owned());
         Ok(Self {

@@ -1,0 +1,321 @@
+//! NumPy arrays, `.npy` and `.npz`: a vector is a column, the fields of a structured array are
+//! columns by their names, and an N x k array is k columns `name[0]`, `name[1]`...
+//!
+//! Columns of equal length are a table. Memory: the columns asked for. Layout after "NumPy
+//! Enhancement Proposal 1" (key NPY in SOURCES.md).
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use super::Source;
+use super::lengths::{self, Group, WIDEST};
+use super::mat5::Storage;
+#[cfg(feature = "npz")]
+use super::zipped;
+use crate::RecordingError;
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+
+pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
+
+/// Longest header, bytes: names of fields.
+const HEADER: u64 = 1 << 16;
+
+/// Name of the format of archives.
+pub(crate) const NPZ: &str = "NumPy archive";
+
+const SAVE_AGAIN: &str =
+    "save vectors of numbers, as in np.savez('run.npz', time_s=t, position_m=x, force_n=f)";
+
+/// Numbers at equal distances in an array.
+#[derive(Debug, Clone)]
+struct ColumnData {
+    /// Name of the array in the archive.
+    array: Option<String>,
+    storage: Storage,
+    big: bool,
+    /// Place of the first number, and distance to the next, bytes.
+    from: u64,
+    stride: u64,
+    rows: u64,
+}
+
+/// An open file.
+pub(crate) struct Numpy {
+    source: Source,
+    path: PathBuf,
+    tables: Vec<Table>,
+    places: Vec<Vec<Option<ColumnData>>>,
+}
+
+impl Numpy {
+    pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Self, RecordingError> {
+        let mut group = Group { name: String::new(), columns: Vec::new(), refused: Vec::new() };
+        for (array, length) in arrays(path, length, &source)? {
+            let mut head = Vec::new();
+            let read = |from: &mut dyn Read| from.take(HEADER).read_to_end(&mut head);
+            with_array(path, array.as_deref(), read)
+                .map_err(|error| source.damaged(place(array.as_deref()), error))?;
+            list(&mut group, array.as_deref(), &head, length, &source)?;
+        }
+        let (tables, places) = lengths::tables(vec![group]);
+        Ok(Self { source, path: path.to_owned(), tables, places })
+    }
+}
+
+/// Where an array is, in words.
+fn place(array: Option<&str>) -> String {
+    array.map_or_else(|| "its array".to_owned(), |name| format!("array {name}"))
+}
+
+/// The arrays in a file of `length` bytes, by name in an archive, with their bytes.
+fn arrays(
+    path: &Path,
+    length: u64,
+    source: &Source,
+) -> Result<Vec<(Option<String>, u64)>, RecordingError> {
+    if source.format != NPZ {
+        return Ok(vec![(None, length)]);
+    }
+    #[cfg(feature = "npz")]
+    {
+        let damaged = |error: zip::result::ZipError| source.damaged("its structure", error);
+        let mut archive =
+            zipped::open(path).map_err(|error| source.damaged("its structure", error))?;
+        let mut arrays = Vec::new();
+        for k in 0..archive.len() {
+            let entry = archive.by_index(k).map_err(damaged)?;
+            let name = entry.name().map_err(damaged)?;
+            let Some(name) = name.strip_suffix(".npy") else { continue };
+            arrays.push((Some(name.to_owned()), entry.size()));
+        }
+        let unpacked = arrays.iter().fold(0_u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
+        zipped::check(unpacked, length, source)?;
+        return Ok(arrays);
+    }
+    #[cfg(not(feature = "npz"))]
+    Ok(Vec::new())
+}
+
+/// What `read` finds in an array.
+fn with_array<T>(
+    path: &Path,
+    array: Option<&str>,
+    read: impl FnOnce(&mut dyn Read) -> io::Result<T>,
+) -> io::Result<T> {
+    let Some(array) = array else { return read(&mut BufReader::new(File::open(path)?)) };
+    #[cfg(feature = "npz")]
+    return read(&mut zipped::open(path)?.by_name(&format!("{array}.npy"))?);
+    #[cfg(not(feature = "npz"))]
+    Err(io::Error::other(array.to_owned()))
+}
+
+/// Adds the columns of an array of `length` bytes that begins with `head`.
+fn list(
+    group: &mut Group<ColumnData>,
+    array: Option<&str>,
+    head: &[u8],
+    length: u64,
+    source: &Source,
+) -> Result<(), RecordingError> {
+    let no_header = || source.damaged(place(array), "no header of an array");
+    let header = Header::of(head).ok_or_else(no_header)?;
+    let shown = array.unwrap_or("value");
+    let Some(fields) = header.fields() else {
+        group.refused.push(format!("{shown} (of type {}; {SAVE_AGAIN})", header.kind));
+        return Ok(());
+    };
+    let (rows, width, across) = match (header.shape[..].as_ref(), header.fortran_order) {
+        ([], _) => (1, 1, false),
+        ([rows], _) => (*rows, 1, false),
+        ([rows, width], fortran) if rows >= width => (*rows, *width, fortran),
+        ([width, rows], fortran) => (*rows, *width, !fortran),
+        _ => {
+            group.refused.push(format!("{shown} (of more than two dimensions)"));
+            return Ok(());
+        }
+    };
+    let item: u64 = fields.iter().map(|field| field.size).sum();
+    let bytes = rows.checked_mul(width).and_then(|count| count.checked_mul(item));
+    if width > WIDEST || bytes.is_none_or(|bytes| bytes > length.saturating_sub(header.end)) {
+        let what = if width > WIDEST {
+            "wider than 64 columns"
+        } else {
+            "more than the file has bytes for"
+        };
+        group.refused.push(format!("{shown} ({rows} x {width} numbers, {what})"));
+        return Ok(());
+    }
+    for column in 0..width {
+        let mut from = header.end + column * item * if across { rows } else { 1 };
+        for field in &fields {
+            let name = match (&field.name, width) {
+                (Some(name), 1) => name.clone(),
+                (Some(name), _) => format!("{name}[{column}]"),
+                (None, 1) => shown.to_owned(),
+                (None, _) => format!("{shown}[{column}]"),
+            };
+            let is_numeric = field.storage.is_some();
+            let data = ColumnData {
+                array: array.map(str::to_owned),
+                storage: field.storage.unwrap_or(Storage::U8),
+                big: field.big,
+                from,
+                stride: item * if across { 1 } else { width },
+                rows,
+            };
+            group.columns.push((Column { name, unit: None, is_numeric }, rows, data));
+            from += field.size;
+        }
+    }
+    Ok(())
+}
+
+/// The header of an array.
+struct Header {
+    /// Type of an element, as Python writes it.
+    kind: String,
+    fortran_order: bool,
+    shape: Vec<u64>,
+    /// Where the numbers begin.
+    end: u64,
+}
+
+/// A number, or another element, in an element of an array.
+struct Field {
+    name: Option<String>,
+    /// `None` for other than numbers.
+    storage: Option<Storage>,
+    big: bool,
+    size: u64,
+}
+
+impl Header {
+    fn of(bytes: &[u8]) -> Option<Self> {
+        let rest = bytes.strip_prefix(MAGIC)?;
+        let (begin, length) = match rest {
+            [1, _, a, b, ..] => (10, usize::from(u16::from_le_bytes([*a, *b]))),
+            [2 | 3, _, a, b, c, d, ..] => (12, u32::from_le_bytes([*a, *b, *c, *d]) as usize),
+            _ => return None,
+        };
+        let end = begin + length;
+        let text = std::str::from_utf8(bytes.get(begin..end)?).ok()?;
+        let value = |key: &str| text.split_once(&format!("'{key}':")).map(|(_, rest)| rest.trim());
+        let shape = value("shape")?.strip_prefix('(')?.split_once(')')?.0;
+        let numbers = shape.split(',').map(str::trim).filter(|number| !number.is_empty());
+        let kind = value("descr")?;
+        let kind = match kind.strip_prefix('[') {
+            Some(rest) => &kind[..rest.rfind("],").or_else(|| rest.rfind(']'))? + 2],
+            None => &kind[..kind.get(1..)?.find('\'')? + 2],
+        };
+        Some(Self {
+            kind: kind.to_owned(),
+            fortran_order: value("fortran_order")?.starts_with("True"),
+            shape: numbers.map(|number| number.parse().ok()).collect::<Option<_>>()?,
+            end: end as u64,
+        })
+    }
+
+    /// The parts of an element; `None` if they are none that are known.
+    fn fields(&self) -> Option<Vec<Field>> {
+        if !self.kind.starts_with('[') {
+            return Field::of(None, &self.kind)
+                .filter(|field| field.storage.is_some())
+                .map(|f| vec![f]);
+        }
+        let fields = self.kind.trim_matches(['[', ']']).split_terminator(')');
+        let field = |text: &str| {
+            let (name, kind) = text.trim_start_matches([',', ' ', '(']).split_once("',")?;
+            Field::of(Some(name.trim_start_matches('\'').to_owned()), kind.trim())
+        };
+        fields.map(field).collect()
+    }
+}
+
+impl Field {
+    /// Of a type such as `'<f8'`.
+    fn of(name: Option<String>, kind: &str) -> Option<Self> {
+        let kind = kind.strip_prefix('\'')?.strip_suffix('\'')?;
+        let (order, letter) = (kind.chars().next()?, kind.chars().nth(1)?);
+        let count: u64 = kind.get(2..)?.parse().ok()?;
+        let storage = match (letter, count) {
+            ('f', 4) => Some(Storage::F32),
+            ('f', 8) => Some(Storage::F64),
+            ('i', 1) => Some(Storage::I8),
+            ('i', 2) => Some(Storage::I16),
+            ('i', 4) => Some(Storage::I32),
+            ('i', 8) => Some(Storage::I64),
+            ('u' | 'b', 1) => Some(Storage::U8),
+            ('u', 2) => Some(Storage::U16),
+            ('u', 4) => Some(Storage::U32),
+            ('u', 8) => Some(Storage::U64),
+            ('S' | 'V' | 'U' | 'f' | 'c', _) => None,
+            _ => return None,
+        };
+        let size = if letter == 'U' { count.checked_mul(4)? } else { count };
+        Some(Self { name, storage, big: order == '>', size })
+    }
+}
+
+impl Container for Numpy {
+    fn format(&self) -> &'static str {
+        self.source.format
+    }
+
+    fn tables(&self) -> &[Table] {
+        &self.tables
+    }
+
+    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+        let place = |&column: &usize| {
+            let name = &self.tables[table].columns[column].name;
+            self.places[table][column].clone().ok_or_else(|| self.source.not_numeric(name))
+        };
+        let mut all = Vec::with_capacity(columns.len());
+        for place in columns.iter().map(place) {
+            let place = place?;
+            let array = place.array.as_deref();
+            let column = with_array(&self.path, array, |from| place.read(from));
+            all.push(column.map_err(|error| self.source.damaged(self::place(array), error))?);
+        }
+        Ok(Box::new(Rows { columns: all, at: 0 }))
+    }
+}
+
+impl ColumnData {
+    fn read(&self, from: &mut dyn Read) -> io::Result<Vec<f64>> {
+        let skip =
+            |from: &mut dyn Read, bytes: u64| io::copy(&mut from.take(bytes), &mut io::sink());
+        skip(from, self.from)?;
+        let size = self.storage.size();
+        let mut number = [0; 8];
+        let mut column = Vec::new();
+        for row in 0..self.rows {
+            if row > 0 {
+                skip(from, self.stride - size as u64)?;
+            }
+            from.read_exact(&mut number[..size])?;
+            column.push(self.storage.number(&number[..size], self.big));
+        }
+        Ok(column)
+    }
+}
+
+/// Columns in memory.
+struct Rows {
+    columns: Vec<Vec<f64>>,
+    at: usize,
+}
+
+impl Batches for Rows {
+    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
+        columns.iter_mut().for_each(Vec::clear);
+        let to = self.columns.first().map_or(0, Vec::len).min(self.at + BATCH_ROWS);
+        for (column, own) in columns.iter_mut().zip(&self.columns) {
+            column.extend_from_slice(&own[self.at..to]);
+        }
+        let is_more = to > self.at;
+        self.at = to;
+        Ok(is_more)
+    }
+}
