@@ -24,7 +24,7 @@ pub(crate) struct Choosing {
     /// Columns with their units: by name, with a minus to reverse the sign, as in
     /// position_mm=x,force_n=-fz (names with commas in double quotes); or in order, '-' to skip
     /// one, as in time_s,position_mm,-,force_n
-    #[arg(long, value_name = "NAMES")]
+    #[arg(long, value_name = "NAMES", overrides_with = "columns", allow_hyphen_values = true)]
     columns: Option<String>,
     /// Topic of a robot log, or group of a MATLAB or HDF5 file; may be repeated (see `trocar
     /// inspect`)
@@ -43,7 +43,7 @@ pub(crate) struct Choosing {
     #[arg(long, default_value_t = 0, value_name = "N")]
     skip_rows: u64,
     /// Rows per second of a file without a column of times
-    #[arg(long, value_name = "HZ", value_parser = positive)]
+    #[arg(long, value_name = "HZ", value_parser = positive, overrides_with = "rate_hz")]
     rate_hz: Option<f64>,
 }
 

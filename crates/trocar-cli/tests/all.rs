@@ -9,6 +9,7 @@ mod export_c;
 mod files_page;
 mod fleet;
 mod fmu;
+mod hints;
 mod live;
 mod live_loop;
 mod live_seal;

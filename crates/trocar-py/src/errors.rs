@@ -236,11 +236,12 @@ pub(crate) fn in_python(text: &str) -> String {
             "--validate" => out.push("validate=...".to_owned()),
             "--force-error-n" => out.push("force_error_n".to_owned()),
             "--out" => out.push("another path".to_owned()),
+            "--rate-hz" => out.push(format!("rate_hz={}", words.next().unwrap_or("..."))),
             "--columns" => match words.next_if(|next| next.contains(',') || next.starts_with('\''))
             {
                 Some(first) if first.starts_with('\'') => {
                     let mut names = format!("columns={first}");
-                    while !names.ends_with('\'')
+                    while !names.trim_end_matches([';', ',']).ends_with('\'')
                         && let Some(next) = words.next()
                     {
                         names = format!("{names} {next}");

@@ -279,7 +279,7 @@ fn layout_of(
                     layout.slots.len(),
                     names.len()
                 );
-                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+                return Err(RecordingError::bad_columns(mapping, problem));
             }
             Layout { names, ..layout }
         }
@@ -308,7 +308,7 @@ fn layout_of(
         .find(|(column, slot)| slot.is_some() && !column.is_numeric);
     if let Some((column, _)) = read {
         let problem = "a column without numbers".to_owned();
-        return Err(RecordingError::BadColumns { entry: column.name.clone(), problem });
+        return Err(RecordingError::bad_columns(&*column.name, problem));
     }
     Ok(layout)
 }

@@ -3,6 +3,7 @@
 use super::RecordingError;
 use super::format::Format;
 use super::header::Header;
+use super::units::{bracketed, foreign, is_unit, key, lower, units_named, words_of};
 
 /// Quantities that a column can hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,18 +17,6 @@ pub enum Quantity {
     /// Velocity, in m/s.
     Velocity,
 }
-
-/// A unit as written in a name, and its number per SI unit.
-type Unit = (&'static str, f64);
-
-/// N; the weight of a kilogram under standard gravity, exact by definition.
-const KILOGRAM_FORCE: f64 = 9.80665;
-/// N; exact: the international pound is 0.45359237 kg.
-const POUND_FORCE: f64 = 4.448_221_615_260_5;
-/// Inches per metre; an inch is exactly 25.4 mm.
-const PER_INCH: f64 = 1.0 / 25.4e-3;
-/// Minutes per second.
-const PER_MINUTE: f64 = 1.0 / 60.0;
 
 impl Quantity {
     /// All quantities; the index of each is its number.
@@ -43,7 +32,7 @@ impl Quantity {
         }
     }
 
-    fn words(self) -> &'static [&'static str] {
+    pub(crate) fn words(self) -> &'static [&'static str] {
         match self {
             Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
             Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
@@ -52,64 +41,14 @@ impl Quantity {
         }
     }
 
-    /// The SI unit comes first; of several names of one unit, the one for messages.
-    fn units(self) -> &'static [Unit] {
+    /// Its name with an article, in messages.
+    pub(crate) fn with_article(self) -> &'static str {
         match self {
-            Self::Time => &[
-                ("s", 1.0),
-                ("ms", 1e3),
-                ("us", 1e6),
-                ("ns", 1e9),
-                ("min", PER_MINUTE),
-                ("sec", 1.0),
-                ("second", 1.0),
-                ("seconds", 1.0),
-                ("msec", 1e3),
-                ("usec", 1e6),
-                ("nsec", 1e9),
-                ("minutes", PER_MINUTE),
-            ],
-            Self::Position => &[
-                ("m", 1.0),
-                ("mm", 1e3),
-                ("cm", 1e2),
-                ("um", 1e6),
-                ("in", PER_INCH),
-                ("inch", PER_INCH),
-                ("inches", PER_INCH),
-            ],
-            Self::Force => &[
-                ("n", 1.0),
-                ("mn", 1e3),
-                ("kn", 1e-3),
-                ("gf", 1e3 / KILOGRAM_FORCE),
-                ("kgf", 1.0 / KILOGRAM_FORCE),
-                ("lbf", 1.0 / POUND_FORCE),
-                ("ozf", 16.0 / POUND_FORCE),
-                ("g", 1e3 / KILOGRAM_FORCE),
-                ("kg", 1.0 / KILOGRAM_FORCE),
-                ("lb", 1.0 / POUND_FORCE),
-                ("lbs", 1.0 / POUND_FORCE),
-                ("newton", 1.0),
-                ("newtons", 1.0),
-            ],
-            Self::Velocity => {
-                &[("m_s", 1.0), ("mm_s", 1e3), ("cm_s", 1e2), ("um_s", 1e6), ("in_s", PER_INCH)]
-            }
+            Self::Time => "a time",
+            Self::Position => "a position",
+            Self::Force => "a force",
+            Self::Velocity => "a velocity",
         }
-    }
-
-    /// All units, each by one of its names.
-    pub(crate) fn unit_list(self) -> String {
-        let units = self.units();
-        let first = |k: &usize| units[..*k].iter().all(|(_, per_si)| *per_si != units[*k].1);
-        let names: Vec<&str> = (0..units.len()).filter(first).map(|k| units[k].0).collect();
-        names.join(", ")
-    }
-
-    /// Name of the unit with this number per SI unit.
-    pub(crate) fn unit_of(self, per_si: f64) -> Option<&'static str> {
-        self.units().iter().find(|(_, own)| *own == per_si).map(|(name, _)| *name)
     }
 
     /// A recognised name, for messages.
@@ -131,6 +70,8 @@ pub(crate) struct Reading {
     pub(crate) exact: bool,
     /// Number of the column's units per SI unit.
     pub(crate) per_si: Option<f64>,
+    /// Whether a unit is written, known or not.
+    pub(crate) is_written: bool,
 }
 
 /// Words in names of columns that are related to a quantity but not its measurement.
@@ -151,53 +92,16 @@ const NOT_MEASURED: [&str; 14] = [
     "sollwert",
 ];
 
-/// Words of a name, in lower case.
-fn words_of(lower: &str) -> Vec<&str> {
-    lower
-        .split(|c: char| !c.is_alphanumeric())
-        .filter(|word| !word.is_empty() && *word != "per")
-        .collect()
-}
-
-/// A name in lower case, with one sign for micro.
-fn lower(name: &str) -> String {
-    name.to_lowercase().replace(['µ', 'μ'], "u")
-}
-
 /// Whether a name denotes a quantity that is not measured, such as a setpoint.
 pub(crate) fn is_related(name: &str) -> bool {
     words_of(&lower(name)).iter().any(|word| NOT_MEASURED.contains(word))
 }
 
-/// Units of angles.
-const ANGLES: [&str; 13] = [
-    "deg", "degs", "degree", "degrees", "grad", "rad", "rads", "radian", "radians", "mrad", "rev",
-    "revs", "turns",
-];
+/// Units of force that are masses rather than forces, without a word that says so.
+const MASSES: [&str; 10] = ["g", "kg", "lb", "lbs", "oz", "p", "gram", "grams", "pound", "pounds"];
 
-/// Whether the unit of a column, declared or at the end of its name, is that of an angle: no
-/// position along the instrument, whatever the name says.
-pub(crate) fn is_angle(name: &str, declared: &str) -> bool {
-    let (own, declared) = (lower(name), lower(declared));
-    let has_unit = |text: &str| {
-        text.contains('°') || words_of(text).last().is_some_and(|word| ANGLES.contains(word))
-    };
-    // Without a unit in the name the declared one counts; `deg/s` and `N m/rad` are no angles.
-    let unit_of_name = |text: &str| !text.contains(['/', '·', '^']) || text.contains('°');
-    let is_alone = |text: &str| words_of(text).len() == 1 || text.contains('°');
-    (has_unit(&own) && unit_of_name(&own) && !own.ends_with("c)") && !own.contains("°c"))
-        || (is_alone(&declared) && has_unit(&declared) && !declared.contains("°c"))
-}
-
-/// Why a column of angles is refused.
-pub(crate) const AN_ANGLE: &str = "is an angle, expected a position in m, mm, cm, um or in";
-
-/// The remedy for a column of angles.
-pub(crate) const CONVERT_ANGLE: &str = "convert the angle before: position_m = lever_arm_m * angle_rad with 1 deg = 0.0174533 rad; \
-     the lever arm of a spindle is its lead / (2 pi)";
-
-/// Units that are also something else: a mass, a minimum, an inlet.
-const WEAK_UNITS: [&str; 6] = ["g", "kg", "lb", "lbs", "min", "in"];
+/// Units that are also something else: a minimum, an inlet, a force-torque sensor.
+const WEAK_UNITS: [&str; 6] = ["min", "in", "h", "ft", "mil", "foot"];
 
 /// The quantity that a name without any of its words denotes by its unit alone, as `Weg [mm]` or
 /// `Fz_n`, and the number of units per SI unit. Never a velocity.
@@ -208,11 +112,9 @@ pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> 
     if is_related(name) || words.iter().any(named) {
         return None;
     }
-    let bracket =
-        lower.trim_end().strip_suffix([']', ')']).and_then(|front| front.rsplit_once(['[', '(']));
-    let unit = match bracket {
-        Some((_, unit)) => words_of(unit).join("_"),
-        None if !declared.is_empty() => words_of(&self::lower(declared)).join("_"),
+    let unit = match bracketed(&lower) {
+        Some((_, unit)) => key(unit),
+        None if !declared.is_empty() => key(&self::lower(declared)),
         None => {
             let [front @ .., before, last] = &words[..] else { return None };
             // `n_mm` is a stiffness, `mm_s` a velocity; `s_mm` is the usual letter for a path, and
@@ -230,78 +132,95 @@ pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> 
             (*last).to_owned()
         }
     };
-    let mut found =
-        units_named(&unit).filter(|_| !matches!(unit.as_str(), "g" | "kg" | "lb" | "lbs"));
+    let mut found = units_named(&unit).filter(|_| !MASSES.contains(&unit.as_str()));
     found.next().filter(|(quantity, _)| *quantity != Quantity::Velocity)
-}
-
-/// All quantities that have a unit of this name, with the number of units per SI unit.
-fn units_named(unit: &str) -> impl Iterator<Item = (Quantity, f64)> {
-    let of = move |quantity: Quantity| {
-        let own = quantity.units().iter().find(|(name, _)| *name == unit);
-        own.map(|(_, per_si)| (quantity, *per_si))
-    };
-    Quantity::ALL.into_iter().filter_map(of)
 }
 
 /// Recognises `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
 fn recognise(name: &str) -> Option<Reading> {
     let lower = lower(name);
-    let mut words = words_of(&lower);
+    let words = words_of(&lower);
     // `X_Value` is the time in LabVIEW's files.
     if words.iter().any(|word| NOT_MEASURED.contains(word)) || words[..] == ["x", "value"] {
         return None;
     }
+    // What is in brackets behind a quantity is its unit, also one that is not known.
+    let front = bracketed(&lower).map(|(front, unit)| (words_of(front), key(unit)));
+    if let Some((front, unit)) = front
+        && let Some(quantity) = quantity_of(&front)
+        && quantity_of(&words) == Some(quantity)
+    {
+        let known = quantity.unit(&unit).map(|unit| unit.per_si);
+        let is_exact = front.len() == 1 && front[0] != "stamp";
+        return Some(Reading { quantity, exact: is_exact, per_si: known, is_written: true });
+    }
     let quantity = quantity_of(&words)?;
-    let per_si = take_unit(&mut words, quantity);
+    let (count, per_si) = match trailing_unit(&words, quantity) {
+        Some((count, per_si)) => (count, Some(per_si)),
+        None => (0, None),
+    };
     // A stamp is a time, but a column that is called time comes first.
-    let exact = words.len() == 1 && words[0] != "stamp";
-    Some(Reading { quantity, exact, per_si })
+    let exact = words.len() - count == 1 && words[0] != "stamp";
+    // `position_kg` has a unit, though none of positions.
+    let is_written = per_si.is_some() || words[1..].last().is_some_and(|last| is_unit(last));
+    Some(Reading { quantity, exact, per_si, is_written })
 }
 
 /// Interpretation of a name together with its declared unit; the unit in the name takes precedence.
 pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
-    let own = recognise(name);
-    if unit.is_empty() || own.is_none() {
-        return own;
+    let mut own = recognise(name)?;
+    let declared = key(&lower(unit));
+    if declared.is_empty() {
+        return Some(own);
     }
-    let declared = recognise(&format!("{name} {unit}"));
-    match own.and_then(|own| own.per_si) {
-        None => declared,
-        Some(per_si) => {
-            let word = own.map_or("", |own| own.quantity.words()[0]);
-            let other = recognise(&format!("{word} {unit}")).and_then(|declared| declared.per_si);
-            if other != Some(per_si) {
-                notes.push(format!(
-                    "column '{name}' is declared in {unit}: the unit in its name is taken"
-                ));
-            }
-            own
-        }
+    let per_si = own.quantity.unit(&declared).map(|unit| unit.per_si);
+    if own.per_si.is_none() {
+        (own.per_si, own.is_written) = (per_si, true);
+    } else if own.per_si != per_si {
+        notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
     }
+    Some(own)
 }
 
 /// The quantity whose word the name contains; `None` for two different ones.
 fn quantity_of(words: &[&str]) -> Option<Quantity> {
-    let mut found = Quantity::ALL.into_iter().filter(|q| {
-        // The first word counts as itself even if it could be a unit, as in `t_ms`.
-        words.iter().any(|word| q.words().contains(word))
-    });
-    let first = found.next()?;
-    found.next().is_none().then_some(first)
+    let named = |quantity: &Quantity, besides: &str| {
+        words.iter().any(|word| *word != besides && quantity.words().contains(word))
+    };
+    let mut found = Quantity::ALL.into_iter().filter(|quantity| named(quantity, AXES[0]));
+    let has_x = words.contains(&AXES[0]);
+    match (found.next(), found.next()) {
+        // Beside another word x is an axis, but `x(t)` is none.
+        (Some(quantity), None) => Some(quantity).filter(|own| !has_x || *own != Quantity::Time),
+        (None, _) => has_x.then_some(Quantity::Position),
+        _ => None,
+    }
 }
 
-fn take_unit(words: &mut Vec<&str>, quantity: Quantity) -> Option<f64> {
-    // `m·s^-1` leaves a single 1.
-    if words.len() > 2 && words.last() == Some(&"1") {
-        words.pop();
-    }
-    let parts = if quantity == Quantity::Velocity { 2 } else { 1 };
+/// Axes of a place or of a force.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// The columns of the other axes beside that of one axis: the same name but for a letter.
+pub(crate) fn other_axes(names: &[String], index: usize) -> Vec<usize> {
+    let lower: Vec<String> = names.iter().map(|name| lower(name)).collect();
+    let own = words_of(&lower[index]);
+    let is_other = |k: &usize| {
+        let words = words_of(&lower[*k]);
+        let mut unlike = words.iter().zip(&own).filter(|(a, b)| a != b);
+        let (first, more) = (unlike.next(), unlike.next().is_some());
+        let is_axis = |word: &str| AXES.iter().any(|axis| word == *axis);
+        words.len() == own.len() && !more && first.is_some_and(|(a, b)| is_axis(a) && is_axis(b))
+    };
+    (0..names.len()).filter(is_other).collect()
+}
+
+/// The unit at the end of a name behind another word: how many words, and the number per SI unit.
+fn trailing_unit(words: &[&str], quantity: Quantity) -> Option<(usize, f64)> {
+    let power = usize::from(words.len() > 2 && words.last() == Some(&"1"));
+    let parts = power + if quantity == Quantity::Velocity { 2 } else { 1 };
     let at = words.len().checked_sub(parts).filter(|&at| at > 0)?;
-    let unit = words[at..].join("_");
-    let per_si = quantity.units().iter().find(|(name, _)| *name == unit)?.1;
-    words.truncate(at);
-    Some(per_si)
+    let unit = words[at..words.len() - power].join("_");
+    Some((parts, quantity.unit(&unit)?.per_si))
 }
 
 /// A column to read: the destination of its numbers, and the divisor that converts them to SI,
@@ -337,6 +256,8 @@ pub(crate) struct Layout {
     pub(crate) notes: Vec<String>,
     /// Whether a quantity is taken by its unit alone.
     pub(crate) by_unit: bool,
+    /// Whether the columns are topics of a log, with its clock.
+    pub(crate) is_log: bool,
     /// Rows per second, if times are not in the file.
     pub(crate) rate_hz: Option<f64>,
     /// The first time in ns since 1970, if times are timestamps in text.
@@ -429,7 +350,7 @@ impl Layout {
             let count = taken.by_ref().count();
             if count > 1 || (count == 0 && needed.contains(&quantity)) {
                 let problem = format!("naming {} {count} times, expected once", quantity.name());
-                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+                return Err(RecordingError::bad_columns(mapping, problem));
             }
         }
         Ok(layout)
@@ -440,9 +361,14 @@ impl Layout {
 /// if there is no such unit.
 pub(crate) fn entry(quantity: Quantity, per_si: f64, name: &str) -> Option<String> {
     let unit = quantity.unit_of(per_si.abs())?;
+    let minus = if per_si < 0.0 { "-" } else { "" };
+    Some(format!("{}_{unit}={minus}{}", quantity.name(), quoted(name)))
+}
+
+/// The name of a column in `--columns`, in double quotes where it needs them.
+fn quoted(name: &str) -> String {
     let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
-    let name = if plain { name.to_owned() } else { format!("\"{name}\"") };
-    Some(format!("{}_{unit}={}{name}", quantity.name(), if per_si < 0.0 { "-" } else { "" }))
+    if plain { name.to_owned() } else { format!("\"{name}\"") }
 }
 
 /// A column of a table that is not a file: its index, from 0, and the number of its units per SI
@@ -512,10 +438,7 @@ impl TableColumns {
         if layout.slots.len() != names.len() {
             let problem =
                 format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
-            return Err(RecordingError::BadColumns {
-                entry: mapping.unwrap_or_default().to_owned(),
-                problem,
-            });
+            return Err(RecordingError::bad_columns(mapping.unwrap_or_default(), problem));
         }
         let of = |quantity: Quantity| {
             let slots = layout.slots.iter().enumerate();
@@ -532,15 +455,14 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
     if matches!(name, "-" | "skip" | "") {
         return Ok(None);
     }
-    let bad = |problem: String| RecordingError::BadColumns { entry: name.to_owned(), problem };
+    let bad = |problem: String| RecordingError::bad_columns(name, problem);
     let (name, reversed) = match name.strip_prefix('-') {
         Some(front) => (front.trim(), true),
         None => (name, false),
     };
-    if is_angle(name, "") {
-        return Err(bad(format!(
-            "an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}"
-        )));
+    let read_as = recognise(name).map_or(Quantity::Force, |reading| reading.quantity);
+    if let Some((foreign, _)) = foreign(name, "") {
+        return Err(bad(foreign.refused(read_as)));
     }
     let reading = recognise(name)
         .ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
@@ -573,7 +495,7 @@ fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
     let entry = &mapping[begin..];
     if quoted {
         let problem = "without the double quote that ends its name".to_owned();
-        return Err(RecordingError::BadColumns { entry: entry.to_owned(), problem });
+        return Err(RecordingError::bad_columns(entry, problem));
     }
     found.push(entry);
     Ok(found)
@@ -595,7 +517,7 @@ pub(crate) fn numbered(names: &[String], index: usize) -> String {
     let name = &names[index];
     let same = |own: &&String| *own == name;
     match names.iter().filter(same).count() {
-        1 => name.clone(),
+        1 if !name.is_empty() => name.clone(),
         _ => format!("{name}#{}", names[..index].iter().filter(same).count() + 1),
     }
 }
@@ -609,17 +531,14 @@ impl Given {
         for (k, entry) in given.iter().enumerate() {
             if given[..k].iter().any(|other| other.quantity == entry.quantity) {
                 let problem = format!("naming {} more than once", entry.quantity.name());
-                return Err(RecordingError::BadColumns { entry: mapping.to_owned(), problem });
+                return Err(RecordingError::bad_columns(mapping, problem));
             }
         }
         Ok(given)
     }
 
     fn parse_one(entry: &str) -> Result<Self, RecordingError> {
-        let bad = |problem: &str| RecordingError::BadColumns {
-            entry: entry.to_owned(),
-            problem: problem.to_owned(),
-        };
+        let bad = |problem: &str| RecordingError::bad_columns(entry, problem.to_owned());
         let (what, column) = entry
             .split_once('=')
             .ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
@@ -641,6 +560,14 @@ impl Given {
         Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed })
     }
 
+    /// The entry as [`Given::parse`] takes it.
+    pub(crate) fn entry(&self) -> String {
+        let sign = if self.reversed { -1.0 } else { 1.0 };
+        let own = self.per_si.and_then(|per_si| entry(self.quantity, sign * per_si, &self.column));
+        let minus = if self.reversed { "-" } else { "" };
+        own.unwrap_or_else(|| format!("{}={minus}{}", self.quantity.name(), quoted(&self.column)))
+    }
+
     /// Index of the column among `names`: the same name, with its number if several columns have
     /// it, or the only one that differs only in case.
     pub(crate) fn find(&self, names: &[String]) -> Result<usize, RecordingError> {
@@ -653,7 +580,8 @@ impl Given {
         let numbered_as = self.column.rsplit_once('#').filter(|_| own.is_empty());
         if let Some((name, Ok(number))) = numbered_as.map(|(name, n)| (name, n.parse::<usize>())) {
             let all = named(name);
-            if let (true, Some(index)) = (all.len() > 1, all.get(number.wrapping_sub(1))) {
+            let is_numbered = all.len() > 1 || name.is_empty();
+            if let (true, Some(index)) = (is_numbered, all.get(number.wrapping_sub(1))) {
                 return Ok(*index);
             }
         }
@@ -664,7 +592,7 @@ impl Given {
         if !same.is_empty() {
             let problem =
                 format!("the name of {} columns, expected one of {}", same.len(), listed(&same));
-            return Err(RecordingError::BadColumns { entry: self.column.clone(), problem });
+            return Err(RecordingError::bad_columns(&*self.column, problem));
         }
         let mut like = (0..names.len()).filter(|k| names[*k].eq_ignore_ascii_case(&self.column));
         match (like.next(), like.next()) {
@@ -672,26 +600,26 @@ impl Given {
             _ => {
                 let problem =
                     format!("a name that no column has, expected one of {}", listed(names));
-                Err(RecordingError::BadColumns { entry: self.column.clone(), problem })
+                Err(RecordingError::bad_columns(&*self.column, problem))
             }
         }
     }
 
-    /// Rejects a column of angles, with its declared unit, as a position.
-    pub(crate) fn check_angle(&self, name: &str, declared: &str) -> Result<(), RecordingError> {
-        if self.quantity != Quantity::Position || !is_angle(name, declared) {
-            return Ok(());
+    /// Rejects a column of another quantity, such as angles or volts, by the unit of its name or by
+    /// its declared one.
+    pub(crate) fn check_unit(&self, name: &str, declared: &str) -> Result<(), RecordingError> {
+        match foreign(name, declared) {
+            Some((foreign, is_alone))
+                if is_alone || foreign.instead_of.contains(&self.quantity) =>
+            {
+                let entry = format!("{}={name}", self.quantity.name());
+                Err(RecordingError::bad_columns(entry, foreign.refused(self.quantity)))
+            }
+            _ => Ok(()),
         }
-        let problem =
-            format!("an angle, expected a position in m, mm, cm, um or in: {CONVERT_ANGLE}");
-        Err(RecordingError::BadColumns { entry: format!("position={name}"), problem })
     }
 
-    /// Slot with the unit of the entry, otherwise with that of `name`.
-    pub(crate) fn slot_for(&self, name: &str) -> Result<Slot, RecordingError> {
-        self.slot(recognise(name))
-    }
-
+    /// Slot with the unit of the entry, otherwise with that of the column.
     pub(crate) fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
         let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
         let per_si = self.per_si.or(declared).ok_or_else(|| {
@@ -700,10 +628,10 @@ impl Given {
                 "{} without a unit, and the column's name has none either, expected one of {units}",
                 self.quantity.name()
             );
-            RecordingError::BadColumns {
-                entry: format!("{}={}", self.quantity.name(), self.column),
+            RecordingError::bad_columns(
+                format!("{}={}", self.quantity.name(), self.column),
                 problem,
-            }
+            )
         })?;
         Ok(Slot::of(self.quantity, if self.reversed { -per_si } else { per_si }))
     }
@@ -716,39 +644,28 @@ pub(crate) fn listed(names: &[String]) -> String {
     if names.len() > SHOWN { format!("{shown}, ... ({} in all)", names.len()) } else { shown }
 }
 
-/// The quantity denoted by a name with an SI unit, and the unit.
-pub(crate) fn si_quantity(name: &str) -> Option<(Quantity, &'static str)> {
-    let reading = recognise(name).filter(|reading| reading.per_si == Some(1.0))?;
-    Some((reading.quantity, reading.quantity.units()[0].0))
-}
-
 /// The unit at the end of a name that denotes one of the quantities.
 pub fn unit_in(name: &str) -> Option<&'static str> {
-    let reading = recognise(name)?;
-    let per_si = reading.per_si?;
-    let unit = reading.quantity.unit_of(per_si)?;
-    Some(match unit {
-        "n" => "N",
-        "mn" => "mN",
-        "kn" => "kN",
-        "m_s" => "m/s",
-        "mm_s" => "mm/s",
-        "cm_s" => "cm/s",
-        "um_s" => "um/s",
-        "in_s" => "in/s",
-        other => other,
-    })
+    let Reading { quantity, per_si, .. } = recognise(name)?;
+    quantity.units().iter().find(|unit| Some(unit.per_si) == per_si).map(|unit| unit.symbol)
 }
 
 /// Units per second of a column of times, if known; `None` if it is not a column of times.
 pub fn time_unit(name: &str, unit: Option<&str>) -> Option<Option<f64>> {
-    let reading = recognise(&format!("{name} {}", unit.unwrap_or_default()))?;
+    let reading = reading_with(name, unit.unwrap_or_default(), &mut Vec::new())?;
     (reading.quantity == Quantity::Time).then_some(reading.per_si)
 }
 
 /// The quantity that a name denotes.
 pub(crate) fn quantity_named(name: &str) -> Option<Quantity> {
     recognise(name).map(|reading| reading.quantity)
+}
+
+/// The quantity that the words in front of a unit denote.
+pub(crate) fn name_in_front(name: &str) -> Option<Quantity> {
+    let lower = lower(name);
+    let words = words_of(bracketed(&lower).map_or(&*lower, |(front, _)| front));
+    quantity_of(&words).or_else(|| quantity_of(words.split_last()?.1))
 }
 
 /// Whether the name denotes one of the quantities.
@@ -764,14 +681,13 @@ pub(crate) fn has_unit(cell: &str, format: Format) -> bool {
     cell.char_indices().any(|(at, _)| {
         let (number, unit) = cell.split_at(at);
         format.number(number.as_bytes()).is_some_and(f64::is_finite)
-            && units_named(&words_of(&lower(unit)).join("_")).next().is_some()
+            && units_named(&key(&lower(unit))).next().is_some()
     })
 }
 
 /// Whether every cell is only a unit, as in the second header line of some loggers.
 pub(crate) fn is_unit_row(cells: &[String]) -> bool {
-    let is_unit = |cell: &&String| units_named(&words_of(&lower(cell)).join("_")).next().is_some();
-    cells.iter().filter(is_unit).count() >= 2
+    cells.iter().filter(|cell| is_unit(cell)).count() >= 2
 }
 
 #[cfg(test)]
@@ -833,8 +749,25 @@ mod tests {
             ("t_µs", Quantity::Time, 1e6),
             ("elapsed (min)", Quantity::Time, 1.0 / 60.0),
             ("v (m·s^-1)", Quantity::Velocity, 1.0),
+            ("F [daN]", Quantity::Force, 0.1),
+            ("F / daN", Quantity::Force, 0.1),
+            ("F_daN", Quantity::Force, 0.1),
+            ("F_cN", Quantity::Force, 1e2),
+            ("F [kp]", Quantity::Force, 1.0 / 9.80665),
+            ("F (p)", Quantity::Force, 1e3 / 9.80665),
+            ("force_dyn", Quantity::Force, 1e5),
+            ("F [μN]", Quantity::Force, 1e6),
+            ("position (ft)", Quantity::Position, 1.0 / 0.3048),
+            ("pos_mil", Quantity::Position, 1e3 / 0.0254),
+            ("x [nm]", Quantity::Position, 1e9),
+            ("x {µm}", Quantity::Position, 1e6),
+            ("time [h]", Quantity::Time, 1.0 / 3600.0),
+            ("v [mm/min]", Quantity::Velocity, 60e3),
         ] {
-            assert_eq!(reading(name), Some((quantity, true, Some(per_si))), "{name}");
+            let (own, exact, unit) = reading(name).unwrap_or_else(|| panic!("{name}"));
+            let unit = unit.unwrap_or_else(|| panic!("{name}"));
+            assert_eq!((own, exact), (quantity, true), "{name}");
+            assert!((unit / per_si - 1.0).abs() < 1e-15, "{name}: {unit} instead of {per_si}");
         }
     }
 
@@ -849,7 +782,8 @@ mod tests {
             ("position", "rad"),
             ("x", "°"),
         ] {
-            assert!(is_angle(name, declared), "{name} {declared}");
+            let found = foreign(name, declared).map(|(own, _)| own.what);
+            assert_eq!(found, Some("an angle"), "{name} {declared}");
         }
         for (name, declared) in [
             ("position_mm", ""),
@@ -859,7 +793,34 @@ mod tests {
             ("stiffness", "N m/rad"),
             ("position", "mm"),
         ] {
-            assert!(!is_angle(name, declared), "{name} {declared}");
+            assert!(foreign(name, declared).is_none(), "{name} {declared}");
+        }
+    }
+
+    #[test]
+    fn other_quantities_are_known_by_their_units() {
+        for (name, declared, what) in [
+            ("F [V]", "", Some("a voltage")),
+            ("F (mV/V)", "", Some("a voltage")),
+            ("F_V", "", Some("a voltage")),
+            ("F / V", "", Some("a voltage")),
+            ("F", "V", Some("a voltage")),
+            ("load [A]", "", Some("a current")),
+            ("F [kPa]", "", Some("a pressure")),
+            ("force_bar", "", Some("a pressure")),
+            ("F [Nm]", "", Some("a torque")),
+            ("F", "N m", Some("a torque")),
+            ("pos [counts]", "", Some("a count")),
+            ("pos_ticks", "", Some("a count")),
+            // Letters of channels, calibrations, compounds, and units that are read.
+            ("force_a", "", None),
+            ("x_v", "", None),
+            ("gain [N/V]", "", None),
+            ("gain N/V", "", None),
+            ("F [N]", "", None),
+            ("x [nm]", "", None),
+        ] {
+            assert_eq!(foreign(name, declared).map(|(own, _)| own.what), what, "{name} {declared}");
         }
     }
 
@@ -885,8 +846,8 @@ mod tests {
         assert_eq!(reading("status"), None);
         assert_eq!(reading("s"), None);
         // Units that are not known are no units, in particular not those of SI.
-        assert_eq!(reading("force_dyn"), Some((Quantity::Force, false, None)));
-        assert_eq!(reading("position (ft)"), Some((Quantity::Position, false, None)));
+        assert_eq!(reading("force_foo"), Some((Quantity::Force, false, None)));
+        assert_eq!(reading("position (foo)"), Some((Quantity::Position, true, None)));
         assert_eq!(reading("position_kg"), Some((Quantity::Position, false, None)));
         assert_eq!(reading("stamp_ticks"), Some((Quantity::Time, false, None)));
         assert_eq!(reading("stamp_ns"), Some((Quantity::Time, false, Some(1e9))));

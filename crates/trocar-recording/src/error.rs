@@ -84,7 +84,7 @@ pub enum RecordingError {
     },
     /// The first line contains numbers, so the columns have no names.
     #[error(
-        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: name the columns in order, with units and '-' for those to skip, for example --columns {example} (guessed from the first rows: check the units); without a column of times, give the rows per second with --rate-hz"
+        "{file} line {line}: no header, the first line is the row of numbers '{found}'\n\nhint: {hint}"
     )]
     NoHeader {
         /// File name as given by the caller.
@@ -93,8 +93,8 @@ pub enum RecordingError {
         line: u64,
         /// The first line, shortened.
         found: String,
-        /// An example of `--columns` with the correct number of entries.
-        example: String,
+        /// The remedy, with an option that fits the number of columns, if there is one.
+        hint: String,
     },
     /// Required columns are missing, could be several, or have no unit.
     #[error("{file}{place}: {problems}\n\nhint: {hint}")]
@@ -111,18 +111,14 @@ pub enum RecordingError {
         hint: Box<str>,
     },
     /// No topic of a robot log clearly matches a quantity.
-    #[error(
-        "{file}: no topic is clearly the {quantity}: {found}\n\nhint: say which, for example --columns '{example}'; `trocar inspect` shows all"
-    )]
+    #[error("{file}: {problems}\n\nhint: {option}`trocar inspect` shows all topics")]
     UnclearTopic {
         /// File name as given by the caller.
         file: String,
-        /// The required quantity.
-        quantity: &'static str,
-        /// The available topics.
-        found: String,
-        /// An entry of `--columns`.
-        example: String,
+        /// Each quantity that is unclear, with the available topics.
+        problems: String,
+        /// An option that says which, if one is likely.
+        option: String,
     },
     /// A stream where a file must be read more than once.
     #[error(
@@ -169,14 +165,14 @@ pub enum RecordingError {
         expected: String,
     },
     /// The `--columns` mapping itself is invalid.
-    #[error(
-        "--columns entry '{entry}' is {problem}\n\nhint: give a name with its unit per column, '-' to skip one, for example --columns time_s,position_mm,force_n,-, or say by name which column is which, for example --columns position_mm=x,force_n=-fz"
-    )]
+    #[error("--columns entry '{entry}' is {problem}\n\nhint: {hint}")]
     BadColumns {
         /// The entry concerned.
-        entry: String,
+        entry: Box<str>,
         /// What is wrong with it.
-        problem: String,
+        problem: Box<str>,
+        /// The remedy; where the file can be opened, an option that fits it.
+        hint: Box<str>,
     },
     /// An option that does not fit the file.
     #[error("{file}: {option} {problem}")]
@@ -204,7 +200,7 @@ pub enum RecordingError {
         /// Source of the expected number.
         reference: &'static str,
         /// Remedy, with its own line break, or empty.
-        hint: &'static str,
+        hint: Box<str>,
     },
     /// A cell of a used column is not a number.
     #[error("{file} line {line}: found '{found}' in column {column}, expected a number{hint}")]
@@ -278,7 +274,7 @@ pub enum RecordingError {
     },
     /// Time has the same value throughout.
     #[error(
-        "{file} {place}: time stays at {value} s in all {samples} samples, expected it to advance\n\nhint: check that the right column is taken for time, with --columns if need be"
+        "{file} {place}: time stays at {value} s in all {samples} samples, expected it to advance\n\nhint: another column may hold the times; `trocar inspect` shows all"
     )]
     ConstantTime {
         /// File name as given by the caller.
@@ -322,7 +318,7 @@ pub enum RecordingError {
     },
     /// The range of the position exceeds that of any instrument.
     #[error(
-        "{file}: the position covers {stroke} m, expected at most {limit} m\n\nhint: is the unit right? if the numbers are millimetres, name the column position_mm or give --columns time_s,position_mm,force_n"
+        "{file}: the position covers {stroke} m, expected at most {limit} m\n\nhint: is the unit right? position_mm in place of position_m if the numbers are millimetres"
     )]
     StrokeTooLong {
         /// File name as given by the caller.
@@ -331,6 +327,16 @@ pub enum RecordingError {
         stroke: f64,
         /// Longest accepted, in m.
         limit: f64,
+    },
+    /// A size that hardly occurs, where neither `--columns` nor `--rate-hz` says that it is right.
+    #[error("{file}: {problems}\n\nhint: is the unit right? {hint}")]
+    Implausible {
+        /// File name as given by the caller.
+        file: String,
+        /// All that is implausible.
+        problems: String,
+        /// The likely ways out, and how to insist.
+        hint: String,
     },
     /// The given columns have different lengths.
     #[error("{file}: {column} has {found} samples, expected {expected} as time has")]
@@ -346,7 +352,7 @@ pub enum RecordingError {
     },
     /// The recording does not fit into the allowed memory.
     #[error(
-        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: identify from excerpts with --most-samples, or a part with --from-s and --to-s; simulate and validate need no such memory"
+        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: identify from excerpts, for example --most-samples 200000, or from a part, for example --from-s 0 --to-s 60; simulate and validate need no such memory"
     )]
     TooLarge {
         /// File name as given by the caller.
@@ -478,4 +484,13 @@ pub enum RecordingError {
         /// The given value, m/s².
         gravity: f64,
     },
+}
+
+impl RecordingError {
+    /// [`RecordingError::BadColumns`] before the file is known.
+    pub(crate) fn bad_columns(entry: impl Into<Box<str>>, problem: String) -> Self {
+        let hint = "give a name with its unit per column, '-' to skip one, as in time_s,position_mm,force_n,-, \
+                    or say by name which column is which, as in position_mm=x,force_n=-fz";
+        Self::BadColumns { entry: entry.into(), problem: problem.into(), hint: hint.into() }
+    }
 }

@@ -12,6 +12,20 @@ pub(crate) enum Separator {
 pub(crate) struct Format {
     pub(crate) separator: Separator,
     pub(crate) decimal_comma: bool,
+    /// Whether the mark that is not the decimal one groups thousands.
+    pub(crate) grouped: bool,
+}
+
+impl Default for Format {
+    fn default() -> Self {
+        Separator::Byte(b',').with(false)
+    }
+}
+
+impl Separator {
+    const fn with(self, decimal_comma: bool) -> Format {
+        Format { separator: self, decimal_comma, grouped: false }
+    }
 }
 
 /// Words that other programs write for a missing number.
@@ -36,15 +50,15 @@ const COMMENT_SIGNS: [&[u8]; 3] = [b"#", b"%", b"//"];
 
 /// In order of preference if several fit the lines equally well.
 const CANDIDATES: [Format; 9] = [
-    Format { separator: Separator::Byte(b';'), decimal_comma: false },
-    Format { separator: Separator::Byte(b';'), decimal_comma: true },
-    Format { separator: Separator::Byte(b'\t'), decimal_comma: false },
-    Format { separator: Separator::Byte(b'\t'), decimal_comma: true },
-    Format { separator: Separator::Byte(b'|'), decimal_comma: false },
-    Format { separator: Separator::Byte(b'|'), decimal_comma: true },
-    Format { separator: Separator::Byte(b','), decimal_comma: false },
-    Format { separator: Separator::Whitespace, decimal_comma: false },
-    Format { separator: Separator::Whitespace, decimal_comma: true },
+    Separator::Byte(b';').with(false),
+    Separator::Byte(b';').with(true),
+    Separator::Byte(b'\t').with(false),
+    Separator::Byte(b'\t').with(true),
+    Separator::Byte(b'|').with(false),
+    Separator::Byte(b'|').with(true),
+    Separator::Byte(b',').with(false),
+    Separator::Whitespace.with(false),
+    Separator::Whitespace.with(true),
 ];
 
 impl Format {
@@ -64,7 +78,7 @@ impl Format {
                     )
                 })
             })
-            .unwrap_or(Format { separator: Separator::Byte(b','), decimal_comma: false })
+            .unwrap_or_default()
     }
 
     /// Splits without regard to quotes; sufficient to evaluate a format.
@@ -81,11 +95,98 @@ impl Format {
         if cell.is_empty() || MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word)) {
             return Some(f64::NAN);
         }
+        let group_mark = if self.decimal_comma { b'.' } else { b',' };
+        if self.grouped && cell.contains(&group_mark) {
+            let plain: Vec<u8> = cell.iter().copied().filter(|b| *b != group_mark).collect();
+            let ungrouped = Self { grouped: false, ..self };
+            return is_grouped(cell, group_mark).then(|| ungrouped.number(&plain)).flatten();
+        }
         if self.decimal_comma && cell.contains(&b',') {
             return comma_number(cell);
         }
         fast_float2::parse(cell).ok()
     }
+}
+
+/// What points and commas mean in many cells: a decimal mark, or thousands.
+#[derive(Default)]
+pub(crate) struct Marks {
+    /// Evidence on the point and on the comma.
+    of: [Mark; 2],
+    /// By column, on the point and on the comma.
+    columns: Vec<[Mark; 2]>,
+}
+
+/// Evidence on one mark.
+#[derive(Debug, Default, Clone, Copy)]
+struct Mark {
+    /// A number in which it can only be the decimal mark.
+    is_decimal: bool,
+    /// A number in which it can only group thousands.
+    is_group: bool,
+    /// Three digits behind it of which the last is 0, and a whole number below a thousand without
+    /// it: decimals of fixed length would show in the second, others not in the first.
+    ends_in_zero: bool,
+    has_small: bool,
+}
+
+const MARKS: [u8; 2] = [b'.', b','];
+
+impl Marks {
+    /// Takes in a cell; text does not count.
+    pub(crate) fn add(&mut self, column: usize, cell: &[u8]) {
+        let cell = cell.trim_ascii();
+        let is_of_number = |b: &u8| b.is_ascii_digit() || b"+-.,eE".contains(b);
+        if !cell.first().is_some_and(|b| b.is_ascii_digit() || b"+-.,".contains(b))
+            || !cell.iter().all(is_of_number)
+        {
+            return;
+        }
+        self.columns.resize(self.columns.len().max(column + 1), Default::default());
+        for (k, mark) in MARKS.into_iter().enumerate() {
+            let (own, all) = (&mut self.columns[column][k], &mut self.of[k]);
+            let count = cell.iter().filter(|b| **b == mark).count();
+            if count == 0 {
+                own.has_small |= cell.len() <= 4 && cell.iter().all(|b| !MARKS.contains(b));
+            } else if is_grouped(cell, mark) {
+                all.is_group |= count > 1 || cell.contains(&MARKS[1 - k]);
+                own.ends_in_zero |= cell.ends_with(b"0");
+            } else {
+                all.is_decimal = true;
+            }
+        }
+    }
+
+    /// The format with the decimal mark that the cells prove.
+    pub(crate) fn settle(&self, format: Format) -> Format {
+        let is_group = |k: usize| {
+            let proves = |own: &[Mark; 2]| own[k].ends_in_zero && own[k].has_small;
+            !self.of[k].is_decimal && (self.of[k].is_group || self.columns.iter().any(proves))
+        };
+        match (is_group(0), is_group(1)) {
+            (true, false) => Format { decimal_comma: true, grouped: true, ..format },
+            (false, true) => Format { decimal_comma: false, grouped: true, ..format },
+            _ => {
+                // Where commas are certainly decimal, points are not, unless one of them is.
+                let [points, commas] = self.of;
+                let grouped = format.decimal_comma && commas.is_decimal && !points.is_decimal;
+                Format { grouped, ..format }
+            }
+        }
+    }
+}
+
+/// Whether `mark` can group the digits of a number by thousands: `-1.234.567,8` and not `0.123`.
+fn is_grouped(cell: &[u8], mark: u8) -> bool {
+    let digits = cell.strip_prefix(b"-").or(cell.strip_prefix(b"+")).unwrap_or(cell);
+    let whole = digits.iter().position(|b| MARKS.contains(b) && *b != mark);
+    let (whole, rest) = digits.split_at(whole.unwrap_or(digits.len()));
+    let mut groups = whole.split(|b| *b == mark);
+    let first = groups.next().unwrap_or_default();
+    let is_number = |digits: &[u8]| digits.iter().all(u8::is_ascii_digit);
+    let starts = matches!(first.len(), 1..=3) && is_number(first) && first[0] != b'0';
+    let decimals = rest.get(1..).is_none_or(is_number);
+    starts && decimals && groups.all(|group| group.len() == 3 && is_number(group))
 }
 
 pub(crate) fn whitespace_cells(line: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -150,6 +251,36 @@ mod tests {
     }
 
     #[test]
+    fn thousands_are_told_from_decimals() {
+        let settled = |separator: Separator, decimal_comma: bool, cells: &[&str]| {
+            let mut marks = Marks::default();
+            cells.iter().for_each(|cell| marks.add(0, cell.as_bytes()));
+            let format = marks.settle(separator.with(decimal_comma));
+            cells.iter().map(|cell| format.number(cell.as_bytes())).collect::<Vec<_>>()
+        };
+        let semicolon = Separator::Byte(b';');
+        for (decimal_comma, cells, numbers) in [
+            (false, &["987", "1.230", "-12.345"][..], &[987.0, 1230.0, -12345.0][..]),
+            (true, &["1.234,5", "0,5"], &[1234.5, 0.5]),
+            (true, &["0,5", "1.234"], &[0.5, 1234.0]),
+            (false, &["1.234.567", "1.000"], &[1_234_567.0, 1000.0]),
+            (true, &["987", "1,230", "12,345"], &[987.0, 1230.0, 12345.0]),
+            (false, &["1,234.5", "7.25"], &[1234.5, 7.25]),
+            // Decimals, as far as can be known.
+            (false, &["0.987", "1.230", "12.345"], &[0.987, 1.23, 12.345]),
+            (false, &["1.234", "12.345"], &[1.234, 12.345]),
+            (true, &["1,234", "12,345"], &[1.234, 12.345]),
+            (false, &["987", "1.23", "12.345"], &[987.0, 1.23, 12.345]),
+            (true, &["0,5", "0.25", "1.234"], &[0.5, 0.25, 1.234]),
+        ] {
+            let expected: Vec<Option<f64>> = numbers.iter().map(|number| Some(*number)).collect();
+            assert_eq!(settled(semicolon, decimal_comma, cells), expected, "{cells:?}");
+        }
+        let odd = settled(semicolon, true, &["0,5", "1.234", "1.234,5"]);
+        assert_eq!(odd, [Some(0.5), Some(1234.0), Some(1234.5)]);
+    }
+
+    #[test]
     fn separator_and_decimals_are_told_from_the_numbers() {
         for (text, separator, decimal_comma) in [
             ("a,b\n1,2", Separator::Byte(b','), false),
@@ -162,7 +293,7 @@ mod tests {
             ("\"a\";\"b\"\n\"1,5\";\"2\"", Separator::Byte(b';'), true),
             ("a,b,status\n1.5,2.5,ok", Separator::Byte(b','), false),
         ] {
-            assert_eq!(sniff(text), Format { separator, decimal_comma }, "{text}");
+            assert_eq!(sniff(text), separator.with(decimal_comma), "{text}");
         }
     }
 }

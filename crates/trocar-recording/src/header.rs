@@ -5,9 +5,12 @@
 
 use super::RecordingError;
 use super::columns::{
-    AN_ANGLE, CONVERT_ANGLE, Given, Layout, Quantity, Reading, Slot, UNIT_IN_CELL, entry, is_angle,
-    is_related, listed, numbered, reading_with, unit_alone,
+    Given, Layout, Quantity, Reading, Slot, UNIT_IN_CELL, entry, is_related, listed, name_in_front,
+    numbered, other_axes, reading_with, unit_alone,
 };
+use super::crtk::axis_of_travel;
+use super::plausible::PLAUSIBLE_FORCE;
+use super::units::{Foreign, foreign, key, lower, words_of};
 
 /// The names of the columns, and what else tells their meaning.
 pub(crate) struct Header<'a> {
@@ -40,6 +43,8 @@ enum Doubt {
     Unit(usize),
     /// Several columns.
     Several(Vec<usize>),
+    /// The column named as the time numbers the rows.
+    RowNumbers(usize),
 }
 
 /// A column as a message proposes it: quantity, index, units per SI unit.
@@ -50,6 +55,20 @@ struct Proposed {
     columns: Vec<Proposal>,
     guessed: bool,
 }
+
+/// What is unclear, and what is known beside it.
+struct Unclear<'a> {
+    given: &'a [Given],
+    doubts: &'a [(Quantity, Doubt)],
+    readings: &'a [Option<Reading>],
+    slots: &'a [Option<Slot>],
+    /// Numbers of the first rows by column.
+    rows: Vec<Vec<f64>>,
+}
+
+/// A rate as an example, for a file without times; it stands for any other.
+pub(crate) const EXAMPLE_RATE: &str = "--rate-hz 1000";
+pub(crate) const PUT_IN_RATE: &str = "put in your rate";
 
 /// What a column of times may also hold.
 const OR_DATES: &str = " or as dates such as 2026-11-22T10:15:00.123";
@@ -110,9 +129,9 @@ impl Header<'_> {
                 reading_with(name, declared, &mut notes)
             })
             .collect();
-        // An angle is no position, even if nothing else is.
+        // An angle is no position, and a voltage no force, even if nothing else is.
         for (k, reading) in readings.iter_mut().enumerate() {
-            reading.take_if(|own| own.quantity == Quantity::Position && self.is_angle(k));
+            reading.take_if(|_| self.foreign(k).is_some());
         }
         for k in self.timestamps {
             // The unit of a date is known. A row may have more cells than the header.
@@ -122,10 +141,10 @@ impl Header<'_> {
         }
         for named in given {
             let index = named.find(names)?;
-            named.check_angle(&names[index], self.unit(index))?;
+            named.check_unit(&names[index], self.unit(index))?;
             if slots[index].is_some() {
                 let problem = "a column named for two quantities, expected one".to_owned();
-                return Err(RecordingError::BadColumns { entry: names[index].clone(), problem });
+                return Err(RecordingError::bad_columns(&*names[index], problem));
             }
             let is_time = named.quantity == Quantity::Time && self.timestamps.contains(&index);
             let declared = reading_with(named.quantity.name(), self.unit(index), &mut notes);
@@ -136,14 +155,15 @@ impl Header<'_> {
             });
             readings[index] = None;
         }
-        let mut doubts = Vec::new();
+        let mut doubts = self.row_numbers(given)?;
         let mut by_unit = false;
         for quantity in
             Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q))
         {
             let needed = needed.contains(&quantity);
             match self.choose(quantity, &readings) {
-                Ok((index, slot)) => {
+                Ok((index, slot, why)) => {
+                    notes.extend(why);
                     if readings[index].is_some_and(|reading| !reading.exact) {
                         notes.push(format!(
                             "column '{}' taken as {}",
@@ -182,10 +202,13 @@ impl Header<'_> {
                 Err(Doubt::Missing) => {}
                 Err(Doubt::Unit(index)) => notes.push(self.not_used(index, quantity)),
                 Err(Doubt::Several(several)) => notes.push(self.not_used(several[0], quantity)),
+                Err(Doubt::RowNumbers(_)) => unreachable!("only of a column that was named"),
             }
         }
         if !doubts.is_empty() {
-            return Err(self.unclear(&doubts, &readings, &slots));
+            let rows = (self.first_rows)();
+            let (readings, slots, doubts) = (&readings[..], &slots[..], &doubts[..]);
+            return Err(self.unclear(&Unclear { given, doubts, readings, slots, rows }));
         }
         Ok(Layout {
             names: names.to_vec(),
@@ -197,16 +220,39 @@ impl Header<'_> {
         })
     }
 
-    fn is_angle(&self, column: usize) -> bool {
-        is_angle(&self.names[column], self.unit(column))
+    /// The quantity of a column, by its unit, if it is none of those read.
+    fn foreign(&self, column: usize) -> Option<&'static Foreign> {
+        let is_date = self.timestamps.contains(&column);
+        foreign(&self.names[column], self.unit(column)).map(|(own, _)| own).filter(|_| !is_date)
     }
 
-    /// A column of angles where a position is needed.
-    fn angle(&self, doubts: &[(Quantity, Doubt)]) -> Option<usize> {
-        let lacks = |(quantity, doubt): &(Quantity, Doubt)| {
-            *quantity == Quantity::Position && matches!(doubt, Doubt::Missing)
+    /// Columns of another quantity where one is needed, with both.
+    fn in_place_of(
+        &self,
+        doubts: &[(Quantity, Doubt)],
+    ) -> Vec<(Quantity, usize, &'static Foreign)> {
+        let place = |(quantity, doubt): &(Quantity, Doubt)| {
+            let stands = |k: &usize| match name_in_front(&self.names[*k]) {
+                Some(named) => named == *quantity,
+                None => *quantity != Quantity::Time,
+            };
+            let mut all = (0..self.names.len()).filter(stands);
+            let found = all.find_map(|k| Some((*quantity, k, self.foreign(k)?)))?;
+            let is_missing = matches!(doubt, Doubt::Missing);
+            (is_missing && found.2.instead_of.contains(quantity)).then_some(found)
         };
-        doubts.iter().any(lacks).then(|| (0..self.names.len()).find(|k| self.is_angle(*k)))?
+        doubts.iter().filter_map(place).collect()
+    }
+
+    /// A column that is named as the time although it numbers the rows.
+    fn row_numbers(&self, given: &[Given]) -> Result<Vec<(Quantity, Doubt)>, RecordingError> {
+        let Some(time) = given.iter().find(|own| own.quantity == Quantity::Time) else {
+            return Ok(Vec::new());
+        };
+        let index = time.find(self.names)?;
+        let numbers_rows = is_called_number(&self.names[index])
+            && (self.first_rows)().get(index).is_some_and(|numbers| counts_by_one(numbers));
+        Ok(numbers_rows.then_some((Quantity::Time, Doubt::RowNumbers(index))).into_iter().collect())
     }
 
     /// Declared unit of a column; empty without one.
@@ -224,12 +270,13 @@ impl Header<'_> {
         format!("column '{name}' not used: unclear whether it is {quantity} and in which unit")
     }
 
-    /// The one column whose name denotes the quantity: exactly, or else among other words.
+    /// The one column whose name denotes the quantity: exactly, or else among other words; and what
+    /// decided between axes.
     fn choose(
         &self,
         quantity: Quantity,
         readings: &[Option<Reading>],
-    ) -> Result<(usize, Slot), Doubt> {
+    ) -> Result<(usize, Slot, Option<String>), Doubt> {
         let of = |exact: bool| {
             let matching = readings.iter().enumerate().filter(move |(_, reading)| {
                 reading
@@ -239,14 +286,46 @@ impl Header<'_> {
         };
         let candidates =
             Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
-        match candidates[..] {
-            [] => Err(Doubt::Missing),
-            [index] => match readings[index].and_then(|reading| reading.per_si) {
-                Some(per_si) => Ok((index, Slot::of(quantity, per_si))),
-                None => Err(Doubt::Unit(index)),
-            },
-            _ => Err(Doubt::Several(candidates)),
+        let (index, why) = match candidates[..] {
+            [] => return Err(Doubt::Missing),
+            [first, ..] if quantity == Quantity::Position => self.along(first, candidates)?,
+            [index] => (index, None),
+            _ => return Err(Doubt::Several(candidates)),
+        };
+        let per_si = readings[index].and_then(|reading| reading.per_si);
+        let per_si = per_si
+            .or_else(|| unit_alone(&self.names[index], self.unit(index)).map(|(_, per_si)| per_si));
+        per_si.map(|per_si| (index, Slot::of(quantity, per_si), why)).ok_or(Doubt::Unit(index))
+    }
+
+    /// Of the coordinates of a place, the one that has nearly all of the travel.
+    fn along(
+        &self,
+        first: usize,
+        candidates: Vec<usize>,
+    ) -> Result<(usize, Option<String>), Doubt> {
+        let mut axes = other_axes(self.names, first);
+        axes.push(first);
+        axes.sort_unstable();
+        if axes.len() == 1 || candidates.iter().any(|k| !axes.contains(k)) {
+            return if candidates.len() == 1 {
+                Ok((first, None))
+            } else {
+                Err(Doubt::Several(candidates))
+            };
         }
+        let rows = (self.first_rows)();
+        let ranges: Vec<f64> = axes.iter().map(|k| width(&rows, *k)).collect();
+        let Some(longest) = axis_of_travel(&ranges) else { return Err(Doubt::Several(axes)) };
+        let name = |k: &usize| &self.names[axes[*k]];
+        let all: Vec<String> =
+            (0..axes.len()).map(|k| format!("{} {:.4}", name(&k), ranges[k])).collect();
+        let why = format!(
+            "column '{}' taken as position: it has nearly all of the travel (ranges of the first rows: {})",
+            name(&longest),
+            all.join(", ")
+        );
+        Ok((axes[longest], Some(why)))
     }
 
     /// Columns, with their units per SI unit, whose names denote no quantity but have a unit of
@@ -266,51 +345,59 @@ impl Header<'_> {
     }
 
     /// The error about everything unclear, and the option that settles it.
-    fn unclear(
-        &self,
-        doubts: &[(Quantity, Doubt)],
-        readings: &[Option<Reading>],
-        slots: &[Option<Slot>],
-    ) -> RecordingError {
-        let rows = (self.first_rows)();
+    fn unclear(&self, unclear: &Unclear) -> RecordingError {
+        let doubts = unclear.doubts;
         let mut problems: Vec<String> = self.missing(doubts).into_iter().collect();
-        for (quantity, doubt) in doubts {
-            match doubt {
-                Doubt::Missing => {}
-                Doubt::Unit(index) if has_no_numbers(&rows, *index) => problems.push(format!(
-                    "column '{}' {}, expected {} as numbers{}",
-                    self.names[*index],
-                    self.instead_of_numbers(*index),
-                    quantity.name(),
-                    if *quantity == Quantity::Time { OR_DATES } else { "" }
-                )),
-                Doubt::Unit(index) => problems.push(format!(
-                    "column '{}' has no unit that is understood for {}, expected one of {}",
-                    self.names[*index],
-                    quantity.name(),
-                    quantity.unit_list()
-                )),
-                Doubt::Several(several) => {
-                    let names: Vec<String> =
-                        several.iter().map(|k| format!("'{}'", self.option(*k))).collect();
-                    problems.push(format!(
-                        "{} could be {}, expected one",
-                        quantity.name(),
-                        either(&names)
-                    ));
-                }
-            }
-        }
-        problems
-            .extend(self.angle(doubts).map(|k| format!("column '{}' {AN_ANGLE}", self.names[k])));
+        problems.extend(
+            doubts.iter().filter_map(|(quantity, doubt)| self.problem(*quantity, doubt, unclear)),
+        );
+        let in_place = self.in_place_of(doubts);
+        problems.extend(in_place.iter().map(|(quantity, k, foreign)| {
+            let expected =
+                format!("expected {} in {}", quantity.with_article(), quantity.unit_list());
+            format!("column '{}' is {}, {expected}", self.names[*k], foreign.what)
+        }));
         let is_missing = |(_, doubt): &(Quantity, Doubt)| matches!(doubt, Doubt::Missing);
         RecordingError::UnclearColumns {
             file: self.file.to_owned(),
-            only_missing: doubts.iter().all(is_missing) && self.angle(doubts).is_none(),
+            only_missing: doubts.iter().all(is_missing) && in_place.is_empty(),
             place: self.place.into(),
             problems: problems.join("; ").into(),
-            hint: self.hint(doubts, readings, slots, &rows).into(),
+            hint: self.hint(unclear).into(),
         }
+    }
+
+    /// What is unclear about a quantity of which there are columns.
+    fn problem(&self, quantity: Quantity, doubt: &Doubt, unclear: &Unclear) -> Option<String> {
+        let name = |k: usize| &self.names[k];
+        Some(match doubt {
+            Doubt::Missing => return None,
+            Doubt::Unit(index) if has_no_numbers(&unclear.rows, *index) => format!(
+                "column '{}' {}, expected {} as numbers{}",
+                name(*index),
+                self.instead_of_numbers(*index),
+                quantity.name(),
+                if quantity == Quantity::Time { OR_DATES } else { "" }
+            ),
+            Doubt::Unit(index) => format!(
+                "column '{}' has {} for {}, expected one of {}",
+                name(*index),
+                match unclear.readings[*index].is_some_and(|own| own.is_written) {
+                    true => "a unit that is not known",
+                    false => "no unit that is understood",
+                },
+                quantity.name(),
+                quantity.unit_list()
+            ),
+            Doubt::Several(several) => {
+                let names: Vec<String> =
+                    several.iter().map(|k| format!("'{}'", self.option(*k))).collect();
+                format!("{} could be {}, expected one", quantity.name(), either(&names))
+            }
+            Doubt::RowNumbers(index) => {
+                format!("column '{}' numbers the rows, expected a time", name(*index))
+            }
+        })
     }
 
     /// What a column without numbers holds.
@@ -339,90 +426,88 @@ impl Header<'_> {
         })
     }
 
-    fn hint(
-        &self,
-        doubts: &[(Quantity, Doubt)],
-        readings: &[Option<Reading>],
-        slots: &[Option<Slot>],
-        rows: &[Vec<f64>],
-    ) -> String {
-        let proposed = self.propose(doubts, readings, slots, rows);
-        let entries: Vec<String> = proposed
-            .columns
-            .iter()
-            .filter_map(|(quantity, index, per_si)| entry(*quantity, *per_si, &self.option(*index)))
-            .collect();
+    fn hint(&self, unclear: &Unclear) -> String {
+        let Unclear { given, doubts, rows, .. } = unclear;
+        let proposed = self.propose(unclear);
+        let is_doubtful =
+            |own: &&Given| doubts.iter().any(|(quantity, _)| *quantity == own.quantity);
+        let mut entries: Vec<String> =
+            given.iter().filter(|own| !is_doubtful(own)).map(Given::entry).collect();
+        let own = proposed.columns.iter();
+        let own = own.filter_map(|(of, k, per_si)| entry(*of, *per_si, &self.option(*k)));
+        entries.extend(own);
         let has_no_column =
             |of: &Quantity| proposed.columns.iter().all(|(quantity, ..)| quantity != of);
         let left_out: Vec<Quantity> =
             doubts.iter().map(|(quantity, _)| *quantity).filter(has_no_column).collect();
         let mut sentences = Vec::new();
         // An option that leaves something unclear would fail again; times may follow from a rate.
-        if !entries.is_empty() && left_out.iter().all(|quantity| *quantity == Quantity::Time) {
-            let option = in_shell(&entries.join(","));
-            let caution = caution(&proposed, rows);
-            sentences.push(format!(
-                "say which column is which, for example --columns {option}{caution}"
-            ));
+        if left_out.iter().all(|quantity| *quantity == Quantity::Time) {
+            sentences.extend(option(&entries, !left_out.is_empty(), &proposed, rows));
         }
-        if self.angle(doubts).is_some() {
-            sentences.push(CONVERT_ANGLE.to_owned());
-        }
-        if !left_out.is_empty() {
-            let names: Vec<String> =
-                left_out.iter().map(|quantity| quantity.name().to_owned()).collect();
-            sentences.push(format!("no column is left that could be {}", either(&names)));
-        }
-        let cell_has_unit = |doubt: &Doubt| match doubt {
-            Doubt::Unit(index) if has_no_numbers(rows, *index) => {
-                matches!((self.first_text)(*index), Some(Text::WithUnit(_)))
-            }
-            _ => false,
+        let in_place = self.in_place_of(doubts);
+        sentences.extend(in_place.iter().map(|(.., foreign)| foreign.remedy.to_owned()));
+        let is_explained = |quantity: &Quantity| {
+            let is_own = |(own, doubt): &(Quantity, Doubt)| {
+                own == quantity && matches!(doubt, Doubt::Unit(_) | Doubt::RowNumbers(_))
+            };
+            doubts.iter().any(is_own) || in_place.iter().any(|(own, ..)| own == quantity)
         };
-        if doubts.iter().any(|(_, doubt)| cell_has_unit(doubt)) {
-            sentences.push(UNIT_IN_CELL.to_owned());
+        let lost: Vec<String> = left_out
+            .iter()
+            .filter(|quantity| **quantity != Quantity::Time && !is_explained(quantity))
+            .map(|quantity| quantity.name().to_owned())
+            .collect();
+        if !lost.is_empty() {
+            sentences.push(format!("no column is left that could be {}", either(&lost)));
         }
-        let is_unusable = |(quantity, doubt): &(Quantity, Doubt)| {
-            *quantity == Quantity::Time
-                && match doubt {
-                    Doubt::Missing => true,
-                    Doubt::Unit(index) => has_no_numbers(rows, *index),
-                    Doubt::Several(_) => false,
-                }
-        };
-        if doubts.iter().any(is_unusable) {
-            sentences.push(
-                "without a column of times, give the rows per second with --rate-hz".to_owned(),
-            );
-        }
+        sentences.extend(self.of_units(unclear, &left_out));
         sentences.join("; ")
     }
 
+    /// What to do about units that are not known, or in the cells.
+    fn of_units(&self, unclear: &Unclear, left_out: &[Quantity]) -> Vec<String> {
+        let mut sentences = Vec::new();
+        let units = unclear.doubts.iter().filter_map(|(quantity, doubt)| match doubt {
+            Doubt::Unit(index) => Some((*quantity, *index)),
+            _ => None,
+        });
+        for (quantity, index) in units.filter(|(quantity, _)| left_out.contains(quantity)) {
+            if !has_no_numbers(&unclear.rows, index) {
+                let (name, example) = (&self.names[index], quantity.example());
+                sentences.push(format!(
+                    "convert '{name}' to one of these units, and write the unit into its name, as in {example}"
+                ));
+            } else if matches!((self.first_text)(index), Some(Text::WithUnit(_))) {
+                sentences.push(UNIT_IN_CELL.to_owned());
+            }
+        }
+        sentences
+    }
+
     /// A column for each doubtful quantity, as far as there is one.
-    fn propose(
-        &self,
-        doubts: &[(Quantity, Doubt)],
-        readings: &[Option<Reading>],
-        slots: &[Option<Slot>],
-        rows: &[Vec<f64>],
-    ) -> Proposed {
+    fn propose(&self, unclear: &Unclear) -> Proposed {
+        let Unclear { doubts, readings, slots, rows, .. } = unclear;
         let mut taken: Vec<usize> = (0..slots.len()).filter(|k| slots[*k].is_some()).collect();
         let mut columns = Vec::new();
-        for (quantity, doubt) in doubts {
+        for (quantity, doubt) in *doubts {
             match doubt {
                 Doubt::Missing => {}
-                Doubt::Unit(index) if has_no_numbers(rows, *index) => {}
-                Doubt::Unit(index) => columns.push((*quantity, *index)),
+                Doubt::RowNumbers(index) => taken.push(*index),
+                Doubt::Unit(index) => {
+                    taken.push(*index);
+                    let is_clear = !has_no_numbers(rows, *index)
+                        && self.proposed_unit(*quantity, *index, unclear).is_some();
+                    columns.extend(is_clear.then_some((*quantity, *index)));
+                }
                 // A force along the instrument changes more than those across it.
                 Doubt::Several(several) => {
-                    let widest = several.iter().copied().rev().max_by(|a, b| {
-                        let range = |k: usize| {
-                            let numbers = rows.get(k).map_or(&[][..], Vec::as_slice);
-                            let (low, high) = super::range(numbers);
-                            if high > low { high - low } else { 0.0 }
-                        };
-                        range(*a).total_cmp(&range(*b))
-                    });
+                    let known = several
+                        .iter()
+                        .copied()
+                        .filter(|k| self.proposed_unit(*quantity, *k, unclear).is_some());
+                    let widest =
+                        known.rev().max_by(|a, b| width(rows, *a).total_cmp(&width(rows, *b)));
                     columns.extend(widest.map(|index| (*quantity, index)));
                 }
             }
@@ -436,45 +521,70 @@ impl Header<'_> {
         columns.extend(assign(&missing, &self.free(&taken, readings, rows), self.names, rows));
         columns.sort_by_key(|(quantity, _)| *quantity as usize);
         let mut guessed = false;
-        let columns = columns.into_iter().map(|(quantity, index)| {
-            let own = readings[index]
-                .filter(|reading| reading.quantity == quantity)
-                .and_then(|reading| reading.per_si);
-            let known = own.or_else(|| {
-                unit_alone(&self.names[index], self.unit(index))
-                    .filter(|(of, _)| *of == quantity)
-                    .map(|(_, u)| u)
-            });
-            guessed |= known.is_none();
-            let numbers = rows.get(index).map_or(&[][..], Vec::as_slice);
-            (quantity, index, known.unwrap_or_else(|| likely_unit(quantity, numbers)))
+        let columns = columns.into_iter().filter_map(|(quantity, index)| {
+            let (per_si, is_guess) = self.proposed_unit(quantity, index, unclear)?;
+            guessed |= is_guess;
+            Some((quantity, index, per_si))
         });
         Proposed { columns: columns.collect(), guessed }
+    }
+
+    /// The unit of a column as a proposal, and whether it is a guess; `None` if one is written that
+    /// is not known.
+    fn proposed_unit(
+        &self,
+        quantity: Quantity,
+        index: usize,
+        unclear: &Unclear,
+    ) -> Option<(f64, bool)> {
+        let (name, declared) = (&self.names[index], self.unit(index));
+        let own = unclear.readings[index].filter(|reading| reading.quantity == quantity);
+        let alone = || unit_alone(name, declared).filter(|(of, _)| *of == quantity);
+        if let Some(known) = own.and_then(|own| own.per_si).or_else(|| alone().map(|(_, u)| u)) {
+            return Some((known, false));
+        }
+        let numbers = unclear.rows.get(index).map_or(&[][..], Vec::as_slice);
+        if !own.is_some_and(|own| own.is_written) {
+            return Some((likely_unit(quantity, numbers), true));
+        }
+        // `MN` is hardly a meganewton.
+        let text = lower(name).to_lowercase();
+        let unit = words_of(&text).last().and_then(|word| quantity.unit(&key(word)));
+        unit.map(|unit| (unit.per_si, true))
     }
 
     /// Columns that can still be proposed: with numbers, if rows are known.
     fn free(&self, taken: &[usize], readings: &[Option<Reading>], rows: &[Vec<f64>]) -> Vec<usize> {
         let known = rows.iter().any(|column| !column.is_empty());
         let numeric = |k: usize| !known || rows.get(k).is_some_and(|column| !column.is_empty());
-        let named = |k: usize| !self.names[k].is_empty() && !is_related(&self.names[k]);
-        let of_none = |k: usize| readings[k].is_none() && !self.is_angle(k);
+        let named = |k: usize| !is_related(&self.names[k]);
+        let of_none = |k: usize| readings[k].is_none() && self.foreign(k).is_none();
         (0..self.names.len())
             .filter(|k| !taken.contains(k) && of_none(*k) && named(*k) && numeric(*k))
             .collect()
     }
 }
 
-/// Columns in order, for `--columns` of a file without names, guessed from its first rows.
-pub(crate) fn in_order(rows: &[Vec<f64>]) -> String {
+/// The options for a file without names, with its columns in order, guessed from its first rows;
+/// `None` if there are no columns for position and force.
+pub(crate) fn in_order(rows: &[Vec<f64>]) -> Option<String> {
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let names = vec![String::new(); rows.len()];
     let free: Vec<usize> = (0..rows.len()).filter(|k| !rows[*k].is_empty()).collect();
     let mut words = vec!["-".to_owned(); rows.len()];
-    for (quantity, index) in assign(&needed, &free, &names, rows) {
-        let unit = quantity.unit_of(likely_unit(quantity, &rows[index])).unwrap_or_default();
-        words[index] = format!("{}_{unit}", quantity.name());
+    let assigned = assign(&needed, &free, &names, rows);
+    for (quantity, index) in &assigned {
+        let unit = quantity.unit_of(likely_unit(*quantity, &rows[*index])).unwrap_or_default();
+        words[*index] = format!("{}_{unit}", quantity.name());
     }
-    words.join(",")
+    let has = |of: Quantity| assigned.iter().any(|(quantity, _)| *quantity == of);
+    let is_timed = has(Quantity::Time);
+    let rate = if is_timed { String::new() } else { format!(" {EXAMPLE_RATE}") };
+    let caution = if is_timed { "" } else { "put in your rate; " };
+    (has(Quantity::Position) && has(Quantity::Force)).then(|| {
+        let words = words.join(",");
+        format!("--columns {words}{rate} ({caution}guessed from the first rows: check the units)")
+    })
 }
 
 /// Assigns free columns to missing quantities: by weak words, then a column that rises throughout
@@ -489,9 +599,12 @@ fn assign(
     let mut assigned: Vec<(Quantity, usize)> = Vec::new();
     for quantity in missing {
         let is_word = |k: &usize| {
-            words_of(&names[*k]).iter().any(|word| weak_words(*quantity).contains(&word.as_str()))
+            words_of(&lower(&names[*k])).iter().any(|word| weak_words(*quantity).contains(word))
         };
-        if let Some(at) = free.iter().position(is_word) {
+        let is_number = |k: &usize| {
+            *quantity == Quantity::Time && rows.get(*k).is_some_and(|own| counts_by_one(own))
+        };
+        if let Some(at) = free.iter().position(|k| is_word(k) && !is_number(k)) {
             assigned.push((*quantity, free.remove(at)));
         }
     }
@@ -502,13 +615,17 @@ fn assign(
     let numbers = |k: usize| rows.get(k).map_or(&[][..], Vec::as_slice);
     if open(&assigned).contains(&Quantity::Time) {
         let rises = |k: &usize| {
-            numbers(*k).len() > 1 && numbers(*k).windows(2).all(|pair| pair[1] > pair[0])
+            // Row numbers are no times: these follow from a rate.
+            numbers(*k).len() > 1
+                && numbers(*k).windows(2).all(|pair| pair[1] > pair[0])
+                && !counts_by_one(numbers(*k))
         };
         let unknown = free.iter().all(|k| numbers(*k).is_empty());
         if let Some(at) = free.iter().position(|k| unknown || rises(k)) {
             assigned.push((Quantity::Time, free.remove(at)));
         }
     }
+    free.retain(|k| !counts_by_one(numbers(*k)));
     let rest: Vec<Quantity> =
         open(&assigned).into_iter().filter(|quantity| *quantity != Quantity::Time).collect();
     if rest.contains(&Quantity::Position) && rest.contains(&Quantity::Force) {
@@ -520,13 +637,27 @@ fn assign(
     assigned
 }
 
-fn words_of(name: &str) -> Vec<String> {
-    let lower = name.to_lowercase();
-    lower
-        .split(|c: char| !c.is_alphanumeric() && c != '\'')
-        .filter(|word| !word.is_empty())
-        .map(str::to_owned)
-        .collect()
+/// Words of a name of row numbers.
+const NUMBERS: [&str; 17] = [
+    "sample", "samples", "index", "idx", "row", "rows", "no", "nr", "number", "count", "counter",
+    "frame", "packet", "seq", "sequence", "line", "n",
+];
+
+fn is_called_number(name: &str) -> bool {
+    name.trim() == "#" || words_of(&lower(name)).iter().any(|word| NUMBERS.contains(word))
+}
+
+/// Whether these are consecutive whole numbers.
+pub(crate) fn counts_by_one(numbers: &[f64]) -> bool {
+    numbers.len() > 2
+        && numbers[0].fract() == 0.0
+        && numbers.windows(2).all(|pair| pair[1] - pair[0] == 1.0)
+}
+
+/// Range of a column's numbers; 0 without numbers.
+fn width(rows: &[Vec<f64>], column: usize) -> f64 {
+    let (low, high) = super::range(rows.get(column).map_or(&[][..], Vec::as_slice));
+    if high > low { high - low } else { 0.0 }
 }
 
 /// Mean second difference as a fraction of the range.
@@ -537,7 +668,7 @@ fn roughness(numbers: &[f64]) -> f64 {
 }
 
 /// Units per SI unit that fit the magnitude of the numbers.
-fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
+pub(crate) fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
     let (low, high) = super::range(numbers);
     match quantity {
         Quantity::Time => match (high - low) / (numbers.len().max(2) - 1) as f64 {
@@ -555,17 +686,43 @@ fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
             _ if low.abs().max(high.abs()) <= 0.5 && (low != 0.0 || high != 0.0) => 1.0,
             _ => 1e3,
         },
-        Quantity::Force | Quantity::Velocity => 1.0,
+        Quantity::Force => match low.abs().max(high.abs()) {
+            size if !size.is_finite() || size <= PLAUSIBLE_FORCE => 1.0,
+            size if size <= 1e3 * PLAUSIBLE_FORCE => 1e3,
+            _ => 1e6,
+        },
+        Quantity::Velocity => 1.0,
     }
 }
 
-/// States that units in a proposal are a guess.
-fn caution(proposed: &Proposed, rows: &[Vec<f64>]) -> &'static str {
-    match (proposed.guessed, rows.iter().any(|column| !column.is_empty())) {
-        (false, _) => "",
-        (true, true) => " (guessed from the first rows: check the units)",
-        (true, false) => " (put in your units)",
-    }
+/// The option that settles what is unclear, with what is a guess in it.
+fn option(
+    entries: &[String],
+    needs_rate: bool,
+    proposed: &Proposed,
+    rows: &[Vec<f64>],
+) -> Option<String> {
+    let columns =
+        (!entries.is_empty()).then(|| format!("--columns {}", in_shell(&entries.join(","))));
+    let rate = needs_rate.then(|| EXAMPLE_RATE.to_owned());
+    let what = match (&columns, needs_rate) {
+        (None, false) => return None,
+        (None, true) => "without a column of times, give the rows per second",
+        (Some(_), true) => "say which column is which, and the rows per second",
+        (Some(_), false) => "say which column is which",
+    };
+    let guess = match rows.iter().any(|column| !column.is_empty()) {
+        true => "guessed from the first rows: check the units",
+        false => "put in your units",
+    };
+    let cautions: Vec<&str> = [(needs_rate, PUT_IN_RATE), (proposed.guessed, guess)]
+        .into_iter()
+        .filter_map(|(applies, caution)| applies.then_some(caution))
+        .collect();
+    let caution =
+        if cautions.is_empty() { String::new() } else { format!(" ({})", cautions.join("; ")) };
+    let options = columns.into_iter().chain(rate).collect::<Vec<_>>().join(" ");
+    Some(format!("{what}, for example {options}{caution}"))
 }
 
 /// `a`, `a or b`, `a, b or c`.
@@ -577,6 +734,6 @@ fn either(names: &[String]) -> String {
 }
 
 /// An argument as a shell takes it.
-fn in_shell(argument: &str) -> String {
+pub(crate) fn in_shell(argument: &str) -> String {
     format!("'{}'", argument.replace('\'', r"'\''"))
 }

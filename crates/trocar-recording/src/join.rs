@@ -24,6 +24,7 @@ use std::collections::BTreeMap;
 
 use super::container::{BATCH_ROWS, Batches, Container};
 use super::formats::{HEADER_STAMP, LOG_TIME};
+use super::header::in_shell;
 use super::{RecordingError, Table};
 
 /// Longest interval across which values are interpolated, in 95th percentiles of a topic's
@@ -67,7 +68,8 @@ pub(crate) struct Joined {
     pub(crate) warnings: Vec<String>,
 }
 
-/// Aligns `picks` to the times of the pick with index `onto`.
+/// Aligns `picks` to the times of the pick with index `onto`; `given` are the entries of
+/// `--columns` so far.
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be read, or a topic has no clock that advances.
@@ -75,11 +77,12 @@ pub(crate) fn join(
     container: &dyn Container,
     picks: &[Pick],
     onto: usize,
+    given: &[String],
 ) -> Result<Joined, RecordingError> {
     let surveys =
         picks.iter().map(|pick| survey(container, pick)).collect::<Result<Vec<_>, _>>()?;
     let (clocks, mut notes) = choose(container, picks, &surveys)?;
-    overlap(container, picks, &surveys, &clocks, onto)?;
+    overlap(container, picks, &surveys, (&clocks, onto), given)?;
     let mut warnings = Vec::new();
     let uses_stamps =
         clocks.iter().zip(&surveys).all(|(clock, survey)| Some(*clock) == survey.stamp_column);
@@ -153,8 +156,8 @@ fn overlap(
     container: &dyn Container,
     picks: &[Pick],
     surveys: &[Survey],
-    clocks: &[usize],
-    onto: usize,
+    (clocks, onto): (&[usize], usize),
+    given: &[String],
 ) -> Result<(), RecordingError> {
     let range = |k: usize| surveys[k].pace(clocks[k]).map_or((0.0, 0.0), |pace| pace.range);
     let log = |k: usize| surveys[k].logs.as_ref().map(|pace| pace.range);
@@ -172,9 +175,12 @@ fn overlap(
         clocks.iter().zip(surveys).any(|(clock, survey)| Some(*clock) != survey.log_column)
             && log(other).zip(log(onto)).is_some_and(|(a, b)| !is_apart(a, b));
     let hint = if received {
+        let time = format!("time_s={}.{LOG_TIME}", name(onto));
+        let entries: Vec<&str> =
+            std::iter::once(&*time).chain(given.iter().map(String::as_str)).collect();
         format!(
-            "their stamps are of different clocks, but they were received at the same time: align them by {LOG_TIME}, with --columns 'time_s={}.{LOG_TIME}' (further columns after commas)",
-            name(onto)
+            "their stamps are of different clocks, but they were received at the same time: align them by {LOG_TIME}, with --columns {}",
+            in_shell(&entries.join(","))
         )
     } else {
         "choose topics that were recorded at the same time, or record them again on one clock; `trocar inspect` shows them".to_owned()
@@ -679,7 +685,7 @@ mod tests {
 
     fn joined(log: &Log) -> (Vec<Vec<f64>>, Joined) {
         let picks = picks(log);
-        let mut joined = join(log, &picks, 0).unwrap();
+        let mut joined = join(log, &picks, 0, &[]).unwrap();
         let mut all = vec![Vec::new(); 1 + picks.len()];
         let mut batch = all.clone();
         while joined.batches.next(&mut batch).unwrap() {
@@ -712,7 +718,7 @@ mod tests {
             let times = line(0.0, &main, 0.0).into_iter().map(|row| row[0]);
             let covered: Vec<f64> = times.filter(|time| (first..=last).contains(time)).collect();
             if covered.is_empty() {
-                let error = join(&log, &picks(&log), 0).err().map(|error| error.to_string());
+                let error = join(&log, &picks(&log), 0, &[]).err().map(|error| error.to_string());
                 prop_assert!(error.is_some_and(|text| text.contains("no time in common")));
                 return Ok(());
             }
@@ -743,7 +749,7 @@ mod tests {
             let picks: Vec<Pick> = (0..2).map(|table| Pick { table, clock: Some(0), values: vec![2] }).collect();
             let mut found = vec![Vec::new(); 3];
             let mut batch = found.clone();
-            let mut joined = join(&log, &picks, 0).unwrap();
+            let mut joined = join(&log, &picks, 0, &[]).unwrap();
             while joined.batches.next(&mut batch).unwrap() {
                 found.iter_mut().zip(&batch).for_each(|(all, batch)| all.extend_from_slice(batch));
             }
@@ -774,7 +780,7 @@ mod tests {
                 .collect();
             let log = Log::new(7, &[("/rows", line(0.0, &[0.01; 50], 0.0)), ("/other", other)]);
             let pick = |table| Pick { table, clock: None, values: vec![2] };
-            join(&log, &[pick(0), pick(1)], 0).err().map(|error| error.to_string())
+            join(&log, &[pick(0), pick(1)], 0, &[]).err().map(|error| error.to_string())
         };
         let clocks = refused(100.0, 0.0).unwrap();
         for essential in [

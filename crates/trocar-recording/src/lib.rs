@@ -29,6 +29,7 @@ pub use container::{Column, Table};
 pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
+pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 pub use screen::{OPPOSED, median, range};
 pub use tables::{read_columns, tables};
@@ -49,6 +50,7 @@ pub mod line;
 mod log;
 mod motion;
 mod pieces;
+mod plausible;
 mod position;
 mod quality;
 pub mod registry;
@@ -57,13 +59,11 @@ mod screen;
 mod tables;
 mod text;
 mod timestamp;
+mod units;
 mod utf16;
 
 /// Fewest samples of a recording.
 pub const MIN_SAMPLES: usize = 8;
-
-/// Longest stroke accepted, in m: no instrument moves further through a trocar.
-pub const LONGEST_STROKE: f64 = 2.0;
 
 /// Moving mass, kg, above which its unit is doubtful.
 const PLAUSIBLE_MASS: f64 = 5.0;
@@ -344,7 +344,10 @@ pub fn read_in_words(
         collector.take(block);
     }
     let name = path.file_name().map_or(file.clone(), |name| name.to_string_lossy().into_owned());
-    let mut recording = collector.finish(&file, name, reader.digest()?, options.sensor_limit)?;
+    let collected = collector.finish(&file, name, reader.digest()?, options.sensor_limit);
+    let mut recording = collected
+        .map_err(|error| plausible::ask_stroke(&options.choice, reader.layout(), error))?;
+    plausible::ask(&file, &options.choice, reader.layout(), &recording)?;
     recording.choice = options.choice.clone();
     recording.quality.notes.extend(reader.notes());
     // The file's own names make an option that can be pasted.

@@ -3,11 +3,13 @@
 
 use super::RecordingError;
 use super::choice::{Choice, allowed};
-use super::columns::{self, Given, Layout, Quantity, Slot};
+use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_with};
 use super::container::{Batches, Container, Table};
-use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, meaning};
+use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, estimate, meaning};
 use super::formats::{HEADER_STAMP, LOG_TIME};
+use super::header::{in_shell, likely_unit};
 use super::join::{Pick, join};
+use super::units::foreign;
 
 /// Aligned topics, and the assumptions made.
 pub(super) struct Chosen {
@@ -25,6 +27,9 @@ struct Taken {
     /// The reason, unless the column was named by the user.
     why: Option<String>,
 }
+
+/// A column of a topic, and what it may be.
+type Place = (usize, usize, Candidate);
 
 /// Whether tables are topics of a log: they have log times.
 pub(super) fn is_log(tables: &[Table]) -> bool {
@@ -54,29 +59,32 @@ pub(super) fn choose(
         Some(mapping) if !mapping.contains('=') => return Err(topics.in_order(mapping)),
         mapping => mapping.map_or(Ok(Vec::new()), Given::parse)?,
     };
-    let mut taken = Vec::new();
+    let (mut taken, mut unclear) = (Vec::new(), Vec::new());
     for quantity in [Quantity::Position, Quantity::Force, Quantity::Velocity] {
         let own = given.iter().find(|given| given.quantity == quantity);
         let position = taken.first().map(|taken: &Taken| taken.table);
-        taken.extend(match own {
-            Some(given) => Some(topics.named(given)?),
-            None => topics.found(quantity, needed.contains(&quantity), position)?,
-        });
+        match own
+            .map_or_else(|| topics.found(quantity, position), |own| topics.named(own).map(Ok))?
+        {
+            Ok(own) => taken.push(own),
+            Err(candidates) if needed.contains(&quantity) => unclear.push((quantity, candidates)),
+            Err(_) => {}
+        }
+    }
+    if !unclear.is_empty() {
+        return Err(topics.unclear(&given, &taken, &unclear)?);
     }
     for (k, own) in taken.iter().enumerate() {
         if taken[..k].iter().any(|other| (other.table, other.column) == (own.table, own.column)) {
             let problem = "a column named for two quantities, expected one".to_owned();
-            return Err(RecordingError::BadColumns {
-                entry: topics.name(own.table, own.column),
-                problem,
-            });
+            return Err(RecordingError::bad_columns(topics.name(own.table, own.column), problem));
         }
     }
     let clock = given
         .iter()
         .find(|given| given.quantity == Quantity::Time)
         .map(|given| topics.named(given));
-    topics.joined(&taken, clock.transpose()?)
+    topics.joined(&taken, clock.transpose()?, &given)
 }
 
 struct Topics<'a> {
@@ -87,8 +95,8 @@ struct Topics<'a> {
 
 impl Topics<'_> {
     fn in_order(&self, mapping: &str) -> RecordingError {
-        let problem = "in order, but a log has topics: name them, as in position_m=TOPIC.FIELD,force_n=TOPIC.FIELD";
-        RecordingError::BadColumns { entry: mapping.to_owned(), problem: problem.to_owned() }
+        let problem = "in order, but a log has topics: name each column by its topic and field";
+        RecordingError::bad_columns(mapping, problem.to_owned())
     }
 
     /// `TOPIC.FIELD`.
@@ -126,141 +134,242 @@ impl Topics<'_> {
                 "not the name of one column of one topic, expected one of {}",
                 columns::listed(&names)
             );
-            return Err(RecordingError::BadColumns { entry: given.column.clone(), problem });
+            return Err(RecordingError::bad_columns(&*given.column, problem));
         };
-        let unit = match self.candidate(table, column) {
-            Some(candidate) if candidate.quantity == given.quantity => {
-                format!(" {}", candidate.unit)
-            }
-            _ => self.container.tables()[table].columns[column]
-                .unit
-                .as_ref()
-                .map_or(String::new(), |u| format!(" {u}")),
-        };
-        let slot = given.slot_for(&format!("{}{unit}", given.quantity.name()))?;
-        Ok(Taken { quantity: given.quantity, table, column, slot, why: None })
+        let quantity = given.quantity;
+        let topic = &self.container.tables()[table].columns[column];
+        let declared = topic.unit.as_deref().unwrap_or_default();
+        given.check_unit(&topic.name, declared)?;
+        let per_si = self.candidate(table, column).filter(|own| own.quantity == quantity);
+        let mut own = reading_with(quantity.name(), declared, &mut Vec::new());
+        if let (Some(candidate), Some(own)) = (per_si, &mut own) {
+            own.per_si = candidate.per_si.or(own.per_si);
+        }
+        Ok(Taken { quantity, table, column, slot: given.slot(own)?, why: None })
     }
 
     /// Meaning of a column according to names and types.
     fn candidate(&self, table: usize, column: usize) -> Option<Candidate> {
-        let topic = &self.container.tables()[table];
+        let topics = self.container.tables();
+        let topic = &topics[table];
         match meaning(&topic.name, &topic.kind, &topic.columns[column].name) {
-            Meaning::Candidate(candidate) => Some(candidate),
-            Meaning::Command(_) => None,
-            Meaning::Unknown => by_topic_name(topic, column),
+            Meaning::Candidate(mut own) => {
+                let is_sensor =
+                    own.quantity == Quantity::Force && own.certainty >= Certainty::Likely;
+                let names = topics.iter().map(|topic| &*topic.name);
+                if let Some(why) = is_sensor.then(|| estimate(&topic.name, names)).flatten() {
+                    (own.certainty, own.why) = (Certainty::Estimated, why);
+                }
+                Some(own)
+            }
+            Meaning::Nothing => None,
+            Meaning::Unknown => by_name(topic, column),
         }
     }
 
-    /// The column that is clearly a quantity. Velocity is taken only from the topic of the
-    /// position.
+    /// All columns that may be a quantity.
+    fn candidates(&self, quantity: Quantity) -> Vec<Place> {
+        let of =
+            |(table, column): (usize, usize)| Some((table, column, self.candidate(table, column)?));
+        self.columns().filter_map(of).filter(|(.., own)| own.quantity == quantity).collect()
+    }
+
+    /// The column that is clearly a quantity, or else all that may be. Velocity is taken only from
+    /// the topic of the position, and of forces that of the only sensor.
     fn found(
         &self,
         quantity: Quantity,
-        needed: bool,
         position: Option<usize>,
-    ) -> Result<Option<Taken>, RecordingError> {
-        let of =
-            |(table, column): (usize, usize)| Some((table, column, self.candidate(table, column)?));
-        let mut candidates: Vec<(usize, usize, Candidate)> = self
-            .columns()
-            .filter_map(of)
-            .filter(|(_, _, candidate)| candidate.quantity == quantity)
-            .collect();
-        if quantity == Quantity::Velocity {
-            candidates.retain(|(table, _, candidate)| {
+    ) -> Result<Result<Taken, Vec<Place>>, RecordingError> {
+        let mut candidates = self.candidates(quantity);
+        match quantity {
+            Quantity::Velocity => candidates.retain(|(table, _, candidate)| {
                 Some(*table) == position && candidate.certainty == Certainty::Clear
-            });
+            }),
+            Quantity::Position => self.settle_axes(&mut candidates)?,
+            _ => {}
         }
-        if quantity == Quantity::Position {
-            self.settle_axes(&mut candidates)?;
-        }
-        let best = candidates.iter().map(|(_, _, candidate)| candidate.certainty).max();
-        let mut clear = candidates
-            .iter()
-            .filter(|(_, _, c)| Some(c.certainty) == best && c.certainty > Certainty::Unclear);
-        match (clear.next(), clear.next()) {
-            (Some((table, column, candidate)), None) => Ok(Some(Taken {
-                quantity,
-                table: *table,
-                column: *column,
-                slot: Slot { output: quantity as usize, per_si: 1.0 },
-                why: Some(format!(
-                    "{}{}",
-                    candidate.why,
-                    self.instead(quantity, *table, *column, &candidates)
-                )),
-            })),
-            _ if !needed => Ok(None),
-            _ => Err(self.unclear(quantity, &candidates)),
+        let best = candidates.iter().map(|(.., own)| own.certainty).max();
+        let is_best = |own: &Certainty| match quantity {
+            // One sensor is as good as another, whatever it is called.
+            Quantity::Force => *own >= best.min(Some(Certainty::Likely)).unwrap_or(*own),
+            _ => Some(*own) == best,
+        };
+        let is_usable = |own: &Certainty| {
+            !matches!(own, Certainty::Unclear | Certainty::Called) && is_best(own)
+        };
+        let mut clear = candidates.iter().filter(|(.., own)| is_usable(&own.certainty));
+        let (Some((table, column, own)), None) = (clear.next(), clear.next()) else {
+            return Ok(Err(candidates));
+        };
+        let across = match quantity {
+            Quantity::Force => self.across(*table, *column)?,
+            _ => Ok(String::new()),
+        };
+        let across = match across {
+            Ok(across) => across,
+            Err(axes) => return Ok(Err(axes)),
+        };
+        let why = format!("{}{across}{}", own.why, self.instead((*table, *column), &candidates));
+        let slot = Slot::of(quantity, own.per_si.unwrap_or(1.0));
+        Ok(Ok(Taken { quantity, table: *table, column: *column, slot, why: Some(why) }))
+    }
+
+    /// The columns that could be taken in place of this one, and how.
+    fn instead(&self, (table, column): (usize, usize), all: &[Place]) -> String {
+        let others = all.iter().filter(|(t, c, own)| {
+            let is_same = (*t, *c) == (table, column);
+            !is_same && (own.quantity == Quantity::Force || own.certainty > Certainty::Unclear)
+        });
+        let words: Vec<String> = others
+            .filter_map(|(t, c, own)| {
+                let name = self.name(*t, *c);
+                let option = in_shell(&entry(own.quantity, own.per_si.unwrap_or(1.0), &name)?);
+                Some(format!("{name}, which --columns {option} would take"))
+            })
+            .collect();
+        if words.is_empty() {
+            String::new()
+        } else {
+            format!("; preferred to {}", words.join(", and to "))
         }
     }
 
-    /// How to choose the effort of a motor where a force sensor was taken.
-    fn instead(
+    /// Of a wrench, the axis with the largest range is likely that of the instrument: evidence for
+    /// its z axis, or all axes if another one has more.
+    fn across(
         &self,
-        quantity: Quantity,
         table: usize,
         column: usize,
-        all: &[(usize, usize, Candidate)],
-    ) -> String {
-        let is_other = |(t, c, candidate): &&(usize, usize, Candidate)| {
-            (*t, *c) != (table, column) && candidate.certainty == Certainty::Indirect
+    ) -> Result<Result<String, Vec<Place>>, RecordingError> {
+        let columns = &self.container.tables()[table].columns;
+        let Some(front) = columns[column].name.strip_suffix("force.z") else {
+            return Ok(Ok(String::new()));
         };
-        let other = all
-            .iter()
-            .find(is_other)
-            .map(|(t, c, candidate)| (self.name(*t, *c), candidate.unit.to_lowercase()));
-        other.map_or(String::new(), |(name, unit)| {
-            format!(
-                "; preferred to {name}, which --columns '{}_{unit}={name}' would take",
-                quantity.name()
-            )
-        })
+        let find = |axis: &str| {
+            let name = format!("{front}force.{axis}");
+            columns.iter().position(|own| own.name == name && own.is_numeric)
+        };
+        let (Some(x), Some(y)) = (find("x"), find("y")) else { return Ok(Ok(String::new())) };
+        let ranges = widths(&limits(self.container, table, &[x, y, column])?);
+        let [of_x, of_y, of_z] = ranges[..] else { return Ok(Ok(String::new())) };
+        if of_z >= of_x.max(of_y) {
+            return Ok(Ok(format!(" (range {of_z:.3} N; x {of_x:.3} N, y {of_y:.3} N)")));
+        }
+        let axis = |(column, range): (usize, f64)| {
+            let why = format!("range {range:.3} N");
+            let (quantity, certainty) = (Quantity::Force, Certainty::Unclear);
+            (table, column, Candidate { quantity, per_si: Some(1.0), why, certainty })
+        };
+        Ok(Err([(x, of_x), (y, of_y), (column, of_z)].map(axis).into()))
     }
 
     /// Of a pose, the axis with nearly all of the travel is likely that of the instrument.
-    fn settle_axes(
-        &self,
-        candidates: &mut [(usize, usize, Candidate)],
-    ) -> Result<(), RecordingError> {
-        if candidates.iter().any(|(_, _, candidate)| candidate.certainty > Certainty::Unclear) {
+    fn settle_axes(&self, candidates: &mut [Place]) -> Result<(), RecordingError> {
+        if candidates.iter().any(|(.., candidate)| candidate.certainty > Certainty::Unclear) {
             return Ok(());
         }
         for axes in candidates.chunk_by_mut(|a, b| a.0 == b.0).filter(|axes| axes.len() == 3) {
             let places: Vec<usize> = axes.iter().map(|(_, column, _)| *column).collect();
-            let ranges = ranges(self.container, axes[0].0, &places)?;
-            if let Some(axis) = axis_of_travel([ranges[0], ranges[1], ranges[2]]) {
+            let ranges = widths(&limits(self.container, axes[0].0, &places)?);
+            if let Some(axis) = axis_of_travel(&ranges) {
                 let candidate = &mut axes[axis].2;
                 candidate.certainty = Certainty::Likely;
-                "the axis that carries nearly all of the travel".clone_into(&mut candidate.why);
+                let all: Vec<String> = ranges.iter().map(|range| format!("{range:.4} m")).collect();
+                candidate.why = format!(
+                    "the axis that carries nearly all of the travel (ranges of x, y, z: {})",
+                    all.join(", ")
+                );
             }
         }
         Ok(())
     }
 
+    /// The error about all that is unclear. Its option has one column for each: of several sensors
+    /// the one with the largest range.
     fn unclear(
         &self,
-        quantity: Quantity,
-        candidates: &[(usize, usize, Candidate)],
-    ) -> RecordingError {
-        let could_be: Vec<String> = candidates
-            .iter()
-            .map(|(t, c, candidate)| format!("{} ({})", self.name(*t, *c), candidate.why))
-            .collect();
-        let names: Vec<String> =
-            self.columns().map(|(table, column)| self.name(table, column)).collect();
-        let found = match could_be.is_empty() {
-            true => format!("nothing says so among {}", columns::listed(&names)),
-            false => format!("it could be {}", could_be.join(" or ")),
-        };
-        let example =
-            candidates.first().map_or("TOPIC.FIELD".to_owned(), |(t, c, _)| self.name(*t, *c));
-        RecordingError::UnclearTopic {
-            file: self.file.to_owned(),
-            quantity: quantity.name(),
-            found,
-            example: format!("{}={example}", quantity.example()),
+        given: &[Given],
+        taken: &[Taken],
+        unclear: &[(Quantity, Vec<Place>)],
+    ) -> Result<RecordingError, RecordingError> {
+        let mut problems = Vec::new();
+        let mut entries: Vec<String> = given.iter().map(Given::entry).collect();
+        let mut used: Vec<(usize, usize)> =
+            taken.iter().map(|own| (own.table, own.column)).collect();
+        for (quantity, candidates) in unclear {
+            let could_be: Vec<String> = candidates
+                .iter()
+                .map(|(t, c, candidate)| format!("{} ({})", self.name(*t, *c), candidate.why))
+                .collect();
+            let names: Vec<String> =
+                self.columns().map(|(table, column)| self.name(table, column)).collect();
+            let found = match could_be.is_empty() {
+                true => format!("nothing says so among {}", columns::listed(&names)),
+                false => format!("it could be {}", could_be.join(" or ")),
+            };
+            problems.push(format!("no topic is clearly the {}: {found}", quantity.name()));
+            if let Some((place, per_si)) = self.likely(*quantity, candidates, &used)? {
+                used.push(place);
+                entries.extend(entry(*quantity, per_si, &self.name(place.0, place.1)));
+            }
         }
+        let is_whole = entries.len() == given.len() + unclear.len();
+        let option = is_whole.then(|| {
+            format!("say which, for example --columns {} (a guess); ", in_shell(&entries.join(",")))
+        });
+        Ok(RecordingError::UnclearTopic {
+            file: self.file.to_owned(),
+            problems: problems.join("; "),
+            option: option.unwrap_or_default(),
+        })
+    }
+
+    /// The most likely of the columns that may be a quantity, or else the one whose unit or place
+    /// fits, and its unit.
+    fn likely(
+        &self,
+        quantity: Quantity,
+        candidates: &[Place],
+        used: &[(usize, usize)],
+    ) -> Result<Option<((usize, usize), f64)>, RecordingError> {
+        let mut best: Option<((Certainty, bool, f64), (usize, usize), f64)> = None;
+        for (table, column, own) in candidates {
+            let [low, high] = limits(self.container, *table, &[*column])?[0];
+            // The third joint of an arm without names is the insertion.
+            let is_third = self.container.tables()[*table].columns[*column].name.ends_with("[2]");
+            let rank = (
+                own.certainty.min(Certainty::Likely),
+                is_third,
+                if high > low { high - low } else { 0.0 },
+            );
+            if best.is_none_or(|(other, ..)| rank > other) {
+                let per_si = own.per_si.unwrap_or_else(|| likely_unit(quantity, &[low, high]));
+                best = Some((rank, (*table, *column), per_si));
+            }
+        }
+        if let Some((_, place, per_si)) = best {
+            return Ok(Some((place, per_si)));
+        }
+        let tables = self.container.tables();
+        let declared = |(table, column): (usize, usize)| {
+            let unit = tables[table].columns[column].unit.as_deref()?;
+            reading_with(quantity.name(), unit, &mut Vec::new())?.per_si
+        };
+        let is_free = |place: &(usize, usize)| {
+            let (topic, name) = (&tables[place.0], &tables[place.0].columns[place.1].name);
+            let is_clock = name.ends_with("_time_s") || name == HEADER_STAMP;
+            let is_nothing = meaning(&topic.name, &topic.kind, name) == Meaning::Nothing;
+            !is_clock && !is_nothing && !used.contains(place)
+        };
+        let free: Vec<(usize, usize)> = self.columns().filter(is_free).collect();
+        let mut of_unit = free.iter().filter_map(|place| Some((*place, declared(*place)?)));
+        if let (Some(only), None) = (of_unit.next(), of_unit.next()) {
+            return Ok(Some(only));
+        }
+        let [(table, column)] = free[..] else { return Ok(None) };
+        let [low, high] = limits(self.container, table, &[column])?[0];
+        Ok(Some(((table, column), likely_unit(quantity, &[low, high]))))
     }
 
     /// The column of `table` that has the name of the clock chosen by the user.
@@ -276,12 +385,17 @@ impl Topics<'_> {
                 "a clock that {} does not have: topics are joined on one",
                 tables[table].name
             );
-            RecordingError::BadColumns { entry: self.name(clock.table, clock.column), problem }
+            RecordingError::bad_columns(self.name(clock.table, clock.column), problem)
         })
     }
 
     /// All selected columns, as rows at the times of the first.
-    fn joined(&self, taken: &[Taken], clock: Option<Taken>) -> Result<Chosen, RecordingError> {
+    fn joined(
+        &self,
+        taken: &[Taken],
+        clock: Option<Taken>,
+        given: &[Given],
+    ) -> Result<Chosen, RecordingError> {
         let mut picks: Vec<Pick> = Vec::new();
         for column in taken {
             match picks.iter_mut().find(|pick| pick.table == column.table) {
@@ -299,7 +413,8 @@ impl Topics<'_> {
                 }
             }
         }
-        let joined = join(self.container, &picks, 0)?;
+        let joined =
+            join(self.container, &picks, 0, &given.iter().map(Given::entry).collect::<Vec<_>>())?;
         let mut names =
             vec![format!("{}.{}", self.container.tables()[picks[0].table].name, joined.clock)];
         let time = clock
@@ -322,43 +437,221 @@ impl Topics<'_> {
             }));
         }
         notes.extend(joined.notes);
-        let layout = Layout { names, slots, source: "--columns", notes, ..Layout::default() };
+        let source = "--columns";
+        let layout = Layout { names, slots, source, notes, is_log: true, ..Layout::default() };
         Ok(Chosen { layout, batches: joined.batches, warnings: joined.warnings })
     }
 }
 
-/// A topic of single numbers whose name is a quantity with its unit, such as `/bench/force_n`.
-fn by_topic_name(topic: &Table, column: usize) -> Option<Candidate> {
-    if topic.columns[column].name != "data" {
+/// A number whose name, or that of its topic, is a quantity, such as `/bench/force_n` or the field
+/// `position` of a message of another type.
+fn by_name(topic: &Table, column: usize) -> Option<Candidate> {
+    let field = &topic.columns[column];
+    let (name, whose) = match &*field.name {
+        "data" => (topic.name.rsplit('/').next().unwrap_or_default(), "its topic"),
+        own => (own, "its field"),
+    };
+    let declared = field.unit.as_deref().unwrap_or_default();
+    let reading = reading_with(name, declared, &mut Vec::new())?;
+    if reading.quantity == Quantity::Time || foreign(name, declared).is_some() {
         return None;
     }
-    let name = topic.name.rsplit('/').next().unwrap_or_default();
-    let (quantity, unit) = columns::si_quantity(name)?;
-    let why = "by the name of its topic".to_owned();
-    (quantity != Quantity::Time).then_some(Candidate {
-        quantity,
-        unit,
-        why,
-        certainty: Certainty::Clear,
-    })
+    let (certainty, unit) = match reading.per_si {
+        Some(_) => (Certainty::Clear, ""),
+        None => (Certainty::Called, ", without a known unit"),
+    };
+    let why = format!("by the name of {whose}{unit}");
+    Some(Candidate { quantity: reading.quantity, per_si: reading.per_si, why, certainty })
 }
 
-/// Range of each column of a table.
-fn ranges(
+/// Least and largest number of each column of a table.
+fn limits(
     container: &dyn Container,
     table: usize,
     columns: &[usize],
-) -> Result<Vec<f64>, RecordingError> {
-    let mut limits = vec![(f64::INFINITY, f64::NEG_INFINITY); columns.len()];
+) -> Result<Vec<[f64; 2]>, RecordingError> {
+    let mut limits = vec![[f64::INFINITY, f64::NEG_INFINITY]; columns.len()];
     let mut batches = container.open(table, columns)?;
     let mut rows = vec![Vec::new(); columns.len()];
     while batches.next(&mut rows)? {
-        for ((low, high), column) in limits.iter_mut().zip(&rows) {
+        for ([low, high], column) in limits.iter_mut().zip(&rows) {
             column
                 .iter()
                 .filter(|x| x.is_finite())
                 .for_each(|x| (*low, *high) = (low.min(*x), high.max(*x)));
         }
     }
-    Ok(limits.into_iter().map(|(low, high)| (high - low).max(0.0)).collect())
+    Ok(limits)
+}
+
+fn widths(limits: &[[f64; 2]]) -> Vec<f64> {
+    limits.iter().map(|[low, high]| (high - low).max(0.0)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Column;
+    use crate::formats::LOG_TIME;
+
+    const JOINTS: &str = "sensor_msgs/msg/JointState";
+    const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";
+    const NEEDED: [Quantity; 3] = [Quantity::Time, Quantity::Position, Quantity::Force];
+
+    /// Topics in memory: a sine at 1 kHz times the factor of each column.
+    struct Log {
+        tables: Vec<Table>,
+        factors: Vec<Vec<f64>>,
+    }
+
+    type Topic<'a> = (&'a str, &'a str, &'a [(&'a str, f64)]);
+
+    fn log(topics: &[Topic]) -> Log {
+        let column = |name: &str| Column { name: name.into(), unit: None, is_numeric: true };
+        let table = |(name, kind, fields): &Topic| {
+            let fields = fields.iter().map(|(field, _)| column(field));
+            let columns = [HEADER_STAMP, LOG_TIME].map(column).into_iter().chain(fields).collect();
+            Table { name: (*name).into(), kind: (*kind).into(), rows: None, columns }
+        };
+        let factors = topics.iter().map(|(.., fields)| fields.iter().map(|own| own.1).collect());
+        Log { tables: topics.iter().map(table).collect(), factors: factors.collect() }
+    }
+
+    struct Once(Vec<Vec<f64>>);
+
+    impl Container for Log {
+        fn format(&self) -> &'static str {
+            "test"
+        }
+
+        fn tables(&self) -> &[Table] {
+            &self.tables
+        }
+
+        fn open(
+            &self,
+            table: usize,
+            columns: &[usize],
+        ) -> Result<Box<dyn Batches>, RecordingError> {
+            let value = |column: usize, k: usize| match column {
+                0 | 1 => 1e-3 * k as f64,
+                _ => self.factors[table][column - 2] * (0.02 * k as f64).sin(),
+            };
+            let all = columns.iter().map(|own| (0..500).map(|k| value(*own, k)).collect());
+            Ok(Box::new(Once(all.collect())))
+        }
+    }
+
+    impl Batches for Once {
+        fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
+            let rows = std::mem::replace(&mut self.0, vec![Vec::new(); columns.len()]);
+            columns.iter_mut().zip(rows).for_each(|(own, rows)| *own = rows);
+            Ok(columns.first().is_some_and(|own| !own.is_empty()))
+        }
+    }
+
+    fn chosen(log: &Log, columns: Option<&str>) -> Result<(Vec<String>, String), String> {
+        let choice = Choice { columns: columns.map(str::to_owned), ..Choice::default() };
+        let chosen = choose("log", log, &choice, &NEEDED).map_err(|error| error.to_string())?;
+        Ok((chosen.layout.words(), chosen.layout.notes.join("; ")))
+    }
+
+    /// The option of a message is taken as it is.
+    fn follow(log: &Log, message: &str) -> Vec<String> {
+        let option = message.split("--columns '").nth(1).unwrap_or_else(|| panic!("{message}"));
+        let option = option.split('\'').next().unwrap();
+        chosen(log, Some(option)).unwrap_or_else(|error| panic!("{message}\n{error}")).0
+    }
+
+    const ARM: Topic =
+        ("/PSM1/measured_js", JOINTS, &[("position[insertion]", 0.05), ("effort[insertion]", 4.0)]);
+    const OF_ARM: Topic = (
+        "/PSM1/measured_cf",
+        WRENCH,
+        &[("wrench.force.x", 0.1), ("wrench.force.y", 0.1), ("wrench.force.z", 4.0)],
+    );
+    const SENSOR: Topic = (
+        "/ati/wrench",
+        WRENCH,
+        &[("wrench.force.x", 0.1), ("wrench.force.y", 0.2), ("wrench.force.z", 3.0)],
+    );
+
+    #[test]
+    fn a_force_sensor_goes_before_what_is_computed_from_motors() {
+        for topics in [[ARM, OF_ARM, SENSOR], [SENSOR, ARM, OF_ARM]] {
+            let (words, notes) = chosen(&log(&topics), None).unwrap();
+            assert_eq!(words[2], "force_n=/ati/wrench.wrench.force.z");
+            for essential in [
+                "preferred to /PSM1/measured_js.effort[insertion], which --columns",
+                "/PSM1/measured_cf.wrench.force.z, which --columns 'force_n=/PSM1/measured_cf.wrench.force.z' would take",
+                "(range 6.000 N; x 0.200 N, y 0.400 N)",
+            ] {
+                let is_there = notes.contains(essential)
+                    || essential.starts_with("preferred") && notes.contains(&essential[13..]);
+                assert!(is_there, "{essential} not in {notes}");
+            }
+        }
+        let (words, notes) = chosen(&log(&[ARM, OF_ARM]), None).unwrap();
+        assert_eq!(words[2], "force_n=/PSM1/measured_cf.wrench.force.z");
+        assert!(
+            notes.contains("the arm's own estimate from the currents of its motors"),
+            "{notes}"
+        );
+    }
+
+    #[test]
+    fn two_sensors_are_a_question_whatever_they_are_called() {
+        let fields = [("wrench.force.x", 0.0), ("wrench.force.y", 0.0), ("wrench.force.z", 1.0)];
+        for other in ["/ft/measured_cf", "/netft_data", "/bota/wrench"] {
+            let log = log(&[ARM, OF_ARM, SENSOR, (other, WRENCH, &fields)]);
+            let message = chosen(&log, None).unwrap_err();
+            assert!(message.contains("no topic is clearly the force: it could be "), "{message}");
+            assert!(message.contains("/ati/wrench.wrench.force.z (") && message.contains(other));
+            assert_eq!(follow(&log, &message)[2], "force_n=/ati/wrench.wrench.force.z");
+        }
+        // A number that is called a load may be the sensor.
+        let log = log(&[ARM, OF_ARM, ("/load_cell", "std_msgs/msg/Float64", &[("data", 3.0)])]);
+        let message = chosen(&log, None).unwrap_err();
+        assert_eq!(follow(&log, &message)[2], "force_n=/load_cell.data");
+    }
+
+    #[test]
+    fn the_axis_of_a_wrench_is_asked_where_another_has_more_force() {
+        let sideways = [("wrench.force.x", 3.0), ("wrench.force.y", 0.1), ("wrench.force.z", 0.2)];
+        let log = log(&[ARM, ("/ati/wrench", WRENCH, &sideways)]);
+        let message = chosen(&log, None).unwrap_err();
+        assert!(message.contains("wrench.force.x (range 6.000 N)"), "{message}");
+        assert_eq!(follow(&log, &message)[2], "force_n=/ati/wrench.wrench.force.x");
+    }
+
+    #[test]
+    fn all_that_is_unclear_is_asked_at_once_by_topics_of_the_log() {
+        let joints: Vec<String> = (0..6).map(|k| format!("position[{k}]")).collect();
+        let joints: Vec<(&str, f64)> = joints.iter().map(|own| (&**own, 0.1)).collect();
+        let own = log(&[("/PSM1/measured_js", JOINTS, &joints), SENSOR, ("/ft", WRENCH, SENSOR.2)]);
+        let message = chosen(&own, None).unwrap_err();
+        let words = follow(&own, &message);
+        assert_eq!(words[1], "position_m=/PSM1/measured_js.position[2]");
+        // What the user has said stays said.
+        let given = "force_n=/ft.wrench.force.z";
+        let message = chosen(&own, Some(given)).unwrap_err();
+        assert_eq!(follow(&own, &message)[2], given);
+        // Messages of other types, by their fields: with units, and without.
+        let clear = log(&[("/rig", "json", &[("position_mm", 50.0), ("load_mn", 3000.0)])]);
+        let (words, _) = chosen(&clear, None).unwrap();
+        assert_eq!(words[1..], ["position_mm=/rig.position_mm", "force_mn=/rig.load_mn"]);
+        let open = log(&[("/rig", "json", &[("position", 50.0), ("force.z", 3.0)])]);
+        let message = chosen(&open, None).unwrap_err();
+        assert_eq!(
+            follow(&open, &message)[1..],
+            ["position_mm=/rig.position", "force_n=/rig.force.z"]
+        );
+        // Nothing that turns is proposed as a force.
+        let none = log(&[ARM, ("/tool", "json", &[("a", 1.0), ("b", 2.0)])]);
+        let without = log(&[("/PSM1/measured_js", JOINTS, &[("position[insertion]", 0.05)])]);
+        for log in [without, none] {
+            let found = chosen(&log, None);
+            assert!(!found.is_err_and(|message| message.contains("--columns")));
+        }
+    }
 }

@@ -7,13 +7,16 @@ use super::block::SampleRow;
 use super::collect::Collector;
 use super::columns::Quantity;
 use super::rows::Rows;
-use super::{MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind};
+use super::{
+    Choice, MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
+};
 
 /// Reads a recording piece by piece; each is checked separately. No piece holds more samples than
 /// requested except the last, which may include the few that would be too few for a separate piece.
 pub struct Pieces {
     file: String,
     name: String,
+    choice: Choice,
     rows: Rows<'static>,
     /// The columns of the file.
     columns: Vec<Quantity>,
@@ -46,6 +49,7 @@ impl Pieces {
         Ok(Self {
             file,
             name,
+            choice: options.choice.clone(),
             rows,
             columns,
             ahead: VecDeque::new(),
@@ -91,9 +95,12 @@ impl Pieces {
             return Ok(None);
         }
         let is_last = self.ahead.is_empty();
-        let mut piece =
-            collector.finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)?;
+        let layout = self.rows.layout();
+        let mut piece = collector
+            .finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)
+            .map_err(|error| plausible::ask_stroke(&self.choice, layout, error))?;
         if first {
+            plausible::ask(&self.file, &self.choice, layout, &piece)?;
             piece.quality.notes.extend(self.rows.notes());
         }
         if is_last {

@@ -14,6 +14,7 @@ use super::choice::{Choice, Picked, check_topics, pick};
 use super::columns::{Layout, Quantity};
 use super::container::{Batches, Container};
 use super::decompress::{Head, TextInput};
+use super::header::in_shell;
 use super::registry;
 use super::screen::Count;
 use super::text::{TextReader, Wanted, hex};
@@ -81,7 +82,33 @@ impl Rows<'static> {
         self
     }
 
+    /// The same; if `--columns` does not fit, the error proposes what does.
     fn open_with(
+        path: &Path,
+        choice: &Choice,
+        needed: &[Quantity],
+        hash: bool,
+    ) -> Result<Self, RecordingError> {
+        let opened = Self::open_as_chosen(path, choice, needed, hash);
+        let Err(RecordingError::BadColumns { entry, problem, hint }) = opened else {
+            return opened;
+        };
+        let plain = Choice { columns: None, ..choice.clone() };
+        let hint = match Self::open_as_chosen(path, &plain, needed, false) {
+            _ if !(path.is_file() || path.is_dir()) => hint,
+            Ok(rows) => {
+                let own = in_shell(&rows.layout().words().join(","));
+                format!("by its own header the file is read as --columns {own}").into()
+            }
+            Err(RecordingError::UnclearColumns { hint, .. }) => hint,
+            Err(RecordingError::NoHeader { hint, .. }) => hint.into(),
+            Err(RecordingError::UnclearTopic { option, .. }) if !option.is_empty() => option.into(),
+            Err(_) => hint,
+        };
+        Err(RecordingError::BadColumns { entry, problem, hint })
+    }
+
+    fn open_as_chosen(
         path: &Path,
         choice: &Choice,
         needed: &[Quantity],

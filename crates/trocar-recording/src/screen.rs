@@ -3,17 +3,9 @@
 
 use std::ops::Range;
 
+use super::plausible::{self, LONGEST_STROKE};
 use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-use super::{LONGEST_STROKE, Location, MIN_SAMPLES, RecordingError};
-
-/// Stroke in m below which the unit is doubtful: less than the deformation of the seal of any
-/// trocar.
-const DOUBTFUL_STROKE: f64 = 1e-3;
-
-/// Intervals in s, and forces in N, beyond which the unit is doubtful: no logger is so slow or
-/// fast, and no instrument or robot axis so strong.
-const PLAUSIBLE_INTERVALS: Range<f64> = 1e-7..1e4;
-const PLAUSIBLE_FORCE: f64 = 200.0;
+use super::{Location, MIN_SAMPLES, RecordingError};
 
 /// Ratio of a gap to the 95th percentile of the intervals: two lost samples still count as jitter.
 const GAP_FACTOR: f64 = 3.0;
@@ -172,7 +164,9 @@ pub(super) fn screen(
     quality.breaks.sort_unstable();
     quality.breaks.dedup();
     quality.warnings = warnings(&quality, columns.lines.count.unit());
-    quality.warnings.extend(doubtful_units(&columns, &quality));
+    let Columns { time, position, force, .. } = &columns;
+    let doubts = plausible::doubts(time, position, force, quality.median_interval);
+    quality.warnings.extend(doubts.iter().map(plausible::Doubt::warning));
     Ok((columns, quality))
 }
 
@@ -606,11 +600,6 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
             Some(hint),
         );
     }
-    if quality.stroke < DOUBTFUL_STROKE {
-        let stroke = quality.stroke * 1e3;
-        let hint = "is the unit right? if the numbers are metres, name the column position_m or use --columns";
-        warn(WarningKind::Stroke, format!("the position covers only {stroke:.4} mm"), Some(hint));
-    }
     if quality.force_opposes_motion {
         let hint = OPPOSED;
         warn(
@@ -625,37 +614,7 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
 /// The ways out where the force opposes the motion. A sensor and an encoder that are mounted the
 /// other way round give the same sign of the work, so the data do not tell which of them it is.
 pub const OPPOSED: &str = "use --flip-force if the sensor is mounted the other way round; if the encoder counts the other way round, \
-     reverse the position with a minus before its column, as in --columns 'position_m=-NAME'";
-
-/// Warnings about numbers that probably have another unit.
-fn doubtful_units(columns: &Columns, quality: &Quality) -> Vec<Warning> {
-    let doubt = |message: String, hint: String| Warning {
-        kind: WarningKind::Units,
-        message,
-        hint: Some(hint),
-    };
-    let interval = quality.median_interval;
-    let mut doubts = Vec::new();
-    if !PLAUSIBLE_INTERVALS.contains(&interval) {
-        let (numbers, name) = match interval {
-            ..1.0 => ("seconds", "time_s"),
-            ..1e5 => ("microseconds", "time_us"),
-            _ => ("nanoseconds", "time_ns"),
-        };
-        let hint = format!(
-            "is the unit right? if the numbers are {numbers}, name the column {name} or use --columns"
-        );
-        doubts.push(doubt(format!("the samples are {interval:.1e} s apart"), hint));
-    }
-    let (low, high) = range(&columns.force);
-    let largest = low.abs().max(high.abs());
-    if largest > PLAUSIBLE_FORCE {
-        let hint = "is the unit right? if the numbers are millinewtons or grams, name the column force_mn or force_g or use --columns";
-        let largest = if low.abs() > high.abs() { low } else { high };
-        doubts.push(doubt(format!("the force reaches {largest:.0} N"), hint.to_owned()));
-    }
-    doubts
-}
+     reverse the position, with a minus before the name of its column";
 
 /// `1 gap`, `3 gaps`.
 fn counted(count: usize, what: &str) -> String {

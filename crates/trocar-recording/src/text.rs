@@ -17,7 +17,7 @@ use super::choice::Choice;
 use super::columns::{Given, Layout, Quantity, Slot, UNIT_IN_CELL, has_unit, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
 use super::decompress::TextInput;
-use super::format::{Format, Separator, comment_text, is_comment, whitespace_cells};
+use super::format::{Format, Marks, Separator, comment_text, is_comment, whitespace_cells};
 use super::header::{Header, Text, in_order};
 use super::quality::{LONGEST_FOOTER, RowList, warn_of_footer, warn_of_repeated};
 use super::{RecordingError, columns, timestamp};
@@ -36,10 +36,6 @@ const SNIFFED_LINES: usize = 16;
 /// Most lines in which a header is sought, and fewest rows below it that show what is a row.
 const LONGEST_PREAMBLE: usize = 256;
 const ROWS_AFTER_PREAMBLE: usize = 3;
-
-/// Remedy if nothing can be read below what looks like the header.
-const HEADER_BELOW: &str =
-    "\n\nhint: if the header is further below, skip the lines before it with --skip-rows";
 
 /// Most rows read to guess a unit.
 const GUESSED_ROWS: usize = 20_000;
@@ -114,7 +110,7 @@ impl<R: Read> TextReader<R> {
             bytes_read: 0,
             line: 1,
             hash: hash.then(Sha256::new),
-            format: Format { separator: Separator::Byte(b','), decimal_comma: false },
+            format: Format::default(),
             layout: Layout::default(),
             first_row: 0,
             header: Vec::new(),
@@ -315,6 +311,7 @@ impl<R: Read> TextReader<R> {
         let lines: Vec<&[u8]> =
             (0..).map_while(|k| self.peek_line(k)).take(SNIFFED_LINES).collect();
         self.format = Format::sniff(&lines);
+        self.settle_marks();
         let names = self.cells(&first);
         if self.is_header(&names) {
             return self.take_header(names, wanted);
@@ -339,8 +336,35 @@ impl<R: Read> TextReader<R> {
             file: self.file.clone(),
             line: self.line,
             found: quoted(&first),
-            example: in_order(&self.first_rows(names.len())),
+            hint: in_order(&self.first_rows(names.len())).map_or_else(
+                || "a recording needs columns of position and force".to_owned(),
+                |option| {
+                    format!(
+                        "name the columns in order, with units and '-' for those to skip, for example {option}"
+                    )
+                },
+            ),
         })
+    }
+
+    /// Finds what points and commas mean in the rows of the buffer.
+    fn settle_marks(&mut self) {
+        let mut marks = Marks::default();
+        let mut splitter = Splitter::new(self.format.separator);
+        let lines = self.buffer[self.start..self.complete].split(|&b| b == b'\n');
+        for line in lines.take(GUESSED_ROWS).filter(|line| !is_comment(line)) {
+            let cells = splitter.split(line.strip_suffix(b"\r").unwrap_or(line));
+            (0..cells).for_each(|k| marks.add(k, splitter.cell(k)));
+        }
+        self.format = marks.settle(self.format);
+        if self.format.grouped {
+            let (mark, decimal) =
+                if self.format.decimal_comma { ("point", "comma") } else { ("comma", "point") };
+            self.notes_of_text.push(format!(
+                "the {mark} groups thousands, as in 1{}234, and the decimal mark is the {decimal}",
+                if self.format.decimal_comma { '.' } else { ',' }
+            ));
+        }
     }
 
     /// Names need not be recognised (`--columns` may define them), but they are not numbers.
@@ -610,7 +634,7 @@ impl<R: Read> TextReader<R> {
                 } else if has_unit(&found, self.format) {
                     format!("\n\nhint: {UNIT_IN_CELL}").into()
                 } else if self.line == self.first_row {
-                    HEADER_BELOW.into()
+                    self.header_below().into()
                 } else {
                     "".into()
                 };
@@ -620,16 +644,31 @@ impl<R: Read> TextReader<R> {
         }
     }
 
+    /// Remedy if nothing can be read below what looks like the header: the lines before the next
+    /// one that names columns, or those so far.
+    fn header_below(&self) -> String {
+        let is_header = |k: &usize| {
+            let cells = self.peek_line(*k).map(|line| self.cells(line)).unwrap_or_default();
+            cells.iter().filter(|cell| columns::is_recognised(cell)).count() > 1
+        };
+        let before = (0..LONGEST_PREAMBLE).find(is_header).unwrap_or(1) as u64 + self.line - 1;
+        format!(
+            "\n\nhint: if the header is further below, skip the lines before it, for example --skip-rows {before}"
+        )
+    }
+
     fn field_count(&mut self, line: u64, found: usize) -> Result<RecordingError, RecordingError> {
+        let below = self.header_below();
         self.skip_line();
         let last = self.start == self.complete && !self.refill()?;
         let hint = match self.layout.source {
             _ if last => {
                 "\n\nhint: this is the last line; was the recording cut off while it was written?"
+                    .to_owned()
             }
-            "the header" if line == self.first_row => HEADER_BELOW,
-            "--columns" => "\n\nhint: --columns names every column in order, '-' skips one",
-            _ => "",
+            "the header" if line == self.first_row => below,
+            "--columns" => "\n\nhint: name every column in order, '-' skips one".to_owned(),
+            _ => String::new(),
         };
         let (file, expected) = (self.file.clone(), self.layout.slots.len());
         Ok(RecordingError::FieldCount {
@@ -638,7 +677,7 @@ impl<R: Read> TextReader<R> {
             found,
             expected,
             reference: self.layout.source,
-            hint,
+            hint: hint.into(),
         })
     }
 }
@@ -933,7 +972,7 @@ fn fast_line(
     let Separator::Byte(separator) = format.separator else {
         return None;
     };
-    if layout.origin.is_some() {
+    if layout.origin.is_some() || format.grouped {
         return None;
     }
     let mut at = 0;

@@ -186,10 +186,10 @@ fn columns_can_be_given_by_name_with_unit_and_sign() {
         ("banana_m=position_m", &["'banana_m=position_m'", "not understood"]),
         ("force_n=force_n,force_mn=force_n", &["force more than once"]),
         ("position_m=position_m,force_n=position_m", &["'position_m'", "two quantities"]),
-        ("force=time_s", &["force without a unit", "n, mn, kn"]),
+        ("force=time_s", &["force without a unit", "N, mN, uN"]),
         (
-            "position_ft=position_m",
-            &["'position_ft=position_m'", "not understood", "m, mm, cm, um, in"],
+            "position_foo=position_m",
+            &["'position_foo=position_m'", "not understood", "m, mm, cm, um, nm, dm, in"],
         ),
     ] {
         assert_says(&message_with(text(HEADER, &rows(20)), &columns(mapping)), essentials);
@@ -223,7 +223,8 @@ fn a_crop_counts_from_the_first_row() {
 fn a_wrong_mapping_is_explained() {
     for (mapping, essentials) in [
         ("time_s,position,force_n", &["--columns", "'position'", "without a unit"][..]),
-        ("time_s,depth_ft,force_n", &["'depth_ft'", "m, mm, cm, um"]),
+        ("time_s,depth_foo,force_n", &["'depth_foo'", "m, mm, cm, um"]),
+        ("time_s,position_m,force_v", &["'force_v' is a voltage", "calibration, in N/V"]),
         ("time_s,banana,force_n", &["'banana'", "not understood"]),
         ("time_s,force_n", &["position 0 times"]),
         ("time_s,position_m,force_n,force_n", &["force 2 times"]),
@@ -289,13 +290,21 @@ fn every_unit_gives_the_same_recording() {
 #[test]
 fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
     for (header, essentials) in [
-        ("time_s,position_m,force_dyn", &["'force_dyn'", "n, mn, kn, gf, kgf, lbf, ozf"][..]),
-        ("time_s,position (ft),force_n", &["'position (ft)'", "m, mm, cm, um, in"]),
-        ("stamp_ticks,position_m,force_n", &["'stamp_ticks'", "s, ms, us, ns, min"]),
-        ("time,position,force\ns,ft,n", &["'position'", "m, mm, cm, um, in"]),
+        ("time_s,position_m,force [foo]", &["'force [foo]'", "N, mN, uN, cN, daN, kN, dyn"][..]),
+        ("time_s,position (foo),force_n", &["'position (foo)'", "um, nm, dm, in, ft, mil"]),
+        ("time_s,position_kg,force_n", &["'position_kg'", "um, nm, dm, in, ft, mil"]),
+        ("stamp_ticks,position_m,force_n", &["'stamp_ticks' is a count", "s, ms, us, ns, min, h"]),
+        ("time,position,force\ns,foo,n", &["'position'", "um, nm, dm, in, ft, mil"]),
+        ("time_s,position_m,F [V]", &["'F [V]' is a voltage", "multiply the voltage"]),
+        ("time,position,force\ns,mm,V", &["'force' is a voltage", "multiply the voltage"]),
     ] {
-        assert_says(&message(text(header, &rows(20))), essentials);
+        let message = message(text(header, &rows(20)));
+        assert_says(&message, essentials);
+        assert!(!message.contains("--columns"), "a guess of its unit: {message}");
     }
+    // A meganewton is hardly meant, but it is asked.
+    let message = message(text("time_s,position_m,force [MN]", &rows(20)));
+    assert_eq!(proposed(&message), "force_mn=force [MN]");
 }
 
 /// The value of `--columns` that a message proposes, as a shell passes it on.
@@ -359,7 +368,7 @@ fn all_that_is_unclear_is_said_at_once() {
         &message,
         &[
             "line 1: no time or force column among 'when, pos, Fz, Fy', expected names such as time_s, force_n",
-            "; column 'pos' has no unit that is understood for position, expected one of m, mm, cm, um, in",
+            "; column 'pos' has no unit that is understood for position, expected one of m, mm, cm, um, nm, dm, in, ft, mil",
             "hint: say which column is which, for example --columns 'time_s=when,position_m=pos,force_n=Fz'",
         ],
     );
@@ -702,7 +711,10 @@ fn a_file_without_times_is_read_at_its_rate() {
     let contents = text("position_m,force_n", &untimed);
     let message_without = message(&contents);
     println!("{message_without}");
-    assert_says(&message_without, &["no time column", "give the rows per second with --rate-hz"]);
+    assert_says(
+        &message_without,
+        &["no time column", "give the rows per second, for example --rate-hz 1000"],
+    );
     let found = same_as(&plain, &contents, &at(1000.0, None));
     assert_eq!(found.quality.notes, ["times from 0 at 1000 rows per second"]);
     same_as(&plain, untimed.join("\n"), &at(1000.0, Some("position_m,force_n")));
@@ -738,7 +750,7 @@ fn a_clock_that_stands_or_runs_back_is_refused() {
     let constant: Vec<String> = rows(50).iter().map(|row| format!("1.0{}", &row[5..])).collect();
     assert_says(
         &message(text(HEADER, &constant)),
-        &["line 2", "stays at 1 s in all 50 samples", "--columns"],
+        &["line 2", "stays at 1 s in all 50 samples", "trocar inspect"],
     );
     let coarse: Vec<String> =
         (0..400).map(cycle).map(|(t, x, f)| format!("{:.2},{x},{f}", t)).collect();
@@ -964,58 +976,75 @@ fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
     assert_eq!(back.force[7], -recording.force[7]);
 }
 
-#[test]
-fn a_stroke_in_the_wrong_unit_is_noticed() {
-    let text = text("time_s,position_m,force_n", &rows(2000));
-    let metres = text.replace("position_m", "position_um");
-    let recording = read_text(metres);
-    assert_eq!(kinds(&recording), [WarningKind::Stroke]);
-    let rows: Vec<String> =
-        (0..2000).map(cycle).map(|(t, x, f)| format!("{t:.3},{:.3},{f:.4}", x * 1e3)).collect();
-    assert_says(
-        &message(self::text(HEADER, &rows)),
-        &["rec.csv", "covers 20 m", "at most 2 m", "position_mm"],
-    );
+/// Numbers of the same recording in other units, under a name that says SI units.
+fn mislabelled([per_time, per_position, per_force]: [f64; 3]) -> String {
+    let row = |(t, x, f): (f64, f64, f64)| {
+        format!("{},{},{}", t * per_time, x * per_position, f * per_force)
+    };
+    text(HEADER, &(0..2000).map(cycle).map(row).collect::<Vec<_>>())
 }
 
 #[test]
 fn sizes_that_make_a_unit_doubtful_are_questioned() {
-    let plain = read_text(text(HEADER, &rows(300)));
-    for (header, [per_time, per_force], essentials) in [
+    let plain = read_text(text(HEADER, &rows(2000)));
+    for (factors, essentials, option) in [
         (
-            "time_s,position_m,force_n",
-            [1e9, 1.0],
-            ["apart", "1.0e6 s", "nanoseconds, name the column time_ns"],
+            [1e3, 1.0, 1.0],
+            &["the samples are 1.0e0 s apart", "if the time is in ms"][..],
+            "time_ms=time_s,position_m=position_m,force_n=force_n",
         ),
         (
-            "time_ms,position_m,force_n",
-            [2e10, 1.0],
-            ["apart", "2.0e4 s", "microseconds, name the column time_us"],
+            [1e9, 1.0, 1.0],
+            &["the samples are 1.0e6 s apart", "if the time is in ns"],
+            "time_ns=time_s,position_m=position_m,force_n=force_n",
         ),
         (
-            "time_ns,position_m,force_n",
-            [1.0, 1.0],
-            ["apart", "1.0e-12 s", "seconds, name the column time_s"],
+            [1.0, 1e3, 1.0],
+            &["covers 20 m", "at most 2 m", "if the position is in mm"],
+            "time_s=time_s,position_mm=position_m,force_n=force_n",
         ),
         (
-            "time_s,position_m,force_n",
-            [1.0, 1e3],
-            ["the force reaches", "20", "millinewtons or grams"],
+            [1.0, 1.0, 1e3],
+            &["the force reaches", "20", "if the force is in mN"],
+            "time_s=time_s,position_m=position_m,force_mn=force_n",
+        ),
+        (
+            [1e3, 1.0, 1e3],
+            &["apart", "reaches", "if the time is in ms and the force is in mN"],
+            "time_ms=time_s,position_m=position_m,force_mn=force_n",
         ),
     ] {
-        let row = |k: usize| {
-            format!(
-                "{},{},{}",
-                plain.time[k] * per_time,
-                plain.position[k],
-                plain.force[k] * per_force
-            )
-        };
-        let found = read_text(text(header, &(0..300).map(row).collect::<Vec<_>>()));
-        assert_eq!(kinds(&found), [WarningKind::Units], "{:?}", found.quality.warnings);
-        println!("{}\n", found.quality.warnings[0]);
-        assert_says(&found.quality.warnings[0].to_string(), &essentials);
+        let contents = mislabelled(factors);
+        let message = message(&contents);
+        assert_says(&message, essentials);
+        assert_eq!(proposed(&message), option, "{message}");
+        let found = read(&Scratch::new().file(&contents), &columns(option)).unwrap();
+        for (of, expected) in [
+            (&found.time, &plain.time),
+            (&found.position, &plain.position),
+            (&found.force, &plain.force),
+        ] {
+            assert!(of.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{option}");
+        }
+        // Who names columns and units insists; only a stroke of 20 m is never read.
+        let insisting = "time_s=time_s,position_m=position_m,force_n=force_n";
+        match read(&Scratch::new().file(&contents), &columns(insisting)) {
+            Ok(found) => assert!(kinds(&found).contains(&WarningKind::Units), "{insisting}"),
+            Err(error) => assert_says(&error.to_string(), &["at most 2 m"]),
+        }
     }
+    // Microseconds read as such, though they count milliseconds: 60 m/s.
+    let fast = mislabelled([1e3, 1.0, 1.0]).replace("time_s", "time_us");
+    let said = message(&fast);
+    assert_says(&said, &["the position moves at 6.", "e1 m/s"]);
+    assert_eq!(proposed(&said), "time_ms=time_us,position_m=position_m,force_n=force_n");
+    let small = text(HEADER, &rows(2000)).replace("position_m", "position_um");
+    let said = message(&small);
+    assert_says(&said, &["the position covers only 0.0000 mm"]);
+    assert_eq!(proposed(&said), "time_s=time_s,position_m=position_um,force_n=force_n");
+    let insisting = "time_s=time_s,position_um=position_um,force_n=force_n";
+    let found = read(&Scratch::new().file(&small), &columns(insisting)).unwrap();
+    assert_eq!(kinds(&found), [WarningKind::Stroke]);
     let heavy = plain.clone().without_moving_mass(40.0, 0.0).unwrap();
     assert_eq!(kinds(&heavy), [WarningKind::Units]);
     assert_says(
@@ -1023,6 +1052,124 @@ fn sizes_that_make_a_unit_doubtful_are_questioned() {
         &["a moving mass of 40 kg", "in grams it would be 0.04 kg"],
     );
     assert_eq!(plain.without_moving_mass(0.5, 0.0).unwrap().quality.warnings, []);
+}
+
+#[test]
+fn row_numbers_are_no_times() {
+    let plain = read_text(text(HEADER, &rows(2000)));
+    let numbered = |name: &str| {
+        let row = |(k, row): (usize, &String)| format!("{k},{}", row.split_once(',').unwrap().1);
+        let lines: Vec<String> = rows(2000).iter().enumerate().map(row).collect();
+        text(&format!("{name},position_m,force_n"), &lines)
+    };
+    let rate = |columns: Option<&str>| ReadOptions {
+        choice: Choice {
+            rate_hz: Some(1000.0),
+            columns: columns.map(str::to_owned),
+            ..Choice::default()
+        },
+        ..ReadOptions::default()
+    };
+    for name in ["sample", "index", "Sample #", "", "a", "ticks"] {
+        let said = message(numbered(name));
+        assert_says(&said, &["no time column", "--rate-hz 1000 (put in your rate)"]);
+        assert!(!said.contains("--columns"), "{said}");
+        same_as(&plain, numbered(name), &rate(None));
+    }
+    let said = message_with(numbered("sample"), &columns("time_ms=sample,position_m=position_m"));
+    assert_says(&said, &["'sample' numbers the rows, expected a time", "' --rate-hz 1000"]);
+    assert_eq!(proposed(&said), "position_m=position_m");
+    same_as(&plain, numbered("sample"), &rate(Some("position_m=position_m")));
+    // A name that says seconds: milliseconds, or row numbers.
+    let said = message(numbered("time_s"));
+    assert_says(
+        &said,
+        &[
+            "if the time is in ms; --columns 'position_m=position_m,force_n=force_n' --rate-hz 1000",
+            "if the column of times numbers the rows",
+        ],
+    );
+    let lines: Vec<String> = numbered("a").lines().skip(1).map(str::to_owned).collect();
+    let said = message(lines.join("\n"));
+    assert_says(
+        &said,
+        &["--columns -,position_m,force_n --rate-hz 1000 (put in your rate; guessed"],
+    );
+    same_as(&plain, lines.join("\n"), &rate(Some("-,position_m,force_n")));
+    // A counter that skips is none of rows, and milliseconds by name count by one.
+    same_as(&plain, numbered("time_ms"), &ReadOptions::default());
+}
+
+#[test]
+fn of_the_axes_of_a_place_the_one_that_moves_is_taken_or_all_are_asked() {
+    let plain = read_text(text(HEADER, &rows(2000)));
+    let with = |across: f64| {
+        let row = |(t, x, f): (f64, f64, f64)| {
+            format!("{t:.3},{:.6},{:.6},{x:.6},{f:.4}", across * x, 0.01 * x)
+        };
+        (0..2000).map(cycle).map(row).collect::<Vec<_>>()
+    };
+    for header in ["time_s,x_m,y_m,z_m,force_n", "time_s,pos_x_m,pos_y_m,pos_z_m,force_n"] {
+        let found = same_as(&plain, text(header, &with(0.02)), &ReadOptions::default());
+        let notes = found.quality.notes.join("; ");
+        assert_says(&notes, &["taken as position: it has nearly all of the travel", "0.0200"]);
+        let said = message(text(header, &with(0.5)));
+        let (x, z) = (&header[7..].split(',').next().unwrap(), header.split(',').nth(3).unwrap());
+        assert_says(&said, &[&format!("position could be '{x}'"), &format!("or '{z}'")]);
+        assert_eq!(proposed(&said), format!("position_m={z}"));
+    }
+    // Neither is the force of one axis taken in silence.
+    let six = |row: &String| row.replacen(',', ",0.5,", 1) + ",0.3";
+    let lines: Vec<String> = rows(300).iter().map(six).collect();
+    let said = message(text("time_s,force_x_n,position_m,force_z_n,force_y_n", &lines));
+    assert_eq!(proposed(&said), "force_n=force_z_n");
+}
+
+#[test]
+fn thousands_are_no_decimals() {
+    let whole = |k: usize| {
+        let (_, x, f) = cycle(k);
+        let (x, f) = ((1e6 * x).round() as i64, (1e3 * f).round() as i64);
+        (k, x, f)
+    };
+    let grouped = |number: i64, mark: char| {
+        let size = number.unsigned_abs();
+        let sign = if number < 0 { "-" } else { "" };
+        if size < 1000 {
+            format!("{sign}{size}")
+        } else {
+            format!("{sign}{}{mark}{:03}", size / 1000, size % 1000)
+        }
+    };
+    let lines = |separator: &str, mark: Option<char>| {
+        let cell = |number: i64| mark.map_or(number.to_string(), |mark| grouped(number, mark));
+        let row = |(k, x, f): (usize, i64, i64)| [k as i64, x, f].map(cell).join(separator);
+        (0..3000).map(whole).map(row).collect::<Vec<_>>()
+    };
+    let plain = read_text(text("time_ms,x_um,force_mn", &lines(",", None)));
+    for (header, separator, mark, note) in [
+        ("Zeit [ms];Weg [µm];Kraft [mN]", ";", '.', "the point groups thousands, as in 1.234"),
+        ("time_ms\tx_um\tforce_mn", "\t", ',', "the comma groups thousands, as in 1,234"),
+    ] {
+        let contents = text(header, &lines(separator, Some(mark)));
+        let found = same_as(&plain, contents, &ReadOptions::default());
+        assert_says(&found.quality.notes.join("; "), &[note]);
+    }
+    // With decimal commas a point can only group.
+    let german = |row: &String| format!("{},0", row.replace(';', ",0;"));
+    let dotted: Vec<String> = lines(";", Some('.')).iter().map(german).collect();
+    let contents = text("Zeit [ms];Weg [µm];Kraft [mN]", &dotted);
+    same_as(&plain, contents, &ReadOptions::default());
+}
+
+#[test]
+fn columns_without_a_name_can_be_named() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    let contents = text(",,", &[vec!["s,m,N".to_owned()], rows(300)].concat());
+    let found = same_as(&plain, &contents, &ReadOptions::default());
+    assert_eq!(found.quality.notes.len(), 3);
+    let named = columns("time_s=#1,position_m=#2,force_n=#3");
+    same_as(&plain, &contents, &named);
 }
 
 #[test]
@@ -1041,7 +1188,9 @@ proptest! {
         let (position, force, velocity) = (of(|s| s.1), of(|s| s.2), of(|s| s.3));
         let mut bytes = Vec::new();
         write(&mut bytes, &time, &position, Some(&velocity), &force).unwrap();
-        let recording = read_text(&bytes);
+        // Whatever the size: the units are named.
+        let named = columns("time_s=time_s,position_m=position_m,force_n=force_n");
+        let recording = read(&Scratch::new().file(&bytes), &named).unwrap();
         prop_assert_eq!(recording.time, time);
         prop_assert_eq!(recording.position, position);
         prop_assert_eq!(recording.force, force);

@@ -171,7 +171,7 @@ fn what_cannot_be_chosen_is_explained() {
         (
             "bags/plain.mcap",
             choice("time_s,position_m,force_n", &[]),
-            &["in order", "position_m=TOPIC.FIELD"],
+            &["in order", "name each column by its topic and field"],
         ),
         (
             "bags/plain.mcap",

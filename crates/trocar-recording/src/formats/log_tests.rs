@@ -325,7 +325,7 @@ fn joined(log: &dyn Container, wanted: [(&str, &str); 2]) -> (Vec<Vec<f64>>, Joi
         let value = table.columns.iter().position(|column| column.name == name).unwrap();
         Pick { table: place, clock: None, values: vec![value] }
     });
-    let mut joined = join::join(log, &picks, 0).unwrap();
+    let mut joined = join::join(log, &picks, 0, &[]).unwrap();
     let mut all = vec![Vec::new(); 3];
     let mut batch = all.clone();
     while joined.batches.next(&mut batch).unwrap() {

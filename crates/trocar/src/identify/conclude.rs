@@ -21,6 +21,7 @@ use super::seal_prior::PriorUse;
 use super::terms::Term;
 use super::training::acceleration_is_resolved;
 use super::two_steps;
+use crate::recording::HEAVIEST_UNMODELLED_MASS;
 
 /// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
 /// the parameters). The intervals cover it.
@@ -293,6 +294,13 @@ fn warnings(
 fn of_mass(input: &Input, model: &Candidate) -> Warning {
     let mass = model.unmodelled_mass;
     let friction = model.insertion.coulomb_force.min(model.withdrawal.coulomb_force);
+    if mass > HEAVIEST_UNMODELLED_MASS {
+        let message = format!(
+            "the readings follow the acceleration, as from an unmodelled mass of {mass:.0} kg, expected at most {HEAVIEST_UNMODELLED_MASS} kg: \
+             times, positions or forces are probably in another unit"
+        );
+        return Warning::doubt(Quantity::UnmodelledMass, message);
+    }
     let inertia = mass * input.accelerations.iter().map(|a| reached(a)).fold(0.0, f64::max);
     if inertia > friction {
         let message = format!(

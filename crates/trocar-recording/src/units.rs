@@ -1,0 +1,265 @@
+//! The one table of units: those that each quantity is read in, and those of other quantities,
+//! with what to do about a column of them.
+
+use super::columns::Quantity;
+
+/// A unit of a quantity.
+pub(crate) struct Unit {
+    /// As messages write it.
+    pub(crate) symbol: &'static str,
+    /// As names write it, prepared by [`lower`] and joined by `_`; the first is that of `--columns`.
+    names: &'static [&'static str],
+    /// Number of these units per SI unit.
+    pub(crate) per_si: f64,
+}
+
+const fn unit(symbol: &'static str, names: &'static [&'static str], per_si: f64) -> Unit {
+    Unit { symbol, names, per_si }
+}
+
+/// N; the weight of a kilogram under standard gravity, exact by definition.
+const KILOGRAM_FORCE: f64 = 9.80665;
+/// N; exact: the international pound is 0.45359237 kg.
+const POUND_FORCE: f64 = 4.448_221_615_260_5;
+/// Inches per metre; an inch is exactly 25.4 mm.
+const PER_INCH: f64 = 1.0 / 25.4e-3;
+/// Feet per metre; a foot is exactly 12 inches.
+const PER_FOOT: f64 = 1.0 / 304.8e-3;
+/// Minutes and hours per second.
+const PER_MINUTE: f64 = 1.0 / 60.0;
+const PER_HOUR: f64 = 1.0 / 3600.0;
+
+const TIMES: [Unit; 6] = [
+    unit("s", &["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], 1.0),
+    unit("ms", &["ms", "msec", "millisecond", "milliseconds"], 1e3),
+    unit("us", &["us", "usec", "microsecond", "microseconds"], 1e6),
+    unit("ns", &["ns", "nsec", "nanosecond", "nanoseconds"], 1e9),
+    unit("min", &["min", "minute", "minutes", "minuten"], PER_MINUTE),
+    unit("h", &["h", "hr", "hrs", "hour", "hours", "stunden"], PER_HOUR),
+];
+
+const POSITIONS: [Unit; 9] = [
+    unit("m", &["m", "metre", "metres", "meter", "meters"], 1.0),
+    unit("mm", &["mm", "millimetre", "millimetres", "millimeter", "millimeters"], 1e3),
+    unit("cm", &["cm", "centimetre", "centimetres", "centimeter", "centimeters"], 1e2),
+    unit("um", &["um", "micron", "microns", "micrometre", "micrometer"], 1e6),
+    unit("nm", &["nm", "nanometre", "nanometer"], 1e9),
+    unit("dm", &["dm"], 10.0),
+    unit("in", &["in", "inch", "inches"], PER_INCH),
+    unit("ft", &["ft", "foot", "feet"], PER_FOOT),
+    unit("mil", &["mil", "mils", "thou"], 1e3 * PER_INCH),
+];
+
+const FORCES: [Unit; 13] = [
+    unit("N", &["n", "newton", "newtons"], 1.0),
+    unit("mN", &["mn", "millinewton", "millinewtons"], 1e3),
+    unit("uN", &["un", "micronewton", "micronewtons"], 1e6),
+    unit("cN", &["cn", "centinewton", "centinewtons"], 1e2),
+    unit("daN", &["dan", "decanewton", "decanewtons"], 0.1),
+    unit("kN", &["kn", "kilonewton", "kilonewtons"], 1e-3),
+    unit("dyn", &["dyn", "dyne", "dynes"], 1e5),
+    unit("gf", &["gf", "g", "p", "pond", "gram", "grams", "grf"], 1e3 / KILOGRAM_FORCE),
+    unit("kgf", &["kgf", "kg"], 1.0 / KILOGRAM_FORCE),
+    unit("kp", &["kp", "kilopond"], 1.0 / KILOGRAM_FORCE),
+    unit("lbf", &["lbf", "lb", "lbs", "pound", "pounds"], 1.0 / POUND_FORCE),
+    unit("ozf", &["ozf", "oz"], 16.0 / POUND_FORCE),
+    unit("pdl", &["pdl", "poundal"], 1.0 / 0.138_254_954_376),
+];
+
+const VELOCITIES: [Unit; 7] = [
+    unit("m/s", &["m_s"], 1.0),
+    unit("mm/s", &["mm_s"], 1e3),
+    unit("cm/s", &["cm_s"], 1e2),
+    unit("um/s", &["um_s"], 1e6),
+    unit("in/s", &["in_s"], PER_INCH),
+    unit("ft/s", &["ft_s"], PER_FOOT),
+    unit("mm/min", &["mm_min"], 1e3 / PER_MINUTE),
+];
+
+impl Quantity {
+    /// The SI unit comes first.
+    pub(crate) fn units(self) -> &'static [Unit] {
+        match self {
+            Self::Time => &TIMES,
+            Self::Position => &POSITIONS,
+            Self::Force => &FORCES,
+            Self::Velocity => &VELOCITIES,
+        }
+    }
+
+    /// The unit of this name, as by [`key`].
+    pub(crate) fn unit(self, name: &str) -> Option<&'static Unit> {
+        self.units().iter().find(|unit| unit.names.contains(&name))
+    }
+
+    /// All units, for messages.
+    pub(crate) fn unit_list(self) -> String {
+        self.units().iter().map(|unit| unit.symbol).collect::<Vec<_>>().join(", ")
+    }
+
+    /// In `--columns`, the name of the unit with this number per SI unit.
+    pub(crate) fn unit_of(self, per_si: f64) -> Option<&'static str> {
+        self.units().iter().find(|unit| unit.per_si == per_si).map(|unit| unit.names[0])
+    }
+}
+
+/// A quantity that is none of those read, known by its units.
+pub(crate) struct Foreign {
+    /// In messages, with its article.
+    pub(crate) what: &'static str,
+    units: &'static [&'static str],
+    /// The quantities that are recorded in its place.
+    pub(crate) instead_of: &'static [Quantity],
+    /// What to do with a column of it.
+    pub(crate) remedy: &'static str,
+}
+
+impl Foreign {
+    /// Why a column of it is not read, and what to do.
+    pub(crate) fn refused(&self, quantity: Quantity) -> String {
+        format!(
+            "{}, expected {} in {}: {}",
+            self.what,
+            quantity.with_article(),
+            quantity.unit_list(),
+            self.remedy
+        )
+    }
+}
+
+const FOREIGN: [Foreign; 6] = [
+    Foreign {
+        what: "an angle",
+        units: &[
+            "deg", "degs", "degree", "degrees", "grad", "rad", "rads", "radian", "radians", "mrad",
+            "rev", "revs", "turn", "turns",
+        ],
+        instead_of: &[Quantity::Position],
+        remedy: "convert the angle before: position_m = lever_arm_m * angle_rad with 1 deg = 0.0174533 rad; \
+                 the lever arm of a spindle is its lead / (2 pi)",
+    },
+    Foreign {
+        what: "a voltage",
+        units: &["v", "mv", "uv", "volt", "volts", "millivolt", "millivolts", "mv_v"],
+        instead_of: &[Quantity::Force, Quantity::Position],
+        remedy: "multiply the voltage by the sensor's calibration, in N/V or m/V, and save the product as a column force_n or position_m",
+    },
+    Foreign {
+        what: "a current",
+        units: &["a", "ma", "amp", "amps", "ampere"],
+        instead_of: &[Quantity::Force],
+        remedy: "multiply the current by the motor's force per ampere, in N/A, and save the product as a column force_n; better, use a force sensor",
+    },
+    Foreign {
+        what: "a pressure",
+        units: &["pa", "hpa", "kpa", "mpa", "bar", "mbar", "psi", "mmhg"],
+        instead_of: &[Quantity::Force],
+        remedy: "multiply the pressure by the area on which it acts (1 kPa on 1 mm^2 is 0.001 N), and save the product as a column force_n",
+    },
+    Foreign {
+        what: "a torque",
+        units: &["Nm", "n_m", "mn_m", "mnm", "nmm", "n_mm", "ncm", "n_cm"],
+        instead_of: &[Quantity::Force],
+        remedy: "divide the torque by its lever arm in m, and save the quotient as a column force_n",
+    },
+    Foreign {
+        what: "a count",
+        units: &[
+            "count",
+            "counts",
+            "cts",
+            "tick",
+            "ticks",
+            "pulse",
+            "pulses",
+            "steps",
+            "lsb",
+            "digits",
+            "increment",
+            "increments",
+            "incr",
+        ],
+        instead_of: &[Quantity::Position, Quantity::Force, Quantity::Time],
+        remedy: "multiply the counts by what one of them stands for, in m, N or s, and save the product as a column position_m, force_n or time_s",
+    },
+];
+
+/// A name in lower case, with one sign for micro and words for degrees. `Nm` and `MN`, which differ
+/// from `nm` and `mN` only by case, are kept.
+pub(crate) fn lower(name: &str) -> String {
+    let is_apart = |word: &str| matches!(word, "Nm" | "MN");
+    let mut text = String::with_capacity(name.len());
+    for part in name.split_inclusive(|c: char| !c.is_alphanumeric()) {
+        let word = part.trim_end_matches(|c: char| !c.is_alphanumeric());
+        if is_apart(word) { text.push_str(part) } else { text.push_str(&part.to_lowercase()) }
+    }
+    text.replace(['µ', 'μ'], "u").replace("°c", "celsius").replace('°', " deg ")
+}
+
+/// Words of a name that was prepared by [`lower`].
+pub(crate) fn words_of(lower: &str) -> Vec<&str> {
+    lower
+        .split(|c: char| !c.is_alphanumeric() && c != '\'')
+        .filter(|word| !word.is_empty() && *word != "per")
+        .collect()
+}
+
+/// A unit alone, prepared by [`lower`], as the tables have it.
+pub(crate) fn key(unit: &str) -> String {
+    let mut words = words_of(unit);
+    // `m·s^-1` leaves a single 1.
+    if words.len() > 2 && words.last() == Some(&"1") {
+        words.pop();
+    }
+    words.join("_")
+}
+
+/// All quantities that have a unit of this [`key`], with the number of units per SI unit.
+pub(crate) fn units_named(key: &str) -> impl Iterator<Item = (Quantity, f64)> {
+    Quantity::ALL
+        .into_iter()
+        .filter_map(move |quantity| Some((quantity, quantity.unit(key)?.per_si)))
+}
+
+/// Whether a cell of a header is a unit and nothing else.
+pub(crate) fn is_unit(cell: &str) -> bool {
+    let key = key(&lower(cell));
+    units_named(&key).next().is_some() || foreign_named(&key).is_some()
+}
+
+fn foreign_named(key: &str) -> Option<&'static Foreign> {
+    FOREIGN.iter().find(|own| own.units.contains(&key))
+}
+
+/// A name prepared by [`lower`] in front of the brackets at its end, and what is in these.
+pub(crate) fn bracketed(lower: &str) -> Option<(&str, &str)> {
+    let inner = lower.trim_end().strip_suffix([']', ')', '}'])?;
+    let (front, unit) = inner.rsplit_once(['[', '(', '{'])?;
+    (!words_of(front).is_empty() && !unit.trim().is_empty()).then_some((front, unit))
+}
+
+/// The quantity that is not read, by the unit of a column, and whether that unit stands alone:
+/// declared, in brackets or behind a slash.
+pub(crate) fn foreign(name: &str, declared: &str) -> Option<(&'static Foreign, bool)> {
+    let (lower, declared) = (lower(name), lower(declared));
+    if let Some((_, unit)) = bracketed(&lower) {
+        return foreign_named(&key(unit)).map(|own| (own, true));
+    }
+    if let Some(own) = foreign_named(&key(&declared)) {
+        return Some((own, true));
+    }
+    if !declared.trim().is_empty() {
+        return None;
+    }
+    let words = words_of(&lower);
+    let [.., before, last] = words[..] else { return None };
+    let is_alone = lower.trim_end().strip_suffix(last)?.trim_end().ends_with('/');
+    // `N/V` is a calibration. `v` is a velocity, too, and `force_a` the force of channel a.
+    let is_ratio = units_named(before).next().is_some();
+    let is_letter = last.len() == 1 && !is_alone;
+    let is_of_force = last == "v" && Quantity::Force.words().contains(&before);
+    if is_ratio || (is_letter && !is_of_force) {
+        return None;
+    }
+    foreign_named(last).map(|own| (own, is_alone))
+}
