@@ -20,9 +20,7 @@ pub(crate) struct Output {
 
 impl Output {
     /// A parser of a file beside which `others` writes more.
-    pub(crate) fn with(
-        others: fn(&Path) -> Vec<PathBuf>,
-    ) -> impl TypedValueParser<Value = Self> + Clone {
+    pub(crate) fn with(others: fn(&Path) -> Vec<PathBuf>) -> impl TypedValueParser<Value = Self> {
         OsStringValueParser::new().map(move |path| {
             let path = PathBuf::from(path);
             Self { files: [others(&path), vec![path.clone()]].concat(), path }
@@ -30,9 +28,7 @@ impl Output {
     }
 
     /// A parser of a folder with the files `names`.
-    pub(crate) fn folder(
-        names: &'static [&'static str],
-    ) -> impl TypedValueParser<Value = Self> + Clone {
+    pub(crate) fn folder(names: &'static [&'static str]) -> impl TypedValueParser<Value = Self> {
         OsStringValueParser::new().map(move |path| {
             let path = PathBuf::from(path);
             Self { files: names.iter().map(|name| path.join(name)).collect(), path }

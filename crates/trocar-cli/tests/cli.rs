@@ -877,3 +877,17 @@ fn draws_of_identify_give_simulate_a_band_and_a_model_serves_as_prior() {
         .fails_saying(&["strokes.csv"]);
     assert!(!place.path("none").exists() && !place.path("none.csv").exists());
 }
+
+/// Sums of equal numbers are rounded, their course is not.
+#[test]
+fn a_constant_column_is_drawn_flat() {
+    let place = Place::new();
+    for (rows, value) in [(1000, 0.1), (3333, 0.3), (7777, -1.7), (20_000, 1e6 / 3.0)] {
+        let text: String = (0..rows).map(|k| format!("{k},{value}\n")).collect();
+        place.put("constant.csv", &format!("time_ms,constant\n{text}"));
+        let shown = Ran::from(place.command("inspect constant.csv").output().unwrap()).stdout;
+        let line = shown.lines().find(|line| line.trim_start().starts_with("constant ")).unwrap();
+        let bars = line.chars().filter(|c| ('▁'..='█').contains(c));
+        assert!(bars.clone().count() > 8 && bars.clone().all(|bar| bar == '▁'), "{line}");
+    }
+}

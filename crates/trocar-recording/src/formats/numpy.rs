@@ -69,6 +69,7 @@ fn place(array: Option<&str>) -> String {
 }
 
 /// The arrays in a file of `length` bytes, by name in an archive, with their bytes.
+#[cfg_attr(not(feature = "npz"), allow(unused_variables, reason = "archives are not opened"))]
 fn arrays(
     path: &Path,
     length: u64,
@@ -91,7 +92,7 @@ fn arrays(
         }
         let unpacked = arrays.iter().fold(0_u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
         zipped::check(unpacked, length, source)?;
-        return Ok(arrays);
+        Ok(arrays)
     }
     #[cfg(not(feature = "npz"))]
     Ok(Vec::new())

@@ -56,7 +56,7 @@ fn prefix(text: &str) -> Result<String, CError> {
 }
 
 /// A source file with its header.
-fn source_file() -> impl TypedValueParser<Value = Output> + Clone {
+fn source_file() -> impl TypedValueParser<Value = Output> {
     Output::with(|source| vec![source.with_extension("h")])
         .try_map(|source| stem(&source).map(drop).map(|()| source))
 }
