@@ -30,7 +30,7 @@ def stamp(time_ns: int) -> dict[str, object]:
     return {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": ""}
 
 
-topics = {1: ("/PSM1/measured_js", "sensor_msgs/msg/JointState"), 2: ("/PSM1/measured_cf", "geometry_msgs/msg/WrenchStamped")}
+topics = {1: ("/PSM1/measured_js", "sensor_msgs/msg/JointState"), 2: ("/ATI/measured_cf", "geometry_msgs/msg/WrenchStamped")}
 with open(sys.argv[1], newline="") as source, open(sys.argv[2], "wb") as log:
     log.write(MAGIC + record(1, text("") + text("session.py")))
     for number, (topic, kind) in topics.items():

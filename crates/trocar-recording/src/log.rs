@@ -277,7 +277,7 @@ impl Topics<'_> {
                 candidate.certainty = Certainty::Likely;
                 let all: Vec<String> = ranges.iter().map(|range| format!("{range:.4} m")).collect();
                 candidate.why = format!(
-                    "the axis that carries nearly all of the travel (ranges of x, y, z: {})",
+                    "the axis that carries nearly all of the travel (ranges: {})",
                     all.join(", ")
                 );
             }
