@@ -26,7 +26,7 @@ pub(crate) const RESULTS: [&str; 11] = [
 
 /// NaN for what there is not: figures of a loop that is unstable, and the time of one that does not diverge.
 fn numbers(outcome: &Outcome) -> Vec<f64> {
-    let settles = f64::from(u8::from(outcome.settles));
+    let settles = f64::from(u8::from(outcome.settles()));
     let unstable_after = outcome.course.as_ref().map_or_else(|why| why.time_s, |_| f64::NAN);
     let of = |merit: &crate::teleop::merit::Merit| {
         [
