@@ -246,14 +246,18 @@ fn a_tip_that_does_not_reach_the_tissue_is_reported() {
     let inside = place("[motion]\namplitude_m = -0.02\n").run("teleop loop.toml --model plausible");
     inside.ends_with(3).says(&["begins in the tissue"]);
     let advised = place(far_off).run("teleop loop.toml --model plausible --advise").ends_with(3);
-    assert!(advised.stdout.contains("no advice: the tip does not reach the tissue"), "{advised:#?}");
+    assert!(
+        advised.stdout.contains("no advice: the tip does not reach the tissue"),
+        "{advised:#?}"
+    );
     assert!(!advised.stdout.contains("take out"), "{}", advised.stdout);
 }
 
 /// A light grip and too much taken out: in the tissue the loop rests, without it it does not.
 #[test]
 fn an_unstable_loop_is_told_from_one_that_is_unstable_without_tissue() {
-    let light = "[operator]\nstiffness_n_m = 20.0\ndamping_n_s_m = 2.0\n[compensation]\nfraction = 1.25\n";
+    let light =
+        "[operator]\nstiffness_n_m = 20.0\ndamping_n_s_m = 2.0\n[compensation]\nfraction = 1.25\n";
     for (config, finding, words) in [
         (FAR, "push_into_tissue", "a push into tissue"),
         (light, "push_without_tissue", "a push without tissue"),

@@ -10,9 +10,11 @@ use super::simulation::Sample;
 const NOTICEABLE: f64 = 0.07;
 /// Force below which the difference stays that of this force, N.
 const WEAKEST_N: f64 = 2.5;
-/// Speed up to which the tip counts as at rest, m/s: an encoder of 1 µm sees no step within a second. A tip that sticks moves
-/// by rounding, and its force changes without depth.
-const AT_REST_M_S: f64 = 1e-6;
+/// Speed up to which the tip counts as at rest, m/s: a step of 1 µm in a millisecond, less than which encoders do not resolve; in
+/// slow motions a hundredth of their largest speed, but above rounding. A tip that sticks rings and creeps by less, and its
+/// force changes without depth.
+const AT_REST_M_S: [f64; 2] = [1e-6, 1e-3];
+const AT_REST: f64 = 0.01;
 
 /// Just noticeable difference of a stiffness, as a fraction of it, JONES.
 pub const STIFFNESS_NOTICEABLE: f64 = 0.23;
@@ -130,8 +132,9 @@ pub(super) fn displayed(config: &Config, samples: &[Sample]) -> [Option<f64>; 2]
     if config.begins_in_the_tissue() || !config.has_tissue() {
         return [None; 2];
     }
-    let deepens =
-        |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > AT_REST_M_S;
+    let [least, most] = AT_REST_M_S;
+    let at_rest = (AT_REST * config.motion.peak_m_s()).clamp(least, most);
+    let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest;
     let loading: Vec<&Sample> = samples.iter().filter(deepens).collect();
     let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
     [

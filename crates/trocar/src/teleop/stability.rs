@@ -22,8 +22,9 @@ pub struct Trial {
 /// Change of the velocity in a sample below which nothing counts as growing, m/s: above what rounding and the iterations of the
 /// plant leave.
 const STILL_M_S: f64 = 1e-10;
-/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast.
-const STRUCK_M_S: f64 = 1e-3;
+/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast. Two strikes
+/// together are below rest.
+const STRUCK_M_S: f64 = 3e-4;
 /// Steps of the slave's encoder by which it is displaced as well: controllers do not see less.
 const DISPLACED_STEPS: f64 = 2.0;
 /// Most halves of the watch.
@@ -109,7 +110,7 @@ impl Default for Trial {
 
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
-    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 1 mm/s and by two steps of its encoder, and again after the same
+    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 0.3 mm/s and by two steps of its encoder, and again after the same
     /// in the opposite direction. At rest the rms velocity of both devices over half of [`Trial::watch_s`] is below
     /// [`Trial::at_rest_m_s`], and what oscillates has died away. The watch goes on until then, for up to sixty halves. If
     /// something still oscillates at their end, the loop is unstable where
