@@ -217,6 +217,10 @@ def _merits(cases: Sequence[tuple[str, Merit]]) -> str:
     rows = [
         row("stiffness displayed", "N/m", (m.displayed_stiffness_n_m for m in merits)),
         row("stiffness of the tissue", "N/m", (m.true_stiffness_n_m for m in merits)),
+        row("contact from rest: displayed", "N/m", (m.displayed_from_rest_n_m for m in merits)),
+        row("contact from rest: tissue", "N/m", (m.true_from_rest_n_m for m in merits)),
+        row("contact while sliding: displayed", "N/m", (m.displayed_sliding_n_m for m in merits)),
+        row("contact while sliding: tissue", "N/m", (m.true_sliding_n_m for m in merits)),
         row("error of the force felt, rms", "N", (m.force_error_rms_n for m in merits)),
         row("error of the force felt, peak", "N", (m.force_error_peak_n for m in merits)),
         row("in just noticeable differences, rms", "1", (m.force_error_rms_jnd for m in merits)),
@@ -233,7 +237,7 @@ def _percent(fraction: float) -> str:
 
 def advice(found: Advice) -> str:
     if found.fraction is None:
-        return "<p>No fraction from 0 to 150 % makes the loop stable.</p>"
+        return f"<p>{escape(found.refusal)}.</p>"
     ranges = ", ".join(f"{_percent(low)} to {_percent(high)}" for low, high in found.stable)
     text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
     cases = [("without", found.figures_without), (_percent(found.fraction), found.figures_with)]

@@ -169,6 +169,12 @@ class Merit:
     #: that of the force on the tissue, which includes damping.
     displayed_stiffness_n_m: Optional[float]
     true_stiffness_n_m: Optional[float]
+    #: The same in one push to the greatest depth of the motion that begins at rest at the surface, with the seal undeformed,
+    #: and in one that comes from so far that the seal slides when the tip touches; None without contact.
+    displayed_from_rest_n_m: Optional[float]
+    true_from_rest_n_m: Optional[float]
+    displayed_sliding_n_m: Optional[float]
+    true_sliding_n_m: Optional[float]
     #: Root mean square of the difference of the devices' positions, m.
     position_error_rms_m: float
     #: Energy received at both ports less energy given, J, below 0 where the loop was active; at each port alone.
@@ -215,7 +221,8 @@ class Advice:
     A fraction counts as stable if the loop is stable with every pair of a compensator's model and a trocar that was tried.
     """
 
-    #: Stable fraction with the smallest force error; None if there is none.
+    #: Fraction with the smallest force error among those that are stable and with which the tip reaches the tissue; None if
+    #: there is none (``refusal``).
     fraction: Optional[float]
     #: Intervals of stable fractions, lowest and highest.
     stable: tuple[tuple[float, float], ...]
@@ -254,6 +261,13 @@ class Advice:
             _tried=columns,
         )
 
+    @property
+    def refusal(self) -> str:
+        """Why there is no fraction."""
+        if not self.stable:
+            return "no fraction from 0 to 150 % makes the loop stable"
+        return "no advice: the tip does not reach the tissue with any fraction that makes the loop stable"
+
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """Each fraction that was tried: whether it is stable, the share of pairs with which it is, and its figures.
 
@@ -280,7 +294,7 @@ class Advice:
     def __repr__(self) -> str:
         ranges = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in self.stable)
         if self.fraction is None:
-            return f"<trocar.Advice: no stable fraction, {self.pairs} pairs>"
+            return f"<trocar.Advice: {self.refusal}, {self.pairs} pairs>"
         return f"<trocar.Advice: fraction {self.fraction:.4g}, stable {ranges}, {self.pairs} pairs>"
 
     def _repr_html_(self) -> str:
@@ -423,8 +437,11 @@ class HybridMatrix:
 class Teleoperation(_Repeatable[_core.Studied]):
     """A teleoperation loop through a trocar: whether it is stable, what is felt, and its course."""
 
-    #: Whether the loop comes to rest after a push into the tissue.
+    #: Whether the loop comes to rest after pushes and pulls.
     settles: bool
+    #: What it does not come to rest after: "push_into_tissue", "pull_off_tissue", "push_without_tissue" or
+    #: "pull_without_tissue"; None if it does.
+    unsettled_by: Optional[str]
     #: Figures of merit along the motion; None if the loop is unstable.
     figures: Optional[Merit]
     #: Ranges of the tissue's stiffness with which the loop is stable, smallest and greatest, N/m; None without tissue.
@@ -449,6 +466,7 @@ class Teleoperation(_Repeatable[_core.Studied]):
         width, advice, found = summary["z_width_n_m"], summary["advice"], summary["map"]
         result = cls(
             settles=summary["settles"],
+            unsettled_by=summary["unsettled_by"],
             figures=Merit._of(summary["figures"]),
             z_width_n_m=None if width is None else _ranges(width),
             unstable_after_s=summary["unstable_after_s"],
@@ -464,7 +482,7 @@ class Teleoperation(_Repeatable[_core.Studied]):
 
     @property
     def is_stable(self) -> bool:
-        """Whether the loop comes to rest after a push, and did not diverge along the motion."""
+        """Whether the loop comes to rest after pushes and pulls, and did not diverge along the motion."""
         return self.figures is not None
 
     @property
@@ -478,13 +496,13 @@ class Teleoperation(_Repeatable[_core.Studied]):
         found = []
         if self.unstable_after_s is not None:
             found.append(f"the loop is unstable: it diverged after {self.unstable_after_s:.4g} s")
-        elif not self.settles:
-            found.append("the loop is unstable: after a push into the tissue it does not come to rest")
+        elif self.unsettled_by is not None:
+            found.append(f"the loop is unstable: it does not come to rest after a {self.unsettled_by.replace('_', ' ')}")
         has_tissue = self.config["tissue"]["kind"] != "none"
         if self.figures is not None and has_tissue and self.figures.true_stiffness_n_m is None:
             found.append("the tip does not reach the tissue: the figures are those of free motion")
         if self.advice is not None and self.advice.fraction is None:
-            found.append("no fraction from 0 to 1.5 makes the loop stable")
+            found.append(self.advice.refusal)
         error = self.summary["step_error"]
         if error is not None and error["figure"] is None:
             found.append("halving the step of the plant changes whether the loop is stable: increase substeps")

@@ -99,7 +99,7 @@ fn the_report_shows_what_the_program_prints_and_needs_nothing_else() {
         words.filter(move |word| is_unit && word.parse::<f64>().is_ok())
     });
     let numbers: Vec<&str> = numbers.collect();
-    assert_eq!(numbers.len(), 2 * 8 + 3, "{printed}");
+    assert_eq!(numbers.len(), 2 * 12 + 3, "{printed}");
     for number in numbers {
         // A page writes a minus sign.
         let number = number.replace('-', "\u{2212}");
@@ -245,6 +245,29 @@ fn a_tip_that_does_not_reach_the_tissue_is_reported() {
     assert!(!free.stdout.contains("stable with tissue"), "{}", free.stdout);
     let inside = place("[motion]\namplitude_m = -0.02\n").run("teleop loop.toml --model plausible");
     inside.ends_with(3).says(&["begins in the tissue"]);
+    let advised = place(far_off).run("teleop loop.toml --model plausible --advise").ends_with(3);
+    assert!(
+        advised.stdout.contains("no advice: the tip does not reach the tissue"),
+        "{advised:#?}"
+    );
+    assert!(!advised.stdout.contains("take out"), "{}", advised.stdout);
+}
+
+/// A light grip and too much taken out: in the tissue the loop rests, without it it does not.
+#[test]
+fn an_unstable_loop_is_told_from_one_that_is_unstable_without_tissue() {
+    let light =
+        "[operator]\nstiffness_n_m = 20.0\ndamping_n_s_m = 2.0\n[compensation]\nfraction = 1.25\n";
+    for (config, finding, words) in [
+        (FAR, "push_into_tissue", "a push into tissue"),
+        (light, "push_without_tissue", "a push without tissue"),
+    ] {
+        let place = place(config);
+        let ran = place.run("teleop loop.toml --model plausible").ends_with(3);
+        ran.says(&[&format!("it does not come to rest after {words}")]);
+        let json = place.run("teleop loop.toml --model plausible --json").stdout;
+        assert!(json.contains(&format!("\"unsettled_by\": \"{finding}\"")), "{json}");
+    }
 }
 
 #[test]
@@ -279,6 +302,7 @@ fn what_is_no_loop_is_refused() {
         (SOFT, "--advise --least-friction 1.5", "must be from 0.01 to 1"),
         (SOFT, "--map 0.0001", "from the sample time, 0.001 s, to 10 000 times that, got 0.0001 s"),
         ("[tissue]\nkind = \"none\"", "--map", "there is no tissue"),
+        ("[tissue]\nkind = \"none\"", "--advise", "there is no tissue"),
         ("[sensor]\nplace = \"tip\"", "--advise", "changes nothing in this loop"),
         ("[control]\narchitecture = \"wave\"", "--map", "changes nothing in this loop"),
     ] {

@@ -15,7 +15,7 @@
 //! | `start(t, n, m, x)` | a loop at rest at x, m, from t bytes of the text and n and m numbers of the row | 1, or 0: there is none |
 //! | `message()` | | bytes of the text that say why the last start was refused |
 //! | `run(n)` | the first n samples of the block | samples made; fewer where the loop diverged |
-//! | `settles()` | | 1 where the loop comes to rest after a push into the tissue, `trocar::teleop::stability` |
+//! | `settles()` | | 1 where the loop comes to rest after pushes and pulls, `trocar::teleop::stability` |
 //! | `figures()` | puts [`FIGURES`] of all samples so far into the block | how many |
 //!
 //! A start that is refused leaves no loop. The script `build` makes the module; the report of `trocar teleop` carries it.
@@ -28,7 +28,7 @@ mod exports;
 use std::fmt::Display;
 
 use trocar::teleop::merit::Merit;
-use trocar::teleop::stability::Trial;
+use trocar::teleop::stability::Disturbance;
 use trocar::teleop::{Config, Loop, Sample};
 use trocar_model::Trocar;
 
@@ -144,12 +144,10 @@ impl Page {
         count
     }
 
-    /// Whether the loop comes to rest after a push into the tissue; false without a loop.
+    /// Whether the loop comes to rest after pushes and pulls; false without a loop.
     pub fn settles(&self) -> bool {
         let Some(Running { config, trocar, compensator, .. }) = &self.running else { return false };
-        let tried =
-            Trial::default().is_stable(config, trocar, compensator, config.tissue.surface_m);
-        tried.is_ok_and(|is_stable| is_stable)
+        Disturbance::unsettling(config, [compensator, trocar]).is_ok_and(|by| by.is_none())
     }
 
     /// Puts [`FIGURES`] of all samples so far into the block; how many.

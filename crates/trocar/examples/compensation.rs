@@ -17,7 +17,9 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::Instant;
 
+use rayon::prelude::*;
 use trocar::bench::config::TissueKind;
+use trocar::bench::random::random_plausible_seal;
 use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
 use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::identify::{IdentifyOptions, identify};
@@ -45,6 +47,11 @@ const SETTLED: f64 = 75.0;
 const BACKLASH: f64 = 0.5e-3;
 /// Friction of the wet seal over that of the dry one.
 const WET: f64 = 0.65;
+/// Random seals that are wetted, and the error of their models, N: that of the bench's sensor.
+const WETTED_SEALS: u64 = 60;
+const MODEL_ERROR_N: f64 = 0.05;
+/// Error of the friction scale up to which it is followed, 1.
+const FOLLOWED: f64 = 0.05;
 
 fn main() -> Result<(), Box<dyn Error>> {
     for (title, kind) in
@@ -54,6 +61,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         println!("\n{title}: RMS error of the tissue force, N\n\n{}", scores.table());
         println!("the 95 % band of EMS and adaptation holds the truth in {}", scores.coverage());
     }
+    println!("\n{}", adaptation(&adaptation_times()?));
     print_cost()?;
     if let Some(folder) = std::env::args().nth(1) {
         for (name, svg) in vectors(&document()?)? {
@@ -71,6 +79,53 @@ pub(crate) fn document() -> Result<Document, Box<dyn Error>> {
     let record = run(&surgery(TissueKind::HuntCrossley), Protocol::Surgeon, &seal, SEEDS[0])?;
     let section = Section::new("Compensation").figure(draw(&record, &ems)?);
     Ok(Document { title: "Compensation".into(), sections: vec![section], ..Document::default() })
+}
+
+/// Seconds from the beginning of the wetting until the friction scale has come within [`FOLLOWED`] of the true one to stay
+/// there, for random seals in a hand's motion, each with its own model in the compensator; shortest first.
+pub(crate) fn adaptation_times() -> Result<Vec<f64>, Box<dyn Error>> {
+    let time = |seed: u64| -> Result<f64, Box<dyn Error + Send + Sync>> {
+        let seal = [Element::new(random_plausible_seal(seed))?];
+        let config = surgery(TissueKind::HuntCrossley);
+        let record = run(&config, Protocol::Surgeon, &seal, seed)?;
+        let mut model = ModelFile::new(seal[0], Origin::new(OriginKind::HandMade));
+        let moving_mass_kg = config.rod.mass_kg;
+        model.sensor = Some(SensorInfo { offset_n: 0.0, moving_mass_kg, position_delay_s: 0.0 });
+        let force_error_n = Some(MODEL_ERROR_N);
+        let options = CompensateOptions { force_error_n, ..CompensateOptions::default() };
+        let mut observer = Compensator::new(&model, &options)?;
+        let mut late = ONSET;
+        for k in 0..record.time.len() {
+            let duration = if k == 0 { 0.0 } else { record.time[k] - record.time[k - 1] };
+            observer.step(record.position[k], record.force[k], duration);
+            if (observer.drift().level - record.truth.wetting[k]).abs() > FOLLOWED {
+                late = record.time[k];
+            }
+        }
+        let is_within = late < record.time[record.time.len() - 1];
+        Ok(if is_within { late - ONSET } else { f64::INFINITY })
+    };
+    let times = (1..=WETTED_SEALS).into_par_iter().map(time);
+    let mut times = times.collect::<Result<Vec<f64>, _>>().map_err(|e| -> Box<dyn Error> { e })?;
+    times.sort_by(f64::total_cmp);
+    Ok(times)
+}
+
+/// The times in words.
+pub(crate) fn adaptation(times: &[f64]) -> String {
+    let never = times.iter().filter(|time| time.is_infinite()).count();
+    let held = &times[..times.len() - never];
+    let at = |part: f64| held[(part * (held.len() - 1) as f64).round() as usize];
+    format!(
+        "Of {} random seals wetted to {WET} in a hand's motion, {} were followed to within {FOLLOWED} of the true friction scale in the \
+         60 s that remained, after {:.0} to {:.0} s (median {:.0} s, 90 % within {:.0} s).",
+        times.len(),
+        held.len(),
+        at(0.0),
+        at(1.0),
+        at(0.5),
+        at(0.9)
+    )
 }
 
 /// Time of a step, median over repetitions.

@@ -16,7 +16,7 @@ use trocar::report::{
 };
 use trocar::teleop::advise::{Advice, Tried, advise, map};
 use trocar::teleop::config::Press;
-use trocar::teleop::{Candidates, Config, candidates};
+use trocar::teleop::{Candidates, Config, Contacts, Outcome, candidates};
 use trocar_model::{PositionProfile, Trocar};
 
 /// Friction of the seals in sliding, N: what is reported for trocars.
@@ -27,8 +27,8 @@ const TISSUES: [f64; 2] = [50.0, 200.0];
 const PLAUSIBLE: f64 = 3.0;
 /// Largest fraction that is drawn.
 const MOST: f64 = 1.25;
-/// One push by 40 mm from the surface of the tissue and back: with the default grip even the stiffest seal slides.
-const PUSH: Press = Press { middle_m: 0.14, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 2.0 };
+/// One push by 40 mm from the surface of the tissue: with the default grip even the stiffest seal slides.
+const PUSH: Press = Press { middle_m: 0.14, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 1.0 };
 /// Cells of the map along each axis, with the distance of delays (s) and of fractions.
 const CELLS: u32 = 11;
 const APART: [f64; 2] = [2e-3, 0.15];
@@ -39,7 +39,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = std::env::args().nth(1) {
         write_document(Path::new(&folder), &document(&curves)?)?;
     }
-    print!("{}\n{}", table(&curves), advised()?);
+    print!("{}\n{}\n{}", table(&curves), approaches()?, advised()?);
     Ok(())
 }
 
@@ -72,24 +72,60 @@ pub(crate) fn curves() -> Result<Vec<Curve>, Box<dyn Error>> {
     Ok(curves)
 }
 
+/// A contact by name, with the stiffness that it displays.
+type Contact = (&'static str, fn(&Contacts) -> Option<f64>);
+const CONTACTS: [Contact; 2] = [
+    ("from rest", |contacts| contacts.displayed_from_rest_n_m),
+    ("while sliding", |contacts| contacts.displayed_sliding_n_m),
+];
+
 /// Stiffness displayed at some fractions, as a table of Markdown.
 pub(crate) fn table(curves: &[Curve]) -> String {
     let shown = [0.0, 0.5, 0.8, 0.9, 1.0, 1.1];
     let heads: String = shown.iter().map(|f| format!(" γ = {f} |")).collect();
-    let mut text = format!("| tissue, N/m | friction, N |{heads}\n|---|---|{}\n", "---|".repeat(6));
+    let mut text = format!(
+        "| tissue, N/m | friction, N | contact |{heads}\n|---|---|---|{}\n",
+        "---|".repeat(shown.len())
+    );
     for Curve { tissue, friction, tried } in curves {
-        let cell = |fraction: &f64| {
-            let at = tried.iter().find(|tried| (tried.fraction - fraction).abs() < 1e-9);
-            match at.and_then(|tried| tried.merit).map(|merit| merit.displayed_stiffness_n_m) {
-                None => " unstable |".to_owned(),
-                Some(None) => " no contact |".to_owned(),
-                Some(Some(value)) => format!(" {value:.0} |"),
-            }
-        };
-        let cells: String = shown.iter().map(cell).collect();
-        text += &format!("| {tissue} | {friction} |{cells}\n");
+        for (contact, of) in CONTACTS {
+            let cell = |fraction: &f64| {
+                let at = tried.iter().find(|tried| (tried.fraction - fraction).abs() < 1e-9);
+                match at.and_then(|tried| tried.merit).map(|merit| of(&merit.contacts)) {
+                    None => " unstable |".to_owned(),
+                    Some(None) => " no contact |".to_owned(),
+                    Some(Some(value)) => format!(" {value:.0} |"),
+                }
+            };
+            let cells: String = shown.iter().map(cell).collect();
+            text += &format!("| {tissue} | {friction} | {contact} |{cells}\n");
+        }
     }
     text
+}
+
+/// Ways to the tissue, m.
+const APPROACHES: [f64; 6] = [0.0, 0.005, 0.01, 0.02, 0.04, 0.06];
+
+/// Stiffness displayed without compensation, and stiffness of the tissue, over the way to it: one push 40 mm deep into tissue of
+/// 50 N/m through the seal of 4 N, as a table of Markdown.
+pub(crate) fn approaches() -> Result<String, Box<dyn Error>> {
+    let trocar = scaled(4.0)?;
+    let mut text = "| approach, mm | displayed, N/m | tissue, N/m |\n|---|---|---|\n".to_owned();
+    for approach in APPROACHES {
+        let mut config = Config::default();
+        config.tissue.stiffness_n_m = TISSUES[0];
+        config.motion = Press {
+            middle_m: PUSH.middle_m - 0.5 * approach,
+            amplitude_m: PUSH.amplitude_m + 0.5 * approach,
+            ..PUSH
+        };
+        let merit = Outcome::of(&config, [&trocar, &trocar])?.figures.ok_or("unstable")?;
+        let [displayed, own] = [merit.displayed_stiffness_n_m, merit.true_stiffness_n_m]
+            .map(|value| value.map_or("none".to_owned(), |value| format!("{value:.0}")));
+        text += &format!("| {:.0} | {displayed} | {own} |\n", 1e3 * approach);
+    }
+    Ok(text)
 }
 
 /// Delays, s, and tissues, N/m, of the loops for which advice is given.
@@ -144,25 +180,27 @@ pub(crate) fn document(curves: &[Curve]) -> Result<Document, Box<dyn Error>> {
     Ok(document)
 }
 
-/// Displayed stiffness over the fraction, a panel for each tissue.
+/// Displayed stiffness over the fraction, a panel for each tissue and contact.
 fn displayed(curves: &[Curve]) -> Figure {
     let caption = format!(
-        "Slope of the force felt over the depth of the tip while it goes deeper, in one push by 40 mm from the surface of the tissue, for seals \
-         that slide at {} N (the plausible seal, scaled). Position-force without delay, sensor outside the body, firm grip. A gap: not stable.",
+        "Slope of the force felt over the depth of the tip while it goes deeper, in one push 40 mm deep into the tissue, for seals \
+         that slide at {} N (the plausible seal, scaled): from rest at the surface with the seal undeformed, and after an approach of 20 mm, \
+         with the seal sliding. Position-force without delay, sensor outside the body, firm grip. A gap: not stable.",
         FRICTION.map(|friction| friction.to_string()).join(", ")
     );
     let figure = Figure::new("displayed-stiffness", 1, "Stiffness displayed through a trocar");
-    TISSUES.iter().fold(figure.caption(caption).columns(2), |figure, tissue| {
+    let panels = TISSUES.iter().flat_map(|tissue| CONTACTS.map(|contact| (tissue, contact)));
+    panels.fold(figure.caption(caption).columns(2), |figure, (tissue, (contact, of))| {
         let mut panel = Panel::new(
             Axis::new("fraction taken out γ", "%").with_zero(),
             Axis::new("stiffness displayed", "N/m").logarithmic(),
         )
-        .title(format!("tissue of {tissue} N/m"))
+        .title(format!("{tissue} N/m, contact {contact}"))
         .aspect(0.95);
         for (k, curve) in (0..).zip(curves.iter().filter(|curve| curve.tissue == *tissue)) {
             let shown: Vec<&Tried> = curve.tried.iter().filter(|t| t.fraction <= MOST).collect();
             let x = shown.iter().map(|tried| 100.0 * tried.fraction).collect();
-            let value = |tried: &&Tried| tried.merit.and_then(|m| m.displayed_stiffness_n_m);
+            let value = |tried: &&Tried| tried.merit.and_then(|m| of(&m.contacts));
             let y = shown.iter().map(|tried| value(tried).unwrap_or(f64::NAN)).collect();
             let name = format!("{} N", curve.friction);
             panel = panel.series(Series::line(name, Role::Category(k), x, y));

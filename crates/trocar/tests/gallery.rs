@@ -69,7 +69,10 @@ fn the_errors_of_compensation_in_the_docs_are_those_of_the_command() {
     let (table, coverage) = (scores.table(), scores.coverage());
     assert!(page.contains(&table), "docs/explanation/compensation.md has not\n{table}");
     let words = page.split_whitespace().collect::<Vec<_>>().join(" ");
-    assert!(words.contains(&coverage), "docs/explanation/compensation.md has not {coverage}");
+    let adaptation = compensation::adaptation(&compensation::adaptation_times().unwrap());
+    for sentence in [coverage, adaptation] {
+        assert!(words.contains(&sentence), "docs/explanation/compensation.md has not {sentence}");
+    }
 }
 
 /// A picture that no command makes would go stale unnoticed.

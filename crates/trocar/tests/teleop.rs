@@ -1,6 +1,5 @@
 //! Loops beside closed forms and published boundaries.
 
-use std::convert::Infallible;
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
@@ -16,9 +15,12 @@ use trocar::teleop::config::{
 };
 use trocar::teleop::hybrid::{Hybrid, response, seal_impedance, tissue_impedance};
 use trocar::teleop::merit::Merit;
-use trocar::teleop::stability::{Trial, ZWidth, boundary};
+use trocar::teleop::stability::{Disturbance, Trial, ZWidth};
 use trocar::teleop::{Candidates, Loop, Outcome, Questions, Sample, Study, candidates, scaled};
-use trocar_model::{Classical, Quantity, Seal, SlidingFriction, StaticFriction, Trocar, Tunable};
+use trocar_model::{
+    Classical, Dahl, DahlParams, LuGre, LuGreParams, Quantity, Seal, SlidingFriction,
+    StaticFriction, StribeckCurve, Trocar, Tunable,
+};
 
 /// Coulomb friction of `force`, N.
 fn coulomb(force: f64) -> Trocar {
@@ -61,59 +63,59 @@ fn virtual_wall(stiffness: f64, slave: Device) -> Config {
             damping_n_s_m: 0.0,
             ..Control::default()
         },
-        tissue: Tissue { surface_m: 1.0, ..Tissue::default() },
+        tissue: Tissue { kind: TissueKind::None, ..Tissue::default() },
         ..Config::default()
     }
 }
 
-/// COLGATE: a sampled spring on a mass with damping b is passive up to K = 2·b/T, which for a heavy mass is where it
-/// becomes unstable.
-#[test]
-fn a_sampled_spring_is_stable_up_to_twice_the_damping_over_the_sample_time() {
-    for damping in [1.0, 2.0, 5.0] {
-        let slave = Device { mass_kg: 5.0, damping_n_s_m: damping, encoder_step_m: 0.0 };
-        let decays = |stiffness: f64| {
-            let config = virtual_wall(stiffness, slave);
-            let pushed = Loop::new(&config, none(), none(), 0.1).unwrap().with_slave_velocity(0.01);
-            let mut pushed = pushed;
-            let mut largest = |count: usize| {
-                let step = |_| {
-                    pushed
-                        .step(|_| (0.1, 0.0))
-                        .map_or(f64::INFINITY, |s| (s.slave_position - 0.1).abs())
-                };
-                (0..count).map(step).fold(0.0, f64::max)
-            };
-            let first = largest(1000);
-            largest(20_000);
-            Ok::<bool, Infallible>(largest(1000) < first)
-        };
-        let expected = 2.0 * damping / 1e-3;
-        let found = boundary([0.1 * expected, 10.0 * expected], 1e-3 * expected, decays).unwrap();
-        assert!((found.unwrap() / expected - 1.0).abs() < 0.03, "{found:?} {expected}");
-    }
+/// Whether the loop is stable by the verdict that every interface gives.
+fn settles(config: &Config, trocar: &Trocar) -> bool {
+    Outcome::of(config, [trocar, trocar]).unwrap().settles()
 }
 
-/// ABBOTT: with Coulomb friction f_c and an encoder of step Δ a virtual spring rests up to K = 2·f_c/Δ.
-#[test]
-fn coulomb_friction_holds_a_virtual_wall_up_to_twice_itself_over_the_encoder_step() {
-    for (friction, step) in [(0.5, 1e-4), (0.2, 5e-5), (1.0, 4e-4)] {
-        let slave = Device { mass_kg: 0.1, damping_n_s_m: 0.5, encoder_step_m: step };
-        let trocar = coulomb(friction);
-        let rests = |stiffness: f64| {
-            let config = virtual_wall(stiffness, slave);
-            // Between two steps of the encoder: the spring pulls at least with half a step.
-            let position = 0.1 + 0.5 * step;
-            let mut tried = Loop::new(&config, trocar, trocar, position).unwrap();
-            let samples: Vec<Sample> =
-                (0..4000).map_while(|_| tried.step(|_| (position, 0.0)).ok()).collect();
-            let has_run = samples.len() == 4000;
-            let rests = |sample: &Sample| sample.slave_velocity.abs() < 1e-9;
-            Ok::<bool, Infallible>(has_run && samples[3000..].iter().all(rests))
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 24, ..ProptestConfig::default() })]
+
+    /// COLGATE: a sampled spring on a mass with damping b is passive up to K = 2·b/T, where it becomes unstable; two such masses
+    /// on one spring, which coast together, up to half of it.
+    #[test]
+    fn a_sampled_spring_is_stable_up_to_twice_the_damping_over_the_sample_time(
+        damping_n_s_m in 0.3..5.0,
+        mass_kg in 0.5..10.0,
+        sample_time_s in 3e-4..1e-3,
+        has_two in any::<bool>(),
+    ) {
+        let slave = Device { mass_kg, damping_n_s_m, encoder_step_m: 0.0 };
+        let is_stable = |stiffness: f64| {
+            let mut config = Config { sample_time_s, ..virtual_wall(stiffness, slave) };
+            if has_two {
+                config.master = slave;
+            }
+            settles(&config, &none())
         };
-        let expected = 2.0 * friction / step;
-        let found = boundary([0.1 * expected, 10.0 * expected], 1e-3 * expected, rests).unwrap();
-        assert!((found.unwrap() / expected - 1.0).abs() < 0.03, "{found:?} {expected}");
+        let limit = 2.0 * damping_n_s_m / sample_time_s / if has_two { 2.0 } else { 1.0 };
+        prop_assert!(is_stable(0.99 * limit) && !is_stable(1.01 * limit));
+    }
+
+    /// ABBOTT: with Coulomb friction f_c and an encoder of step Δ a virtual spring is passive up to K = min(2·b/T, 2·f_c/Δ).
+    #[test]
+    fn a_virtual_wall_holds_up_to_the_lesser_of_the_limits_of_damping_and_friction(
+        friction in 0.2..2.0_f64,
+        encoder_step_m in 5e-5..4e-4_f64,
+        mass_kg in 0.1..1.0,
+        ratio in 1.3..3.0,
+        holds_friction in any::<bool>(),
+    ) {
+        // Friction that limits an oscillation of any size has none to speak of: it and the steps are a millionth.
+        let part = if holds_friction { 1.0 } else { 1e-6 };
+        let by_friction = 2.0 * friction / encoder_step_m;
+        let by_damping = if holds_friction { by_friction * ratio } else { by_friction / ratio };
+        let damping_n_s_m = 0.5 * 1e-3 * by_damping;
+        let slave = Device { mass_kg, damping_n_s_m, encoder_step_m: part * encoder_step_m };
+        let is_stable =
+            |stiffness: f64| settles(&virtual_wall(stiffness, slave), &coulomb(part * friction));
+        let limit = by_friction.min(by_damping);
+        prop_assert!(is_stable(0.93 * limit) && !is_stable(1.03 * limit));
     }
 }
 
@@ -250,9 +252,11 @@ fn felt(config: &Config, frequency: f64) -> Complex<f64> {
 /// The sampled loop tends to what the hybrid matrix says, in proportion to the sample time.
 #[test]
 fn linear_loops_feel_as_their_hybrid_matrix_says() {
-    for architecture in ARCHITECTURES {
+    let local = [[0.4, 0.3], [-1.0, 0.2], [0.3, -1.0]].map(|c| (Architecture::FourChannel, c));
+    for (architecture, [c5, c6]) in ARCHITECTURES.map(|a| (a, [0.0; 2])).into_iter().chain(local) {
         for (delay_s, frequency) in [(0.0, 2.0), (0.005, 1.0), (0.005, 5.0)] {
             let mut config = linear(architecture, delay_s);
+            (config.control.slave_force_feedback, config.control.master_force_feedback) = (c5, c6);
             let hybrid = Hybrid::of(&config, Complex::new(0.0, 0.0), frequency);
             let expected = hybrid.transmitted(tissue_impedance(&config, frequency));
             let errors = [1e-3, 5e-4, 2.5e-4, 1.25e-4].map(|sample_time_s| {
@@ -263,8 +267,9 @@ fn linear_loops_feel_as_their_hybrid_matrix_says() {
             // Two steps of Richardson for an error of first order.
             let twice = |k: usize| errors[k + 1] * 2.0 - errors[k];
             let left = ((twice(2) * 4.0 - twice(1)) / 3.0).norm() / expected.norm();
-            let case =
-                format!("{architecture:?} {delay_s} s {frequency} Hz: {relative:.5?} {left:.1e}");
+            let case = format!(
+                "{architecture:?} {c5} {c6} {delay_s} s {frequency} Hz: {relative:.5?} {left:.1e}"
+            );
             let ratios = relative.windows(2).map(|pair| pair[0] / pair[1]);
             assert!(ratios.into_iter().all(|ratio| (1.9..2.1).contains(&ratio)), "{case}");
             assert!(left < 1e-6, "{case}");
@@ -272,15 +277,45 @@ fn linear_loops_feel_as_their_hybrid_matrix_says() {
     }
 }
 
+/// HASHTRUDI: local force feedback C_5 and C_6 of any size, down to three channels, with C_3 = 1 + C_5 and C_2 = 1 + C_6.
 #[test]
 fn four_channels_without_delay_are_transparent_to_rounding() {
-    let mut config = linear(Architecture::FourChannel, 0.0);
-    config.sensor.moving_mass_kg = 0.0;
-    for frequency in [0.1, 1.0, 10.0, 100.0] {
-        let Hybrid { h11, h12, h21, h22 } = Hybrid::of(&config, Complex::new(0.0, 0.0), frequency);
-        assert!(h11.norm() < 1e-9 && h22.norm() < 1e-12, "{h11} {h22}");
-        assert!((h12 - 1.0).norm() < 1e-12 && (h21 + 1.0).norm() < 1e-12, "{h12} {h21}");
+    for [c5, c6] in [[0.0, 0.0], [-1.0, 0.0], [0.0, -1.0], [0.7, -0.4], [-1.0, 3.0], [20.0, 5.0]] {
+        let mut config = linear(Architecture::FourChannel, 0.0);
+        config.sensor.moving_mass_kg = 0.0;
+        (config.control.slave_force_feedback, config.control.master_force_feedback) = (c5, c6);
+        for frequency in [0.1, 1.0, 10.0, 100.0] {
+            let Hybrid { h11, h12, h21, h22 } =
+                Hybrid::of(&config, Complex::new(0.0, 0.0), frequency);
+            assert!(h11.norm() < 1e-9 && h22.norm() < 1e-12, "{c5} {c6}: {h11} {h22}");
+            assert!((h12 - 1.0).norm() < 1e-12 && (h21 + 1.0).norm() < 1e-12, "{h12} {h21}");
+        }
     }
+}
+
+/// With -1 at one side no force is sent to it: what the other side knows of forces no longer matters.
+#[test]
+fn a_local_feedback_of_minus_one_leaves_a_channel_out() {
+    let felt = |c5: f64, c6: f64, fraction: f64| {
+        let mut config = linear(Architecture::FourChannel, 0.005);
+        (config.control.slave_force_feedback, config.control.master_force_feedback) = (c5, c6);
+        (config.compensation.fraction, config.operator.mass_kg) = (fraction, 1.0);
+        let trocar = plausible();
+        let mut tried = Loop::new(&config, trocar, trocar, 0.1).unwrap();
+        tried.run(100, |t| (0.1 + 0.02 * t, 0.02)).unwrap()
+    };
+    // The slave is the only one that uses the estimate with C_6 = -1, and nobody with C_5 = 0 as well.
+    assert_eq!(course(&felt(0.0, -1.0, 0.0)), course(&felt(0.0, -1.0, 0.9)));
+    assert_ne!(course(&felt(0.0, 0.0, 0.0)), course(&felt(0.0, 0.0, 0.9)));
+    assert_ne!(course(&felt(0.5, -1.0, 0.0)), course(&felt(0.5, -1.0, 0.9)));
+    let both = "[control]\nslave_force_feedback = -1.0\nmaster_force_feedback = -1.0\n";
+    let refused = Config::from_toml(both).unwrap_err().to_string();
+    assert!(refused.contains("control.slave_force_feedback must be above -1"), "{refused}");
+}
+
+/// Positions of both devices.
+fn course(samples: &[Sample]) -> Vec<[f64; 2]> {
+    samples.iter().map(|s| [s.master_position, s.slave_position]).collect()
 }
 
 /// LLEWELLYN with waves: any delay leaves the loop passive.
@@ -461,8 +496,8 @@ fn the_best_fraction_has_two_sides_and_depends_on_the_loop() {
     assert!((right / wrong / 1.25 - 1.0).abs() < 0.1, "{right} {wrong}");
 }
 
-/// The longer the delay, the softer the stiffest tissue held; with 4 ms and no compensation only a wall is
-/// held, and no soft tissue.
+/// The longer the delay, the softer the stiffest tissue held; with 4 ms and no compensation no soft tissue is
+/// held.
 #[test]
 fn delays_of_a_map_are_whole_samples() {
     let config = Config::default();
@@ -481,8 +516,8 @@ fn delays_of_a_map_are_whole_samples() {
 #[test]
 fn delay_takes_stability_away() {
     let trocar = plausible();
-    let wall = map(&Config::default(), [&trocar, &trocar], &[0.004], &[0.0], || ()).unwrap();
-    assert!(wall.z_width_n_m[0][0].first().is_none_or(|[least, _]| least > 1e3), "{wall:?}");
+    let soft = map(&Config::default(), [&trocar, &trocar], &[0.004], &[0.0], || ()).unwrap();
+    assert!(soft.z_width_n_m[0][0].first().is_none_or(|[least, _]| least > 1e2), "{soft:?}");
     let delays = [0.0, 0.005, 0.01, 0.02];
     let found =
         map(&Config::default(), [&trocar, &trocar], &delays, &[0.0, 0.8, 1.0], || ()).unwrap();
@@ -879,40 +914,49 @@ fn least_energy(config: &Config, samples: &[Sample]) -> [f64; 2] {
 }
 
 /// FRANKEN: with the credit network and trocar together give no more than they got and the reserve, and the control brakes
-/// less than without.
+/// less than without. The page states how well the stiffness is displayed, by the least friction that the credit assumes.
 #[test]
 fn a_credit_from_the_trocar_spares_damping_and_keeps_loop_and_trocar_passive() {
-    let motion = Config::default().motion;
-    for scale in [0.8, 0.9, 1.0] {
-        for delay_s in [0.0, 0.01] {
-            let plant = scaled(&plausible(), scale).unwrap();
-            let course = |credit| {
-                let mut config = compensated(credit);
-                config.channel.delay_s = delay_s;
-                let mut tried = Loop::new(&config, plant, plausible(), motion.start_m()).unwrap();
-                let samples = tried.run(config.samples(), |time| motion.at(time)).unwrap();
-                (config, samples)
-            };
-            let (config, with) = course(PassivityCredit::Trocar);
-            let (_, without) = course(PassivityCredit::None);
-            let [least, sample] = least_energy(&config, &with);
-            assert!(least > -sample, "{scale} {delay_s} s: {least} J, {sample} J a sample");
-            let braked = |samples: &[Sample]| -> f64 {
-                samples.iter().map(|s| s.passivity_forces[1].powi(2)).sum()
-            };
-            assert!(braked(&with) < 0.1 * braked(&without), "{scale} {delay_s} s");
-            let merit = Merit::of(&config, &with);
-            let deep =
-                |samples: &[Sample]| samples.iter().map(|s| s.tissue_force).fold(0.0, f64::max);
-            assert!(
-                deep(&with) > 2.0 * deep(&without),
-                "{scale} {delay_s} s: the tissue is reached"
-            );
-            let displayed = merit.displayed_stiffness_n_m.unwrap();
-            let truly = merit.true_stiffness_n_m.unwrap();
-            assert!((displayed / truly - 1.0).abs() < 0.2, "{displayed} {truly}");
-        }
+    for (least, within, brakes) in [(0.8, 0.06, 0.1), (0.6, 0.06, 0.1), (0.5, 0.35, 0.9)] {
+        let off = [0.7, 0.8, 0.9, 1.0].map(|scale| credited(least, scale, within, brakes));
+        let most = off.into_iter().fold(0.0, f64::max);
+        // What the page says of the default is no better than it is.
+        assert!((least == 0.5) == (most > 0.2), "{least}: {most}");
     }
+}
+
+/// How far the stiffness displayed is off at most, relative, with the trocar at the friction `scale`.
+fn credited(least: f64, scale: f64, within: f64, brakes: f64) -> f64 {
+    let motion = Config::default().motion;
+    let plant = scaled(&plausible(), scale).unwrap();
+    let mut most = 0.0_f64;
+    for delay_s in [0.0, 0.01] {
+        let course = |credit| {
+            let mut config = compensated(credit);
+            config.control.credit_friction_scale = least;
+            config.channel.delay_s = delay_s;
+            let mut tried = Loop::new(&config, plant, plausible(), motion.start_m()).unwrap();
+            let samples = tried.run(config.samples(), |time| motion.at(time)).unwrap();
+            (config, samples)
+        };
+        let (config, with) = course(PassivityCredit::Trocar);
+        let (_, without) = course(PassivityCredit::None);
+        let [energy, sample] = least_energy(&config, &with);
+        assert!(energy > -sample, "{scale} {delay_s} s: {energy} J, {sample} J a sample");
+        let braked = |samples: &[Sample]| -> f64 {
+            samples.iter().map(|s| s.passivity_forces[1].powi(2)).sum()
+        };
+        assert!(braked(&with) < brakes * braked(&without), "{least} {scale} {delay_s} s");
+        let merit = Merit::of(&config, &with);
+        let deep = |samples: &[Sample]| samples.iter().map(|s| s.tissue_force).fold(0.0, f64::max);
+        assert!(deep(&with) > 2.0 * deep(&without), "{scale} {delay_s} s: the tissue is reached");
+        let displayed = merit.displayed_stiffness_n_m.unwrap();
+        let truly = merit.true_stiffness_n_m.unwrap();
+        let off = (displayed / truly - 1.0).abs();
+        assert!(off < within, "{least} {scale} {delay_s} s: {displayed} {truly}");
+        most = most.max(off);
+    }
+    most
 }
 
 /// The bound holds for the friction that it assumes: with less, network and trocar give energy.
@@ -1120,6 +1164,158 @@ fn advice_over_draws_says_how_many_of_them_hold() {
     assert!(low < fraction && fraction <= high && high - low > 0.1, "{low} {fraction} {high}");
 }
 
+/// A trocar of each kind of friction that slides with `force` + `viscous`·v, N and N s/m.
+fn sliding(kind: usize, force: f64, viscous: f64) -> Trocar {
+    let friction = SlidingFriction::coulomb(force, viscous);
+    Trocar::of_seal(match kind {
+        0 => Seal::Classical(Classical::Static(StaticFriction::new(friction).unwrap())),
+        1 => Seal::Classical(Classical::LuGre(
+            LuGre::new(LuGreParams {
+                stiffness: 1e5,
+                micro_damping: 50.0,
+                damping_velocity: f64::INFINITY,
+                sliding: friction,
+                curve: StribeckCurve::Exponential,
+            })
+            .unwrap(),
+        )),
+        2 => Seal::Classical(Classical::Dahl(
+            Dahl::new(DahlParams {
+                stiffness: 5e3,
+                coulomb_force: force,
+                exponent: 1.0,
+                viscous_damping: viscous,
+            })
+            .unwrap(),
+        )),
+        _ => {
+            let mut params = trocar_model::ElementParams::plausible_10_5_mm().unwrap();
+            // With more the force lags behind the speed.
+            params.insertion.viscous_damping = 0.01;
+            params.withdrawal.viscous_damping = 0.01;
+            let element = trocar_model::Element::new(params).unwrap();
+            return scaled(&Trocar::of_seal(element), force / 3.0).unwrap();
+        }
+    })
+}
+
+/// Whether the tip comes back before it goes on, in one contact: the seal then deforms where it would slide.
+fn bounces(samples: &[Sample]) -> bool {
+    let mut has_turned = false;
+    samples.iter().any(|sample| {
+        has_turned = sample.tissue_force > 0.0 && (has_turned || sample.slave_velocity < -1e-4);
+        has_turned && sample.slave_velocity > 3e-4
+    })
+}
+
+/// Slope of `y` over the depth while the tip goes deeper by more than a micrometre in a sample, or a hundredth of what the motion
+/// does, by the normal equations.
+fn slope_while_deeper(config: &Config, samples: &[Sample], y: impl Fn(&Sample) -> f64) -> f64 {
+    let (surface, motion) = (config.tissue.surface_m, config.motion);
+    let least = (0.01 * TAU * motion.frequency_hz * motion.amplitude_m * 1e-3).min(1e-6);
+    let goes_deeper = |pair: &&[Sample]| {
+        pair[1].tissue_force > 0.0 && pair[1].slave_position - pair[0].slave_position > least
+    };
+    let points: Vec<[f64; 2]> = samples
+        .windows(2)
+        .filter(goes_deeper)
+        .map(|pair| [pair[1].slave_position - surface, y(&pair[1])])
+        .collect();
+    let sum = |of: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(of).sum::<f64>();
+    let n = points.len() as f64;
+    let (x, y) = (sum(&|p| p[0]), sum(&|p| p[1]));
+    (n * sum(&|p| p[0] * p[1]) - x * y) / (n * sum(&|p| p[0] * p[0]) - x * x)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 96, ..ProptestConfig::default() })]
+
+    /// A seal that slides adds `F_c + β·v` to what is felt of the tissue, whatever its law: the stiffness displayed is the slope
+    /// of `λ·(k·x + b·v + (1 − γ)·(F_c + β·v))`. Samples that stick have no part in it.
+    #[test]
+    fn the_stiffness_displayed_through_a_sliding_seal_is_that_of_its_law(
+        kind in 0_usize..4,
+        forces in [0.2..4.0, 0.0..5.0],
+        tissue in [15.0..1000.0, 0.0..4.0],
+        fraction in 0.0..1.0,
+        gain in 0.3..1.2,
+        pace in 0.3..0.8,
+    ) {
+        let [force, mut viscous] = forces;
+        if kind == 3 {
+            viscous = 0.01;
+        }
+        let trocar = sliding(kind, force, viscous);
+        let mut config = Config::default();
+        (config.tissue.stiffness_n_m, config.tissue.damping_n_s_m) = (tissue[0], tissue[1]);
+        (config.compensation.fraction, config.control.force_gain) = (fraction, gain);
+        // Far enough that every seal slides when it touches.
+        (config.motion.middle_m, config.motion.amplitude_m) = (0.11, 0.04);
+        config.motion.frequency_hz = pace;
+        config.motion.duration_s = 2.0 / pace;
+        let samples = run(&config, &trocar, 2.0 / pace, |time| config.motion.at(time));
+        prop_assume!(!bounces(&samples));
+        let merit = Merit::of(&config, &samples);
+        let law = |s: &Sample| {
+            let slides = (1.0 - fraction) * (force + viscous * s.slave_velocity);
+            let depth = s.slave_position - config.tissue.surface_m;
+            gain * (tissue[0] * depth + tissue[1] * s.slave_velocity + slides)
+        };
+        let expected = slope_while_deeper(&config, &samples, law);
+        let found = merit.displayed_stiffness_n_m.unwrap();
+        // Friction is constant to 0.2 % of itself over the 30 mm of depth.
+        let allowed = 0.005 * expected + gain * 0.002 * force / 0.03;
+        prop_assert!((found - expected).abs() < allowed, "{} {}", found, expected);
+    }
+}
+
+/// DAHL from rest: `F_c·(1 − e^(−σ·x/F_c))` is added to the tissue's force; a seal that slides adds nothing.
+#[test]
+fn a_contact_from_rest_displays_the_deforming_seal_and_one_while_sliding_does_not() {
+    for (force, stiffness) in [(1.0, 50.0), (2.0, 100.0), (4.0, 50.0)] {
+        let trocar = sliding(2, force, 0.0);
+        let mut config = Config::default();
+        (config.tissue.stiffness_n_m, config.tissue.damping_n_s_m) = (stiffness, 0.0);
+        let found = Outcome::of(&config, [&trocar, &trocar]).unwrap().figures.unwrap().contacts;
+        let surface = config.tissue.surface_m;
+        (config.motion.middle_m, config.motion.amplitude_m) = (surface + 0.01, 0.01);
+        let samples = run(&config, &trocar, 1.0, |time| config.motion.at(time));
+        let law = |s: &Sample| {
+            let depth = s.slave_position - surface;
+            stiffness * depth + force * (1.0 - (-5e3 * depth / force).exp())
+        };
+        let expected = slope_while_deeper(&config, &samples, law);
+        let from_rest = found.displayed_from_rest_n_m.unwrap();
+        assert!((from_rest / expected - 1.0).abs() < 0.01, "{from_rest} {expected}");
+        assert!(from_rest > 1.02 * stiffness, "{from_rest} {stiffness}");
+        let sliding = found.displayed_sliding_n_m.unwrap();
+        assert!((sliding / stiffness - 1.0).abs() < 1e-3, "{sliding} {stiffness}");
+    }
+}
+
+/// Coulomb friction hides no step of stiffness: the least that is noticed is 23 % of the tissue's, whatever the friction.
+#[test]
+fn coulomb_friction_hides_no_step_of_stiffness() {
+    for (force, stiffness) in [(1.0, 40.0), (3.0, 116.0), (3.0, 460.0)] {
+        let mut config = Config::default();
+        (config.tissue.stiffness_n_m, config.tissue.damping_n_s_m) = (stiffness, 0.0);
+        let trocar = coulomb(force);
+        let step = noticeable_step(&config, [&trocar, &trocar]).unwrap();
+        let Some(NoticeableStep::Noticed { step_n_m }) = step else { panic!("{step:?}") };
+        assert!((step_n_m / (0.23 * stiffness) - 1.0).abs() < 0.06, "{step_n_m} {stiffness}");
+    }
+}
+
+/// Advice on free motion is none, and the reason is given.
+#[test]
+fn there_is_no_advice_where_the_tip_never_reaches_the_tissue() {
+    let mut config = Config::default();
+    config.tissue.surface_m = 0.5;
+    let advice = advised(&config, plausible()).unwrap();
+    assert!(advice.fraction.is_none() && advice.best.is_none() && advice.with.is_none());
+    assert!(!advice.stable.is_empty() && advice.refusal().contains("does not reach the tissue"));
+}
+
 /// JONES: the seal hides steps of the tissue's stiffness that are felt once it is taken out.
 #[test]
 fn without_compensation_a_step_of_stiffness_must_be_larger_to_be_noticed() {
@@ -1165,7 +1361,7 @@ fn a_step_is_noticed_although_the_loop_is_unstable_with_the_stiffest_tissue() {
         config.tissue.stiffness_n_m = stiffness;
         config
     };
-    assert!(!Outcome::of(&with(2000.0), [&trocar, &trocar]).unwrap().settles);
+    assert!(!Outcome::of(&with(2000.0), [&trocar, &trocar]).unwrap().settles());
     let step = |config: &Config| noticeable_step(config, [&trocar, &trocar]).unwrap();
     let Some(NoticeableStep::Noticed { step_n_m }) = step(&config) else { panic!("noticed") };
     assert!((step_n_m / (0.23 * 200.0) - 1.0).abs() < 0.1, "{step_n_m}");
@@ -1205,14 +1401,14 @@ fn four_channels_in_samples_need_a_hand_with_mass() {
         config.control.architecture = Architecture::FourChannel;
         config.operator.mass_kg = mass_kg;
         config.sensor.place = Place::Tip;
-        Outcome::of(&config, [&trocar, &trocar]).unwrap().settles
+        Outcome::of(&config, [&trocar, &trocar]).unwrap().settles()
     };
     assert!(!settles(0.0, 1e-3) && !settles(0.0, 1e-4));
     let needed = 0.5 * 1e-3 * (300.0 + 200.0) / (10.0 + 1.0);
     assert!(!settles(0.5 * needed, 1e-3) && settles(4.0 * needed, 1e-3));
 }
 
-/// A light grip and too much taken out: the loop rests in the tissue, but not on the way there.
+/// A light grip and too much taken out: the loop rests in the tissue, but not on the way there, and the verdict says so.
 #[test]
 fn a_loop_that_oscillates_before_the_tissue_is_unstable() {
     let mut config = Config::default();
@@ -1220,9 +1416,51 @@ fn a_loop_that_oscillates_before_the_tissue_is_unstable() {
     config.compensation.fraction = 1.25;
     let trocar = plausible();
     let found = Outcome::of(&config, [&trocar, &trocar]).unwrap();
-    assert!(!found.settles && found.figures.is_none());
-    let surface = config.tissue.surface_m;
-    assert!(Trial::default().is_stable(&config, &trocar, &trocar, surface).unwrap());
+    assert!(found.figures.is_none());
+    let by = found.unsettled_by.unwrap();
+    assert_ne!(by, Disturbance::PushIntoTissue);
+    assert!(["a pull off tissue", "a push without tissue"].contains(&by.in_words()), "{by:?}");
+    // A motion within the tissue never gets there.
+    (config.motion.middle_m, config.motion.amplitude_m) = (0.14, 0.01);
+    config.motion.duration_s = 0.1;
+    let inside = Outcome::of(&config, [&trocar, &trocar]).unwrap().unsettled_by;
+    assert!(inside.is_none_or(|by| by == Disturbance::PullOffTissue), "{inside:?}");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, cases: 48, ..ProptestConfig::default() })]
+
+    /// A loop that is called stable comes to rest after a pull from the surface of the tissue as after a push, with and
+    /// without tissue.
+    #[test]
+    fn a_stable_loop_comes_to_rest_after_a_pull_as_after_a_push(
+        kind in 0_usize..14,
+        delay in 0_u32..12,
+        numbers in [0.0..1.4, 20.0..400.0, 1.0..12.0, 20.0..2000.0],
+        has_tissue in any::<bool>(),
+        pulls in any::<bool>(),
+    ) {
+        let (name, trocar) = all_kinds().swap_remove(kind);
+        let mut config = Config::default();
+        config.channel.delay_s = 1e-3 * f64::from(delay);
+        config.compensation.fraction = numbers[0];
+        (config.operator.stiffness_n_m, config.operator.damping_n_s_m) = (numbers[1], numbers[2]);
+        config.tissue.stiffness_n_m = numbers[3];
+        prop_assume!(settles(&config, &trocar));
+        if !has_tissue {
+            config.tissue.kind = TissueKind::None;
+        }
+        let surface = config.tissue.surface_m;
+        let moved = if pulls { -0.01 } else { 0.01 };
+        let hand = |t: f64| {
+            let part = (t / 0.1).min(1.0);
+            (surface + moved * part * part * (3.0 - 2.0 * part), moved * 60.0 * part * (1.0 - part))
+        };
+        let samples = run(&config, &trocar, 20.0, hand);
+        let speed = |s: &Sample| s.master_velocity.abs().max(s.slave_velocity.abs());
+        let last = samples[19_000..].iter().map(speed).fold(0.0, f64::max);
+        prop_assert!(last < 2e-3, "{} {} m/s", name, last);
+    }
 }
 
 /// What the trocar is credited with is no energy of the slave's port.

@@ -18,7 +18,9 @@ fn the_advice_of_the_docs_is_that_of_the_command() {
 fn the_figures_of_the_docs_are_those_of_the_command() {
     let curves = example::curves().unwrap();
     let table = example::table(&curves);
-    assert!(PAGE.contains(&table), "docs/explanation/teleoperation.md has not\n{table}");
+    for table in [table, example::approaches().unwrap()] {
+        assert!(PAGE.contains(&table), "docs/explanation/teleoperation.md has not\n{table}");
+    }
     let document = example::document(&curves).unwrap();
     let drawn = trocar::report::vectors(&document).unwrap();
     assert_eq!(drawn.len(), 2);

@@ -153,11 +153,9 @@ fn questions(args: &Args, config: &Config, of: (&ModelFile, &Path)) -> anyhow::R
 fn warn(console: &Console, args: &Args, study: &Study) -> bool {
     let unstable = match &study.outcome.course {
         Err(diverged) => Some(diverged.to_string()),
-        Ok(_) if !study.outcome.settles => Some(
-            "the loop is unstable: after a push into the tissue it does not come to rest"
-                .to_owned(),
-        ),
-        Ok(_) => None,
+        Ok(_) => study.outcome.unsettled_by.map(|by| {
+            format!("the loop is unstable: it does not come to rest after {}", by.in_words())
+        }),
     };
     let course = args.out.as_ref().map(|folder| folder.join(COURSE));
     if let (Some(course), true) = (course, study.unstable_after_s().is_some())
@@ -205,9 +203,7 @@ fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
 
 /// Whether the figures tell nothing about the tissue.
 fn warn_of_no_contact(console: &Console, study: &Study) -> bool {
-    let tissue = &study.config.tissue;
-    let is_there = tissue.kind != TissueKind::None && tissue.stiffness_n_m > 0.0;
-    let begins_inside = is_there && study.config.begins_in_the_tissue();
+    let begins_inside = study.config.has_tissue() && study.config.begins_in_the_tissue();
     if begins_inside {
         console.warn(
             "the motion begins in the tissue: no stiffness displayed\n\nhint: begin before tissue.surface_m, see [motion]",
@@ -246,6 +242,10 @@ fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
     if args.map.is_some() && config.tissue.kind == TissueKind::None {
         let text =
             "--map: there is no tissue whose stiffness could be found\n\nhint: give tissue.kind";
+        return Err(BadArgument(text.to_owned()).into());
+    }
+    if args.advise && !config.has_tissue() {
+        let text = "--advise: there is no tissue that could be felt\n\nhint: give tissue.kind and tissue.stiffness_n_m";
         return Err(BadArgument(text.to_owned()).into());
     }
     if (args.advise || args.map.is_some()) && !config.uses_compensation() {
@@ -302,10 +302,12 @@ fn check_intervals(
 fn text(study: &Study) -> String {
     let (fraction, figures) = (study.config.compensation.fraction, &study.outcome.figures);
     let mut text = String::new();
-    match (figures, study.unstable_after_s()) {
-        (Some(_), _) => {}
-        (None, Some(time)) => text += &format!("unstable: diverged after {} s\n", number(time)),
-        (None, None) => text += "unstable: it does not come to rest after a push into the tissue\n",
+    match (study.unstable_after_s(), study.outcome.unsettled_by) {
+        (Some(time), _) => text += &format!("unstable: diverged after {} s\n", number(time)),
+        (None, Some(by)) => {
+            text += &format!("unstable: it does not come to rest after {}\n", by.in_words());
+        }
+        (None, None) => {}
     }
     text += &study.z_width.as_ref().map_or(String::new(), z_width_text);
     let advised = study.advice.as_ref().and_then(|a| Some((a.fraction?, a.with.as_ref()?)));
@@ -353,8 +355,7 @@ fn figures_table(cases: &[(f64, &Merit)]) -> String {
 
 fn advice_text(advice: &Advice) -> String {
     let Some(fraction) = advice.fraction else {
-        return "\nno fraction from 0 to 150 % makes the loop stable\n".to_owned()
-            + &partly_stable(advice);
+        return format!("\n{}\n{}", advice.refusal(), partly_stable(advice));
     };
     let share = |fraction: f64| number(100.0 * fraction);
     let range = |[low, high]: &[f64; 2]| {

@@ -150,21 +150,22 @@ fn warning(input: &TeleopReport) -> Option<String> {
             "The loop is unstable: it diverged after {} s. A loop that is unstable has no figures of merit.",
             significant(time_s, 4)
         )),
-        Ok(_) if !input.study.outcome.settles => Some(
-            "The loop is unstable: after a push into the tissue it does not come to rest. A loop that is unstable has no figures of merit."
-                .to_owned(),
-        ),
-        Ok(_) => None,
+        Ok(_) => input.study.outcome.unsettled_by.map(|disturbance| {
+            format!(
+                "The loop is unstable: it does not come to rest after {}. A loop that is unstable has no figures of merit.",
+                disturbance.in_words()
+            )
+        }),
     }
 }
 
 fn tiles(input: &TeleopReport) -> Vec<Tile> {
-    let verdict = match (input.course(), input.study.outcome.settles) {
+    let verdict = match (input.course(), input.study.outcome.unsettled_by) {
         (Err(Diverged { time_s }), _) => {
             ("unstable", format!("diverged after {} s", significant(time_s, 4)))
         }
-        (Ok(_), false) => ("unstable", "no rest after a push into the tissue".to_owned()),
-        (Ok(_), true) => ("stable", "comes to rest after a push into the tissue".to_owned()),
+        (Ok(_), Some(by)) => ("unstable", format!("no rest after {}", by.in_words())),
+        (Ok(_), None) => ("stable", "comes to rest after pushes and pulls".to_owned()),
     };
     let mut tiles = vec![Tile::new("The loop", verdict.0, verdict.1)];
     if let Some(width) = &input.study.z_width {
@@ -251,7 +252,10 @@ fn advised(input: &TeleopReport) -> Section {
             },
             ranges(&advice.stable)
         ),
-        None => "No fraction from 0 to 150 % makes the loop stable.".to_owned(),
+        None => {
+            let why = advice.refusal();
+            format!("{}{}.", why[..1].to_uppercase(), &why[1..])
+        }
     };
     let mut section = section.paragraph(words);
     if let Some(step) = advice.noticeable_with {

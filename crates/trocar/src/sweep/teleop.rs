@@ -10,7 +10,7 @@ use super::{Seals, Sweep, SweepError, set_number, trace_file};
 use crate::teleop::{Config, Outcome, write_course};
 
 /// Names of the results of a loop, in the order of [`numbers`].
-pub(crate) const RESULTS: [&str; 11] = [
+pub(crate) const RESULTS: [&str; 13] = [
     "settles",
     "unstable_after_s",
     "force_error_rms_n",
@@ -18,6 +18,8 @@ pub(crate) const RESULTS: [&str; 11] = [
     "force_error_rms_jnd",
     "displayed_stiffness_n_m",
     "true_stiffness_n_m",
+    "displayed_from_rest_n_m",
+    "displayed_sliding_n_m",
     "position_error_rms_m",
     "master_energy_j",
     "slave_energy_j",
@@ -26,7 +28,7 @@ pub(crate) const RESULTS: [&str; 11] = [
 
 /// NaN for what there is not: figures of a loop that is unstable, and the time of one that does not diverge.
 fn numbers(outcome: &Outcome) -> Vec<f64> {
-    let settles = f64::from(u8::from(outcome.settles));
+    let settles = f64::from(u8::from(outcome.settles()));
     let unstable_after = outcome.course.as_ref().map_or_else(|why| why.time_s, |_| f64::NAN);
     let of = |merit: &crate::teleop::merit::Merit| {
         [
@@ -35,13 +37,15 @@ fn numbers(outcome: &Outcome) -> Vec<f64> {
             merit.force_error_rms_jnd,
             merit.displayed_stiffness_n_m.unwrap_or(f64::NAN),
             merit.true_stiffness_n_m.unwrap_or(f64::NAN),
+            merit.contacts.displayed_from_rest_n_m.unwrap_or(f64::NAN),
+            merit.contacts.displayed_sliding_n_m.unwrap_or(f64::NAN),
             merit.position_error_rms_m,
             merit.master_energy_j,
             merit.slave_energy_j,
             merit.credit_j.unwrap_or(f64::NAN),
         ]
     };
-    let figures = outcome.figures.as_ref().map_or([f64::NAN; 9], of);
+    let figures = outcome.figures.as_ref().map_or([f64::NAN; 11], of);
     [settles, unstable_after].into_iter().chain(figures).collect()
 }
 

@@ -24,7 +24,8 @@ const STEP_ACCURACY: f64 = 0.01;
 /// Advice on the fraction γ for one loop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Advice {
-    /// γ with the least force error among those with which the loop is stable; none if it is never.
+    /// γ with the least force error among those with which the loop is stable and the tip reaches the tissue; none if there
+    /// is none. Where the tip does not reach it, the error tells nothing about what is felt of the tissue.
     pub fraction: Option<f64>,
     /// Intervals of γ, lowest and highest, over which the loop is stable with every pair.
     pub stable: Vec<[f64; 2]>,
@@ -67,6 +68,18 @@ pub enum NoticeableStep {
     },
 }
 
+impl Advice {
+    /// Why there is no fraction.
+    pub fn refusal(&self) -> &'static str {
+        match self.stable.is_empty() {
+            true => "no fraction from 0 to 150 % makes the loop stable",
+            false => {
+                "no advice: the tip does not reach the tissue with any fraction that makes the loop stable"
+            }
+        }
+    }
+}
+
 /// One fraction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Tried {
@@ -103,10 +116,12 @@ pub fn advise<K: AsRef<[f64]> + Clone + Sync>(
         })
         .collect::<Result<Vec<Outcomes>, ConfigError>>()?;
     let tried: Vec<Tried> = outcomes.iter().map(Outcomes::tried).collect();
-    let best =
-        tried.iter().filter(|t| t.stable).min_by(|a, b| error(a.merit).total_cmp(&error(b.merit)));
+    let best = tried
+        .iter()
+        .filter(|t| t.merit.is_some_and(|merit| merit.reaches(config)))
+        .min_by(|a, b| error(a.merit).total_cmp(&error(b.merit)));
     let stable = tried.chunk_by(|a, b| a.stable == b.stable).filter(|run| run[0].stable);
-    let own = (0..pairs.len()).filter_map(|pair| own_best(&outcomes, pair));
+    let own = (0..pairs.len()).filter_map(|pair| own_best(config, &outcomes, pair));
     let step = |fraction: f64| match pairs.first() {
         Some([model, plant]) => noticeable_step(&with_fraction(config, fraction), [model, plant]),
         None => Ok(None),
@@ -151,9 +166,10 @@ impl Outcomes {
     }
 }
 
-/// γ with which the pair of this number is stable with the least force error.
-fn own_best(outcomes: &[Outcomes], pair: usize) -> Option<f64> {
-    let held = outcomes.iter().filter(|outcome| outcome.merits[pair].is_some());
+/// γ with which the pair of this number is stable and reaches the tissue with the least force error.
+fn own_best(config: &Config, outcomes: &[Outcomes], pair: usize) -> Option<f64> {
+    let reaches = |merit: Merit| merit.reaches(config);
+    let held = outcomes.iter().filter(|outcome| outcome.merits[pair].is_some_and(reaches));
     let best = held.min_by(|a, b| error(a.merits[pair]).total_cmp(&error(b.merits[pair])));
     best.map(|best| best.fraction)
 }

@@ -73,6 +73,11 @@ impl Press {
         self.middle_m - self.amplitude_m
     }
 
+    /// Largest speed, m/s.
+    pub(super) fn peak_m_s(&self) -> f64 {
+        std::f64::consts::TAU * self.frequency_hz * self.amplitude_m.abs()
+    }
+
     /// Position, m, and velocity, m/s, at `time`, s.
     pub fn at(&self, time: f64) -> (f64, f64) {
         let rate = std::f64::consts::TAU * self.frequency_hz;
@@ -138,8 +143,8 @@ pub enum Architecture {
     PositionPosition,
     /// The slave follows the master's position, the master reflects the sensor's force.
     PositionForce,
-    /// LAWRENCE's transparent choice: both positions and both forces are sent, and the masses are
-    /// compensated.
+    /// LAWRENCE's transparent choice, with HASHTRUDI's local force feedback: both positions and both forces are sent, and the
+    /// masses are compensated.
     FourChannel,
     /// NIEMEYER's wave variables. Nothing is reflected where the slave's damping equals the wave
     /// impedance.
@@ -158,6 +163,12 @@ pub struct Control {
     pub damping_n_s_m: f64,
     /// λ, the fraction of the sensor's force that the master reflects, ≥ 0; position-force only.
     pub force_gain: f64,
+    /// C_6, the fraction of the operator's force that the master's motor adds to it, -1 to 100; four channels only. The force of
+    /// the tissue is sent with C_2 = 1 + C_6, so that -1 leaves that channel out: three remain.
+    pub master_force_feedback: f64,
+    /// C_5, the fraction of the sensor's force that the slave's motor adds to it, -1 to 100; four channels only. The force of the
+    /// operator is sent with C_3 = 1 + C_5, so that -1 leaves that channel out. One of C_5 and C_6 must be above -1.
+    pub slave_force_feedback: f64,
     /// b of the wave variables, N s/m, above 0.
     pub wave_impedance_n_s_m: f64,
     /// Time-domain passivity control at both ports.
@@ -303,6 +314,8 @@ impl Default for Control {
             stiffness_n_m: 2000.0,
             damping_n_s_m: 40.0,
             force_gain: 1.0,
+            master_force_feedback: 0.0,
+            slave_force_feedback: 0.0,
             wave_impedance_n_s_m: 20.0,
             passivity: false,
             passivity_credit: PassivityCredit::None,
@@ -421,6 +434,11 @@ impl Config {
         sends && self.sensor.place == Place::Outside
     }
 
+    /// Whether there is tissue with a stiffness.
+    pub fn has_tissue(&self) -> bool {
+        self.tissue.kind != TissueKind::None && self.tissue.stiffness_n_m > 0.0
+    }
+
     /// Whether the intended motion begins in the tissue, by more than a micrometre.
     pub fn begins_in_the_tissue(&self) -> bool {
         self.motion.start_m() > self.tissue.surface_m + 1e-6
@@ -430,6 +448,13 @@ impl Config {
     pub fn leaves_the_tissue(&self) -> bool {
         let Tissue { surface_m, breathing_m, .. } = self.tissue;
         self.motion.middle_m - self.motion.amplitude_m.abs() < surface_m + breathing_m
+    }
+
+    /// The same without breathing and the sensor's noise.
+    pub(super) fn quiet(&self) -> Self {
+        let mut quiet = self.clone();
+        (quiet.tissue.breathing_m, quiet.sensor.noise_n) = (0.0, 0.0);
+        quiet
     }
 
     /// Whether the passivity control is given energy back.
@@ -497,6 +522,14 @@ impl Config {
         not_below_0("control.stiffness_n_m", self.control.stiffness_n_m)?;
         not_below_0("control.damping_n_s_m", self.control.damping_n_s_m)?;
         not_below_0("control.force_gain", self.control.force_gain)?;
+        let [c6, c5] = [self.control.master_force_feedback, self.control.slave_force_feedback];
+        for (name, found) in
+            [("control.master_force_feedback", c6), ("control.slave_force_feedback", c5)]
+        {
+            check((-1.0..=100.0).contains(&found), name, "from -1 to 100", found)?;
+        }
+        let name = "control.slave_force_feedback";
+        check(c5.max(c6) > -1.0, name, "above -1 where master_force_feedback is -1", c5)?;
         above_0("control.wave_impedance_n_s_m", self.control.wave_impedance_n_s_m)?;
         let credit = self.control.credit_friction_scale;
         check(

@@ -102,9 +102,11 @@ impl Controllers {
     pub(crate) fn slave(&mut self, from: Packet, own: &Reading, estimate: f64) -> (f64, Packet) {
         let force = match self.control.architecture {
             Architecture::PositionPosition | Architecture::PositionForce => self.follow(from, own),
-            // C_1 = Z_s + C_s, C_3 = 1
+            // HASHTRUDI: C_1 = Z_s + C_s, C_3 = 1 + C_5
             Architecture::FourChannel => {
-                self.follow(from, own) + from.force + momentum(&self.slave, from)
+                let local = self.control.slave_force_feedback;
+                self.follow(from, own) + (1.0 + local) * from.force + momentum(&self.slave, from)
+                    - local * estimate
             }
             Architecture::Wave => return self.wave_slave(from, own),
         };
@@ -124,14 +126,18 @@ impl Controllers {
         (force, own.sent_with(from.force - 2.0 * force / self.wave_scale()))
     }
 
-    /// F_mc, N, against the operator.
-    pub(crate) fn master(&self, from: Packet, own: &Reading) -> f64 {
+    /// F_mc, N, against the operator, whose force is `operator_force`, N.
+    pub(crate) fn master(&self, from: Packet, own: &Reading, operator_force: f64) -> f64 {
         match self.control.architecture {
             Architecture::PositionPosition => -self.follow(from, own),
             Architecture::PositionForce => self.control.force_gain * from.force,
-            // C_4 = −(Z_m + C_m), C_2 = 1
+            // HASHTRUDI: C_4 = −(Z_m + C_m), C_2 = 1 + C_6
             Architecture::FourChannel => {
-                from.force - self.follow(from, own) - momentum(&self.master, from)
+                let local = self.control.master_force_feedback;
+                (1.0 + local) * from.force
+                    - self.follow(from, own)
+                    - momentum(&self.master, from)
+                    - local * operator_force
             }
             Architecture::Wave => {
                 self.control.wave_impedance_n_s_m * own.velocity - self.wave_scale() * from.force

@@ -3,12 +3,18 @@
 use serde::Serialize;
 
 use super::config::{Architecture, Config};
+use super::contact::Contacts;
 use super::simulation::Sample;
 
 /// Just noticeable difference of a force, as a fraction of it, PANG.
 const NOTICEABLE: f64 = 0.07;
 /// Force below which the difference stays that of this force, N.
 const WEAKEST_N: f64 = 2.5;
+/// Speed up to which the tip counts as at rest, m/s: a step of 1 µm in a millisecond, less than which encoders do not resolve; in
+/// slow motions a hundredth of their largest speed, but above rounding. A tip that sticks rings and creeps by less, and its
+/// force changes without depth.
+const AT_REST_M_S: [f64; 2] = [1e-6, 1e-3];
+const AT_REST: f64 = 0.01;
 
 /// Just noticeable difference of a stiffness, as a fraction of it, JONES.
 pub const STIFFNESS_NOTICEABLE: f64 = 0.23;
@@ -31,6 +37,9 @@ pub struct Merit {
     pub displayed_stiffness_n_m: Option<f64>,
     /// The same of the force on the tissue, N/m.
     pub true_stiffness_n_m: Option<f64>,
+    /// The same in two pushes that differ in the seal's past only; [`Merit::of`] has none.
+    #[serde(flatten)]
+    pub contacts: Contacts,
     /// Rms of the difference of the devices' positions, m.
     pub position_error_rms_m: f64,
     /// Energy that the network has received at both ports less what it has given, J; below 0 where it was active.
@@ -71,19 +80,16 @@ impl Merit {
         let error = |sample: &Sample| config.felt(sample) - sample.tissue_force;
         let in_steps =
             |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
-        // A motion that begins in the tissue begins with an undeformed seal, unlike every later contact.
-        let is_shown = !config.begins_in_the_tissue() && config.tissue.stiffness_n_m > 0.0;
-        let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > 0.0;
-        let loading: Vec<&Sample> = samples.iter().filter(|s| is_shown && deepens(s)).collect();
-        let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
         let [master_energy_j, slave_energy_j] =
             samples.last().map_or([0.0; 2], Sample::network_energies);
+        let [displayed_stiffness_n_m, true_stiffness_n_m] = displayed(config, samples);
         Self {
             force_error_rms_n: rms(&error),
             force_error_peak_n: samples.iter().map(|s| error(s).abs()).fold(0.0, f64::max),
             force_error_rms_jnd: rms(&in_steps),
-            displayed_stiffness_n_m: slope(&loading, depth, |sample| config.felt(sample)),
-            true_stiffness_n_m: slope(&loading, depth, |sample| sample.tissue_force),
+            displayed_stiffness_n_m,
+            true_stiffness_n_m,
+            contacts: Contacts::default(),
             position_error_rms_m: rms(&|sample| sample.master_position - sample.slave_position),
             energy_j: master_energy_j + slave_energy_j,
             master_energy_j,
@@ -92,11 +98,21 @@ impl Merit {
         }
     }
 
+    /// Whether the tip has gone deeper into the tissue of `config`, or began there: without it the figures are those of free motion.
+    pub fn reaches(&self, config: &Config) -> bool {
+        config.begins_in_the_tissue() || self.true_stiffness_n_m.is_some()
+    }
+
     /// The figures for display: name, value (`None` without contact) and unit.
     pub fn rows(&self) -> Vec<(&'static str, Option<f64>, &'static str)> {
+        let contacts = self.contacts;
         let rows = [
             ("stiffness displayed", self.displayed_stiffness_n_m, "N/m"),
             ("stiffness of the tissue", self.true_stiffness_n_m, "N/m"),
+            ("contact from rest: displayed", contacts.displayed_from_rest_n_m, "N/m"),
+            ("contact from rest: tissue", contacts.true_from_rest_n_m, "N/m"),
+            ("contact while sliding: displayed", contacts.displayed_sliding_n_m, "N/m"),
+            ("contact while sliding: tissue", contacts.true_sliding_n_m, "N/m"),
             ("error of the force felt, rms", Some(self.force_error_rms_n), "N"),
             ("error of the force felt, peak", Some(self.force_error_peak_n), "N"),
             ("in just noticeable differences, rms", Some(self.force_error_rms_jnd), "1"),
@@ -108,6 +124,23 @@ impl Merit {
             self.credit_j.map(|j| ("energy credited from the trocar", Some(1e3 * j), "mJ"));
         rows.into_iter().chain(credit).collect()
     }
+}
+
+/// Slopes of the force felt and of the force on the tissue over the depth of the tip while it goes deeper, N/m.
+pub(super) fn displayed(config: &Config, samples: &[Sample]) -> [Option<f64>; 2] {
+    // A motion that begins in the tissue begins with an undeformed seal, unlike every later contact.
+    if config.begins_in_the_tissue() || !config.has_tissue() {
+        return [None; 2];
+    }
+    let [least, most] = AT_REST_M_S;
+    let at_rest = (AT_REST * config.motion.peak_m_s()).clamp(least, most);
+    let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest;
+    let loading: Vec<&Sample> = samples.iter().filter(deepens).collect();
+    let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
+    [
+        slope(&loading, depth, |sample| config.felt(sample)),
+        slope(&loading, depth, |sample| sample.tissue_force),
+    ]
 }
 
 /// Slope of `y` over `x` by least squares; `None` for fewer than ten samples or all at one place.

@@ -21,6 +21,7 @@
 pub mod advise;
 mod channel;
 pub mod config;
+mod contact;
 mod control;
 mod credit;
 mod estimate;
@@ -35,6 +36,7 @@ pub mod stability;
 mod study;
 
 pub use config::{Config, ConfigError};
+pub use contact::Contacts;
 pub use model::{
     Candidates, candidates, course_columns, response_columns, scaled, write_course, write_response,
 };

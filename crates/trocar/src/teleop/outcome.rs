@@ -2,20 +2,20 @@
 
 use trocar_model::Trocar;
 
-use super::config::{Config, ConfigError, TissueKind};
+use super::config::{Config, ConfigError};
+use super::contact::Contacts;
 use super::merit::Merit;
 use super::simulation::{Diverged, Loop, Sample};
-use super::stability::Trial;
+use super::stability::Disturbance;
 
 /// Result of a loop.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
     /// The samples along the motion of the configuration, or when the loop diverged.
     pub course: Result<Vec<Sample>, Diverged>,
-    /// Whether it comes to rest in its tissue after a push, and without tissue if the motion leaves it
-    /// ([`Trial`]).
-    pub settles: bool,
-    /// Figures of merit; none where the loop does not settle, or diverges.
+    /// What the loop does not come to rest after; none where it is stable ([`Disturbance::unsettling`]).
+    pub unsettled_by: Option<Disturbance>,
+    /// Figures of merit; none where the loop does not come to rest, or diverges.
     pub figures: Option<Merit>,
 }
 
@@ -28,20 +28,22 @@ impl Outcome {
         config: &Config,
         [model, plant]: [&Trocar<K>; 2],
     ) -> Result<Self, ConfigError> {
-        let surface = config.tissue.surface_m;
-        let settles_in =
-            |config: &Config| Trial::default().is_stable(config, plant, model, surface);
-        let mut settles = settles_in(config)?;
-        if settles && config.leaves_the_tissue() {
-            let mut free = config.clone();
-            free.tissue.kind = TissueKind::None;
-            settles = settles_in(&free)?;
-        }
+        let unsettled_by = Disturbance::unsettling(config, [model, plant])?;
         let start = config.motion.start_m();
         let mut tried = Loop::new(config, plant.clone(), model.clone(), start)?;
         let course = tried.run(config.samples(), |time| config.motion.at(time));
-        let stable = course.as_ref().ok().filter(|_| settles);
-        let figures = stable.map(|samples| Merit::of(config, samples));
-        Ok(Self { course, settles, figures })
+        let figures = match &course {
+            Ok(samples) if unsettled_by.is_none() => Some(Merit {
+                contacts: Contacts::of(config, [model, plant])?,
+                ..Merit::of(config, samples)
+            }),
+            _ => None,
+        };
+        Ok(Self { course, unsettled_by, figures })
+    }
+
+    /// Whether it comes to rest after every disturbance.
+    pub fn settles(&self) -> bool {
+        self.unsettled_by.is_none()
     }
 }

@@ -139,6 +139,17 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         self
     }
 
+    /// Time of the next sample, s.
+    pub(super) fn time(&self) -> f64 {
+        self.count as f64 * self.config.sample_time_s
+    }
+
+    /// Displaces the slave by `way`, m, and adds `velocity`, m/s, to its own, at once.
+    pub(super) fn strike(&mut self, way: f64, velocity: f64) {
+        self.slave.motion.position += way;
+        self.slave.motion.velocity += velocity;
+    }
+
     /// One sample: reads the sensors, exchanges packets, sets the motors and moves the plant to the next sample. `hand` gives the
     /// operator's intended position (m) and velocity (m/s) at a time (s).
     ///
@@ -156,7 +167,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             Motion { position, velocity }
         };
         let duration = self.config.sample_time_s;
-        let time = self.count as f64 * duration;
+        let time = self.time();
         let [own_master, own_slave] = self.read();
         let estimate = self.estimator.estimate(&self.slave, &own_slave);
         let operator_force = self.master.operator_force(hand(time), self.held[0]);
@@ -169,7 +180,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         let credit = self.credit.as_mut().map_or(0.0, dissipated);
         back.energy = self.ports[1].observe(own_slave.position, credit);
         self.arrived = self.to_master.send(back);
-        let master_force = self.controllers.master(self.arrived, &own_master);
+        let master_force = self.controllers.master(self.arrived, &own_master, operator_force);
         let forces = [
             self.guard(0, &own_master, master_force, self.arrived.energy),
             -self.guard(1, &own_slave, -slave_force, at_slave.energy),

@@ -4,31 +4,102 @@ use serde::Serialize;
 use trocar_model::Trocar;
 
 use super::config::{Config, ConfigError, TissueKind};
-use super::simulation::Loop;
+use super::simulation::{Loop, Sample};
 
 /// How a loop is tried.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trial {
-    /// Distance by which the hand pushes at the beginning, m.
+    /// Distance by which the hand pushes, and then pulls back, m.
     pub push_m: f64,
-    /// Time after which the loop must have settled, s.
+    /// Time after each of these after which the loop must have settled, s.
     pub settle_s: f64,
     /// Time over which it is watched then, s.
     pub watch_s: f64,
-    /// Largest rms velocity of both devices in the second half of that time, m/s, with which they count as at rest.
+    /// Largest rms velocity of both devices over half of that time, m/s, with which they count as at rest.
     pub at_rest_m_s: f64,
 }
 
-/// Velocity below which nothing counts as growing, m/s: above what rounding and the iterations of the plant leave.
+/// Change of the velocity in a sample below which nothing counts as growing, m/s: above what rounding and the iterations of the
+/// plant leave.
 const STILL_M_S: f64 = 1e-10;
-/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast.
-const STRUCK_M_S: f64 = 1e-3;
-/// Most times that half of the watch is repeated while the velocity grows from below rest, or decays towards it.
-const LONGEST_WATCH: u32 = 60;
+/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast. Two strikes
+/// together are below rest.
+const STRUCK_M_S: f64 = 3e-4;
+/// Steps of the slave's encoder by which it is displaced as well: controllers do not see less.
+const DISPLACED_STEPS: f64 = 2.0;
+/// Most halves of the watch.
+const LONGEST_WATCH: usize = 60;
 /// Part of the least velocity so far below which a half counts as decay, and halves in a row without decay after which a loop
-/// is unstable: those of a slow swing are not of equal velocity.
+/// that oscillates evenly is unstable: those of a slow swing are not of equal velocity.
 const SLOWEST_DECAY: f64 = 0.9;
 const PATIENCE: u32 = 2;
+/// Halves from which on a slow decay is told from an even oscillation.
+const TOLD: usize = 8;
+/// Standard errors by which an envelope must grow or decay, and the least rate, per half: above that of rounding.
+const SIGNIFICANT: f64 = 3.0;
+const SLOWEST_RATE: f64 = 1e-6;
+/// Part of its earlier rate with which an envelope must still decay, or grow, at the end: one that tends to an even oscillation
+/// does not.
+const STEADY: f64 = 0.5;
+/// Watches within which what decays at that rate must be at rest.
+const LONGEST_DECAY: f64 = 20.0;
+/// Part of the work on the trocar that it dissipates from which on it slides: a seal that only deforms gives nearly all back.
+const SLIDES: f64 = 0.5;
+
+/// What a loop does not come to rest after.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Disturbance {
+    /// A push into the tissue.
+    PushIntoTissue,
+    /// A pull off the tissue.
+    PullOffTissue,
+    /// A push without tissue.
+    PushWithoutTissue,
+    /// A pull without tissue.
+    PullWithoutTissue,
+}
+
+impl Disturbance {
+    /// As the end of "does not come to rest after".
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::PushIntoTissue => "a push into tissue",
+            Self::PullOffTissue => "a pull off tissue",
+            Self::PushWithoutTissue => "a push without tissue",
+            Self::PullWithoutTissue => "a pull without tissue",
+        }
+    }
+
+    /// The one after which the loop of `config` does not come to rest, with `model` in the compensator and `plant` as the trocar:
+    /// a push by 10 mm from the surface of the tissue and back ([`Trial`]), and if the motion leaves the tissue, also a pull
+    /// from there and back, and both without tissue. `None` where the loop is stable.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range.
+    pub fn unsettling<K: AsRef<[f64]> + Clone>(
+        config: &Config,
+        models: [&Trocar<K>; 2],
+    ) -> Result<Option<Self>, ConfigError> {
+        let (mut free, surface) = (config.clone(), config.tissue.surface_m);
+        free.tissue.kind = TissueKind::None;
+        let trials = [(config, 1.0), (config, -1.0), (&free, 1.0), (&free, -1.0)];
+        let count = if config.leaves_the_tissue() { trials.len() } else { 1 };
+        for (tried, first) in &trials[..count] {
+            let failed = Trial::default().fails(tried, models, surface, *first)?;
+            if let Some(direction) = failed {
+                let is_free = tried.tissue.kind == TissueKind::None;
+                return Ok(Some(match (is_free, direction > 0.0) {
+                    (false, true) => Self::PushIntoTissue,
+                    (false, false) => Self::PullOffTissue,
+                    (true, true) => Self::PushWithoutTissue,
+                    (true, false) => Self::PullWithoutTissue,
+                }));
+            }
+        }
+        Ok(None)
+    }
+}
 
 impl Default for Trial {
     /// A push by 10 mm, 1 s to settle, watched for 1 s, at rest below 1 mm/s.
@@ -39,12 +110,20 @@ impl Default for Trial {
 
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
-    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 1 mm/s: the rms velocity of both devices over the second half of
-    /// [`Trial::watch_s`] is below [`Trial::at_rest_m_s`], and does not grow from the first half. The watch goes on, for up to
-    /// sixty halves, while the velocity grows from below rest (a slow growth is unstable, too), or decays towards rest: at least
-    /// every third half is a tenth below the least so far.
-    /// Both times are longer where the channel's delay asks for it. The sensor's noise and breathing,
-    /// which keep a stable loop in motion, are left out.
+    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 0.3 mm/s and by two steps of its encoder, and again after the same
+    /// in the opposite direction. At rest the rms velocity of both devices over half of [`Trial::watch_s`] is below
+    /// [`Trial::at_rest_m_s`], and what oscillates has died away. The watch goes on until then, for up to sixty halves. If
+    /// something still oscillates at their end, the loop is unstable where
+    ///
+    /// - the oscillation grows, however slowly: over the last two thirds at a steady rate,
+    /// - the velocity was never below rest, and does not decay at a steady rate,
+    /// - the steps of an encoder keep the instrument sliding in the trocar (ABBOTT); to keep it deforming the seal, below
+    ///   rest, is no instability.
+    ///
+    /// A velocity above rest that has not fallen by a tenth in three halves is unstable at once if the oscillation is even.
+    /// Times are longer where the channel's delay asks for it. The sensor's noise and breathing, which keep a stable loop in
+    /// motion, are left out. With an encoder the slave begins midway between two of its steps, where a controller never sees it
+    /// at its target.
     ///
     /// # Errors
     /// A value of `config` out of its range.
@@ -55,49 +134,165 @@ impl Trial {
         compensator: &Trocar<K>,
         position: f64,
     ) -> Result<bool, ConfigError> {
-        let mut quiet = config.clone();
-        (quiet.tissue.breathing_m, quiet.sensor.noise_n) = (0.0, 0.0);
-        let tried = Loop::new(&quiet, trocar.clone(), compensator.clone(), position)?;
-        let mut tried = tried.with_slave_velocity(STRUCK_M_S);
-        let hand = |time: f64| {
-            let part = (time / 0.1).min(1.0);
-            // Minimum jerk.
-            let way = part * part * part * (10.0 + part * (6.0 * part - 15.0));
-            let rate = 30.0 * part * part * (1.0 - part) * (1.0 - part) / 0.1;
-            (position + self.push_m * way, self.push_m * rate)
+        Ok(self.fails(config, [compensator, trocar], position, 1.0)?.is_none())
+    }
+
+    /// The direction in which the hand moved when the loop did not come to rest, of `first` and its opposite; `None` where it does.
+    fn fails<K: AsRef<[f64]> + Clone>(
+        &self,
+        config: &Config,
+        [model, plant]: [&Trocar<K>; 2],
+        position: f64,
+        first: f64,
+    ) -> Result<Option<f64>, ConfigError> {
+        let (quiet, step) = (config.quiet(), config.slave.encoder_step_m);
+        let (start, push) = match step > 0.0 {
+            true => (((position / step).floor() + 0.5) * step, (self.push_m / step).ceil() * step),
+            false => (position, self.push_m),
         };
+        let mut tried = Loop::new(&quiet, plant.clone(), model.clone(), start)?;
+        let mut moves: Vec<(f64, f64)> = Vec::new();
+        for direction in [first, -first] {
+            moves.push((tried.time(), direction * push));
+            tried.strike(direction * DISPLACED_STEPS * step, direction * STRUCK_M_S);
+            let hand = |time: f64| {
+                moves.iter().fold((start, 0.0), |(x, v), (begin, way)| {
+                    let [moved, rate] = minimum_jerk(time - begin);
+                    (x + way * moved, v + way * rate)
+                })
+            };
+            if !self.comes_to_rest(&quiet, &mut tried, hand) {
+                return Ok(Some(direction));
+            }
+        }
+        Ok(None)
+    }
+
+    fn comes_to_rest<K: AsRef<[f64]> + Clone>(
+        &self,
+        config: &Config,
+        tried: &mut Loop<K>,
+        hand: impl Fn(f64) -> (f64, f64),
+    ) -> bool {
         let round_trip = 2.0 * (config.channel.delay_s + config.channel.jitter_s);
         let samples = |seconds: f64, trips: f64| {
             (seconds.max(trips * round_trip) / config.sample_time_s).ceil() as usize
         };
-        // `None` where the loop diverges.
-        let mut rms = |count: usize| {
-            let mut squares = 0.0;
-            for _ in 0..count {
-                let sample = tried.step(hand).ok()?;
-                squares += sample.master_velocity.powi(2) + sample.slave_velocity.powi(2);
-            }
-            Some((squares / count.max(1) as f64).sqrt())
-        };
-        let half = samples(0.5 * self.watch_s, 2.0);
-        let windows = [samples(self.settle_s, 5.0), half, half].map(&mut rms);
-        let [Some(_), Some(mut first), Some(mut second)] = windows else { return Ok(false) };
-        let (mut least, mut without_decay) = (first, 0);
-        for _ in 0..=LONGEST_WATCH {
-            let is_below = second < self.at_rest_m_s;
-            let grows = second > first && second > STILL_M_S;
-            if is_below && !grows {
-                return Ok(true);
-            }
-            without_decay = if second < SLOWEST_DECAY * least { 0 } else { without_decay + 1 };
-            least = least.min(second);
-            if !is_below && without_decay > PATIENCE {
-                return Ok(false);
-            }
-            let Some(next) = rms(half) else { return Ok(false) };
-            (first, second) = (second, next);
+        if Half::of(tried, samples(self.settle_s, 5.0), &hand).is_none() {
+            return false;
         }
-        Ok(false)
+        let count = samples(0.5 * self.watch_s, 2.0);
+        let (mut halves, mut least, mut without_decay) = (Vec::new(), f64::INFINITY, 0);
+        while halves.len() < LONGEST_WATCH {
+            let Some(half) = Half::of(tried, count, &hand) else { return false };
+            let is_below = half.speed < self.at_rest_m_s;
+            if is_below && half.change < STILL_M_S && !halves.is_empty() {
+                return true;
+            }
+            without_decay = if half.speed < SLOWEST_DECAY * least { 0 } else { without_decay + 1 };
+            least = least.min(half.speed);
+            halves.push(half);
+            let is_even = !is_below && without_decay > PATIENCE && halves.len() >= TOLD;
+            if is_even && !Growth::of(&halves[halves.len() - TOLD..]).decays() {
+                return false;
+            }
+        }
+        let has_encoder = config.master.encoder_step_m + config.slave.encoder_step_m > 0.0;
+        let third = LONGEST_WATCH / 3;
+        let [earlier, last] = [&halves[third..2 * third], &halves[2 * third..]];
+        let slides = has_encoder && slides(last);
+        let [earlier, last] = [earlier, last].map(Growth::of);
+        match least < self.at_rest_m_s {
+            true => {
+                let grows = earlier.grows() && last.grows() && last.rate > STEADY * earlier.rate;
+                !grows && (!slides || last.decays())
+            }
+            false => {
+                let in_time =
+                    (self.at_rest_m_s / least).ln() / (LONGEST_DECAY * LONGEST_WATCH as f64);
+                last.decays() && last.rate < in_time && last.rate < STEADY * earlier.rate
+            }
+        }
+    }
+}
+
+/// Part of a movement of minimum jerk over 0.1 s that is done after `time` (s), and its rate, 1/s.
+fn minimum_jerk(time: f64) -> [f64; 2] {
+    let part = (time / 0.1).clamp(0.0, 1.0);
+    let moved = part * part * part * (10.0 + part * (6.0 * part - 15.0));
+    [moved, 30.0 * part * part * (1.0 - part) * (1.0 - part) / 0.1]
+}
+
+/// Half of the watch.
+struct Half {
+    /// Rms velocity of both devices, m/s.
+    speed: f64,
+    /// Largest change of a device's velocity in a sample, m/s. Unlike the velocity, it does not hide an oscillation behind a
+    /// device that coasts.
+    change: f64,
+    /// Work on the trocar, and the sum of its magnitudes over the samples, J.
+    works: [f64; 2],
+}
+
+/// Whether the instrument slides in the trocar, and not only deforms it.
+fn slides(halves: &[Half]) -> bool {
+    let [net, gross] = [0, 1].map(|k| halves.iter().map(|half| half.works[k]).sum::<f64>());
+    net > SLIDES * gross
+}
+
+impl Half {
+    /// The next `count` samples; `None` where the loop diverges.
+    fn of<K: AsRef<[f64]> + Clone>(
+        tried: &mut Loop<K>,
+        count: usize,
+        hand: impl Fn(f64) -> (f64, f64),
+    ) -> Option<Self> {
+        let (mut squares, mut change, mut works) = (0.0, 0.0_f64, [0.0; 2]);
+        let mut last: Option<Sample> = None;
+        for _ in 0..count {
+            let now = tried.step(&hand).ok()?;
+            squares += now.master_velocity.powi(2) + now.slave_velocity.powi(2);
+            if let Some(last) = last {
+                let master = now.master_velocity - last.master_velocity;
+                let slave = now.slave_velocity - last.slave_velocity;
+                change = change.max(master.abs()).max(slave.abs());
+                let work = now.trocar_work - last.trocar_work;
+                works = [works[0] + work, works[1] + work.abs()];
+            }
+            last = Some(now);
+        }
+        Some(Self { speed: (squares / count.max(1) as f64).sqrt(), change, works })
+    }
+}
+
+/// Exponential growth of the changes of velocity, by least squares through its logarithm.
+#[derive(Debug)]
+struct Growth {
+    /// Per half.
+    rate: f64,
+    /// Standard error of the rate.
+    error: f64,
+}
+
+impl Growth {
+    fn of(halves: &[Half]) -> Self {
+        let count = halves.len() as f64;
+        let middle = 0.5 * (count - 1.0);
+        let logs: Vec<f64> = halves.iter().map(|half| half.change.max(STILL_M_S).ln()).collect();
+        let mean = logs.iter().sum::<f64>() / count;
+        let points = || (0..).map(|k: u32| f64::from(k) - middle).zip(&logs);
+        let xx: f64 = points().map(|(x, _)| x * x).sum();
+        let rate = points().map(|(x, log)| x * log).sum::<f64>() / xx;
+        let squares: f64 = points().map(|(x, log)| (log - mean - rate * x).powi(2)).sum();
+        Self { rate, error: (squares / (count - 2.0) / xx).sqrt() }
+    }
+
+    fn grows(&self) -> bool {
+        self.rate > SIGNIFICANT * self.error + SLOWEST_RATE
+    }
+
+    fn decays(&self) -> bool {
+        self.rate < -SIGNIFICANT * self.error - SLOWEST_RATE
     }
 }
 
@@ -148,7 +343,8 @@ pub struct ZWidth {
 
 impl ZWidth {
     /// The stiffnesses with which the loop of `config` settles ([`Trial`]) at the surface of its tissue, with `model` in the
-    /// compensator and `plant` as the trocar. Tried are 0, 1 and 20 000 N/m, eleven in between and that of `config`; between two
+    /// compensator and `plant` as the trocar. Tried are 1 and 20 000 N/m, eleven in between, that of `config` and 0, which is no
+    /// tissue: no damping either. Between two
     /// of which one settles and the other does not, the boundary is bisected to within 2 %, below 1 N/m to within 0.02 N/m. A
     /// range or a gap that lies between two of these stiffnesses is not found. `None` without tissue.
     ///
@@ -167,9 +363,10 @@ impl ZWidth {
         let ends = [0.0, own, RANGE_N_M[1]];
         let mut tried: Vec<f64> = (0..TRIED).map(|k| between(k).exp()).chain(ends).collect();
         tried.sort_by(f64::total_cmp);
-        let mut config = config.clone();
+        let (mut config, kind) = (config.clone(), config.tissue.kind);
         let settles = |stiffness: f64| {
             config.tissue.stiffness_n_m = stiffness;
+            config.tissue.kind = if stiffness > 0.0 { kind } else { TissueKind::None };
             Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)
         };
         Ok(Some(Self { ranges_n_m: ranges(&tried, settles)? }))

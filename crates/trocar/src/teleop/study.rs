@@ -7,12 +7,12 @@ use thiserror::Error;
 use trocar_model::{ParamError, Trocar};
 
 use super::advise::{Advice, FRACTIONS, Map, advise, map};
-use super::config::{Config, ConfigError, TissueKind};
+use super::config::{Config, ConfigError};
 use super::hybrid::{Response, response};
 use super::merit::Merit;
 use super::model::{Candidates, candidates};
 use super::outcome::Outcome;
-use super::stability::ZWidth;
+use super::stability::{Disturbance, ZWidth};
 use crate::model_file::ModelFile;
 
 /// What to compute besides the course, its figures and the stiffnesses with which the loop is stable.
@@ -64,8 +64,10 @@ pub enum StudyError {
 pub struct Summary<'a> {
     /// γ of the loop.
     pub fraction: f64,
-    /// Whether it comes to rest after a push into the tissue.
+    /// Whether it comes to rest after every disturbance that is tried.
     pub settles: bool,
+    /// The one after which it does not come to rest.
+    pub unsettled_by: Option<Disturbance>,
     /// None where it does not, or diverges.
     pub figures: Option<&'a Merit>,
     /// Ranges of stiffness with which it is stable, N/m; none without tissue.
@@ -139,19 +141,16 @@ impl Study {
 
     /// Whether there is tissue that the tip does not reach: the figures are then those of free motion.
     pub fn is_out_of_reach(&self) -> bool {
-        let tissue = &self.config.tissue;
-        let is_there = tissue.kind != TissueKind::None && tissue.stiffness_n_m > 0.0;
-        let shown = |merit: &Merit| merit.true_stiffness_n_m.is_some();
-        is_there
-            && !self.config.begins_in_the_tissue()
-            && self.outcome.figures.as_ref().is_some_and(|merit| !shown(merit))
+        let is_free = |merit: &Merit| !merit.reaches(&self.config);
+        self.config.has_tissue() && self.outcome.figures.as_ref().is_some_and(is_free)
     }
 
     /// The contents of summary.json.
     pub fn summary(&self) -> Summary<'_> {
         Summary {
             fraction: self.config.compensation.fraction,
-            settles: self.outcome.settles,
+            settles: self.outcome.settles(),
+            unsettled_by: self.outcome.unsettled_by,
             figures: self.outcome.figures.as_ref(),
             z_width_n_m: self.z_width.as_ref(),
             unstable_after_s: self.unstable_after_s(),

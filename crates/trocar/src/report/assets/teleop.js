@@ -45,7 +45,7 @@ class LoopRunner {
     return COLUMNS.map((_, at) => columns.slice(at * this.length, at * this.length + made));
   }
 
-  // Whether the loop comes to rest after a push into the tissue.
+  // Whether the loop comes to rest after pushes and pulls.
   settles() {
     return this.module.settles() === 1;
   }
@@ -375,7 +375,7 @@ class LiveLoop {
     const number = (value, unit) => (Number.isFinite(value) ? precise(value) + " " + unit : "\u2013");
     const stable = this.settles && !course.diverged && !course.refusal;
     const words = course.refusal ? "refused" : course.diverged ? "unstable: diverged after " + precise(course.end) + " s"
-      : this.settles ? "stable" : "unstable: does not come to rest after a push";
+      : this.settles ? "stable" : "unstable: does not come to rest after a push or pull";
     put(said.loop, words, stable);
     said.loop.classList.toggle("doubt", !stable);
     const figures = stable && course.count ? this.runner.figures() : {};

@@ -255,7 +255,7 @@ pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
     }
     Figure::new("stability", 0, "Stiffest tissue with which the loop is stable")
         .caption(
-            "Up to the number in a cell (N/m; k: thousand) the loop comes to rest after a push into the tissue; tissue from 0 to 20 000 N/m \
+            "Up to the number in a cell (N/m; k: thousand) the loop comes to rest after a push into the tissue and back; tissue from 0 to 20 000 N/m \
              was tried. 0: with none that was tried. A star: stable not from 0 on, or in several ranges; the table has all of them.",
         )
         .panel(panel)

@@ -1,0 +1,98 @@
+//! What a contact displays of the tissue: with a seal that is undeformed when the tip touches, and with one that slides.
+//!
+//! A seal that deforms from the surface on adds its own stiffness to that of the tissue; one that slides adds its friction,
+//! which hardly depends on the depth. The same loop displays both.
+
+use serde::Serialize;
+use trocar_model::Trocar;
+
+use super::config::{Config, ConfigError, Press};
+use super::merit::displayed;
+use super::simulation::Loop;
+
+/// Least and greatest approach over which a seal is tried to slide, m.
+const APPROACHES_M: [f64; 2] = [0.02, 0.16];
+/// Difference of the seal's force after that approach and after twice that, relative to it, up to which it slides.
+const SLIDES: f64 = 0.02;
+/// Steps of that approach.
+const STEPS: u32 = 1000;
+
+/// Stiffness displayed, and stiffness of the tissue, in one push to the greatest depth of the motion, at its frequency, without
+/// breathing and noise. None without contact, and where the loop diverges.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Contacts {
+    /// Slope of the force felt where hand and tip begin at rest at the surface and the seal is undeformed, N/m.
+    pub displayed_from_rest_n_m: Option<f64>,
+    /// The same of the force on the tissue, N/m.
+    pub true_from_rest_n_m: Option<f64>,
+    /// Slope of the force felt where the tip comes from so far, at least 20 mm, that the seal slides when it touches, N/m; none
+    /// for a trocar that does not slide within 160 mm.
+    pub displayed_sliding_n_m: Option<f64>,
+    /// The same of the force on the tissue, N/m.
+    pub true_sliding_n_m: Option<f64>,
+}
+
+impl Contacts {
+    /// Runs both pushes of the loop of `config` with `model` in the compensator and `plant` as the trocar.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range, or a model that cannot be made with it.
+    pub fn of<K: AsRef<[f64]> + Clone>(
+        config: &Config,
+        [model, plant]: [&Trocar<K>; 2],
+    ) -> Result<Self, ConfigError> {
+        let Press { middle_m, amplitude_m, frequency_hz, .. } = config.motion;
+        let depth = middle_m + amplitude_m.abs() - config.tissue.surface_m;
+        if depth <= 0.0 || frequency_hz <= 0.0 {
+            return Ok(Self::default());
+        }
+        let push = |approach: f64| {
+            let pushing = pushing(config, approach, depth);
+            let mut pushed =
+                Loop::new(&pushing, plant.clone(), model.clone(), pushing.motion.start_m())?;
+            let course = pushed.run(pushing.samples(), |time| pushing.motion.at(time));
+            Ok::<_, ConfigError>(course.map_or([None; 2], |samples| displayed(&pushing, &samples)))
+        };
+        let [displayed_from_rest_n_m, true_from_rest_n_m] = push(0.0)?;
+        let [displayed_sliding_n_m, true_sliding_n_m] =
+            approach(config, plant, depth).map_or(Ok([None; 2]), push)?;
+        Ok(Self {
+            displayed_from_rest_n_m,
+            true_from_rest_n_m,
+            displayed_sliding_n_m,
+            true_sliding_n_m,
+        })
+    }
+}
+
+/// The loop of one push that begins `approach` before the surface and intends to go `depth` beyond it, m.
+fn pushing(config: &Config, approach: f64, depth: f64) -> Config {
+    let mut pushing = config.quiet();
+    let (frequency_hz, delay) = (config.motion.frequency_hz, 2.0 * config.channel.delay_s);
+    pushing.motion = Press {
+        middle_m: config.tissue.surface_m + 0.5 * (depth - approach),
+        amplitude_m: 0.5 * (depth + approach),
+        frequency_hz,
+        duration_s: (0.5 / frequency_hz + delay).min(config.motion.duration_s),
+    };
+    pushing
+}
+
+/// The least approach, m, after which the seal has forgotten where it began: it slides at the surface.
+fn approach<K: AsRef<[f64]>>(config: &Config, trocar: &Trocar<K>, depth: f64) -> Option<f64> {
+    let surface = config.tissue.surface_m;
+    let force = |approach: f64, speed: f64| {
+        let (mut state, way) = (trocar.rest(surface - approach), approach / f64::from(STEPS));
+        (0..STEPS).fold(0.0, |_, _| trocar.step(&mut state, way, way / speed))
+    };
+    let [mut approach, greatest] = APPROACHES_M;
+    while approach <= greatest {
+        let speed = pushing(config, approach, depth).motion.peak_m_s();
+        let [once, twice] = [approach, 2.0 * approach].map(|approach| force(approach, speed));
+        if (once - twice).abs() <= SLIDES * twice.abs() {
+            return Some(approach);
+        }
+        approach *= 2.0;
+    }
+    None
+}
