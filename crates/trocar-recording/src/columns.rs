@@ -208,7 +208,7 @@ pub(crate) fn other_axes(names: &[String], index: usize) -> Vec<usize> {
         let words = words_of(&lower[*k]);
         let mut unlike = words.iter().zip(&own).filter(|(a, b)| a != b);
         let (first, more) = (unlike.next(), unlike.next().is_some());
-        let is_axis = |word: &str| AXES.iter().any(|axis| word == *axis);
+        let is_axis = |word: &str| AXES.contains(&word);
         words.len() == own.len() && !more && first.is_some_and(|(a, b)| is_axis(a) && is_axis(b))
     };
     (0..names.len()).filter(is_other).collect()

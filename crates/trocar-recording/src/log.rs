@@ -31,6 +31,12 @@ struct Taken {
 /// A column of a topic, and what it may be.
 type Place = (usize, usize, Candidate);
 
+/// A column that is proposed: table and column, and its units per SI unit.
+type Proposal = ((usize, usize), f64);
+
+/// How likely a candidate is: certainty, third joint, range.
+type Rank = (Certainty, bool, f64);
+
 /// Whether tables are topics of a log: they have log times.
 pub(super) fn is_log(tables: &[Table]) -> bool {
     let is_clock = |name: &str| name == HEADER_STAMP || name == LOG_TIME;
@@ -332,8 +338,8 @@ impl Topics<'_> {
         quantity: Quantity,
         candidates: &[Place],
         used: &[(usize, usize)],
-    ) -> Result<Option<((usize, usize), f64)>, RecordingError> {
-        let mut best: Option<((Certainty, bool, f64), (usize, usize), f64)> = None;
+    ) -> Result<Option<Proposal>, RecordingError> {
+        let mut best: Option<(Rank, Proposal)> = None;
         for (table, column, own) in candidates {
             let [low, high] = limits(self.container, *table, &[*column])?[0];
             // The third joint of an arm without names is the insertion.
@@ -345,11 +351,11 @@ impl Topics<'_> {
             );
             if best.is_none_or(|(other, ..)| rank > other) {
                 let per_si = own.per_si.unwrap_or_else(|| likely_unit(quantity, &[low, high]));
-                best = Some((rank, (*table, *column), per_si));
+                best = Some((rank, ((*table, *column), per_si)));
             }
         }
-        if let Some((_, place, per_si)) = best {
-            return Ok(Some((place, per_si)));
+        if let Some((_, own)) = best {
+            return Ok(Some(own));
         }
         let tables = self.container.tables();
         let declared = |(table, column): (usize, usize)| {
