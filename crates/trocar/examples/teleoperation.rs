@@ -16,7 +16,8 @@ use trocar::report::{
 };
 use trocar::teleop::advise::{Advice, Tried, advise, map};
 use trocar::teleop::config::Press;
-use trocar::teleop::{Candidates, Config, Contacts, Outcome, candidates};
+use trocar::teleop::merit::Merit;
+use trocar::teleop::{Candidates, Config, Outcome, candidates};
 use trocar_model::{PositionProfile, Trocar};
 
 /// Friction of the seals in sliding, N: what is reported for trocars.
@@ -73,10 +74,10 @@ pub(crate) fn curves() -> Result<Vec<Curve>, Box<dyn Error>> {
 }
 
 /// A contact by name, with the stiffness that it displays.
-type Contact = (&'static str, fn(&Contacts) -> Option<f64>);
+type Contact = (&'static str, fn(&Merit) -> Option<f64>);
 const CONTACTS: [Contact; 2] = [
-    ("from rest", |contacts| contacts.displayed_from_rest_n_m),
-    ("while sliding", |contacts| contacts.displayed_sliding_n_m),
+    ("from rest", |merit| merit.displayed_from_rest_n_m),
+    ("while sliding", |merit| merit.displayed_sliding_n_m),
 ];
 
 /// Stiffness displayed at some fractions, as a table of Markdown.
@@ -91,7 +92,7 @@ pub(crate) fn table(curves: &[Curve]) -> String {
         for (contact, of) in CONTACTS {
             let cell = |fraction: &f64| {
                 let at = tried.iter().find(|tried| (tried.fraction - fraction).abs() < 1e-9);
-                match at.and_then(|tried| tried.merit).map(|merit| of(&merit.contacts)) {
+                match at.and_then(|tried| tried.merit).map(|merit| of(&merit)) {
                     None => " unstable |".to_owned(),
                     Some(None) => " no contact |".to_owned(),
                     Some(Some(value)) => format!(" {value:.0} |"),
@@ -200,7 +201,7 @@ fn displayed(curves: &[Curve]) -> Figure {
         for (k, curve) in (0..).zip(curves.iter().filter(|curve| curve.tissue == *tissue)) {
             let shown: Vec<&Tried> = curve.tried.iter().filter(|t| t.fraction <= MOST).collect();
             let x = shown.iter().map(|tried| 100.0 * tried.fraction).collect();
-            let value = |tried: &&Tried| tried.merit.and_then(|m| of(&m.contacts));
+            let value = |tried: &&Tried| tried.merit.and_then(|m| of(&m));
             let y = shown.iter().map(|tried| value(tried).unwrap_or(f64::NAN)).collect();
             let name = format!("{} N", curve.friction);
             panel = panel.series(Series::line(name, Role::Category(k), x, y));

@@ -1276,7 +1276,7 @@ fn a_contact_from_rest_displays_the_deforming_seal_and_one_while_sliding_does_no
         let trocar = sliding(2, force, 0.0);
         let mut config = Config::default();
         (config.tissue.stiffness_n_m, config.tissue.damping_n_s_m) = (stiffness, 0.0);
-        let found = Outcome::of(&config, [&trocar, &trocar]).unwrap().figures.unwrap().contacts;
+        let found = Outcome::of(&config, [&trocar, &trocar]).unwrap().figures.unwrap();
         let surface = config.tissue.surface_m;
         (config.motion.middle_m, config.motion.amplitude_m) = (surface + 0.01, 0.01);
         let samples = run(&config, &trocar, 1.0, |time| config.motion.at(time));
@@ -1418,8 +1418,7 @@ fn a_loop_that_oscillates_before_the_tissue_is_unstable() {
     let found = Outcome::of(&config, [&trocar, &trocar]).unwrap();
     assert!(found.figures.is_none());
     let by = found.unsettled_by.unwrap();
-    assert_ne!(by, Disturbance::PushIntoTissue);
-    assert!(["a pull off tissue", "a push without tissue"].contains(&by.in_words()), "{by:?}");
+    assert_eq!(by, Disturbance::PushWithoutTissue);
     // A motion within the tissue never gets there.
     (config.motion.middle_m, config.motion.amplitude_m) = (0.14, 0.01);
     config.motion.duration_s = 0.1;

@@ -3,11 +3,10 @@
 //! A seal that deforms from the surface on adds its own stiffness to that of the tissue; one that slides adds its friction,
 //! which hardly depends on the depth. The same loop displays both.
 
-use serde::Serialize;
 use trocar_model::Trocar;
 
 use super::config::{Config, ConfigError, Press};
-use super::merit::displayed;
+use super::merit::{Merit, displayed};
 use super::simulation::Loop;
 
 /// Least and greatest approach over which a seal is tried to slide, m.
@@ -17,34 +16,21 @@ const SLIDES: f64 = 0.02;
 /// Steps of that approach.
 const STEPS: u32 = 1000;
 
-/// Stiffness displayed, and stiffness of the tissue, in one push to the greatest depth of the motion, at its frequency, without
-/// breathing and noise. None without contact, and where the loop diverges.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
-pub struct Contacts {
-    /// Slope of the force felt where hand and tip begin at rest at the surface and the seal is undeformed, N/m.
-    pub displayed_from_rest_n_m: Option<f64>,
-    /// The same of the force on the tissue, N/m.
-    pub true_from_rest_n_m: Option<f64>,
-    /// Slope of the force felt where the tip comes from so far, at least 20 mm, that the seal slides when it touches, N/m; none
-    /// for a trocar that does not slide within 160 mm.
-    pub displayed_sliding_n_m: Option<f64>,
-    /// The same of the force on the tissue, N/m.
-    pub true_sliding_n_m: Option<f64>,
-}
-
-impl Contacts {
-    /// Runs both pushes of the loop of `config` with `model` in the compensator and `plant` as the trocar.
+impl Merit {
+    /// The same with the figures of two pushes to the greatest depth of the motion of `config`, at its frequency, without breathing
+    /// and noise, with `model` in the compensator and `plant` as the trocar.
     ///
     /// # Errors
     /// A value of `config` out of its range, or a model that cannot be made with it.
-    pub fn of<K: AsRef<[f64]> + Clone>(
+    pub fn with_contacts<K: AsRef<[f64]> + Clone>(
+        self,
         config: &Config,
         [model, plant]: [&Trocar<K>; 2],
     ) -> Result<Self, ConfigError> {
         let Press { middle_m, amplitude_m, frequency_hz, .. } = config.motion;
         let depth = middle_m + amplitude_m.abs() - config.tissue.surface_m;
         if depth <= 0.0 || frequency_hz <= 0.0 {
-            return Ok(Self::default());
+            return Ok(self);
         }
         let push = |approach: f64| {
             let pushing = pushing(config, approach, depth);
@@ -61,6 +47,7 @@ impl Contacts {
             true_from_rest_n_m,
             displayed_sliding_n_m,
             true_sliding_n_m,
+            ..self
         })
     }
 }

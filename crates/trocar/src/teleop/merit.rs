@@ -3,7 +3,6 @@
 use serde::Serialize;
 
 use super::config::{Architecture, Config};
-use super::contact::Contacts;
 use super::simulation::Sample;
 
 /// Just noticeable difference of a force, as a fraction of it, PANG.
@@ -37,9 +36,15 @@ pub struct Merit {
     pub displayed_stiffness_n_m: Option<f64>,
     /// The same of the force on the tissue, N/m.
     pub true_stiffness_n_m: Option<f64>,
-    /// The same in two pushes that differ in the seal's past only; [`Merit::of`] has none.
-    #[serde(flatten)]
-    pub contacts: Contacts,
+    /// Slope of the force felt in one push in which hand and tip begin at rest at the surface and the seal is undeformed, N/m.
+    pub displayed_from_rest_n_m: Option<f64>,
+    /// The same of the force on the tissue, N/m.
+    pub true_from_rest_n_m: Option<f64>,
+    /// Slope of the force felt in one push in which the tip comes from so far, at least 20 mm, that the seal slides when it
+    /// touches, N/m; none for a trocar that does not slide within 160 mm.
+    pub displayed_sliding_n_m: Option<f64>,
+    /// The same of the force on the tissue, N/m.
+    pub true_sliding_n_m: Option<f64>,
     /// Rms of the difference of the devices' positions, m.
     pub position_error_rms_m: f64,
     /// Energy that the network has received at both ports less what it has given, J; below 0 where it was active.
@@ -71,7 +76,7 @@ impl Config {
 }
 
 impl Merit {
-    /// Figures of `samples`, all of them.
+    /// Figures of `samples`, all of them; without those of the two pushes ([`Merit::with_contacts`]).
     pub fn of(config: &Config, samples: &[Sample]) -> Self {
         let rms = |of: &dyn Fn(&Sample) -> f64| {
             let squares: f64 = samples.iter().map(|sample| of(sample).powi(2)).sum();
@@ -89,7 +94,10 @@ impl Merit {
             force_error_rms_jnd: rms(&in_steps),
             displayed_stiffness_n_m,
             true_stiffness_n_m,
-            contacts: Contacts::default(),
+            displayed_from_rest_n_m: None,
+            true_from_rest_n_m: None,
+            displayed_sliding_n_m: None,
+            true_sliding_n_m: None,
             position_error_rms_m: rms(&|sample| sample.master_position - sample.slave_position),
             energy_j: master_energy_j + slave_energy_j,
             master_energy_j,
@@ -105,14 +113,13 @@ impl Merit {
 
     /// The figures for display: name, value (`None` without contact) and unit.
     pub fn rows(&self) -> Vec<(&'static str, Option<f64>, &'static str)> {
-        let contacts = self.contacts;
         let rows = [
             ("stiffness displayed", self.displayed_stiffness_n_m, "N/m"),
             ("stiffness of the tissue", self.true_stiffness_n_m, "N/m"),
-            ("contact from rest: displayed", contacts.displayed_from_rest_n_m, "N/m"),
-            ("contact from rest: tissue", contacts.true_from_rest_n_m, "N/m"),
-            ("contact while sliding: displayed", contacts.displayed_sliding_n_m, "N/m"),
-            ("contact while sliding: tissue", contacts.true_sliding_n_m, "N/m"),
+            ("contact from rest: displayed", self.displayed_from_rest_n_m, "N/m"),
+            ("contact from rest: tissue", self.true_from_rest_n_m, "N/m"),
+            ("contact while sliding: displayed", self.displayed_sliding_n_m, "N/m"),
+            ("contact while sliding: tissue", self.true_sliding_n_m, "N/m"),
             ("error of the force felt, rms", Some(self.force_error_rms_n), "N"),
             ("error of the force felt, peak", Some(self.force_error_peak_n), "N"),
             ("in just noticeable differences, rms", Some(self.force_error_rms_jnd), "1"),

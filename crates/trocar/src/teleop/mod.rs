@@ -36,7 +36,6 @@ pub mod stability;
 mod study;
 
 pub use config::{Config, ConfigError};
-pub use contact::Contacts;
 pub use model::{
     Candidates, candidates, course_columns, response_columns, scaled, write_course, write_response,
 };

@@ -3,7 +3,6 @@
 use trocar_model::Trocar;
 
 use super::config::{Config, ConfigError};
-use super::contact::Contacts;
 use super::merit::Merit;
 use super::simulation::{Diverged, Loop, Sample};
 use super::stability::Disturbance;
@@ -33,10 +32,9 @@ impl Outcome {
         let mut tried = Loop::new(config, plant.clone(), model.clone(), start)?;
         let course = tried.run(config.samples(), |time| config.motion.at(time));
         let figures = match &course {
-            Ok(samples) if unsettled_by.is_none() => Some(Merit {
-                contacts: Contacts::of(config, [model, plant])?,
-                ..Merit::of(config, samples)
-            }),
+            Ok(samples) if unsettled_by.is_none() => {
+                Some(Merit::of(config, samples).with_contacts(config, [model, plant])?)
+            }
             _ => None,
         };
         Ok(Self { course, unsettled_by, figures })

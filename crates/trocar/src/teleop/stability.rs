@@ -72,8 +72,8 @@ impl Disturbance {
     }
 
     /// The one after which the loop of `config` does not come to rest, with `model` in the compensator and `plant` as the trocar:
-    /// a push by 10 mm from the surface of the tissue and back ([`Trial`]), and if the motion leaves the tissue, also a pull
-    /// from there and back, and both without tissue. `None` where the loop is stable.
+    /// a push by 10 mm from the surface of the tissue and back ([`Trial`]). If the motion leaves the tissue, before that a push
+    /// and a pull without tissue, and after it a pull from the surface. `None` where the loop is stable.
     ///
     /// # Errors
     /// A value of `config` out of its range.
@@ -83,9 +83,9 @@ impl Disturbance {
     ) -> Result<Option<Self>, ConfigError> {
         let (mut free, surface) = (config.clone(), config.tissue.surface_m);
         free.tissue.kind = TissueKind::None;
-        let trials = [(config, 1.0), (config, -1.0), (&free, 1.0), (&free, -1.0)];
-        let count = if config.leaves_the_tissue() { trials.len() } else { 1 };
-        for (tried, first) in &trials[..count] {
+        let trials = [(&free, 1.0), (&free, -1.0), (config, 1.0), (config, -1.0)];
+        let needed = if config.leaves_the_tissue() { 0..4 } else { 2..3 };
+        for (tried, first) in &trials[needed] {
             let failed = Trial::default().fails(tried, models, surface, *first)?;
             if let Some(direction) = failed {
                 let is_free = tried.tissue.kind == TissueKind::None;
