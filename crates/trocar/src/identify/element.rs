@@ -39,6 +39,9 @@ use crate::segment::Direction;
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
 /// Half widths tried again, relative to the best.
 const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
+/// The same for a fit from a prior: the seal may be another than the prior's, by a factor of √2 from
+/// one start to the next.
+const WIDTHS_OF_A_PRIOR: [f64; 6] = [0.25, 0.35, 0.5, 0.7, 1.4, 2.0];
 /// Most clusters.
 pub(super) const MOST_CLUSTERS: usize = 120;
 /// Fewest strokes from which their scatter is estimated; with fewer, all have the same scale.
@@ -139,8 +142,10 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     // Scatter between few strokes looks like viscous friction where they have one scale, and the fit
     // may not get from there, or from the width of the prior, to the least cost.
     let widths = two_step_width(input).into_iter().filter_map(|width| of_width(&start, width));
-    let starts: Vec<EmsTrial> =
-        other_widths(&start).chain(widths).chain([start.clone(), fitted.best]).collect();
+    let starts: Vec<EmsTrial> = other_widths(&start, &WIDTHS_OF_A_PRIOR)
+        .chain(widths)
+        .chain([start.clone(), fitted.best])
+        .collect();
     let fit = |training: &Training, from: &EmsTrial| likelihood::fit(training, from, NEXT);
     let mut fits: Vec<_> = starts.par_iter().filter_map(|from| fit(&training, from)).collect();
     // The variance of a fit in another minimum would give the prior too much weight.
@@ -164,14 +169,14 @@ const TRUE_GAIN: f64 = 0.05;
 
 /// The best of fits from other half widths, with all terms kept.
 fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
-    let fits =
-        other_widths(&found.best).filter_map(|start| likelihood::fit(training, &start, NEXT));
+    let fits = other_widths(&found.best, &OTHER_WIDTHS)
+        .filter_map(|start| likelihood::fit(training, &start, NEXT));
     fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
-/// The same full stroke with other half widths.
-fn other_widths(trial: &EmsTrial) -> impl Iterator<Item = EmsTrial> + '_ {
-    OTHER_WIDTHS.iter().filter_map(|part| of_width(trial, part * trial.candidate.half_width))
+/// The same full stroke with other half widths, `parts` of its own.
+fn other_widths<'a>(trial: &'a EmsTrial, parts: &'a [f64]) -> impl Iterator<Item = EmsTrial> + 'a {
+    parts.iter().filter_map(|part| of_width(trial, part * trial.candidate.half_width))
 }
 
 fn of_width(trial: &EmsTrial, half_width: f64) -> Option<EmsTrial> {
@@ -720,9 +725,13 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
         carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
     // A wide element may mimic a narrower one.
     let best = best_two.first()?;
-    carried(carried(other_widths(best).chain([best.clone()]).collect(), SHORT, 2), NEXT, 1)
-        .into_iter()
-        .next()
+    carried(
+        carried(other_widths(best, &OTHER_WIDTHS).chain([best.clone()]).collect(), SHORT, 2),
+        NEXT,
+        1,
+    )
+    .into_iter()
+    .next()
 }
 
 /// The same terms fitted to other readings of the same motion.
