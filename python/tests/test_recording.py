@@ -198,7 +198,7 @@ def test_a_part_keeps_the_limit_of_the_sensor() -> None:
 def test_hints_speak_python() -> None:
     with pytest.raises(trocar.RecordingError) as raised:
         trocar.Recording.from_frame({"time": [0], "position_mm": [0], "force_n": [0]})
-    assert "columns='time_s=time' (put in your units)" in str(raised.value)
+    assert "columns='time_s=time' (replace them by your units)" in str(raised.value)
     assert "--" not in str(raised.value)
 
 

@@ -708,6 +708,11 @@ fn recordings_for_a_model_are_read_like_its_own() {
     place.run("simulate found logger.csv --out simulated.csv").done().says(&[said]);
     place.run("compensate found logger.csv --out tissue.csv").done().says(&[said]);
     no_tissue_is_found(&place);
+    // The sign is remembered where only the columns are named anew.
+    let named = "--columns time_s=t,position_mm=pos,force_n=Fz";
+    let again = place.run(&format!("compensate found logger.csv {named} --out tissue.csv")).done();
+    again.says(&["the force is reversed, as in the recordings of the model"]);
+    no_tissue_is_found(&place);
     place.run("export c found/model.json --compensator --out seal.c").done();
     assert!(place.text("seal.h").contains("the observer reverses it"));
     place.run("export c found/model.json --compensator --flip-force=false --out seal.c").done();

@@ -260,7 +260,7 @@ fn an_unstable_loop_is_told_from_one_that_is_unstable_without_tissue() {
     let light =
         "[operator]\nstiffness_n_m = 20.0\ndamping_n_s_m = 2.0\n[compensation]\nfraction = 1.25\n";
     for (config, finding, words) in [
-        (stiff, "push_into_tissue", "a push into tissue"),
+        (stiff, "push_into_tissue", "a push into the tissue"),
         (light, "push_without_tissue", "a push without tissue"),
     ] {
         let place = place(config);

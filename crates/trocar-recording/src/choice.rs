@@ -41,9 +41,22 @@ impl Choice {
 
     /// The same, but by the file's own header; `None` if it is so already.
     pub(super) fn by_own_header(&self) -> Option<Self> {
-        let own =
-            Self { from: self.from, to: self.to, flip_force: self.flip_force, ..Self::default() };
+        let flip_force = self.reverses_force();
+        let own = Self { from: self.from, to: self.to, flip_force, ..Self::default() };
         self.from_another_file.then_some(own)
+    }
+
+    /// Whether the sign of the force is reversed: by `flip_force`, or by a minus before its column.
+    pub fn reverses_force(&self) -> bool {
+        let has_minus = |mapping: &str| match mapping.contains('=') {
+            true => Given::parse(mapping).is_ok_and(|given| {
+                given.iter().any(|own| own.quantity == Quantity::Force && own.reversed)
+            }),
+            false => Layout::from_mapping(mapping, &[]).is_ok_and(|layout| {
+                layout.slots.iter().flatten().any(|own| own.is(Quantity::Force) && own.per_si < 0.0)
+            }),
+        };
+        self.flip_force != self.columns.as_deref().is_some_and(has_minus)
     }
 
     /// Rejects a rate that is none, or one beside a column of times.

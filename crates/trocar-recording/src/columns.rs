@@ -508,7 +508,7 @@ pub(crate) struct Given {
     /// Unit declared in the entry; otherwise the column's own name must give it.
     per_si: Option<f64>,
     pub(crate) column: String,
-    reversed: bool,
+    pub(crate) reversed: bool,
 }
 
 /// The name of a column, followed by `#` and its number among those of the same name if there are

@@ -318,7 +318,7 @@ pub enum RecordingError {
     },
     /// The range of the position exceeds that of any instrument.
     #[error(
-        "{file}: the position covers {stroke} m, expected at most {limit} m\n\nhint: is the unit right? position_mm in place of position_m if the numbers are millimetres"
+        "{file}: the position covers {stroke} m, expected at most {limit} m\n\nhint: use position_mm instead of position_m if the numbers are millimetres"
     )]
     StrokeTooLong {
         /// File name as given by the caller.

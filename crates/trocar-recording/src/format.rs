@@ -122,8 +122,9 @@ pub(crate) struct Marks {
 struct Mark {
     /// A number in which it can only be the decimal mark.
     is_decimal: bool,
-    /// A number in which it can only group thousands.
+    /// A number in which it can only group thousands, and one in which it can.
     is_group: bool,
+    may_group: bool,
     /// Three digits behind it of which the last is 0, and a whole number below a thousand without
     /// it: decimals of fixed length would show in the second, others not in the first.
     ends_in_zero: bool,
@@ -150,11 +151,18 @@ impl Marks {
                 own.has_small |= cell.len() <= 4 && cell.iter().all(|b| !MARKS.contains(b));
             } else if is_grouped(cell, mark) {
                 all.is_group |= count > 1 || cell.contains(&MARKS[1 - k]);
+                all.may_group = true;
                 own.ends_in_zero |= cell.ends_with(b"0");
-            } else {
+            } else if count == 1 {
+                // Several that group nothing are those of a date or of a version.
                 all.is_decimal = true;
             }
         }
+    }
+
+    /// Whether a number was seen in which `mark` may group thousands.
+    pub(crate) fn may_group(&self, mark: char) -> bool {
+        MARKS.iter().zip(self.of).any(|(own, seen)| char::from(*own) == mark && seen.may_group)
     }
 
     /// The format with the decimal mark that the cells prove.
@@ -278,6 +286,9 @@ mod tests {
         }
         let odd = settled(semicolon, true, &["0,5", "1.234", "1.234,5"]);
         assert_eq!(odd, [Some(0.5), Some(1234.0), Some(1234.5)]);
+        // A date or a version is no number, and says nothing about points.
+        let dated = settled(semicolon, true, &["22.11.2026", "0,5", "1.234,5"]);
+        assert_eq!(dated[1..], [Some(0.5), Some(1234.5)]);
     }
 
     #[test]

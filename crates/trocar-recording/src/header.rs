@@ -68,7 +68,7 @@ struct Unclear<'a> {
 
 /// A rate as an example, for a file without times; it stands for any other.
 pub(crate) const EXAMPLE_RATE: &str = "--rate-hz 1000";
-pub(crate) const PUT_IN_RATE: &str = "put in your rate";
+pub(crate) const PUT_IN_RATE: &str = "replace it by your sample rate";
 
 /// What a column of times may also hold.
 const OR_DATES: &str = " or as dates such as 2026-11-22T10:15:00.123";
@@ -250,7 +250,9 @@ impl Header<'_> {
             return Ok(Vec::new());
         };
         let index = time.find(self.names)?;
-        let numbers_rows = is_called_number(&self.names[index])
+        let name = &self.names[index];
+        let numbers_rows = is_called_number(name)
+            && name_in_front(name) != Some(Quantity::Time)
             && (self.first_rows)().get(index).is_some_and(|numbers| counts_by_one(numbers));
         Ok(numbers_rows.then_some((Quantity::Time, Doubt::RowNumbers(index))).into_iter().collect())
     }
@@ -580,7 +582,7 @@ pub(crate) fn in_order(rows: &[Vec<f64>]) -> Option<String> {
     let has = |of: Quantity| assigned.iter().any(|(quantity, _)| *quantity == of);
     let is_timed = has(Quantity::Time);
     let rate = if is_timed { String::new() } else { format!(" {EXAMPLE_RATE}") };
-    let caution = if is_timed { "" } else { "put in your rate; " };
+    let caution = if is_timed { "" } else { "replace it by your sample rate; " };
     (has(Quantity::Position) && has(Quantity::Force)).then(|| {
         let words = words.join(",");
         format!("--columns {words}{rate} ({caution}guessed from the first rows: check the units)")
@@ -713,7 +715,7 @@ fn option(
     };
     let guess = match rows.iter().any(|column| !column.is_empty()) {
         true => "guessed from the first rows: check the units",
-        false => "put in your units",
+        false => "replace them by your units",
     };
     let cautions: Vec<&str> = [(needs_rate, PUT_IN_RATE), (proposed.guessed, guess)]
         .into_iter()

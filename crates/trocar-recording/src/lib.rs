@@ -347,7 +347,7 @@ pub fn read_in_words(
     let collected = collector.finish(&file, name, reader.digest()?, options.sensor_limit);
     let mut recording = collected
         .map_err(|error| plausible::ask_stroke(&options.choice, reader.layout(), error))?;
-    plausible::ask(&file, &options.choice, reader.layout(), &recording)?;
+    plausible::ask(&file, &options.choice, reader.layout(), &recording, true)?;
     recording.choice = options.choice.clone();
     recording.quality.notes.extend(reader.notes());
     // The file's own names make an option that can be pasted.

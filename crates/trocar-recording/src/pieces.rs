@@ -100,7 +100,7 @@ impl Pieces {
             .finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)
             .map_err(|error| plausible::ask_stroke(&self.choice, layout, error))?;
         if first {
-            plausible::ask(&self.file, &self.choice, layout, &piece)?;
+            plausible::ask(&self.file, &self.choice, layout, &piece, is_last)?;
             piece.quality.notes.extend(self.rows.notes());
         }
         if is_last {

@@ -108,16 +108,20 @@ fn speeds(time: &[f64], position: &[f64]) -> (f64, f64) {
 }
 
 /// Refuses what is implausible and has a likely way out, unless the caller has named the column of
-/// that quantity with its unit, or the rate. What has none stays a warning.
+/// that quantity with its unit, or the rate. What has none stays a warning. The beginning of a
+/// longer recording may be a rest: of one that is not `whole` only the rate is judged.
 pub(crate) fn ask(
     file: &str,
     choice: &Choice,
     layout: &Layout,
     recording: &Recording,
+    whole: bool,
 ) -> Result<(), RecordingError> {
     let Recording { time, position, force, quality, .. } = recording;
     let mut doubts = doubts(time, position, force, quality.median_interval);
-    doubts.retain(|own| !is_explicit(own.quantity, choice, layout));
+    doubts.retain(|own| {
+        (whole || own.quantity == Quantity::Time) && !is_explicit(own.quantity, choice, layout)
+    });
     if doubts.is_empty() { Ok(()) } else { question(file, layout, recording, &doubts) }
 }
 
@@ -163,7 +167,8 @@ fn question(
         recording.time.iter().take(1 << 12).map(|time| (time * per_time).round()).collect();
     let steps: Vec<f64> = recording.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let is_one = median(steps).is_some_and(|step| (step * per_time - 1.0).abs() < 1e-6);
-    let numbers_rows = is_one && counts_by_one(&own);
+    let is_doubtful = doubts.iter().any(|doubt| doubt.quantity == Quantity::Time);
+    let numbers_rows = is_doubtful && is_one && counts_by_one(&own);
     let is_paced =
         |factor: f64| fastest / factor >= *SPEEDS.start() && typical / factor <= *SPEEDS.end();
     let likely = |doubt: &Doubt, per_si: f64| {

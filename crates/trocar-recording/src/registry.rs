@@ -287,13 +287,13 @@ impl Kind {
             }
             #[cfg(not(feature = "json"))]
             Self::JsonLines => lacks("json"),
-            Self::Xls => Err(source.unsupported("cells in the layout of before 2007", SAVE_SHEET)),
-            Self::Ods => Err(source.unsupported("cells in its own XML", SAVE_SHEET)),
+            Self::Xls => Err(source.unsupported("cells of the binary Excel format (before 2007)", SAVE_SHEET)),
+            Self::Ods => Err(source.unsupported("OpenDocument cells", SAVE_SHEET)),
             Self::Tdms => {
                 Err(source.unsupported("the segments of LabVIEW", "export it from LabVIEW or DIAdem as CSV, or in Python: nptdms.TdmsFile.read('run.tdms').as_dataframe().to_csv('run.csv')"))
             }
             Self::Feather1 => {
-                Err(source.unsupported("its layout of before 2020", "write it again with pyarrow.feather.write_feather(table, 'run.feather', version=2)"))
+                Err(source.unsupported("the Feather layout before 2020", "write it again with pyarrow.feather.write_feather(table, 'run.feather', version=2)"))
             }
             #[cfg(not(feature = "mcap"))]
             Self::Mcap => lacks("mcap"),

@@ -349,6 +349,10 @@ impl<R: Read> TextReader<R> {
 
     /// Finds what points and commas mean in the rows of the buffer.
     fn settle_marks(&mut self) {
+        if !self.greedy {
+            // Of a live stream only what has arrived is known, and that must decide nothing.
+            return;
+        }
         let mut marks = Marks::default();
         let mut splitter = Splitter::new(self.format.separator);
         let lines = self.buffer[self.start..self.complete].split(|&b| b == b'\n');
@@ -357,12 +361,13 @@ impl<R: Read> TextReader<R> {
             (0..cells).for_each(|k| marks.add(k, splitter.cell(k)));
         }
         self.format = marks.settle(self.format);
-        if self.format.grouped {
-            let (mark, decimal) =
-                if self.format.decimal_comma { ("point", "comma") } else { ("comma", "point") };
+        let (mark, word, decimal) = match self.format.decimal_comma {
+            true => ('.', "point", "comma"),
+            false => (',', "comma", "point"),
+        };
+        if self.format.grouped && marks.may_group(mark) {
             self.notes_of_text.push(format!(
-                "the {mark} groups thousands, as in 1{}234, and the decimal mark is the {decimal}",
-                if self.format.decimal_comma { '.' } else { ',' }
+                "the {word} groups thousands, as in 1{mark}234, and the decimal mark is the {decimal}"
             ));
         }
     }

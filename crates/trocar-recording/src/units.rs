@@ -58,7 +58,7 @@ const FORCES: [Unit; 13] = [
     unit("daN", &["dan", "decanewton", "decanewtons"], 0.1),
     unit("kN", &["kn", "kilonewton", "kilonewtons"], 1e-3),
     unit("dyn", &["dyn", "dyne", "dynes"], 1e5),
-    unit("gf", &["gf", "g", "p", "pond", "gram", "grams", "grf"], 1e3 / KILOGRAM_FORCE),
+    unit("gf", &["gf", "g", "pond", "gram", "grams", "grf"], 1e3 / KILOGRAM_FORCE),
     unit("kgf", &["kgf", "kg"], 1.0 / KILOGRAM_FORCE),
     unit("kp", &["kp", "kilopond"], 1.0 / KILOGRAM_FORCE),
     unit("lbf", &["lbf", "lb", "lbs", "pound", "pounds"], 1.0 / POUND_FORCE),

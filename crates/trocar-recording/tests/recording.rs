@@ -1072,7 +1072,7 @@ fn row_numbers_are_no_times() {
     };
     for name in ["sample", "index", "Sample #", "", "a", "ticks"] {
         let said = message(numbered(name));
-        assert_says(&said, &["no time column", "--rate-hz 1000 (put in your rate)"]);
+        assert_says(&said, &["no time column", "--rate-hz 1000 (replace it by your sample rate)"]);
         assert!(!said.contains("--columns"), "{said}");
         same_as(&plain, numbered(name), &rate(None));
     }
@@ -1093,11 +1093,13 @@ fn row_numbers_are_no_times() {
     let said = message(lines.join("\n"));
     assert_says(
         &said,
-        &["--columns -,position_m,force_n --rate-hz 1000 (put in your rate; guessed"],
+        &["--columns -,position_m,force_n --rate-hz 1000 (replace it by your sample rate; guessed"],
     );
     same_as(&plain, lines.join("\n"), &rate(Some("-,position_m,force_n")));
     // A counter that skips is none of rows, and milliseconds by name count by one.
     same_as(&plain, numbered("time_ms"), &ReadOptions::default());
+    let named = columns("time_ms=sample_time_ms,position_m=position_m,force_n=force_n");
+    same_as(&plain, numbered("sample_time_ms"), &named);
 }
 
 #[test]
@@ -1160,6 +1162,30 @@ fn thousands_are_no_decimals() {
     let dotted: Vec<String> = lines(";", Some('.')).iter().map(german).collect();
     let contents = text("Zeit [ms];Weg [µm];Kraft [mN]", &dotted);
     same_as(&plain, contents, &ReadOptions::default());
+    // Without any point there is nothing to say.
+    let commas: Vec<String> = lines(";", None).iter().map(german).collect();
+    let contents = text("Zeit [ms];Weg [µm];Kraft [mN]", &commas);
+    let found = same_as(&plain, contents, &ReadOptions::default());
+    assert!(found.quality.notes.iter().all(|note| !note.contains("thousands")));
+}
+
+#[test]
+fn the_sign_stays_with_the_sensor_where_a_file_is_read_by_its_own_header() {
+    let plain = read_text(text(HEADER, &rows(300)));
+    for (mapping, flip_force) in [
+        ("time_s=t,position_m=x,force_n=-Fz", false),
+        ("time_s,position_m,-,-force_n", false),
+        ("time_s=t,position_m=x,force_n=Fz", true),
+    ] {
+        let mut options = columns(mapping);
+        (options.choice.flip_force, options.choice.from_another_file) = (flip_force, true);
+        assert!(options.choice.reverses_force(), "{mapping}");
+        let found = read(&Scratch::new().file(text(HEADER, &rows(300))), &options).unwrap();
+        assert_eq!(found.force[10], -plain.force[10], "{mapping}");
+    }
+    let mut twice = columns("time_s=t,position_m=x,force_n=-Fz");
+    twice.choice.flip_force = true;
+    assert!(!twice.choice.reverses_force());
 }
 
 #[test]

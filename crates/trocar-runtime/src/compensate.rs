@@ -154,7 +154,7 @@ pub enum CompensateError {
     /// The model does not tell which sign the readings have.
     #[error(
         "some recordings of the model were read with the sign of the force reversed and some without: the sign of a reading is \
-         unknown\n\nhint: state with flip_force whether readings are reversed"
+         unknown\n\nhint: state whether readings are reversed with --flip-force"
     )]
     SignUnknown,
     /// Draws for a model that is no EMS element.
@@ -396,9 +396,10 @@ impl Compensator {
     }
 
     /// Whether readings are reversed from now on, whatever the options and the model say: for
-    /// readings whose sign the reader of a recording has reversed already.
-    pub fn set_flip_force(&mut self, flips: bool) {
-        self.setup.flips = flips;
+    /// readings whose sign the reader of a recording has reversed already. Returns whether they
+    /// were before.
+    pub fn set_flip_force(&mut self, flips: bool) -> bool {
+        std::mem::replace(&mut self.setup.flips, flips)
     }
 
     /// All that changes with the samples, as numbers, for [`Compensator::set_state`]; some may be

@@ -56,7 +56,8 @@ pub struct StreamOptions<'a> {
 
 /// Runs `observer` along the file at `path` and writes `output`; `-` is standard input or output.
 ///
-/// The sign of the readings is that of `options.choice`: the observer does not reverse it again.
+/// The sign of the readings is that of `options.choice`: the observer does not reverse it again, but
+/// reverses live readings afterwards as it did before.
 ///
 /// Cells without a number (empty, `nan`) in position and force are faults, not errors. `progress`
 /// regularly receives the fraction of the file read, 0 to 1 (0 for a stream), and the number of
@@ -71,6 +72,20 @@ pub fn compensate_file(
     options: StreamOptions,
     observer: &mut Compensator,
     output: &Path,
+    progress: impl FnMut(f64, u64),
+    on_fault: impl FnMut(Fault, u64),
+) -> Result<Compensation, SimulateError> {
+    let live = observer.set_flip_force(false);
+    let done = run_along(path, options, observer, output, progress, on_fault);
+    observer.set_flip_force(live);
+    done
+}
+
+fn run_along(
+    path: &Path,
+    options: StreamOptions,
+    observer: &mut Compensator,
+    output: &Path,
     mut progress: impl FnMut(f64, u64),
     mut on_fault: impl FnMut(Fault, u64),
 ) -> Result<Compensation, SimulateError> {
@@ -81,7 +96,6 @@ pub fn compensate_file(
     let mut rows = Rows::open(path, options.choice, &needed, false)?;
     let mut count = Counter::default();
     let mut before = None;
-    observer.set_flip_force(false);
     while let Some(row) = rows.next_row()? {
         let [time, position, force, _] = row.values;
         // A live stream cannot be corrected: an invalid time is a fault there, and the model is not

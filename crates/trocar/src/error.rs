@@ -27,7 +27,7 @@ pub enum OutputError {
     },
     /// It would replace an input.
     #[error(
-        "{}: the output is the input {}, which it would replace\n\nhint: give the output another name or folder; nothing was changed",
+        "{}: the output would overwrite the input {}\n\nhint: give the output another name or folder; nothing was changed",
         path.display(), input.display()
     )]
     IsInput {

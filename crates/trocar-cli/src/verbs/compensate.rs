@@ -47,8 +47,21 @@ pub(crate) struct Args {
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = read_model(&args.model, std::slice::from_ref(&args.recording))?;
-    let choice = args.choosing.choice_for(console, &model);
-    // The reader has reversed the sign where it must be.
+    let mut choice = args.choosing.choice_for(console, &model);
+    match model.flips_force() {
+        Some(true) if !choice.reverses_force() => {
+            choice.flip_force = !choice.flip_force;
+            console.remark(
+                "note: the force is reversed, as in the recordings of the model (--flip-force)",
+            );
+        }
+        None if !choice.reverses_force() => console.warn(
+            "some recordings of the model were read with the force reversed and some without: \
+             give --flip-force if the force of this one must be reversed",
+        ),
+        _ => {}
+    }
+    // The reader reverses the sign.
     let options = CompensateOptions { flip_force: Some(false), ..args.observing.options() };
     let mut observer = Compensator::new(&model, &options)?;
     if let Some(path) = &args.posterior {

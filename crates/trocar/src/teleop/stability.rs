@@ -64,8 +64,8 @@ impl Disturbance {
     /// As the end of "does not come to rest after".
     pub fn in_words(self) -> &'static str {
         match self {
-            Self::PushIntoTissue => "a push into tissue",
-            Self::PullOffTissue => "a pull off tissue",
+            Self::PushIntoTissue => "a push into the tissue",
+            Self::PullOffTissue => "a pull off the tissue",
             Self::PushWithoutTissue => "a push without tissue",
             Self::PullWithoutTissue => "a pull without tissue",
         }
