@@ -695,7 +695,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "../../trocar-runtime/src/compensate/inertia.rs",
             "../../trocar-runtime/src/compensate/sign.rs",
         ],
-        0x8b5b_1438_615a_8862,
+        0x67be_7ac0_ebf5_da06,
     ),
 ];
 
