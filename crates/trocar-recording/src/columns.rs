@@ -98,7 +98,7 @@ pub(crate) fn is_related(name: &str) -> bool {
 }
 
 /// Units of force that are masses rather than forces, without a word that says so.
-const MASSES: [&str; 10] = ["g", "kg", "lb", "lbs", "oz", "p", "gram", "grams", "pound", "pounds"];
+const MASSES: [&str; 9] = ["g", "kg", "lb", "lbs", "oz", "gram", "grams", "pound", "pounds"];
 
 /// Units that are also something else: a minimum, an inlet, a force-torque sensor.
 const WEAK_UNITS: [&str; 6] = ["min", "in", "h", "ft", "mil", "foot"];
@@ -754,7 +754,7 @@ mod tests {
             ("F_daN", Quantity::Force, 0.1),
             ("F_cN", Quantity::Force, 1e2),
             ("F [kp]", Quantity::Force, 1.0 / 9.80665),
-            ("F (p)", Quantity::Force, 1e3 / 9.80665),
+            ("F (pond)", Quantity::Force, 1e3 / 9.80665),
             ("force_dyn", Quantity::Force, 1e5),
             ("F [μN]", Quantity::Force, 1e6),
             ("position (ft)", Quantity::Position, 1.0 / 0.3048),
