@@ -135,7 +135,10 @@ fn no_verb_replaces_an_input() {
             let what = format!("{line}: {} as a link to {}", output.display(), input.display());
             let ran = place.run(line);
             assert!(matches!(ran.code, Some(1 | 2)), "{what}: {ran:#?}");
-            assert!(ran.stderr.contains("the output is the input"), "{what}: {ran:#?}");
+            assert!(
+                ran.stderr.contains("the output would overwrite the input"),
+                "{what}: {ran:#?}"
+            );
             assert_eq!(fs::metadata(output).unwrap().len(), inputs[input].len() as u64, "{what}");
             for (path, bytes) in &inputs {
                 assert!(fs::read(path).unwrap() == *bytes, "{what} changed {}", path.display());
@@ -154,7 +157,7 @@ fn the_same_file_under_another_path_is_refused_and_standard_output_is_not() {
     let absolute = place.path("motion.csv").display().to_string();
     for out in ["motion.csv", "./motion.csv", "set/../motion.csv", &absolute, "model.json"] {
         let ran = place.run(&format!("simulate model.json motion.csv --out {out}")).ends_with(2);
-        ran.says(&["the output is the input", "hint: give the output another name"]);
+        ran.says(&["the output would overwrite the input", "hint: give the output another name"]);
     }
     // The folder of a result stands for the model in it.
     fs::create_dir(place.path("result")).unwrap();
@@ -162,7 +165,10 @@ fn the_same_file_under_another_path_is_refused_and_standard_output_is_not() {
     place.run("identify recording.csv --prior result --out result").ends_with(2);
     fs::rename(place.path("result/model.json"), place.path("other.json")).unwrap();
     // A recording of a data set, which is no table of an earlier run.
-    place.run("fleet set --out set/held.csv").ends_with(1).says(&["the output is the input"]);
+    place
+        .run("fleet set --out set/held.csv")
+        .ends_with(1)
+        .says(&["the output would overwrite the input"]);
     assert_eq!(files(place.0.path()), before);
     place.run("simulate model.json motion.csv --out -").ends_with(0);
     // The same command again replaces what it wrote.
