@@ -510,7 +510,7 @@ fn yield_fraction(force_at: impl Fn(f64) -> f64, end: f64) -> f64 {
 fn find_root(mut residual: impl FnMut(f64) -> (f64, f64), search: Search) -> (f64, f64) {
     let Search { guess: mut u, mut stride, residual: small } = search;
     let (mut low, mut high): (Option<f64>, Option<f64>) = (None, None);
-    let mut bracketed = 0;
+    let mut bracketed = 0_usize;
     let (mut r, mut slope) = residual(u);
     for evaluations in 0..MAX_EVALUATIONS {
         if (r <= 0.0 && u == 0.0) || (r.abs() <= small && slope < 0.0) {
@@ -527,7 +527,8 @@ fn find_root(mut residual: impl FnMut(f64) -> (f64, f64), search: Search) -> (f6
         let newton = if slope < 0.0 { u - r / slope } else { f64::NAN };
         let next = match (low, high) {
             (Some(low), Some(high)) => {
-                bracketed += 1;
+                // Saturates: a sum that might overflow is a panic to the proof that there is none.
+                bracketed = bracketed.saturating_add(1);
                 let inside = newton > low && newton < high && bracketed < NEWTON_EVALUATIONS;
                 if inside { newton } else { 0.5 * (low + high) }
             }

@@ -673,7 +673,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0x9cef_eee5_91d3_50b5,
+        0xab5d_bf77_9547_15e5,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["stribeck.rs"], 0xa4cb6b831ec6ed83),
