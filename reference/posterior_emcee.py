@@ -3,7 +3,7 @@
     reference/posterior_emcee           # writes posterior/emcee.json; some minutes
     reference/posterior_emcee --speed   # effective draws a second beside those of the example posterior_density
 
-The density is that of crates/trocar/src/identify/posterior/density.rs, computed anew: the element in closed form along each step
+The density is that of crates/trocar-identify/src/posterior/density.rs, computed anew: the element in closed form along each step
 (ems.py), the friction scales of the strokes by dense matrices, cluster by cluster. Data, variances, priors and
 coordinates come from posterior/density.json, which `cargo run -p trocar --example posterior_density` writes:
 

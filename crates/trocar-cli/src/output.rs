@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use clap::ArgMatches;
 use clap::builder::{OsStringValueParser, TypedValueParser};
+use trocar::model_file;
 use trocar::output::refuse_inputs;
 use trocar_fmu::Platform;
 
@@ -65,7 +66,8 @@ pub(crate) fn check(matches: &ArgMatches) -> anyhow::Result<()> {
     }
     let inputs = values::<PathBuf>(verb);
     let libraries = values::<(Platform, PathBuf)>(verb).into_iter().map(|(_, path)| path);
-    let inputs: Vec<PathBuf> = inputs.into_iter().chain(libraries).collect();
+    let inputs = inputs.into_iter().chain(libraries);
+    let inputs: Vec<PathBuf> = inputs.map(|path| model_file::file_of(&path)).collect();
     let outputs = values::<Output>(verb).into_iter().flat_map(|output| output.files);
     Ok(refuse_inputs(outputs, &inputs)?)
 }

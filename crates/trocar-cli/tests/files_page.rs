@@ -193,9 +193,9 @@ fn fields_of_json_files_and_headers_are_those_that_the_program_writes() {
     let loop_of = place.run("teleop --model plausible --json").stdout;
     let read = |name: &str| std::fs::read_to_string(place.path(name)).unwrap();
     for (text, source) in [
-        (read("found/summary.json"), "crates/trocar/src/summary.rs"),
-        (read("compared/compare.json"), "crates/trocar/src/compare/summary.rs"),
-        (loop_of, "crates/trocar/src/teleop/study.rs"),
+        (read("found/summary.json"), "crates/trocar-lab/src/summary.rs"),
+        (read("compared/compare.json"), "crates/trocar-lab/src/compare/summary.rs"),
+        (loop_of, "crates/trocar-lab/src/teleop/study.rs"),
     ] {
         let json: Value = serde_json::from_str(&text).unwrap();
         let keys: BTreeSet<&String> = json.as_object().unwrap().keys().collect();

@@ -7,7 +7,7 @@ use pyo3::types::{PyAny, PyDict};
 use trocar::compensate::{
     CompensateOptions, Compensator as Observer, Drift, Estimate, Fault, MOST_DRAWS,
 };
-use trocar::identify::posterior::evenly;
+use trocar::many::evenly;
 
 use crate::arrays::column;
 use crate::errors::number;

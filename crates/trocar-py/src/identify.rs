@@ -10,7 +10,7 @@ use trocar::identify::posterior::{CHAINS, Density, Draws};
 use trocar::identify::{IdentifyOptions, SealPrior, Term};
 use trocar::output::StagedFolder;
 use trocar::report::identification::FigureChoice;
-use trocar::report::{Document, ReportError};
+use trocar::report::{Document, ReportError, workflow_document, write_workflow};
 use trocar::workflow::{Workflow, WorkflowError};
 use trocar_model::ParameterId;
 
@@ -117,12 +117,12 @@ fn term(name: &str) -> PyResult<Term> {
 }
 
 fn page(done: &Workflow) -> Document {
-    done.document(None, FigureChoice::default()).expect("the default choice is possible")
+    workflow_document(done, None, FigureChoice::default()).expect("the default choice is possible")
 }
 
 fn save(done: &Workflow, folder: &std::path::Path) -> Result<(), ReportError> {
     let staged = StagedFolder::create(folder)?;
-    done.write(&staged, None, FigureChoice::default())?;
+    write_workflow(done, &staged, None, FigureChoice::default())?;
     Ok(staged.commit()?)
 }
 

@@ -3,7 +3,7 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use trocar::identify::posterior::evenly;
+use trocar::many::evenly;
 use trocar::plan::config::EXAMPLE_TOML;
 use trocar::plan::{ConfigError, Goal, Plan, PlanConfig};
 use trocar_model::{ElementParams, Stages};

@@ -16,12 +16,12 @@ use block::Block;
 use block::SampleRow;
 use collect::Collector;
 use columns::Quantity;
-use line::Line;
 #[cfg(feature = "parquet")]
 use rows::Crop;
 use rows::Rows;
 pub use rows::digest_of;
 use screen::Count;
+use trocar_tables::line::Line;
 
 pub use choice::{Choice, check_topics};
 pub use columns::{TableColumn, TableColumns};
@@ -46,7 +46,6 @@ mod format;
 pub mod formats;
 mod header;
 mod join;
-pub mod line;
 mod log;
 mod motion;
 mod pieces;

@@ -32,6 +32,12 @@ mod object;
 /// Name of the model file in the folder of a result.
 pub const FILE_NAME: &str = "model.json";
 
+/// The file that is read at `path`: that path, or the [`FILE_NAME`] of the folder there.
+pub fn file_of(path: &Path) -> PathBuf {
+    let inside = path.join(FILE_NAME);
+    if path.is_dir() && inside.is_file() { inside } else { path.to_owned() }
+}
+
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
 /// Version written. Files of versions 1 to 7 are also read: they differ only in the names of some
@@ -386,10 +392,9 @@ impl ModelFile {
     /// [`ModelFileError::InFile`] with the error of [`ModelFile::from_json`] or of the operating
     /// system.
     pub fn read(path: &Path) -> Result<Self, ModelFileError> {
-        let inside = path.join(FILE_NAME);
-        let path = if path.is_dir() && inside.is_file() { &inside } else { path };
-        let read = || Self::from_json(&fs::read_to_string(path)?);
-        read().map_err(|error| error.in_file(path))
+        let path = file_of(path);
+        let read = || Self::from_json(&fs::read_to_string(&path)?);
+        read().map_err(|error| error.in_file(&path))
     }
 
     /// How the recordings of the model were read, if all in the same way and not by their own

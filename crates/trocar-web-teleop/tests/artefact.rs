@@ -23,7 +23,7 @@ const SINE: f64 = 1e-9;
 const SAMPLES: usize = 1_500;
 
 fn artefact() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar/src/report/assets/teleop.wasm")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar-report/src/assets/teleop.wasm")
 }
 
 /// All columns of some samples.

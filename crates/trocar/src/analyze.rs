@@ -43,7 +43,7 @@ pub struct Interval {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct BranchPassage {
     /// Motion along the branch.
-    #[serde(rename = "direction", serialize_with = "crate::segment::direction_as_word")]
+    #[serde(rename = "direction", serialize_with = "trocar_simulate::segment::direction_as_word")]
     pub direction: Direction,
     /// Where dF_e/dz <= 0, from the start of the motion on. (15) speaks of one such interval, but
     /// its proof asks only that F_e rises outside all of them.

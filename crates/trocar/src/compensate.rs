@@ -5,14 +5,14 @@ use std::path::Path;
 
 pub use trocar_runtime::compensate::*;
 
-use crate::error::RecordingError;
-use crate::output::refuse_inputs;
-use crate::profile::Departure;
-use crate::recording::columns::Quantity;
-use crate::recording::rows::Rows;
-use crate::recording::{Choice, Location};
-use crate::simulate::SimulateError;
-use crate::table::{Field, Kind, TableCell, TableWriter};
+use trocar_identify::profile::Departure;
+use trocar_recording::RecordingError;
+use trocar_recording::columns::Quantity;
+use trocar_recording::rows::Rows;
+use trocar_recording::{Choice, Location};
+use trocar_simulate::simulate::SimulateError;
+use trocar_tables::output::refuse_inputs;
+use trocar_tables::table::{Field, Kind, TableCell, TableWriter};
 
 /// Rows between two reports of progress.
 const REPORT_EVERY: u64 = 1 << 16;

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-use crate::model_file::{self, ModelFile, ModelFileError, OriginKind, RecordingInfo};
+use trocar_runtime::model_file::{self, ModelFile, ModelFileError, OriginKind, RecordingInfo};
 
 /// Name of the file of the conditions.
 pub const CONDITIONS: &str = "conditions.toml";

@@ -6,12 +6,12 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::error::RecordingError;
-use crate::recording::container::{Container, Table};
-use crate::recording::registry;
-use crate::recording::{self, Choice, ReadOptions, Recording};
-use crate::segment::SegmentOptions;
 use crate::survey::Survey;
+use trocar_recording::RecordingError;
+use trocar_recording::container::{Container, Table};
+use trocar_recording::registry;
+use trocar_recording::{self, Choice, ReadOptions, Recording};
+use trocar_simulate::segment::SegmentOptions;
 
 /// Most groups of rows of a sparkline; it has at least half of them once there are as many rows.
 pub const SPARK: usize = 64;
@@ -20,7 +20,7 @@ pub const SPARK: usize = 64;
 const INTERVALS: usize = 1 << 16;
 
 /// An interval is a gap if it is this much longer than 95 % of the intervals, as in
-/// [`crate::recording::Quality`].
+/// [`trocar_recording::Quality`].
 const GAP_FACTOR: f64 = 3.0;
 
 /// Most samples used to determine what can be identified.
@@ -135,7 +135,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
     let container = registry::any_after(path, choice.skip_rows)?;
     let tables =
         (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
-    let read = recording::read_in_words(
+    let read = trocar_recording::read_in_words(
         path,
         &ReadOptions {
             choice: choice.clone(),
@@ -217,7 +217,7 @@ fn view(container: &dyn Container, index: usize) -> TableView {
 fn clock_of(table: &Table, numeric: &[usize]) -> Option<(usize, Option<f64>)> {
     numeric.iter().enumerate().find_map(|(own, k)| {
         let column = &table.columns[*k];
-        let per_s = recording::columns::time_unit(&column.name, column.unit.as_deref())?;
+        let per_s = trocar_recording::columns::time_unit(&column.name, column.unit.as_deref())?;
         Some((own, per_s))
     })
 }
@@ -289,7 +289,7 @@ impl Course {
         self.filled = 0;
     }
 
-    fn view(self, column: &recording::Column) -> ColumnView {
+    fn view(self, column: &trocar_recording::Column) -> ColumnView {
         let seen = self.lowest <= self.highest;
         // Rounding makes no mean of equal values another value.
         let mean = |(sum, count): &(f64, u64)| match count {
@@ -301,7 +301,7 @@ impl Course {
             unit: column
                 .unit
                 .clone()
-                .or_else(|| recording::columns::unit_in(&column.name).map(str::to_owned)),
+                .or_else(|| trocar_recording::columns::unit_in(&column.name).map(str::to_owned)),
             lowest: seen.then_some(self.lowest),
             highest: seen.then_some(self.highest),
             not_finite: self.not_finite,

@@ -4,44 +4,34 @@
 //! begin with), the equations of all models, and how far the results can be trusted.
 
 pub mod analyze;
-#[cfg(feature = "bench")]
-pub mod bench;
-pub mod cancel;
-pub mod compare;
 pub mod compensate;
 #[cfg(feature = "bench")]
 pub mod contribution;
-pub mod error;
 pub mod export;
-pub mod fleet;
-pub mod identify;
 pub mod inspect;
-pub mod many;
-pub mod margin;
-pub mod output;
-#[cfg(feature = "bench")]
-pub mod plan;
-pub mod profile;
-pub mod replay;
-#[cfg(feature = "report")]
-pub mod report;
-pub mod scatter;
-pub mod segment;
-mod simpler;
-pub mod simulate;
-pub mod summary;
 pub mod survey;
-#[cfg(feature = "bench")]
-pub mod sweep;
-pub mod table;
-#[cfg(feature = "bench")]
-pub mod teleop;
-pub mod validate;
-pub mod workflow;
 
+pub use trocar_identify as identify;
+pub use trocar_identify::{margin, profile, scatter, validate};
+pub use trocar_lab::{compare, fleet, summary, workflow};
+#[cfg(feature = "bench")]
+pub use trocar_lab::{plan, sweep, teleop};
 /// Reading of recordings.
 pub use trocar_recording as recording;
+#[cfg(feature = "report")]
+pub use trocar_report as report;
 pub use trocar_runtime::model_file;
+#[cfg(feature = "bench")]
+pub use trocar_simulate::bench;
+pub use trocar_simulate::{cancel, many, replay, segment, simulate};
+pub use trocar_tables::{output, table};
+
+/// Errors of all code that reads or writes files: what failed, where, what was found, what was
+/// expected, and a remedy on a `hint:` line.
+pub mod error {
+    pub use trocar_recording::{Location, RecordingError};
+    pub use trocar_tables::error::{OutputError, TableError};
+}
 
 /// Compiles and runs the Rust code of the README and of the book.
 #[cfg(doctest)]

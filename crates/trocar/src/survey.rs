@@ -5,8 +5,10 @@
 
 use rayon::prelude::*;
 
-use crate::recording::Recording;
-use crate::segment::{Direction, SegmentOptions, reversal_threshold, steady_segments, strokes};
+use trocar_recording::Recording;
+use trocar_simulate::segment::{
+    Direction, SegmentOptions, reversal_threshold, steady_segments, strokes,
+};
 
 /// Speeds with a relative difference below this count as one.
 const SAME_SPEED: f64 = 0.05;

@@ -64,22 +64,19 @@ fn only_the_command_line_prints_or_exits() {
     only_in(
         &["println!", "eprintln!", "print!(", "process::exit", "io::stdout"],
         // The last speaks to Cargo, in build scripts.
-        &["trocar-cli/", "trocar-proof/", "trocar/src/output.rs", "trocar-fmu/src/library.rs"],
-    );
-}
-
-#[test]
-fn only_the_command_line_and_python_draw() {
-    only_in(
-        &["trocar::report", "crate::report"],
-        &["trocar-cli/", "trocar-py/", "trocar/src/report/"],
+        &[
+            "trocar-cli/",
+            "trocar-proof/",
+            "trocar-tables/src/output.rs",
+            "trocar-fmu/src/library.rs",
+        ],
     );
 }
 
 #[test]
 fn only_the_reader_knows_formats() {
     // A data set whose recordings are rows of Parquet files selects these rows in the files.
-    only_in(&["formats::"], &["trocar-recording/", "trocar/src/fleet/parts"]);
+    only_in(&["formats::"], &["trocar-recording/", "trocar-lab/src/fleet/parts"]);
 }
 
 /// All code that simulates an identified model uses `Trocar`; the exceptions here step its parts
@@ -97,35 +94,29 @@ fn models_are_stepped_in_known_places() {
     ];
     let allowed = [
         "trocar-model/",
-        "trocar/src/analyze",      // propositions and energy of elements
-        "trocar/src/bench/rig.rs", // a wetted seal under a motor
-        "trocar/src/identify/",    // derivatives of the force
-        "trocar/src/report/figures/deformation", // branches of the deformation force
-        "trocar/src/replay.rs",    // extreme starts
+        "trocar/src/analyze", // propositions and energy of elements
+        "trocar-simulate/src/bench/rig.rs", // a wetted seal under a motor
+        "trocar-identify/src/", // derivatives of the force
+        "trocar-report/src/figures/deformation", // branches of the deformation force
+        "trocar-simulate/src/replay.rs", // extreme starts
         "trocar-runtime/src/compensate", // a seal whose friction has changed is driven by a scaled motion
     ];
     only_in(&parts, &allowed);
 }
 
+/// Nor can the bench know the identification, which depends on its crate.
 #[test]
-fn identification_and_bench_do_not_know_each_other() {
-    let of = |folder: &str| {
-        sources().into_iter().filter(move |(name, _)| name.starts_with(folder)).collect::<Vec<_>>()
-    };
-    let (identify, bench) = (of("trocar/src/identify"), of("trocar/src/bench"));
-    assert!(identify.len() > 20 && bench.len() > 5);
-    for (name, text) in identify {
-        assert!(!text.contains("crate::bench"), "{name} uses the bench");
-    }
-    for (name, text) in bench {
-        assert!(!text.contains("crate::identify"), "{name} uses the identification");
-    }
+fn identification_does_not_know_the_bench() {
+    only_in(&["trocar_simulate::bench"], &["trocar/", "trocar-lab/"]);
 }
 
 #[test]
 fn no_clock_in_results() {
-    let measured =
-        ["trocar/src/compare/mod.rs", "trocar/src/fleet/journal.rs", "trocar-cli/src/verbs/"];
+    let measured = [
+        "trocar-lab/src/compare/mod.rs",
+        "trocar-lab/src/fleet/journal.rs",
+        "trocar-cli/src/verbs/",
+    ];
     only_in(&["Instant::now", "SystemTime"], &measured);
 }
 

@@ -140,7 +140,8 @@ fn the_seal_of_the_first_page_is_that_of_the_command_and_of_the_library() {
     let mut plain = Vec::new();
     std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(&module.unwrap()[..]), &mut plain)
         .unwrap();
-    let artefact = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/assets/model.wasm");
+    let artefact =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar-report/src/assets/model.wasm");
     assert_eq!(plain, std::fs::read(artefact).unwrap());
     let json = between(&made, "<script type=\"application/json\">", "</script>");
     let json: serde_json::Value = serde_json::from_str(json).unwrap();

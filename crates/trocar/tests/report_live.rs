@@ -71,7 +71,8 @@ fn the_page_holds_the_module_and_the_row_to_the_bit() {
         STANDARD.decode(between(live, "<script type=\"application/gzip\">", "</script>")).unwrap();
     let mut module = Vec::new();
     GzDecoder::new(&compressed[..]).read_to_end(&mut module).unwrap();
-    let artefact = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/report/assets/model.wasm");
+    let artefact =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar-report/src/assets/model.wasm");
     assert_eq!(module, std::fs::read(artefact).unwrap());
     let json: serde_json::Value =
         serde_json::from_str(between(live, "<script type=\"application/json\">", "</script>"))

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use trocar::compensate::{
     CompensateOptions, Compensation, Compensator, Fault, MOST_DRAWS, StreamOptions, compensate_file,
 };
-use trocar::identify::posterior::evenly;
+use trocar::many::evenly;
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Completion;

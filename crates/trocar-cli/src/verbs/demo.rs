@@ -9,6 +9,7 @@ use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::FigureChoice;
+use trocar::report::write_workflow;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{ElementParams, ParameterId, Quantity, Unit};
 
@@ -56,7 +57,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
     let options = IdentifyOptions { seed: args.seed, ..IdentifyOptions::default() };
     let done = identify::run_workflow(console, recordings, held_out, moving_mass, options)?;
-    done.write(&staged, Some(truth.stages()?.elements()), FigureChoice::default())?;
+    write_workflow(&done, &staged, Some(truth.stages()?.elements()), FigureChoice::default())?;
     staged.commit()?;
     console::print(&in_brief(&done, truth.stages()?.first().params(), &config))?;
     console::print(&format!("\nreport: {}\n", args.out.join("report.html").display()))?;

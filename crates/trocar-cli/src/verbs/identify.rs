@@ -9,6 +9,7 @@ use trocar::identify::{
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
+use trocar::report::write_workflow;
 use trocar::survey::Survey;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
@@ -166,7 +167,12 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
     let (deflections, speeds) =
         (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
-    done.write(&staged, None, FigureChoice { deflections: &deflections, speeds: &speeds })?;
+    write_workflow(
+        &done,
+        &staged,
+        None,
+        FigureChoice { deflections: &deflections, speeds: &speeds },
+    )?;
     staged.commit()?;
     let text = if args.json { done.summary().to_json() } else { in_brief(&done) };
     console::print(&text)?;

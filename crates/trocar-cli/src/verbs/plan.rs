@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use serde::Serialize;
 use trocar::bench::Course;
-use trocar::identify::posterior::evenly;
+use trocar::many::evenly;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
 use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Share, plan};

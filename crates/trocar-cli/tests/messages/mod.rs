@@ -14,27 +14,24 @@ use std::process::Command;
 
 use find::{of_javascript, of_python, of_rust};
 
-/// Sections of the page, and the sources whose messages they hold. The first that fits takes a source.
+/// Sections of the page, and the sources whose messages they hold. The longest prefix takes a source.
 const SECTIONS: [(&str, &[&str]); 18] = [
     ("Reading recordings", &["trocar-recording/src/formats", "trocar-recording/src"]),
     (
         "Model files and parameters",
         &["trocar-runtime/src/model_file", "trocar-runtime/src/profile", "trocar-model/src"],
     ),
+    ("identify", &["trocar-identify/src", "trocar/src/survey", "trocar-cli/src/verbs/identify"]),
+    ("validate", &["trocar-identify/src/validate", "trocar-cli/src/verbs/validate"]),
+    ("compare", &["trocar-lab/src/compare", "trocar-cli/src/verbs/compare"]),
     (
-        "identify",
+        "simulate",
         &[
-            "trocar/src/identify",
-            "trocar/src/simpler",
-            "trocar/src/survey",
-            "trocar/src/profile",
-            "trocar/src/scatter",
-            "trocar-cli/src/verbs/identify",
+            "trocar-simulate/src/simulate",
+            "trocar-simulate/src/many",
+            "trocar-cli/src/verbs/simulate",
         ],
     ),
-    ("validate", &["trocar/src/validate", "trocar-cli/src/verbs/validate"]),
-    ("compare", &["trocar/src/compare", "trocar-cli/src/verbs/compare"]),
-    ("simulate", &["trocar/src/simulate", "trocar/src/many", "trocar-cli/src/verbs/simulate"]),
     (
         "compensate",
         &[
@@ -44,35 +41,45 @@ const SECTIONS: [(&str, &[&str]); 18] = [
         ],
     ),
     ("analyze", &["trocar/src/analyze", "trocar-cli/src/verbs/analyze"]),
-    ("plan", &["trocar/src/plan", "trocar-cli/src/verbs/plan"]),
+    ("plan", &["trocar-lab/src/plan", "trocar-cli/src/verbs/plan"]),
     (
         "bench and ranges",
         &[
-            "trocar/src/bench",
+            "trocar-simulate/src/bench",
             "trocar/src/contribution",
             "trocar-cli/src/verbs/bench",
             "trocar-cli/src/verbs/ranges",
         ],
     ),
-    ("sweep", &["trocar/src/sweep", "trocar-cli/src/verbs/sweep"]),
-    ("teleop", &["trocar/src/teleop", "trocar-cli/src/verbs/teleop"]),
-    ("fleet", &["trocar/src/fleet", "trocar-cli/src/verbs/fleet"]),
+    ("sweep", &["trocar-lab/src/sweep", "trocar-cli/src/verbs/sweep"]),
+    ("teleop", &["trocar-lab/src/teleop", "trocar-cli/src/verbs/teleop"]),
+    ("fleet", &["trocar-lab/src/fleet", "trocar-cli/src/verbs/fleet"]),
     (
         "export, and inside a simulation program",
         &["trocar/src/export", "trocar-cli/src/verbs/export", "trocar-fmu/src"],
     ),
     (
         "Reports and live pages in a browser",
-        &["trocar/src/report/assets", "trocar-web-teleop/src", "trocar-web/src"],
+        &["trocar-report/src/assets", "trocar-web-teleop/src", "trocar-web/src"],
     ),
-    ("All commands: input, output, reports", &["trocar/src", "trocar-cli/src"]),
+    (
+        "All commands: input, output, reports",
+        &[
+            "trocar/src",
+            "trocar-cli/src",
+            "trocar-lab/src",
+            "trocar-report/src",
+            "trocar-simulate/src",
+            "trocar-tables/src",
+        ],
+    ),
     ("Python", &["trocar-py/src", "python/trocar"]),
     ("C", &["trocar-capi/src"]),
 ];
 
 /// Sources whose texts are no messages: what they make instead.
 const ELSEWHERE: [(&str, &str); 17] = [
-    ("trocar/src/report/", "reports; their errors are in report/mod.rs"),
+    ("trocar-report/src/", "reports; their errors are in lib.rs"),
     ("trocar/src/export/c/", "C sources"),
     ("trocar-cli/src/examples.rs", "help"),
     ("trocar-cli/src/reference.rs", "the page of the command line"),
@@ -106,15 +113,15 @@ const NAMES: [(&str, &[&str]); 20] = [
         "trocar-cli/src/verbs/analyze.rs",
         &["text", "element_text", "branch_text", "steady_table", "random_cycles_text"],
     ),
-    ("trocar/src/bench/published.rs", &["name", "words"]),
-    ("trocar/src/compare/mod.rs", &["title"]),
-    ("trocar/src/identify/prior.rs", &["words", "weak_priors"]),
-    ("trocar/src/identify/terms.rs", &["words"]),
-    ("trocar/src/identify/options.rs", &["in_words"]),
-    ("trocar/src/identify/classical/kind.rs", &["title"]),
-    ("trocar/src/plan/goal.rs", &["fmt"]),
-    ("trocar/src/plan/blocks.rs", &["fmt"]),
-    ("trocar/src/teleop/merit.rs", &["rows"]),
+    ("trocar-simulate/src/bench/published.rs", &["name", "words"]),
+    ("trocar-lab/src/compare/mod.rs", &["title"]),
+    ("trocar-identify/src/prior.rs", &["words", "weak_priors"]),
+    ("trocar-identify/src/terms.rs", &["words"]),
+    ("trocar-identify/src/options.rs", &["in_words"]),
+    ("trocar-identify/src/classical/kind.rs", &["title"]),
+    ("trocar-lab/src/plan/goal.rs", &["fmt"]),
+    ("trocar-lab/src/plan/blocks.rs", &["fmt"]),
+    ("trocar-lab/src/teleop/merit.rs", &["rows"]),
     (
         "trocar-recording/src/formats/rosbag.rs",
         &["list", "definitions", "counts", "first", "page", "connect"],
@@ -150,7 +157,7 @@ fn sources() -> Vec<(String, String)> {
     let folders =
         crates.map(|one| one.expect("a crate").path().join("src")).filter(|src| src.is_dir());
     let mut paths: Vec<PathBuf> = folders.flat_map(|src| files(&src, "rs")).collect();
-    paths.extend(files(&root.join("crates/trocar/src/report/assets"), "js"));
+    paths.extend(files(&root.join("crates/trocar-report/src/assets"), "js"));
     // A library of others, which speaks to nobody.
     paths.retain(|path| !path.ends_with("uplot/uPlot.iife.min.js"));
     paths.extend(files(&root.join("python/trocar"), "py"));
@@ -169,7 +176,12 @@ fn messages() -> Vec<Vec<String>> {
     let mut of_sections = vec![Vec::new(); SECTIONS.len()];
     let mut seen = BTreeSet::new();
     let section_of = |name: &str| {
-        SECTIONS.iter().position(|(_, all)| all.iter().any(|prefix| name.starts_with(prefix)))
+        let fits = |all: &[&str]| {
+            all.iter().filter(|prefix| name.starts_with(**prefix)).map(|prefix| prefix.len()).max()
+        };
+        let sections = SECTIONS.iter().enumerate();
+        let longest = sections.filter_map(|(k, (_, all))| Some((fits(all)?, k))).max();
+        longest.map(|(_, k)| k)
     };
     let sources = sources();
     for (section, of_section) in of_sections.iter_mut().enumerate() {

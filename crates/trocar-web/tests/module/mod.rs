@@ -14,7 +14,7 @@ const DEFLECTION: usize = 3;
 
 /// The artefact that reports carry.
 pub(crate) fn artefact() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar/src/report/assets/model.wasm")
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../trocar-report/src/assets/model.wasm")
 }
 
 /// A running module.

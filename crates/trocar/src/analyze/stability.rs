@@ -22,7 +22,7 @@ pub struct SpeedRange {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct StickSlip {
     /// Direction of the motion.
-    #[serde(rename = "direction", serialize_with = "crate::segment::direction_as_word")]
+    #[serde(rename = "direction", serialize_with = "trocar_simulate::segment::direction_as_word")]
     pub direction: Direction,
     /// Speeds at which steady sliding is unstable.
     pub unstable: SpeedRange,

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::CError;
-use crate::output::write_together;
+use trocar_tables::output::write_together;
 
 /// A model in C: two files that belong together.
 #[derive(Debug, Clone, PartialEq, Eq)]

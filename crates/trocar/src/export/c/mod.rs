@@ -16,8 +16,8 @@ use trocar_model::profile::FADE;
 use trocar_model::{PositionProfile, Seal, Stages};
 
 use crate::compensate::{CompensateError, CompensateOptions, Compensator};
-use crate::model_file::{ModelFile, ModelFileError, OriginKind};
-use crate::output::OutputError;
+use trocar_runtime::model_file::{ModelFile, ModelFileError, OriginKind};
+use trocar_tables::output::OutputError;
 
 pub use files::{CFiles, stem};
 

@@ -1,0 +1,89 @@
+//! The recordings as simulation steps for the classical models, with the scales that the
+//! identification found.
+
+use trocar_model::Stages;
+
+use crate::options::IdentifyOptions;
+use crate::result::Identification;
+use crate::segments::{Segments, segment};
+use crate::training::{Segmented, Training};
+use crate::two_steps::settled_segments;
+use trocar_recording::Recording;
+use trocar_simulate::segment::SteadySegment;
+
+use super::kind::Scales;
+
+/// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
+pub const ASSUMED_WIDTH: f64 = 0.05;
+
+/// Most clusters of cycles. This is fewer than for the EMS element: without a steady state of its
+/// own, the fit must not treat neighbouring cycles as independent.
+const MOST_CLUSTERS: usize = 40;
+
+/// Steps to simulate, and the scales of the data.
+#[derive(Debug, Clone)]
+pub struct ClassicalData {
+    pub(crate) training: Training,
+    pub(crate) scales: Scales,
+}
+
+impl ClassicalData {
+    /// `recordings` must be free of inertia; `found` was identified from them.
+    pub fn new(
+        recordings: &[Recording],
+        found: &Identification,
+        options: &IdentifyOptions,
+    ) -> Self {
+        let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+        let half_width =
+            if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
+        let training =
+            plain_training(recordings, found, options, (half_width, found.stages), |r| {
+                vec![0.0; r.len()]
+            });
+        let scales = Scales {
+            offset: found.model.offset,
+            force: found.model.insertion.coulomb_force,
+            viscous: found.model.insertion.viscous_damping,
+            half_width,
+            stroke,
+            speeds: found.steady.speed_range_m_s,
+        };
+        Self { training, scales }
+    }
+}
+
+/// All samples of `recordings` with equal weights. The criterion is thus nearly the score, except
+/// for samples averaged into one step (by the half width, m) and for those before `stages` forget
+/// their unknown initial state.
+pub(crate) fn plain_training(
+    recordings: &[Recording],
+    found: &Identification,
+    options: &IdentifyOptions,
+    (half_width, stages): (f64, Stages),
+    acceleration: impl Fn(&Recording) -> Vec<f64>,
+) -> Training {
+    let parts: Vec<_> =
+        recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
+    let mut all = Vec::new();
+    for (recording, ((segments, settled), acceleration)) in recordings.iter().zip(&parts) {
+        let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
+        all.push(Segmented { recording, strokes, settled, acceleration });
+    }
+    let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
+    training.forget_unknown_starts(stages);
+    training
+}
+
+fn segmented(
+    recording: &Recording,
+    found: &Identification,
+    options: &IdentifyOptions,
+) -> (Segments, Vec<SteadySegment>) {
+    let segments = segment(recording, &options.segment);
+    let settled = match &found.deformation {
+        Ok(deformation) => settled_segments(recording, &segments, &found.steady, deformation),
+        Err(_) => Vec::new(),
+    };
+    (segments, settled)
+}

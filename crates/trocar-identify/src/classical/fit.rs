@@ -1,0 +1,250 @@
+//! The fit of one classical model, with intervals and warnings.
+
+use std::sync::Arc;
+
+use trocar_model::{Passivity, SlipRate};
+
+use crate::estimate::Estimate;
+use crate::findings::{Parameter, Warning};
+use crate::likelihood::{self, Column, Fitted, Free, Stop, Trial};
+use crate::spread::{Reported, Spread};
+use trocar_model::Classical;
+
+use super::data::ClassicalData;
+use super::kind::{self, Coordinate, Kind, build, coordinates, reported};
+use super::starts;
+
+/// Stopping criteria of the short fits from every start, and of the final fit.
+pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
+pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
+/// Largest relative decrease of the squared error still predicted for a fit that counts as
+/// converged.
+const WORST_PROMISE: f64 = 2e-3;
+/// Data-based starts that are fitted to convergence.
+const FINALISTS: usize = 2;
+/// Scale of a parameter in steps of its difference quotient.
+const SCALE: f64 = 1e4;
+
+/// A classical model identified from the recordings.
+#[derive(Debug, Clone)]
+pub struct ClassicalFit {
+    /// Which model.
+    pub kind: Kind,
+    /// The model, ready to run.
+    pub model: Classical,
+    /// Sensor offset F_0, N.
+    pub offset: f64,
+    /// All parameters with intervals, including the sensor offset.
+    pub parameters: Vec<Parameter>,
+    /// Root mean square error, N, over the steps fitted.
+    pub rms: f64,
+    /// Damped steps from the best start.
+    pub iterations: usize,
+    /// Whether the fit converged.
+    pub converged: bool,
+    /// Warnings about the result.
+    pub warnings: Vec<Warning>,
+    /// The free parameters, the offset first: a start for a larger model of the family.
+    pub(super) numbers: Vec<f64>,
+}
+
+/// A classical model under trial; logarithms where the fit uses them.
+#[derive(Debug, Clone)]
+pub(super) struct ClassicalTrial {
+    kind: Kind,
+    coordinates: Arc<[Coordinate]>,
+    values: Vec<f64>,
+}
+
+impl ClassicalTrial {
+    /// A trial at `numbers`, each clamped to its range.
+    pub(super) fn new(kind: Kind, coordinates: &Arc<[Coordinate]>, numbers: &[f64]) -> Self {
+        let values = numbers.iter().zip(coordinates.iter()).map(|(x, c)| {
+            let held = x.clamp(c.range[0], c.range[1]);
+            if c.log { held.ln() } else { held }
+        });
+        Self { kind, coordinates: coordinates.clone(), values: values.collect() }
+    }
+
+    /// The parameter values, the offset first.
+    fn numbers(&self) -> Vec<f64> {
+        self.values
+            .iter()
+            .zip(self.coordinates.iter())
+            .map(|(u, c)| if c.log { u.exp() } else { *u })
+            .collect()
+    }
+
+    fn range(coordinate: &Coordinate) -> [f64; 2] {
+        if coordinate.log { coordinate.range.map(f64::ln) } else { coordinate.range }
+    }
+}
+
+impl Trial for ClassicalTrial {
+    type Model = Classical;
+
+    fn model(&self) -> Option<Classical> {
+        build(self.kind, &self.numbers()[1..]).ok()
+    }
+
+    fn free(&self) -> Vec<Free> {
+        let of = |(value, c): (&f64, &Coordinate)| {
+            let [low, high] = Self::range(c);
+            Free {
+                kind: None,
+                value: *value,
+                step: c.step,
+                low,
+                high,
+                expected: f64::INFINITY,
+                column: Column::Simulated,
+            }
+        };
+        let mut free: Vec<Free> = self.values.iter().zip(self.coordinates.iter()).map(of).collect();
+        free[0].column = Column::Offset;
+        free
+    }
+
+    fn with(&self, values: &[f64]) -> Self {
+        let within = values.iter().zip(self.coordinates.iter()).map(|(u, c)| {
+            let [low, high] = Self::range(c);
+            u.clamp(low, high)
+        });
+        self.with_any(&within.collect::<Vec<_>>())
+    }
+
+    fn with_any(&self, values: &[f64]) -> Self {
+        Self { values: values.to_vec(), ..self.clone() }
+    }
+
+    fn offset(&self) -> f64 {
+        self.values[0]
+    }
+}
+
+/// Fits of special cases that a model may start from.
+#[derive(Clone, Copy, Default)]
+pub struct RelatedFits<'a> {
+    /// Same family with one element less.
+    pub smaller: Option<&'a ClassicalFit>,
+    /// Fit of [`Kind::special`].
+    pub special: Option<&'a ClassicalFit>,
+}
+
+/// Fits one model, from starts derived from the data and from its special cases.
+///
+/// Only the best data-based starts after a short fit are fitted to convergence. Starts from special
+/// cases always are, so no model ends with a larger error than a smaller one.
+///
+/// # Errors
+/// A message when no start gives a model that runs.
+pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<ClassicalFit, String> {
+    let special = match (kin.special, kind.special()) {
+        (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
+        _ => None,
+    };
+    let kin = RelatedFits { special: kin.special.or(special.as_ref()), ..kin };
+    let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
+    let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
+        starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()
+    };
+    let fresh = trials(starts::fresh(kind, data, kin));
+    let mut short: Vec<Fitted<ClassicalTrial>> =
+        fresh.iter().filter_map(|trial| likelihood::fit(&data.training, trial, SHORT)).collect();
+    short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
+    let finalists = short
+        .into_iter()
+        .take(FINALISTS)
+        .map(|s| s.best)
+        .chain(trials(starts::from_kin(kind, data, kin)));
+    let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
+    let found = long
+        .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
+        .ok_or("no initial values gave a model that runs")?;
+    let model = found.best.model().ok_or("the best parameters form no valid model")?;
+    let parameters = parameters(&found);
+    let mut warnings = doubts(&found, &parameters);
+    warnings.extend(energy_warning(&model));
+    Ok(ClassicalFit {
+        kind,
+        model,
+        offset: found.best.offset(),
+        parameters,
+        rms: found.rms[1],
+        iterations: found.iterations,
+        converged: found.converged,
+        warnings,
+        numbers: found.best.numbers(),
+    })
+}
+
+fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
+    let best = &found.best;
+    let spread = Spread::new(found);
+    let scale_of = |j: &usize| SCALE * best.coordinates[*j].step;
+    let estimate = |q: kind::Reported| {
+        let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
+        let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
+        let how = Reported {
+            unit: q.id.unit().si,
+            log: q.log,
+            scale,
+            least: q.least(&best.numbers()),
+            factor: 1.0,
+        };
+        let estimate = match q.from.iter().any(|j| found.held[*j]) {
+            true => Estimate::undetermined(
+                of(best),
+                q.id.unit().si,
+                "the fit holds it at an end of its range",
+            ),
+            false => spread.estimate(how, &of),
+        };
+        Parameter::new(q.id, estimate)
+    };
+    reported(best.kind, &best.coordinates).into_iter().map(estimate).collect()
+}
+
+/// Warnings about a fit: lack of convergence, and parameters that the data do not determine.
+pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> Vec<Warning> {
+    let mut all = Vec::new();
+    if let Some(message) = unrest(found) {
+        all.push(Warning::doubt("fit", message));
+    }
+    let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
+    all.extend(undetermined.map(|p| Warning::undetermined(p, true)));
+    all
+}
+
+/// Why a fit has not converged; `None` if it has.
+fn unrest<T: Trial>(found: &Fitted<T>) -> Option<String> {
+    if !found.converged {
+        return Some(format!("the fit did not converge in {} iterations", found.iterations));
+    }
+    let promised = found.promised_fall();
+    (promised > WORST_PROMISE).then(|| {
+        format!(
+            "the fit did not converge: a further decrease of {:.1} % of the squared error is predicted",
+            1e2 * promised
+        )
+    })
+}
+
+/// Warning about the passivity of the model.
+fn energy_warning(model: &Classical) -> Option<Warning> {
+    let message = match model {
+        Classical::LuGre(lugre) => match lugre.passivity() {
+            Passivity::Passive => return None,
+            Passivity::NotGuaranteed { viscous_damping_needed, damping_velocity_needed } => format!(
+                "may give back more energy than it was given: passive from a viscous damping of {viscous_damping_needed:.3} N s/m on, or with \
+                 micro-damping that fades over {damping_velocity_needed:.4} m/s"
+            ),
+        },
+        Classical::Gms(gms) if !gms.sliding().is_constant() && gms.slip_rate() == SlipRate::Free => {
+            "can yield energy, since its static force exceeds the Coulomb force; limit its slip rate where that matters"
+                .to_owned()
+        }
+        _ => return None,
+    };
+    Some(Warning::remark("energy", message))
+}

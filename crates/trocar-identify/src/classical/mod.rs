@@ -1,0 +1,19 @@
+//! Classical friction models, identified from the same recordings as an EMS element.
+//!
+//! Data and preprocessing are the same: strokes and constant-velocity segments from the
+//! segmentation, samples averaged where the motion is small, scoring from where the initial state
+//! no longer matters, and clusters of strokes for the intervals. Every model is fitted by free-run
+//! simulation (output-error least squares). Linear models are thereby solved in closed form. The
+//! stiffnesses of Maxwell-Slip start from a convex problem (non-negative least squares for given
+//! limits, RIZOS).
+
+mod data;
+mod fit;
+mod kind;
+mod starts;
+
+pub use data::{ASSUMED_WIDTH, ClassicalData};
+pub use fit::ClassicalFit;
+pub(crate) use fit::{LONG, SHORT, doubts};
+pub use fit::{RelatedFits, fit};
+pub use kind::Kind;

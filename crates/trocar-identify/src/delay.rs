@@ -1,0 +1,104 @@
+//! Delay of the position readings relative to the forces.
+//!
+//! A position delay shifts the whole simulated force in time: F(t) becomes F(t + T). Thus
+//! ∂F/∂T = dF/dt is one more column of the normal equations. The delay is tested together with an
+//! unmodelled mass and the damping of the deformation, which it could be mistaken for, and so only
+//! where the sampling resolves these. A delay of the *force* is not estimated: it may belong to the
+//! seal.
+
+use super::element::{self, Begun, ElementFit, Input};
+use super::findings::{IdentifyError, Progress};
+use super::options::IdentifyOptions;
+use super::segments::{Segments, segment};
+use super::two_steps::{self, TwoSteps};
+use super::unexplained::PositionDelay;
+use trocar_recording::Recording;
+
+/// Recordings with the position delay compensated, the delay, and the estimate made from them.
+pub(super) struct InTime {
+    pub(super) recordings: Vec<Recording>,
+    pub(super) lag: Option<PositionDelay>,
+    pub(super) segments: Vec<Segments>,
+    /// Accelerations of each recording, m/s².
+    accelerations: Vec<Vec<f64>>,
+    pub(super) two: TwoSteps,
+}
+
+/// Compensates the position delay and fits the element, again if the optional terms change the
+/// delay. There is no fit where none was requested or possible.
+///
+/// # Errors
+/// As for the two steps.
+pub(super) fn fitted(
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<(InTime, Option<ElementFit>), IdentifyError> {
+    let interval = recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
+    let later = |lag: Option<PositionDelay>, more: Option<PositionDelay>| {
+        let more =
+            more.filter(|more| more.delay_s.abs() >= PositionDelay::NEGLIGIBLE * interval)?;
+        let lag = (more.is_clear() || lag.is_some() && more.p_value < PositionDelay::CORRECTED)
+            .then(|| more.added_to(lag))?;
+        (lag.delay_s > -PositionDelay::NEGLIGIBLE * interval
+            && lag.delay_s < PositionDelay::LONGEST)
+            .then_some(lag)
+    };
+    let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
+    for _ in 0..PositionDelay::MOST {
+        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
+        let Some(lag) = later(found.lag, more) else { break };
+        let Ok(shifted) = shifted(recordings, lag) else { break };
+        (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
+    }
+    let finish = |found: &InTime, begun: Option<Begun>| {
+        element::finish(&found.input(options), begun?, progress)
+    };
+    let mut fit = finish(&found, begun);
+    for _ in 0..PositionDelay::MOST_AFTER {
+        let left = fit.as_ref().map(|fit| &fit.left);
+        let more = left.and_then(|left| if found.lag.is_some() { left.lag_left } else { left.lag });
+        let Some(lag) = later(found.lag, more) else { break };
+        let Ok(shifted) = shifted(recordings, lag) else { break };
+        let (other, begun) = InTime::of(shifted, Some(lag), options, progress)?;
+        let other_fit = finish(&other, begun);
+        let error =
+            |fit: &Option<ElementFit>| fit.as_ref().map_or(f64::INFINITY, |f| f.fitted.rms[1]);
+        if error(&other_fit) >= error(&fit) {
+            break;
+        }
+        (found, fit) = (other, other_fit);
+    }
+    found.lag = found.lag.filter(|lag| lag.delay_s >= PositionDelay::NEGLIGIBLE * interval);
+    Ok((found, fit))
+}
+
+fn shifted(
+    recordings: &[Recording],
+    lag: PositionDelay,
+) -> Result<Vec<Recording>, trocar_recording::RecordingError> {
+    recordings.iter().map(|r| r.with_position_delay(lag.delay_s.max(0.0))).collect()
+}
+
+impl InTime {
+    fn of(
+        recordings: Vec<Recording>,
+        lag: Option<PositionDelay>,
+        options: &IdentifyOptions,
+        progress: Progress,
+    ) -> Result<(Self, Option<Begun>), IdentifyError> {
+        let segments: Vec<Segments> =
+            recordings.iter().map(|r| segment(r, &options.segment)).collect();
+        let two = two_steps::two_steps(&recordings, &segments, options)?;
+        let accelerations = recordings.iter().map(Recording::acceleration).collect();
+        let found = Self { recordings, lag, segments, accelerations, two };
+        let begun =
+            if options.paper { None } else { element::begin(&found.input(options), progress) };
+        Ok((found, begun))
+    }
+
+    pub(super) fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
+        let Self { recordings, segments, accelerations, two, .. } = self;
+        Input { recordings, segments, accelerations, two, options }
+    }
+}

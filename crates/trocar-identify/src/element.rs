@@ -1,0 +1,745 @@
+//! The fit of the element: from the start given by the two steps to the minimum of the likelihood
+//! cost, with the friction scale of each stroke and the optional terms that the data support.
+//!
+//! ```text
+//! starts -> fit with one scale -> fit with a scale per stroke -> τ², ω² (restricted likelihood) -> terms -> τ², ω² -> last fit
+//! ```
+
+use std::f64::consts::PI;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use trocar_model::{Branch, ElementParams, Trocar};
+
+use super::candidate::{Candidate, EmsTrial, Layout};
+use super::classical::ASSUMED_WIDTH;
+use super::findings::Progress;
+use super::free_motion::FreeMotion;
+use super::joins::Joins;
+use super::likelihood::{self, Fitted, ScaleVariance, Stop};
+use super::options::IdentifyOptions;
+use super::ripple::Ripple;
+use super::scale::{FrictionScale, Jump};
+use super::seal_prior::SealPrior;
+use super::segments::Segments;
+use super::shape::BranchShape;
+use super::spread::variance;
+use super::terms::{self, Chosen, Term, TermTrial};
+use super::training::acceleration_is_resolved;
+use super::training::{INDEPENDENT, Scale, Segmented, Training};
+use super::two_steps::{TwoSteps, settled_segments};
+use super::unexplained::PositionDelay;
+use super::unexplained::{Unexplained, UnexplainedEffects};
+use trocar_recording::{Recording, range};
+use trocar_simulate::replay::replay;
+use trocar_simulate::segment::Direction;
+
+/// Half widths to start from where the two steps resolved none, in units of the assumed one.
+const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
+/// Half widths tried again, relative to the best.
+const OTHER_WIDTHS: [f64; 3] = [0.5, 0.7, 1.4];
+/// The same for a fit from a prior: the seal may be another than the prior's, by a factor of √2 from
+/// one start to the next.
+const WIDTHS_OF_A_PRIOR: [f64; 6] = [0.25, 0.35, 0.5, 0.7, 1.4, 2.0];
+/// Most clusters.
+pub(super) const MOST_CLUSTERS: usize = 120;
+/// Fewest strokes from which their scatter is estimated; with fewer, all have the same scale.
+const FEWEST_STROKES: usize = 12;
+/// Fewest clusters for a fit.
+const FEWEST_CLUSTERS: usize = 4;
+
+/// Starts whose shape is fitted.
+const STARTS: usize = 5;
+
+const SHORT: Stop = Stop { iterations: 4, fall: 1e-2, promise: 10.0 * 1e-2 };
+const NEXT: Stop = Stop { iterations: 25, fall: 1e-3, promise: 10.0 * 1e-3 };
+const LAST: Stop = Stop { iterations: 80, fall: 1e-5, promise: 10.0 * 1e-5 };
+
+/// Input of the fit.
+pub(super) struct Input<'a> {
+    pub(super) recordings: &'a [Recording],
+    pub(super) segments: &'a [Segments],
+    /// Accelerations of each recording, m/s².
+    pub(super) accelerations: &'a [Vec<f64>],
+    pub(super) two: &'a TwoSteps,
+    pub(super) options: &'a IdentifyOptions,
+}
+
+/// The fitted element with its associated results.
+pub(super) struct ElementFit {
+    pub(super) training: Training,
+    pub(super) fitted: Fitted<EmsTrial>,
+    pub(super) joins: Joins,
+    pub(super) trials: Vec<TermTrial>,
+    pub(super) scale: FrictionScale,
+    /// Root mean square error, N, of the paper's element fitted to the same readings.
+    pub(super) paper_rms: f64,
+    pub(super) left: UnexplainedEffects,
+}
+
+/// A fit with its training data and the variances of its friction scale.
+struct Scaled {
+    training: Training,
+    fitted: Fitted<EmsTrial>,
+    /// τ.
+    scatter: f64,
+}
+
+/// The paper's element with a friction scale for each stroke.
+pub(super) struct Begun {
+    training: Training,
+    pub(super) fitted: Fitted<EmsTrial>,
+}
+
+/// Fits the paper's element; `None` where no start gives a model that runs or there are too few
+/// strokes.
+pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
+    if let Some(prior) = &input.options.prior {
+        return begin_from(input, prior, progress);
+    }
+    let starts = starts(input);
+    let widest =
+        starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
+    let plain = training(input, &widest.candidate)?;
+    progress("fitting the element", 0.02);
+    let best = unresolved(best_of(&plain, &starts, is_assumed(input))?, input);
+    let (mut training, mut fitted) = fitted_from(input, &best)?;
+    // A wider element forgets its unknown initial state later and needs longer strokes.
+    if fitted.best.candidate.half_width > 1.05 * best.candidate.half_width {
+        (training, fitted) = fitted_from(input, &fitted.best)?;
+    }
+    fitted = restarted(input, &training, fitted);
+    free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
+    progress("friction scale", 0.15);
+    let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
+    Some(Begun { training, fitted })
+}
+
+/// Fewest clusters for a fit from a prior.
+const FEWEST_WITH_PRIOR: usize = 2;
+
+/// Fits the element of a prior, with its terms.
+fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Begun> {
+    let from_readings = Layout {
+        offset: input.options.offset.is_none(),
+        unmodelled_mass: shows_mass(input),
+        largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
+        narrowest: 0.0,
+        slowest_creep: slowest_creep(input.recordings),
+        ..Layout::PAPER
+    };
+    let mut start = prior.trial(from_readings).ok()?;
+    start.candidate.offset = input.options.offset.unwrap_or(start.candidate.offset);
+    let mut training = training(input, &start.candidate)?;
+    if training.clusters() < FEWEST_WITH_PRIOR {
+        return None;
+    }
+    training.prior = prior.of(&start);
+    progress("fitting the element", 0.02);
+    let fitted = likelihood::fit(&training, &start, NEXT)?;
+    weigh(input, &mut training, &fitted);
+    // Scatter between few strokes looks like viscous friction where they have one scale, and the fit
+    // may not get from there, or from the width of the prior, to the least cost.
+    let widths = two_step_width(input).into_iter().filter_map(|width| of_width(&start, width));
+    let starts: Vec<EmsTrial> = other_widths(&start, &WIDTHS_OF_A_PRIOR)
+        .chain(widths)
+        .chain([start.clone(), fitted.best])
+        .collect();
+    let fit = |training: &Training, from: &EmsTrial| likelihood::fit(training, from, NEXT);
+    let mut fits: Vec<_> = starts.par_iter().filter_map(|from| fit(&training, from)).collect();
+    // The variance of a fit in another minimum would give the prior too much weight.
+    let least = fits.iter().min_by(|a, b| variance(a).total_cmp(&variance(b)))?;
+    weigh(input, &mut training, least);
+    fits = fits.par_iter().filter_map(|found| fit(&training, &found.best)).collect();
+    let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
+    progress("friction scale", 0.15);
+    let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
+    Some(Begun { training, fitted })
+}
+
+/// Takes the weight of the prior, and of the friction scales, from the error of a fit.
+fn weigh(input: &Input, training: &mut Training, fitted: &Fitted<EmsTrial>) {
+    training.variance = variance(fitted);
+    free_scales(input, training, &fitted.best, training.variance / INITIAL_SCATTER.powi(2));
+}
+
+/// Fraction of the squared error that another width must remove.
+const TRUE_GAIN: f64 = 0.05;
+
+/// The best of fits from other half widths, with all terms kept.
+fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<EmsTrial>> {
+    let fits = other_widths(&found.best, &OTHER_WIDTHS)
+        .filter_map(|start| likelihood::fit(training, &start, NEXT));
+    fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
+}
+
+/// The same full stroke with other half widths, `parts` of its own.
+fn other_widths<'a>(trial: &'a EmsTrial, parts: &'a [f64]) -> impl Iterator<Item = EmsTrial> + 'a {
+    parts.iter().filter_map(|part| of_width(trial, part * trial.candidate.half_width))
+}
+
+fn of_width(trial: &EmsTrial, half_width: f64) -> Option<EmsTrial> {
+    let candidate = trial.candidate.with_half_width(half_width)?;
+    Some(EmsTrial { candidate, ..trial.clone() })
+}
+
+/// The half width that the two steps resolved without a prior, m.
+fn two_step_width(input: &Input) -> Option<f64> {
+    (!is_assumed(input)).then_some(input.two.candidate.half_width)
+}
+
+/// Restarts from near the best, and the most steps of training data for which they are used. Where
+/// few positions lie within the deformation, each of them makes the cost non-smooth, and a fit
+/// easily stalls between two.
+const RESTARTS: usize = 4;
+const FEW_STEPS: usize = 5000;
+
+/// The best of fits from near `found`. It must be better over the steps and over all single
+/// samples, whose noise a step averages out.
+fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) -> Fitted<EmsTrial> {
+    if !found.best.layout.shape
+        || training.runs.iter().map(|run| run.steps.len()).sum::<usize>() > FEW_STEPS
+    {
+        return found;
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(input.options.seed);
+    let mut error = sampled_rms(input, &found.best.candidate);
+    for _ in 0..RESTARTS {
+        let start = found.best.shaken(&mut rng);
+        let again =
+            likelihood::fit(training, &start, NEXT).filter(|again| again.cost() < found.cost());
+        let Some(again) = again else { continue };
+        let error_again = sampled_rms(input, &again.best.candidate);
+        if error_again < error {
+            (found, error) = (again, error_again);
+        }
+    }
+    found
+}
+
+/// Root mean square error, N, over all samples whose force does not depend on the unknown start.
+pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
+    let Ok(stages) = candidate.stages() else { return f64::INFINITY };
+    let of = |recording: &Recording| {
+        let run = replay(&Trocar::of_seal(stages), recording, candidate.offset);
+        let reading = recording.force_without_inertia(candidate.unmodelled_mass);
+        let error = |i: usize| reading[i] - candidate.offset - run.force[i];
+        let known = run.known.iter().cloned().flatten();
+        known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
+    };
+    let sums = input.recordings.iter().map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    (sums.0 / f64::max(sums.1, 1.0)).sqrt()
+}
+
+/// The training data for a trial, and the fit to them with one friction scale.
+fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsTrial>)> {
+    let training = training(input, &trial.candidate)?;
+    let fitted = likelihood::fit(&training, trial, NEXT)?;
+    (training.clusters() >= FEWEST_CLUSTERS).then_some((training, fitted))
+}
+
+/// Adds the optional terms that the data support, and fits to convergence.
+pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
+    let Begun { training, fitted } = begun;
+    let paper_rms = fitted.rms[1];
+    if input.options.prior.is_some() {
+        let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
+        return Some(scaled(input, training, without_drift, LAST)?.with(
+            input,
+            Vec::new(),
+            paper_rms,
+        ));
+    }
+    progress("optional terms", terms::TERMS_FROM);
+    let mut excluded = excluded(input, fitted.best.candidate.half_width);
+    if !training.scale.is_free {
+        // Differences between few strokes cannot be separated from their scatter.
+        excluded.push(Term::Stribeck);
+    }
+    let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
+    if is_assumed(input) && chosen.fitted.best.layout.shape {
+        // The width was found without the terms: with them another may fit better.
+        let other = other_width(&training, &chosen.fitted);
+        if let Some(other) =
+            other.filter(|other| other.cost() < (1.0 - TRUE_GAIN) * chosen.fitted.cost())
+        {
+            chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
+        }
+    }
+    let Chosen { fitted, trials } = chosen;
+    let fitted = restarted(input, &training, fitted);
+    progress("last fit", terms::TERMS_TO);
+    let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
+    Some(scaled(input, training, without_drift, LAST)?.with(input, trials, paper_rms))
+}
+
+impl Scaled {
+    /// Adds the trials of the terms and the error of the paper's element.
+    fn with(self, input: &Input, trials: Vec<TermTrial>, paper_rms: f64) -> ElementFit {
+        let Self { training, fitted, scatter } = self;
+        let (fitted, joins) = Joins::searched(&training, fitted, LAST);
+        let scale = FrictionScale::new(&training, &fitted, input.recordings, scatter);
+        let left = UnexplainedEffects::by(input.recordings, &training, &fitted);
+        ElementFit { training, fitted, joins, trials, scale, paper_rms, left }
+    }
+}
+
+/// Gives each stroke its own friction scale where there are enough strokes to estimate their
+/// scatter.
+fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda: f64) {
+    training.scale = Scale {
+        is_free: input.options.prior.is_some() || training.strokes.len() >= FEWEST_STROKES,
+        lambda,
+        unconstrained: unconstrained(input, training),
+        ..Scale::default()
+    };
+    training.blend_over(blend_length(training, trial));
+}
+
+impl Begun {
+    /// The delay of the positions.
+    pub(super) fn position_delay(&self, recordings: &[Recording]) -> Option<PositionDelay> {
+        Unexplained::new(recordings, &self.training, &self.fitted)?.lag_left()
+    }
+}
+
+/// ℓ in half widths.
+const BLENDS: [f64; 5] = [0.1, 0.25, 0.5, 1.0, 2.0];
+
+/// ℓ, m: the travel over which the scale of a stroke replaces that of the one before; minimises C.
+fn blend_length(training: &Training, trial: &EmsTrial) -> f64 {
+    let of = |part: &f64| {
+        let (length, mut training) = (part * trial.candidate.half_width, training.clone());
+        training.blend_over(length);
+        (length, likelihood::cost(&training, trial))
+    };
+    let tried: Vec<(f64, f64)> = BLENDS.par_iter().map(of).collect();
+    let best = tried.iter().min_by(|a, b| a.1.total_cmp(&b.1)).expect("several are tried");
+    best.0
+}
+
+/// Initial value of the scatter between strokes.
+const INITIAL_SCATTER: f64 = 0.01;
+
+/// The remaining undamped step, in standard errors: root mean square over the free parameters.
+pub(super) fn remaining(fitted: &Fitted<EmsTrial>) -> f64 {
+    let moved = fitted.held.iter().filter(|held| !**held).count().max(1) as f64;
+    (fitted.promised_fall() * fitted.cost() / variance(fitted) / moved).max(0.0).sqrt()
+}
+
+/// Sets the variances of the friction scale from a fit at `from`, and refits with them.
+fn scaled(input: &Input, mut training: Training, from: EmsTrial, stop: Stop) -> Option<Scaled> {
+    (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
+    let mut first = likelihood::fit(&training, &from, SHORT)?;
+    let sigma2 = variance(&first);
+    let mass = first.best.candidate.unmodelled_mass;
+    training.take_out_faint_inertia(input.recordings, mass, sigma2.sqrt());
+    if !training.scale.is_free {
+        let fitted = likelihood::fit(&training, &first.best, stop)?;
+        return Some(Scaled { training, fitted, scatter: 0.0 });
+    }
+    if first.has_prior {
+        training.ripple = Ripple::of(&training, &first);
+        first.score_variance =
+            training.ripple.and_then(|ripple| ripple.score_variance(&training, &first.best));
+    }
+    training.variance = sigma2;
+    let jumps = Jump::find(&training, &first);
+    let drift = drift_basis(&training);
+    let mut relative: Vec<f64> = drift.iter().map(|d| d.1).collect();
+    training.scale.basis = drift.into_iter().map(|d| d.0).collect();
+    let of_jumps: Vec<Vec<f64>> = jumps.iter().map(|jump| jump.basis(&training)).collect();
+    training.scale.basis.extend(of_jumps);
+    let columns = training.scale.basis.len();
+    training.scale.expected = vec![f64::INFINITY; columns];
+    let start = EmsTrial { drift: vec![0.0; columns], ..first.best.clone() };
+    let own = start.free_numbers();
+    let flat = Stop { iterations: 0, fall: 0.0, promise: 0.0 };
+    let with_drift = likelihood::fit(&training, &start, flat)?;
+    let of_drift: Vec<(usize, f64)> =
+        relative.iter().enumerate().map(|(k, b)| (own + k, *b)).collect();
+    let ScaleVariance { scatter, drift } =
+        with_drift.normal.scale_variance(&training, sigma2, &of_drift);
+    let scatter = scatter.min(within_directions(&training, &with_drift));
+    training.scale.lambda = sigma2 / scatter.max(1e-12);
+    // A drift below 1e-4 is neglected.
+    if drift < 1e-8 {
+        training.scale.basis.drain(..relative.len());
+        relative.clear();
+    }
+    let of_drift = relative.iter().map(|b| (drift * b).sqrt());
+    training.scale.expected = of_drift.chain(jumps.iter().map(|_| Jump::WIDTH)).collect();
+    let start = EmsTrial { drift: vec![0.0; training.scale.basis.len()], ..first.best };
+    let fitted = likelihood::fit(&training, &start, stop)?;
+    Some(Scaled { training, fitted, scatter: scatter.sqrt() })
+}
+
+/// Variance of the strokes' own scales about the mean of their recording and direction; infinite
+/// for few strokes. A difference between the directions is an offset or an asymmetry, not scatter.
+fn within_directions(training: &Training, fitted: &Fitted<EmsTrial>) -> f64 {
+    let strokes = &training.strokes;
+    let (mut squares, mut degrees) = (0.0, 0.0);
+    for recording in 0..=strokes.iter().map(|s| s.recording).max().unwrap_or(0) {
+        for direction in [Direction::Insertion, Direction::Withdrawal] {
+            let counts = |g: &usize| {
+                (strokes[*g].recording, strokes[*g].direction) == (recording, Some(direction))
+                    && fitted.normal.scales[*g].information > 0.0
+                    && !training.scale.is_unconstrained(*g)
+            };
+            let own: Vec<f64> =
+                (0..strokes.len()).filter(counts).map(|g| fitted.normal.scales[g].own).collect();
+            let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
+            squares += own.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+            degrees += own.len().saturating_sub(1) as f64;
+        }
+    }
+    if degrees < FEWEST_STROKES as f64 / 2.0 { f64::INFINITY } else { squares / degrees }
+}
+
+/// Most cosines of the drift in a recording, and strokes required for each.
+const COSINES: usize = 6;
+const STROKES_PER_COSINE: usize = 4;
+
+/// φ_k over the strokes, with the variance of their amplitude over ω²: cosines over each recording
+/// (the expansion of a Brownian motion about its mean), and a step from the first recording to each
+/// other one. Each has zero mean, so the parameters of the seal are those of the mean stroke.
+pub(super) fn drift_basis(training: &Training) -> Vec<(Vec<f64>, f64)> {
+    let strokes = &training.strokes;
+    let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
+    let mut all = Vec::new();
+    for recording in 0..recordings {
+        let own: Vec<usize> =
+            (0..strokes.len()).filter(|g| strokes[*g].recording == recording).collect();
+        let (Some(first), Some(last)) = (own.first(), own.last()) else { continue };
+        let (from, to) = (strokes[*first].time, strokes[*last].time);
+        for k in 1..=COSINES.min(own.len() / STROKES_PER_COSINE) {
+            let phase = |g: usize| {
+                PI * k as f64 * (strokes[g].time - from) / (to - from).max(f64::MIN_POSITIVE)
+            };
+            let value =
+                |g: usize| if strokes[g].recording == recording { phase(g).cos() } else { 0.0 };
+            all.push((training.centred(value), 2.0 / (PI * k as f64).powi(2)));
+        }
+        if recording > 0 && !own.iter().all(|g| training.scale.is_unconstrained(*g)) {
+            all.push((training.centred(|g| f64::from(strokes[g].recording == recording)), 1.0));
+        }
+    }
+    all
+}
+
+/// Slowest and fastest speed of sliding, m/s.
+pub(super) fn speeds(input: &Input) -> [f64; 2] {
+    let [slow, fast] = input.two.steady.speed_range_m_s;
+    [slow.max(1e-3), fast.max(2e-3)]
+}
+
+/// Least fraction of a motion's time at one plateau for its speed to count as imposed.
+const IMPOSED: f64 = 0.5;
+
+/// Strokes whose speed was not imposed, where the others separate speeds in both directions. Under
+/// a constant push the speed responds to the friction of the stroke, so its size is no datum.
+fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
+    let strokes = &training.strokes;
+    let mut imposed = vec![false; strokes.len()];
+    let mut speeds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
+    for (recording, segments) in input.segments.iter().enumerate() {
+        for segment in segments.steady_segments.iter().filter(|s| s.dwell >= IMPOSED) {
+            let stroke =
+                strokes.partition_point(|s| (s.recording, s.start) <= (recording, segment.start));
+            imposed[stroke.saturating_sub(1)] = true;
+            speeds[usize::from(segment.velocity > 0.0)].push(segment.velocity.abs());
+        }
+    }
+    let separated = |own: &Vec<f64>| {
+        let (low, high) =
+            own.iter().fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
+        own.len() >= 3 && high > 1.5 * low
+    };
+    if speeds.iter().all(separated) {
+        imposed.iter().map(|i| !i).collect()
+    } else {
+        vec![false; strokes.len()]
+    }
+}
+
+/// Terms that are not tried.
+fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
+    let Input { options, .. } = input;
+    let mut excluded = options.without.clone();
+    if !shows_mass(input) {
+        excluded.push(Term::UnmodelledMass);
+    }
+    if !options.free_motion {
+        excluded.extend([Term::Creep, Term::Relaxation]);
+    }
+    if !options.free_motion || !has_partial_reversals(input, half_width) {
+        excluded.extend(Term::OF_FREE_MOTION);
+    }
+    excluded
+}
+
+/// Whether the readings can show an unmodelled mass. With a declared one, a small remainder is its
+/// error.
+fn shows_mass(input: &Input) -> bool {
+    let Input { recordings, options, .. } = input;
+    options.estimate_unmodelled_mass
+        && !options.inertia_removed
+        && acceleration_is_resolved(recordings)
+}
+
+/// Fewest partial reversals needed to identify minor loops and a second stage.
+const FEWEST_PARTIAL: usize = 4;
+
+/// Whether the recordings hold partial reversals, which full strokes do not replace.
+pub(super) fn has_partial_reversals(input: &Input, half_width: f64) -> bool {
+    let motion = FreeMotion::of(input.recordings, input.segments, half_width);
+    motion.partial_reversals >= FEWEST_PARTIAL
+}
+
+/// Initial value of σ relative to the sliding force.
+const INITIAL_ERROR: f64 = 0.03;
+
+/// Least v_c, m/s, that the motion can reveal: a hundredth of the speed below which the motion
+/// spends a twentieth of its time. Slower creep at most rounds the instant of a reversal.
+fn slowest_creep(recordings: &[Recording]) -> f64 {
+    const BLOCK: f64 = 0.05;
+    let mut speeds = Vec::new();
+    for recording in recordings {
+        let (t, x) = (&recording.time, &recording.position);
+        let mut from = 0;
+        for i in 0..t.len() {
+            if t[i] - t[from] >= BLOCK {
+                speeds.push((x[i] - x[from]).abs() / (t[i] - t[from]));
+                from = i;
+            }
+        }
+    }
+    speeds.sort_by(f64::total_cmp);
+    0.01 * speeds.get(speeds.len() / 20).copied().unwrap_or(0.0)
+}
+
+/// All samples; those of settled sliding are averaged into longer steps.
+fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
+    let Input { recordings, segments, accelerations, two, .. } = input;
+    let segmented =
+        |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
+            let settled = match &two.deformation {
+                Ok(found) => settled_segments(recording, segments, &two.steady, found),
+                Err(_) => Vec::new(),
+            };
+            Segmented { recording, strokes: &segments.strokes, settled, acceleration }
+        };
+    let data: Vec<Segmented> =
+        recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
+    let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
+    training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
+    let stages = of.stages().ok()?;
+    training.forget_unknown_starts(stages);
+    Some(training)
+}
+
+/// Fraction of the stroke below which the deformation of an axis with inertia removed is not that
+/// of a seal.
+const NEGLIGIBLE: f64 = 0.01;
+/// p value of the two steps' symmetry test below which each direction starts with its own slope.
+const SURE: f64 = 1e-3;
+
+/// Range of the readings, N; infinite where the sensor saturated.
+fn swing(recordings: &[Recording]) -> f64 {
+    if recordings.iter().any(|r| !r.quality.saturated.is_empty()) {
+        return f64::INFINITY;
+    }
+    let ends: Vec<f64> =
+        recordings.iter().map(|r| range(&r.force)).flat_map(|(low, high)| [low, high]).collect();
+    let (low, high) = range(&ends);
+    high - low
+}
+
+/// None for an axis without a seal; otherwise the element of the two steps, or straight elements of
+/// several widths where they resolved no deformation.
+fn starts(input: &Input) -> Vec<EmsTrial> {
+    let Input { recordings, two, options, .. } = input;
+    let mut candidate = two.candidate.clone();
+    let steady = &two.steady;
+    let is_wanted = |term: Term| !options.without.contains(&term);
+    let own_slopes =
+        is_wanted(Term::Asymmetry) && steady.symmetry_p_value.is_some_and(|p| p < SURE);
+    let layout = Layout {
+        offset: options.offset.is_none(),
+        own_slopes,
+        own_levels: own_slopes && options.offset.is_some(),
+        stribeck: is_wanted(Term::Stribeck) && steady.stribeck.is_some(),
+        // Sliding in both directions spans twice the force.
+        largest: if options.offset.is_some() { 1.0 } else { 0.5 } * swing(recordings),
+        narrowest: narrowest(input),
+        slowest_creep: slowest_creep(recordings),
+        is_coarse: is_coarse(input, candidate.half_width),
+        ..Layout::PAPER
+    };
+    if let Some(offset) = options.offset {
+        candidate.offset = offset;
+    }
+    candidate.seal_damping = 0.0;
+    let candidate = layout
+        .with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
+    let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
+    if !is_assumed(input) {
+        // The spring of a drive is no seal: only its friction is requested, and the two steps give
+        // that.
+        let is_axis = options.inertia_removed && 2.0 * candidate.half_width < NEGLIGIBLE * longest;
+        return if is_axis { Vec::new() } else { vec![EmsTrial::new(candidate, layout)] };
+    }
+    if options.inertia_removed && !steady.means.is_empty() {
+        return Vec::new();
+    }
+    let mut widths =
+        WIDTHS.map(|part| (part * ASSUMED_WIDTH * longest).max(layout.narrowest)).to_vec();
+    widths.dedup();
+    let both = |half_width: f64| {
+        let degrees = degrees(input, half_width);
+        let straight = straight(&candidate, half_width, degrees);
+        [snapping(&straight, degrees), Some(straight)].into_iter().flatten().collect::<Vec<_>>()
+    };
+    let plain = widths.into_iter().flat_map(both).map(|candidate| EmsTrial::new(candidate, layout));
+    // A creeping contact is as smooth as a wide element: a start from a wide element would not find
+    // it.
+    let creeping = |plain: EmsTrial| {
+        let creep_velocity = layout.slowest_creep.max(0.1 * speeds(input)[0]);
+        let candidate = Candidate { creep_velocity, ..plain.candidate.clone() };
+        let layout = Layout { creep: true, ..layout };
+        [plain, EmsTrial::new(candidate, layout)]
+    };
+    match options.free_motion && !options.without.contains(&Term::Creep) {
+        true => plain.flat_map(creeping).collect(),
+        false => plain.collect(),
+    }
+}
+
+/// Whether too few positions lie within this half width, m, to resolve the shape of the
+/// deformation.
+fn is_coarse(input: &Input, half_width: f64) -> bool {
+    half_width < FINELY_RESOLVED * resolution(input)
+}
+
+/// Whether the two steps did not resolve the deformation or its shape.
+fn is_assumed(input: &Input) -> bool {
+    input.two.is_assumed || is_coarse(input, input.two.candidate.half_width)
+}
+
+/// The candidate with branches that snap through as those of the plausible seal, scaled to its own
+/// forces.
+fn snapping(candidate: &Candidate, degrees: [usize; 2]) -> Option<Candidate> {
+    const POINTS: usize = 100;
+    let seal = ElementParams::plausible_10_5_mm().ok()?.deformation;
+    let (c, end) = (seal.half_width(), seal.insertion().force(seal.half_width()));
+    let end_forces = candidate.end_forces();
+    let force = end_forces.high.min(-end_forces.low) / end;
+    let fitted = |branch: &Branch| {
+        let at = |k: usize| 2.0 * (k as f64 + 0.5) / POINTS as f64 - 1.0;
+        let points: Vec<(f64, f64)> =
+            (0..POINTS).map(|k| (at(k), force * branch.force(c * at(k)))).collect();
+        BranchShape::fit(degrees, end_forces, &points).map(|found| found.0)
+    };
+    Some(Candidate {
+        insertion_branch: fitted(seal.insertion())?,
+        withdrawal_branch: fitted(seal.withdrawal())?,
+        ..candidate.clone()
+    })
+}
+
+/// Positions within c that resolve it, and that resolve branches of any degree.
+const RESOLVED: f64 = 3.0;
+const FINELY_RESOLVED: f64 = 20.0;
+/// A half width within this factor of the least one is not resolved.
+const UNRESOLVED: f64 = 1.05;
+
+/// Distance of positions, m, that encoder and sampling can distinguish.
+fn resolution(input: &Input) -> f64 {
+    let step = input.recordings.iter().map(|r| r.quality.position_resolution).fold(0.0, f64::max);
+    let interval = input.recordings.iter().map(|r| r.quality.median_interval).fold(0.0, f64::max);
+    let [slow, fast] = input.two.steady.speed_range_m_s;
+    step.max(interval * (slow * fast).sqrt())
+}
+
+/// Least half width, m, that encoder and sampling resolve.
+pub(super) fn narrowest(input: &Input) -> f64 {
+    RESOLVED * resolution(input)
+}
+
+/// Degrees of branches of this half width, m: parabolas where few positions lie within it.
+fn degrees(input: &Input, half_width: f64) -> [usize; 2] {
+    if is_coarse(input, half_width) { [2, 2] } else { input.options.degrees }
+}
+
+/// The trial with a straight spring of the least width in place of an unresolved deformation.
+fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
+    let narrowest = narrowest(input);
+    if trial.candidate.half_width > UNRESOLVED * narrowest
+        || !trial.layout.shape
+        || !is_assumed(input)
+    {
+        return trial;
+    }
+    let layout = Layout { shape: false, ..trial.layout };
+    EmsTrial { candidate: straight(&trial.candidate, narrowest, [2, 2]), layout, ..trial }
+}
+
+/// The candidate with straight branches of polynomials of `degrees`.
+pub(super) fn straight(candidate: &Candidate, half_width: f64, degrees: [usize; 2]) -> Candidate {
+    let end_forces = candidate.end_forces();
+    let branch = BranchShape {
+        join_force: 0.5 * (end_forces.low + end_forces.high),
+        ..BranchShape::straight(degrees)
+    };
+    Candidate {
+        half_width,
+        insertion_branch: branch.clone(),
+        withdrawal_branch: branch,
+        ..candidate.clone()
+    }
+}
+
+/// The start with the best fit: a short fit of all, a longer one of the best two.
+fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTrial> {
+    if let ([only], false) = (starts, wide) {
+        return Some(only.clone());
+    }
+    let carried = |trials: Vec<EmsTrial>, stop, count| {
+        let fit = |trial: &EmsTrial| likelihood::fit(training, trial, stop);
+        let mut fits: Vec<_> = trials.iter().filter_map(fit).collect();
+        // Of two equally good fits, prefer the one with a resolved width.
+        let rank = |f: &Fitted<EmsTrial>| {
+            let is_resolved = f.best.candidate.half_width > UNRESOLVED * f.best.layout.narrowest;
+            f.rms[1] * if is_resolved { 1.0 } else { 1.0 + TRUE_GAIN }
+        };
+        fits.sort_by(|a, b| rank(a).total_cmp(&rank(b)));
+        fits.into_iter().map(|fitted| fitted.best).take(count).collect::<Vec<_>>()
+    };
+    let shaped =
+        |shape: bool| move |t: EmsTrial| EmsTrial { layout: Layout { shape, ..t.layout }, ..t };
+    // Forces and creep first, since a shape could mimic them.
+    let level: Vec<EmsTrial> =
+        carried(starts.iter().cloned().map(shaped(false)).collect(), SHORT, STARTS);
+    let best_two =
+        carried(carried(level.into_iter().map(shaped(true)).collect(), SHORT, 2), NEXT, 2);
+    // A wide element may mimic a narrower one.
+    let best = best_two.first()?;
+    carried(
+        carried(other_widths(best, &OTHER_WIDTHS).chain([best.clone()]).collect(), SHORT, 2),
+        NEXT,
+        1,
+    )
+    .into_iter()
+    .next()
+}
+
+/// The same terms fitted to other readings of the same motion.
+pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
+    let mut training = training(input, &found.fitted.best.candidate)?;
+    let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
+    let lambda = found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2);
+    free_scales(input, &mut training, &start, lambda);
+    let last = scaled(input, training, start, LAST)?;
+    Some(last.with(input, found.trials.clone(), found.paper_rms))
+}

@@ -1,0 +1,1220 @@
+//! The single likelihood of all parameters that `identify` estimates, and its maximisation.
+//!
+//! # Data model
+//! ```text
+//! y_i = o + m·a_i + u_i·F_i(θ) + ε_i          reading i, N
+//! u_i = 1 + w_i·v_g + (1 − w_i)·v_(g−1)       friction scale; w_i = 1 − exp(−path since the reversal/ℓ)
+//! v_g = Σ_k d_k·φ_k(g) + e_g                  stroke g: slow drift, and scatter between strokes
+//! d_k ~ N(0, ω_k²)      e_g ~ N(0, τ²)      ε_i ~ N(0, σ²)
+//! ```
+//! F_i(θ) is the free-running simulation on the measured motion. Given θ, the model is linear in
+//! all other parameters. The e_g are eliminated in closed form. Each reading depends on two
+//! neighbouring strokes, so the equations of the e_g are tridiagonal. Clusters of strokes are
+//! treated as independent; the stroke before the first one of a cluster has an e of its own. o, m
+//! and d_k are columns of the normal equations. The cost is −2σ² times the log likelihood, less
+//! constants:
+//!
+//! ```text
+//! C(θ, o, m, d) = r'r − r'Z·P⁻¹·Z'r + Σ_j p_j·(θ_j − μ_j)²      N²      P = Z'Z + λ·I      λ = σ²/τ²      p_j = σ²/(prior variance)
+//! r_i = y_i − o − m·a_i − (u_i without the e_g)·F_i             Z_ig = w_i·F_i in stroke g, (1 − w_i)·F_i in the next
+//! ```
+//! A stroke whose speed responds to its friction (a constant push) determines the shape of the
+//! force but not its size: λ_g is 1e-6 of the stroke's own information there.
+//!
+//! # Intervals
+//! Normal equations are stored for each cluster of strokes and nothing for each sample, so memory
+//! does not grow with the recording. With cluster g left out the estimate moves to first order by
+//! −(H − H_g)⁻¹·s_g. Its variance over clusters (jackknife) does not treat the samples of one
+//! stroke as independent. A parameter that the data push against a bound is held there.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use trocar_model::Friction;
+
+use super::prior::{Kind, Prior};
+use super::training::{Run, Scale, Step, Training};
+use trocar_simulate::cancel;
+
+/// Stopping criteria.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Stop {
+    /// Largest number of damped steps.
+    pub(crate) iterations: usize,
+    /// Relative decrease of the cost below which the fit has converged.
+    pub(crate) fall: f64,
+    /// Largest relative decrease that an undamped step may still predict at convergence; infinite
+    /// if not required.
+    pub(crate) promise: f64,
+}
+
+/// How a free parameter enters the prediction.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Column {
+    /// Through the simulated force.
+    Simulated,
+    /// Sensor offset o.
+    Offset,
+    /// Mass m, kg, whose inertia is in the readings.
+    Mass,
+    /// Drift d_k of the friction scale.
+    Drift(usize),
+    /// Left as it is.
+    Held,
+}
+
+/// One free parameter: its value, the step of its difference quotient, its range, and how it
+/// enters.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Free {
+    /// What it is; `None` where no prior is declared for it.
+    pub(crate) kind: Option<Kind>,
+    pub(crate) value: f64,
+    pub(crate) step: f64,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    /// Standard deviation of the prior about 0; infinite without a prior.
+    pub(crate) expected: f64,
+    pub(crate) column: Column,
+}
+
+/// A model under trial: free parameters, and the model that they define.
+pub(crate) trait Trial: Clone + Send + Sync {
+    /// The model, ready to run.
+    type Model: Friction<State: Send + Sync> + Send + Sync;
+
+    /// The model; `None` where the parameters do not form a valid one.
+    fn model(&self) -> Option<Self::Model>;
+    /// The free parameters.
+    fn free(&self) -> Vec<Free>;
+    /// The trial with its free parameters replaced, each clamped to its range.
+    fn with(&self, values: &[f64]) -> Self;
+    /// The trial with its free parameters replaced without clamping: for the spread of an estimate,
+    /// not for a model.
+    fn with_any(&self, values: &[f64]) -> Self;
+    /// Sensor offset o, N.
+    fn offset(&self) -> f64;
+    /// Mass m whose inertia is in the readings, kg.
+    fn unmodelled_mass(&self) -> f64 {
+        0.0
+    }
+    /// Drift amplitudes d_k.
+    fn drift(&self) -> &[f64] {
+        &[]
+    }
+    /// Force of each model at the centres of the steps, N, starting from its state.
+    fn forces(
+        models: &[Self::Model],
+        states: &mut [StateOf<Self>],
+        _lanes: Lanes,
+        steps: &[Step],
+    ) -> Vec<Vec<f64>> {
+        each_alone(models, states, steps)
+    }
+}
+
+/// The forces of models, each stepped on its own.
+pub(super) fn each_alone<M>(models: &[M], states: &mut [M::State], steps: &[Step]) -> Vec<Vec<f64>>
+where
+    M: Friction<State: Send + Sync> + Send + Sync,
+{
+    let of = |(model, state): (&M, &mut M::State)| {
+        steps.iter().map(|step| seal_force(model, state, step)).collect()
+    };
+    models.par_iter().zip(states).map(of).collect()
+}
+
+/// State of a trial's model.
+pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
+
+/// Simulations of one part at least: each part steps the leading model anew.
+const TOGETHER: usize = 10;
+
+/// Steps simulated at a time.
+const BLOCK: usize = 2048;
+
+/// Result of a fit.
+#[derive(Debug, Clone)]
+pub(crate) struct Fitted<T> {
+    pub(crate) best: T,
+    /// Root mean square error, N, before and after, with the friction scale of each stroke removed.
+    pub(crate) rms: [f64; 2],
+    pub(crate) iterations: usize,
+    pub(crate) converged: bool,
+    /// Free parameters held at a bound.
+    pub(crate) held: Vec<bool>,
+    /// Whether the fit had a prior of the seal's parameters.
+    pub(crate) has_prior: bool,
+    /// Variance of the score by the model of the residuals; `None` where there is none.
+    pub(crate) score_variance: Option<DMatrix<f64>>,
+    pub(crate) normal: Normal,
+}
+
+/// Sums of Z over one stroke: e_g, e_(g−1), their product, and with the residual.
+#[derive(Debug, Clone, Copy, Default)]
+struct ScaleSums {
+    own: f64,
+    before: f64,
+    mixed: f64,
+    moment: f64,
+    moment_before: f64,
+}
+
+impl ScaleSums {
+    #[inline]
+    fn add(&mut self, weight: f64, residual: f64, [own, before]: [f64; 2]) {
+        self.own += weight * own * own;
+        self.before += weight * before * before;
+        self.mixed += weight * own * before;
+        self.moment += weight * own * residual;
+        self.moment_before += weight * before * residual;
+    }
+}
+
+/// Sums of one stroke at one parameter vector, before the scatter of the strokes is eliminated.
+#[derive(Debug, Clone)]
+struct StrokeSums {
+    hessian: DMatrix<f64>,
+    score: DVector<f64>,
+    /// Σ x·Z: with e_g, with e_(g−1).
+    cross: [DVector<f64>; 2],
+    scale: ScaleSums,
+    cost: f64,
+    steps: f64,
+}
+
+impl StrokeSums {
+    fn new(p: usize) -> Self {
+        Self {
+            hessian: DMatrix::zeros(p, p),
+            score: DVector::zeros(p),
+            cross: [DVector::zeros(p), DVector::zeros(p)],
+            scale: ScaleSums::default(),
+            cost: 0.0,
+            steps: 0.0,
+        }
+    }
+}
+
+/// P of the strokes of one cluster and of the stroke before them, factored as L·D·L'.
+struct Scatter {
+    pivots: Vec<f64>,
+    below: Vec<f64>,
+    /// ln|P/λ|.
+    determinant: f64,
+}
+
+impl Scatter {
+    /// `sums` start with the empty sums of the stroke before; `first` is the number of the first of
+    /// the others.
+    fn new(sums: &[ScaleSums], first: usize, scale: &Scale, lambda: f64) -> Self {
+        let mut factored = Self {
+            pivots: Vec::with_capacity(sums.len()),
+            below: vec![0.0; sums.len()],
+            determinant: 0.0,
+        };
+        for k in 0..sums.len() {
+            let square = sums[k].own + sums.get(k + 1).map_or(0.0, |next| next.before);
+            let is_unconstrained =
+                (first + k).checked_sub(1).is_some_and(|g| scale.is_unconstrained(g));
+            let held = if is_unconstrained { UNCONSTRAINED * square } else { lambda };
+            let mut pivot = if square + held > 0.0 { square + held } else { 1.0 };
+            if k > 0 {
+                factored.below[k] = sums[k].mixed / factored.pivots[k - 1];
+                pivot -= factored.below[k] * sums[k].mixed;
+            }
+            factored.pivots.push(pivot);
+            factored.determinant += if is_unconstrained { 0.0 } else { (pivot / lambda).ln() };
+        }
+        factored
+    }
+
+    /// P⁻¹ times a vector.
+    fn solve(&self, mut values: Vec<f64>) -> Vec<f64> {
+        for k in 1..values.len() {
+            values[k] -= self.below[k] * values[k - 1];
+        }
+        values.iter_mut().zip(&self.pivots).for_each(|(v, pivot)| *v /= pivot);
+        for k in (1..values.len()).rev() {
+            values[k - 1] -= self.below[k] * values[k];
+        }
+        values
+    }
+}
+
+/// Z' times a vector, from the contributions of each stroke to itself (`own`) and to the one before
+/// (`before`); the first element belongs to the stroke before all.
+fn gathered(count: usize, own: impl Fn(usize) -> f64, before: impl Fn(usize) -> f64) -> Vec<f64> {
+    let of =
+        |k: usize| if k > 0 { own(k - 1) } else { 0.0 } + if k < count { before(k) } else { 0.0 };
+    (0..=count).map(of).collect()
+}
+
+/// The sums of the strokes of one cluster, preceded by the empty sums of the stroke before.
+fn with_stroke_before(sums: impl Iterator<Item = ScaleSums>) -> Vec<ScaleSums> {
+    std::iter::once(ScaleSums::default()).chain(sums).collect()
+}
+
+/// The decrease of C due to the scatter of the strokes.
+fn taken_away(sums: &[ScaleSums], first: usize, scale: &Scale) -> f64 {
+    let moments = gathered(sums.len(), |k| sums[k].moment, |k| sums[k].moment_before);
+    let all = with_stroke_before(sums.iter().copied());
+    let scatter = Scatter::new(&all, first, scale, scale.lambda).solve(moments.clone());
+    moments.iter().zip(&scatter).map(|(m, e)| m * e).sum()
+}
+
+/// Regularisation of the scale of a stroke whose size is no datum, as a fraction of its own
+/// information.
+const UNCONSTRAINED: f64 = 1e-6;
+
+/// Friction scale of one stroke: v_g from the data and the prior.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct StrokeScale {
+    /// v_g, with e_g shrunk by its prior.
+    pub(crate) value: f64,
+    /// v_g from the stroke's own readings alone, and their information Σ Z², N².
+    pub(crate) own: f64,
+    pub(crate) information: f64,
+}
+
+/// Normal equations at one parameter vector, with the scatter of the strokes eliminated.
+#[derive(Debug, Clone)]
+pub(crate) struct Normal {
+    /// H and s of each cluster.
+    hessians: Vec<DMatrix<f64>>,
+    scores: Vec<DVector<f64>>,
+    /// C of each cluster, without the prior term.
+    costs: Vec<f64>,
+    /// Each free parameter less its prior mean, and the precision of its prior.
+    prior: Vec<(f64, f64)>,
+    /// Steps that count.
+    steps: f64,
+    /// Scale of each stroke.
+    pub(crate) scales: Vec<StrokeScale>,
+    strokes: Vec<StrokeSums>,
+}
+
+impl Normal {
+    /// C(θ, o, m, d).
+    fn cost(&self) -> f64 {
+        self.data_cost()
+            + self.prior.iter().map(|(off, precision)| precision * off * off).sum::<f64>()
+    }
+
+    fn data_cost(&self) -> f64 {
+        self.costs.iter().sum()
+    }
+
+    fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let p = self.scores[0].len();
+        let mut hessian = self.hessians.iter().fold(DMatrix::zeros(p, p), |a, b| a + b);
+        let mut score = self.scores.iter().fold(DVector::zeros(p), |a, b| a + b);
+        for (j, (off, precision)) in self.prior.iter().enumerate() {
+            hessian[(j, j)] += precision;
+            score[j] -= precision * off;
+        }
+        (hessian, score)
+    }
+}
+
+/// Force of the seal at the centre of a step, N.
+fn seal_force<M: Friction>(model: &M, state: &mut M::State, step: &Step) -> f64 {
+    let before = M::force(state);
+    step.at_centre(before, model.step(state, step.displacement, step.duration))
+}
+
+/// Initial state of a run: at rest at its first reading.
+fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Friction>::State {
+    model.rest_at_force(run.first_force - trial.offset())
+}
+
+/// Scale of each stroke without its own scatter: the drift.
+fn drifts<T: Trial>(training: &Training, trial: &T) -> Vec<f64> {
+    let basis = &training.scale.basis;
+    let at = |g: usize| trial.drift().iter().zip(basis).map(|(d, phi)| d * phi[g]).sum();
+    (0..training.strokes.len()).map(at).collect()
+}
+
+/// Quantities that do not depend on the scatter of the strokes.
+struct Predictor<'a> {
+    training: &'a Training,
+    drift: Vec<f64>,
+    offset: f64,
+    mass: f64,
+}
+
+impl<'a> Predictor<'a> {
+    fn new<T: Trial>(training: &'a Training, trial: &T) -> Self {
+        Self {
+            training,
+            drift: drifts(training, trial),
+            offset: trial.offset(),
+            mass: trial.unmodelled_mass(),
+        }
+    }
+
+    /// w_i·x_g + (1 − w_i)·x_(g−1).
+    #[inline]
+    fn blended(step: &Step, of: impl Fn(usize) -> f64) -> f64 {
+        let own = step.blend * of(step.stroke);
+        if step.blend < 1.0 { own + (1.0 - step.blend) * of(step.stroke - 1) } else { own }
+    }
+
+    /// (r_i, u_i without the e_g, Z_i) at the simulated force.
+    #[inline]
+    fn residual(&self, step: &Step, force: f64) -> (f64, f64, [f64; 2]) {
+        let reading = step.force - self.offset - self.mass * step.acceleration;
+        if !self.training.scale.is_free {
+            return (reading - force, 1.0, [0.0; 2]);
+        }
+        let scale = 1.0 + Self::blended(step, |g| self.drift[g]);
+        (reading - scale * force, scale, [step.blend * force, (1.0 - step.blend) * force])
+    }
+
+    /// (r_i, Z_i) of the step `i` of a block, and its row of the derivatives of the prediction;
+    /// `before` is the force simulated before the block.
+    fn row(
+        &self,
+        block: &[Step],
+        i: usize,
+        lanes: &[Vec<f64>],
+        sources: &[Source],
+        before: f64,
+        row: &mut [f64],
+    ) -> (f64, [f64; 2]) {
+        let (step, force) = (&block[i], lanes[0][i]);
+        let rate = (force - if i > 0 { lanes[0][i - 1] } else { before }) / step.duration;
+        let (residual, scale, z) = self.residual(step, force);
+        let basis = &self.training.scale.basis;
+        for (slot, source) in row.iter_mut().zip(sources) {
+            *slot = match source {
+                Source::Difference { lane, step } => scale * (lanes[*lane][i] - force) / step,
+                Source::Offset => 1.0,
+                Source::Acceleration => step.acceleration,
+                Source::Delay => scale * rate,
+                Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
+                Source::Nothing => 0.0,
+            };
+        }
+        (residual, z)
+    }
+}
+
+/// C of a trial, without the prior term; `None` where it is not a valid model.
+fn data_cost<T: Trial>(training: &Training, trial: &T) -> Option<f64> {
+    let model = trial.model()?;
+    let predictor = Predictor::new(training, trial);
+    let of_run = |run: &Run| {
+        cancel::check();
+        let mut state = start(trial, &model, run);
+        let Range { start: first, end } = run.strokes();
+        let mut sums = vec![ScaleSums::default(); end - first];
+        let mut squares = 0.0;
+        for step in &run.steps {
+            let force = seal_force(&model, &mut state, step);
+            if step.weight > 0.0 {
+                let (r, _, z) = predictor.residual(step, force);
+                squares += step.weight * r * r;
+                sums[step.stroke - first].add(step.weight, r, z);
+            }
+        }
+        (squares, sums)
+    };
+    let by_run: Vec<(f64, Vec<ScaleSums>)> = training.runs.par_iter().map(of_run).collect();
+    let squares: f64 = by_run.iter().map(|run| run.0).sum();
+    if !training.scale.is_free {
+        return Some(squares);
+    }
+    let strokes: Vec<ScaleSums> = by_run.into_iter().flat_map(|run| run.1).collect();
+    let of =
+        |range: Range<usize>| taken_away(&strokes[range.clone()], range.start, &training.scale);
+    Some(squares - training.cluster_strokes().map(of).sum::<f64>())
+}
+
+/// C of a trial, with the prior term; infinite where it is not a valid model.
+pub(crate) fn cost<T: Trial>(training: &Training, trial: &T) -> f64 {
+    data_cost(training, trial).map_or(f64::INFINITY, |c| c + prior_cost(training, trial))
+}
+
+/// A column that is no free parameter of the trial: the secant to another trial, or the rate of the
+/// simulated force.
+#[derive(Clone)]
+pub(crate) enum Extra<T> {
+    /// u·(F of the other trial − F).
+    Secant(T),
+    /// a_i: an unmodelled mass, kg.
+    Acceleration,
+    /// u·dF/dt: position delay of 1 s.
+    Delay,
+}
+
+/// Source of a column of the normal equations.
+enum Source {
+    /// Difference to simulation `lane`, divided by a step.
+    Difference {
+        lane: usize,
+        step: f64,
+    },
+    Offset,
+    Acceleration,
+    Delay,
+    Drift(usize),
+    Nothing,
+}
+
+/// The simulations that the columns need (the trial's own first), and the columns.
+struct Simulations<T: Trial> {
+    trials: Vec<T>,
+    models: Vec<T::Model>,
+    /// Number of leading simulations that differ little.
+    close: usize,
+    sources: Vec<Source>,
+}
+
+impl<T: Trial> Simulations<T> {
+    /// `None` where one of them is not a valid model.
+    fn new(trial: &T, extra: &[Extra<T>]) -> Option<Self> {
+        let free = trial.free();
+        let values: Vec<f64> = free.iter().map(|f| f.value).collect();
+        let mut trials = vec![trial.clone()];
+        let mut sources = Vec::new();
+        for (j, f) in free.iter().enumerate() {
+            sources.push(match f.column {
+                Column::Offset => Source::Offset,
+                Column::Mass => Source::Acceleration,
+                Column::Drift(k) => Source::Drift(k),
+                Column::Held => Source::Nothing,
+                Column::Simulated => {
+                    // Step away from a bound that lies within the step.
+                    let step = if f.value + f.step > f.high { -f.step } else { f.step };
+                    let mut changed = values.clone();
+                    changed[j] += step;
+                    trials.push(trial.with(&changed));
+                    Source::Difference { lane: trials.len() - 1, step }
+                }
+            });
+        }
+        let close = trials.len();
+        for column in extra {
+            sources.push(match column {
+                Extra::Secant(other) => {
+                    trials.push(other.clone());
+                    Source::Difference { lane: trials.len() - 1, step: 1.0 }
+                }
+                Extra::Acceleration => Source::Acceleration,
+                Extra::Delay => Source::Delay,
+            });
+        }
+        let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
+        Some(Self { trials, models, close, sources })
+    }
+}
+
+fn prior_cost<T: Trial>(training: &Training, trial: &T) -> f64 {
+    prior(training, trial).iter().map(|(value, precision)| precision * value * value).sum()
+}
+
+/// Each free parameter less its prior mean, and p_j: the precision of its prior.
+fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
+    let of = |(j, free): (usize, &Free)| {
+        let Prior { mean, deviation } = match (free.column, training.prior.get(j)) {
+            (Column::Drift(k), _) => Prior::about_zero(training.scale.expected[k]),
+            (_, Some(prior)) => *prior,
+            (_, None) => Prior::about_zero(free.expected),
+        };
+        (free.value - mean, training.variance / deviation.powi(2))
+    };
+    trial.free().iter().enumerate().map(of).collect()
+}
+
+/// The normal equations at a trial: columns for its free parameters, by difference quotients over
+/// their steps, followed by columns for `extra`.
+fn normal_equations<T: Trial>(
+    training: &Training,
+    trial: &T,
+    extra: &[Extra<T>],
+) -> Option<Normal> {
+    let Simulations { trials, models, close, sources } = Simulations::new(trial, extra)?;
+    let p = sources.len();
+    let predictor = Predictor::new(training, trial);
+    let mut strokes = vec![StrokeSums::new(p); training.strokes.len()];
+    let threads = rayon::current_num_threads() as f64;
+    let total: usize = training.runs.iter().map(|run| run.steps.len()).sum();
+    let of_run = |(run, strokes): (&Run, &mut [StrokeSums])| {
+        let parts = (threads * run.steps.len() as f64 / total as f64).round().max(1.0) as usize;
+        let parts = parts.min(close.div_ceil(TOGETHER));
+        let mut states: Vec<StateOf<T>> =
+            models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
+        let mut before = 0.0;
+        for block in run.steps.chunks(BLOCK) {
+            cancel::check();
+            let forces = T::forces(&models, &mut states, Lanes { close, parts }, block);
+            accumulate(
+                &predictor,
+                block,
+                &forces,
+                &sources,
+                before,
+                &mut strokes[block[0].stroke - run.strokes().start..],
+            );
+            before = *forces[0].last().expect("a block has steps");
+        }
+    };
+    let mut rest = strokes.as_mut_slice();
+    let mut runs: Vec<(&Run, &mut [StrokeSums])> = Vec::with_capacity(training.runs.len());
+    for run in &training.runs {
+        let (own, others) = rest.split_at_mut(run.strokes().len());
+        runs.push((run, own));
+        rest = others;
+    }
+    runs.into_par_iter().for_each(of_run);
+    let mut prior = prior(training, trial);
+    prior.resize(p, (0.0, 0.0));
+    Some(training.eliminated(strokes, &predictor.drift, prior))
+}
+
+/// One step as the likelihood sees it, at given parameters.
+#[derive(Debug, Clone)]
+pub(crate) struct Row {
+    /// Derivatives of the prediction with respect to the free parameters.
+    pub(crate) derivatives: Vec<f64>,
+    /// r_i, N.
+    pub(crate) residual: f64,
+    /// Z_i, N: its own stroke, and the one before.
+    pub(crate) scale: [f64; 2],
+    pub(crate) force: f64,
+    pub(crate) weight: f64,
+    pub(crate) stroke: usize,
+    /// Number of the unbroken part of a recording.
+    pub(crate) run: usize,
+    /// Displacement, m, and duration, s, of the step.
+    pub(crate) displacement: f64,
+    pub(crate) duration: f64,
+    /// Time of its end since the beginning of the run, s.
+    pub(crate) time: f64,
+}
+
+/// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid
+/// model.
+pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
+    let Simulations { trials, models, close, sources } = Simulations::new(trial, &[])?;
+    let predictor = Predictor::new(training, trial);
+    let of_run = |(number, run): (usize, &Run)| {
+        cancel::check();
+        let mut states: Vec<StateOf<T>> =
+            models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
+        let lanes = T::forces(&models, &mut states, Lanes { close, parts: 1 }, &run.steps);
+        let mut ends = vec![0.0; run.steps.len()];
+        let mut time = 0.0;
+        for (end, step) in ends.iter_mut().zip(&run.steps) {
+            time += step.duration;
+            *end = time;
+        }
+        let of_step = |i: usize| {
+            let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
+            let (residual, scale) =
+                predictor.row(&run.steps, i, &lanes, &sources, lanes[0][0], &mut derivatives);
+            Row {
+                derivatives,
+                residual,
+                scale,
+                force: lanes[0][i],
+                weight: step.weight,
+                stroke: step.stroke,
+                run: number,
+                displacement: step.displacement,
+                duration: step.duration,
+                time: ends[i],
+            }
+        };
+        (0..run.steps.len()).filter(|i| run.steps[*i].weight > 0.0).map(of_step).collect::<Vec<_>>()
+    };
+    Some(training.runs.iter().enumerate().flat_map(of_run).collect())
+}
+
+/// The models of a run that are stepped together: the first `close` differ little and are divided
+/// into `parts`.
+#[derive(Clone, Copy)]
+pub(crate) struct Lanes {
+    pub(crate) close: usize,
+    pub(crate) parts: usize,
+}
+
+/// Adds the steps of a block to the sums of its strokes and of later ones; `before` is the force
+/// simulated before it.
+fn accumulate(
+    predictor: &Predictor,
+    block: &[Step],
+    lanes: &[Vec<f64>],
+    sources: &[Source],
+    before: f64,
+    strokes: &mut [StrokeSums],
+) {
+    let mut from = 0;
+    let of_strokes: Vec<Range<usize>> = block
+        .chunk_by(|a, b| a.stroke == b.stroke)
+        .map(|chunk| {
+            from += chunk.len();
+            from - chunk.len()..from
+        })
+        .collect();
+    let sums = strokes.par_iter_mut().zip(of_strokes);
+    sums.for_each(|(sums, range)| {
+        accumulate_stroke(predictor, block, range, lanes, sources, before, sums)
+    });
+}
+
+/// The steps `range` of a block, all within one stroke.
+fn accumulate_stroke(
+    predictor: &Predictor,
+    block: &[Step],
+    range: Range<usize>,
+    lanes: &[Vec<f64>],
+    sources: &[Source],
+    before: f64,
+    sums: &mut StrokeSums,
+) {
+    let p = sources.len();
+    let mut row = vec![0.0; p];
+    for i in range {
+        let step = &block[i];
+        if step.weight == 0.0 {
+            continue;
+        }
+        let (residual, z) = predictor.row(block, i, lanes, sources, before, &mut row);
+        let weight = step.weight;
+        sums.steps += step.independent;
+        sums.cost += weight * residual * residual;
+        sums.scale.add(weight, residual, z);
+        let hessian = sums.hessian.as_mut_slice();
+        for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
+            let scaled = weight * a;
+            sums.score[j] += scaled * residual;
+            sums.cross[0][j] += scaled * z[0];
+            sums.cross[1][j] += scaled * z[1];
+            // Lower triangle, column by column.
+            let column = &mut hessian[j * p + j..(j + 1) * p];
+            column.iter_mut().zip(&row[j..]).for_each(|(h, b)| *h += scaled * b);
+        }
+    }
+}
+
+impl Training {
+    /// W·(x − Z·P⁻¹·Z'Wx) of the steps of a cluster with the first stroke `first`; adds the variance
+    /// of the score that the scatter of their strokes makes to `sum`.
+    pub(super) fn scattered(
+        &self,
+        rows: &[Row],
+        first: usize,
+        sum: &mut DMatrix<f64>,
+    ) -> Vec<DVector<f64>> {
+        let p = sum.nrows();
+        let x = |row: &Row| DVector::from_column_slice(&row.derivatives[..p]);
+        if !self.scale.is_free {
+            return rows.iter().map(|row| row.weight * x(row)).collect();
+        }
+        let count = rows.last().map_or(0, |row| row.stroke - first + 1);
+        let mut scales = vec![ScaleSums::default(); count];
+        // Columns of Z'WX: the stroke before, and those of the cluster.
+        let mut cross = DMatrix::zeros(p, count + 1);
+        for row in rows {
+            let k = row.stroke - first;
+            scales[k].add(row.weight, 0.0, row.scale);
+            for (column, z) in [(k + 1, row.scale[0]), (k, row.scale[1])] {
+                cross.column_mut(column).axpy(row.weight * z, &x(row), 1.0);
+            }
+        }
+        let with_before = with_stroke_before(scales.into_iter());
+        let factored = Scatter::new(&with_before, first, &self.scale, self.scale.lambda);
+        let mut solved = cross.clone();
+        for j in 0..p {
+            let row = factored.solve(cross.row(j).iter().copied().collect());
+            row.into_iter().enumerate().for_each(|(k, value)| solved[(j, k)] = value);
+        }
+        let moved = |row: &Row| {
+            let k = row.stroke - first;
+            let all =
+                x(row) - solved.column(k + 1) * row.scale[0] - solved.column(k) * row.scale[1];
+            row.weight * all
+        };
+        // X̃'WZ is λ·X'WZ·P⁻¹, and τ² = σ²/λ.
+        let lambda = self.scale.lambda;
+        for (k, own) in solved.column_iter().enumerate() {
+            let is_unconstrained =
+                (first + k).checked_sub(1).is_some_and(|g| self.scale.is_unconstrained(g));
+            if !is_unconstrained {
+                sum.ger(self.variance * lambda, &own, &own, 1.0);
+            }
+        }
+        rows.iter().map(moved).collect()
+    }
+
+    /// The normal equations with the scatter of the strokes eliminated, summed by cluster.
+    fn eliminated(
+        &self,
+        mut strokes: Vec<StrokeSums>,
+        drift: &[f64],
+        prior: Vec<(f64, f64)>,
+    ) -> Normal {
+        let p = strokes.first().map_or(0, |s| s.score.len());
+        strokes.iter_mut().for_each(|s| s.hessian.fill_upper_triangle_with_lower_triangle());
+        let mut normal = Normal {
+            hessians: Vec::with_capacity(self.clusters()),
+            scores: Vec::with_capacity(self.clusters()),
+            costs: Vec::with_capacity(self.clusters()),
+            prior,
+            steps: strokes.iter().map(|s| s.steps).sum(),
+            scales: Vec::with_capacity(strokes.len()),
+            strokes: Vec::new(),
+        };
+        for range in self.cluster_strokes() {
+            let cluster = Cluster::new(
+                &strokes[range.clone()],
+                range.start,
+                p,
+                &self.scale,
+                self.scale.lambda,
+            );
+            for (index, scatter) in range.zip(cluster.scatter) {
+                let sums = strokes[index].scale;
+                let own = if sums.own > 0.0 { sums.moment / sums.own } else { 0.0 };
+                let value = if self.scale.is_free { drift[index] + scatter } else { 0.0 };
+                normal.scales.push(StrokeScale {
+                    value,
+                    own: drift[index] + own,
+                    information: sums.own,
+                });
+            }
+            normal.hessians.push(cluster.hessian);
+            normal.scores.push(cluster.score);
+            normal.costs.push(cluster.cost);
+        }
+        normal.strokes = strokes;
+        normal
+    }
+}
+
+/// Normal equations of one cluster, with the scatter of its strokes eliminated.
+struct Cluster {
+    hessian: DMatrix<f64>,
+    score: DVector<f64>,
+    cost: f64,
+    /// e_g of its strokes.
+    scatter: Vec<f64>,
+    /// ln|P/λ|.
+    determinant: f64,
+}
+
+impl Cluster {
+    fn new(strokes: &[StrokeSums], first: usize, p: usize, scale: &Scale, lambda: f64) -> Self {
+        let count = strokes.len();
+        let mut cluster = Self {
+            hessian: strokes.iter().fold(DMatrix::zeros(p, p), |sum, s| sum + &s.hessian),
+            score: strokes.iter().fold(DVector::zeros(p), |sum, s| sum + &s.score),
+            cost: strokes.iter().map(|s| s.cost).sum(),
+            scatter: vec![0.0; count],
+            determinant: 0.0,
+        };
+        if !scale.is_free {
+            return cluster;
+        }
+        let factored = Scatter::new(
+            &with_stroke_before(strokes.iter().map(|s| s.scale)),
+            first,
+            scale,
+            lambda,
+        );
+        let moments =
+            gathered(count, |k| strokes[k].scale.moment, |k| strokes[k].scale.moment_before);
+        let scatter = factored.solve(moments.clone());
+        let cross: Vec<Vec<f64>> = (0..p)
+            .map(|j| gathered(count, |k| strokes[k].cross[0][j], |k| strokes[k].cross[1][j]))
+            .collect();
+        let solved: Vec<Vec<f64>> = cross.iter().map(|c| factored.solve(c.clone())).collect();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        for (i, own) in cross.iter().enumerate() {
+            cluster.score[i] -= dot(own, &scatter);
+            for (j, other) in solved.iter().enumerate().take(i + 1) {
+                let product = dot(own, other);
+                cluster.hessian[(i, j)] -= product;
+                cluster.hessian[(j, i)] = cluster.hessian[(i, j)];
+            }
+        }
+        cluster.cost -= dot(&moments, &scatter);
+        cluster.scatter = scatter[1..].to_vec();
+        cluster.determinant = factored.determinant;
+        cluster
+    }
+}
+
+/// Solves (H + λ·diag H)·δ = s with columns scaled to unit diagonal. A parameter that has no
+/// influence or is held does not change.
+pub(crate) fn damped_step(
+    hessian: &DMatrix<f64>,
+    score: &DVector<f64>,
+    lambda: f64,
+    held: &[bool],
+) -> Option<DVector<f64>> {
+    let p = score.len();
+    let moves = |j: usize| hessian[(j, j)] > 0.0 && !held[j];
+    let scale =
+        DVector::from_fn(p, |j, _| if moves(j) { hessian[(j, j)].sqrt() } else { f64::INFINITY });
+    let scaled = DMatrix::from_fn(p, p, |i, j| {
+        let own = if i == j { 1.0 + lambda } else { 0.0 };
+        if i == j { own } else { hessian[(i, j)] / (scale[i] * scale[j]) }
+    });
+    let solution = scaled.cholesky()?.solve(&score.component_div(&scale));
+    Some(solution.component_div(&scale))
+}
+
+/// The damped step within the ranges: parameters at a bound that would leave it are held, and the
+/// others are solved again.
+fn step_within(
+    normal: &(DMatrix<f64>, DVector<f64>),
+    free: &[Free],
+    lambda: f64,
+    held: &mut Vec<bool>,
+) -> Option<DVector<f64>> {
+    *held = vec![false; free.len()];
+    loop {
+        let delta = damped_step(&normal.0, &normal.1, lambda, held)?;
+        let leaves = |j: usize| {
+            let Free { value, low, high, .. } = free[j];
+            (value <= low && delta[j] < 0.0) || (value >= high && delta[j] > 0.0)
+        };
+        let leaving: Vec<usize> = (0..free.len()).filter(|j| !held[*j] && leaves(*j)).collect();
+        if leaving.is_empty() {
+            return Some(delta);
+        }
+        leaving.into_iter().for_each(|j| held[j] = true);
+    }
+}
+
+/// Damping above which no step is tried.
+const HIGHEST_DAMPING: f64 = 1e4;
+
+/// Minimises C from `from`; `None` when `from` is not a valid model.
+pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
+    let mut best = from.clone();
+    let mut normal = normal_equations(training, &best, &[])?;
+    let first = normal.data_cost();
+    let (mut lambda, mut iterations, mut converged) = (1e-5, 0, false);
+    let mut held = vec![false; best.free().len()];
+    while iterations < stop.iterations && !converged {
+        iterations += 1;
+        let sums = normal.sums();
+        let before = normal.cost();
+        let free = best.free();
+        let (mut accepted, mut is_first) = (None, true);
+        while accepted.is_none() && lambda < HIGHEST_DAMPING {
+            let tried = step_within(&sums, &free, lambda, &mut held).map(|delta| {
+                let moved: Vec<f64> =
+                    free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
+                best.with(&moved)
+            });
+            let total = |t: &T| cost(training, t);
+            accepted = tried.map(|t| (total(&t), t)).filter(|(after, _)| *after < before);
+            lambda *= match &accepted {
+                Some(_) if is_first => 0.05,
+                Some(_) => 0.5,
+                None => 10.0,
+            };
+            is_first = false;
+        }
+        let Some((after, better)) = accepted else {
+            converged = true;
+            break;
+        };
+        best = better;
+        normal = normal_equations(training, &best, &[])?;
+        lambda = lambda.max(1e-8);
+        // With a scale for each stroke, the common force of all strokes is a flat direction: a
+        // small decrease does not indicate convergence.
+        let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
+        converged = after > (1.0 - stop.fall) * before && !is_flat();
+    }
+    step_within(&normal.sums(), &best.free(), 1e-12, &mut held);
+    let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
+    let has_prior = !training.prior.is_empty();
+    let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
+    let score_variance = ripple.and_then(|ripple| ripple.score_variance(training, &best));
+    Some(Fitted { best, rms, iterations, converged, held, has_prior, score_variance, normal })
+}
+
+/// Fraction of C that an undamped step would remove if the model were linear.
+fn promised(normal: &Normal, free: &[Free]) -> f64 {
+    let sums = normal.sums();
+    let mut held = Vec::new();
+    let fall = step_within(&sums, free, 1e-12, &mut held).map_or(0.0, |delta| {
+        delta
+            .iter()
+            .zip(sums.1.iter())
+            .zip(&held)
+            .filter(|(_, held)| !**held)
+            .map(|((d, s), _)| d * s)
+            .sum::<f64>()
+    });
+    fall / normal.cost().max(f64::MIN_POSITIVE)
+}
+
+impl<T: Trial> Fitted<T> {
+    /// The smallest C found.
+    pub(crate) fn cost(&self) -> f64 {
+        self.normal.cost()
+    }
+
+    /// Residuals of the steps with the friction scale of each stroke, N.
+    pub(crate) fn residuals(&self, training: &Training, rows: &[Row]) -> Vec<f64> {
+        let drift = drifts(training, &self.best);
+        let scatter = |g: usize| self.normal.scales[g].value - drift[g];
+        let residual = |row: &Row| {
+            let [own, before] = row.scale;
+            let of_before = if before != 0.0 { before * scatter(row.stroke - 1) } else { 0.0 };
+            row.residual - own * scatter(row.stroke) - of_before
+        };
+        match training.scale.is_free {
+            true => rows.iter().map(residual).collect(),
+            false => rows.iter().map(|row| row.residual).collect(),
+        }
+    }
+
+    /// Sums of the normal equations, without the gradient of parameters held at a bound.
+    pub(crate) fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
+        let (hessian, mut score) = self.normal.sums();
+        self.held
+            .iter()
+            .zip(score.iter_mut())
+            .filter(|(held, _)| **held)
+            .for_each(|(_, s)| *s = 0.0);
+        (hessian, score)
+    }
+
+    /// The remaining undamped step: the distance to the minimum, to first order.
+    pub(crate) fn remaining(&self) -> DVector<f64> {
+        let (hessian, score) = self.sums();
+        damped_step(&hessian, &score, 1e-6, &self.held)
+            .unwrap_or_else(|| DVector::zeros(score.len()))
+    }
+
+    /// Fraction of C that this step would remove if the model were linear.
+    pub(crate) fn promised_fall(&self) -> f64 {
+        let (_, score) = self.sums();
+        self.remaining().dot(&score) / self.normal.cost().max(f64::MIN_POSITIVE)
+    }
+
+    /// The same with other ranges of the free parameters.
+    pub(crate) fn promised_to(&self, free: &[Free]) -> f64 {
+        promised(&self.normal, free)
+    }
+
+    /// Changes of the free parameters with one cluster left out each, and their covariance if all
+    /// samples were independent. Both use a weak prior of `widths` (standard deviations), so
+    /// parameters that the data do not determine stay finite. A parameter held at a bound does not
+    /// change.
+    pub(crate) fn departures(&self, widths: &[f64]) -> (Vec<DVector<f64>>, DMatrix<f64>) {
+        let (mut hessian, score) = self.sums();
+        let p = score.len();
+        let variance = self.normal.data_cost() / self.normal.steps.max(f64::MIN_POSITIVE);
+        widths
+            .iter()
+            .enumerate()
+            .for_each(|(j, width)| hessian[(j, j)] += variance / (width * width));
+        let used = self
+            .normal
+            .hessians
+            .iter()
+            .zip(&self.normal.scores)
+            .filter(|(h, _)| h.diagonal().sum() > 0.0);
+        // What a prior knows may lie on both sides of a bound.
+        let held: Vec<bool> = self.held.iter().map(|held| *held && !self.has_prior).collect();
+        let left_out =
+            used.filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &held));
+        let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { variance } else { 0.0 });
+        let column = |j: usize| {
+            damped_step(&hessian, &unit(j), 1e-12, &held).unwrap_or_else(|| DVector::zeros(p))
+        };
+        (left_out.collect(), DMatrix::from_columns(&(0..p).map(column).collect::<Vec<_>>()))
+    }
+
+    /// Precision of the prior of each free parameter, N² over its unit squared; empty without a
+    /// prior.
+    pub(crate) fn prior_precisions(&self) -> Vec<f64> {
+        self.normal.prior.iter().map(|(_, precision)| *precision).collect()
+    }
+
+    /// Information of each cluster along `direction`, relative to the others: dᵀ·H_g·d.
+    pub(crate) fn information(&self, direction: &DVector<f64>) -> Vec<f64> {
+        self.normal.hessians.iter().map(|h| direction.dot(&(h * direction)).max(0.0)).collect()
+    }
+
+    /// The same fit with columns for `extra` after its own: the effect of each to first order.
+    pub(crate) fn with_columns(&self, training: &Training, extra: &[Extra<T>]) -> Option<Normal> {
+        normal_equations(training, &self.best, extra)
+    }
+}
+
+/// Degrees of freedom of the model's variance when combined with the jackknife's.
+pub(super) const MODEL_DEGREES: f64 = 8.0;
+
+/// Effect of one additional column, to first order.
+pub(crate) struct OneStep {
+    /// Amplitude of the column, its jackknife standard error and degrees of freedom.
+    pub(crate) amplitude: f64,
+    pub(crate) standard_error: f64,
+    pub(crate) degrees: f64,
+    /// Fraction of C that it removes.
+    pub(crate) gain: f64,
+}
+
+impl Normal {
+    /// Adds the column `column` to the first `held.len()` (those of the free parameters) and to
+    /// `beside`; `sigma2` (N²) is σ².
+    ///
+    /// The variance of the amplitude is that of the jackknife, which a few strokes may dominate,
+    /// moderated by that of the model: (ν·s²_jackknife + ν_0·s²_model)/(ν + ν_0) with ν_0 =
+    /// [`MODEL_DEGREES`] (as for the variances of many small samples, SMYTH).
+    pub(crate) fn one_step(
+        &self,
+        held: &[bool],
+        beside: &[usize],
+        column: usize,
+        sigma2: f64,
+    ) -> Option<OneStep> {
+        let (hessian, mut score) = self.sums();
+        let own = held.len();
+        let mut fixed = vec![true; score.len()];
+        fixed[..own].copy_from_slice(held);
+        beside.iter().chain([&column]).for_each(|j| fixed[*j] = false);
+        fixed.iter().zip(score.iter_mut()).filter(|(fixed, _)| **fixed).for_each(|(_, s)| *s = 0.0);
+        let with = damped_step(&hessian, &score, 1e-9, &fixed)?;
+        let mut without = fixed.clone();
+        without[column] = true;
+        let before = damped_step(&hessian, &score, 1e-9, &without)?;
+        let used =
+            self.hessians.iter().zip(&self.scores).filter(|(h, _)| h[(column, column)] > 0.0);
+        let left_out = |(h, s): (&DMatrix<f64>, &DVector<f64>)| {
+            damped_step(&(&hessian - h), &(&score - s), 1e-9, &fixed).map(|d| d[column])
+        };
+        let all: Vec<f64> = used.filter_map(left_out).collect();
+        let g = all.len() as f64;
+        let mean = all.iter().sum::<f64>() / g.max(1.0);
+        let variance = (g - 1.0) / g * all.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+        let unit = DVector::from_fn(score.len(), |i, _| f64::from(i == column));
+        let direction = damped_step(&hessian, &unit, 1e-9, &fixed)?;
+        let shares: Vec<f64> =
+            self.hessians.iter().map(|h| direction.dot(&(h * &direction)).max(0.0)).collect();
+        let squares: f64 = shares.iter().map(|s| s * s).sum();
+        let degrees =
+            (shares.iter().sum::<f64>().powi(2) / squares.max(f64::MIN_POSITIVE) - 1.0).max(0.0);
+        let by_model = sigma2 * direction[column];
+        let moderated = (degrees * variance + MODEL_DEGREES * by_model) / (degrees + MODEL_DEGREES);
+        Some(OneStep {
+            amplitude: with[column],
+            standard_error: moderated.sqrt(),
+            degrees: degrees + MODEL_DEGREES,
+            gain: (with.dot(&score) - before.dot(&score)) / self.cost().max(f64::MIN_POSITIVE),
+        })
+    }
+}
+
+/// Variances of the friction scale: scatter τ² between strokes, drift ω².
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ScaleVariance {
+    pub(crate) scatter: f64,
+    pub(crate) drift: f64,
+}
+
+/// Number of standard deviations of the friction scale that are compared, from 1e-4 to a quarter.
+const SCATTERS: usize = 24;
+const SCATTER_RANGE: [f64; 2] = [1e-4, 0.3];
+/// Mean of the exponential prior of τ and ω: seals scatter by one or a few percent. It matters only
+/// with few strokes.
+const USUAL_SCATTER: f64 = 0.03;
+const DRIFTS: [f64; 10] = [0.0, 2.5e-3, 5e-3, 0.01, 0.015, 0.025, 0.04, 0.07, 0.12, 0.25];
+
+impl Normal {
+    /// τ² and ω² by restricted maximum likelihood at the present parameters, given σ² (N²); ω² is
+    /// its mean over the likelihood.
+    ///
+    /// ```text
+    /// −2 log L = C_min/σ² + Σ_g ln(1 + τ²·z'z/σ²) + ln|H/σ²| + Σ_k ln(ω²·b_k)      H with 1/(ω²·b_k) on the drift's diagonal
+    /// ```
+    /// `relative` holds b_k, the variance of each drift column over ω², and its column.
+    pub(crate) fn scale_variance(
+        &self,
+        training: &Training,
+        sigma2: f64,
+        relative: &[(usize, f64)],
+    ) -> ScaleVariance {
+        let ratio: f64 = SCATTER_RANGE[1] / SCATTER_RANGE[0];
+        let scatter = |k: usize| SCATTER_RANGE[0] * ratio.powf(k as f64 / (SCATTERS - 1) as f64);
+        let drifts: &[f64] = if relative.is_empty() { &DRIFTS[..1] } else { &DRIFTS };
+        let tried: Vec<(f64, f64)> = (0..SCATTERS)
+            .flat_map(|k| drifts.iter().map(move |d| (scatter(k).powi(2), d * d)))
+            .collect();
+        let criterion = |(tau2, omega2): &(f64, f64)| {
+            self.criterion(training, sigma2, (*tau2, *omega2), relative)
+        };
+        let values: Vec<f64> = tried
+            .par_iter()
+            .map(|t| criterion(t) + 2.0 * (t.0.sqrt() + t.1.sqrt()) / USUAL_SCATTER)
+            .collect();
+        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let mut found = ScaleVariance { scatter: 0.0, drift: 0.0 };
+        let mut total = 0.0;
+        for ((tau2, omega2), value) in tried.iter().zip(&values) {
+            let weight = (-0.5 * (value - least)).exp();
+            if weight.is_finite() {
+                found.scatter += weight * tau2;
+                found.drift += weight * omega2;
+                total += weight;
+            }
+        }
+        (found.scatter, found.drift) = (found.scatter / total, found.drift / total);
+        found
+    }
+
+    fn criterion(
+        &self,
+        training: &Training,
+        sigma2: f64,
+        (tau2, omega2): (f64, f64),
+        relative: &[(usize, f64)],
+    ) -> f64 {
+        let p = self.scores[0].len();
+        let (mut hessian, mut score) = (DMatrix::zeros(p, p), DVector::zeros(p));
+        let (mut cost, mut determinants) = (0.0, 0.0);
+        let lambda = sigma2 / tau2;
+        for range in training.cluster_strokes() {
+            let cluster =
+                Cluster::new(&self.strokes[range.clone()], range.start, p, &training.scale, lambda);
+            hessian += cluster.hessian;
+            score += cluster.score;
+            cost += cluster.cost;
+            determinants += cluster.determinant;
+        }
+        let mut fixed = vec![false; p];
+        for (j, b) in relative {
+            if omega2 > 0.0 {
+                hessian[(*j, *j)] += sigma2 / (omega2 * b);
+                determinants += (omega2 * b / sigma2).ln();
+            } else {
+                fixed[*j] = true;
+            }
+        }
+        let free: Vec<usize> = (0..p).filter(|j| !fixed[*j] && hessian[(*j, *j)] > 0.0).collect();
+        let scale: Vec<f64> = free.iter().map(|j| hessian[(*j, *j)].sqrt()).collect();
+        let n = free.len();
+        let scaled = DMatrix::from_fn(n, n, |i, j| {
+            let ridge = if i == j { 1e-9 } else { 0.0 };
+            hessian[(free[i], free[j])] / (scale[i] * scale[j]) + ridge
+        });
+        let Some(factor) = scaled.cholesky() else { return f64::INFINITY };
+        let rhs = DVector::from_fn(n, |i, _| score[free[i]] / scale[i]);
+        let fall = rhs.dot(&factor.solve(&rhs));
+        let logs = scale.iter().map(|s| 2.0 * s.ln()).sum::<f64>()
+            + 2.0 * factor.l_dirty().diagonal().iter().map(|d| d.ln()).sum::<f64>();
+        (cost - fall) / sigma2 + determinants + logs
+    }
+}

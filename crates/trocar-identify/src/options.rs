@@ -1,0 +1,83 @@
+//! Options of the identification.
+
+use super::posterior::Draws;
+use super::seal_prior::SealPrior;
+use super::terms::Term;
+use trocar_simulate::segment::SegmentOptions;
+
+/// Options of the identification.
+#[derive(Debug, Clone)]
+pub struct IdentifyOptions {
+    /// Resamples of the bootstrap over cycles; with 0 all intervals come from the jackknife.
+    pub bootstrap: usize,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
+    pub degrees: [usize; 2],
+    /// Whether to try the terms that only rests and partial reversals reveal: creep, relaxation,
+    /// minor loops, a second stage.
+    pub free_motion: bool,
+    /// Optional terms that are not tried.
+    pub without: Vec<Term>,
+    /// Whether to fit the position-dependent force where strokes repeat.
+    pub along: bool,
+    /// Whether to estimate a mass between sensor and seal that was not declared.
+    pub estimate_unmodelled_mass: bool,
+    /// Whether the inertia of the moving mass was removed from the readings. Transients then count
+    /// as sliding too, where the deformation is less than a hundredth of the stroke.
+    pub inertia_removed: bool,
+    /// Sensor reading without load, N, where it is known (a tare); `None` estimates it.
+    pub offset: Option<f64>,
+    /// Whether to use only the procedure of the paper.
+    pub paper: bool,
+    /// A model of the same trocar type, whose parameters the recordings update.
+    pub prior: Option<SealPrior>,
+    /// Number of posterior draws; `None` takes none.
+    pub posterior: Option<Draws>,
+    /// Tolerances of the segmentation.
+    pub segment: SegmentOptions,
+}
+
+impl Default for IdentifyOptions {
+    fn default() -> Self {
+        Self {
+            bootstrap: 200,
+            seed: 1,
+            degrees: [4, 4],
+            free_motion: true,
+            without: Vec::new(),
+            along: true,
+            estimate_unmodelled_mass: true,
+            inertia_removed: false,
+            offset: None,
+            paper: false,
+            prior: None,
+            posterior: None,
+            segment: SegmentOptions::default(),
+        }
+    }
+}
+
+impl IdentifyOptions {
+    /// All options but the tolerances of the segmentation, in words.
+    pub fn in_words(&self) -> String {
+        let yes_no = |value: bool| if value { "yes" } else { "no" };
+        let without: Vec<&str> = self.without.iter().map(|term| term.name()).collect();
+        format!(
+            "seed {}, bootstrap {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
+             terms not tried: {}, position profile {}, unmodelled mass {}{}{}",
+            self.seed,
+            self.bootstrap,
+            self.degrees[0],
+            self.degrees[1],
+            self.offset.map_or_else(|| "estimated".to_owned(), |offset| format!("{offset} N")),
+            yes_no(self.paper),
+            yes_no(self.free_motion),
+            if without.is_empty() { "none".to_owned() } else { without.join(", ") },
+            yes_no(self.along),
+            yes_no(self.estimate_unmodelled_mass),
+            self.prior.as_ref().map_or_else(String::new, |prior| format!(", {}", prior.in_words())),
+            self.posterior.map_or_else(String::new, |draws| format!(", {draws} posterior draws"))
+        )
+    }
+}

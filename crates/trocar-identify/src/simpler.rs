@@ -1,0 +1,99 @@
+//! Whether a simpler model predicts the recordings better than the identified one: then the seal is
+//! no EMS element, or the recordings do not show its deformation, and the intervals of its parameters
+//! cannot be trusted.
+
+use trocar_model::Trocar;
+
+use crate::classical::{self, ClassicalData, Kind, RelatedFits};
+use crate::margin::{Margin, by_stroke};
+use crate::{Identification, IdentifyOptions, Warning};
+use trocar_recording::{Recording, RecordingError};
+use trocar_simulate::replay::{forces, replay};
+
+/// Models with few parameters and a state that cover most seals.
+const SIMPLER: [Kind; 2] = [Kind::LuGre, Kind::Dahl];
+
+/// A model is clearly better with an error below this fraction of the other's ...
+const CLEARLY: f64 = 0.9;
+/// ... that is this many standard errors away.
+const STANDARD_ERRORS: f64 = 2.0;
+
+/// A recording with the samples at which the state of the identified element is known.
+struct Scored<'a> {
+    recording: &'a Recording,
+    samples: Vec<usize>,
+}
+
+/// Error of one model over several recordings.
+struct Errors {
+    /// Mean squared error of each stroke, N².
+    by_stroke: Vec<f64>,
+    /// Root mean square error, N.
+    rms: f64,
+}
+
+/// A doubt if LuGre or Dahl, fitted to `training`, predicts clearly better than `found`: on
+/// `held_out`, or over `training` itself without any.
+///
+/// `training` must be free of inertia and delay except for the unmodelled mass; `held_out` of that,
+/// too.
+///
+/// # Errors
+/// As for [`Recording::without_moving_mass`].
+pub fn doubt(
+    found: &Identification,
+    options: &IdentifyOptions,
+    training: &[Recording],
+    held_out: &[Recording],
+) -> Result<Option<Warning>, RecordingError> {
+    let without = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0);
+    let training: Vec<Recording> = training.iter().map(without).collect::<Result<_, _>>()?;
+    let scored = if held_out.is_empty() { &training } else { held_out };
+    let scored: Vec<Scored> =
+        scored.iter().map(|recording| Scored::new(found, recording)).collect();
+    let own = errors(&scored, &found.trocar(), found.model.offset);
+    let data = ClassicalData::new(&training, found, options);
+    let alone = RelatedFits { smaller: None, special: None };
+    let fits = SIMPLER.into_iter().filter_map(|kind| classical::fit(kind, &data, alone).ok());
+    let better = fits.filter_map(|fit| {
+        let theirs = errors(&scored, &Trocar::of_seal(fit.model), fit.offset);
+        let margin = Margin::of(&theirs.by_stroke, &own.by_stroke)?;
+        let clear = theirs.rms < CLEARLY * own.rms && margin.standard_errors > STANDARD_ERRORS;
+        clear.then_some((fit.kind, theirs.rms, margin))
+    });
+    let best = better.min_by(|a, b| a.1.total_cmp(&b.1));
+    Ok(best.map(|(kind, rms, margin)| {
+        let which = if held_out.is_empty() { "the recordings themselves" } else { "the held-out recordings" };
+        let message = format!(
+            "{} with {} parameters predicts {which} better: {rms:.3} against {:.3} N rms ({:.1} standard errors over \
+             {} strokes): the seal is no EMS element, or its deformation is not seen in these recordings. Do not rely on \
+             these parameters; trocar compare gives that model",
+            kind.title(),
+            kind.parameters(),
+            own.rms,
+            margin.standard_errors,
+            margin.strokes
+        );
+        Warning::doubt("simpler model", message)
+    }))
+}
+
+impl<'a> Scored<'a> {
+    fn new(found: &Identification, recording: &'a Recording) -> Self {
+        let known = replay(&found.trocar(), recording, found.model.offset).known;
+        Self { recording, samples: known.into_iter().flatten().collect() }
+    }
+}
+
+fn errors<K: AsRef<[f64]>>(scored: &[Scored], model: &Trocar<K>, offset: f64) -> Errors {
+    let (mut by_strokes, mut squares, mut count) = (Vec::new(), 0.0, 0);
+    for Scored { recording, samples } in scored {
+        let force = forces(model, recording, offset);
+        let errors: Vec<f64> =
+            samples.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
+        squares += errors.iter().map(|e| e * e).sum::<f64>();
+        count += errors.len();
+        by_strokes.extend(by_stroke(recording, samples, &errors));
+    }
+    Errors { by_stroke: by_strokes, rms: (squares / count.max(1) as f64).sqrt() }
+}

@@ -1,0 +1,233 @@
+//! Self-excited oscillation of the force at constant speed: stick-slip.
+//!
+//! A model with correct forces soon loses phase with such readings, so the squared error does not
+//! assess it. Quantities independent of phase are therefore reported separately: the speeds, the
+//! frequency, and the force range of the oscillation.
+//!
+//! A force may also oscillate because of the rig. Cogging of the drive or a rough shaft recurs at
+//! the same positions at any speed, interference at the same frequency. Neither is stick-slip.
+
+use serde::Serialize;
+
+use super::findings::Warning;
+use super::segments::Segments;
+use trocar_recording::{Recording, median, range};
+use trocar_simulate::segment::SteadySegment;
+
+/// Fewest crossings of the hysteresis that count as stick-slip. The least peak-to-peak amplitude is
+/// the sum of these multiples of the force and of the sensor noise.
+const FEWEST_SWINGS: usize = 8;
+const LEAST_SWING: f64 = 0.06;
+const OVER_NOISE: f64 = 6.0;
+/// Fewest plateaus that oscillate.
+const FEWEST_PLATEAUS: usize = 2;
+/// Plateaus whose speeds differ by less than this factor may oscillate alike whatever the cause.
+const OTHER_SPEED: f64 = 1.1;
+/// Median correlation of such plateaus over the position above which the oscillation is attributed
+/// to the position.
+const SAME_PLACES: f64 = 0.5;
+/// Cells per period over which they are compared, and the fewest cells.
+const CELLS: f64 = 6.0;
+const FEWEST_CELLS: usize = 24;
+/// Ratio of the largest to the least frequency that counts as one frequency, and the ratio of
+/// speeds required for that.
+const ONE_FREQUENCY: f64 = 1.15;
+const SPEEDS: f64 = 2.0;
+
+/// Self-excited oscillation of the force: least and greatest value over the velocity plateaus that
+/// oscillate.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct StickSlip {
+    /// Velocity plateaus that oscillate.
+    pub plateaus: usize,
+    /// Speed of the instrument, m/s.
+    pub speed_m_s: [f64; 2],
+    /// Cycles per second.
+    pub frequency_hz: [f64; 2],
+    /// Magnitude of the force, N, without the sensor offset: the mean of the minima, at which a
+    /// slip ends, and of the maxima, at which it begins: the static force F_s.
+    pub force_n: [f64; 2],
+}
+
+/// Cause of a force oscillation at constant velocity.
+pub(super) enum Swings {
+    /// The seal.
+    StickSlip(StickSlip),
+    /// A position-dependent cause, with a period in m.
+    Position { period: f64 },
+    /// A cause with its own frequency, Hz.
+    Interference { frequency: f64 },
+}
+
+/// One plateau that oscillates.
+struct Oscillation<'a> {
+    frequency: f64,
+    force: [f64; 2],
+    speed: f64,
+    inserts: bool,
+    positions: &'a [f64],
+    readings: &'a [f64],
+}
+
+impl Swings {
+    /// `None` where the force oscillates on fewer than two plateaus.
+    pub(super) fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Option<Self> {
+        let each: Vec<Vec<Oscillation>> =
+            recordings.iter().zip(segments).map(|(r, s)| oscillations(r, s, offset)).collect();
+        let period = period_over_position(&each);
+        let all: Vec<Oscillation> = each.into_iter().flatten().collect();
+        let over = |of: fn(&Oscillation) -> f64| {
+            let (low, high) = range(&all.iter().map(of).collect::<Vec<f64>>());
+            [low, high]
+        };
+        let (speed_m_s, frequency_hz) = (over(|o| o.speed), over(|o| o.frequency));
+        let is_wide = |[low, high]: [f64; 2], factor: f64| high > factor * low;
+        let mean = |k: usize| all.iter().map(|o| o.force[k]).sum::<f64>() / all.len() as f64;
+        let swings = if let Some(period) = period {
+            Self::Position { period }
+        } else if is_wide(speed_m_s, SPEEDS) && !is_wide(frequency_hz, ONE_FREQUENCY) {
+            Self::Interference { frequency: 0.5 * (frequency_hz[0] + frequency_hz[1]) }
+        } else {
+            let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
+            Self::StickSlip(StickSlip { plateaus, speed_m_s, frequency_hz, force_n })
+        };
+        (all.len() >= FEWEST_PLATEAUS).then_some(swings)
+    }
+
+    /// The warning about them.
+    pub(super) fn warning(&self) -> Warning {
+        let (subject, text) = match self {
+            Self::StickSlip(found) => ("stick-slip", found.in_words()),
+            Self::Position { period } => (
+                "ripple",
+                format!(
+                    "at constant velocity the force swings with a period of {:.1} mm in the position, at the same places whatever the \
+                     speed: not stick-slip, but cogging of the drive, a screw or a rough shaft; c and the joins may be off. Turn the \
+                     instrument or use another drive",
+                    1e3 * period
+                ),
+            ),
+            Self::Interference { frequency } => (
+                "interference",
+                format!(
+                    "at constant velocity the force swings at {frequency:.0} Hz whatever the speed: not stick-slip, but interference or \
+                     a vibration of the rig; find its source, or filter force and position alike before identification"
+                ),
+            ),
+        };
+        Warning::doubt(subject, text)
+    }
+
+    /// The oscillation of the seal itself.
+    pub(super) fn stick_slip(self) -> Option<StickSlip> {
+        if let Self::StickSlip(found) = self { Some(found) } else { None }
+    }
+}
+
+impl StickSlip {
+    /// Message for the warning.
+    fn in_words(&self) -> String {
+        let [slow, fast] = self.speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
+        let speeds = if slow == fast { slow } else { format!("{slow} to {fast}") };
+        let [low, high] = self.force_n;
+        format!(
+            "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
+             slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot predict when each slip begins, so its \
+             sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
+            self.frequency_hz[0], self.frequency_hz[1]
+        )
+    }
+}
+
+/// Period, m, of an oscillation that recurs at the same positions at other speeds of the same
+/// direction; `None` if it does not, and where no two speeds can be compared.
+fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
+    let period = median(recordings.iter().flatten().map(|o| o.speed / o.frequency).collect())?;
+    let mut correlations = Vec::new();
+    for all in recordings {
+        for (k, one) in all.iter().enumerate() {
+            let differs = |o: &&Oscillation| {
+                o.inserts == one.inserts && (o.speed / one.speed).ln().abs() > OTHER_SPEED.ln()
+            };
+            let next = all[k + 1..].iter().find(differs);
+            correlations.extend(next.and_then(|other| correlation(one, other, period / CELLS)));
+        }
+    }
+    median(correlations).filter(|middle| *middle > SAME_PLACES).map(|_| period)
+}
+
+/// Correlation of the forces of two plateaus over position cells of length `cell`, m.
+fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64> {
+    let (own, others) = (range(one.positions), range(other.positions));
+    let (from, to) = (own.0.max(others.0), own.1.min(others.1));
+    let cells = ((to - from) / cell).max(0.0) as usize;
+    let means = |of: &Oscillation| {
+        let mut sums = vec![(0.0, 0.0); cells];
+        for (x, force) in of.positions.iter().zip(of.readings) {
+            if let Some((sum, count)) =
+                sums.get_mut(((x - from) / cell).floor() as usize).filter(|_| *x >= from)
+            {
+                (*sum, *count) = (*sum + force, *count + 1.0);
+            }
+        }
+        sums.into_iter().map(|(sum, count)| sum / count).collect::<Vec<f64>>()
+    };
+    let pairs: Vec<(f64, f64)> =
+        means(one).into_iter().zip(means(other)).filter(|(a, b)| (a + b).is_finite()).collect();
+    let n = pairs.len() as f64;
+    let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
+    let product =
+        |of: fn(f64, f64) -> f64| pairs.iter().map(|(x, y)| of(x - a, y - b)).sum::<f64>();
+    let scale = (product(|x, _| x * x) * product(|_, y| y * y)).sqrt();
+    (pairs.len() >= FEWEST_CELLS && scale > 0.0).then(|| product(|x, y| x * y) / scale)
+}
+
+/// Oscillations of the force about its mean on each velocity plateau after its first third, counted
+/// with a hysteresis of a quarter of the peak-to-peak amplitude. A plateau is used as a whole
+/// because the slips of a seal disturb the drive, too.
+fn oscillations<'a>(
+    recording: &'a Recording,
+    segments: &Segments,
+    offset: f64,
+) -> Vec<Oscillation<'a>> {
+    let of = |plateau: &[SteadySegment]| {
+        let (start, end) = (plateau.first()?.start, plateau.last()?.end);
+        let (from, last) = (start + (end - start) / 3, end - 1);
+        let force = &recording.force[from..end];
+        let mut sorted = force.to_vec();
+        sorted.sort_by(f64::total_cmp);
+        let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
+        let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
+        let swing = high - low;
+        if swing
+            < LEAST_SWING * (middle - offset).abs() + OVER_NOISE * recording.quality.force_noise
+        {
+            return None;
+        }
+        let (mut above, mut swings) = (force[0] > middle, 0);
+        for f in force {
+            let crossed =
+                if above { *f < middle - 0.25 * swing } else { *f > middle + 0.25 * swing };
+            if crossed {
+                above = !above;
+                swings += 1;
+            }
+        }
+        let passed = |of: &[f64]| of[last] - of[from];
+        let time = passed(&recording.time);
+        let (frequency, speed) =
+            (0.5 * f64::from(swings) / time, (passed(&recording.position) / time).abs());
+        let [one, other] = [low, high].map(|level| (level - offset).abs());
+        let inserts = recording.position[last] > recording.position[from];
+        let found = Oscillation {
+            frequency,
+            force: [one.min(other), one.max(other)],
+            speed,
+            inserts,
+            positions: &recording.position[from..end],
+            readings: force,
+        };
+        (swings as usize >= FEWEST_SWINGS).then_some(found)
+    };
+    segments.steady_segments.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()
+}

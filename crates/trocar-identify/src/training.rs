@@ -1,0 +1,433 @@
+//! Recordings as steps for the simulation: position increments, durations, readings, weights and
+//! clusters.
+//!
+//! Within a settled constant-velocity segment a longer step loses nothing, so its samples are
+//! averaged. Elsewhere samples are averaged while the motion is at most a few thousandths of the
+//! half width. Their mean reading is compared with the force at their mean position. A *cluster* is
+//! a cycle of two strokes (or several short ones): the unit that is left out for intervals. Short
+//! strokes that follow each other share one friction scale: together they count as one stroke here.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+use trocar_model::{Seal, Stages};
+
+use super::prior::Prior;
+use super::ripple::Ripple;
+use trocar_recording::Recording;
+use trocar_simulate::replay::forgotten_after;
+use trocar_simulate::segment::{Direction, SteadySegment, Stroke};
+
+/// Most samples averaged, and longest time, s: stick-slip has a frequency of about 10 Hz or more.
+const THINNING: usize = 50;
+const LONGEST: f64 = 0.03;
+/// Samples that may be averaged while the seal slides, whatever the sampling rate.
+const COARSE: f64 = 8.0;
+/// Change of the velocity, m/s, within which samples are averaged, since a step has one velocity.
+const STEADY: f64 = 1e-3;
+/// Longest travel, as a fraction of the half width, over which samples are averaged.
+const FINEST: f64 = 0.006;
+/// The same while the seal slides: this fraction of the half width, or of the longest stroke.
+const SLIDING: f64 = 0.15;
+const SLIDING_STROKE: f64 = 0.02;
+/// Path after a reversal beyond which the instrument slides, in half widths.
+const SLIDES: f64 = 3.0;
+/// Noise of the inertia that is taken out, relative to the error of a reading: noise averages over
+/// samples and strokes, the blur of longer windows is the same in every stroke.
+const NOISIER: f64 = 8.0;
+
+/// One step of the simulation.
+#[derive(Debug, Clone)]
+pub(crate) struct Step {
+    pub(crate) displacement: f64,
+    pub(crate) duration: f64,
+    /// Samples of the recording.
+    samples: Range<usize>,
+    /// Mean reading over the step's samples, N, without the inertia that noise hides from
+    /// `acceleration`.
+    pub(crate) force: f64,
+    /// Mean acceleration over the step's samples, m/s²: what differs from noise.
+    pub(crate) acceleration: f64,
+    /// Number of samples in the step that count as independent; 0 where the state is not yet known.
+    pub(crate) weight: f64,
+    /// Mean position of the samples within the step, as a fraction of the displacement.
+    pub(crate) centre: f64,
+    /// Number of independent errors in the step: divisor of a residual variance.
+    pub(crate) independent: f64,
+    pub(crate) stroke: usize,
+    /// Path since the stroke began, m.
+    path: f64,
+    /// w: degree to which the stroke's friction scale has replaced that of the stroke before.
+    pub(crate) blend: f64,
+}
+
+impl Step {
+    /// Force at the centre, interpolated between those before and after the step, N.
+    #[inline]
+    pub(crate) fn at_centre(&self, before: f64, after: f64) -> f64 {
+        before + self.centre * (after - before)
+    }
+}
+
+/// A stroke with its own friction scale; several short strokes count as one.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ScaledStroke {
+    pub(crate) cluster: usize,
+    pub(crate) recording: usize,
+    /// First sample.
+    pub(crate) start: usize,
+    /// Start time, s.
+    pub(crate) time: f64,
+    /// Direction of the motion at its start; `None` at rest.
+    pub(crate) direction: Option<Direction>,
+}
+
+/// The friction scale of the strokes in the likelihood.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Scale {
+    /// Whether each stroke has a scale of its own.
+    pub(crate) is_free: bool,
+    /// λ = σ²/τ², N²: infinity fixes all strokes to the drift.
+    pub(crate) lambda: f64,
+    /// Strokes whose size is no datum: their speed responds to the friction.
+    pub(crate) unconstrained: Vec<bool>,
+    /// φ_k(g): drift over the strokes.
+    pub(crate) basis: Vec<Vec<f64>>,
+    /// ω_k: prior standard deviation of each amplitude.
+    pub(crate) expected: Vec<f64>,
+}
+
+impl Scale {
+    pub(crate) fn is_unconstrained(&self, stroke: usize) -> bool {
+        self.unconstrained.get(stroke).copied().unwrap_or(false)
+    }
+}
+
+/// Steps of one unbroken part of a recording, from an unknown initial state.
+#[derive(Debug, Clone)]
+pub(crate) struct Run {
+    pub(crate) steps: Vec<Step>,
+    /// Reading before the first step, N.
+    pub(crate) first_force: f64,
+}
+
+impl Run {
+    /// The strokes of its steps.
+    pub(crate) fn strokes(&self) -> Range<usize> {
+        let [first, last] =
+            [self.steps.first(), self.steps.last()].map(|step| step.map(|s| s.stroke));
+        first.unwrap_or(0)..last.map_or(0, |last| last + 1)
+    }
+}
+
+/// All data that the fit simulates.
+#[derive(Debug, Clone)]
+pub(crate) struct Training {
+    pub(crate) runs: Vec<Run>,
+    clusters: usize,
+    /// σ², N²: weight of the priors of the free parameters; 0 ignores them.
+    pub(crate) variance: f64,
+    /// Priors of the trial's own free parameters, in their order; empty for the weak ones about 0
+    /// that the shape of branches has.
+    pub(crate) prior: Vec<Prior>,
+    /// In chronological order.
+    pub(crate) strokes: Vec<ScaledStroke>,
+    pub(crate) scale: Scale,
+    /// The error that is correlated along the travel, where its model is used.
+    pub(crate) ripple: Option<Ripple>,
+}
+
+/// A recording with its segmentation.
+pub(crate) struct Segmented<'a> {
+    pub(crate) recording: &'a Recording,
+    pub(crate) strokes: &'a [Stroke],
+    /// Constant-velocity segments from where the sliding has settled.
+    pub(crate) settled: Vec<SteadySegment>,
+    /// Acceleration, m/s².
+    pub(crate) acceleration: &'a [f64],
+}
+
+/// Most samples of a step that count as independent, since the unmodelled error changes little
+/// within it.
+pub(crate) const INDEPENDENT: f64 = 8.0;
+/// Travel after which a stroke may end, in half widths.
+const SHORTEST_STROKE: f64 = 4.0;
+/// With fewer strokes than this, each is a cluster of its own.
+const FEW_STROKES: usize = 30;
+/// Most strokes.
+const MOST_STROKES: f64 = 400.0;
+
+impl Training {
+    /// Shorter cycles are merged until there are at most `most_clusters`.
+    pub(crate) fn new(
+        data: &[Segmented],
+        half_width: f64,
+        most_clusters: usize,
+        independent: f64,
+    ) -> Self {
+        let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
+        let longest = data.iter().map(|d| d.recording.quality.stroke).fold(0.0, f64::max);
+        let interval = data.iter().map(|d| d.recording.quality.median_interval).fold(0.0, f64::max);
+        let limits = Limits {
+            cluster: duration / most_clusters as f64,
+            stroke: duration / MOST_STROKES,
+            finest: Together { travel: FINEST * half_width, duration: LONGEST },
+            sliding: Together {
+                travel: (SLIDING * half_width).max(SLIDING_STROKE * longest),
+                duration: LONGEST.max(COARSE * interval),
+            },
+            half_width,
+            independent,
+            strokes_of_cluster: if data.iter().map(|d| d.strokes.len()).sum::<usize>() < FEW_STROKES
+            {
+                1
+            } else {
+                2
+            },
+        };
+        let (mut runs, mut strokes) = (Vec::new(), Vec::new());
+        for (index, part) in data.iter().enumerate() {
+            for Range { start: from, end: to } in part.recording.unbroken() {
+                if to > from + 1 {
+                    runs.push(run(part, index, from..to, limits, &mut strokes));
+                }
+            }
+        }
+        let clusters = strokes.last().map_or(0, |s: &ScaledStroke| s.cluster + 1);
+        Self {
+            runs,
+            clusters,
+            variance: 0.0,
+            prior: Vec::new(),
+            strokes,
+            scale: Scale::default(),
+            ripple: None,
+        }
+    }
+
+    /// Values over the strokes less their mean over the strokes whose size counts.
+    pub(crate) fn centred(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+        let count = self.strokes.len();
+        let counted: Vec<usize> = (0..count).filter(|g| !self.scale.is_unconstrained(*g)).collect();
+        let mean = counted.iter().map(|g| value(*g)).sum::<f64>() / counted.len().max(1) as f64;
+        (0..count).map(|g| value(g) - mean).collect()
+    }
+
+    /// Sets the weight of all steps to zero until the state is known, that is, until different
+    /// initial states give the same force.
+    pub(crate) fn forget_unknown_starts(&mut self, stages: Stages) {
+        let seal = Seal::from(stages);
+        for run in &mut self.runs {
+            let steps = run.steps.iter().map(|s| (s.displacement, s.duration));
+            let known = forgotten_after(&seal, steps).map_or(run.steps.len(), |i| i + 1);
+            run.steps[..known].iter_mut().for_each(|s| s.weight = 0.0);
+        }
+    }
+
+    /// w = 1 − exp(−path/length), `length` in m.
+    pub(crate) fn blend_over(&mut self, length: f64) {
+        let steps = self.runs.iter_mut().flat_map(|run| &mut run.steps);
+        steps.for_each(|step| step.blend = 1.0 - (-step.path / length).exp());
+    }
+
+    /// Subtracts from the readings the inertia of `mass`, kg, that `Step::acceleration` lacks.
+    /// The readings err by `error`, N rms.
+    pub(crate) fn take_out_faint_inertia(
+        &mut self,
+        recordings: &[Recording],
+        mass: f64,
+        error: f64,
+    ) {
+        let whole = |r: &Recording| (mass != 0.0).then(|| r.acceleration_of(mass, NOISIER * error));
+        let all: Vec<Option<Vec<f64>>> = recordings.par_iter().map(whole).collect();
+        for step in self.runs.iter_mut().flat_map(|run| &mut run.steps) {
+            let of = self.strokes[step.stroke].recording;
+            step.force = mean(&recordings[of].force[step.samples.clone()]);
+            if let Some(whole) = &all[of] {
+                let acceleration = mean(&whole[step.samples.clone()]);
+                step.force -= mass * (acceleration - step.acceleration);
+            }
+        }
+    }
+
+    /// Strokes of each cluster.
+    pub(crate) fn cluster_strokes(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let mut from = 0;
+        self.strokes.chunk_by(|a, b| a.cluster == b.cluster).map(move |chunk| {
+            from += chunk.len();
+            from - chunk.len()..from
+        })
+    }
+
+    pub(crate) fn clusters(&self) -> usize {
+        self.clusters
+    }
+}
+
+/// Longest travel, m, and time, s, over which samples are averaged.
+#[derive(Clone, Copy)]
+struct Together {
+    travel: f64,
+    duration: f64,
+}
+
+/// Shortest cluster and stroke, s; limits of averaging while the seal deforms and slides; half
+/// width, m.
+#[derive(Clone, Copy)]
+struct Limits {
+    cluster: f64,
+    stroke: f64,
+    finest: Together,
+    sliding: Together,
+    half_width: f64,
+    /// Most samples of a step that count as independent.
+    independent: f64,
+    strokes_of_cluster: usize,
+}
+
+/// Current strokes and clusters of a run.
+struct Progress {
+    /// Index of the current stroke of the recording.
+    stroke: usize,
+    strokes_inside: usize,
+    cluster_time: f64,
+    /// Path since the stroke began, m.
+    path: f64,
+    /// Path since the last reversal, m.
+    since_reversal: f64,
+    is_first: bool,
+}
+
+fn run(
+    part: &Segmented,
+    index: usize,
+    range: Range<usize>,
+    limits: Limits,
+    scaled: &mut Vec<ScaledStroke>,
+) -> Run {
+    let recording = part.recording;
+    let mut steps = Vec::new();
+    let mut segment = part.settled.partition_point(|s| s.end <= range.start);
+    let cluster = scaled.last().map_or(0, |s| s.cluster + 1);
+    let mut at = range.start;
+    let direction = part.strokes.iter().find(|p| p.end > at).map(|p| p.direction);
+    scaled.push(ScaledStroke {
+        cluster,
+        recording: index,
+        start: at,
+        time: recording.time[at],
+        direction,
+    });
+    let mut progress = Progress {
+        stroke: part.strokes.partition_point(|p| p.end <= at),
+        strokes_inside: 0,
+        cluster_time: recording.time[at],
+        path: 0.0,
+        since_reversal: 0.0,
+        is_first: true,
+    };
+    while at + 1 < range.end {
+        while part.settled.get(segment).is_some_and(|s| s.end <= at + 1) {
+            segment += 1;
+        }
+        let inside = part.settled.get(segment).filter(|s| s.start <= at);
+        progress.reverse(part, index, at, limits, scaled);
+        let next = match inside {
+            Some(s) => together(part, at, s.end, limits.sliding),
+            None if progress.since_reversal > SLIDES * limits.half_width => {
+                together(part, at, range.end, limits.sliding)
+            }
+            None => together(part, at, range.end, limits.finest),
+        };
+        let samples = (next - at) as f64;
+        let mean = |values: &[f64]| mean(&values[at + 1..=next]);
+        let displacement = recording.position[next] - recording.position[at];
+        progress.path += displacement.abs();
+        progress.since_reversal += displacement.abs();
+        let is_clipped = (at + 1..=next).any(|i| recording.is_clipped(i));
+        steps.push(Step {
+            displacement,
+            duration: recording.time[next] - recording.time[at],
+            samples: at + 1..next + 1,
+            force: mean(&recording.force),
+            acceleration: mean(part.acceleration),
+            weight: if is_clipped { 0.0 } else { samples / (1.0 + samples / limits.independent) },
+            centre: if displacement == 0.0 {
+                0.5 * (samples + 1.0) / samples
+            } else {
+                (mean(&recording.position) - recording.position[at]) / displacement
+            },
+            independent: if limits.independent.is_finite() { 1.0 } else { samples },
+            stroke: scaled.len() - 1,
+            path: if progress.is_first { f64::INFINITY } else { progress.path },
+            blend: 1.0,
+        });
+        at = next;
+    }
+    Run { steps, first_force: recording.force[range.start] }
+}
+
+impl Progress {
+    /// Begins a scaled stroke at a reversal, and a cluster with every other stroke.
+    fn reverse(
+        &mut self,
+        part: &Segmented,
+        index: usize,
+        at: usize,
+        limits: Limits,
+        scaled: &mut Vec<ScaledStroke>,
+    ) {
+        if part.strokes.get(self.stroke).is_none_or(|p| p.end > at) {
+            return;
+        }
+        self.stroke += 1;
+        self.since_reversal = 0.0;
+        let last = *scaled.last().expect("a run begins with a stroke");
+        let time = part.recording.time[at];
+        if self.path < SHORTEST_STROKE * limits.half_width || time - last.time < limits.stroke {
+            return;
+        }
+        self.strokes_inside += 1;
+        let mut cluster = last.cluster;
+        if self.strokes_inside >= limits.strokes_of_cluster
+            && time - self.cluster_time >= limits.cluster
+        {
+            (self.strokes_inside, self.cluster_time) = (0, time);
+            cluster += 1;
+        }
+        (self.path, self.is_first) = (0.0, false);
+        let direction = part.strokes.get(self.stroke).map(|p| p.direction);
+        scaled.push(ScaledStroke { cluster, recording: index, start: at, time, direction });
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// Last of the samples after `at` that are averaged: few, close in position and time, moving in one
+/// direction.
+fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
+    let (x, t, a) = (&part.recording.position, &part.recording.time, part.acceleration);
+    let first = x[at + 1] - x[at];
+    let mut change = a[at + 1] * (t[at + 1] - t[at]);
+    let close = |i: &usize| {
+        let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
+        change += a[*i] * (t[*i] - t[*i - 1]);
+        // At a low sampling rate the acceleration is all noise.
+        let is_steady = STEADY
+            >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
+        one_way
+            && is_steady
+            && (x[*i] - x[at]).abs() <= limit.travel
+            && t[*i] - t[at] <= limit.duration
+    };
+    (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
+}
+
+/// Whether all recordings are sampled finely enough to resolve the acceleration of a reversal. A
+/// reversal lasts some hundredths of a second and needs five positions.
+pub(super) fn acceleration_is_resolved(recordings: &[Recording]) -> bool {
+    const REVERSAL: f64 = 0.03;
+    recordings.iter().all(|r| 5.0 * r.quality.median_interval <= REVERSAL)
+}

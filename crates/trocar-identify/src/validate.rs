@@ -1,0 +1,649 @@
+//! Validation on recordings not used for identification: free-run simulation against readings (EMS
+//! section IV-C).
+//!
+//! ```text
+//! rms = √(mean (F_measured − F_0 − F_model)²)        fit = 100·(1 − rms / sd(F_measured)) %
+//! ```
+//! Only samples with a known state are scored: before the seal has slid once, its deflection is
+//! unknown. The set of these samples depends on the model, so two models may be scored on slightly
+//! different samples of one recording. The figure over all samples is reported as well. Slow
+//! strokes take most of the time, so the error is also given by speed and by phase. At 1 kHz
+//! residuals are never white; they are decimated to their correlation time before the Ljung-Box
+//! test.
+
+use serde::{Deserialize, Serialize};
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+use trocar_model::Trocar;
+
+use crate::profile::Departure;
+use crate::scatter::StrokeScatter;
+use trocar_recording::{Recording, local_velocity, range};
+use trocar_runtime::model_file::{ErrorSource, ForceError};
+use trocar_simulate::replay::{Replay, replay};
+use trocar_simulate::segment::{reversal_threshold, strokes};
+
+/// Speed below which the instrument counts as held, m/s.
+const HOLD_SPEED: f64 = 1e-3;
+/// Width of the speed groups, m/s.
+const SPEED_STEP: f64 = 5e-3;
+/// Fraction of the scored samples above which a phase counts as present. In a recording of full
+/// strokes less than 1 % is slow, at the reversals, which does not represent a rest.
+const SEEN: f64 = 0.01;
+/// Ratio of the validation error to the identification error, and to the sensor noise, above which
+/// the model does not describe a recording. On the virtual bench a single pair of strokes reaches
+/// 1.7 times the identification error, because the friction varies from stroke to stroke; friction
+/// that is 10 % lower gives 6.6 times. An error within 3 times the noise is small, however small
+/// the identification error.
+const FAR: f64 = 3.0;
+/// Fit, %, below which a model explains little of a recording: its error is more than half of the
+/// readings' standard deviation.
+const LEAST_FIT: f64 = 50.0;
+/// Ratio of the mean error to the rms above which the mean counts as its cause: with 0.9 it is 80 %
+/// of the squared error.
+const MOSTLY_BIAS: f64 = 0.9;
+/// Lags of the Ljung-Box test.
+const LAGS: usize = 10;
+
+/// Error over a group of samples.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PhaseError {
+    /// Root mean square error, N; 0 without samples.
+    pub rms_n: f64,
+    /// Samples.
+    pub samples: usize,
+    /// Fraction of all squared error, 0 to 1.
+    pub share_of_squares: f64,
+}
+
+/// Error by phase of the motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Phases {
+    /// The seal deforms; without samples for a classical model.
+    pub deformation: PhaseError,
+    /// The instrument slides; without samples for a classical model.
+    pub sliding: PhaseError,
+    /// The instrument moves, for a classical model, which does not distinguish deforming from
+    /// sliding.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub moving: Option<PhaseError>,
+    /// The instrument is held (slower than 1 mm/s).
+    pub hold: PhaseError,
+    /// The part of `deformation` after a partial reversal: the deflection has reversed since the
+    /// seal last slid. `None` without such samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partial: Option<PhaseError>,
+    /// The same part of `hold`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub partial_hold: Option<PhaseError>,
+}
+
+/// Error of the strokes around one speed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct SpeedPart {
+    /// Speed, m/s, rounded to 5 mm/s.
+    pub speed_m_s: f64,
+    /// Root mean square error, N.
+    pub rms_n: f64,
+    /// Samples.
+    pub samples: usize,
+}
+
+/// Whiteness of the residuals.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Whiteness {
+    /// Time, s, over which the residuals' autocorrelation falls below 1/e.
+    pub correlation_time_s: f64,
+    /// p value of the Ljung-Box test on residuals decimated to that time; a small value means that
+    /// structure remains.
+    pub ljung_box_p_value: f64,
+}
+
+/// The error compared with the scatter between repeated strokes. No model of the motion can be much
+/// better than this scatter, since the motion was the same except for speeds up to 25 % apart,
+/// whose effect a model may describe.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct AgainstStrokes {
+    /// Strokes (from reversal to reversal) that have a repeat.
+    pub strokes: usize,
+    /// Scatter between them, N: standard deviation of a reading about the mean of infinitely many
+    /// repeats, over the scored samples.
+    pub stroke_scatter_n: f64,
+    /// Scatter with a drift over the strokes removed, N; `None` for fewer than four repeats.
+    pub without_drift_n: Option<f64>,
+    /// Root mean square error, N, over the same samples.
+    pub rms_n: f64,
+    /// `rms_n` over `stroke_scatter_n`: 1 at best; the mean of n strokes, estimated without
+    /// further error, gives √(1 + 1/n).
+    pub rms_over_scatter: f64,
+}
+
+impl AgainstStrokes {
+    fn of(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Self> {
+        let scatter =
+            StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
+        let mut is_scored = vec![false; recording.len()];
+        scored.iter().for_each(|i| is_scored[*i] = true);
+        let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
+        let rms_n =
+            Sums::of(scored.iter().filter(|i| scatter.covers(**i)).map(|i| (error[*i], 0.0))).rms();
+        Some(Self {
+            strokes: scatter.strokes,
+            stroke_scatter_n,
+            without_drift_n: scatter.without_drift_n,
+            rms_n,
+            rms_over_scatter: rms_n / stroke_scatter_n,
+        })
+    }
+
+    /// Message.
+    pub fn words(&self) -> String {
+        format!(
+            "{:.2} times the repeatability of the recording ({:.3} N between {} repeated strokes, speeds within 25 %)",
+            self.rms_over_scatter, self.stroke_scatter_n, self.strokes
+        )
+    }
+}
+
+/// Validation on one recording.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RecordingValidation {
+    /// Path of the recording.
+    pub path: String,
+    /// Root mean square error, N, where the state is known.
+    pub rms_n: f64,
+    /// 100·(1 − rms/sd of the readings), %.
+    pub fit_percent: f64,
+    /// Mean error, N: measured minus model.
+    pub bias_n: f64,
+    /// Largest absolute error, N.
+    pub worst_n: f64,
+    /// Root mean square error, N, including the start with unknown state.
+    pub rms_with_start_n: f64,
+    /// Samples scored.
+    pub samples: usize,
+    /// Samples omitted because the seal had not slid yet.
+    pub samples_before_known: usize,
+    /// Error by speed of the stroke.
+    pub by_speed: Vec<SpeedPart>,
+    /// Error by phase.
+    pub by_phase: Phases,
+    /// Whiteness of the residuals; `None` when too short.
+    pub whiteness: Option<Whiteness>,
+    /// The error compared with the scatter between strokes; `None` where no strokes repeat.
+    #[serde(default)]
+    pub strokes: Option<AgainstStrokes>,
+    /// Limitations of the figures.
+    pub warnings: Vec<String>,
+}
+
+impl RecordingValidation {
+    /// How the recording contradicts a model identified with the error `identification_rms`, N, for
+    /// a sensor noise of `noise`, N.
+    fn contradiction(&self, identification_rms: f64, noise: f64) -> Option<String> {
+        let (rms, times) = (self.rms_n, self.rms_n / identification_rms);
+        let is_far = times > FAR;
+        if rms <= FAR * noise || !(is_far || self.fit_percent < LEAST_FIT) {
+            return None;
+        }
+        let error = format!("validation error {} N rms", significant(rms));
+        if self.bias_n.abs() > MOSTLY_BIAS * rms {
+            return Some(format!(
+                "{error} is mostly an offset of {} N (identification error {} N rms): check the sensor offset and the sign of force and \
+                 position, or record with the sensor tared alike",
+                significant(self.bias_n),
+                significant(identification_rms)
+            ));
+        }
+        Some(if is_far {
+            let times = if times < 10.0 { significant(times) } else { format!("{times:.0}") };
+            format!(
+                "{error} is {times} times the identification error {} N: the model does not describe this motion; record such motion to \
+                 identify from, and check that seal, instrument and lubrication are the same",
+                significant(identification_rms)
+            )
+        } else {
+            format!(
+                "{error} leaves a fit of {:.0} %, below {LEAST_FIT:.0} %: the model explains little of this recording, and little more of those \
+                 it was identified from (error {} N); check units and signs of the columns, and that they show the same seal",
+                self.fit_percent,
+                significant(identification_rms)
+            )
+        })
+    }
+}
+
+/// Formats with two significant digits.
+fn significant(value: f64) -> String {
+    let digits = (1.0 - value.abs().max(1e-6).log10().floor()).max(0.0) as usize;
+    format!("{value:.digits$}")
+}
+
+/// Validation on all recordings.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Validation {
+    /// Root mean square error over all scored samples, N.
+    pub rms_n: f64,
+    /// 100·(1 − rms/sd of the readings), %, over all scored samples.
+    pub fit_percent: f64,
+    /// One entry per recording.
+    pub recordings: Vec<RecordingValidation>,
+}
+
+/// Validation of one recording, with the sums on which it is based.
+#[derive(Debug, Clone)]
+pub struct Scored {
+    result: RecordingValidation,
+    sums: Sums,
+    pieces: usize,
+    /// Whether the seal's state was known in any part of it.
+    known: bool,
+    /// By how far its motion leaves the range of the position profile.
+    departure: Option<Departure>,
+}
+
+impl Scored {
+    /// Combines this and the next piece of the same recording. Every piece starts with a seal of
+    /// unknown state. Whiteness and the scatter between strokes remain those of the first.
+    #[must_use]
+    /// Both together.
+    /// Both together.
+    pub fn plus(self, next: Self) -> Self {
+        let (pieces, known) = (self.pieces + next.pieces, self.known || next.known);
+        let departures = self.departure.into_iter().chain(next.departure);
+        let departure = departures.max_by(|a, b| a.outside.total_cmp(&b.outside));
+        if self.known != next.known {
+            return Self { pieces, known, departure, ..self.beside_unknown(next) };
+        }
+        let (a, b) = (self.result, next.result);
+        let sums = self.sums.plus(next.sums);
+        let (n, m) = (a.samples as f64, b.samples as f64);
+        let with_start = |r: &RecordingValidation| (r.samples + r.samples_before_known) as f64;
+        let (p, q) = (with_start(&a), with_start(&b));
+        let mut warnings = a.warnings;
+        warnings.extend(
+            b.warnings
+                .into_iter()
+                .filter(|warning| !warnings.contains(warning))
+                .collect::<Vec<_>>(),
+        );
+        let result = RecordingValidation {
+            rms_n: sums.rms(),
+            fit_percent: sums.fit_percent(),
+            bias_n: (n * a.bias_n + m * b.bias_n) / (n + m).max(1.0),
+            worst_n: a.worst_n.max(b.worst_n),
+            rms_with_start_n: ((p * a.rms_with_start_n.powi(2) + q * b.rms_with_start_n.powi(2))
+                / (p + q))
+                .sqrt(),
+            samples: a.samples + b.samples,
+            samples_before_known: a.samples_before_known + b.samples_before_known,
+            by_speed: both_speeds(a.by_speed, &b.by_speed),
+            by_phase: a.by_phase.plus(&b.by_phase),
+            warnings,
+            path: a.path,
+            whiteness: a.whiteness,
+            strokes: a.strokes,
+        };
+        Self { result, sums, pieces, known, departure }
+    }
+
+    /// Combines one piece in which the state of the seal is known and one in which it never is:
+    /// only the first is scored.
+    fn beside_unknown(self, next: Self) -> Self {
+        let path = self.result.path.clone();
+        let (mut scored, other) = if self.known { (self, next) } else { (next, self) };
+        let all = |r: &RecordingValidation| r.samples + r.samples_before_known;
+        let squares = |r: &RecordingValidation| r.rms_with_start_n.powi(2) * all(r) as f64;
+        let total = squares(&scored.result) + squares(&other.result);
+        scored.result.samples_before_known += all(&other.result);
+        scored.result.rms_with_start_n = (total / all(&scored.result) as f64).sqrt();
+        scored.result.path = path;
+        scored
+    }
+
+    /// The results, with the warning that concerns all pieces together.
+    fn conclude(self) -> RecordingValidation {
+        let mut result = self.result;
+        result.warnings.extend(self.departure.map(|departure| departure.to_string()));
+        result
+    }
+
+    /// Number of pieces combined.
+    pub fn pieces(&self) -> usize {
+        self.pieces
+    }
+}
+
+fn both_speeds(mut all: Vec<SpeedPart>, more: &[SpeedPart]) -> Vec<SpeedPart> {
+    for part in more {
+        match all.iter_mut().find(|own| own.speed_m_s == part.speed_m_s) {
+            Some(own) => {
+                (own.rms_n, own.samples) = (
+                    both_rms((own.rms_n, own.samples), (part.rms_n, part.samples)),
+                    own.samples + part.samples,
+                );
+            }
+            None => all.push(*part),
+        }
+    }
+    all.sort_by(|a, b| a.speed_m_s.total_cmp(&b.speed_m_s));
+    all
+}
+
+/// Root mean square over two groups of samples.
+fn both_rms((a, n): (f64, usize), (b, m): (f64, usize)) -> f64 {
+    ((a * a * n as f64 + b * b * m as f64) / ((n + m) as f64).max(1.0)).sqrt()
+}
+
+impl Validation {
+    /// The validation of several recordings.
+    pub fn of(recordings: Vec<Scored>) -> Self {
+        let all = recordings.iter().fold(Sums::default(), |s, one| s.plus(one.sums));
+        Self {
+            rms_n: all.rms(),
+            fit_percent: all.fit_percent(),
+            recordings: recordings.into_iter().map(Scored::conclude).collect(),
+        }
+    }
+
+    /// The error by phase over all recordings; a phase with less than 1 % of the samples is
+    /// unknown.
+    pub fn force_error(&self, source: ErrorSource) -> ForceError {
+        let all: usize = self.recordings.iter().map(|recording| recording.samples).sum();
+        let rms = |part: &dyn Fn(&Phases) -> (f64, usize)| {
+            let parts = self.recordings.iter().map(|recording| part(&recording.by_phase));
+            let (squares, samples) =
+                parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
+            (samples > 0 && samples as f64 >= SEEN * all as f64)
+                .then(|| (squares.max(0.0) / samples as f64).sqrt())
+        };
+        let sums = |part: PhaseError| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
+        let without = |all: PhaseError, part: Option<PhaseError>| {
+            let (all, part) = (sums(all), part.map_or((0.0, 0), sums));
+            (all.0 - part.0, all.1 - part.1)
+        };
+        let held = [
+            rms(&|phases| without(phases.hold, phases.partial_hold)),
+            rms(&|phases| phases.partial_hold.map_or((0.0, 0), sums)),
+        ];
+        // A model without deflection has one error for all motion.
+        ForceError {
+            source,
+            deforming_n: rms(&|phases| match phases.moving {
+                Some(moving) => sums(moving),
+                None => without(phases.deformation, phases.partial),
+            }),
+            partial_n: rms(&|phases| phases.moving.or(phases.partial).map_or((0.0, 0), sums)),
+            sliding_n: rms(&|phases| sums(phases.moving.unwrap_or(phases.sliding))),
+            held_n: held.into_iter().flatten().reduce(f64::max),
+        }
+    }
+
+    /// The validation of a model whose error over the recordings used for identification is
+    /// `identification_rms`, N. A recording gets a warning if its error is far above that or if the
+    /// model explains it badly. `recordings` are those used for validation.
+    #[must_use]
+    pub fn beside_identification(
+        mut self,
+        identification_rms: f64,
+        recordings: &[Recording],
+    ) -> Self {
+        for (result, recording) in self.recordings.iter_mut().zip(recordings) {
+            result
+                .warnings
+                .extend(result.contradiction(identification_rms, recording.quality.force_noise));
+        }
+        self
+    }
+
+    /// Whether a recording has a warning: its seal never forgot the unknown initial state, the
+    /// motion left the range of the position profile, or it contradicts the model (exit code 3).
+    pub fn is_doubtful(&self) -> bool {
+        self.recordings.iter().any(|recording| !recording.warnings.is_empty())
+    }
+}
+
+/// Sums over samples, from which root mean squares and fits are computed.
+#[derive(Debug, Default, Clone, Copy)]
+pub struct Sums {
+    n: f64,
+    squares: f64,
+    force: f64,
+    force_squares: f64,
+}
+
+impl Sums {
+    /// Of (error, force) in N.
+    pub fn of(readings: impl Iterator<Item = (f64, f64)>) -> Self {
+        readings.fold(Self::default(), |s, (error, force)| {
+            s.plus(Self { n: 1.0, squares: error * error, force, force_squares: force * force })
+        })
+    }
+
+    /// Both together.
+    pub fn plus(self, other: Self) -> Self {
+        Self {
+            n: self.n + other.n,
+            squares: self.squares + other.squares,
+            force: self.force + other.force,
+            force_squares: self.force_squares + other.force_squares,
+        }
+    }
+
+    /// Of the errors, N.
+    pub fn rms(&self) -> f64 {
+        (self.squares / self.n.max(1.0)).sqrt()
+    }
+
+    /// 100·(1 - rms error over standard deviation of the force).
+    pub fn fit_percent(&self) -> f64 {
+        let n = self.n.max(1.0);
+        let variance = self.force_squares / n - (self.force / n).powi(2);
+        if variance > 0.0 { 100.0 * (1.0 - self.rms() / variance.sqrt()) } else { 0.0 }
+    }
+}
+
+/// Replays `trocar` over `recordings`, whose readings include the sensor offset `offset`, N.
+pub fn validate<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    recordings: &[Recording],
+    offset: f64,
+) -> Validation {
+    Validation::of(
+        recordings.iter().map(|recording| validate_one(trocar, recording, offset)).collect(),
+    )
+}
+
+/// Validates one recording, or one piece of it; [`Scored::plus`] combines pieces.
+pub fn validate_one<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    recording: &Recording,
+    offset: f64,
+) -> Scored {
+    let run = replay(trocar, recording, offset);
+    let error: Vec<f64> =
+        recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
+    let mut warnings = Vec::new();
+    let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
+    let scored = if known.is_empty() {
+        let why = if run.sliding.is_empty() {
+            "the force depends on the unknown initial state throughout: the figures contain its error"
+        } else {
+            "the motion never makes the seal slide all round: the figures contain the error of the unknown initial deflection"
+        };
+        warnings.push(why.to_owned());
+        (0..recording.len()).collect()
+    } else {
+        known
+    };
+    let sums = Sums::of(scored.iter().map(|i| (error[*i], recording.force[*i])));
+    let all = Sums::of((0..recording.len()).map(|i| (error[i], recording.force[i])));
+    let result = RecordingValidation {
+        path: recording.name.clone(),
+        rms_n: sums.rms(),
+        fit_percent: sums.fit_percent(),
+        bias_n: scored.iter().map(|i| error[*i]).sum::<f64>() / sums.n.max(1.0),
+        worst_n: scored.iter().map(|i| error[*i].abs()).fold(0.0, f64::max),
+        rms_with_start_n: all.rms(),
+        samples: scored.len(),
+        samples_before_known: recording.len() - scored.len(),
+        by_speed: by_speed(recording, &error, &scored),
+        by_phase: Phases::of(
+            phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i])),
+        ),
+        whiteness: whiteness(recording, &error, &scored),
+        strokes: AgainstStrokes::of(recording, &error, &scored),
+        warnings,
+    };
+    let (lowest, highest) = range(&recording.position);
+    let departure = trocar.profile().and_then(|profile| Departure::of(profile, lowest, highest));
+    Scored { result, sums, pieces: 1, known: !run.known.is_empty(), departure }
+}
+
+fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {
+    let mut groups: std::collections::BTreeMap<u64, Sums> = std::collections::BTreeMap::new();
+    let strokes = strokes(recording, reversal_threshold(recording));
+    for stroke in &strokes {
+        let speed = typical_speed(recording, stroke.start, stroke.end);
+        let from = scored.partition_point(|i| *i < stroke.start);
+        let to = scored.partition_point(|i| *i < stroke.end);
+        let sums = Sums::of(scored[from..to].iter().map(|i| (error[*i], recording.force[*i])));
+        let group = groups.entry((speed / SPEED_STEP).round() as u64).or_default();
+        *group = group.plus(sums);
+    }
+    let part = |(step, s): (u64, Sums)| SpeedPart {
+        speed_m_s: step as f64 * SPEED_STEP,
+        rms_n: s.rms(),
+        samples: s.n as usize,
+    };
+    groups.into_iter().filter(|(_, s)| s.n > 0.0).map(part).collect()
+}
+
+/// Speed, m/s, over the middle half of the travel between two samples.
+fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
+    let (x, t) = (&recording.position, &recording.time);
+    let s = if x[to] < x[from] { -1.0 } else { 1.0 };
+    let travel = s * (x[to] - x[from]);
+    let reached =
+        |part: f64| (from..=to).find(|i| s * (x[*i] - x[from]) >= part * travel).unwrap_or(to);
+    let (a, b) = (reached(0.25), reached(0.75));
+    if t[b] > t[a] { s * (x[b] - x[a]) / (t[b] - t[a]) } else { 0.0 }
+}
+
+/// Phase of a sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// The seal deforms after a full reversal.
+    Deformation,
+    /// The instrument slides.
+    Sliding,
+    /// Moves, and the phase is not determined.
+    Moving,
+    /// Stands still.
+    Hold,
+    /// After a partial reversal: a part of the deformation ...
+    Partial,
+    /// ... or of the holds.
+    PartialHold,
+}
+
+/// Phases of the `scored` samples, as far as the replay determines them.
+pub fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
+    let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
+    // Rests after a partial reversal are separate: those at the ends of full strokes do not
+    // represent them.
+    let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding.get(*i)) {
+        (true, _) if run.turned.get(*i) == Some(&true) => Phase::PartialHold,
+        (true, _) => Phase::Hold,
+        (false, Some(true)) => Phase::Sliding,
+        (false, Some(false)) if run.turned[*i] => Phase::Partial,
+        (false, Some(false)) => Phase::Deformation,
+        (false, None) => Phase::Moving,
+    };
+    scored.iter().map(phase).collect()
+}
+
+impl Phases {
+    /// Combination of two parts of one recording.
+    fn plus(&self, other: &Self) -> Self {
+        let squares = |part: &PhaseError| part.rms_n * part.rms_n * part.samples as f64;
+        let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
+        let parts = |phases: &Self| {
+            let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
+            let [moving, partial, partial_hold] =
+                [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
+            [deformation, sliding, moving, hold, partial, partial_hold]
+        };
+        let pairs = || parts(self).into_iter().zip(parts(other));
+        // The last two are subsets of others.
+        let total: f64 = pairs().take(4).map(|(a, b)| squares(&a) + squares(&b)).sum();
+        let mut both = pairs().map(|(a, b)| PhaseError {
+            rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
+            samples: a.samples + b.samples,
+            share_of_squares: if total > 0.0 { (squares(&a) + squares(&b)) / total } else { 0.0 },
+        });
+        let mut next = || both.next().unwrap_or(none);
+        let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
+        let (partial, partial_hold) = (next(), next());
+        let used = |part: PhaseError| Some(part).filter(|part| part.samples > 0);
+        Self {
+            deformation,
+            sliding,
+            moving: used(moving),
+            hold,
+            partial: used(partial),
+            partial_hold: used(partial_hold),
+        }
+    }
+
+    /// Errors, N, summed by phase.
+    pub fn of(errors: impl Iterator<Item = (Phase, f64)>) -> Self {
+        let mut sums = [Sums::default(); 6];
+        for (phase, error) in errors {
+            let own = &mut sums[phase as usize];
+            *own = own.plus(Sums { n: 1.0, squares: error * error, ..Sums::default() });
+        }
+        let total: f64 = sums.iter().map(|s| s.squares).sum();
+        let part = |s: Sums| {
+            let share = if total > 0.0 { s.squares / total } else { 0.0 };
+            PhaseError { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
+        };
+        let [full, sliding, moving, hold, partial, partial_hold] = sums;
+        let used = |sums: Sums| Some(part(sums)).filter(|part| part.samples > 0);
+        Self {
+            deformation: part(full.plus(partial)),
+            sliding: part(sliding),
+            moving: used(moving),
+            hold: part(hold.plus(partial_hold)),
+            partial: used(partial),
+            partial_hold: used(partial_hold),
+        }
+    }
+}
+
+fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Whiteness> {
+    let residuals: Vec<f64> = scored.iter().map(|i| error[*i]).collect();
+    let n = residuals.len();
+    let mean = residuals.iter().sum::<f64>() / n.max(1) as f64;
+    let centred: Vec<f64> = residuals.iter().map(|e| e - mean).collect();
+    let power = autocovariance(&centred, 0);
+    let lag = (1..n / 20).find(|k| autocovariance(&centred, *k) < power / std::f64::consts::E)?;
+    let decimated: Vec<f64> = centred.iter().step_by(lag).copied().collect();
+    let m = decimated.len();
+    if m < 5 * LAGS || power <= 0.0 {
+        return None;
+    }
+    let own = autocovariance(&decimated, 0);
+    let statistic: f64 = (1..=LAGS)
+        .map(|k| (autocovariance(&decimated, k) / own).powi(2) / (m - k) as f64)
+        .sum::<f64>()
+        * (m * (m + 2)) as f64;
+    let law = ChiSquared::new(LAGS as f64).ok()?;
+    Some(Whiteness {
+        correlation_time_s: lag as f64 * recording.quality.median_interval,
+        ljung_box_p_value: law.sf(statistic),
+    })
+}
+
+fn autocovariance(centred: &[f64], lag: usize) -> f64 {
+    centred.iter().zip(&centred[lag..]).map(|(a, b)| a * b).sum::<f64>() / centred.len() as f64
+}

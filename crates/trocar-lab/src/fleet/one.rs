@@ -1,0 +1,426 @@
+//! Identification of one recording into one row.
+
+use std::any::Any;
+use std::borrow::Cow;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use super::row::{DEGREES, FleetCell, FleetRow};
+use crate::summary::PROGRAM;
+use crate::workflow::MovingMass;
+use trocar_identify::{
+    Estimate, Identification, IdentifyError, IdentifyOptions, Subject, Warning, identify,
+};
+use trocar_recording::rows::Crop;
+use trocar_recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
+use trocar_simulate::cancel;
+
+/// Peak memory of an identification, in units of the recording's columns.
+const PEAK_TO_COLUMNS: u64 = 5;
+
+/// Extent of the identification of each recording.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Depth {
+    /// The fit without the optional terms that only rests and partial reversals reveal.
+    #[default]
+    Quick,
+    /// The same as `trocar identify`: if there are rests and partial reversals, the optional terms
+    /// that need them are tried too.
+    Full,
+}
+
+impl Depth {
+    /// Name on the command line and in the table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quick => "quick",
+            Self::Full => "full",
+        }
+    }
+}
+
+/// Configuration of the identification of each recording.
+#[derive(Debug, Clone, Default)]
+pub struct Config {
+    /// Reading options; the memory limit is that of one identification as a whole.
+    pub reading: ReadOptions,
+    /// Extent of the identification.
+    pub depth: Depth,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Resamples of the bootstrap over cycles; 0 uses the jackknife.
+    pub bootstrap: usize,
+    /// Mass between sensor and seal.
+    pub moving_mass: MovingMass,
+}
+
+impl Config {
+    /// Abbreviated SHA-256 of all that a row depends on in addition to the recording: this
+    /// configuration and the program version.
+    ///
+    /// The memory limit is excluded: it decides whether there is a row, not its content.
+    pub fn hash(&self) -> String {
+        let Self { reading, depth, seed, bootstrap, moving_mass } = self;
+        let mut text = serde_json::json!({
+            "program": PROGRAM,
+            // The journal holds cells by their place.
+            "table": super::row::columns().into_iter().map(|field| field.name).collect::<Vec<String>>(),
+            "columns": reading.choice.columns,
+            "topics": reading.choice.topics,
+            "from_s": reading.choice.from,
+            "to_s": reading.choice.to,
+            "flip_force": reading.choice.flip_force,
+            "sensor_limit_n": reading.sensor_limit,
+            "most_samples": reading.most_samples,
+            "depth": depth,
+            "seed": seed,
+            "bootstrap": bootstrap,
+            "moving_mass": moving_mass,
+        });
+        // Journals written before these options existed remain valid.
+        if reading.choice.skip_rows > 0 {
+            text["skip_rows"] = reading.choice.skip_rows.into();
+        }
+        if let Some(rate) = reading.choice.rate_hz {
+            text["rate_hz"] = rate.into();
+        }
+        let digest = Sha256::digest(text.to_string().as_bytes());
+        digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Reading options for the input of the identification, which holds the columns once more.
+    pub(super) fn reading_ahead(&self) -> ReadOptions {
+        self.reading_of_columns(PEAK_TO_COLUMNS + 1)
+    }
+
+    /// Reading options for columns that may use one part in `parts` of the memory.
+    fn reading_of_columns(&self, parts: u64) -> ReadOptions {
+        ReadOptions {
+            memory_limit: self.reading.memory_limit.map(|bytes| bytes / parts),
+            ..self.reading.clone()
+        }
+    }
+
+    fn options(&self) -> IdentifyOptions {
+        IdentifyOptions {
+            bootstrap: self.bootstrap,
+            seed: self.seed,
+            degrees: DEGREES,
+            inertia_removed: self.moving_mass.mass > 0.0,
+            ..IdentifyOptions::default()
+        }
+    }
+}
+
+/// Source of a recording.
+#[derive(Debug, Clone)]
+pub enum Input {
+    /// A file of any format that [`read`] supports.
+    File(PathBuf),
+    /// Columns in memory; the name is used in the table.
+    Columns {
+        /// Name of the recording.
+        name: String,
+        /// The columns.
+        readings: Readings,
+    },
+    /// A recording already read, with its name.
+    Recording(Box<Recording>),
+}
+
+/// Why a row holds no parameters: the kind, for counting, and the full message.
+pub(super) struct Failure {
+    kind: &'static str,
+    message: String,
+}
+
+impl From<RecordingError> for Failure {
+    fn from(error: RecordingError) -> Self {
+        let kind = match &error {
+            RecordingError::Open { .. } => CANNOT_OPEN,
+            RecordingError::TooLarge { .. } => TOO_LARGE,
+            _ => "cannot_read",
+        };
+        Self { kind, message: error.to_string() }
+    }
+}
+
+impl From<String> for Failure {
+    fn from(message: String) -> Self {
+        Self { kind: "cannot_read", message }
+    }
+}
+
+impl From<IdentifyError> for Failure {
+    fn from(error: IdentifyError) -> Self {
+        let kind = match &error {
+            IdentifyError::NoSteadySliding { .. } => "nothing_to_identify_from",
+            IdentifyError::ForceSign { .. } => "force_sign",
+            IdentifyError::NotAModel(_) => "not_a_model",
+            _ => "cannot_identify",
+        };
+        Self { kind, message: error.to_string() }
+    }
+}
+
+const CANNOT_OPEN: &str = "cannot_open";
+const TOO_LARGE: &str = "too_large_for_memory";
+
+/// Whether the failure may be temporary or specific to this machine: the recording itself may be
+/// valid.
+pub(super) fn is_passing(row: &FleetRow) -> bool {
+    row.text("reason_kind").is_some_and(|kind| [CANNOT_OPEN, TOO_LARGE].contains(&kind))
+}
+
+/// Identifies one recording on its own: a pure function of the recording and `config`.
+///
+/// Failures are part of the row: `status` is `ok`, `doubtful` (data of the recording were lost, or
+/// do not determine every parameter) or `failed`, with `reason_kind` and `reason`. A panic is a
+/// failure, too.
+///
+/// Parallel parts run in the thread pool of the caller; [`Cancel::run`](cancel::Cancel::run) with
+/// one thread keeps to one.
+pub fn identify_one(input: &Input, config: &Config) -> FleetRow {
+    let mut row = FleetRow::empty();
+    describe(&mut row, input, config);
+    let outcome = catch_unwind(AssertUnwindSafe(|| work(&mut row, input, config)));
+    let failure = match outcome {
+        Ok(Ok(())) => return row,
+        Ok(Err(failure)) => failure,
+        Err(panic) if cancel::is_cancelled(&*panic) => resume_unwind(panic),
+        Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
+    };
+    fail(&mut row, failure);
+    row
+}
+
+fn fail(row: &mut FleetRow, failure: Failure) {
+    row.set("status", FleetCell::text("failed"));
+    row.set("reason_kind", FleetCell::text(failure.kind));
+    row.set("reason", FleetCell::text(failure.message));
+}
+
+/// The row of a recording that failed before [`identify_one`].
+pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) -> FleetRow {
+    let mut row = FleetRow::empty();
+    describe(&mut row, &Input::File(name.into()), config);
+    fail(&mut row, failure.into());
+    row
+}
+
+fn words_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic
+        .downcast_ref::<String>()
+        .map(String::as_str)
+        .or_else(|| panic.downcast_ref::<&str>().copied());
+    format!("a defect of the program: {}", text.unwrap_or("no message"))
+}
+
+fn describe(row: &mut FleetRow, input: &Input, config: &Config) {
+    let path = match input {
+        Input::File(path) => path.display().to_string(),
+        Input::Columns { name, .. } => name.clone(),
+        Input::Recording(recording) => recording.name.clone(),
+    };
+    row.set("path", FleetCell::text(path));
+    row.set("program", FleetCell::text(PROGRAM));
+    row.set("config", FleetCell::text(config.hash()));
+    row.set("depth", FleetCell::text(config.depth.name()));
+    row.set("moving_mass_kg", FleetCell::number(config.moving_mass.mass));
+}
+
+fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failure> {
+    let recording = match input {
+        Input::File(path) => {
+            read(path, &config.reading_of_columns(PEAK_TO_COLUMNS)).inspect_err(|_| {
+                row.set("sha256", sha256_of(path).map_or(FleetCell::Empty, FleetCell::Text));
+            })?
+        }
+        Input::Columns { name, readings } => {
+            let chosen = cropped(flipped(readings, &config.reading), &config.reading);
+            Recording::from_readings(name, &chosen, config.reading.sensor_limit)?
+        }
+        Input::Recording(recording) => Recording::clone(recording),
+    };
+    let recording = recording.without_glitches();
+    data(row, &recording);
+    let MovingMass { mass, gravity } = config.moving_mass;
+    let recording =
+        if mass > 0.0 { recording.without_moving_mass(mass, gravity)? } else { recording };
+    let recordings = [recording];
+    let (found, method) = identified(&recordings, config)?;
+    result(row, &found, &recordings[0], method);
+    Ok(())
+}
+
+/// The readings with the requested sign of the force.
+fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Readings> {
+    if !reading.choice.flip_force {
+        return Cow::Borrowed(readings);
+    }
+    Cow::Owned(Readings {
+        force: readings.force.iter().map(|force| -force).collect(),
+        ..readings.clone()
+    })
+}
+
+/// The readings between the requested times, counted from the first.
+fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Readings> {
+    let Some(kept) = Crop::new(&reading.choice).kept(&readings.time) else { return readings };
+    let cut = |column: &Vec<f64>| kept.iter().filter_map(|k| column.get(*k).copied()).collect();
+    Cow::Owned(Readings {
+        time: cut(&readings.time),
+        position: cut(&readings.position),
+        force: cut(&readings.force),
+        velocity: readings.velocity.as_ref().map(cut),
+    })
+}
+
+/// The hash for the column `sha256`; `None` if the file cannot be read.
+pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
+    match input {
+        Input::File(path) => sha256_of(path),
+        Input::Columns { readings, .. } => {
+            Some(cropped(flipped(readings, &config.reading), &config.reading).sha256())
+        }
+        Input::Recording(recording) => Some(recording.sha256.clone()),
+    }
+}
+
+/// The hash of a file, as for its recording; `None` if it cannot be read.
+fn sha256_of(path: &Path) -> Option<String> {
+    digest_of(path).ok()
+}
+
+/// The identification, and the method used.
+fn identified(
+    recordings: &[Recording],
+    config: &Config,
+) -> Result<(Identification, &'static str), IdentifyError> {
+    let options = config.options();
+    let free_motion = options.free_motion && config.depth == Depth::Full;
+    let found = identify(recordings, &IdentifyOptions { free_motion, ..options }, &|_, _| ())?;
+    let method = if found.fit.is_some() { "fit" } else { "two_steps" };
+    Ok((found, method))
+}
+
+/// Properties known before the identification.
+fn data(row: &mut FleetRow, recording: &Recording) {
+    let q = &recording.quality;
+    row.set("recording", FleetCell::text(&recording.name));
+    row.set("sha256", FleetCell::text(&recording.sha256));
+    row.set("samples", FleetCell::count(recording.len()));
+    row.set("duration_s", FleetCell::number(recording.duration()));
+    let dropped = q.repeated_rows.count + q.unordered_rows.count + q.non_finite_rows.count;
+    let counts = [
+        ("gaps", q.gaps.len()),
+        ("resets", q.resets.len()),
+        ("saturated_samples", q.saturated.iter().map(|s| s.count).sum()),
+        ("dropped_rows", dropped),
+        ("held_rows", q.held_rows.count),
+    ];
+    counts.into_iter().for_each(|(name, count)| row.set(name, FleetCell::count(count)));
+    let numbers = [
+        ("stroke_m", q.stroke),
+        ("median_interval_s", q.median_interval),
+        ("jitter_s", q.jitter),
+        ("longest_interval_s", q.longest_interval),
+        ("position_resolution_m", q.position_resolution),
+        ("position_noise_m", q.position_noise),
+        ("force_resolution_n", q.force_resolution),
+        ("force_noise_n", q.force_noise),
+        ("force_rms_n", rms(&recording.force)),
+    ];
+    numbers.into_iter().for_each(|(name, value)| row.set(name, FleetCell::number(value)));
+    warnings(row, q.warnings.iter().map(|w| w.message.clone()).collect());
+}
+
+/// Root mean square about the mean.
+fn rms(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+fn warnings(row: &mut FleetRow, all: Vec<String>) {
+    row.set("warning_count", FleetCell::count(all.len()));
+    row.set(
+        "warnings",
+        if all.is_empty() { FleetCell::Empty } else { FleetCell::text(all.join("\n")) },
+    );
+}
+
+/// Adds a warning that leaves the status unchanged.
+pub(super) fn warn(row: &mut FleetRow, message: &str) {
+    let count = row.number("warning_count").unwrap_or(0.0) as usize;
+    let all: Vec<&str> = row.text("warnings").into_iter().chain([message]).collect();
+    let all = FleetCell::text(all.join("\n"));
+    row.set("warning_count", FleetCell::count(count + 1));
+    row.set("warnings", all);
+}
+
+fn parameter(row: &mut FleetRow, name: &str, estimate: &Estimate) {
+    let [low, high] = estimate.ci95;
+    row.set(name, FleetCell::number(estimate.value));
+    row.set(&format!("{name}_lower"), FleetCell::number(low));
+    row.set(&format!("{name}_upper"), FleetCell::number(high));
+    row.set(&format!("{name}_determined"), FleetCell::Boolean(estimate.determined));
+}
+
+fn result(row: &mut FleetRow, found: &Identification, recording: &Recording, method: &str) {
+    for p in &found.parameters {
+        parameter(row, &p.id.to_string(), &p.estimate);
+    }
+    let lost = !recording.quality.warnings.is_empty();
+    let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
+    row.set("status", FleetCell::text(status));
+    row.set("method", FleetCell::text(method));
+    // Without the recording's name, which has its own column.
+    let message = |w: &Warning| match &w.subject {
+        Subject::Recording(_) => w.message.clone(),
+        subject => format!("{subject}: {}", w.message),
+    };
+    warnings(row, found.warnings.iter().map(message).collect());
+    quality_of_fit(row, found);
+    row.set("reversals", FleetCell::count(found.free_motion.reversals));
+    row.set("partial_reversals", FleetCell::count(found.free_motion.partial_reversals));
+    row.set("held_s", FleetCell::number(found.free_motion.held_s));
+    if let Some(fit) = &found.position_profile {
+        row.set("position_profile_knots", FleetCell::count(fit.profile.gains().len()));
+        row.set("position_profile_held_out_rms_n", FleetCell::number(fit.held_out_rms_n));
+        row.set(
+            "position_profile_constant_held_out_rms_n",
+            FleetCell::number(fit.constant_held_out_rms_n),
+        );
+    }
+}
+
+fn quality_of_fit(row: &mut FleetRow, found: &Identification) {
+    row.set("residual_rms_n", FleetCell::number(found.residual_rms));
+    row.set("free_parameters", FleetCell::count(found.free_parameters));
+    row.set("position_delay_s", FleetCell::from(found.position_delay.map(|lag| lag.delay_s)));
+    row.set("steady_strokes", FleetCell::count(found.steady.means.len()));
+    row.set("stroke_mean_scatter_n", FleetCell::number(found.steady.stroke_mean_scatter_n));
+    if !found.steady.means.is_empty() {
+        let [slowest, fastest] = found.steady.speed_range_m_s;
+        row.set("slowest_steady_m_s", FleetCell::number(slowest));
+        row.set("fastest_steady_m_s", FleetCell::number(fastest));
+    }
+    match &found.deformation {
+        Ok(fit) => row.set("full_reversals", FleetCell::count(fit.full_reversals.len())),
+        Err(why) => row.set("deformation_missing", FleetCell::text(why)),
+    }
+    row.set("friction_scatter", FleetCell::number(found.friction_scale.scatter));
+    row.set("friction_drift", FleetCell::number(found.friction_scale.drift));
+    if let Some(jump) = found.friction_scale.jumps.first() {
+        row.set("friction_jump_ratio", FleetCell::number(jump.ratio));
+        row.set("friction_jump_s", FleetCell::number(jump.time_s));
+    }
+    if let Some(fit) = &found.fit {
+        let kept: Vec<&str> = fit.terms.iter().filter(|t| t.kept).map(|t| t.term.name()).collect();
+        row.set("terms", FleetCell::text(kept.join(" ")));
+    }
+}

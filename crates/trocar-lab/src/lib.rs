@@ -1,0 +1,13 @@
+//! What is done with identified models: compared with other models, planned for, put into loops of
+//! teleoperation, and made from whole fleets of recordings.
+
+pub mod compare;
+pub mod fleet;
+#[cfg(feature = "bench")]
+pub mod plan;
+pub mod summary;
+#[cfg(feature = "bench")]
+pub mod sweep;
+#[cfg(feature = "bench")]
+pub mod teleop;
+pub mod workflow;

@@ -1,0 +1,209 @@
+//! One motion from blocks: their order, their turning points, smooth turns.
+
+use std::f64::consts::{PI, TAU};
+
+use rand::{RngExt, SeedableRng, seq::SliceRandom};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::blocks::Block;
+use super::config::{PlanConfig, Rig};
+use trocar_simulate::bench::Course;
+
+/// From one position to another at a speed, then a rest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Move {
+    pub(super) from_m: f64,
+    pub(super) to_m: f64,
+    pub(super) speed_m_s: f64,
+    pub(super) rest_s: f64,
+}
+
+impl Move {
+    /// Speed that it reaches, m/s, and the time of a ramp, s.
+    ///
+    /// ```text
+    /// v(t) = v·(t/T − sin(2πt/T)/2π),  a ≤ 2v/T      over a ramp: the jerk is bounded
+    /// ```
+    fn speed(&self, rig: &Rig) -> (f64, f64) {
+        let length = (self.to_m - self.from_m).abs();
+        let acceleration = rig.acceleration_m_s2;
+        let speed = self.speed_m_s.min((0.5 * length * acceleration).sqrt());
+        (speed, 2.0 * speed / acceleration)
+    }
+
+    pub(super) fn duration(&self, rig: &Rig) -> f64 {
+        self.rest_s + self.moving(rig)
+    }
+
+    fn moving(&self, rig: &Rig) -> f64 {
+        let length = (self.to_m - self.from_m).abs();
+        if length == 0.0 {
+            return 0.0;
+        }
+        let (speed, ramp) = self.speed(rig);
+        length / speed + ramp
+    }
+
+    /// Position at `time` (s) after its start, m.
+    fn position(&self, rig: &Rig, time: f64) -> f64 {
+        let (length, moving) = (self.to_m - self.from_m, self.moving(rig));
+        if time >= moving {
+            return self.to_m;
+        }
+        let (speed, ramp) = self.speed(rig);
+        let begun = |t: f64| {
+            if t >= ramp {
+                return speed * (t - 0.5 * ramp);
+            }
+            let phase = TAU * t / ramp;
+            speed * (t * t / (2.0 * ramp) - ramp * (1.0 - phase.cos()) / (4.0 * PI * PI))
+        };
+        let way =
+            if time > moving - ramp { length.abs() - begun(moving - time) } else { begun(time) };
+        self.from_m + way.copysign(length)
+    }
+}
+
+/// A block at its place in a motion.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Segment {
+    /// What is done.
+    #[serde(flatten)]
+    pub block: Block,
+    /// When it begins, s.
+    pub from_s: f64,
+    /// When it ends, s.
+    pub to_s: f64,
+}
+
+/// Orders that are drawn, of which the one is taken whose speeds follow the time least.
+const ORDERS: usize = 200;
+/// Slow changes that the speeds should not follow: cosines over the duration.
+const COSINES: usize = 3;
+
+/// The blocks in random order with their motion, such that a drift of the friction looks least like
+/// viscous friction.
+///
+/// # Errors
+/// Where no order takes at most the time allowed (a stroke also leads from one block to the next):
+/// the least time of one, s.
+pub(super) fn ordered(
+    config: &PlanConfig,
+    blocks: &[Block],
+) -> Result<(Vec<Segment>, Course), f64> {
+    let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
+    let rig = &config.rig;
+    let drawn: Vec<_> = (0..ORDERS)
+        .map(|_| {
+            let mut order = blocks.to_vec();
+            order.shuffle(&mut rng);
+            let segments = segments(rig, &order, &mut rng);
+            let end = segments.last().map_or(0.0, |(segment, _)| segment.to_s);
+            (follows_time(rig, &order), end + AT_REST, segments)
+        })
+        .collect();
+    let shortest = drawn.iter().map(|drawn| drawn.1).fold(f64::INFINITY, f64::min);
+    let in_time = drawn.into_iter().filter(|(_, duration, _)| *duration <= config.duration_s);
+    let (.., segments) = in_time.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(shortest)?;
+    let (segments, moves): (Vec<Segment>, Vec<Vec<Move>>) = segments.into_iter().unzip();
+    Ok((segments, sampled(rig, &moves.concat())))
+}
+
+/// Sum of the squared correlations of the speed with slow changes.
+fn follows_time(rig: &Rig, order: &[Block]) -> f64 {
+    let durations: Vec<f64> = order.iter().map(|block| block.duration(rig)).collect();
+    let whole: f64 = durations.iter().sum();
+    let speed = |k: usize| order[k].speed_m_s;
+    let mean = (0..order.len()).map(speed).sum::<f64>() / order.len() as f64;
+    let correlation = |cosine: usize| {
+        let mut time = 0.0;
+        let (mut product, mut squares) = (0.0, [0.0, 0.0]);
+        for (k, duration) in durations.iter().enumerate() {
+            let slow = (PI * cosine as f64 * (time + 0.5 * duration) / whole).cos();
+            time += duration;
+            product += slow * (speed(k) - mean);
+            squares[0] += slow * slow;
+            squares[1] += (speed(k) - mean).powi(2);
+        }
+        product * product / (squares[0] * squares[1]).max(f64::MIN_POSITIVE)
+    };
+    (1..=COSINES).map(correlation).sum()
+}
+
+/// Part of its length by which a cycle may be moved at random, so that strokes do not all turn at
+/// the same places.
+const SCATTER: f64 = 0.1;
+
+/// Blocks one after the other, with their moves.
+fn segments(rig: &Rig, order: &[Block], rng: &mut ChaCha8Rng) -> Vec<(Segment, Vec<Move>)> {
+    let (mut at, mut from_s) = (rig.lowest_m + 0.02 * rig.travel_m(), AT_REST);
+    let mut segments = Vec::with_capacity(order.len());
+    for block in order {
+        let room = rig.travel_m() - block.length_m;
+        let most = (0.5 * room).min(SCATTER * block.length_m);
+        let start = rig.lowest_m + 0.5 * room + most * (2.0 * rng.random::<f64>() - 1.0);
+        let moves = block.moves(at, start);
+        let to_s = from_s + moves.iter().map(|step| step.duration(rig)).sum::<f64>();
+        at = moves.last().map_or(at, |last| last.to_m);
+        segments.push((Segment { block: *block, from_s, to_s }, moves));
+        from_s = to_s;
+    }
+    segments
+}
+
+/// Time, s, at rest before the first and after the last move.
+pub(super) const AT_REST: f64 = 0.1;
+
+/// A motion of `moves` at the rate of the rig.
+pub(super) fn sampled(rig: &Rig, moves: &[Move]) -> Course {
+    let interval = 1.0 / rig.sample_rate_hz;
+    let mut course = Course::default();
+    let mut add = |time: f64, position: f64| {
+        course.time.push(time);
+        course.position.push(position.clamp(rig.lowest_m, rig.highest_m));
+    };
+    let mut sample = 0u64;
+    let mut begin = AT_REST;
+    for step in moves {
+        let end = begin + step.duration(rig);
+        while (sample as f64) * interval < end {
+            let time = sample as f64 * interval;
+            add(time, step.position(rig, (time - begin).max(0.0)));
+            sample += 1;
+        }
+        begin = end;
+    }
+    while (sample as f64) * interval <= begin + AT_REST {
+        let last = moves.last().map_or(rig.lowest_m, |step| step.to_m);
+        add(sample as f64 * interval, last);
+        sample += 1;
+    }
+    course
+}
+
+/// Limits that are read from a recording are a little below those of its rig.
+const ROUNDED: f64 = 0.95;
+
+/// The protocol of EMS IV-A, 18 speeds from 15 to 100 mm/s in ascending order over 120 mm, on this
+/// rig; `None` where the rig cannot make it.
+pub(super) fn of_the_paper(config: &PlanConfig) -> Option<Course> {
+    const STROKE: f64 = 0.120;
+    let rig = &config.rig;
+    let fits = rig.travel_m() >= ROUNDED * STROKE
+        && rig.fastest_m_s >= ROUNDED * 0.1
+        && ROUNDED * rig.slowest_m_s <= 0.015;
+    fits.then(|| {
+        let (low, high) = (rig.lowest_m, rig.lowest_m + STROKE.min(rig.travel_m()));
+        let cycle = |k: u32| {
+            let speed_m_s = 0.015 + 0.005 * f64::from(k);
+            [(low, high), (high, low)].map(|(from_m, to_m)| Move {
+                from_m,
+                to_m,
+                speed_m_s,
+                rest_s: 0.0,
+            })
+        };
+        sampled(rig, &(0..18).flat_map(cycle).collect::<Vec<_>>())
+    })
+}

@@ -1,0 +1,371 @@
+//! Results of an identification: `model.json` and `summary.json`.
+//!
+//! Both contain names, hashes and seeds but no folders and times, so the same recordings give the
+//! same bytes.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::workflow::{MovingMass, Workflow};
+use trocar_identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
+use trocar_identify::profile::ProfileFit;
+use trocar_identify::validate::{Validation, validate};
+use trocar_identify::{
+    Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale,
+    Parameter, Phase, PositionDelay, Posterior, PriorUse, SteadyFit, StickSlip, Subject, Warning,
+};
+use trocar_recording::{Choice, Quality, Recording};
+use trocar_runtime::model_file::{
+    ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo,
+};
+
+/// Value of the key `program`.
+pub const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
+
+impl MovingMass {
+    /// The sensor of a model. `offset` is its offset without the declared mass, N; `unmodelled` is
+    /// the unmodelled mass, kg.
+    ///
+    /// The offset of the sensor is the reading at rest without any force of the seal, including the
+    /// weight of the declared mass.
+    pub(crate) fn sensor(self, offset: f64, unmodelled: f64) -> SensorInfo {
+        SensorInfo {
+            offset_n: offset + self.mass * self.gravity,
+            moving_mass_kg: self.mass + unmodelled.max(0.0),
+            position_delay_s: 0.0,
+        }
+    }
+}
+
+/// A recording in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct RecordingSummary<'a> {
+    /// File name without its folder.
+    pub name: &'a str,
+    /// SHA-256 of the file's bytes.
+    pub sha256: &'a str,
+    /// `identification` or `validation`.
+    pub used_for: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// Time from the first to the last sample, s.
+    pub duration_s: f64,
+    /// Properties of the data.
+    pub quality: &'a Quality,
+}
+
+/// One branch of the deformation force in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct BranchSummary {
+    /// Where the two polynomials of EMS (25) meet, m.
+    pub join_m: f64,
+    /// Root mean square residual, N, of the joined polynomials to the mean curve.
+    pub joined_rms_n: f64,
+    /// The same of a single polynomial of degree 7 (EMS figure 8).
+    pub single_polynomial_rms_n: f64,
+}
+
+/// The dynamic step in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct DeformationSummary<'a> {
+    /// c of the two-step result.
+    pub half_width_m: &'a Estimate,
+    /// Standard deviation of c over the full reversals, m: the error of the reconstructed
+    /// deflection.
+    pub half_width_spread_m: f64,
+    /// p value of a dependence of c on speed; `None` with too few speeds.
+    pub speed_dependence_p_value: Option<f64>,
+    /// Full reversals: strokes over which the measured force goes from one sliding limit to the
+    /// other.
+    pub full_reversals: usize,
+    /// Branch of the insertion.
+    pub insertion_branch: BranchSummary,
+    /// Branch of the withdrawal.
+    pub withdrawal_branch: BranchSummary,
+}
+
+/// A parameter of the draws in the summary, in the unit of its name.
+#[derive(Debug, Clone, Serialize)]
+pub struct DrawnParameter {
+    /// Mean of the draws.
+    pub mean: f64,
+    /// Their standard deviation.
+    pub standard_deviation: f64,
+    /// Their 2.5 % and 97.5 % quantiles.
+    pub ci95: [f64; 2],
+    /// R-hat and effective sample sizes; `None` where it does not change.
+    pub convergence: Option<Convergence>,
+    /// Standard deviation relative to that of the prior; `None` without a prior.
+    pub prior_ratio: Option<f64>,
+}
+
+/// The posterior draws in the summary.
+#[derive(Debug, Clone, Serialize)]
+pub struct PosteriorSummary<'a> {
+    /// Number of draws.
+    pub draws: usize,
+    /// Chains of each structure.
+    pub chains: usize,
+    /// Structures, the most probable first.
+    pub structures: &'a [PosteriorStructure],
+    /// Largest R-hat.
+    pub r_hat: f64,
+    /// Smallest effective sample size of bulk and tails.
+    pub effective_sample_size: f64,
+    /// Parameters by name with unit.
+    pub parameters: BTreeMap<String, DrawnParameter>,
+}
+
+impl<'a> PosteriorSummary<'a> {
+    fn of(posterior: &'a Posterior) -> Self {
+        let parameter = |p: &PosteriorParameter| {
+            let PosteriorParameter {
+                mean, standard_deviation, ci95, convergence, prior_ratio, ..
+            } = *p;
+            let drawn = DrawnParameter { mean, standard_deviation, ci95, convergence, prior_ratio };
+            (p.id.to_string(), drawn)
+        };
+        Self {
+            draws: posterior.draws.len(),
+            chains: CHAINS,
+            structures: &posterior.structures,
+            r_hat: posterior.r_hat(),
+            effective_sample_size: posterior.ess(),
+            parameters: posterior.parameters.iter().map(parameter).collect(),
+        }
+    }
+}
+
+/// `summary.json`.
+#[derive(Debug, Clone, Serialize)]
+pub struct Summary<'a> {
+    /// Program and version.
+    pub program: &'static str,
+    /// Seed of all random numbers.
+    pub seed: u64,
+    /// Resamples of the bootstrap.
+    pub bootstrap: usize,
+    /// Whether data were lost or parameters are not determined (exit code 3).
+    pub doubtful: bool,
+    /// Parameters of the model by name with unit.
+    pub parameters: BTreeMap<String, &'a Estimate>,
+    /// The same from the paper's two steps alone.
+    pub two_step_parameters: BTreeMap<String, &'a Estimate>,
+    /// Error of the model over the recordings used for identification, N.
+    pub residual_rms_n: f64,
+    /// The likelihood fit with its optional model terms; `None` if it was not made.
+    pub fit: Option<&'a FitSummary>,
+    /// Covariance of the parameters of the fit; `None` without a fit.
+    pub covariance: Option<&'a Covariance>,
+    /// What the recordings added to the model given as prior; left out without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub prior: Option<&'a PriorUse>,
+    /// Structures, convergence and intervals of the posterior draws; left out without draws.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub posterior: Option<PosteriorSummary<'a>>,
+    /// Number of model parameters estimated, without the sensor offset and an unmodelled mass.
+    pub free_parameters: usize,
+    /// Change of the friction from stroke to stroke.
+    pub friction_scale: &'a FrictionScale,
+    /// Error of the model by phase.
+    pub phases: &'a [Phase],
+    /// Self-excited oscillation of the force; `None` if there is none.
+    pub stick_slip: Option<&'a StickSlip>,
+    /// Rests and partial reversals in the recordings.
+    pub free_motion: FreeMotion,
+    /// The compensated position delay; `None` if none is significant.
+    pub position_delay: Option<PositionDelay>,
+    /// The position-dependent force; `None` if there is none or no strokes repeat.
+    pub position_profile: Option<&'a ProfileFit>,
+    /// Why repeated strokes gave no `position_profile`.
+    pub no_position_profile: Option<&'a str>,
+    /// Validation on the held-out recordings; `None` without any.
+    pub validation: Option<&'a Validation>,
+    /// Steady-state step with its data.
+    pub steady: &'a SteadyFit,
+    /// Dynamic step; `None` if the deformation was not resolved.
+    pub deformation: Option<DeformationSummary<'a>>,
+    /// Why there is no dynamic step.
+    pub deformation_missing: Option<&'a str>,
+    /// Test of the influence of the deformation velocity; `None` if it was not possible.
+    pub damping_test: Option<&'a DampingTest>,
+    /// Mass that was subtracted from the readings.
+    pub moving_mass: MovingMass,
+    /// All recordings.
+    pub recordings: Vec<RecordingSummary<'a>>,
+    /// Warnings about the result, including its validation.
+    pub warnings: Vec<Warning>,
+}
+
+impl Workflow {
+    /// The contents of `summary.json`.
+    pub fn summary(&self) -> Summary<'_> {
+        let found = &self.identification;
+        let deformation = found.deformation.as_ref();
+        Summary {
+            program: PROGRAM,
+            seed: self.options.seed,
+            bootstrap: self.options.bootstrap,
+            doubtful: self.is_doubtful(),
+            parameters: by_name(&found.parameters),
+            two_step_parameters: by_name(&found.two_step_parameters),
+            residual_rms_n: found.residual_rms,
+            fit: found.fit.as_ref(),
+            covariance: found.covariance.as_ref(),
+            prior: found.prior.as_ref(),
+            posterior: found.posterior.as_ref().map(PosteriorSummary::of),
+            free_parameters: found.free_parameters,
+            friction_scale: &found.friction_scale,
+            phases: &found.phases,
+            stick_slip: found.stick_slip.as_ref(),
+            free_motion: found.free_motion,
+            position_delay: found.position_delay,
+            position_profile: found.position_profile.as_ref(),
+            no_position_profile: found.no_position_profile.as_deref(),
+            validation: self.validation.as_ref(),
+            steady: &found.steady,
+            deformation: deformation.ok().map(deformation_summary),
+            deformation_missing: deformation.err().map(String::as_str),
+            damping_test: deformation.ok().and_then(|d| d.damping.as_ref()),
+            moving_mass: self.moving_mass,
+            recordings: self.recording_summaries(),
+            warnings: found.warnings.iter().cloned().chain(self.validation_warnings()).collect(),
+        }
+    }
+
+    /// Limits of the validation, as warnings of the result.
+    fn validation_warnings(&self) -> impl Iterator<Item = Warning> + '_ {
+        let recordings = self.validation.iter().flat_map(|validation| &validation.recordings);
+        recordings.flat_map(|r| {
+            let subject = Subject::Recording(r.path.clone());
+            r.warnings.iter().map(move |message| Warning::doubt(subject.clone(), message.clone()))
+        })
+    }
+
+    /// Whether data were lost or parameters are not determined, in identification or validation.
+    pub fn is_doubtful(&self) -> bool {
+        let lost = self.held_out.iter().any(|recording| !recording.quality.warnings.is_empty());
+        let unknown = self.validation.as_ref().is_some_and(Validation::is_doubtful);
+        self.identification.is_doubtful() || lost || unknown
+    }
+
+    /// The identified seal with its origin, sensor and intervals.
+    pub fn model_file(&self) -> ModelFile {
+        let found = &self.identification;
+        let mut origin =
+            Origin::identified(self.options.seed, self.recordings.iter().map(origin_of));
+        origin.note = found.deformation_note();
+        let mut model = ModelFile::new(found.stages, origin);
+        model.trocar = found.trocar().stored_as(<[f64]>::to_vec);
+        let sensor = self.moving_mass.sensor(found.model.offset, found.model.unmodelled_mass);
+        let position_delay_s = found.position_delay.map_or(0.0, |lag| lag.delay_s);
+        model.sensor = Some(SensorInfo { position_delay_s, ..sensor });
+        model.intervals = intervals(&found.parameters);
+        model.force_error = Some(self.force_error());
+        model
+    }
+
+    /// Error on the held-out recordings and on those used for identification: for each phase the
+    /// larger of both.
+    fn force_error(&self) -> ForceError {
+        let found = &self.identification;
+        let without_hidden =
+            |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
+        let recordings: Vec<Recording> = match found.model.unmodelled_mass {
+            0.0 => self.recordings.to_vec(),
+            _ => self.recordings.iter().filter_map(without_hidden).collect(),
+        };
+        let own = validate(&found.trocar(), &recordings, found.model.offset)
+            .force_error(ErrorSource::Identification);
+        let validated = self
+            .validation
+            .as_ref()
+            .map(|validation| validation.force_error(ErrorSource::Validation));
+        validated.map_or(own, |validated| own.worse(&validated, ErrorSource::Validation))
+    }
+
+    fn recording_summaries(&self) -> Vec<RecordingSummary<'_>> {
+        fn of<'a>(
+            used_for: &'static str,
+            recordings: &'a [Recording],
+        ) -> impl Iterator<Item = RecordingSummary<'a>> {
+            recordings.iter().map(move |recording| RecordingSummary {
+                name: &recording.name,
+                sha256: &recording.sha256,
+                used_for,
+                samples: recording.len(),
+                duration_s: recording.duration(),
+                quality: &recording.quality,
+            })
+        }
+        of("identification", &self.recordings).chain(of("validation", &self.held_out)).collect()
+    }
+}
+
+impl Summary<'_> {
+    /// The text of `summary.json`: equal results give equal text. An infinite or undefined number
+    /// is `null`.
+    pub fn to_json(&self) -> String {
+        let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
+        text.push('\n');
+        text
+    }
+}
+
+pub(crate) fn by_name(parameters: &[Parameter]) -> BTreeMap<String, &Estimate> {
+    parameters.iter().map(|parameter| (parameter.id.to_string(), &parameter.estimate)).collect()
+}
+
+fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
+    let branch = |fit: &trocar_identify::BranchFit| BranchSummary {
+        join_m: fit.shape.join * found.half_width.value,
+        joined_rms_n: fit.rms,
+        single_polynomial_rms_n: fit.single_polynomial_rms,
+    };
+    DeformationSummary {
+        half_width_m: &found.half_width,
+        half_width_spread_m: found.deflection_error,
+        speed_dependence_p_value: found.speed_dependence_p_value,
+        full_reversals: found.full_reversals.len(),
+        insertion_branch: branch(&found.insertion_branch),
+        withdrawal_branch: branch(&found.withdrawal_branch),
+    }
+}
+
+/// A recording for a model file.
+pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
+    let Choice { columns, topics, flip_force, skip_rows, rate_hz, .. } = recording.choice.clone();
+    let read_with = ReadWith { columns, topics, flip_force, skip_rows, rate_hz };
+    RecordingInfo {
+        name: recording.name.clone(),
+        sha256: recording.sha256.clone(),
+        read_with: Some(read_with).filter(|own| *own != ReadWith::default()),
+    }
+}
+
+/// How to read another recording for a model; `None` if by its own header.
+pub fn choice_for(model: &ModelFile) -> Option<Choice> {
+    let ReadWith { columns, topics, flip_force, skip_rows, rate_hz } = model.read_with()?.clone();
+    Some(Choice {
+        columns,
+        topics,
+        flip_force,
+        skip_rows,
+        rate_hz,
+        from_another_file: true,
+        ..Choice::default()
+    })
+}
+
+/// Estimates in the form used in a model file.
+pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> {
+    let bound = |bound: f64| bound.is_finite().then_some(bound);
+    let interval = |parameter: &Parameter| {
+        let Estimate { value, ci95, .. } = parameter.estimate;
+        value
+            .is_finite()
+            .then(|| (parameter.id.to_string(), Interval { value, ci95: ci95.map(bound) }))
+    };
+    parameters.iter().filter_map(interval).collect()
+}

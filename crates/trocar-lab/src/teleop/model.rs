@@ -1,0 +1,250 @@
+//! Trocars of a model file for a loop, and the course of a loop as a table.
+
+use std::path::Path;
+
+use trocar_model::{Element, ParamError, Seal, Stages, Trocar, Tunable};
+
+use super::hybrid::Response;
+use super::simulation::Sample;
+use trocar_runtime::model_file::ModelFile;
+use trocar_simulate::bench::noise::{Noise, Source};
+use trocar_simulate::many::evenly;
+use trocar_tables::error::OutputError;
+use trocar_tables::table::{Field, TableCell, TableWriter};
+
+/// Which trocars and which models in the compensator advice is for, besides the models themselves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Candidates {
+    /// Draws of the trocar from the 95 % intervals of its model, or from its posterior.
+    pub draws: usize,
+    /// Posterior draws of the trocar's model, in place of the ends of its intervals and of draws from them. They have the
+    /// covariance of the parameters.
+    pub posterior: Option<Vec<Stages>>,
+    /// Draws of the compensator's model from its 95 % intervals.
+    pub compensator_draws: usize,
+    /// Seed of the draws.
+    pub seed: u64,
+    /// Least friction scale of the trocar, above 0, at most 1: wetting lowers the friction of a seal by 15 to 45 %, more than
+    /// the intervals of its model cover.
+    pub least_friction_scale: f64,
+}
+
+impl Default for Candidates {
+    /// The models and the ends of the intervals of the trocar's.
+    fn default() -> Self {
+        Self { draws: 0, posterior: None, compensator_draws: 0, seed: 1, least_friction_scale: 1.0 }
+    }
+}
+
+/// Pairs of a compensator's model and a trocar, of the files `compensator` and `plant`. The first pair is that of the files. In
+/// the following ones
+///
+/// - the trocar has all parameters that have a 95 % interval at its lower and at its upper end,
+/// - the trocar is drawn from these intervals,
+/// - or, in place of both, the trocar is one of the posterior draws,
+/// - the trocar is at the least friction scale ([`scaled`]) and halfway to it,
+/// - the compensator's model is drawn from its own intervals; if there are such draws, also at their lower and upper ends.
+///
+/// All parameters at the same end is more than the intervals of single parameters claim together: a loop that is
+/// stable at both ends has some margin. In a draw each parameter with an interval is drawn from a normal distribution that has
+/// this interval, each side by itself; a draw that makes no model is drawn again. Parameters are drawn independently,
+/// since a model file holds no covariance: that exaggerates the scatter of what depends on several of them.
+///
+/// # Errors
+/// Parameters that make no model: at an end of their intervals, in a thousand draws in a row, or at the friction scale.
+pub fn candidates(
+    [compensator, plant]: [&ModelFile; 2],
+    wanted: &Candidates,
+) -> Result<Vec<[Trocar<Vec<f64>>; 2]>, ParamError> {
+    let mut plants = match &wanted.posterior {
+        Some(draws) => {
+            let drawn = evenly(draws, wanted.draws).into_iter();
+            let drawn = drawn.map(|draw| plant.trocar.with_seal(draw.into()));
+            std::iter::once(plant.trocar.clone()).chain(drawn).collect()
+        }
+        None => within_intervals(plant, wanted.draws, &mut Noise::new(wanted.seed, Source::Draws))?,
+    };
+    plants.extend(wetted(&plant.trocar, wanted.least_friction_scale)?);
+    let models = match wanted.compensator_draws {
+        0 => Vec::new(),
+        count => {
+            let mut noise = Noise::new(wanted.seed, Source::CompensatorDraws);
+            within_intervals(compensator, count, &mut noise)?
+        }
+    };
+    let of_plants = plants.into_iter().map(|plant| [compensator.trocar.clone(), plant]);
+    // The first model is that of the file, which all trocars have met.
+    let of_models = models.into_iter().skip(1).map(|model| [model, plant.trocar.clone()]);
+    Ok(of_plants.chain(of_models).collect())
+}
+
+/// The trocar of `file`, those at both ends of its intervals, and draws from them.
+fn within_intervals(
+    file: &ModelFile,
+    draws: usize,
+    noise: &mut Noise,
+) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let mut trocars = vec![file.trocar.clone()];
+    for index in [0, 1] {
+        let end = at_end(file, index)?;
+        if end != file.trocar {
+            trocars.push(end);
+        }
+    }
+    for _ in 0..draws {
+        trocars.push(drawn(file, noise)?);
+    }
+    Ok(trocars)
+}
+
+/// `trocar` at the friction scale `least` and halfway to it; none at 1.
+fn wetted(trocar: &Trocar<Vec<f64>>, least: f64) -> Result<Vec<Trocar<Vec<f64>>>, ParamError> {
+    let scales = [0.5 * (1.0 + least), least].into_iter().filter(|_| least < 1.0);
+    scales.map(|scale| scaled(trocar, scale)).collect()
+}
+
+/// The trocar of `file` with all its intervals at their lower (0) or upper (1) end.
+fn at_end(file: &ModelFile, index: usize) -> Result<Trocar<Vec<f64>>, ParamError> {
+    let value = |Tunable { id, value }: Tunable| {
+        let interval = file.intervals.get(&id.to_string());
+        interval.and_then(|interval| interval.ci95[index]).unwrap_or(value)
+    };
+    let seal = file.trocar.seal();
+    Ok(file.trocar.with_seal(seal.tuned(&seal.tunables().map(value).collect::<Vec<_>>())?))
+}
+
+fn drawn(file: &ModelFile, noise: &mut Noise) -> Result<Trocar<Vec<f64>>, ParamError> {
+    let seal = file.trocar.seal();
+    let mut value = |Tunable { id, value }: Tunable| {
+        let [low, high] = file.intervals.get(&id.to_string()).map_or([None; 2], |i| i.ci95);
+        let deviate = noise.normal();
+        let end = if deviate < 0.0 { low } else { high };
+        end.map_or(value, |end| value + deviate.abs() * (end - value) / NORMAL_95)
+    };
+    let mut one = || seal.tuned(&seal.tunables().map(&mut value).collect::<Vec<_>>());
+    let mut tried = one();
+    for _ in 1..MOST_DRAWS {
+        if tried.is_ok() {
+            break;
+        }
+        tried = one();
+    }
+    Ok(file.trocar.with_seal(tried?))
+}
+
+/// Draws in a row that may make no model.
+const MOST_DRAWS: u32 = 1000;
+/// 95 % quantile of a normal distribution, two-sided.
+const NORMAL_95: f64 = 1.96;
+
+/// The trocar with the friction scale λ = `scale`, above 0: its seal has the force λ·F(x/λ), as that of a seal once it is wetted
+/// (`docs/explanation/compensation.md`); viscous damping and the offset of its profile stay.
+///
+/// # Errors
+/// Parameters that make no model at this scale.
+pub fn scaled<K: AsRef<[f64]> + Clone>(
+    trocar: &Trocar<K>,
+    scale: f64,
+) -> Result<Trocar<K>, ParamError> {
+    let seal = trocar.seal();
+    // Forces and lengths are proportional to λ.
+    let value = |Tunable { id, value }: Tunable| match id.unit().si {
+        "N" | "m" | "m/s" | "N/s" => value * scale,
+        _ => value,
+    };
+    let values: Vec<f64> = seal.tunables().map(value).collect();
+    let seal = match seal.tuned(&values)? {
+        Seal::Ems(stages) => with_damping_at(&stages, scale)?,
+        other => other,
+    };
+    Ok(trocar.with_seal(seal))
+}
+
+/// Seal damping that depends on the speed: of its polynomial only the first coefficient is tunable.
+fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
+    let of = |element: &Element| {
+        let mut params = *element.params();
+        let [s0, s1, s2] = params.damping.coefficients;
+        params.damping.coefficients = [s0, s1 / scale, s2 / (scale * scale)];
+        Element::new(params)
+    };
+    let elements =
+        stages.elements().iter().map(of).collect::<Result<Vec<Element>, ParamError>>()?;
+    Ok(Seal::Ems(Stages::new(&elements).expect("as many elements as before")))
+}
+
+/// A column of a table with a row for each `R`: its name with the unit, and its values.
+type Column<R> = (&'static str, fn(&R) -> f64);
+
+const RESPONSE_COLUMNS: [Column<Response>; 14] = [
+    ("frequency_hz", |r| r.frequency_hz),
+    ("h11_real_n_s_m", |r| r.hybrid.h11.re),
+    ("h11_imaginary_n_s_m", |r| r.hybrid.h11.im),
+    ("h12_real", |r| r.hybrid.h12.re),
+    ("h12_imaginary", |r| r.hybrid.h12.im),
+    ("h21_real", |r| r.hybrid.h21.re),
+    ("h21_imaginary", |r| r.hybrid.h21.im),
+    ("h22_real_m_n_s", |r| r.hybrid.h22.re),
+    ("h22_imaginary_m_n_s", |r| r.hybrid.h22.im),
+    ("llewellyn_margin", |r| r.llewellyn),
+    ("tissue_real_n_s_m", |r| r.tissue.re),
+    ("tissue_imaginary_n_s_m", |r| r.tissue.im),
+    ("transmitted_real_n_s_m", |r| r.transmitted.re),
+    ("transmitted_imaginary_n_s_m", |r| r.transmitted.im),
+];
+
+/// The columns of `rows`: names with their units, and values.
+pub fn response_columns(rows: &[Response]) -> Vec<(&'static str, Vec<f64>)> {
+    columns_of(rows, &RESPONSE_COLUMNS)
+}
+
+/// Writes `rows` as a table; the format follows from the file extension.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_response(rows: &[Response], path: impl AsRef<Path>) -> Result<(), OutputError> {
+    write(rows, &RESPONSE_COLUMNS, path)
+}
+
+fn columns_of<R>(rows: &[R], columns: &[Column<R>]) -> Vec<(&'static str, Vec<f64>)> {
+    columns.iter().map(|(name, of)| (*name, rows.iter().map(of).collect())).collect()
+}
+
+fn write<R>(rows: &[R], columns: &[Column<R>], path: impl AsRef<Path>) -> Result<(), OutputError> {
+    let fields: Vec<Field> = columns.iter().map(|(name, _)| Field::number(*name)).collect();
+    let mut table = TableWriter::create(path, &fields)?;
+    for row in rows {
+        let cells: Vec<TableCell> =
+            columns.iter().map(|(_, of)| TableCell::Number(of(row))).collect();
+        table.row(&cells)?;
+    }
+    table.commit()
+}
+
+const COLUMNS: [Column<Sample>; 12] = [
+    ("time_s", |s| s.time),
+    ("hand_position_m", |s| s.hand_position),
+    ("master_position_m", |s| s.master_position),
+    ("slave_position_m", |s| s.slave_position),
+    ("operator_force_n", |s| s.operator_force),
+    ("master_force_n", |s| s.master_force),
+    ("slave_force_n", |s| s.slave_force),
+    ("trocar_force_n", |s| s.trocar_force),
+    ("tissue_force_n", |s| s.tissue_force),
+    ("estimate_n", |s| s.estimate),
+    ("network_energy_j", |s| s.network_energies().iter().sum()),
+    ("credit_j", |s| s.credit),
+];
+
+/// The columns of `samples`: names with their units, and values.
+pub fn course_columns(samples: &[Sample]) -> Vec<(&'static str, Vec<f64>)> {
+    columns_of(samples, &COLUMNS)
+}
+
+/// Writes `samples` as a table, one row each; the format follows from the file extension.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn write_course(samples: &[Sample], path: impl AsRef<Path>) -> Result<(), OutputError> {
+    write(samples, &COLUMNS, path)
+}

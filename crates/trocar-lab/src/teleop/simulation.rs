@@ -1,0 +1,298 @@
+//! The loop in time.
+
+use trocar_model::Trocar;
+
+use super::channel::{Channel, Packet};
+use super::config::{Config, ConfigError};
+use super::control::{Controllers, Encoder, Reading};
+use super::credit::Credit;
+use super::estimate::Estimator;
+use super::passivity::Port;
+use super::plant::{Master, Motion, Slave};
+use trocar_simulate::bench::noise::Source;
+use trocar_simulate::cancel;
+
+/// Beyond these a loop counts as unstable, m and m/s: far outside any device.
+const FARTHEST_M: f64 = 10.0;
+const FASTEST_M_S: f64 = 100.0;
+/// Samples between two checks whether the work was cancelled: a millisecond of work.
+const SAMPLES_BETWEEN_CHECKS: u64 = 1024;
+
+/// The loop at one sample.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sample {
+    /// Time, s.
+    pub time: f64,
+    /// Intended position of the hand, m.
+    pub hand_position: f64,
+    /// x_m and v_m, m and m/s.
+    pub master_position: f64,
+    /// m/s
+    pub master_velocity: f64,
+    /// x_s and v_s, m and m/s.
+    pub slave_position: f64,
+    /// m/s
+    pub slave_velocity: f64,
+    /// F_h, force of the operator on the master, N.
+    pub operator_force: f64,
+    /// F_mc, force of the master's motor against the operator, N: what is felt.
+    pub master_force: f64,
+    /// F_sc, N.
+    pub slave_force: f64,
+    /// F_t, N.
+    pub trocar_force: f64,
+    /// F_e, N.
+    pub tissue_force: f64,
+    /// The tissue's force as sensor and compensation give it, N.
+    pub estimate: f64,
+    /// Energy that the network has received from and given to the master, J.
+    pub master_energies: [f64; 2],
+    /// Energy that it has received from and given to the slave, J; with a credit, from slave and trocar.
+    pub slave_energies: [f64; 2],
+    /// Energy that the trocar has dissipated at least, which the passivity control counts as dissipated by the network, J; 0
+    /// without a credit.
+    pub credit: f64,
+    /// Forces that the passivity control adds to those of the motors at master and slave, N, against the motion.
+    pub passivity_forces: [f64; 2],
+    /// Work of the operator on the master, J.
+    pub operator_work: f64,
+    /// Work of the instrument on the trocar, J.
+    pub trocar_work: f64,
+    /// Work of the instrument on the tissue, J.
+    pub tissue_work: f64,
+}
+
+impl Sample {
+    /// Energy that the network has received from master and slave less what it has given them, J, without a credit.
+    pub fn network_energies(&self) -> [f64; 2] {
+        let [master, slave] =
+            [self.master_energies, self.slave_energies].map(|[received, given]| received - given);
+        [master, slave - self.credit]
+    }
+}
+
+/// A loop that runs.
+///
+/// # Invariants
+/// The same configuration, models and hand give the same samples, to the last bit.
+#[derive(Debug, Clone)]
+pub struct Loop<K> {
+    config: Config,
+    master: Master,
+    slave: Slave<K>,
+    encoders: [Encoder; 2],
+    controllers: Controllers,
+    to_slave: Channel,
+    to_master: Channel,
+    estimator: Estimator<K>,
+    ports: [Port; 2],
+    /// Of the passivity control, if it has one.
+    credit: Option<Credit<K>>,
+    /// F_mc and F_sc as held since the last sample, N.
+    held: [f64; 2],
+    /// The last packet of the slave that the master has received.
+    arrived: Packet,
+    /// Number of the next sample.
+    count: u64,
+    position: f64,
+    diverged: Option<Diverged>,
+}
+
+impl<K: AsRef<[f64]> + Clone> Loop<K> {
+    /// A loop at rest at `position` (m) with the slave in `trocar`; `compensator` is the compensator's model, which need not be
+    /// the same.
+    ///
+    /// # Errors
+    /// A value of `config` out of its range, or a model that cannot be made with it.
+    pub fn new(
+        config: &Config,
+        trocar: Trocar<K>,
+        compensator: Trocar<K>,
+        position: f64,
+    ) -> Result<Self, ConfigError> {
+        config.check()?;
+        let encoders = [config.master, config.slave]
+            .map(|device| Encoder::new(device.encoder_step_m, config.sample_time_s));
+        Ok(Self {
+            master: Master::new(config, position),
+            slave: Slave::new(config, trocar, position),
+            encoders,
+            controllers: Controllers::new(config, position),
+            to_slave: Channel::new(config, Source::ToSlave, position)?,
+            to_master: Channel::new(config, Source::ToMaster, position)?,
+            estimator: Estimator::new(config, &compensator, position)?,
+            credit: credit(config, &compensator, position)?,
+            ports: [config.master, config.slave]
+                .map(|device| Port::new(device.mass_kg, config.sample_time_s)),
+            held: [0.0; 2],
+            arrived: Packet::at_rest(position),
+            count: 0,
+            position,
+            diverged: None,
+            config: config.clone(),
+        })
+    }
+
+    /// The same with the slave already moving at `velocity`, m/s.
+    pub fn with_slave_velocity(mut self, velocity: f64) -> Self {
+        self.slave.motion.velocity = velocity;
+        self
+    }
+
+    /// Time of the next sample, s.
+    pub(super) fn time(&self) -> f64 {
+        self.count as f64 * self.config.sample_time_s
+    }
+
+    /// Displaces the slave by `way`, m, and adds `velocity`, m/s, to its own, at once.
+    pub(super) fn strike(&mut self, way: f64, velocity: f64) {
+        self.slave.motion.position += way;
+        self.slave.motion.velocity += velocity;
+    }
+
+    /// One sample: reads the sensors, exchanges packets, sets the motors and moves the plant to the next sample. `hand` gives the
+    /// operator's intended position (m) and velocity (m/s) at a time (s).
+    ///
+    /// # Errors
+    /// [`Diverged`] where a device has left 10 m or 100 m/s; the loop then stays so.
+    pub fn step(&mut self, hand: impl Fn(f64) -> (f64, f64)) -> Result<Sample, Diverged> {
+        if let Some(diverged) = self.diverged {
+            return Err(diverged);
+        }
+        if self.count.is_multiple_of(SAMPLES_BETWEEN_CHECKS) {
+            cancel::check();
+        }
+        let hand = |time: f64| {
+            let (position, velocity) = hand(time);
+            Motion { position, velocity }
+        };
+        let duration = self.config.sample_time_s;
+        let time = self.time();
+        let [own_master, own_slave] = self.read();
+        let estimate = self.estimator.estimate(&self.slave, &own_slave);
+        let operator_force = self.master.operator_force(hand(time), self.held[0]);
+        let mut sent =
+            self.controllers.sent_by_master(&own_master, operator_force, self.arrived.force);
+        sent.energy = self.ports[0].observe(own_master.position, 0.0);
+        let at_slave = self.to_slave.send(sent);
+        let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
+        let dissipated = |credit: &mut Credit<K>| credit.advance(own_slave.position, duration);
+        let credit = self.credit.as_mut().map_or(0.0, dissipated);
+        back.energy = self.ports[1].observe(own_slave.position, credit);
+        self.arrived = self.to_master.send(back);
+        let master_force = self.controllers.master(self.arrived, &own_master, operator_force);
+        let forces = [
+            self.guard(0, &own_master, master_force, self.arrived.energy),
+            -self.guard(1, &own_slave, -slave_force, at_slave.energy),
+        ];
+        self.held = forces;
+        let sample = self.sample(time, hand(time), forces, operator_force, estimate);
+        self.count += 1;
+        self.move_on(time, forces, hand);
+        let is_bounded = |motion: Motion| {
+            (motion.position - self.position).abs() < FARTHEST_M
+                && motion.velocity.abs() < FASTEST_M_S
+        };
+        if is_bounded(self.master.motion) && is_bounded(self.slave.motion) {
+            return Ok(sample);
+        }
+        let diverged = Diverged { time_s: time };
+        self.diverged = Some(diverged);
+        Err(diverged)
+    }
+
+    /// The next `count` samples.
+    ///
+    /// # Errors
+    /// As for [`Loop::step`].
+    pub fn run(
+        &mut self,
+        count: usize,
+        hand: impl Fn(f64) -> (f64, f64),
+    ) -> Result<Vec<Sample>, Diverged> {
+        (0..count).map(|_| self.step(&hand)).collect()
+    }
+
+    fn read(&mut self) -> [Reading; 2] {
+        let motions = [self.master.motion, self.slave.motion];
+        let [master, slave] = &mut self.encoders;
+        [
+            master.read(motions[0].position, motions[0].velocity),
+            slave.read(motions[1].position, motions[1].velocity),
+        ]
+    }
+
+    /// Force of a port against its motion, with the damper of the passivity control.
+    fn guard(&mut self, port: usize, own: &Reading, force: f64, budget: f64) -> f64 {
+        // Without the control the observer's budget has no end.
+        let control = self.config.control;
+        let reserve = 0.5 * control.passivity_reserve_j;
+        let budget = if control.passivity { budget + reserve } else { f64::INFINITY };
+        self.ports[port].guard(own.position, own.velocity, force, budget)
+    }
+
+    fn sample(
+        &self,
+        time: f64,
+        hand: Motion,
+        [master_force, slave_force]: [f64; 2],
+        operator_force: f64,
+        estimate: f64,
+    ) -> Sample {
+        let (master, slave) = (self.master.motion, self.slave.motion);
+        Sample {
+            time,
+            hand_position: hand.position,
+            master_position: master.position,
+            master_velocity: master.velocity,
+            slave_position: slave.position,
+            slave_velocity: slave.velocity,
+            operator_force,
+            master_force,
+            slave_force,
+            trocar_force: self.slave.trocar_force,
+            tissue_force: self.slave.tissue_force,
+            estimate,
+            master_energies: self.ports[0].energies(),
+            slave_energies: self.ports[1].energies(),
+            credit: self.credit.as_ref().map_or(0.0, Credit::dissipated),
+            passivity_forces: [self.ports[0].added(), self.ports[1].added()],
+            operator_work: self.master.work,
+            trocar_work: self.slave.trocar_work,
+            tissue_work: self.slave.tissue_work,
+        }
+    }
+
+    fn move_on(&mut self, time: f64, [master, slave]: [f64; 2], hand: impl Fn(f64) -> Motion) {
+        let step = self.config.sample_time_s / f64::from(self.config.substeps);
+        for k in 0..self.config.substeps {
+            let (from, to) = (time + f64::from(k) * step, time + f64::from(k + 1) * step);
+            self.master.step(master, [hand(from), hand(to)]);
+            self.slave.step(slave, to);
+        }
+    }
+}
+
+/// The credit of the passivity control, of the model in the compensator.
+fn credit<K: AsRef<[f64]> + Clone>(
+    config: &Config,
+    compensator: &Trocar<K>,
+    position: f64,
+) -> Result<Option<Credit<K>>, ConfigError> {
+    if !config.has_credit() {
+        return Ok(None);
+    }
+    let control = config.control;
+    let (name, scale) = ("control.credit_friction_scale", control.credit_friction_scale);
+    let model = config.compensation.model(compensator)?;
+    let credit = Credit::new(&model, scale, position);
+    credit.map(Some).map_err(|why| ConfigError::Model { name, scale, why })
+}
+
+/// The loop is unstable: a device left 10 m or 100 m/s.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[error("the loop is unstable: it diverged after {time_s} s")]
+pub struct Diverged {
+    /// When, s.
+    pub time_s: f64,
+}

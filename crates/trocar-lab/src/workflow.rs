@@ -1,0 +1,151 @@
+//! From recordings to a folder of results: what `trocar identify` does, for all interfaces.
+//!
+//! ```text
+//! recordings ─▶ without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
+//! ```
+
+use serde::Serialize;
+use thiserror::Error;
+
+use trocar_identify::simpler;
+use trocar_identify::validate::{Validation, validate};
+use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
+use trocar_recording::{Recording, RecordingError};
+
+/// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct MovingMass {
+    /// Mass, kg, ≥ 0.
+    #[serde(rename = "mass_kg")]
+    pub mass: f64,
+    /// Component of gravity along the insertion, m/s², as in [`Recording::without_moving_mass`].
+    #[serde(rename = "gravity_m_s2")]
+    pub gravity: f64,
+}
+
+impl MovingMass {
+    /// A mass in kg under `gravity` in m/s².
+    ///
+    /// # Errors
+    /// [`RecordingError::MovingMass`] for a mass that is negative, or a number that is not finite;
+    /// [`RecordingError::GravityWithoutMass`] for gravity where the mass is 0.
+    pub fn new(mass: f64, gravity: f64) -> Result<Self, RecordingError> {
+        if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
+            return Err(RecordingError::MovingMass { found: mass });
+        }
+        if mass == 0.0 && gravity != 0.0 {
+            return Err(RecordingError::GravityWithoutMass { gravity });
+        }
+        Ok(Self { mass, gravity })
+    }
+
+    /// `recording` without the inertia and weight of this mass and without the inertia of
+    /// `unmodelled` kg, whose weight is part of the offset.
+    ///
+    /// # Errors
+    /// As for [`Recording::without_moving_mass`].
+    pub fn subtracted_from(
+        self,
+        recording: Recording,
+        unmodelled: f64,
+    ) -> Result<Recording, RecordingError> {
+        let mass = self.mass + unmodelled;
+        if mass == 0.0 {
+            return Ok(recording);
+        }
+        recording.without_moving_mass(mass, self.gravity * self.mass / mass)
+    }
+
+    /// The same for several recordings.
+    ///
+    /// # Errors
+    /// The first error of a recording.
+    pub fn subtracted_from_all(
+        self,
+        all: Vec<Recording>,
+        unmodelled: f64,
+    ) -> Result<Vec<Recording>, RecordingError> {
+        all.into_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
+    }
+}
+
+/// The inputs and results of a finished identification.
+#[derive(Debug, Clone)]
+pub struct Workflow {
+    /// The result.
+    pub identification: Identification,
+    /// Options of the identification.
+    pub options: IdentifyOptions,
+    /// The recordings used for identification, without the moving mass and the position delay.
+    pub recordings: Vec<Recording>,
+    /// The validation recordings, without the moving mass, the unmodelled mass and the position
+    /// delay.
+    pub held_out: Vec<Recording>,
+    /// The validation on them; `None` without any.
+    pub validation: Option<Validation>,
+    /// Mass that was subtracted.
+    pub moving_mass: MovingMass,
+    /// The command line, for the report.
+    pub command: Option<String>,
+}
+
+/// Why there is no result.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WorkflowError {
+    /// Nothing can be identified.
+    #[error(transparent)]
+    Identify(#[from] IdentifyError),
+    /// A recording cannot be corrected for mass or delay.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
+}
+
+impl Workflow {
+    /// Identifies from `recordings` and validates on `held_out`, both as read.
+    ///
+    /// # Errors
+    /// [`WorkflowError`]; a doubtful result is not an error.
+    pub fn run(
+        recordings: Vec<Recording>,
+        held_out: Vec<Recording>,
+        moving_mass: MovingMass,
+        options: IdentifyOptions,
+        progress: Progress,
+    ) -> Result<Self, WorkflowError> {
+        let options = IdentifyOptions { inertia_removed: moving_mass.mass > 0.0, ..options };
+        let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
+        let mut identification = identify(&recordings, &options, progress)?;
+        let recordings = identification.without_delay(recordings)?;
+        let held_out =
+            moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
+        let held_out = identification.without_delay(held_out)?;
+        progress("simpler models", 0.98);
+        let doubt = simpler::doubt(&identification, &options, &recordings, &held_out)?;
+        identification.warnings.extend(doubt);
+        Ok(Self::of(identification, options, recordings, held_out, moving_mass))
+    }
+
+    /// The same for an existing identification and corrected recordings: only validates.
+    pub fn of(
+        identification: Identification,
+        options: IdentifyOptions,
+        recordings: Vec<Recording>,
+        held_out: Vec<Recording>,
+        moving_mass: MovingMass,
+    ) -> Self {
+        let validation = (!held_out.is_empty()).then(|| {
+            let scores = validate(&identification.trocar(), &held_out, identification.model.offset);
+            scores.beside_identification(identification.residual_rms, &held_out)
+        });
+        Self {
+            identification,
+            options,
+            recordings,
+            held_out,
+            validation,
+            moving_mass,
+            command: None,
+        }
+    }
+}

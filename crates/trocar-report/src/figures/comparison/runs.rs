@@ -1,0 +1,206 @@
+//! Every model over the same reversal and the same cycle, in one small panel per family (EMS
+//! figures 3 and 9).
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{Drawn, family, of_interest, role, variant};
+use trocar_model::Trocar;
+
+use crate::decimate;
+use crate::document::{Axis, Family, Figure, Panel, Role, Series};
+use crate::figures::validation::{Cycle, cycles};
+use crate::figures::{MM, MOST_POINTS};
+use trocar_lab::compare::{Comparison, Entry};
+use trocar_recording::Recording;
+use trocar_simulate::replay::{forces, replay};
+
+/// Families that share a panel, and its title.
+const PANELS: [(&str, &[Family]); 6] = [
+    ("Static", &[Family::Static]),
+    ("Dahl and LuGre", &[Family::Dahl, Family::LuGre]),
+    ("Leuven", &[Family::Leuven]),
+    ("Maxwell-Slip", &[Family::MaxwellSlip]),
+    ("Generalized Maxwell-Slip", &[Family::Gms]),
+    ("Extended Maxwell-Slip", &[Family::Ems]),
+];
+/// Margins before and after the reversal, in units of the travel over which the error of a reversal
+/// is evaluated.
+const MARGINS: [f64; 2] = [0.35, 1.4];
+
+/// The simulation of a model over the shown recording.
+struct Run {
+    name: String,
+    role: Role,
+    /// Reading, N, minus the common offset.
+    force: Vec<f64>,
+}
+
+/// The models by panel, over one cycle.
+pub(in super::super::super) struct Shown<'a> {
+    recording: &'a Recording,
+    cycle: Cycle,
+    /// Offset subtracted from all curves, N.
+    offset: f64,
+    measured: Vec<f64>,
+    panels: Vec<(&'static str, Vec<Run>)>,
+}
+
+/// Simulates the models over the recording that contains the cycle of the middle speed; `None`
+/// without a suitable cycle.
+pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_>> {
+    let cycle = representative(comparison)?;
+    let recording = &comparison.validation[cycle.recording];
+    let offset = comparison.ems.model.offset;
+    let run = |(entry, place): &(&Entry, usize)| {
+        let force = forces(&entry.trocar, recording, entry.offset).into_iter();
+        Run {
+            name: entry.title(),
+            role: role(entry, *place),
+            force: force.map(|f| f + entry.offset - offset).collect(),
+        }
+    };
+    let panel = |(title, families): (&'static str, &[Family])| {
+        let runs: Vec<Run> = models(comparison, families).par_iter().map(run).collect();
+        (!runs.is_empty()).then_some((title, runs))
+    };
+    let panels = PANELS.into_iter().filter_map(panel).collect();
+    let measured = recording.force.iter().map(|f| f - offset).collect();
+    Some(Shown { recording, cycle, offset, measured, panels })
+}
+
+/// The models of some families with their places; of banks, the best and those that EMS discusses.
+fn models<'a>(comparison: &'a Comparison, families: &[Family]) -> Vec<(&'a Entry, usize)> {
+    let own = comparison.families().into_iter().filter(|own| families.contains(&family(own[0])));
+    let numbered = own.flat_map(|own| {
+        let chosen = if own[0].choice.is_bank() { of_interest(&own) } else { own };
+        chosen.into_iter().enumerate().map(|(place, entry)| (entry, place)).collect::<Vec<_>>()
+    });
+    let mut all: Vec<(&Entry, usize)> = numbered.collect();
+    // Solid lines first, so that dashes are visible on them.
+    all.sort_by_key(|(entry, place)| (family(entry) as u8, variant(entry, *place)));
+    all
+}
+
+/// The cycle of the middle speed among those that reverse to insertion and whose deflection is
+/// known.
+fn representative(comparison: &Comparison) -> Option<Cycle> {
+    let recordings = &comparison.validation;
+    let ems = &comparison.ems;
+    let known = |index: usize| -> Vec<Range<usize>> {
+        replay(&Trocar::of_seal(ems.stages), &recordings[index], ems.model.offset).known
+    };
+    let found = cycles(recordings, known);
+    let to_insertion = |c: &&Cycle| {
+        let x = &recordings[c.recording].position;
+        x[c.samples.end - 1] > x[c.turn]
+    };
+    let mut own: Vec<Cycle> = found.iter().filter(to_insertion).cloned().collect();
+    if own.is_empty() {
+        own = found;
+    }
+    own.sort_by(|a, b| a.speed.total_cmp(&b.speed));
+    let middle = own.len() / 2;
+    own.into_iter().nth(middle)
+}
+
+/// The force of every model after the same reversal, as in figure 3 of EMS.
+pub(in super::super::super) fn one_reversal(
+    comparison: &Comparison,
+    shown: Option<&Shown>,
+) -> Drawn {
+    let shown = shown.ok_or_else(|| {
+        "There is no figure of the models upon one reversal (EMS figure 3): the validation recordings hold no two full strokes \
+         whose initial deflection is known."
+            .to_owned()
+    })?;
+    let window = shown.window(comparison.reversal_travel);
+    let turn = shown.recording.position[shown.cycle.turn];
+    let travel = |i: usize| {
+        let distance = MM * (shown.recording.position[i] - turn).abs();
+        if i < shown.cycle.turn { -distance } else { distance }
+    };
+    let x: Vec<f64> = window.clone().map(travel).collect();
+    let figure = Figure::new("one-reversal", 0, "Every model upon the same reversal");
+    let axis = Axis::new("travel after the reversal", "mm");
+    Ok(shown.draw(figure, &axis, &x, &window).caption(format!(
+        "The force upon one reversal to {} in {}, at {:.0} mm/s, as in figure 3 of EMS: measured, and as the models of each family \
+         compute it from the measured positions in free run. Of Leuven, Maxwell-Slip and GMS the fewest elements within 1 % of the \
+         least validation error are shown, beside four and ten. What is drawn left of zero is the travel before the reversal; the \
+         errors of reversals count {:.1} mm after it. Where lines coincide, the dashed ones lie on the solid one. {}",
+        shown.sense(),
+        shown.recording.name,
+        MM * shown.cycle.speed,
+        MM * comparison.reversal_travel,
+        shown.offset_in_words()
+    )))
+}
+
+/// Force against position of every model over the same cycle.
+pub(in super::super::super) fn one_cycle(shown: Option<&Shown>) -> Drawn {
+    let shown = shown.ok_or_else(|| {
+        "There is no figure of the force against position over one cycle: the validation recordings hold no full cycle of two \
+         strokes whose initial deflection is known."
+            .to_owned()
+    })?;
+    let window = shown.cycle.samples.clone();
+    let x: Vec<f64> = shown.recording.position[window.clone()].iter().map(|x| MM * x).collect();
+    let figure = Figure::new("one-cycle", 0, "Force against position over one cycle");
+    Ok(shown.draw(figure, &Axis::new("position", "mm"), &x, &window).caption(format!(
+        "Both strokes of the cycle in {} that holds the reversal above, measured and computed. {}",
+        shown.recording.name,
+        shown.offset_in_words()
+    )))
+}
+
+impl Shown<'_> {
+    fn sense(&self) -> &'static str {
+        let x = &self.recording.position;
+        if x[self.cycle.samples.end - 1] > x[self.cycle.turn] { "insertion" } else { "withdrawal" }
+    }
+
+    fn offset_in_words(&self) -> String {
+        format!(
+            "The sensor offset of the EMS element, {:.3} N, is subtracted from everything drawn; each model is drawn with its own \
+             offset as a difference from it.",
+            self.offset
+        )
+    }
+
+    /// Samples around the reversal inside the cycle.
+    fn window(&self, travel: f64) -> Range<usize> {
+        let Cycle { samples, turn, .. } = &self.cycle;
+        let x = &self.recording.position;
+        let within = |i: &usize, margin: f64| (x[*i] - x[*turn]).abs() <= margin * travel;
+        let start =
+            (samples.start..*turn).rev().find(|i| !within(i, MARGINS[0])).unwrap_or(samples.start);
+        let end = (*turn..samples.end).find(|i| !within(i, MARGINS[1])).unwrap_or(samples.end);
+        start..end
+    }
+
+    fn draw(&self, figure: Figure, axis: &Axis, x: &[f64], window: &Range<usize>) -> Figure {
+        let line = |name: &str, role, force: &[f64]| {
+            let (x, y) = thinned(x, &force[window.clone()]);
+            Series::line(name, role, x, y)
+        };
+        let panel = |(title, runs): &(&str, Vec<Run>)| {
+            let empty = Panel::new(axis.clone(), Axis::new("force", "N").with_zero())
+                .title(*title)
+                .aspect(0.55);
+            let measured = empty.series(line("measured", Role::Backdrop, &self.measured));
+            runs.iter()
+                .fold(measured, |panel, run| panel.series(line(&run.name, run.role, &run.force)))
+        };
+        self.panels.iter().map(panel).fold(figure.columns(2), Figure::panel)
+    }
+}
+
+/// Points that draw the same line as all of them; x need not increase.
+fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (low, high) = x
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
+    (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())
+}

@@ -1,0 +1,345 @@
+//! The deformation force against deformation velocity (EMS figure 7) and deflection (EMS figure 8).
+
+use trocar_model::{Branch, Element, Friction, Stages};
+
+use super::{Drawn, MM, in_words, p_in_words, spaced};
+use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
+use crate::number::significant;
+use trocar_identify::{
+    BINS, BranchFit, BranchShape, DampingTest, DeformationFit, EndForces, FullReversal,
+    Identification, bin_centres, legendre,
+};
+use trocar_simulate::segment::Direction;
+
+/// Default deflections for the force against velocity, as z/c.
+const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
+/// Points of a drawn branch.
+const BRANCH_POINTS: usize = 300;
+
+fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a DeformationFit, String> {
+    found.deformation.as_ref().map_err(|why| {
+        format!("There is no figure of {what}, because the paper's dynamic step resolves no deformation: {why}.")
+    })
+}
+
+/// Force at several deflections against deformation velocity: at those of `chosen`, m, or by
+/// default at [`LEVELS`].
+pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
+    let deformation =
+        resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
+    let test = deformation.damping.as_ref().ok_or(
+        "There is no figure of the deformation force against deformation velocity (EMS figure 7): all snap-throughs of the seal have one \
+         speed, so its influence cannot be seen. Record several speeds.",
+    )?;
+    let c = deformation.half_width.value;
+    let mut panel = Panel::new(
+        Axis::new("deformation velocity", "mm/s").with_zero(),
+        Axis::new("deformation force", "N"),
+    );
+    let levels: Vec<f64> =
+        if chosen.is_empty() { LEVELS.to_vec() } else { chosen.iter().map(|z| z / c).collect() };
+    let digits = if chosen.is_empty() { 2 } else { 4 };
+    for (category, &level) in levels.iter().enumerate() {
+        let role = Role::Category(category as u8);
+        let name = format!("z = {} mm", significant(MM * level * c, digits));
+        for direction in [Direction::Insertion, Direction::Withdrawal] {
+            let at = Level::new(deformation, direction, level);
+            panel = panel
+                .series(at.points(&name, role, test.deflection_error_m))
+                .series(at.line(role, test));
+        }
+    }
+    Ok(Figure::new("deformation-velocity", 0, "Influence of the deformation velocity")
+        .panel(panel)
+        .caption(velocity_caption(found, test, levels.len())))
+}
+
+/// The force of the strokes in one direction at one deflection.
+struct Level {
+    /// Deformation velocity, m/s, and force, N, of each stroke.
+    points: Vec<(f64, f64)>,
+    /// dF/dz of the mean curve, N/m.
+    stiffness: f64,
+}
+
+impl Level {
+    fn new(deformation: &DeformationFit, direction: Direction, level: f64) -> Self {
+        let bin = ((0.5 * (level + 1.0) * BINS as f64) as usize).min(BINS - 1);
+        let own =
+            deformation.full_reversals.iter().filter(|t: &&FullReversal| t.direction == direction);
+        let mean = &deformation.branch(direction).mean_curve;
+        let (low, high) = (bin.saturating_sub(4), (bin + 4).min(BINS - 1));
+        let travel = 2.0 * deformation.half_width.value * (high - low) as f64 / BINS as f64;
+        Self {
+            points: own.map(|t| (t.velocity[bin], t.curve[bin])).collect(),
+            stiffness: (mean[high] - mean[low]) / travel,
+        }
+    }
+
+    fn points(&self, name: &str, role: Role, deflection_error: f64) -> Series {
+        let bar = self.stiffness.abs() * deflection_error;
+        let column =
+            |of: &dyn Fn(&(f64, f64)) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
+        Series::error_bars(
+            name,
+            role,
+            column(&|p| MM * p.0),
+            column(&|p| p.1),
+            column(&|p| p.1 - bar),
+            column(&|p| p.1 + bar),
+        )
+    }
+
+    /// A line through the mean of the points with the slope of the joint test.
+    fn line(&self, role: Role, test: &DampingTest) -> Series {
+        let n = self.points.len().max(1) as f64;
+        let mean = self.points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
+        let velocities = || self.points.iter().map(|p| p.0);
+        let ends = [
+            velocities().fold(f64::INFINITY, f64::min),
+            velocities().fold(f64::NEG_INFINITY, f64::max),
+        ];
+        let force = ends.map(|v| mean.1 + test.seal_damping_n_s_m.value * (v - mean.0));
+        Series::line("", role, ends.map(|v| MM * v).to_vec(), force.to_vec())
+    }
+}
+
+fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -> String {
+    const COUNTS: [&str; 6] = [
+        "one deflection",
+        "two deflections",
+        "three deflections",
+        "four deflections",
+        "five deflections",
+        "six deflections",
+    ];
+    let deflections =
+        COUNTS.get(levels.saturating_sub(1)).copied().unwrap_or("the chosen deflections");
+    let verdict = if found.fit.is_some() {
+        "which is where the fit to all motion starts from; its own σ is in the table of parameters, if it keeps one"
+    } else if test.kept {
+        "so σ is kept in the model"
+    } else if test.equivalent_to_zero {
+        "so σ is set to zero, and an influence of more than 0.1 N is excluded at 95 %"
+    } else {
+        "so σ is set to zero, although these data do not exclude a larger influence"
+    };
+    format!(
+        "Force at {deflections} against the velocity of the deformation (insertion at the right, withdrawal at the left), as in \
+         figure 7 of EMS. Bars are the change of the force within ± {:.3} mm, one standard deviation of the rebuilt deflection \
+         (EMS (24)). Lines have the one slope σ that all snap-throughs give together at ∓c/2 and 0, with that error as a common \
+         disturbance of the levels of one snap-through: σ = {}, {} against σ = 0. At the fastest deformation it amounts to {:.3} N, and \
+         to {:.3} N at most within its interval, {verdict}.",
+        MM * test.deflection_error_m,
+        in_words(&test.seal_damping_n_s_m),
+        p_in_words(test.p_value),
+        test.largest_force_n,
+        test.largest_force_not_excluded_n
+    )
+}
+
+/// Both branches: measured curves, joined polynomials, single polynomial; residuals of both fits.
+pub(in super::super) fn deformation_force(
+    found: &Identification,
+    truth: Option<&[Element]>,
+) -> Drawn {
+    let deformation = resolved(found, "the deformation force (EMS figure 8)")?;
+    let axes = || Axis::new("deflection z", "mm");
+    let mut branches =
+        Panel::new(axes(), Axis::new("deformation force", "N").with_zero()).aspect(0.6);
+    for series in branch_series(found, deformation, truth) {
+        branches = branches.series(series);
+    }
+    for direction in Direction::BOTH {
+        let join = found.element().params().deformation.branch(direction).join();
+        branches = branches.mark(Mark::x(MM * join, format!("join, {}", direction.name())));
+    }
+    let residual = |title: &str, fit: &BranchFit, shape: &BranchShape| {
+        let joined = fitted(found, deformation, shape);
+        let c = deformation.half_width.value;
+        let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
+        let left = |force: &dyn Fn(f64) -> f64| {
+            bin_centres()
+                .zip(&fit.mean_curve)
+                .map(|(u, mean)| mean - force(u))
+                .collect::<Vec<f64>>()
+        };
+        let mut panel =
+            Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.28);
+        if let Some(joined) = joined {
+            panel = panel.series(Series::line(
+                JOINED,
+                Role::Fit,
+                x.clone(),
+                left(&|u| joined.force(u * c)),
+            ));
+        }
+        panel.series(Series::line(SINGLE, Role::Alternative, x, left(&|u| single(fit, u))))
+    };
+    Ok(Figure::new("deformation-force", 0, "Deformation force")
+        .panel(branches)
+        .panel(residual(
+            "insertion",
+            &deformation.insertion_branch,
+            &deformation.insertion_branch.shape,
+        ))
+        .panel(residual(
+            "withdrawal",
+            &deformation.withdrawal_branch,
+            &deformation.withdrawal_branch.shape,
+        ))
+        .linked_x()
+        .caption(force_caption(found, deformation, truth)))
+}
+
+const JOINED: &str = "joined polynomials (25)";
+const SINGLE: &str = "single polynomial, degree 7";
+
+/// The two-step fit of a branch.
+fn fitted(
+    found: &Identification,
+    deformation: &DeformationFit,
+    shape: &BranchShape,
+) -> Option<Branch> {
+    let end_forces: EndForces = found.two_step.end_forces();
+    shape.branch(deformation.half_width.value, end_forces).ok()
+}
+
+fn single(fit: &BranchFit, u: f64) -> f64 {
+    fit.single_polynomial.iter().enumerate().map(|(order, a)| a * legendre(order, u)).sum()
+}
+
+fn branch_series(
+    found: &Identification,
+    deformation: &DeformationFit,
+    truth: Option<&[Element]>,
+) -> Vec<Series> {
+    let c = deformation.half_width.value;
+    let mut all = Vec::new();
+    for fit in [&deformation.insertion_branch, &deformation.withdrawal_branch] {
+        let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
+        let edge = |sign: f64| {
+            fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect::<Vec<f64>>()
+        };
+        all.push(Series::band(
+            "measured, mean ± 1 sd",
+            Role::Measured,
+            x.clone(),
+            edge(-1.0),
+            edge(1.0),
+        ));
+        all.push(Series::line(
+            "measured, mean ± 1 sd",
+            Role::Measured,
+            x.clone(),
+            fit.mean_curve.clone(),
+        ));
+        all.push(Series::line(
+            SINGLE,
+            Role::Alternative,
+            x,
+            bin_centres().map(|u| single(fit, u)).collect(),
+        ));
+        if let Some(branch) = fitted(found, deformation, &fit.shape) {
+            all.push(drawn(JOINED, Role::Fit, &branch));
+        }
+    }
+    if let Some(name) = super::model_name(found) {
+        all.extend([1.0, -1.0].map(|sign| full_stroke(name, found, deformation, sign)));
+    }
+    if let Some([element]) = truth {
+        let force = &element.params().deformation;
+        all.extend(
+            [force.insertion(), force.withdrawal()]
+                .map(|branch| drawn("truth of the bench", Role::Reference, branch)),
+        );
+    }
+    all
+}
+
+/// Mean speed of the snap-throughs, m/s.
+fn mean_speed(deformation: &DeformationFit) -> f64 {
+    deformation.full_reversals.iter().map(|t| t.speed).sum::<f64>()
+        / deformation.full_reversals.len().max(1) as f64
+}
+
+/// The whole model snapped through at the mean speed of the snap-throughs, with all stages, damping
+/// and relaxation. Insertion for a positive `sign`.
+fn full_stroke(
+    name: &str,
+    found: &Identification,
+    deformation: &DeformationFit,
+    sign: f64,
+) -> Series {
+    let c = deformation.half_width.value;
+    let step = 2.0 * c / (BRANCH_POINTS - 1) as f64;
+    let duration = step / mean_speed(deformation);
+    let mut state = found.stages.rest_at_force(0.0);
+    // Far enough to slide and to forget the initial state.
+    for _ in 0..3 * BRANCH_POINTS {
+        found.stages.step(&mut state, -sign * step, duration);
+    }
+    // As in the measured snap-throughs, z is measured from where the force leaves the sliding
+    // limit.
+    let end_forces = found.two_step.end_forces();
+    let limit = sign * if sign > 0.0 { end_forces.low } else { end_forces.high };
+    for _ in 0..BRANCH_POINTS {
+        if sign * found.stages.step(&mut state, sign * step, duration) >= limit {
+            break;
+        }
+    }
+    let z: Vec<f64> = spaced(-sign * c, sign * c, BRANCH_POINTS).collect();
+    let mut force = vec![Stages::force(&state)];
+    force.extend((1..BRANCH_POINTS).map(|_| found.stages.step(&mut state, sign * step, duration)));
+    Series::line(name, Role::Model, z.iter().map(|z| MM * z).collect(), force)
+}
+
+fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
+    let c = branch.half_width();
+    let z = spaced(-c, c, BRANCH_POINTS);
+    Series::line(
+        name,
+        role,
+        z.clone().map(|z| MM * z).collect(),
+        z.map(|z| branch.force(z)).collect(),
+    )
+}
+
+fn force_caption(
+    found: &Identification,
+    deformation: &DeformationFit,
+    truth: Option<&[Element]>,
+) -> String {
+    let count = |d| deformation.full_reversals.iter().filter(|t| t.direction == d).count();
+    let [left, right] = deformation.insertion_branch.shape.degrees();
+    let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
+    let refined = if found.fit.is_some() {
+        format!(
+            " The model is drawn as a whole, snapped through at {:.0} mm/s, the mean speed of the snap-throughs: all of its elements, damping \
+             and relaxation, which the measured mean holds too. Joins marked are those of {stages}.",
+            MM * mean_speed(deformation)
+        )
+    } else {
+        " Joins are marked.".to_owned()
+    };
+    let true_branches = match truth {
+        Some([_]) => " The truth is that of the virtual bench.",
+        Some(_) => {
+            " The virtual bench ran several elements in parallel; their branches have no counterpart here."
+        }
+        None => "",
+    };
+    format!(
+        "(a) Force against deflection in deformation, as in figure 8 of EMS: {} insertions (upper branch) and {} withdrawals (lower \
+         branch), sensor offset removed, deflection by EMS (24). The joined polynomials of degrees {left} and {right}, EMS (25), are \
+         fitted to the mean of the snap-throughs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
+         of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
+         of degree 7, in insertion and withdrawal.{true_branches}",
+        count(Direction::Insertion),
+        count(Direction::Withdrawal),
+        deformation.insertion_branch.rms,
+        deformation.withdrawal_branch.rms,
+        deformation.insertion_branch.single_polynomial_rms,
+        deformation.withdrawal_branch.single_polynomial_rms,
+    )
+}

@@ -1,0 +1,446 @@
+//! Figures and tables of many recordings: distributions, drift, outliers, failures, specimens.
+
+use std::collections::BTreeMap;
+
+use super::super::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
+use super::super::number::significant;
+use super::tables::name_of;
+use trocar_lab::fleet::mixed::{self, MixedEffects, Observation};
+use trocar_lab::fleet::summary::{OUTLYING, Trend, modified_scores, quantile};
+use trocar_lab::fleet::{Fleet, Record};
+use trocar_model::{Direction, ParameterId, Quantity, Unit};
+
+/// Most points of one type drawn in a panel.
+const MOST_POINTS: usize = 400;
+/// Most rows of a table of outliers.
+const MOST_OUTLIERS: usize = 40;
+/// Most types distinguished.
+const MOST_TYPES: usize = 12;
+
+/// A quantity of the report.
+#[derive(Debug, Clone, Copy)]
+pub(in super::super) enum Shown {
+    Parameter(ParameterId),
+    /// Root mean square residual, N.
+    Residual,
+}
+
+/// Quantities with a figure.
+pub(in super::super) const SHOWN: [Shown; 6] = [
+    Shown::Parameter(Quantity::CoulombForceWithOffset.of(Direction::Insertion)),
+    Shown::Parameter(Quantity::CoulombForceWithOffset.of(Direction::Withdrawal)),
+    Shown::Parameter(Quantity::ViscousDamping.id()),
+    Shown::Parameter(Quantity::HalfWidth.id()),
+    Shown::Parameter(Quantity::Offset.id()),
+    Shown::Residual,
+];
+
+/// Quantities analysed over use and between specimens.
+const FOLLOWED: [Shown; 4] = [
+    Shown::Parameter(Quantity::CoulombForce.id()),
+    Shown::Parameter(Quantity::ViscousDamping.id()),
+    Shown::Parameter(Quantity::HalfWidth.id()),
+    Shown::Residual,
+];
+
+impl Shown {
+    /// Its column in the table.
+    fn column(self) -> String {
+        match self {
+            Self::Parameter(id) => id.to_string(),
+            Self::Residual => "residual_rms_n".to_owned(),
+        }
+    }
+
+    /// In words, capitalised.
+    pub(in super::super) fn name(self) -> String {
+        match self {
+            Self::Parameter(id) => name_of(id),
+            Self::Residual => "Residual (rms)".to_owned(),
+        }
+    }
+
+    /// In words, with its symbol.
+    fn words(self) -> String {
+        match self {
+            Self::Parameter(id) => format!("{} {}", id.words(), id.symbol()),
+            Self::Residual => "residual (rms)".to_owned(),
+        }
+    }
+
+    pub(in super::super) fn unit(self) -> Unit {
+        match self {
+            Self::Parameter(id) => id.unit(),
+            Self::Residual => Unit::NEWTON,
+        }
+    }
+
+    /// The value in the displayed unit, if the recording determines it.
+    fn value(self, record: &Record) -> Option<f64> {
+        let known = record.cell(&format!("{}_determined", self.column()));
+        let is_determined =
+            known.is_none_or(|cell| *cell == trocar_lab::fleet::FleetCell::Boolean(true));
+        record
+            .number(&self.column())
+            .filter(|_| is_determined)
+            .map(|value| self.unit().scale * value)
+    }
+
+    /// Standard error, from the 95 % interval; zero where there is none.
+    fn error(self, record: &Record) -> f64 {
+        let end = |end: &str| record.number(&format!("{}{end}", self.column()));
+        let half = end("_upper").zip(end("_lower")).map_or(0.0, |(high, low)| 0.5 * (high - low));
+        self.unit().scale * half / 1.96
+    }
+
+    fn axis(self) -> Axis {
+        Axis::new(self.words(), self.unit().shown)
+    }
+}
+
+/// A fleet divided by type.
+pub(in super::super) struct ByType<'a> {
+    pub(in super::super) fleet: &'a Fleet,
+    pub(in super::super) names: Vec<String>,
+    /// Type of each record; `None` for one that failed.
+    kinds: Vec<Option<usize>>,
+}
+
+impl<'a> ByType<'a> {
+    /// By the metadata column `by`; one type without it.
+    pub(in super::super) fn new(fleet: &'a Fleet, by: Option<&str>) -> Self {
+        let name = |record: &Record| match by {
+            Some(by) => record
+                .metadata
+                .get(by)
+                .map_or_else(String::new, trocar_lab::fleet::FleetCell::in_words),
+            None => "all".to_owned(),
+        };
+        let identified =
+            fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
+        let mut names: Vec<String> = identified.map(name).collect();
+        names.sort_unstable();
+        names.dedup();
+        if names.len() > MOST_TYPES {
+            names.truncate(MOST_TYPES - 1);
+            names.push("others".to_owned());
+        }
+        let last = names.len().saturating_sub(1);
+        let kind = |record: &Record| {
+            let own = name(record);
+            (record.text("status") != Some("failed"))
+                .then(|| names.iter().position(|name| *name == own).unwrap_or(last))
+        };
+        let kinds = fleet.records.iter().map(kind).collect();
+        let called =
+            |name: &String| if name.is_empty() { "(none)".to_owned() } else { name.clone() };
+        Self { fleet, names: names.iter().map(called).collect(), kinds }
+    }
+
+    /// Values of one type with their records.
+    fn values(&self, kind: usize, shown: Shown) -> Vec<(f64, &'a Record)> {
+        let own = self.fleet.records.iter().zip(&self.kinds).filter(|(_, own)| **own == Some(kind));
+        own.filter_map(|(record, _)| Some((shown.value(record)?, record))).collect()
+    }
+}
+
+/// Every value, median and quartiles, by type.
+pub(in super::super) fn distributions(types: &ByType) -> Figure {
+    let panel = |shown: &Shown| {
+        let mut panel = Panel::new(shown.axis(), Axis::named(types.names.clone()));
+        panel.aspect = 0.18 + 0.11 * types.names.len() as f64;
+        for kind in 0..types.names.len() {
+            let mut values: Vec<f64> =
+                types.values(kind, *shown).into_iter().map(|(value, _)| value).collect();
+            if values.is_empty() {
+                continue;
+            }
+            let step = values.len().div_ceil(MOST_POINTS);
+            let drawn: Vec<f64> = values.iter().copied().step_by(step).collect();
+            // Golden-ratio steps separate points that would coincide.
+            let row =
+                |k: usize| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12;
+            let rows = (0..drawn.len()).map(row).collect();
+            values.sort_by(f64::total_cmp);
+            let [low, middle, high] = [0.25, 0.5, 0.75].map(|part| quantile(&values, part));
+            let at = kind as f64 - 0.27;
+            panel = panel
+                .series(Series::points("recording", Role::Measured, drawn, rows))
+                .series(Series::line(
+                    "quartiles and median",
+                    Role::Model,
+                    vec![low, high],
+                    vec![at; 2],
+                ))
+                .series(Series::points(
+                    "quartiles and median",
+                    Role::Model,
+                    vec![middle],
+                    vec![at],
+                ));
+        }
+        panel
+    };
+    let figure = SHOWN
+        .iter()
+        .map(panel)
+        .fold(Figure::new("distributions", 0, "Parameters by type"), Figure::panel);
+    figure.columns(2).caption(
+        "Each point is a recording whose data determine the parameter; below them the quartiles as a line and the median as a point. The \
+         forces of insertion and withdrawal are the lines of steady sliding at rest, with the sensor's offset in them; their mean is F_c.",
+    )
+}
+
+/// Numbers of the specimens: one per text in the column `specimen`, or one for all.
+fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
+    let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+    let name = |k: usize| match specimen {
+        // A record without a specimen counts as a specimen of its own.
+        Some(by) => known(records[k], by).unwrap_or_else(|| format!("\0{k}")),
+        None => String::new(),
+    };
+    let number = |k: usize| {
+        let next = seen.len();
+        *seen.entry(name(k)).or_insert(next)
+    };
+    (0..records.len()).map(number).collect()
+}
+
+/// Parameters against use, and the table of slopes.
+pub(in super::super) fn drift(
+    types: &ByType,
+    by: &str,
+    specimen: Option<&str>,
+) -> Option<(Figure, Table)> {
+    let mut table = Table::new(
+        format!("Change per unit of {by}"),
+        ["Parameter", "Type", "Change", "95 % interval", "Unit", "Recordings"],
+    );
+    let mut figure =
+        Figure::new("drift", 0, format!("Drift with {}", by.replace('_', " "))).columns(2);
+    let mut any = false;
+    for shown in FOLLOWED {
+        let mut panel = Panel::new(Axis::new(by.replace('_', " "), ""), shown.axis()).aspect(0.62);
+        for (kind, name) in types.names.iter().enumerate() {
+            let use_of = |record: &Record| record.metadata.get(by)?.as_number();
+            let own = types.values(kind, shown).into_iter();
+            let own: Vec<(f64, f64, &Record)> =
+                own.filter_map(|(y, record)| Some((use_of(record)?, y, record))).collect();
+            let records: Vec<&Record> = own.iter().map(|(_, _, record)| *record).collect();
+            let numbers = specimens(&records, specimen);
+            let points: Vec<(f64, f64, usize)> =
+                own.iter().zip(numbers).map(|((x, y, _), specimen)| (*x, *y, specimen)).collect();
+            let role = Role::Category((kind % 6) as u8);
+            let drawn = points.iter().step_by(points.len().div_ceil(MOST_POINTS).max(1));
+            let (x, y) = drawn.map(|p| (p.0, p.1)).unzip();
+            panel = panel.series(Series::points(name.clone(), role, x, y));
+            let Some(trend) = Trend::of(&points) else { continue };
+            any = true;
+            panel = with_line(panel, name, role, &trend, &points);
+            let interval = [trend.slope - trend.half_width, trend.slope + trend.half_width];
+            table = table.row([
+                shown.words().into(),
+                name.as_str().into(),
+                Cell::Estimate { value: trend.slope, interval },
+                Cell::Interval { low: interval[0], high: interval[1] },
+                shown.unit().shown.into(),
+                Cell::Text(trend.count.to_string()),
+            ]);
+        }
+        figure = figure.panel(panel);
+    }
+    let within = if specimen.is_some() {
+        ", the change within a specimen, each with a level of its own"
+    } else {
+        ""
+    };
+    let caption = format!(
+        "Each point is a recording; straight lines by least squares by type{within}, with the 95 % interval of the line as a band. Recordings \
+         count alike, whatever their own interval."
+    );
+    any.then(|| (figure.caption(caption), table))
+}
+
+fn with_line(
+    panel: Panel,
+    name: &str,
+    role: Role,
+    trend: &Trend,
+    points: &[(f64, f64, usize)],
+) -> Panel {
+    const STEPS: usize = 24;
+    let (low, high) =
+        points.iter().fold((f64::MAX, f64::MIN), |(low, high), p| (low.min(p.0), high.max(p.0)));
+    let x: Vec<f64> = (0..=STEPS).map(|k| low + (high - low) * k as f64 / STEPS as f64).collect();
+    let at: Vec<[f64; 2]> = x.iter().map(|x| trend.at(*x)).collect();
+    let [under, line, over] =
+        [-1.0, 0.0, 1.0].map(|side| at.iter().map(|[y, half]| y + side * half).collect::<Vec<_>>());
+    let band = Series::band(name, role, x.clone(), under, over);
+    panel.series(band).series(Series::line(name, role, x, line))
+}
+
+/// Recordings far from the others of their type.
+pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
+    let mut found = Vec::new();
+    for shown in SHOWN {
+        for (kind, name) in types.names.iter().enumerate() {
+            let values = types.values(kind, shown);
+            let numbers: Vec<f64> = values.iter().map(|(value, _)| *value).collect();
+            let scores = modified_scores(&numbers).unwrap_or_default();
+            for ((value, record), score) in
+                values.iter().zip(scores).filter(|(_, score)| score.abs() > OUTLYING)
+            {
+                found.push((score, *value, shown, name.as_str(), *record));
+            }
+        }
+    }
+    found.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    let table = Table::new(
+        "Farthest from the median of their type",
+        ["Recording", "Type", "Parameter", "Value", "Unit", "Score"],
+    );
+    let row =
+        |table: Table, (score, value, shown, name, record): &(f64, f64, Shown, &str, &Record)| {
+            table.row([
+                Cell::Code(record.text("path").unwrap_or_default().to_owned()),
+                (*name).into(),
+                shown.words().into(),
+                Cell::Number { value: *value, digits: 3 },
+                shown.unit().shown.into(),
+                Cell::Number { value: *score, digits: 3 },
+            ])
+        };
+    (found.len(), found.iter().take(MOST_OUTLIERS).fold(table, row))
+}
+
+/// Failures by reason, most frequent first.
+pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
+    let mut reasons: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
+    for record in fleet.records.iter().filter(|record| record.text("status") == Some("failed")) {
+        reasons.entry(record.text("reason_kind").unwrap_or_default()).or_default().push(record);
+    }
+    let mut reasons: Vec<(&str, Vec<&Record>)> = reasons.into_iter().collect();
+    reasons.sort_by_key(|(_, records)| std::cmp::Reverse(records.len()));
+    let table = Table::new("Failed recordings", ["Reason", "Recordings", "First", "Message"]);
+    let row = |table: Table, (kind, records): &(&str, Vec<&Record>)| {
+        let text = |name| records[0].text(name).unwrap_or_default().to_owned();
+        let said = text("reason");
+        let said = said.split("\n\nhint: ").next().unwrap_or_default().to_owned();
+        table.row([
+            kind.replace('_', " ").into(),
+            records.len().to_string().into(),
+            Cell::Code(text("path")),
+            said.into(),
+        ])
+    };
+    (!reasons.is_empty()).then(|| reasons.iter().fold(table, row))
+}
+
+/// Means by type with the variance between and within specimens, or the reasons why there are none.
+pub(in super::super) fn mixed_effects(
+    types: &ByType,
+    specimen: &str,
+) -> (Table, Table, Vec<String>) {
+    let mut means = Table::new(
+        "Means over specimens",
+        ["Parameter", "Type", "Mean", "95 % interval", "Unit", "Specimens", "Recordings"],
+    );
+    let mut components = Table::new(
+        "Standard deviations",
+        ["Parameter", "Between specimens τ", "Within a specimen σ", "Unit", "ICC"],
+    );
+    let mut missing = Vec::new();
+    for shown in FOLLOWED {
+        match mixed::fit(&observations(types, shown, specimen)) {
+            Ok(found) => {
+                means = mean_rows(means, types, shown, &found);
+                let icc = found
+                    .intraclass_correlation()
+                    .map_or_else(|| "–".to_owned(), |icc| format!("{icc:.2}"));
+                let number = |value| Cell::Number { value, digits: 3 };
+                components = components.row([
+                    shown.words().into(),
+                    number(found.between),
+                    number(found.within),
+                    shown.unit().shown.into(),
+                    icc.into(),
+                ]);
+            }
+            Err(why) => missing.push(format!("{}: {why}.", shown.words())),
+        }
+    }
+    (means, components, missing)
+}
+
+/// The name of a record's specimen, if it has one.
+fn known(record: &Record, specimen: &str) -> Option<String> {
+    record
+        .metadata
+        .get(specimen)
+        .filter(|cell| **cell != trocar_lab::fleet::FleetCell::Empty)
+        .map(trocar_lab::fleet::FleetCell::in_words)
+}
+
+fn observations(types: &ByType, shown: Shown, specimen: &str) -> Vec<Observation> {
+    let mut numbers: BTreeMap<(usize, String), usize> = BTreeMap::new();
+    let mut all = Vec::new();
+    for kind in 0..types.names.len() {
+        for (value, record) in types.values(kind, shown) {
+            let Some(name) = known(record, specimen) else { continue };
+            let next = numbers.len();
+            let specimen = *numbers.entry((kind, name)).or_insert(next);
+            all.push(Observation { kind, specimen, value, error: shown.error(record) });
+        }
+    }
+    all
+}
+
+fn mean_rows(table: Table, types: &ByType, shown: Shown, found: &MixedEffects) -> Table {
+    let row = |table: Table, mean: &mixed::TypeMean| {
+        let name = types.names[mean.kind].as_str();
+        let (value, interval) = match mean.ci95 {
+            Some([low, high]) => (
+                Cell::Estimate { value: mean.mean, interval: [low, high] },
+                Cell::Interval { low, high },
+            ),
+            None => (
+                Cell::Number { value: mean.mean, digits: 3 },
+                Cell::Text("too few specimens".to_owned()),
+            ),
+        };
+        table.row([
+            shown.words().into(),
+            name.into(),
+            value,
+            interval,
+            shown.unit().shown.into(),
+            mean.specimens.to_string().into(),
+            mean.recordings.to_string().into(),
+        ])
+    };
+    found.means.iter().fold(table, row)
+}
+
+/// Median with the quartiles, in words.
+pub(in super::super) fn median_in_words(fleet: &Fleet, shown: Shown) -> Option<[String; 3]> {
+    let ok = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
+    let (column, scale) = (shown.column(), shown.unit().scale);
+    let mut values: Vec<f64> =
+        ok.filter_map(|record| record.number(&column)).map(|value| scale * value).collect();
+    values.sort_by(f64::total_cmp);
+    (!values.is_empty())
+        .then(|| [0.5, 0.25, 0.75].map(|part| significant(quantile(&values, part), 3)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use trocar_lab::fleet::KEPT;
+
+    #[test]
+    fn what_is_shown_is_kept_in_memory() {
+        for shown in SHOWN.iter().chain(&FOLLOWED) {
+            assert!(KEPT.contains(&shown.column()), "{}", shown.column());
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! The fit: optional model terms, friction scale of each stroke, and a part with small reversals
+//! and rests.
+
+use std::ops::Range;
+
+use super::{Drawn, MM, Scored, excerpt_starts, has_stages, thinned, without_unmodelled_mass};
+use trocar_model::Trocar;
+
+use crate::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
+use crate::number::significant;
+use trocar_identify::{FitSummary, Identification};
+use trocar_recording::Recording;
+use trocar_simulate::replay::{Replay, replay};
+use trocar_simulate::segment::{reversal_threshold, strokes};
+
+/// Length of the shown part of a recording, s.
+const SHOWN: f64 = 5.0;
+/// Step of the search for the part, s.
+const STEP: f64 = 0.25;
+/// A rest lasts at least this long, s, and stays within this fraction of c.
+const SHORTEST_REST: f64 = 0.1;
+const RESTING: f64 = 0.1;
+
+/// Summary of the fit: terms, data and result.
+pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
+    let free = &found.free_motion;
+    let rest = if fit.converged { "" } else { " The last fit did not converge." };
+    let stages = if has_stages(found) {
+        " The model has two elements in parallel: c, the joins and the minor-loop stiffness are those of the first; forces and \
+         damping are those of both together."
+    } else {
+        ""
+    };
+    vec![
+        format!(
+            "All numbers of the element were fitted at once to the whole force, run freely from measured positions: {} reversals, {} \
+             of them partial (shorter than 2c), and {} s at rest. Each stroke has a friction scale of its own, which scatters and drifts \
+             as the strokes ask for, so that neither is taken for viscosity or for a property of the seal. An optional term is accepted \
+             where its p value is below 1 % over all terms tried.",
+            free.reversals,
+            free.partial_reversals,
+            significant(free.held_s, 3)
+        ),
+        format!(
+            "The root mean square error, friction scales removed, is {} N for the paper's element and {} N for the model.{rest}{stages}",
+            significant(fit.paper_rms_n, 3),
+            significant(fit.rms_n, 3)
+        ),
+    ]
+}
+
+/// Each optional model term with its p value.
+pub(in super::super) fn terms(fit: &FitSummary) -> Table {
+    let columns = ["Term", "p value", "Squared error less by (%)", "In the model"];
+    let caption = "Optional terms: p value of each beside the others, and the part of the squared error that it takes away (in the \
+                   model: against a fit without it; not in the model: to first order)";
+    fit.terms.iter().fold(Table::new(caption, columns), |table, trial| {
+        table.row([
+            Cell::from(capital(trial.term.words())),
+            Cell::Number { value: trial.p_value, digits: 2 },
+            Cell::Number { value: 1e2 * trial.gain, digits: 2 },
+            Cell::from(if trial.kept { "yes" } else { "no" }),
+        ])
+    })
+}
+
+fn capital(words: &str) -> String {
+    let mut letters = words.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// Friction of each stroke relative to that of the model, over the time of the consecutive
+/// recordings.
+pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
+    let scale = &found.friction_scale;
+    if scale.strokes.len() < 2 {
+        return Err("There is no figure of the friction scale: fewer than two strokes.".to_owned());
+    }
+    let mut panel = Panel::new(
+        Axis::new("time, recordings one after the other", "s"),
+        Axis::new("friction over the model's", "1"),
+    );
+    let mut from = 0.0;
+    for (index, recording) in recordings.iter().enumerate() {
+        let own = || scale.strokes.iter().filter(|s| s.recording == index);
+        let role = [Role::Measured, Role::Model, Role::Alternative][index % 3];
+        let (x, y): (Vec<f64>, Vec<f64>) = own().map(|s| (from + s.time_s, s.scale)).unzip();
+        panel = panel.series(Series::points(recording.name.as_str(), role, x, y));
+        from += recording.duration();
+    }
+    for jump in &scale.jumps {
+        let before: f64 = recordings[..jump.recording].iter().map(Recording::duration).sum();
+        panel = panel.mark(Mark::x(before + jump.time_s, "jump"));
+    }
+    let caption = format!(
+        "Friction of each stroke over that of the model. Neighbouring strokes scatter by {} %; the slow drift spans {} %.",
+        significant(1e2 * scale.scatter, 2),
+        significant(1e2 * scale.drift, 2)
+    );
+    Ok(Figure::new("friction-scale", 0, "How friction changed")
+        .panel(panel.aspect(0.35))
+        .caption(&caption))
+}
+
+/// A part of a recording that the figure may show.
+struct MotionWindow<'a> {
+    recording: &'a Recording,
+    samples: Range<usize>,
+    /// Number of partial reversals in it.
+    partial: usize,
+    /// Total rest in it, s.
+    held: f64,
+    seen: bool,
+}
+
+impl MotionWindow<'_> {
+    fn density(&self) -> f64 {
+        self.partial as f64 + self.held
+    }
+}
+
+/// Measured force, force of the model and force of the paper's two steps in the part with the most
+/// rests and small reversals.
+pub(in super::super) fn small_motion(
+    found: &Identification,
+    training: &[Recording],
+    scored: &Scored,
+) -> Drawn {
+    let none =
+        || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
+    let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
+    let shown = without_unmodelled_mass(training, &found.model);
+    let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
+    let (recording, offset) = (shown.recording, found.model.offset);
+    let model = replay(&found.trocar(), recording, offset);
+    let paper = paper_run(found, recording);
+    let origin = recording.time[shown.samples.start];
+    let time: Vec<f64> = recording.time[shown.samples.clone()].iter().map(|t| t - origin).collect();
+    let line = |name: &str, role, of: &dyn Fn(usize) -> f64| {
+        let values: Vec<f64> = shown.samples.clone().map(of).collect();
+        let (x, y) = thinned(&time, &values);
+        Series::line(name, role, x, y)
+    };
+    let measured = |i: usize| recording.force[i] - offset;
+    let axes = |name, unit| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
+    let position = axes("position", "mm")
+        .series(line("position", Role::Measured, &|i| MM * recording.position[i]))
+        .aspect(0.16);
+    let mut force = axes("force", "N").series(line("measured", Role::Measured, &measured));
+    let mut error = axes("error", "N");
+    if let Some(paper) = &paper {
+        force = force.series(line(TWO_STEPS, Role::Alternative, &|i| paper[i]));
+        error = error.series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]));
+    }
+    let force = force.series(line("model", Role::Model, &|i| model.force[i])).aspect(0.45);
+    let error =
+        error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.26);
+    let rms = |of: &[f64]| -> f64 {
+        let squares = shown.samples.clone().map(|i| (measured(i) - of[i]).powi(2));
+        (squares.sum::<f64>() / shown.samples.len() as f64).sqrt()
+    };
+    Ok(Figure::new("small-motion", 0, "Rests and small reversals")
+        .panel(position)
+        .panel(force)
+        .panel(error)
+        .linked_x()
+        .caption(caption(&shown, rms(&model.force), paper.as_deref().map(rms))))
+}
+
+const TWO_STEPS: &str = "paper's two steps";
+
+/// Force of the paper's element relative to the readings minus the model's offset, since both have
+/// their own offset; `None` if the two steps resolved no deformation.
+fn paper_run(found: &Identification, recording: &Recording) -> Option<Vec<f64>> {
+    let two_steps = found.deformation.as_ref().ok().and_then(|_| found.two_step.stages().ok())?;
+    let Replay { mut force, .. } =
+        replay(&Trocar::of_seal(two_steps), recording, found.two_step.offset);
+    force.iter_mut().for_each(|force| *force += found.two_step.offset - found.model.offset);
+    Some(force)
+}
+
+fn caption(shown: &MotionWindow, model: f64, paper: Option<f64>) -> String {
+    let seen = if shown.seen {
+        "which the model was fitted to"
+    } else {
+        "which the identification has not seen"
+    };
+    let model = significant(model, 2);
+    let errors = match paper {
+        Some(paper) => format!(
+            "Both models run freely from measured positions; the element of the paper's two steps is what the same recordings give \
+             without this fit. Root mean square errors here: {model} N and {} N.",
+            significant(paper, 2)
+        ),
+        None => format!(
+            "The model runs freely from measured positions; the paper's two steps resolve no deformation here, so there is no other \
+             to compare it with. Root mean square error here: {model} N."
+        ),
+    };
+    format!(
+        "(a) Position, (b) force and (c) measured minus computed force over the {SHOWN:.0} s of {}, {seen}, in which rests and small \
+         reversals are densest ({} partial reversals, {} s at rest or trembling), from {} s on. {errors}",
+        shown.recording.name,
+        shown.partial,
+        significant(shown.held, 2),
+        significant(shown.recording.time[shown.samples.start], 3)
+    )
+}
+
+/// Samples in rests within `reach` (m), which includes tremor.
+fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
+    let (x, t) = (&recording.position, &recording.time);
+    let mut resting = vec![false; x.len()];
+    for range in recording.unbroken() {
+        let mut from = range.start;
+        while from + 1 < range.end {
+            let until = (from + 1..range.end)
+                .find(|i| (x[*i] - x[from]).abs() > reach)
+                .unwrap_or(range.end);
+            let rests = t[until - 1] - t[from] >= SHORTEST_REST;
+            if rests {
+                resting[from..until].fill(true);
+            }
+            from = if rests { until } else { from + 1 };
+        }
+    }
+    resting
+}
+
+/// The part with the most partial reversals and rests among samples with known state; `None` if no
+/// part contains both.
+fn densest<'a>(
+    found: &Identification,
+    recordings: &'a [Recording],
+    seen: bool,
+) -> Option<MotionWindow<'a>> {
+    let windows = recordings.iter().flat_map(|recording| windows(found, recording, seen));
+    windows
+        .filter(|s| s.partial > 0 && s.held > 0.0)
+        .max_by(|a, b| a.density().total_cmp(&b.density()))
+}
+
+fn windows<'a>(
+    found: &Identification,
+    recording: &'a Recording,
+    seen: bool,
+) -> Vec<MotionWindow<'a>> {
+    let widest = 2.0 * found.model.half_width;
+    let x = &recording.position;
+    let strokes = strokes(recording, reversal_threshold(recording));
+    let partial: Vec<usize> = strokes
+        .iter()
+        .filter(|p| (x[p.end.min(x.len() - 1)] - x[p.start]).abs() < widest)
+        .map(|p| p.start)
+        .collect();
+    let resting = resting(recording, RESTING * found.model.half_width);
+    let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
+    let mut all = Vec::new();
+    for range in known {
+        let ends = [range.start, range.end - 1].map(|i| recording.time[i]);
+        let starts = excerpt_starts(ends, SHOWN, STEP);
+        for from in starts.take_while(|from| from + SHOWN <= ends[1]) {
+            let sample = |time: f64| recording.time.partition_point(|t| *t < time);
+            let samples = sample(from)..sample(from + SHOWN);
+            let held = samples.clone().filter(|i| resting[*i]).count() as f64
+                * recording.quality.median_interval;
+            let partial = partial.iter().filter(|i| samples.contains(i)).count();
+            all.push(MotionWindow { recording, samples, partial, held, seen });
+        }
+    }
+    all
+}

@@ -1,0 +1,79 @@
+//! Figures of a planned motion.
+
+use super::{MM, thinned};
+use crate::document::{Axis, Figure, Panel, Role, Series};
+use trocar_lab::plan::{Interruption, Plan, Segment};
+
+/// Kinds of cycles: name and role.
+const KINDS: [(&str, Role); 3] = [
+    ("full strokes", Role::Category(0)),
+    ("partial reversals", Role::Category(1)),
+    ("rests", Role::Category(2)),
+];
+
+fn kind(segment: &Segment) -> usize {
+    match segment.block.interruption {
+        Interruption::None => 0,
+        Interruption::PartialReversal(_) => 1,
+        Interruption::Rest(_) => 2,
+    }
+}
+
+/// Position, speed and information over time.
+pub(in super::super) fn motion(plan: &Plan) -> Figure {
+    let time = || Axis::new("time", "s");
+    let position = Panel::new(time(), Axis::new("position", "mm")).aspect(0.3);
+    let position = KINDS.iter().enumerate().fold(position, |panel, (k, (name, role))| {
+        match position_of(plan, k) {
+            Some((x, y)) => panel.series(Series::line(*name, *role, x, y)),
+            None => panel,
+        }
+    });
+    let speed = Panel::new(time(), Axis::new("speed", "mm/s").with_zero());
+    let speed =
+        speed
+            .aspect(0.18)
+            .series(steps(plan, "speed of the strokes", Role::Neutral, |s| MM * s.block.speed_m_s));
+    let of_one = |segment: &Segment| {
+        let share = plan.shares.iter().find(|share| share.block == segment.block);
+        let part = share.map_or(0.0, |share| share.information_of_one.max(0.0));
+        1e2 * part / (segment.to_s - segment.from_s)
+    };
+    let information = Panel::new(time(), Axis::new("information", "%/s").with_zero())
+        .aspect(0.22)
+        .series(steps(plan, "information of a cycle", Role::Model, of_one));
+    Figure::new("motion", 1, "The motion and what it tells")
+        .caption(
+            "Position of the instrument, speed of the strokes, and information: the part of the precision about the goal that would be \
+             lost without a cycle, per second of it.",
+        )
+        .panel(position)
+        .panel(speed)
+        .panel(information)
+        .linked_x()
+}
+
+/// The course in the cycles of a kind, with gaps between them; `None` where there is none.
+fn position_of(plan: &Plan, of_kind: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (time, position) = (&plan.course.time, &plan.course.position);
+    let (mut x, mut y) = (Vec::new(), Vec::new());
+    for run in plan.segments.chunk_by(|a, b| kind(a) == kind(b)) {
+        if kind(&run[0]) != of_kind {
+            continue;
+        }
+        let from = time.partition_point(|t| *t < run[0].from_s);
+        let to = time.partition_point(|t| *t <= run[run.len() - 1].to_s);
+        let millimetres: Vec<f64> = position[from..to].iter().map(|x| MM * x).collect();
+        let (own_x, own_y) = thinned(&time[from..to], &millimetres);
+        x.extend(own_x.into_iter().chain([f64::NAN]));
+        y.extend(own_y.into_iter().chain([f64::NAN]));
+    }
+    (!x.is_empty()).then_some((x, y))
+}
+
+/// A value of each segment over its time.
+fn steps(plan: &Plan, name: &str, role: Role, of: impl Fn(&Segment) -> f64) -> Series {
+    let x = plan.segments.iter().flat_map(|segment| [segment.from_s, segment.to_s]).collect();
+    let y = plan.segments.iter().flat_map(|segment| [of(segment); 2]).collect();
+    Series::line(name, role, x, y)
+}

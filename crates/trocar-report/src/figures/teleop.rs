@@ -1,0 +1,415 @@
+//! Figures of a teleoperation loop.
+
+use nalgebra::{Complex, ComplexField};
+use trocar_model::Trocar;
+
+use super::{Drawn, MM, thinned};
+use crate::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
+use crate::number::significant;
+use trocar_lab::teleop::Sample;
+use trocar_lab::teleop::advise::{Advice, Map, Tried};
+use trocar_lab::teleop::config::{Architecture, Config};
+use trocar_lab::teleop::hybrid::{self, Hybrid, seal_impedance, tissue_impedance};
+use trocar_lab::teleop::merit::Merit;
+use trocar_lab::teleop::stability::ZWidth;
+
+/// Roles of the three forces, the same in every figure and in the live loop.
+const FELT: Role = Role::Model;
+const TISSUE: Role = Role::Fit;
+const TROCAR: Role = Role::Deflection;
+
+/// Points of a loop of force over depth.
+const LOOP_POINTS: usize = 2_000;
+/// Amplitudes of the describing function, m.
+const AMPLITUDES: [f64; 2] = [1e-3, 10e-3];
+/// Lower ends of the classes of a map beyond the first, which is 0, N/m.
+const CLASSES: [f64; 6] = [0.0, 100.0, 200.0, 500.0, 1000.0, 5000.0];
+
+/// A number of the configuration as it was given.
+pub(in super::super) fn plain(value: f64) -> String {
+    format!("{}", (1e6 * value).round() / 1e6)
+}
+
+/// An architecture in words.
+pub(in super::super) fn in_words(architecture: Architecture) -> &'static str {
+    match architecture {
+        Architecture::PositionPosition => "Position-position",
+        Architecture::PositionForce => "Position-force",
+        Architecture::FourChannel => "Four channels",
+        Architecture::Wave => "Wave variables",
+    }
+}
+
+fn over_time(samples: &[Sample], name: &str, role: Role, of: impl Fn(&Sample) -> f64) -> Series {
+    let time: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
+    let values: Vec<f64> = samples.iter().map(of).collect();
+    let (x, y) = thinned(&time, &values);
+    Series::line(name, role, x, y)
+}
+
+fn time() -> Axis {
+    Axis::new("time", "s")
+}
+
+/// Positions and forces over time.
+pub(in super::super) fn course(config: &Config, samples: &[Sample]) -> Figure {
+    let line = |name, role, of: fn(&Sample) -> f64| over_time(samples, name, role, of);
+    let positions = Panel::new(time(), Axis::new("position", "mm"))
+        .series(line("intended by the hand", Role::Neutral, |s| MM * s.hand_position))
+        .series(line("master", Role::Model, |s| MM * s.master_position))
+        .series(line("slave", Role::Alternative, |s| MM * s.slave_position))
+        .mark(Mark::y(MM * config.tissue.surface_m, "tissue"))
+        .aspect(0.3);
+    let forces = Panel::new(time(), Axis::new("force", "N").with_zero())
+        .series(line("of the trocar", TROCAR, |s| s.trocar_force))
+        .series(over_time(samples, "felt at the master", FELT, |s| config.felt(s)))
+        .series(line("on the tissue", TISSUE, |s| s.tissue_force))
+        .aspect(0.36);
+    Figure::new("course", 0, "Course of the loop")
+        .caption(
+            "The motion that the hand intends, and of both devices; the force that the operator feels beside the \
+             forces of the instrument on tissue and trocar. Positive is towards the tissue.",
+        )
+        .panel(positions)
+        .panel(forces)
+        .linked_x()
+}
+
+/// Force felt and force on the tissue over the depth of the tip.
+pub(in super::super) fn depth(
+    config: &Config,
+    samples: &[Sample],
+    figures: Option<&Merit>,
+) -> Drawn {
+    let touches: Vec<&Sample> = samples.iter().filter(|sample| sample.tissue_force > 0.0).collect();
+    if touches.is_empty() {
+        return Err("The tip does not touch the tissue: there is no force over depth.".to_owned());
+    }
+    let every = touches.len().div_ceil(LOOP_POINTS);
+    let shown: Vec<&Sample> = touches.iter().copied().step_by(every).collect();
+    let x: Vec<f64> = shown.iter().map(|s| MM * depth_of(config, s)).collect();
+    let line = |name, role, of: &dyn Fn(&Sample) -> f64| {
+        // Between two contacts is a gap.
+        let (mut xs, mut ys, mut before) = (Vec::new(), Vec::new(), f64::NEG_INFINITY);
+        for (x, sample) in x.iter().zip(&shown) {
+            if sample.time - before > 1.5 * every as f64 * config.sample_time_s {
+                xs.push(f64::NAN);
+                ys.push(f64::NAN);
+            }
+            xs.push(*x);
+            ys.push(of(sample));
+            before = sample.time;
+        }
+        Series::line(name, role, xs, ys)
+    };
+    let panel = Panel::new(
+        Axis::new("depth of the tip in the tissue", "mm").with_zero(),
+        Axis::new("force", "N").with_zero(),
+    )
+    .series(line("of the trocar", TROCAR, &|s| s.trocar_force))
+    .series(line("felt at the master", FELT, &|s| config.felt(s)))
+    .series(line("on the tissue", TISSUE, &|s| s.tissue_force));
+    let slopes = figures.and_then(|merit| {
+        let [felt, own] = [merit.displayed_stiffness_n_m?, merit.true_stiffness_n_m?];
+        Some(format!(
+            " While the tip goes deeper, the slope of the force felt is {} N/m (the stiffness displayed) and that of the force on the tissue \
+             {} N/m.",
+            significant(felt, 4),
+            significant(own, 4)
+        ))
+    });
+    Ok(Figure::new("depth", 0, "Force over depth")
+        .caption(format!(
+            "What a finger on the tissue would feel, and what the operator feels at the same depth of the tip.{}",
+            slopes.unwrap_or_default()
+        ))
+        .panel(panel))
+}
+
+fn depth_of(config: &Config, sample: &Sample) -> f64 {
+    sample.slave_position - config.tissue.surface(sample.time).0
+}
+
+/// Errors and stiffness over the fractions that were tried.
+pub(in super::super) fn errors(config: &Config, advice: &Advice) -> Figure {
+    let fraction = || Axis::new("fraction taken out γ", "%").with_zero();
+    let x: Vec<f64> = advice.tried.iter().map(|tried| 100.0 * tried.fraction).collect();
+    let curve = |panel: Panel, name: &str, role, of: fn(&Merit) -> Option<f64>| {
+        let y: Vec<f64> = advice
+            .tried
+            .iter()
+            .map(|Tried { merit, .. }| merit.as_ref().and_then(of).unwrap_or(f64::NAN))
+            .collect();
+        panel.series(Series::line(name, role, x.clone(), y.clone())).series(Series::points(
+            name,
+            role,
+            x.clone(),
+            y,
+        ))
+    };
+    let marked = |panel: Panel, label: bool| {
+        let word = |text: &str| if label { text.to_owned() } else { String::new() };
+        let panel = advice.stable.iter().fold(panel, |panel, [low, high]| {
+            panel.mark(Mark::x_range(100.0 * low, 100.0 * high, word("stable")))
+        });
+        let panel = advice
+            .fraction
+            .into_iter()
+            .fold(panel, |panel, fraction| panel.mark(Mark::x(100.0 * fraction, word("advised"))));
+        panel.mark(Mark::x(100.0 * config.compensation.fraction, word("this loop")))
+    };
+    let newtons = Panel::new(fraction(), Axis::new("error of the force", "N").with_zero());
+    let newtons = curve(newtons, "rms", Role::Model, |m| Some(m.force_error_rms_n));
+    let newtons = curve(newtons, "peak", Role::Fit, |m| Some(m.force_error_peak_n));
+    let steps = Panel::new(fraction(), Axis::new("rms error", "JND").with_zero());
+    let steps = curve(steps, "in just noticeable differences", Role::Model, |m| {
+        Some(m.force_error_rms_jnd)
+    })
+    .mark(Mark::y_range(0.0, 1.0, "not noticed"));
+    let stiffness = Panel::new(fraction(), Axis::new("stiffness", "N/m").with_zero());
+    let stiffness = curve(stiffness, "displayed", FELT, |m| m.displayed_stiffness_n_m);
+    let stiffness = curve(stiffness, "of the tissue", TISSUE, |m| m.true_stiffness_n_m);
+    Figure::new("fractions", 0, "Error and stiffness over the fraction taken out")
+        .caption(
+            "Of the trocar and compensator with the largest error among all that were tried; only where the loop is stable with all of them \
+             (shaded). A just noticeable difference (JND) is 7 % of the force, and below 2.5 N as large \
+             as there.",
+        )
+        .panel(marked(newtons.aspect(0.28), true))
+        .panel(marked(steps.aspect(0.22), false))
+        .panel(marked(stiffness.aspect(0.28), false))
+        .linked_x()
+}
+
+/// All fractions that were tried.
+pub(in super::super) fn tried(advice: &Advice) -> Table {
+    let columns = [
+        "Fraction (%)",
+        "Loop",
+        "Error, rms (N)",
+        "Error, peak (N)",
+        "Rms (JND)",
+        "Stiffness displayed (N/m)",
+        "of the tissue (N/m)",
+    ];
+    let table = Table::new("All fractions that were tried", columns);
+    let row = |table: Table, tried: &Tried| {
+        let cell = |of: fn(&Merit) -> Option<f64>| match tried.merit.as_ref().and_then(of) {
+            Some(value) => Cell::Number { value, digits: 4 },
+            None => "–".into(),
+        };
+        table.row([
+            Cell::Number { value: 100.0 * tried.fraction, digits: 4 },
+            (if tried.stable { "stable" } else { "unstable" }).into(),
+            cell(|m| Some(m.force_error_rms_n)),
+            cell(|m| Some(m.force_error_peak_n)),
+            cell(|m| Some(m.force_error_rms_jnd)),
+            cell(|m| m.displayed_stiffness_n_m),
+            cell(|m| m.true_stiffness_n_m),
+        ])
+    };
+    Table { collapsed: true, ..advice.tried.iter().fold(table, row) }
+}
+
+/// Distance of equally spaced values; 1 for a single one.
+fn apart(values: &[f64]) -> f64 {
+    if values.len() > 1 { values[1] - values[0] } else { 1.0 }
+}
+
+/// Stiffest tissue over delay and fraction; the cell of `config` is framed.
+pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
+    let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
+    let cells =
+        || map.cells().map(|(delay, fraction, width)| (100.0 * fraction, MM * delay, width));
+    let mut panel = Panel::new(
+        Axis::new("fraction taken out γ", "%"),
+        Axis::new("delay of one direction", "ms"),
+    )
+    .aspect(0.75);
+    for level in 0..=CLASSES.len() {
+        // Where softer tissue is not held, the stiffest says little.
+        let level_of = |width: &ZWidth| match width.first() {
+            Some([0.0, greatest]) => class(greatest),
+            _ => 0,
+        };
+        let inside = cells().filter(|(_, _, width)| level_of(width) == level);
+        let (mut x, mut y, mut labels) = (Vec::new(), Vec::new(), Vec::new());
+        for (fraction, delay, width) in inside {
+            x.push(fraction);
+            y.push(delay);
+            let greatest = width.first().map_or(0.0, |[_, greatest]| greatest);
+            labels.push(short(greatest) + if is_simple(width) { "" } else { "*" });
+        }
+        let role = Role::Level(level as u8);
+        panel = panel.series(Series::cells(class_name(level), role, size, [x, y], labels));
+    }
+    let (fraction, delay) = (100.0 * config.compensation.fraction, MM * config.channel.delay_s);
+    let covers = |values: &[f64], scale: f64, at: f64| {
+        let ends = [values.first(), values.last()].map(|end| scale * end.copied().unwrap_or(at));
+        (ends[0]..=ends[1]).contains(&at)
+    };
+    if covers(&map.fractions, 100.0, fraction) && covers(&map.delays_s, MM, delay) {
+        let (x, y) =
+            frame([fraction, delay], size, [100.0 * map.fractions[0], MM * map.delays_s[0]]);
+        panel = panel.series(Series::line("this loop", Role::Fit, x, y));
+    }
+    Figure::new("stability", 0, "Stiffest tissue with which the loop is stable")
+        .caption(
+            "Up to the number in a cell (N/m; k: thousand) the loop comes to rest after a push into the tissue and back; tissue from 0 to 20 000 N/m \
+             was tried. 0: with none that was tried. A star: stable not from 0 on, or in several ranges; the table has all of them.",
+        )
+        .panel(panel)
+}
+
+/// Edges of the cell that holds `at`, of cells of `size` the first of which has its centre at `first`.
+fn frame(at: [f64; 2], size: [f64; 2], first: [f64; 2]) -> (Vec<f64>, Vec<f64>) {
+    let centre = [0, 1].map(|k| first[k] + size[k] * ((at[k] - first[k]) / size[k]).round());
+    let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]];
+    let edge = |k: usize| corners.iter().map(|corner| centre[k] + corner[k] * size[k]).collect();
+    (edge(0), edge(1))
+}
+
+/// Class of a stiffness, 0 for none.
+fn class(stiffness: f64) -> usize {
+    let lowest = CLASSES.iter().rposition(|low| stiffness > 0.0 && stiffness >= *low);
+    lowest.map_or(0, |k| k + 1)
+}
+
+fn class_name(level: usize) -> String {
+    match level {
+        0 => "none, or no soft tissue".to_owned(),
+        1 => format!("below {} N/m", CLASSES[1]),
+        k if k == CLASSES.len() => format!("{} N/m and more", CLASSES[k - 1]),
+        k => format!("{} to {} N/m", CLASSES[k - 1], CLASSES[k]),
+    }
+}
+
+/// A stiffness in at most four characters.
+fn short(stiffness: f64) -> String {
+    match stiffness {
+        s if s < 999.5 => format!("{s:.0}"),
+        s if s < 9950.0 => format!("{:.1}k", s / 1e3),
+        s => format!("{:.0}k", s / 1e3),
+    }
+}
+
+/// The numbers of the map.
+pub(in super::super) fn map_table(map: &Map) -> Table {
+    let heads = map.fractions.iter().map(|fraction| plain(100.0 * fraction));
+    let columns: Vec<String> = std::iter::once("Delay (ms)".to_owned()).chain(heads).collect();
+    let caption = "The numbers of the map: tissue with which the loop is stable (N/m; one number: from 0 up to it), delay of one direction \
+                   down, fraction taken out (%) across";
+    let row = |table: Table, (delay, widths): (&f64, &Vec<ZWidth>)| {
+        let first = Cell::Number { value: MM * delay, digits: 4 };
+        let rest = widths.iter().map(|width| match width.ranges_n_m.as_slice() {
+            [] => Cell::Number { value: 0.0, digits: 1 },
+            [[0.0, greatest]] => Cell::Number { value: greatest.round(), digits: 1 },
+            all => {
+                let range = |[low, high]: &[f64; 2]| {
+                    format!("{} to {}", plain(low.round()), plain(high.round()))
+                };
+                Cell::Text(all.iter().map(range).collect::<Vec<String>>().join(", "))
+            }
+        });
+        table.row(std::iter::once(first).chain(rest))
+    };
+    let rows = map.delays_s.iter().zip(&map.z_width_n_m);
+    Table { collapsed: true, ..rows.fold(Table::new(caption, columns), row) }
+}
+
+/// Whether the stable stiffnesses are one range from 0 on, or none.
+fn is_simple(width: &ZWidth) -> bool {
+    matches!(width.ranges_n_m[..], [] | [[0.0, _]])
+}
+
+/// The hybrid matrix, and what follows from it, over frequency.
+pub(in super::super) fn hybrid(
+    config: &Config,
+    [model, trocar]: [&Trocar<Vec<f64>>; 2],
+) -> [Figure; 2] {
+    let frequencies = hybrid::frequencies();
+    let none = vec![[Complex::new(0.0, 0.0); 2]; frequencies.len()];
+    // Of the compensator's model and of the trocar.
+    let at = |amplitude: f64| -> Vec<[Complex<f64>; 2]> {
+        let surface = config.tissue.surface_m;
+        let of = |seal, frequency| seal_impedance(seal, surface, amplitude, frequency);
+        frequencies.iter().map(|f| [of(model, *f), of(trocar, *f)]).collect()
+    };
+    let mut seals = vec![("without a trocar".to_owned(), Role::Neutral, none)];
+    for (amplitude, role) in AMPLITUDES.into_iter().zip([Role::Category(0), Role::Category(1)]) {
+        let name = format!("with the trocar at {} mm", significant(MM * amplitude, 2));
+        seals.push((name, role, at(amplitude)));
+    }
+    let panel = |y: Axis, of: &dyn Fn(&Hybrid, f64) -> f64| {
+        let axes = Panel::new(Axis::new("frequency", "Hz").logarithmic(), y);
+        seals.iter().fold(axes.aspect(0.62), |panel, (name, role, seal)| {
+            let y = frequencies
+                .iter()
+                .zip(seal)
+                .map(|(f, z)| of(&Hybrid::with_compensator(config, *z, *f), *f));
+            panel.series(Series::line(name.as_str(), *role, frequencies.clone(), y.collect()))
+        })
+    };
+    let impedance = |label: &str| Axis::new(label, "N s/m").logarithmic();
+    let ratio = |label: &str| Axis::new(label, "").with_zero();
+    let mobility = Axis::new("|h₂₂|, mobility of the slave", "m/(N s)").logarithmic();
+    let matrix = Figure::new("hybrid", 0, "Hybrid matrix")
+        .caption(
+            "Magnitudes of [F_h; −v_s] = H [v_m; F_e], F_h of the operator on the master and F_e on the tissue. Ideal is h_11 = h_22 = 0 and \
+             |h_12| = |h_21| = 1: no impedance of its own, the tissue's force felt as it is, the motion followed as it is.",
+        )
+        .panel(panel(impedance("|h₁₁|, felt in free space"), &|h, _| h.h11.modulus()))
+        .panel(panel(ratio("|h₁₂|, force felt"), &|h, _| h.h12.modulus()).mark(Mark::y(1.0, "")))
+        .panel(panel(ratio("|h₂₁|, motion"), &|h, _| h.h21.modulus()).mark(Mark::y(1.0, "")))
+        .panel(panel(mobility, &|h, _| h.h22.modulus()))
+        .columns(2);
+    let felt = panel(impedance("impedance felt"), &|h, f| {
+        h.transmitted(tissue_impedance(config, f)).modulus()
+    });
+    let own: Vec<f64> =
+        frequencies.iter().map(|f| tissue_impedance(config, *f).modulus()).collect();
+    let felt = felt.series(Series::line("of the tissue", TISSUE, frequencies.clone(), own));
+    let margin = panel(ratio("Llewellyn's margin"), &|h, _| h.llewellyn()).mark(Mark::y(0.0, ""));
+    let transmitted = Figure::new("transmitted", 0, "Impedance felt, and margin of stability")
+        .caption(
+            "(a) Magnitude of what the operator feels in contact with the tissue. (b) 2 Re h_11 Re h_22 − Re(h_12 h_21) − |h_12 h_21|: not \
+             below 0 at any frequency means stable with every passive operator and tissue, if Re h_11 and Re h_22 are not below \
+             0 either. With the operator and tissue at hand a loop can \
+             be stable although the margin is below 0.",
+        )
+        .panel(felt.aspect(0.7))
+        .panel(margin.aspect(0.7))
+        .columns(2);
+    [matrix, transmitted]
+}
+
+/// Energy that went into the network of controllers and channel at either port.
+pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
+    let line = |name, role, of: &dyn Fn(&Sample) -> f64| over_time(samples, name, role, of);
+    let panel = Panel::new(time(), Axis::new("energy received", "J").with_zero())
+        .series(line("at the master", Role::Model, &|s| s.network_energies()[0]))
+        .series(line("at the slave", Role::Alternative, &|s| s.network_energies()[1]))
+        .series(line("together", Role::Measured, &|s| s.network_energies().iter().sum()))
+        .aspect(0.36);
+    Figure::new("energy", 0, "Energy at both ports")
+        .caption(
+            "Energy that controllers and channel have received at the ports of master and slave less what they have given there. Where the \
+             sum falls below zero, they were active: they gave more than they had received.",
+        )
+        .panel(panel)
+}
+
+/// Every key of the configuration with its value, as in its file.
+pub(in super::super) fn keys(config: &impl serde::Serialize) -> Vec<(String, String)> {
+    let text = toml::to_string(config).unwrap_or_default();
+    let mut section = String::new();
+    let mut keys = Vec::new();
+    for line in text.lines() {
+        if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
+            section = format!("{name}.");
+        } else if let Some((key, value)) = line.split_once(" = ") {
+            keys.push((format!("{section}{key}"), value.trim_matches('"').to_owned()));
+        }
+    }
+    keys
+}

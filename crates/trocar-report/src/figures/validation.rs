@@ -1,0 +1,375 @@
+//! The model compared with measurements over time (EMS figure 9), and the residual.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, Normal};
+
+use super::{Drawn, MM, p_in_words, thinned, without_unmodelled_mass};
+use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
+use crate::number::{fixed, significant};
+use trocar_identify::Identification;
+use trocar_identify::validate::{Validation, validate};
+use trocar_recording::Recording;
+use trocar_simulate::replay::{Replay, replay};
+use trocar_simulate::segment::{
+    SegmentOptions, reversal_threshold, steady_segments, strokes, travel,
+};
+
+/// Most recordings for which the residual is drawn.
+const MOST_RECORDINGS: usize = 4;
+/// Points of the quantile plot.
+const QUANTILES: usize = 150;
+/// Points of the autocorrelation.
+const LAGS: usize = 120;
+/// Speeds within this ratio count as one speed of cycles.
+const ONE_SPEED: f64 = 1.5;
+
+/// Recordings, the simulations of the model over them, and the scores.
+pub(in super::super) struct Scored<'a> {
+    pub(in super::super) recordings: Cow<'a, [Recording]>,
+    pub(in super::super) validation: Cow<'a, Validation>,
+    /// Whether the recordings were held out of the identification.
+    pub(in super::super) held_out: bool,
+    runs: Vec<Replay>,
+    /// Whether the model has elements in parallel.
+    stages: bool,
+    /// Sensor offset, N.
+    offset: f64,
+}
+
+/// Simulates the model over the validation recordings, or over those used for identification.
+pub(in super::super) fn scored<'a>(
+    found: &Identification,
+    training: &'a [Recording],
+    validation: Option<(&'a [Recording], &'a Validation)>,
+) -> Scored<'a> {
+    let trocar = found.trocar();
+    let offset = found.model.offset;
+    let (recordings, scores, held_out) = match validation {
+        Some((recordings, scores)) => (Cow::Borrowed(recordings), Cow::Borrowed(scores), true),
+        None => {
+            let recordings = without_unmodelled_mass(training, &found.model);
+            let scores = Cow::Owned(validate(&trocar, &recordings, offset));
+            (recordings, scores, false)
+        }
+    };
+    let runs = recordings.par_iter().map(|recording| replay(&trocar, recording, offset)).collect();
+    Scored {
+        recordings,
+        validation: scores,
+        held_out,
+        runs,
+        stages: found.stages.elements().len() > 1,
+        offset,
+    }
+}
+
+impl Scored<'_> {
+    /// Description of the recordings for captions.
+    pub(in super::super) fn kind(&self) -> &'static str {
+        if self.held_out {
+            "recordings that the identification has not seen"
+        } else {
+            "the recordings that the model was identified from, for there are no others"
+        }
+    }
+
+    /// Scored samples: those with known state, or all if it is never known.
+    fn known(&self, index: usize) -> Vec<Range<usize>> {
+        let known = &self.runs[index].known;
+        if known.is_empty() {
+            std::iter::once(0..self.recordings[index].len()).collect()
+        } else {
+            known.clone()
+        }
+    }
+
+    fn error(&self, index: usize, i: usize) -> f64 {
+        self.recordings[index].force[i] - self.offset - self.runs[index].force[i]
+    }
+
+    /// Measured minus model, N, over the scored samples.
+    fn errors(&self, index: usize) -> Vec<f64> {
+        self.known(index).into_iter().flatten().map(|i| self.error(index, i)).collect()
+    }
+
+    fn longest(&self) -> usize {
+        (0..self.recordings.len()).max_by_key(|i| self.recordings[*i].len()).unwrap_or(0)
+    }
+}
+
+/// An insertion and the following withdrawal, or the reverse.
+#[derive(Clone)]
+pub(super) struct Cycle {
+    pub(super) recording: usize,
+    pub(super) samples: Range<usize>,
+    /// The sample at the reversal between the strokes.
+    pub(super) turn: usize,
+    /// Speed of the first stroke, m/s.
+    pub(super) speed: f64,
+    /// Whether that stroke has a constant velocity.
+    steady: bool,
+}
+
+/// Full cycles within the samples whose state is known; only those of constant velocity, if there
+/// are any.
+pub(super) fn cycles(
+    recordings: &[Recording],
+    known: impl Fn(usize) -> Vec<Range<usize>>,
+) -> Vec<Cycle> {
+    let mut found = Vec::new();
+    for (index, recording) in recordings.iter().enumerate() {
+        let strokes = strokes(recording, reversal_threshold(recording));
+        let steady_segments = steady_segments(recording, &strokes, &SegmentOptions::default());
+        let longest = strokes.iter().map(|p| travel(recording, p, p.end)).fold(0.0, f64::max);
+        let known = known(index);
+        for (number, pair) in strokes.windows(2).enumerate() {
+            let [first, second] = pair else { continue };
+            let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
+            let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
+            if inside && full && first.end == second.start {
+                let own = steady_segments
+                    .iter()
+                    .filter(|s| s.stroke == number)
+                    .max_by_key(|s| s.end - s.start);
+                let duration = recording.time[first.end] - recording.time[first.start];
+                let mean = travel(recording, first, first.end) / duration;
+                let speed = own.map_or(mean, |s| s.velocity.abs());
+                let samples = first.start..second.end + 1;
+                let turn = first.end;
+                found.push(Cycle { recording: index, samples, turn, speed, steady: own.is_some() });
+            }
+        }
+    }
+    let steady: Vec<Cycle> = found.iter().filter(|cycle| cycle.steady).cloned().collect();
+    if steady.is_empty() { found } else { steady }
+}
+
+/// The cycles that can be drawn, by speed.
+fn sorted_cycles(scored: &Scored) -> Vec<Cycle> {
+    let mut cycles = cycles(&scored.recordings, |index| scored.known(index));
+    cycles.sort_by(|a, b| a.speed.total_cmp(&b.speed));
+    cycles
+}
+
+/// Speeds, m/s, of the cycles that can be drawn, ascending.
+pub(in super::super) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
+    sorted_cycles(scored).iter().map(|cycle| cycle.speed).collect()
+}
+
+/// Force and deflection over a cycle at the lowest and at the highest speed, or at each of the
+/// speeds `chosen`, m/s.
+pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
+    let cycles = sorted_cycles(scored);
+    let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
+        return Err("There is no figure of the model against measurement at two speeds (EMS figure 9): the recordings hold no full \
+                    cycle of two strokes whose initial deflection is known."
+            .to_owned());
+    };
+    let one_speed = fastest.speed < ONE_SPEED * slowest.speed;
+    let shown: Vec<&Cycle> = if !chosen.is_empty() {
+        let nearest = |speed: &f64| {
+            let off = |cycle: &&Cycle| (cycle.speed - speed).abs();
+            cycles.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(slowest)
+        };
+        chosen.iter().map(nearest).collect()
+    } else if one_speed {
+        vec![&cycles[cycles.len() / 2]]
+    } else {
+        vec![slowest, fastest]
+    };
+    let mut figure =
+        Figure::new("cross-validation", 0, "Model against measurement").columns(shown.len().min(2));
+    for pair in shown.chunks(2) {
+        for panel in pair.iter().map(|cycle| forces(scored, cycle)) {
+            figure = figure.panel(panel);
+        }
+        for panel in pair.iter().map(|cycle| deflections(scored, cycle)) {
+            figure = figure.panel(panel);
+        }
+    }
+    let speeds = if !chosen.is_empty() {
+        let of = |cycle: &&Cycle| format!("{:.0}", MM * cycle.speed);
+        format!(
+            "The cycles chosen are at {} mm/s.",
+            shown.iter().map(of).collect::<Vec<_>>().join(", ")
+        )
+    } else if one_speed {
+        format!(
+            "All cycles have about one speed, so one of them is shown, at {:.0} mm/s.",
+            MM * shown[0].speed
+        )
+    } else {
+        format!(
+            "A cycle at the lowest speed, {:.0} mm/s, and one at the highest, {:.0} mm/s.",
+            MM * slowest.speed,
+            MM * fastest.speed
+        )
+    };
+    let rows = if shown.len() > 2 { " of each two" } else { "" };
+    let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
+    Ok(figure.caption(format!(
+        "Measured force, computed force (upper row) and computed deflection{stages} (lower row{rows}), as in figure 9 of EMS, on {}. {speeds} The \
+         sensor offset of {} N is subtracted from the measured force; the model's force is the seal's alone, from measured positions \
+         only. Over all samples whose state is known the root mean square error is {:.3} N.",
+        scored.kind(),
+        fixed(scored.offset, 3),
+        scored.validation.rms_n
+    )))
+}
+
+fn forces(scored: &Scored, cycle: &Cycle) -> Panel {
+    let recording = &scored.recordings[cycle.recording];
+    let measured: Vec<f64> =
+        recording.force[cycle.samples.clone()].iter().map(|f| f - scored.offset).collect();
+    let model = &scored.runs[cycle.recording].force[cycle.samples.clone()];
+    let time = time_of(recording, &cycle.samples);
+    let line = |name, role, values: &[f64]| {
+        let (x, y) = thinned(&time, values);
+        Series::line(name, role, x, y)
+    };
+    Panel::new(Axis::new("time", "s"), Axis::new("force", "N").with_zero())
+        .title(format!("{:.0} mm/s", MM * cycle.speed))
+        .series(line("measured", Role::Measured, &measured))
+        .series(line("model", Role::Model, model))
+        .aspect(0.7)
+}
+
+fn deflections(scored: &Scored, cycle: &Cycle) -> Panel {
+    let recording = &scored.recordings[cycle.recording];
+    let deflection: Vec<f64> = scored.runs[cycle.recording].deflection[cycle.samples.clone()]
+        .iter()
+        .map(|z| MM * z)
+        .collect();
+    let (x, y) = thinned(&time_of(recording, &cycle.samples), &deflection);
+    Panel::new(Axis::new("time", "s"), Axis::new("deflection z", "mm").with_zero())
+        .series(Series::line("deflection", Role::Deflection, x, y))
+        .aspect(0.6)
+}
+
+fn time_of(recording: &Recording, samples: &Range<usize>) -> Vec<f64> {
+    let origin = recording.time[samples.start];
+    recording.time[samples.clone()].iter().map(|t| t - origin).collect()
+}
+
+/// Measured minus model over time.
+pub(in super::super) fn residuals(scored: &Scored) -> Figure {
+    let mut figure = Figure::new("residuals", 0, "Residual over time");
+    let shown = scored.recordings.len().min(MOST_RECORDINGS);
+    for index in 0..shown {
+        figure = figure.panel(residual_panel(scored, index));
+    }
+    let more = match scored.recordings.len() - shown {
+        0 => String::new(),
+        left => format!(
+            " The first {shown} recordings are shown; {left} more are in the table of speeds."
+        ),
+    };
+    figure.caption(format!(
+        "Measured minus computed force on {}. The start of a recording is left out until the deflection of the seal no longer depends \
+         on its unknown initial value.{more}",
+        scored.kind()
+    ))
+}
+
+fn residual_panel(scored: &Scored, index: usize) -> Panel {
+    let recording = &scored.recordings[index];
+    let (mut x, mut y) = (Vec::new(), Vec::new());
+    for range in scored.known(index) {
+        let time = &recording.time[range.clone()];
+        let error: Vec<f64> = range.map(|i| scored.error(index, i)).collect();
+        let (some_x, some_y) = thinned(time, &error);
+        x.extend(some_x);
+        y.extend(some_y);
+        // A gap in time interrupts the line.
+        x.push(f64::NAN);
+        y.push(f64::NAN);
+    }
+    let scores = scored.validation.recordings.get(index);
+    let rms = scores.map_or(f64::NAN, |v| v.rms_n);
+    let floor = scores.and_then(|v| v.strokes).map_or_else(String::new, |strokes| {
+        format!(", {:.2} times the repeatability", strokes.rms_over_scatter)
+    });
+    Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
+        .title(format!("{}: {} N rms{floor}", recording.name, significant(rms, 3)))
+        .series(Series::line("measured minus model", Role::Residual, x, y))
+        .aspect(0.3)
+}
+
+/// Distribution and autocorrelation of the residual of the longest recording.
+pub(in super::super) fn residual_statistics(scored: &Scored) -> Drawn {
+    let index = scored.longest();
+    let mut errors = scored.errors(index);
+    let n = errors.len() as f64;
+    let mean = errors.iter().sum::<f64>() / n;
+    let variance = errors.iter().map(|e| (e - mean).powi(2)).sum::<f64>() / n;
+    if errors.len() < 2 * QUANTILES || variance <= 0.0 {
+        return Err(format!(
+            "The residual has too few samples ({}) for a distribution and an autocorrelation.",
+            errors.len()
+        ));
+    }
+    let whiteness = scored.validation.recordings.get(index).and_then(|v| v.whiteness);
+    let recording = &scored.recordings[index];
+    let shortest = 20.0 * recording.quality.median_interval;
+    let span = whiteness.map_or(shortest, |w| (8.0 * w.correlation_time_s).max(shortest));
+    let mut correlation =
+        autocorrelation(&errors, mean, variance, span, recording.quality.median_interval);
+    let words = whiteness.map_or_else(
+        || "The recording is too short for a test of whiteness.".to_owned(),
+        |w| {
+            correlation = correlation.clone().mark(Mark::x(1e3 * w.correlation_time_s, "correlation time"));
+            format!(
+                "Taken {:.0} ms apart, where the autocorrelation has fallen to 1/e, the residuals pass for white noise with {} \
+                 (Ljung-Box): a small value means that the model leaves structure.",
+                1e3 * w.correlation_time_s,
+                p_in_words(w.ljung_box_p_value)
+            )
+        },
+    );
+    errors.sort_by(f64::total_cmp);
+    Ok(Figure::new("residual-statistics", 0, "Distribution and autocorrelation of the residual")
+        .columns(2)
+        .panel(quantiles(&errors, mean, variance.sqrt()))
+        .panel(correlation)
+        .caption(format!(
+            "Residual on {}. (a) Its quantiles against those of a normal distribution of the same mean and standard deviation ({:.3} N): \
+             on the straight line it is normal. (b) Its autocorrelation. {words}",
+            recording.name,
+            variance.sqrt()
+        )))
+}
+
+fn quantiles(sorted: &[f64], mean: f64, deviation: f64) -> Panel {
+    let normal = Normal::standard();
+    let probabilities = (0..QUANTILES).map(|k| (k as f64 + 0.5) / QUANTILES as f64);
+    let x: Vec<f64> =
+        probabilities.clone().map(|p| mean + deviation * normal.inverse_cdf(p)).collect();
+    let y = probabilities.map(|p| sorted[(p * sorted.len() as f64) as usize]).collect();
+    let ends = vec![x[0], x[QUANTILES - 1]];
+    Panel::new(Axis::new("normal quantile", "N"), Axis::new("residual quantile", "N"))
+        .series(Series::line("normal", Role::Reference, ends.clone(), ends))
+        .series(Series::points("residual", Role::Residual, x, y))
+        .aspect(0.75)
+}
+
+fn autocorrelation(errors: &[f64], mean: f64, variance: f64, span: f64, interval: f64) -> Panel {
+    let longest = ((span / interval) as usize).min(errors.len() / 5).max(1);
+    let every = longest.div_ceil(LAGS);
+    let lags: Vec<usize> = (0..=longest).step_by(every).collect();
+    let at = |lag: &usize| {
+        let products = errors.iter().zip(&errors[*lag..]).map(|(a, b)| (a - mean) * (b - mean));
+        products.sum::<f64>() / (errors.len() as f64 * variance)
+    };
+    let y = lags.par_iter().map(at).collect();
+    Panel::new(Axis::new("lag", "ms").with_zero(), Axis::new("autocorrelation", "").with_zero())
+        .series(Series::line(
+            "autocorrelation",
+            Role::Residual,
+            lags.iter().map(|l| 1e3 * interval * *l as f64).collect(),
+            y,
+        ))
+        .aspect(0.75)
+}

@@ -1,0 +1,389 @@
+//! Creates a report from the results of an identification and its validation: the paper's section
+//! IV with the user's own data.
+//!
+//! This module estimates nothing. It simulates the identified model over the recordings again,
+//! because the results contain scores but no time series.
+
+use trocar_model::{Element, Quantity};
+
+use super::document::{Document, Section, Tile};
+use super::figures::{self, Scored};
+use super::number::{fixed, significant};
+use trocar_identify::validate::Validation;
+use trocar_identify::{Identification, IdentifyOptions, Warning};
+use trocar_lab::workflow::MovingMass;
+use trocar_recording::Recording;
+
+/// Inputs of an identification report.
+#[derive(Debug, Clone, Copy)]
+pub struct IdentificationReport<'a> {
+    /// The result.
+    pub identification: &'a Identification,
+    /// The recordings used for identification, as they were passed to it: a declared moving mass is
+    /// subtracted, an unmodelled one ([`Candidate::unmodelled_mass`](trocar_identify::Candidate))
+    /// is not.
+    pub training: &'a [Recording],
+    /// The validation recordings as they were scored (unmodelled mass subtracted), and the scores;
+    /// an empty list counts as `None`.
+    pub validation: Option<(&'a [Recording], &'a Validation)>,
+    /// The elements of the virtual bench, if the data come from one.
+    pub truth: Option<&'a [Element]>,
+    /// Options of the identification.
+    pub options: &'a IdentifyOptions,
+    /// Mass that was subtracted from the readings.
+    pub moving_mass: MovingMass,
+    /// The command line, if there was one.
+    pub command: Option<&'a str>,
+    /// Title of the report.
+    pub title: &'a str,
+    /// Contents of two of the figures.
+    pub choice: FigureChoice<'a>,
+}
+
+/// Contents of figures 7 and 9 of EMS; empty lists select the default.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct FigureChoice<'a> {
+    /// Deflections, m, at which the force is drawn against the deformation velocity (EMS figure 7);
+    /// by default ∓c/2 and 0.
+    pub deflections: &'a [f64],
+    /// Speeds, m/s, of the cycles drawn in the cross-validation (EMS figure 9); by default the
+    /// lowest and the highest.
+    pub speeds: &'a [f64],
+}
+
+/// Most deflections or speeds of one figure.
+pub const MOST_CHOSEN: usize = 6;
+/// Largest relative difference between a stroke's speed and the requested one.
+pub const LIKE_SPEED: f64 = 0.1;
+
+/// Why a figure cannot show the selection.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ChoiceError {
+    /// More than [`MOST_CHOSEN`].
+    #[error("figure {figure} shows at most {MOST_CHOSEN} {what}, got {count}")]
+    TooMany {
+        /// Number of the figure in EMS.
+        figure: u8,
+        /// `deflections` or `speeds`.
+        what: &'static str,
+        /// Number of selected values.
+        count: usize,
+    },
+    /// A deflection that the seal does not reach.
+    #[error("figure 7: the deflection {} mm lies outside ±c = ±{} mm", thousandths(*.deflection), thousandths(*.half_width))]
+    OutsideSeal {
+        /// The deflection, m.
+        deflection: f64,
+        /// c, m.
+        half_width: f64,
+    },
+    /// No cycle of that speed was recorded.
+    #[error("figure 9: no recorded stroke has a speed within 10 % of {} mm/s{}", thousandths(*.speed), recorded_in_words(.recorded))]
+    NoSuchSpeed {
+        /// The speed, m/s.
+        speed: f64,
+        /// Speeds of the cycles that can be drawn, m/s, ascending.
+        recorded: Vec<f64>,
+    },
+}
+
+/// In millimetres (per second), to three decimals.
+fn thousandths(metres: f64) -> f64 {
+    (1e6 * metres).round() / 1e3
+}
+
+fn recorded_in_words(speeds: &[f64]) -> String {
+    let mut shown: Vec<String> = speeds.iter().map(|speed| format!("{:.0}", 1e3 * speed)).collect();
+    shown.dedup();
+    match shown.as_slice() {
+        [] => {
+            "; the recordings hold no full cycle of two strokes whose initial deflection is known"
+                .to_owned()
+        }
+        speeds => format!("; recorded are {} mm/s", speeds.join(", ")),
+    }
+}
+
+/// Checks whether the figures can show the selection.
+///
+/// # Errors
+/// [`ChoiceError`]: too many values, a deflection outside ±c, a speed that was not recorded. A
+/// figure that cannot be drawn at all accepts any selection; the report gives the reason why it is
+/// missing.
+pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
+    let FigureChoice { deflections, speeds } = input.choice;
+    for (figure, what, count) in
+        [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())]
+    {
+        if count > MOST_CHOSEN {
+            return Err(ChoiceError::TooMany { figure, what, count });
+        }
+    }
+    if let Ok(deformation) = &input.identification.deformation {
+        let half_width = deformation.half_width.value;
+        if let Some(&deflection) = deflections.iter().find(|z| z.is_nan() || z.abs() > half_width) {
+            return Err(ChoiceError::OutsideSeal { deflection, half_width });
+        }
+    }
+    if speeds.is_empty() {
+        return Ok(());
+    }
+    let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
+    let recorded =
+        figures::cycle_speeds(&figures::scored(input.identification, input.training, validation));
+    let is_recorded =
+        |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
+    match speeds.iter().find(|speed| !is_recorded(speed)) {
+        Some(&speed) => Err(ChoiceError::NoSuchSpeed { speed, recorded }),
+        None => Ok(()),
+    }
+}
+
+/// Heading of the section on the fit to all motion.
+const FIT: &str = "Fit to all motion";
+
+/// Explanation in the section of the live model.
+const LIVE: &str = "The identified model itself runs here, the same steps as in every other program of this project. Turn its parameters (the \
+                    stroke above a slider is the value identified, the bar below it the 95 % interval), run it along a recorded motion, drag the \
+                    instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset.";
+
+/// Root mean square error, N, that EMS section IV-C reports on its own data.
+const ERROR_OF_EMS: &str = "EMS reports 0.17 N on its own data";
+
+/// The report: summary, warnings, parameters, recordings, and the figures of EMS section IV.
+///
+/// Equal input gives equal documents. Figures are numbered in order of appearance. If its data are
+/// missing, a figure is replaced by a sentence with the reason.
+pub fn document(input: &IdentificationReport) -> Document {
+    let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
+    let input = &IdentificationReport { validation, ..*input };
+    let found = input.identification;
+    let scored = figures::scored(found, input.training, input.validation);
+    let mut document = Document {
+        title: input.title.to_owned(),
+        subtitle: subtitle(input),
+        tiles: tiles(found, &scored),
+        warnings: warnings(found, &scored),
+        notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),
+        sections: sections(input, &scored),
+        provenance: provenance(input),
+    };
+    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
+    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
+    document
+}
+
+fn subtitle(input: &IdentificationReport) -> String {
+    let names = |recordings: &[Recording]| {
+        recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")
+    };
+    let validated = input.validation.map_or_else(
+        || "not validated on other recordings".to_owned(),
+        |(recordings, _)| format!("validated on {}", names(recordings)),
+    );
+    format!("Extended Maxwell-Slip model identified from {}; {validated}", names(input.training))
+}
+
+fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
+    let (error, fit) = if scored.held_out {
+        ("Validation error (rms)", "Validation fit")
+    } else {
+        ("Error on its own data (rms)", "Fit to its own data")
+    };
+    let mut tiles = vec![
+        Tile::new(
+            error,
+            format!("{} N", significant(scored.validation.rms_n, 3)),
+            error_note(scored),
+        ),
+        Tile::new(
+            fit,
+            format!("{} %", fixed(scored.validation.fit_percent, 1)),
+            "100·(1 − rms/sd of the readings)",
+        ),
+    ];
+    for quantity in
+        [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset]
+    {
+        if let Some(estimate) = found.estimate(quantity) {
+            let (id, (value, interval)) = (quantity.id(), figures::value_and_interval(estimate));
+            tiles.push(Tile::new(
+                format!("{} {}", figures::name_of(id), id.symbol()),
+                value,
+                interval,
+            ));
+        }
+    }
+    tiles
+}
+
+/// The error of each recording, if there are few, and that of EMS for comparison.
+fn error_note(scored: &Scored) -> String {
+    let recordings = &scored.validation.recordings;
+    if !(2..=3).contains(&recordings.len()) {
+        return ERROR_OF_EMS.to_owned();
+    }
+    let each = recordings.iter().map(|r| format!("{} N on {}", significant(r.rms_n, 3), r.path));
+    format!("{}; {ERROR_OF_EMS}", each.collect::<Vec<_>>().join(", "))
+}
+
+/// Reasons to doubt the identification or its validation.
+fn warnings(found: &Identification, scored: &Scored) -> Vec<String> {
+    let mut all = lines(found.warnings.iter().filter(|w| w.doubtful));
+    if scored.held_out {
+        let results = &scored.validation.recordings;
+        all.extend(
+            results.iter().flat_map(|r| r.warnings.iter().map(move |w| format!("{}: {w}", r.path))),
+        );
+    }
+    all
+}
+
+/// One line per message, beginning with its subjects.
+fn lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
+    let mut lines: Vec<(Vec<String>, &str)> = Vec::new();
+    for Warning { subject, message, .. } in warnings {
+        let subject = figures::subject_in_words(subject);
+        match lines.iter_mut().find(|(_, said)| said == message) {
+            Some((subjects, _)) => subjects.push(subject),
+            None => lines.push((vec![subject], message)),
+        }
+    }
+    lines
+        .into_iter()
+        .map(|(subjects, message)| format!("{}: {message}", subjects.join("; ")))
+        .collect()
+}
+
+fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
+    let found = input.identification;
+    let section = |heading: &str, drawn| figures::with(Section::new(heading), drawn);
+    let deformation =
+        section("Deformation", figures::deformation_velocity(found, input.choice.deflections));
+    let deformation = figures::with(deformation, figures::deformation_force(found, input.truth));
+    let errors = Section::new("Residuals")
+        .table(figures::error_by_recording(scored))
+        .table(figures::error_by_phase(scored))
+        .figure(figures::residuals(scored));
+    let errors = figures::with(errors, figures::residual_statistics(scored));
+    let mut all = vec![
+        live(input, scored),
+        parameters(input),
+        Section::new("Recordings")
+            .table(figures::sampling(recordings(input)))
+            .table(figures::resolution(recordings(input))),
+    ];
+    all.extend(fit(input, scored));
+    all.extend([
+        section("Velocity reversal", figures::velocity_step(found, input.training)),
+        section("Static friction", figures::static_friction(found)),
+        figures::with(deformation, figures::half_width(found)),
+        section("Cross-validation", figures::cross_validation(scored, input.choice.speeds)),
+        figures::with(errors, figures::error_by_speed(scored)),
+    ]);
+    if let Some(table) = figures::branch_coefficients(found) {
+        all.push(Section::new("Coefficients of the branches").table(table));
+    }
+    all
+}
+
+/// The interactive model.
+fn live(input: &IdentificationReport, scored: &Scored) -> Section {
+    let section = Section::new("The model, live");
+    match figures::live_model(input.identification, scored) {
+        Ok(model) => Section { live: Some(model), ..section.paragraph(LIVE) },
+        Err(why) => section.paragraph(why),
+    }
+}
+
+/// The section on the fit; `None` without a fit.
+fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
+    let found = input.identification;
+    let fit = found.fit.as_ref()?;
+    let mut section =
+        Section { paragraphs: figures::fit_in_words(found, fit), ..Section::new(FIT) };
+    if !fit.terms.is_empty() {
+        section = section.table(figures::terms(fit));
+    }
+    let section = figures::with(section, figures::friction_scale(found, input.training));
+    let small = found.free_motion.partial_reversals > 0 && found.free_motion.held_s > 1.0;
+    Some(if small {
+        figures::with(section, figures::small_motion(found, input.training, scored))
+    } else {
+        section
+    })
+}
+
+fn parameters(input: &IdentificationReport) -> Section {
+    let found = input.identification;
+    let truth = match input.truth {
+        Some(_) => {
+            " The truth is what the virtual bench was run with; a dash marks what has no single true value."
+        }
+        None => "",
+    };
+    let (values, intervals) =
+        if found.fit.is_some() { of_all_motion(found) } else { of_two_steps(input) };
+    Section::new("Parameters")
+        .paragraph(format!("{values}{truth}"))
+        .paragraph(format!(
+            "{intervals} Velocity and force are positive on insertion; the force is what the instrument exerts on the seal."
+        ))
+        .table(figures::parameters(found, input.truth))
+}
+
+/// Origin of values and intervals when the element was fitted to all motion.
+fn of_all_motion(found: &Identification) -> (String, String) {
+    let beside = if found.steady.means.is_empty() {
+        "Nothing slides steadily here, so the paper's two steps give nothing to compare it with."
+    } else {
+        "The paper's two steps are shown for comparison."
+    };
+    let values = format!(
+        "The value is that of the fit to all motion (section “{FIT}”), in which F_0, F_c and β are free as well. {beside}"
+    );
+    (
+        values,
+        "Intervals come from the jackknife over clusters of cycles, to first order.".to_owned(),
+    )
+}
+
+/// The same for the paper's two steps.
+fn of_two_steps(input: &IdentificationReport) -> (String, String) {
+    let branches = match input.options.bootstrap {
+        0 => "by the jackknife over strokes".to_owned(),
+        n => {
+            format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.options.seed)
+        }
+    };
+    let intervals = format!(
+        "Intervals of the sliding force come from the scatter between strokes, those of the joins and of the coefficients of the \
+         branches {branches}."
+    );
+    ("The value is that of the paper's two steps.".to_owned(), intervals)
+}
+
+fn recordings<'a>(
+    input: &IdentificationReport<'a>,
+) -> impl Iterator<Item = (&'a Recording, &'static str)> {
+    let validation = input.validation.map_or(&[] as &[Recording], |(recordings, _)| recordings);
+    let training = input.training.iter().map(|r| (r, "identification"));
+    training.chain(validation.iter().map(|r| (r, "validation")))
+}
+
+fn provenance(input: &IdentificationReport) -> Vec<(String, String)> {
+    let mut all = vec![
+        ("Program".to_owned(), concat!("trocar ", env!("CARGO_PKG_VERSION")).to_owned()),
+        ("EMS".to_owned(), "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery".to_owned()),
+    ];
+    all.extend(input.command.map(|command| ("Command".to_owned(), command.to_owned())));
+    let MovingMass { mass, gravity } = input.moving_mass;
+    let options =
+        format!("moving mass {mass} kg, gravity {gravity} m/s², {}", input.options.in_words());
+    all.push(("Options".to_owned(), options));
+    all.extend(recordings(input).map(|(r, used_for)| {
+        (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))
+    }));
+    all
+}

@@ -1,0 +1,314 @@
+//! Reports: figures as data, drawn as SVG, PNG and interactive charts, in one self-contained HTML
+//! file.
+//!
+//! ```text
+//! Document -> report.html            one file, no external request, works without JavaScript and on paper
+//!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
+//! ```
+//! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
+//! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`], `plan` and `teleop` depend on
+//! results; they fill documents from them. `seal` is no document: it steps a model for the picture that a page then moves.
+
+mod chart;
+pub mod comparison;
+mod decimate;
+mod document;
+mod draw;
+mod figures;
+pub mod fleet;
+mod html;
+pub mod identification;
+mod live;
+mod number;
+#[cfg(feature = "bench")]
+pub mod plan;
+pub mod recording;
+mod seal;
+mod style;
+mod svg;
+#[cfg(feature = "bench")]
+pub mod teleop;
+pub mod validation;
+mod view;
+mod workflow;
+
+pub use workflow::{workflow_document, write_workflow};
+
+use std::collections::HashSet;
+use std::path::Path;
+
+use kuva::backend::png::PngBackend;
+use rayon::prelude::*;
+
+use trocar_tables::output::{OutputError, StagedFolder};
+
+pub use document::{
+    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveLoop, LiveModel,
+    Mark, Panel, Role, Section, Series, Table, Tile, Width,
+};
+
+pub use seal::{LIP_HEIGHT_MM, lip_outline, moving_seal};
+
+/// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
+const PNG_SCALE: f32 = 2.5;
+
+/// Figures drawn in parallel; each holds a bitmap of about 6 MB while it is encoded.
+const FIGURES_AT_A_TIME: usize = 4;
+
+/// Why a report was not written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// A figure cannot show the selection.
+    #[error(transparent)]
+    Choice(#[from] identification::ChoiceError),
+    /// A figure's id is not a file stem of lower-case letters, digits and hyphens.
+    #[error("figure id {id:?} must consist of a-z, 0-9 and hyphens")]
+    InvalidId {
+        /// The id as given.
+        id: String,
+    },
+    /// Two figures would be written to the same file.
+    #[error("figure id {id:?} occurs twice in one document")]
+    DuplicateId {
+        /// The id as given.
+        id: String,
+    },
+    /// The columns of a series have different lengths.
+    #[error(
+        "figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x"
+    )]
+    UnequalLengths {
+        /// Id of the figure.
+        figure: String,
+        /// Name of the series.
+        series: String,
+        /// The inconsistent column: "y", "labels", "low" or "high".
+        column: &'static str,
+        /// Its number of values.
+        found: usize,
+        /// Number of values in x.
+        expected: usize,
+    },
+    /// A row of a table has more or fewer cells than the table has columns.
+    #[error("table {table:?}, row {row}: {found} cells, expected {expected}")]
+    RaggedTable {
+        /// Caption of the table.
+        table: String,
+        /// Number of the row, from 1.
+        row: usize,
+        /// Cells in that row.
+        found: usize,
+        /// Columns of the table.
+        expected: usize,
+    },
+    /// A document has two live models or loops, or one with inconsistent numbers.
+    #[error("live model: {reason}")]
+    Live {
+        /// What is wrong.
+        reason: &'static str,
+    },
+    /// A figure could not be drawn.
+    #[error("figure {figure:?} cannot be drawn: {reason}")]
+    Drawing {
+        /// Id of the figure.
+        figure: String,
+        /// Error of the drawing library.
+        reason: String,
+    },
+    /// A file could not be written; files of an earlier run are unchanged.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+/// Writes `report.html`, `figures/<id>.svg` and `figures/<id>.png` into `folder`, which is created
+/// if necessary.
+///
+/// All files appear together or not at all. Equal documents give equal bytes.
+///
+/// # Errors
+/// A malformed document is rejected before anything is written. Writing stops at a file that cannot
+/// be written.
+pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportError> {
+    check(document)?;
+    let staged = StagedFolder::create(folder)?;
+    stage_document(&staged, document)?;
+    Ok(staged.commit()?)
+}
+
+/// Writes the files of [`write_document`] into a folder that the caller commits together with its
+/// own files.
+///
+/// # Errors
+/// As for [`write_document`].
+pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), ReportError> {
+    check(document)?;
+    let figures: Vec<&Figure> = figures(document).collect();
+    let draw = |figure: &&Figure| {
+        let vector = draw_vector(figure)?;
+        folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
+        for_page(figure, &vector)
+    };
+    let (drawn, ()) = rayon::join(
+        || figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>(),
+        draw::load_fonts,
+    );
+    let drawn = drawn?;
+    for some in figures.chunks(FIGURES_AT_A_TIME) {
+        some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
+    }
+    Ok(folder.write("report.html", page_of(document, &drawn)?.as_bytes())?)
+}
+
+/// Only the page of [`write_document`]: `report.html`, with everything inside.
+///
+/// # Errors
+/// A malformed document, or a figure that cannot be drawn.
+pub fn page(document: &Document) -> Result<String, ReportError> {
+    check(document)?;
+    let figures: Vec<&Figure> = figures(document).collect();
+    let draw = |figure: &&Figure| for_page(figure, &draw_vector(figure)?);
+    let drawn = figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>()?;
+    page_of(document, &drawn)
+}
+
+fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportError> {
+    let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
+    let embed = |section: &Section| {
+        let model = section.live.as_ref().map(live::embed);
+        model.or_else(|| section.live_loop.as_ref().map(live::embed_loop))
+    };
+    let live = document
+        .sections
+        .iter()
+        .find_map(embed)
+        .transpose()
+        .map_err(|error| drawing_error("live", error))?;
+    Ok(html::page(document, drawn, &styles, live.as_ref()))
+}
+
+/// Only the figures of [`write_document`]: id and SVG of each, in order.
+///
+/// # Errors
+/// As for [`page`].
+pub fn vectors(document: &Document) -> Result<Vec<(String, String)>, ReportError> {
+    check(document)?;
+    let figures: Vec<&Figure> = figures(document).collect();
+    let draw = |figure: &&Figure| Ok((figure.id.clone(), draw_vector(figure)?.file(figure)));
+    figures.par_iter().map(draw).collect()
+}
+
+fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
+    document.sections.iter().flat_map(|section| &section.figures)
+}
+
+fn draw_vector(figure: &Figure) -> Result<svg::Drawing, ReportError> {
+    svg::Drawing::new(&draw::scene(figure, draw::Medium::Vector))
+        .ok_or_else(|| drawing_error(&figure.id, "the SVG has no opening tag"))
+}
+
+fn for_page(figure: &Figure, vector: &svg::Drawing) -> Result<html::Drawn, ReportError> {
+    let json = chart::figure_json(figure).map_err(|error| drawing_error(&figure.id, error))?;
+    Ok(html::Drawn { svg: vector.inline(figure), json })
+}
+
+fn draw_bitmap(folder: &StagedFolder, figure: &Figure) -> Result<(), ReportError> {
+    let bitmap = PngBackend::new()
+        .with_scale(PNG_SCALE)
+        .render_scene(&draw::scene(figure, draw::Medium::Bitmap))
+        .map_err(|reason| drawing_error(&figure.id, reason))?;
+    Ok(folder.write(format!("figures/{}.png", figure.id), &bitmap)?)
+}
+
+fn drawing_error(figure: &str, reason: impl ToString) -> ReportError {
+    ReportError::Drawing { figure: figure.to_owned(), reason: reason.to_string() }
+}
+
+fn check(document: &Document) -> Result<(), ReportError> {
+    let mut ids = HashSet::new();
+    for figure in figures(document) {
+        let id = figure.id.clone();
+        let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
+        if id.is_empty() || !id.bytes().all(allowed) {
+            return Err(ReportError::InvalidId { id });
+        }
+        if !ids.insert(figure.id.as_str()) {
+            return Err(ReportError::DuplicateId { id });
+        }
+        for series in figure.panels.iter().flat_map(|panel| &panel.series) {
+            check_series(figure, series)?;
+        }
+    }
+    document.sections.iter().flat_map(|section| &section.tables).try_for_each(check_table)?;
+    check_live(document)
+}
+
+fn check_live(document: &Document) -> Result<(), ReportError> {
+    let refuse = |reason| Err(ReportError::Live { reason });
+    let sections = || document.sections.iter();
+    let [models, loops] = [
+        sections().filter(|section| section.live.is_some()).count(),
+        sections().filter(|section| section.live_loop.is_some()).count(),
+    ];
+    if models + loops > 1 {
+        return refuse("a document can carry one");
+    }
+    let rows = sections().filter_map(|section| section.live_loop.as_ref()).flat_map(|l| &l.models);
+    let mut rows = rows.map(|row| trocar_model::Trocar::from_numbers(row));
+    if rows.any(|row| row.is_err()) {
+        return refuse("its row is no model");
+    }
+    let Some(model) = sections().find_map(|section| section.live.as_ref()) else { return Ok(()) };
+    let Ok(trocar) = trocar_model::Trocar::from_numbers(&model.row) else {
+        return refuse("its row is no model");
+    };
+    if !trocar
+        .seal()
+        .tunables()
+        .map(|tunable| tunable.value)
+        .eq(model.knobs.iter().map(|knob| knob.value))
+    {
+        return refuse("its knobs are not the parameters of its row");
+    }
+    match &model.excerpt {
+        Some(excerpt)
+            if excerpt.position.len() != excerpt.force.len() || excerpt.position.len() < 2 =>
+        {
+            refuse("its excerpt has not as many forces as positions, at least two")
+        }
+        _ => Ok(()),
+    }
+}
+
+fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
+    let expected = series.x.len();
+    let y = ("y", series.y.len());
+    let columns = match &series.kind {
+        Kind::Line | Kind::Points => vec![y],
+        Kind::Labelled { labels } | Kind::Cells { labels, .. } => {
+            vec![y, ("labels", labels.len())]
+        }
+        Kind::Band { low, high } => vec![("low", low.len()), ("high", high.len())],
+        Kind::ErrorBars { low, high } => vec![y, ("low", low.len()), ("high", high.len())],
+    };
+    match columns.into_iter().find(|(_, found)| *found != expected) {
+        None => Ok(()),
+        Some((column, found)) => {
+            let (figure, series) = (figure.id.clone(), series.name.clone());
+            Err(ReportError::UnequalLengths { figure, series, column, found, expected })
+        }
+    }
+}
+
+fn check_table(table: &Table) -> Result<(), ReportError> {
+    let expected = table.columns.len();
+    match table.rows.iter().position(|row| row.len() != expected) {
+        None => Ok(()),
+        Some(at) => Err(ReportError::RaggedTable {
+            table: table.caption.clone(),
+            row: at + 1,
+            found: table.rows[at].len(),
+            expected,
+        }),
+    }
+}

@@ -1,0 +1,209 @@
+//! Creates a report from a planned motion.
+
+use trocar_model::{Quantity, Unit};
+
+use super::document::{Cell, Document, Section, Table, Tile};
+use super::figures::plan as figures;
+use super::figures::{MM, name_of, teleop::keys};
+use super::number::significant;
+use super::teleop::Source;
+use trocar_lab::plan::{Goal, Plan, PlanConfig, Prediction};
+use trocar_lab::summary::PROGRAM;
+
+/// Precision for which more time is stated, relative.
+pub const PRECISION: f64 = 0.05;
+
+/// What a report on a plan shows.
+#[derive(Debug, Clone)]
+pub struct PlanReport<'a> {
+    /// Rig, noise and prior.
+    pub config: &'a PlanConfig,
+    /// Its file; `None` for the defaults, or limits that were read from a recording.
+    pub config_source: Option<Source>,
+    /// What the motion is for.
+    pub goal: &'a Goal,
+    /// The motion, and what to expect of it.
+    pub plan: &'a Plan,
+    /// Model of the seal; `None` for seals from the prior.
+    pub model: Option<Source>,
+    /// Posterior draws of the model, for which the motion is planned; `None` for the model itself.
+    pub posterior: Option<Source>,
+    /// Recordings that were there already.
+    pub before: Vec<Source>,
+}
+
+/// The report: what to expect, the motion and what its segments tell, the intervals of all
+/// parameters, rig and prior.
+///
+/// Equal input gives equal documents.
+pub fn document(input: &PlanReport) -> Document {
+    Document {
+        title: "What to record".to_owned(),
+        subtitle: subtitle(input),
+        tiles: tiles(input),
+        warnings: warning(input).into_iter().collect(),
+        notes: Vec::new(),
+        sections: vec![motion(input), expected(input), configuration(input.config)],
+        provenance: provenance(input),
+    }
+}
+
+fn subtitle(input: &PlanReport) -> String {
+    let seals = match (&input.model, input.config.draws) {
+        (Some(model), draws) if input.posterior.is_some() => {
+            format!("planned with {draws} posterior draws of {}", model.name())
+        }
+        (Some(model), _) => format!("planned with {}", model.name()),
+        (None, 1) => "planned with a seal from the prior".to_owned(),
+        (None, draws) => format!("planned with {draws} seals from the prior"),
+    };
+    format!("Motion for {}, {seals}", input.goal)
+}
+
+/// Parameters of tables, without the coefficients of the branches.
+fn main_ones(all: &[Prediction]) -> impl Iterator<Item = (usize, &Prediction)> {
+    let is_main = |p: &Prediction| !matches!(p.id.quantity, Quantity::Coefficient { .. });
+    all.iter().enumerate().filter(move |(_, p)| is_main(p))
+}
+
+fn warning(input: &PlanReport) -> Option<String> {
+    let lost = main_ones(&input.plan.expected).filter(|(_, p)| !p.determined);
+    let lost: Vec<String> = lost.map(|(_, p)| name_of(p.id)).collect();
+    (!lost.is_empty()).then(|| {
+        format!(
+            "This motion will not determine: {}. More time, a longer travel or a finer encoder may help.",
+            lost.join(", ")
+        )
+    })
+}
+
+fn tiles(input: &PlanReport) -> Vec<Tile> {
+    let plan = input.plan;
+    let cycles = plan.segments.len();
+    let mut tiles = vec![Tile::new(
+        "Time of the motion",
+        format!("{} s", significant(plan.duration_s(), 3)),
+        format!("{cycles} cycles of an insertion and a withdrawal"),
+    )];
+    for quantity in [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth] {
+        let found = plan.expected.iter().find(|p| p.id == quantity.id());
+        let Some((prediction, relative)) = found.and_then(|p| Some((p, p.relative_half_width?)))
+        else {
+            continue;
+        };
+        let Unit { scale, shown, .. } = prediction.id.unit();
+        tiles.push(Tile::new(
+            format!("95 % interval of {}", prediction.id.symbol()),
+            format!("±{} %", significant(1e2 * relative, 2)),
+            format!("±{} {shown}", significant(scale * prediction.half_width, 2)),
+        ));
+    }
+    tiles
+}
+
+fn motion(input: &PlanReport) -> Section {
+    let columns =
+        ["Cycles", "Speed (mm/s)", "Stroke (mm)", "Number", "Time (s)", "Information (%)"];
+    let table = Table::new("What the motion consists of", columns);
+    let table = input.plan.shares.iter().fold(table, |table, share| {
+        table.row([
+            Cell::Text(share.block.interruption.to_string()),
+            Cell::Number { value: MM * share.block.speed_m_s, digits: 3 },
+            Cell::Number { value: MM * share.block.length_m, digits: 3 },
+            Cell::Number { value: share.count as f64, digits: share.count.to_string().len() },
+            Cell::Number { value: share.duration_s, digits: 3 },
+            Cell::Number { value: 1e2 * share.information.max(0.0), digits: 2 },
+        ])
+    });
+    Section::new("The motion")
+        .paragraph(
+            "The order is random, so that a drift of the friction does not look like viscous friction; speeds, lengths, partial reversals \
+             and rests are those that tell most in the time. Information of a kind of cycle: the part of the precision about the goal that \
+             is lost without it.",
+        )
+        .figure(figures::motion(input.plan))
+        .table(table)
+}
+
+fn expected(input: &PlanReport) -> Section {
+    let plan = input.plan;
+    let paper = plan.paper.as_ref();
+    let head = paper.map(|(duration, _)| format!("Paper, {duration:.0} s"));
+    let time = format!("More time for ±{:.0} % (s)", 1e2 * PRECISION);
+    let columns = ["Parameter", "Unit", "Value", "Half width", "Of the value (%)"];
+    let columns = columns.into_iter().chain(["Worst seal"]).chain(head.as_deref());
+    let table = Table::new(
+        "Half widths of the 95 % intervals to expect: medians over the seals",
+        columns.chain([time.as_str()]),
+    );
+    let table = main_ones(&plan.expected).fold(table, |table, (k, p)| {
+        let Unit { scale, shown, .. } = p.id.unit();
+        let number = |value: f64| Cell::Number { value, digits: 3 };
+        let half_width =
+            if p.determined { number(scale * p.half_width) } else { Cell::Undetermined };
+        let mut row = vec![
+            Cell::Text(format!("{} {}", name_of(p.id), p.id.symbol())),
+            Cell::from(shown),
+            number(scale * p.value),
+            half_width,
+            number(p.relative_half_width.map_or(f64::NAN, |r| 1e2 * r)),
+            number(scale * p.largest_half_width),
+        ];
+        row.extend(paper.map(|(_, paper)| number(scale * paper[k].half_width)));
+        row.push(match plan.time_for(p, PRECISION).map(|time| time - plan.duration_s()) {
+            Some(more) if more > 0.0 => number(more),
+            Some(_) => Cell::from("none"),
+            None => Cell::from("–"),
+        });
+        table.row(row)
+    });
+    let section = Section::new("What to expect").table(table).paragraph(
+        "Intervals as identify computes them, with the noise below. Paper: its protocol (EMS IV-A) on the same rig. More time: of \
+         motions like this one, if intervals shrink with the root of the time.",
+    );
+    let section = match (plan.needed_s, input.goal) {
+        (Some(needed), Goal::Parameter(..)) => section.paragraph(needed_in_words(plan, needed)),
+        _ => section,
+    };
+    match paper {
+        Some(_) => section,
+        None => section.paragraph(format!("{PAPER}.")),
+    }
+}
+
+/// Why the paper's protocol is not compared.
+pub const PAPER: &str = "The paper's protocol is not compared: it needs 120 mm of travel and speeds from 15 to 100 mm/s";
+
+/// How much longer the precision asked for takes.
+fn needed_in_words(plan: &Plan, needed: f64) -> String {
+    let more = needed - plan.duration_s();
+    if needed <= 0.0 {
+        "The recordings that are there reach the precision asked for.".to_owned()
+    } else if more > 0.0 {
+        format!("The precision asked for needs some {more:.0} s more.")
+    } else {
+        format!("The precision asked for is reached after some {needed:.0} s.")
+    }
+}
+
+fn configuration(config: &PlanConfig) -> Section {
+    let table = Table::new("Rig, noise and prior", ["Key", "Value"]);
+    let table = keys(config)
+        .into_iter()
+        .fold(table, |table, (key, value)| table.row([Cell::Code(key), Cell::Text(value)]));
+    Section::new("Rig, noise and prior").table(Table { collapsed: true, ..table })
+}
+
+fn provenance(input: &PlanReport) -> Vec<(String, String)> {
+    let config = input.config_source.as_ref().map_or_else(|| "defaults".to_owned(), Source::words);
+    let config = match input.before.first() {
+        Some(pilot) if input.config_source.is_none() => format!("limits of {}", pilot.name()),
+        _ => config,
+    };
+    let mut all = vec![("Program".to_owned(), PROGRAM.to_owned()), ("Rig".to_owned(), config)];
+    all.extend(input.model.iter().map(|model| ("Model".to_owned(), model.words())));
+    all.extend(input.posterior.iter().map(|draws| ("Draws".to_owned(), draws.words())));
+    all.extend(input.before.iter().map(|source| ("Recording".to_owned(), source.words())));
+    all.push(("Seed".to_owned(), input.config.seed.to_string()));
+    all
+}

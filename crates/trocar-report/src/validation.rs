@@ -1,0 +1,54 @@
+//! Creates figures from a model, recordings and its simulation over them: for any model, not only
+//! for one just identified.
+
+use super::document::{Axis, Document, Figure, Panel, Role, Section, Series};
+use super::figures::thinned;
+use trocar_identify::validate::Validation;
+use trocar_recording::Recording;
+use trocar_simulate::replay::Replay;
+
+/// Most recordings that are drawn.
+const MOST_RECORDINGS: usize = 4;
+
+/// Measured and computed force over time and the residual, one figure for each of the first four
+/// recordings.
+///
+/// `runs` are the simulations of the model over `recordings`, whose readings contain the sensor
+/// offset `offset`, N.
+pub fn document(
+    recordings: &[Recording],
+    runs: &[Replay],
+    scores: &Validation,
+    offset: f64,
+    title: &str,
+) -> Document {
+    let mut section = Section::new("Model against measurement");
+    let scored = recordings.iter().zip(runs).zip(&scores.recordings);
+    for (number, ((recording, run), scores)) in (1..).zip(scored.take(MOST_RECORDINGS)) {
+        let measured: Vec<f64> = recording.force.iter().map(|force| force - offset).collect();
+        let error: Vec<f64> =
+            measured.iter().zip(&run.force).map(|(measured, model)| measured - model).collect();
+        let line = |name, role, values: &[f64]| {
+            let (x, y) = thinned(&recording.time, values);
+            Series::line(name, role, x, y)
+        };
+        let time = || Axis::new("time", "s");
+        let forces = Panel::new(time(), Axis::new("force", "N").with_zero())
+            .series(line("measured", Role::Measured, &measured))
+            .series(line("model", Role::Model, &run.force))
+            .aspect(0.3);
+        let errors = Panel::new(time(), Axis::new("measured - model", "N").with_zero())
+            .series(line("error", Role::Residual, &error))
+            .aspect(0.2);
+        let mut figure =
+            Figure::new(format!("validation-{number}"), number, recording.name.as_str());
+        figure.linked_x = true;
+        let caption = format!(
+            "The force of the model from the measured positions of {} beside the readings less the sensor offset of {offset:.3} N. \
+             Root mean square error {:.3} N, fit {:.2} %.",
+            recording.name, scores.rms_n, scores.fit_percent
+        );
+        section = section.figure(figure.caption(caption).panel(forces).panel(errors));
+    }
+    Document { title: title.to_owned(), sections: vec![section], ..Document::default() }
+}

@@ -1,0 +1,10 @@
+//! Trocar models under motion: one along a recording, many at once, and on a virtual test bench
+//! that makes recordings.
+
+#[cfg(feature = "bench")]
+pub mod bench;
+pub mod cancel;
+pub mod many;
+pub mod replay;
+pub mod segment;
+pub mod simulate;

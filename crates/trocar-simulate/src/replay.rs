@@ -1,0 +1,112 @@
+//! Simulates a model over a recording whose initial state is unknown.
+//!
+//! A recording begins with the seal in an unknown state. The replay starts at rest with the first
+//! reading and reports from which sample on the initial state no longer matters. From there several
+//! extreme initial states give the same force, since the seal forgets its past once it has slid.
+
+use std::ops::Range;
+
+use trocar_model::{
+    Deformation, Friction, Mode, PartialReversals, Seal, SealState, Trocar, TrocarState,
+};
+
+use crate::cancel;
+use crate::many::along;
+use trocar_recording::Recording;
+
+/// Initial states count as forgotten when their forces agree within this, N.
+const FORGOTTEN: f64 = 1e-3;
+/// Initial states, as arguments of [`Seal::rest_between`].
+const STARTS: [f64; 5] = [-1.0, -0.5, 0.0, 0.5, 1.0];
+
+/// First of the steps (displacement in m, duration in s) after which the initial state no longer
+/// matters.
+///
+/// For EMS elements, initial states that agree once agree for ever. Those of a classical model must
+/// agree up to the end of the motion: the force of a LuGre model does not show its state where
+/// σ_1·|v| = g, and the memory of a Leuven model persists through sliding.
+pub fn forgotten_after(seal: &Seal, steps: impl Iterator<Item = (f64, f64)>) -> Option<usize> {
+    let mut states: Vec<SealState> = STARTS.iter().map(|part| seal.rest_between(*part)).collect();
+    let mut since = None;
+    for (i, (displacement, duration)) in steps.enumerate() {
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for state in &mut states {
+            let force = seal.step(state, displacement, duration);
+            (low, high) = (low.min(force), high.max(force));
+        }
+        let agree = high - low < FORGOTTEN;
+        since = agree.then(|| since.unwrap_or(i));
+        if agree && seal.stages().is_some() {
+            break;
+        }
+    }
+    since
+}
+
+/// A model simulated over a recording, sample by sample.
+#[derive(Debug, Clone, Default)]
+pub struct Replay {
+    /// Seal force, N, without sensor offset.
+    pub force: Vec<f64>,
+    /// Deflection, m, the mean of several elements; empty for a model without one.
+    pub deflection: Vec<f64>,
+    /// Whether every element slides; empty for a model without a deflection.
+    pub sliding: Vec<bool>,
+    /// Whether the seal deforms after a partial reversal: the deflection has reversed since the
+    /// seal last slid. Empty for a model without a deflection.
+    pub turned: Vec<bool>,
+    /// Samples whose force does not depend on the unknown initial state, as ranges.
+    pub known: Vec<Range<usize>>,
+}
+
+/// Simulates `trocar` over the positions of `recording`, whose readings contain the sensor offset
+/// `offset`, N.
+///
+/// The simulation restarts after gaps and resets.
+pub fn replay<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Replay {
+    let mut out = Replay::default();
+    for range in recording.unbroken() {
+        cancel::check();
+        let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
+        let increments = x.windows(2).zip(t.windows(2)).map(|(x, t)| (x[1] - x[0], t[1] - t[0]));
+        if let Some(after) = forgotten_after(trocar.seal(), increments) {
+            out.known.push(range.start + after + 1..range.end);
+        }
+        let mut state = trocar.rest_at_force(x[0], recording.force[range.start] - offset);
+        let (half_width, mut turns) = (trocar.seal().half_width(), PartialReversals::default());
+        out.push(&state, half_width, &mut turns);
+        for (x, t) in x[1..].iter().zip(t.windows(2)) {
+            trocar.step_to(&mut state, *x, t[1] - t[0]);
+            out.push(&state, half_width, &mut turns);
+        }
+    }
+    out
+}
+
+/// Force of `trocar` at every sample of `recording` without the sensor offset `offset`, N. The
+/// model is at rest with the first reading at the start and after every gap, then follows the
+/// positions.
+pub fn forces<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Vec<f64> {
+    let mut all = vec![0.0; recording.len()];
+    for range in recording.unbroken() {
+        let (x, t) = (&recording.position[range.clone()], &recording.time[range.clone()]);
+        let mut state = trocar.rest_at_force(x[0], recording.force[range.start] - offset);
+        let durations: Vec<f64> = t.windows(2).map(|t| t[1] - t[0]).collect();
+        let forces = &mut all[range];
+        forces[0] = state.force();
+        along(trocar, &mut state, &x[1..], &durations, &mut forces[1..]);
+    }
+    all
+}
+
+impl Replay {
+    fn push(&mut self, state: &TrocarState, half_width: f64, turns: &mut PartialReversals) {
+        self.force.push(state.force());
+        if let Some(deformation) = state.deformation() {
+            let Deformation { deflection, mode } = deformation;
+            self.turned.push(turns.take(deformation, half_width));
+            self.deflection.push(deflection);
+            self.sliding.push(mode == Mode::Sliding);
+        }
+    }
+}

@@ -1,0 +1,443 @@
+//! Simulates a trocar along a recorded motion, row by row and in constant memory.
+//!
+//! The motion is any file that [`trocar_recording`] can read with time and position. Of a force
+//! column only the first reading is used. Every row gives one row
+//! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model
+//! without a deflection. The force is that of the trocar without the sensor offset, positive on
+//! insertion.
+//!
+//! With posterior draws of the element, each row also has the band `force_low_n`, `force_high_n` that
+//! holds 95 % of their forces. It is the error of the parameters: neither the scatter of the
+//! friction from stroke to stroke nor what the model does not have is in it.
+
+use std::io::Read;
+use std::path::Path;
+
+use rayon::prelude::*;
+use trocar_model::{
+    BacklashFilter, BacklashState, Deformation, Mode, Seal, Stages, Trocar, TrocarState,
+};
+
+use crate::many::evenly;
+use trocar_recording::block::SampleRow;
+use trocar_recording::columns::Quantity;
+use trocar_recording::rows::Rows;
+use trocar_recording::{Choice, LONGEST_STROKE, RecordingError};
+use trocar_tables::error::OutputError;
+use trocar_tables::output::refuse_inputs;
+use trocar_tables::table::{Field, Kind, TableCell, TableWriter};
+
+/// Rows between two progress reports.
+const REPORT_EVERY: u64 = 1 << 16;
+
+/// Initial state of a simulation and filter of its positions.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct SimulateOptions {
+    /// Deflection of the seal at rest at the first row, m. `None`: from the first force reading if
+    /// the motion has one, else undeformed.
+    pub initial_deflection: Option<f64>,
+    /// Sensor offset in that reading, N.
+    pub offset: f64,
+    /// Suppresses the effect of encoder flicker at rest on the force. The positions written stay
+    /// those of the motion.
+    pub filter: Option<BacklashFilter>,
+}
+
+/// The initial state that was used.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Beginning {
+    /// The first force reading, N, if the motion has one and the state was computed from it.
+    pub reading: Option<f64>,
+    /// At rest at the first row.
+    pub state: TrocarState,
+}
+
+/// A trocar during a simulation.
+struct Run<'a> {
+    trocar: &'a Trocar<&'a [f64]>,
+    state: TrocarState,
+    /// With its state and the position relative to the first row, m.
+    filter: Option<(BacklashFilter, BacklashState, f64)>,
+}
+
+impl<'a> Run<'a> {
+    fn begin(
+        trocar: &'a Trocar<&'a [f64]>,
+        options: &SimulateOptions,
+        first: &Step,
+    ) -> Result<(Self, Beginning), SimulateError> {
+        let (state, reading) = match (options.initial_deflection, first.reading) {
+            (Some(deflection), _) => (trocar.rest_at_deflection(first.position, deflection), None),
+            (None, Some(reading)) => (
+                Some(trocar.rest_at_force(first.position, reading - options.offset)),
+                Some(reading),
+            ),
+            (None, None) => (Some(trocar.rest(first.position)), None),
+        };
+        let state =
+            state.ok_or_else(|| SimulateError::NoDeflection { kind: trocar.seal().kind() })?;
+        let filter = options.filter.map(|filter| {
+            let mut state = BacklashState::default();
+            filter.displacement(&mut state, 0.0);
+            (filter, state, 0.0)
+        });
+        Ok((Self { trocar, state, filter }, Beginning { reading, state }))
+    }
+
+    /// The force, N, after the step to a row.
+    fn advance(&mut self, to: &Step) -> f64 {
+        if to.duration > 0.0 {
+            self.step(to);
+        }
+        self.state.force()
+    }
+
+    fn step(&mut self, to: &Step) {
+        match &mut self.filter {
+            None => self.trocar.step_to(&mut self.state, to.position, to.duration),
+            Some((filter, state, travelled)) => {
+                *travelled += to.displacement;
+                let displacement = filter.displacement(state, *travelled);
+                self.trocar.step(&mut self.state, displacement, to.duration)
+            }
+        };
+    }
+}
+
+/// Why a simulation stopped; it leaves no output.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SimulateError {
+    /// The motion cannot be used.
+    #[error(transparent)]
+    Motion(#[from] RecordingError),
+    /// The result cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// An initial deflection for a model without one.
+    #[error("an initial deflection is for EMS elements; a {kind} model has no deflection")]
+    NoDeflection {
+        /// Kind of the model.
+        kind: &'static str,
+    },
+}
+
+/// Extent of a simulation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Simulated {
+    /// Rows read and written.
+    pub rows: u64,
+    /// Lowest position, m; infinite without rows.
+    pub lowest: f64,
+    /// Highest position, m; negative infinite without rows.
+    pub highest: f64,
+    /// The initial state; `None` without rows.
+    pub beginning: Option<Beginning>,
+    /// Whether the columns of the model's recordings were missing.
+    pub is_by_own_header: bool,
+}
+
+/// Simulates `trocar` along the file `motion` and writes `output`; `-` is standard input or output.
+///
+/// `choice` selects the columns of the motion. The first row is the initial position of the
+/// instrument and gets the force at rest there. `progress` is called from time to time with the
+/// fraction of the motion read so far, 0 to 1 (0 for a stream), and the number of rows.
+///
+/// # Errors
+/// [`SimulateError::Motion`] names the line of the first row that cannot be simulated: not a
+/// number, not finite, decreasing time, a change of position without a change of time, more than
+/// two metres of stroke. [`SimulateError::Output`] when the result cannot be written, or would
+/// replace the motion. No error leaves an output file.
+pub fn simulate_file<K: AsRef<[f64]>>(
+    motion: &Path,
+    choice: &Choice,
+    trocar: &Trocar<K>,
+    options: &SimulateOptions,
+    output: &Path,
+    progress: impl FnMut(f64, u64),
+) -> Result<Simulated, SimulateError> {
+    refuse_inputs([output], &[motion.to_owned()])?;
+    let mut result = TableWriter::create(output, &fields(trocar.seal()))?;
+    let simulated =
+        simulate(Positions::open(motion, choice)?, trocar, options, &mut result, progress)?;
+    result.commit()?;
+    Ok(simulated)
+}
+
+/// The same with the band of `draws` of the element: of more than [`MOST_DRAWS`], so many evenly
+/// spaced ones. All have the position profile of `trocar`.
+///
+/// # Errors
+/// As for [`simulate_file`].
+pub fn simulate_file_with_band<K: AsRef<[f64]>>(
+    motion: &Path,
+    choice: &Choice,
+    (trocar, draws): (&Trocar<K>, &[Stages]),
+    options: &SimulateOptions,
+    output: &Path,
+    progress: impl FnMut(f64, u64),
+) -> Result<Simulated, SimulateError> {
+    refuse_inputs([output], &[motion.to_owned()])?;
+    let trocar = trocar.borrowed();
+    let draws = evenly(draws, MOST_DRAWS);
+    let drawn: Vec<Trocar<&[f64]>> =
+        draws.into_iter().map(|draw| trocar.with_seal(draw.into())).collect();
+    let mut columns = fields(trocar.seal());
+    columns.extend(BAND.map(Field::number));
+    let mut result = TableWriter::create(output, &columns)?;
+    let band = Some(Band::new(&drawn));
+    let rows = Positions::open(motion, choice)?;
+    let simulated = run(rows, &trocar, options, band, &mut result, progress)?;
+    result.commit()?;
+    Ok(simulated)
+}
+
+/// Most draws of a band: its ends are then the forces of the 10th draw from either side.
+pub const MOST_DRAWS: usize = 400;
+/// Columns of the band.
+const BAND: [&str; 2] = ["force_low_n", "force_high_n"];
+/// Fraction of the draws below and above the band.
+const OUTSIDE: f64 = 0.025;
+/// Rows whose band is computed together.
+const BLOCK: usize = 512;
+
+/// Simulations of draws beside that of the model, and the rows that wait for their band.
+struct Band<'a> {
+    drawn: &'a [Trocar<&'a [f64]>],
+    runs: Vec<Run<'a>>,
+    steps: Vec<Step>,
+    rows: Vec<Vec<TableCell>>,
+}
+
+impl<'a> Band<'a> {
+    fn new(drawn: &'a [Trocar<&'a [f64]>]) -> Self {
+        Self { drawn, runs: Vec::new(), steps: Vec::new(), rows: Vec::new() }
+    }
+
+    fn begin(&mut self, options: &SimulateOptions, first: &Step) -> Result<(), SimulateError> {
+        let begin = |trocar| Run::begin(trocar, options, first).map(|(run, _)| run);
+        self.runs = self.drawn.iter().map(begin).collect::<Result<_, _>>()?;
+        Ok(())
+    }
+
+    /// Keeps a row, and writes all that wait when a block is full.
+    fn add(
+        &mut self,
+        step: Step,
+        row: Vec<TableCell>,
+        output: &mut TableWriter,
+    ) -> Result<(), OutputError> {
+        self.steps.push(step);
+        self.rows.push(row);
+        if self.rows.len() < BLOCK { Ok(()) } else { self.write(output) }
+    }
+
+    fn write(&mut self, output: &mut TableWriter) -> Result<(), OutputError> {
+        let steps = &self.steps;
+        let of = |run: &mut Run| steps.iter().map(|step| run.advance(step)).collect();
+        let forces: Vec<Vec<f64>> = self.runs.par_iter_mut().map(of).collect();
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            let mut own: Vec<f64> = forces.iter().map(|of_draw| of_draw[i]).collect();
+            own.sort_by(f64::total_cmp);
+            let outside = (OUTSIDE * own.len() as f64) as usize;
+            let ends = [own[outside], own[own.len() - 1 - outside]];
+            row.extend(ends.map(TableCell::Number));
+            output.row(row)?;
+        }
+        self.steps.clear();
+        self.rows.clear();
+        Ok(())
+    }
+}
+
+/// The columns of a simulation: time, position and force, and the deformation if the model has one.
+pub fn fields(seal: &Seal) -> Vec<Field> {
+    let mut fields: Vec<Field> = ["time_s", "position_m", "force_n"].map(Field::number).into();
+    if seal.stages().is_some() {
+        fields.extend([Field::number("deflection_m"), Field::new("mode", Kind::Text)]);
+    }
+    fields
+}
+
+/// The same into a table with these [`fields`], which is not committed.
+///
+/// # Errors
+/// As for [`simulate_file`].
+pub fn simulate<K: AsRef<[f64]>>(
+    rows: Positions,
+    trocar: &Trocar<K>,
+    options: &SimulateOptions,
+    output: &mut TableWriter,
+    progress: impl FnMut(f64, u64),
+) -> Result<Simulated, SimulateError> {
+    run(rows, &trocar.borrowed(), options, None, output, progress)
+}
+
+fn run(
+    mut rows: Positions,
+    trocar: &Trocar<&[f64]>,
+    options: &SimulateOptions,
+    mut band: Option<Band>,
+    output: &mut TableWriter,
+    mut progress: impl FnMut(f64, u64),
+) -> Result<Simulated, SimulateError> {
+    let mut count = 0;
+    let mut under_way: Option<(Run, Beginning)> = None;
+    while let Some(step) = rows.advance()? {
+        let run = match &mut under_way {
+            Some((run, _)) => run,
+            None => {
+                if let Some(band) = &mut band {
+                    band.begin(options, &step)?;
+                }
+                &mut under_way.insert(Run::begin(trocar, options, &step)?).0
+            }
+        };
+        let numbers = [step.time, step.position, run.advance(&step)].map(TableCell::Number);
+        match (&mut band, run.state.deformation()) {
+            (Some(band), deformation) => {
+                let of_state = deformation.into_iter().flat_map(cells);
+                band.add(step, numbers.into_iter().chain(of_state).collect(), output)?;
+            }
+            (None, Some(deformation)) => {
+                let ([time, position, force], [deflection, mode]) = (numbers, cells(deformation));
+                output.row(&[time, position, force, deflection, mode])?;
+            }
+            (None, None) => output.row(&numbers)?,
+        }
+        count += 1;
+        if count % REPORT_EVERY == 0 {
+            progress(rows.rows.part(), count);
+        }
+    }
+    if let Some(band) = &mut band {
+        band.write(output)?;
+    }
+    let beginning = under_way.map(|(_, beginning)| beginning);
+    Ok(Simulated {
+        rows: count,
+        lowest: rows.lowest,
+        highest: rows.highest,
+        beginning,
+        is_by_own_header: rows.rows.is_by_own_header(),
+    })
+}
+
+fn cells(Deformation { deflection, mode }: Deformation) -> [TableCell; 2] {
+    [TableCell::Number(deflection), TableCell::Text(word(mode))]
+}
+
+fn word(mode: Mode) -> &'static str {
+    match mode {
+        Mode::Deforming => "deforming",
+        Mode::Sliding => "sliding",
+    }
+}
+
+/// One row of a motion and the step to it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Step {
+    /// Time, s.
+    pub time: f64,
+    /// Position, m.
+    pub position: f64,
+    /// Displacement since the previous row, m; 0 on the first row.
+    pub displacement: f64,
+    /// Time since the previous row, s; 0 on the first row and where a row is repeated.
+    pub duration: f64,
+    /// Force reading, N, if the motion has one.
+    pub reading: Option<f64>,
+}
+
+/// Reads a motion row by row and rejects a row that cannot follow the previous one.
+pub struct Positions<'a> {
+    file: String,
+    rows: Rows<'a>,
+    started: bool,
+    time: f64,
+    position: f64,
+    lowest: f64,
+    highest: f64,
+}
+
+/// Required quantities of a motion.
+const NEEDED: [Quantity; 2] = [Quantity::Time, Quantity::Position];
+
+impl Positions<'static> {
+    /// Opens the file at `path`, or standard input for `-`, up to the first row.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when there is no such row or the columns are unclear.
+    pub fn open(path: &Path, choice: &Choice) -> Result<Self, RecordingError> {
+        Ok(Self::new(path.display().to_string(), Rows::open(path, choice, &NEEDED, false)?))
+    }
+}
+
+impl<'a> Positions<'a> {
+    /// The same from a text stream, which messages call `file`.
+    ///
+    /// # Errors
+    /// As for [`Positions::open`].
+    pub fn from_text(
+        file: &str,
+        input: impl Read + Send + 'a,
+        choice: &Choice,
+    ) -> Result<Self, RecordingError> {
+        let rows = Rows::from_text(file, Box::new(input), false, choice, &NEEDED, false)?;
+        Ok(Self::new(file.to_owned(), rows))
+    }
+
+    fn new(file: String, rows: Rows<'a>) -> Self {
+        let (lowest, highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        Self { file, rows, started: false, time: 0.0, position: 0.0, lowest, highest }
+    }
+
+    /// The next row, or `None` at the end.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with the line of an invalid row.
+    pub fn advance(&mut self) -> Result<Option<Step>, RecordingError> {
+        let Some(row) = self.rows.next_row()? else { return Ok(None) };
+        let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
+        let (mut duration, mut displacement) = (time - self.time, position - self.position);
+        if !std::mem::replace(&mut self.started, true) {
+            (duration, displacement) = (0.0, 0.0);
+        }
+        self.lowest = self.lowest.min(position);
+        self.highest = self.highest.max(position);
+        let finite = time.is_finite() && position.is_finite();
+        let follows = duration > 0.0 || (duration == 0.0 && displacement == 0.0);
+        if !(finite && follows && self.highest - self.lowest <= LONGEST_STROKE) {
+            return Err(self.unfit(row));
+        }
+        (self.time, self.position) = (time, position);
+        let reading = Some(row.get(Quantity::Force)).filter(|force| force.is_finite());
+        Ok(Some(Step { time, position, displacement, duration, reading }))
+    }
+
+    #[cold]
+    fn unfit(&self, row: SampleRow) -> RecordingError {
+        let (file, place) = (self.file.clone(), self.rows.place(row));
+        let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
+        for (quantity, value) in [("time", time), ("position", position)] {
+            if !value.is_finite() {
+                let found = if value.is_nan() { "empty or nan" } else { "infinite" };
+                return RecordingError::NonFinite { file, place, quantity, found };
+            }
+        }
+        if time < self.time {
+            return RecordingError::TimeGoesBack { file, place, from: self.time, to: time };
+        }
+        if time == self.time {
+            return RecordingError::NoDuration {
+                file,
+                place,
+                time,
+                from: self.position,
+                to: position,
+            };
+        }
+        let stroke = self.highest - self.lowest;
+        RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE }
+    }
+}

@@ -1,0 +1,83 @@
+//! Errors of all code that writes files: what failed, where, what was found, what was
+//! expected, and a remedy on a `hint:` line.
+
+use std::path::PathBuf;
+
+/// Why a result cannot be written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// The file or its temporary file cannot be created.
+    #[error("{}: cannot create: {source}\n\nhint: the folder must exist and be writable; choose another with --out", path.display())]
+    Create {
+        /// Destination of the output.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// Writing failed, for example on a full disk; nothing remains.
+    #[error("{}: cannot write: {source}\n\nhint: nothing was written there; free some space or choose another place with --out", path.display())]
+    Write {
+        /// Destination of the output.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// It would replace an input.
+    #[error(
+        "{}: the output would overwrite the input {}\n\nhint: give the output another name or folder; nothing was changed",
+        path.display(), input.display()
+    )]
+    IsInput {
+        /// Destination of the output.
+        path: PathBuf,
+        /// The input that is the same file.
+        input: PathBuf,
+    },
+    /// The extension selects a format that this build does not support.
+    #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}, or let the name end in .csv", path.display())]
+    NoFeature {
+        /// Destination of the output.
+        path: PathBuf,
+        /// Name of the cargo feature.
+        feature: &'static str,
+    },
+}
+
+/// Why a table of results cannot be read back.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// The file cannot be opened.
+    #[error("{}: cannot open: {source}", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// Error of the operating system.
+        source: std::io::Error,
+    },
+    /// Not a complete Parquet file.
+    #[error("{}: no complete Parquet file: {found}\n\nhint: was it cut off, or is it another format? write it again", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Error of the reader.
+        found: String,
+    },
+    /// A column contains something other than flat numbers, Booleans and text.
+    #[error("{}: column '{column}' holds neither numbers, Booleans nor text", path.display())]
+    Unread {
+        /// The file.
+        path: PathBuf,
+        /// Name of the column.
+        column: String,
+    },
+    /// This build cannot read Parquet.
+    #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}", path.display())]
+    NoFeature {
+        /// The file.
+        path: PathBuf,
+        /// Name of the cargo feature.
+        feature: &'static str,
+    },
+}
