@@ -1,10 +1,12 @@
 //! An estimated parameter with its 95 % interval, and the linear least squares used for
 //! most of them.
 
-use super::spread::MANY_DEGREES;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor, StudentsT};
+
+/// Degrees of freedom with which Student's t is normal.
+pub(super) const MANY_DEGREES: f64 = 1e6;
 
 /// An estimated parameter: value, 95 % interval, unit, and whether the data determine it.
 ///

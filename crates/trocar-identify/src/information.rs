@@ -211,7 +211,7 @@ impl Rows {
             let ripple = noise.ripple * row.force;
             let correlated = 1.0 + 2.0 * noise.ripple_length_m / travel;
             let precision =
-                1.0 / (noise.force_n.powi(2) / samples(row) + ripple * ripple * correlated);
+                1.0 / (noise.force_n.powi(2) / row.samples() + ripple * ripple * correlated);
             sum.ger(precision, &x, &x, 1.0);
             let (moment, square) = &mut strokes[row.stroke];
             let z = row.scale[0] + row.scale[1];
@@ -301,7 +301,7 @@ impl Rows {
                     columns.for_each(|(mut column, row)| column *= factor(row));
                     scaled
                 };
-                let white = scaled(&|row| noise.force_n / samples(row).sqrt());
+                let white = scaled(&|row| noise.force_n / row.samples().sqrt());
                 let rippled = scaled(&|row| noise.ripple * row.force);
                 // Σ_ik b_i·b_k·exp(−|s_i − s_k|/ℓ) by a sum that fades along the path.
                 let mut faded = DMatrix::zeros(own, block.len());
@@ -489,11 +489,6 @@ impl Reversals {
     fn end(self, sum: &mut DMatrix<f64>, variance: f64) {
         self.moved.iter().for_each(|moved| sum.ger(variance, moved, moved, 1.0));
     }
-}
-
-/// Samples of a step, from the weight that they have together.
-pub(super) fn samples(row: &Row) -> f64 {
-    row.weight / (1.0 - row.weight / INDEPENDENT).max(1e-3)
 }
 
 /// What is known about the free parameters, in the inverse of their units squared.

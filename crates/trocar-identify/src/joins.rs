@@ -24,12 +24,11 @@ use rayon::prelude::*;
 use trocar_model::Direction;
 
 use super::candidate::EmsTrial;
-use super::estimate::t_quantile;
+use super::estimate::{MANY_DEGREES, t_quantile};
 use super::likelihood::{self, Column, Fitted, Stop, Trial};
-use super::numbers::SHAPE;
 use super::prior::Kind;
 use super::shape::BranchShape;
-use super::spread::{MANY_DEGREES, Reported, Spread};
+use super::spread::{Reported, SHAPE, Spread};
 use super::training::Training;
 
 /// Distance of the joins of the grid.

@@ -34,7 +34,7 @@ use rayon::prelude::*;
 use trocar_model::Friction;
 
 use super::prior::{Kind, Prior};
-use super::training::{Run, Scale, Step, Training};
+use super::training::{INDEPENDENT, Run, Scale, Step, Training};
 use trocar_simulate::cancel;
 
 /// Stopping criteria.
@@ -77,6 +77,22 @@ pub(crate) struct Free {
     /// Standard deviation of the prior about 0; infinite without a prior.
     pub(crate) expected: f64,
     pub(crate) column: Column,
+}
+
+impl Free {
+    /// Its least and greatest value.
+    pub(crate) fn range(&self) -> [f64; 2] {
+        [self.low, self.high]
+    }
+}
+
+/// The weakly informative priors of the free parameters `free`, in their order and without those of
+/// the drift.
+pub(super) fn weak_priors_of(free: &[Free]) -> Vec<Prior> {
+    let of = |free: &Free| {
+        free.kind.map(|kind| kind.weak().unwrap_or_else(|| Prior::about_zero(free.expected)))
+    };
+    free.iter().filter_map(of).collect()
 }
 
 /// A model under trial: free parameters, and the model that they define.
@@ -593,6 +609,13 @@ pub(crate) struct Row {
     pub(crate) duration: f64,
     /// Time of its end since the beginning of the run, s.
     pub(crate) time: f64,
+}
+
+impl Row {
+    /// Samples of its step, from the weight that they have together.
+    pub(super) fn samples(&self) -> f64 {
+        self.weight / (1.0 - self.weight / INDEPENDENT).max(1e-3)
+    }
 }
 
 /// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid

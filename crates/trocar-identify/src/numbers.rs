@@ -9,7 +9,7 @@ use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
-use super::spread::{Reported, Spread};
+use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
 
 /// Joins, forces there, and the paper's θ (25), of both branches.
 pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
@@ -114,17 +114,6 @@ fn shortest_lag(found: &Estimate) -> Estimate {
     Estimate::from_bounds(found.value, 0.0, longest, found.unit)
         .with_note("too short to be distinguished from zero")
 }
-
-/// Factors on the standard errors of forces and of the shape. To first order the intervals of F_c
-/// held in 172 of 200 benches (`tests/recover.rs`): neighbouring strokes share some of their
-/// scatter. β needs none there (190 of 200), but does on the hard benches of `tests/trust`, where a
-/// mass was missed in 10 of 50. With the joins searched (joins.rs), the error of c is that of the
-/// jackknife but for some per cent; that of joins is larger, since the force has a kink there.
-pub(super) const LEVEL: f64 = 1.35;
-pub(super) const SLOPE: f64 = 1.15;
-pub(super) const SHAPE: f64 = 1.2;
-pub(super) const WIDTH: f64 = 1.1;
-pub(super) const MASS: f64 = 2.0;
 
 pub(super) fn factor_of(id: ParameterId) -> f64 {
     match (id.quantity, id.direction, id.element) {

@@ -1,6 +1,8 @@
 //! Options of the identification.
 
-use super::posterior::Draws;
+use std::fmt;
+use std::num::NonZeroUsize;
+
 use super::seal_prior::SealPrior;
 use super::terms::Term;
 use trocar_simulate::segment::SegmentOptions;
@@ -79,5 +81,36 @@ impl IdentifyOptions {
             self.prior.as_ref().map_or_else(String::new, |prior| format!(", {}", prior.in_words())),
             self.posterior.map_or_else(String::new, |draws| format!(", {draws} posterior draws"))
         )
+    }
+}
+
+/// Chains of each structure in a posterior.
+pub const CHAINS: usize = 4;
+
+/// Number of draws: a multiple of [`CHAINS`], at least [`Draws::FEWEST`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Draws(NonZeroUsize);
+
+impl Draws {
+    /// Fewest draws from which a 95 % interval can be read.
+    pub const FEWEST: usize = 400;
+
+    /// `count` draws; `None` where that is no multiple of [`CHAINS`] or below [`Draws::FEWEST`].
+    #[must_use]
+    pub fn new(count: usize) -> Option<Self> {
+        let count = NonZeroUsize::new(count)?;
+        (count.get() >= Self::FEWEST && count.get().is_multiple_of(CHAINS)).then_some(Self(count))
+    }
+
+    /// The number.
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.0.get()
+    }
+}
+
+impl fmt::Display for Draws {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        self.0.fmt(f)
     }
 }

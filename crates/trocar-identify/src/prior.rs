@@ -10,8 +10,6 @@ use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
 use trocar_model::Quantity;
 
-use super::likelihood::Free;
-
 /// Normal prior of one free parameter, in its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Prior {
@@ -30,11 +28,11 @@ impl Prior {
         Self::new(0.0, deviation)
     }
 
-    /// Standard deviation of the prior within the range of a parameter.
-    pub(super) fn deviation_within(self, free: &Free) -> f64 {
+    /// Standard deviation of the prior within a range.
+    pub(super) fn deviation_within(self, [low, high]: [f64; 2]) -> f64 {
         let Self { mean, deviation } = self;
         let Ok(normal) = Normal::new(0.0, 1.0) else { return deviation };
-        let ends = [free.low, free.high].map(|end| (end - mean) / deviation);
+        let ends = [low, high].map(|end| (end - mean) / deviation);
         let density = ends.map(|end| normal.pdf(end));
         let moment = |k: usize| if ends[k].is_finite() { ends[k] * density[k] } else { 0.0 };
         let mass = (normal.cdf(ends[1]) - normal.cdf(ends[0])).max(f64::MIN_POSITIVE);
@@ -42,10 +40,10 @@ impl Prior {
         deviation * (1.0 + (moment(0) - moment(1)) / mass - shift * shift).max(0.0).sqrt()
     }
 
-    /// Probability of N(mean, deviation²) within the range of a parameter.
-    pub(super) fn mass_within(self, free: &Free) -> f64 {
+    /// Probability of N(mean, deviation²) within a range.
+    pub(super) fn mass_within(self, [low, high]: [f64; 2]) -> f64 {
         let Ok(normal) = Normal::new(self.mean, self.deviation) else { return 1.0 };
-        normal.cdf(free.high) - normal.cdf(free.low)
+        normal.cdf(high) - normal.cdf(low)
     }
 }
 
@@ -113,7 +111,7 @@ impl Kind {
     ];
 
     /// The weakly informative prior; `None` where the fit has one of its own.
-    fn weak(self) -> Option<Prior> {
+    pub(super) fn weak(self) -> Option<Prior> {
         let about = |median: f64| Prior::new(median.ln(), DECADE);
         Some(match self {
             Self::Offset | Self::SlidingForce | Self::JoinForce => Prior::about_zero(10.0),
@@ -176,15 +174,6 @@ impl Kind {
                 | Self::LogHalfWidth
         )
     }
-}
-
-/// The weakly informative priors of the free parameters `free`, in their order and without those of
-/// the drift.
-pub(super) fn weak(free: &[Free]) -> Vec<Prior> {
-    let of = |free: &Free| {
-        free.kind.map(|kind| kind.weak().unwrap_or_else(|| Prior::about_zero(free.expected)))
-    };
-    free.iter().filter_map(of).collect()
 }
 
 /// The weakly informative priors as rows of words: parameter, symbol, prior with its unit.

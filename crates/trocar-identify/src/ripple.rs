@@ -15,9 +15,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::information::samples;
 use super::likelihood::{self, Fitted, Row, Trial};
-use super::training::Training;
+use super::training::{Ripple, Training};
 
 /// Values of b over the variance of a reading relative to its force, and of L, that are compared.
 const RATIOS: usize = 17;
@@ -26,17 +25,6 @@ const LENGTHS: usize = 10;
 /// Least L in mean steps, and largest one as a part of the travel.
 const SHORTEST: f64 = 4.0;
 const LONGEST: f64 = 0.1;
-
-/// The model of the error.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Ripple {
-    /// a, N².
-    white: f64,
-    /// b.
-    variance: f64,
-    /// L, m.
-    length: f64,
-}
 
 impl Ripple {
     /// From the residuals of a fit; `None` where its model does not run or nothing moves.
@@ -80,7 +68,7 @@ impl Ripple {
             // WX̃ of the strokes of a cluster, step by step.
             let moved = training.scattered(own, strokes.start, &mut sum);
             for (row, mut moved) in own.iter().zip(moved) {
-                sum.ger(self.white / samples(row), &moved, &moved, 1.0);
+                sum.ger(self.white / row.samples(), &moved, &moved, 1.0);
                 moved *= row.force;
                 rippled *= (-row.displacement.abs() / self.length).exp();
                 sum.ger(self.variance, &moved, &rippled, 1.0);
@@ -105,7 +93,7 @@ fn filtered(rows: &[Row], residuals: &[f64], [ratio, length]: [f64; 2]) -> (f64,
         let fade = (-row.displacement.abs() / length).exp();
         mean *= fade;
         variance = fade * fade * variance + ratio * (1.0 - fade * fade);
-        let of_reading = row.force * row.force * variance + 1.0 / samples(row);
+        let of_reading = row.force * row.force * variance + 1.0 / row.samples();
         let off = residual - row.force * mean;
         squares += off * off / of_reading;
         logs += of_reading.ln();

@@ -21,9 +21,9 @@ use serde::Serialize;
 use trocar_model::{Direction, ParamError, ParameterId, Quantity, Stages};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::likelihood::{Fitted, Free, Trial};
+use super::likelihood::{self, Fitted, Free, Trial};
 use super::numbers::{self, OnLogarithm};
-use super::prior::{self, Kind, Prior};
+use super::prior::{Kind, Prior};
 use super::shape::BranchShape;
 use super::spread::{Dependent, Spread};
 use super::stage::SecondStage;
@@ -143,7 +143,7 @@ impl SealPrior {
     /// The priors of the free parameters of a trial of this model.
     pub(super) fn of(&self, trial: &EmsTrial) -> Vec<Prior> {
         let free = trial.free();
-        let weak = prior::weak(&free);
+        let weak = likelihood::weak_priors_of(&free);
         let of = |(free, weak): (&Free, Prior)| match free.kind {
             Some(kind) => self.of_kind(&trial.candidate, kind, free.value).unwrap_or(weak),
             None => weak,
@@ -204,8 +204,9 @@ impl SealPrior {
             let value = |t: &EmsTrial| t.candidate.value(id);
             let Dependent { gradient, .. } = Dependent::on(&fitted.best, false, &value);
             let own = gradient.iter().zip(&free).zip(priors);
-            let beforehand: f64 =
-                own.map(|((g, free), prior)| (g * prior.deviation_within(free)).powi(2)).sum();
+            let beforehand: f64 = own
+                .map(|((g, free), prior)| (g * prior.deviation_within(free.range())).powi(2))
+                .sum();
             let ratio = spread.deviation(&value) / beforehand.sqrt();
             ratio.is_finite().then(|| (id.to_string(), ratio))
         };

@@ -13,7 +13,6 @@ use rayon::prelude::*;
 use trocar_model::{Seal, Stages};
 
 use super::prior::Prior;
-use super::ripple::Ripple;
 use trocar_recording::Recording;
 use trocar_simulate::replay::forgotten_after;
 use trocar_simulate::segment::{Direction, SteadySegment, Stroke};
@@ -35,6 +34,9 @@ const SLIDES: f64 = 3.0;
 /// Noise of the inertia that is taken out, relative to the error of a reading: noise averages over
 /// samples and strokes, the blur of longer windows is the same in every stroke.
 const NOISIER: f64 = 8.0;
+
+/// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
+pub const ASSUMED_WIDTH: f64 = 0.05;
 
 /// One step of the simulation.
 #[derive(Debug, Clone)]
@@ -118,6 +120,17 @@ impl Run {
             [self.steps.first(), self.steps.last()].map(|step| step.map(|s| s.stroke));
         first.unwrap_or(0)..last.map_or(0, |last| last + 1)
     }
+}
+
+/// The error that is correlated along the travel, by the model of ripple.rs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Ripple {
+    /// a, N².
+    pub(super) white: f64,
+    /// b.
+    pub(super) variance: f64,
+    /// L, m.
+    pub(super) length: f64,
 }
 
 /// All data that the fit simulates.

@@ -6,15 +6,12 @@ use trocar_model::Stages;
 use crate::options::IdentifyOptions;
 use crate::result::Identification;
 use crate::segments::{Segments, segment};
-use crate::training::{Segmented, Training};
+use crate::training::{ASSUMED_WIDTH, Segmented, Training};
 use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
 use trocar_simulate::segment::SteadySegment;
 
 use super::kind::Scales;
-
-/// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
-pub const ASSUMED_WIDTH: f64 = 0.05;
 
 /// Most clusters of cycles. This is fewer than for the EMS element: without a steady state of its
 /// own, the fit must not treat neighbouring cycles as independent.

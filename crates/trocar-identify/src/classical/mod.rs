@@ -12,7 +12,8 @@ mod fit;
 mod kind;
 mod starts;
 
-pub use data::{ASSUMED_WIDTH, ClassicalData};
+pub use crate::training::ASSUMED_WIDTH;
+pub use data::ClassicalData;
 pub use fit::ClassicalFit;
 pub(crate) use fit::{LONG, SHORT, doubts};
 pub use fit::{RelatedFits, fit};

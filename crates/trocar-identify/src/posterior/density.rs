@@ -26,12 +26,11 @@ use nalgebra::{DMatrix, DVector};
 use trocar_model::ParameterId;
 
 use super::super::candidate::EmsTrial;
-use super::super::estimate::t_quantile;
+use super::super::estimate::{MANY_DEGREES, t_quantile};
 use super::super::joins::Joins;
 use super::super::likelihood::{self, Fitted, Free, MODEL_DEGREES, Trial};
-use super::super::numbers;
 use super::super::prior::{Kind, Prior};
-use super::super::spread::{MANY_DEGREES, Spread};
+use super::super::spread::{self, Spread};
 use super::super::training::Training;
 use super::joins::FollowedJoin;
 
@@ -165,9 +164,9 @@ impl Density {
     pub(super) fn log_masses(&self) -> [f64; 2] {
         let of_posterior = |j: usize| {
             let own = Prior::new(self.mode[j], self.working.row(j).norm());
-            own.mass_within(&self.free[j]).ln()
+            own.mass_within(self.free[j].range()).ln()
         };
-        let of_prior = |(f, prior): (&Free, &Prior)| prior.mass_within(f).ln();
+        let of_prior = |(f, prior): (&Free, &Prior)| prior.mass_within(f.range()).ln();
         [
             self.free.iter().zip(&self.training.prior).map(of_prior).sum(),
             (0..self.free.len()).map(of_posterior).sum(),
@@ -200,11 +199,11 @@ fn adjusted(
 /// Factor on the standard deviation of a free parameter, as on its interval.
 fn widening(kind: Kind) -> f64 {
     match kind {
-        Kind::SlidingForce | Kind::Offset => numbers::LEVEL,
-        Kind::Damping => numbers::SLOPE,
-        Kind::Join | Kind::JoinForce | Kind::Bend => numbers::SHAPE,
-        Kind::HalfWidth => numbers::WIDTH,
-        Kind::UnmodelledMass => numbers::MASS,
+        Kind::SlidingForce | Kind::Offset => spread::LEVEL,
+        Kind::Damping => spread::SLOPE,
+        Kind::Join | Kind::JoinForce | Kind::Bend => spread::SHAPE,
+        Kind::HalfWidth => spread::WIDTH,
+        Kind::UnmodelledMass => spread::MASS,
         _ => 1.0,
     }
 }

@@ -10,8 +10,6 @@
 //! the i-th of that chain of one structure; which one follows the weights. The same seed gives the
 //! same draws on any number of threads.
 
-use std::fmt;
-use std::num::NonZeroUsize;
 
 use nalgebra::DVector;
 use rand::SeedableRng;
@@ -43,11 +41,10 @@ mod slice;
 mod structures;
 mod table;
 
+pub use super::options::{CHAINS, Draws};
 pub use super::prior::weak_priors;
 pub use table::{DrawsError, FILE_NAME, models, read, read_models, write};
 
-/// Chains of each structure.
-pub const CHAINS: usize = 4;
 /// Steps of a chain before the reference is adapted, those of which it is adapted to the last half,
 /// and steps after that before the draws.
 const WARM_UP: usize = 300;
@@ -59,34 +56,6 @@ const LARGEST_R_HAT: f64 = 1.01;
 const SMALLEST_ESS: f64 = 400.0;
 /// A parameter whose draws are wider than this fraction of its prior is not informed by the data.
 const UNINFORMED: f64 = 0.7;
-
-/// Number of draws: a multiple of [`CHAINS`], at least [`Draws::FEWEST`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Draws(NonZeroUsize);
-
-impl Draws {
-    /// Fewest draws from which a 95 % interval can be read.
-    pub const FEWEST: usize = 400;
-
-    /// `count` draws; `None` where that is no multiple of [`CHAINS`] or below [`Draws::FEWEST`].
-    #[must_use]
-    pub fn new(count: usize) -> Option<Self> {
-        let count = NonZeroUsize::new(count)?;
-        (count.get() >= Self::FEWEST && count.get().is_multiple_of(CHAINS)).then_some(Self(count))
-    }
-
-    /// The number.
-    #[must_use]
-    pub fn count(self) -> usize {
-        self.0.get()
-    }
-}
-
-impl fmt::Display for Draws {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        self.0.fmt(f)
-    }
-}
 
 /// A structure of the element: which optional terms it has.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -395,7 +364,7 @@ fn prior_deviation(structure: &Structure, id: ParameterId) -> Option<f64> {
     let free = best.free();
     let own = gradient.iter().zip(&free).zip(&structure.training.prior);
     let variance: f64 =
-        own.map(|((g, free), prior)| (g * prior.deviation_within(free)).powi(2)).sum();
+        own.map(|((g, free), prior)| (g * prior.deviation_within(free.range())).powi(2)).sum();
     (variance.is_finite() && variance > 0.0).then(|| variance.sqrt())
 }
 

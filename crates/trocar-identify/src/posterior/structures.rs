@@ -11,7 +11,6 @@ use super::super::candidate::EmsTrial;
 use super::super::element::ElementFit;
 use super::super::joins::Joins;
 use super::super::likelihood::{self, Fitted, Stop, Trial};
-use super::super::prior;
 use super::super::spread::variance;
 use super::super::terms::{SUSPECTED, Term, TermTrial};
 use super::super::training::Training;
@@ -38,7 +37,7 @@ impl Structure {
     fn fit(training: &Training, from: &EmsTrial) -> Option<Self> {
         let mut training = training.clone();
         if training.prior.is_empty() {
-            training.prior = prior::weak(&from.free());
+            training.prior = likelihood::weak_priors_of(&from.free());
         }
         let fitted = likelihood::fit(&training, from, LAST)?;
         let (fitted, joins) = Joins::searched(&training, fitted, LAST);
