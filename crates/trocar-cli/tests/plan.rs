@@ -4,7 +4,6 @@ use std::fs;
 
 use crate::common::Place;
 
-const README: &str = include_str!("../../../README.md");
 const PAGE: &str = include_str!("../../../docs/explanation/plan.md");
 
 /// A plan that takes little time: two seals, the reserve and little more.
@@ -57,22 +56,17 @@ fn numbers(text: &str) -> Vec<(Vec<&str>, Vec<f64>)> {
 
 /// Processors round differently: the motion is the same, intervals agree within a per cent.
 #[test]
-fn the_pages_show_the_plan_for_a_rig_like_the_papers() {
+fn the_page_shows_the_plan_for_a_rig_like_the_papers() {
     let printed = Place::new().run("plan --out motion.csv").ends_with(0).stdout;
-    for (name, page) in [("README.md", README), ("docs/explanation/plan.md", PAGE)] {
-        let from = page.find("for all parameters:").expect("the plan is shown");
-        let shown = &page[from..from + page[from..].find("```").expect("its end")];
-        let shown = shown.split("\n$ ").next().unwrap();
-        let pairs = numbers(&printed);
-        assert_eq!(numbers(shown).len(), pairs.len(), "{name} does not show\n{printed}");
-        for ((words, own), (others, theirs)) in numbers(shown).into_iter().zip(pairs) {
-            assert_eq!(words, others, "{name}");
-            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-2 * a.abs() + 1e-4;
-            assert!(
-                own.iter().zip(&theirs).all(near),
-                "{name}: {words:?} {own:?}, found {theirs:?}"
-            );
-        }
+    let from = PAGE.find("for all parameters:").expect("the plan is shown");
+    let shown = &PAGE[from..from + PAGE[from..].find("```").expect("its end")];
+    let shown = shown.split("\n$ ").next().unwrap();
+    let pairs = numbers(&printed);
+    assert_eq!(numbers(shown).len(), pairs.len(), "the page does not show\n{printed}");
+    for ((words, own), (others, theirs)) in numbers(shown).into_iter().zip(pairs) {
+        assert_eq!(words, others);
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-2 * a.abs() + 1e-4;
+        assert!(own.iter().zip(&theirs).all(near), "{words:?} {own:?}, found {theirs:?}");
     }
 }
 

@@ -33,7 +33,7 @@ pub struct Instance {
 
 /// A remark for the importer after a successful call.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Remark {
+pub(crate) struct Remark {
     /// Name of the variable.
     pub name: &'static str,
     /// The requested value.
@@ -97,7 +97,7 @@ impl Instance {
     /// # Errors
     /// [`FmuError`] in another phase than [`Phase::Instantiated`], or for times that are not finite
     /// or not increasing.
-    pub fn set_time(&mut self, start: f64, stop: Option<f64>) -> Result<(), FmuError> {
+    pub(crate) fn set_time(&mut self, start: f64, stop: Option<f64>) -> Result<(), FmuError> {
         self.expect(Phase::Instantiated)?;
         for (name, value) in [("start time", Some(start)), ("stop time", stop)] {
             if let Some(value) = value.filter(|value| !value.is_finite()) {
@@ -115,7 +115,7 @@ impl Instance {
     ///
     /// # Errors
     /// [`FmuError::Phase`] in another phase than [`Phase::Instantiated`].
-    pub fn enter_initialization(&mut self) -> Result<(), FmuError> {
+    pub(crate) fn enter_initialization(&mut self) -> Result<(), FmuError> {
         self.expect(Phase::Instantiated)?;
         self.live.phase = Phase::Initialization;
         Ok(())
@@ -126,7 +126,7 @@ impl Instance {
     /// # Errors
     /// [`FmuError`] in another phase than [`Phase::Initialization`], for inconsistent parameters or
     /// two initial conditions at once.
-    pub fn exit_initialization(&mut self) -> Result<Option<Remark>, FmuError> {
+    pub(crate) fn exit_initialization(&mut self) -> Result<Option<Remark>, FmuError> {
         self.expect(Phase::Initialization)?;
         self.settle()?;
         self.live.phase = Phase::Step;
@@ -277,7 +277,7 @@ impl Instance {
     /// # Errors
     /// [`FmuError::Unknown`] before any value is passed on, or [`FmuError::Parameter`] if the
     /// parameters set before are inconsistent.
-    pub fn get_reals(
+    pub(crate) fn get_reals(
         &mut self,
         references: &[u32],
         kind: &'static str,
@@ -295,7 +295,7 @@ impl Instance {
     ///
     /// # Errors
     /// As for [`Instance::get_reals`].
-    pub fn get_integers(
+    pub(crate) fn get_integers(
         &mut self,
         references: &[u32],
         kind: &'static str,
@@ -322,7 +322,7 @@ impl Instance {
     /// # Errors
     /// [`FmuError`] for an unknown variable, one that cannot be set (at present), or a value out of
     /// its range.
-    pub fn set_reals(
+    pub(crate) fn set_reals(
         &mut self,
         references: &[u32],
         values: &[f64],
@@ -382,7 +382,11 @@ impl Instance {
     ///
     /// # Errors
     /// [`FmuError`] for the first of `references`, if there is one.
-    pub fn set_integers(&self, references: &[u32], kind: &'static str) -> Result<(), FmuError> {
+    pub(crate) fn set_integers(
+        &self,
+        references: &[u32],
+        kind: &'static str,
+    ) -> Result<(), FmuError> {
         let Some(reference) = references.first() else { return Ok(()) };
         let name = self.integer(*reference, kind)?.name.clone();
         Err(FmuError::NotSettable { name, phase: None })
@@ -413,7 +417,7 @@ impl Instance {
     }
 
     /// Size of a serialized state in bytes.
-    pub fn state_length(&self) -> usize {
+    pub(crate) fn state_length(&self) -> usize {
         Snapshot::length(self.applied.len())
     }
 
@@ -421,7 +425,7 @@ impl Instance {
     ///
     /// # Errors
     /// [`FmuError::StateLength`], [`FmuError::StateForeign`] or [`FmuError::StateDamaged`].
-    pub fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
+    pub(crate) fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
         let seal =
             |values: &[f64]| self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal));
         Snapshot::from_bytes(bytes, self.identity, self.applied.len(), seal)

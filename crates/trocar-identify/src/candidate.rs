@@ -91,7 +91,7 @@ impl Candidate {
     pub const DEFAULT_YIELD_RATIO: f64 = 1.01;
 
     /// Sliding force of all stages relative to that of the first.
-    pub fn stage_factor(&self) -> f64 {
+    pub(crate) fn stage_factor(&self) -> f64 {
         1.0 + self.second.as_ref().map_or(0.0, |second| second.share)
     }
 
@@ -353,6 +353,39 @@ impl Layout {
         if self.unmodelled_mass {
             on(&mut candidate.unmodelled_mass, Span::new(Kind::UnmodelledMass, 1e-4, 0.0, free));
         }
+        self.visit_sliding(candidate, force, &mut on);
+        let width = candidate.half_width;
+        let sliding =
+            candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
+        let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
+        if self.shape {
+            let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
+            on(&mut candidate.half_width, Span::new(Kind::HalfWidth, 1e-4 * width, low, high));
+            for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
+                shape.visit(force, [sliding, bend], &mut on);
+            }
+        }
+        if self.damping {
+            on(&mut candidate.seal_damping, Span::new(Kind::Damping, 10.0 * force, 0.0, free));
+        }
+        self.visit_time(candidate, &mut on);
+        if let (true, Some(second)) = (self.second, &mut candidate.second) {
+            on_log(Kind::LogShare, &mut second.share, SHARE_RANGE, &mut on);
+            let widths = [0.02 * width, 5.0 * width];
+            on_log(Kind::LogHalfWidth, &mut second.half_width, widths, &mut on);
+            for shape in [&mut second.insertion_branch, &mut second.withdrawal_branch] {
+                shape.visit(force, [sliding, bend], &mut on);
+            }
+        }
+    }
+
+    /// Those of sliding; `force` (N) is the step of a force.
+    fn visit_sliding(
+        self,
+        candidate: &mut Candidate,
+        force: f64,
+        on: &mut impl FnMut(&mut f64, Span),
+    ) {
         let largest = self.largest.max(10.0 * force);
         on(
             &mut candidate.insertion.coulomb_force,
@@ -361,7 +394,7 @@ impl Layout {
         if self.viscous {
             on(
                 &mut candidate.insertion.viscous_damping,
-                Span::new(Kind::Damping, 100.0 * force, 0.0, free),
+                Span::new(Kind::Damping, 100.0 * force, 0.0, f64::INFINITY),
             );
         }
         if self.stribeck {
@@ -402,26 +435,16 @@ impl Layout {
             candidate.withdrawal.viscous_damping = other.viscous_damping;
             on(
                 &mut candidate.withdrawal.viscous_damping,
-                Span::new(Kind::Damping, 100.0 * force, 0.0, free),
+                Span::new(Kind::Damping, 100.0 * force, 0.0, f64::INFINITY),
             );
         }
         for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
             sliding.static_force = sliding.static_force.max(sliding.coulomb_force);
         }
-        let width = candidate.half_width;
-        let sliding =
-            candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
-        let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
-        if self.shape {
-            let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
-            on(&mut candidate.half_width, Span::new(Kind::HalfWidth, 1e-4 * width, low, high));
-            for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
-                shape.visit(force, [sliding, bend], &mut on);
-            }
-        }
-        if self.damping {
-            on(&mut candidate.seal_damping, Span::new(Kind::Damping, 10.0 * force, 0.0, free));
-        }
+    }
+
+    /// Those by which the seal changes in time.
+    fn visit_time(self, candidate: &mut Candidate, mut on: &mut impl FnMut(&mut f64, Span)) {
         if self.yielding {
             on(
                 &mut candidate.yield_ratio,
@@ -446,18 +469,6 @@ impl Layout {
         for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
             on_log(Kind::LogStiffness, &mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
             on_log(Kind::LogRelaxationTime, &mut arm.time, TIME_RANGE, &mut on);
-        }
-        if let (true, Some(second)) = (self.second, &mut candidate.second) {
-            on_log(Kind::LogShare, &mut second.share, SHARE_RANGE, &mut on);
-            on_log(
-                Kind::LogHalfWidth,
-                &mut second.half_width,
-                [0.02 * width, 5.0 * width],
-                &mut on,
-            );
-            for shape in [&mut second.insertion_branch, &mut second.withdrawal_branch] {
-                shape.visit(force, [sliding, bend], &mut on);
-            }
         }
     }
 

@@ -27,6 +27,16 @@ use trocar_recording::HEAVIEST_UNMODELLED_MASS;
 /// the parameters). The intervals cover it.
 const UNFINISHED: f64 = 1.0;
 
+fn summary(fit: ElementFit) -> FitSummary {
+    FitSummary {
+        terms: fit.trials,
+        paper_rms_n: fit.paper_rms,
+        rms_n: fit.fitted.rms[1],
+        iterations: fit.fitted.iterations,
+        converged: element::remaining(&fit.fitted) < UNFINISHED,
+    }
+}
+
 /// Assembles the result.
 pub(super) fn conclude(
     input: &Input,
@@ -74,12 +84,7 @@ pub(super) fn conclude(
     if posterior.is_some() && input.options.prior.is_none() {
         warnings.extend(drawn_all_the_same(&parameters));
     }
-    let layout_parameters = fit.as_ref().map_or(3, |f| {
-        let layout = f.fitted.best.layout;
-        f.fitted.best.free_numbers()
-            - usize::from(layout.offset)
-            - usize::from(layout.unmodelled_mass)
-    });
+    let of_seal = fit.as_ref().map_or(3, ElementFit::seal_numbers);
     let of_profile = position_profile.as_ref().map_or(0, |t| t.free_parameters());
     Ok(Identification {
         free_motion: FreeMotion::of(recordings, segments, model.half_width),
@@ -90,13 +95,7 @@ pub(super) fn conclude(
         two_step_parameters,
         steady: two.steady.clone(),
         deformation: two.deformation.clone(),
-        fit: fit.map(|f| FitSummary {
-            terms: f.trials,
-            paper_rms_n: f.paper_rms,
-            rms_n: f.fitted.rms[1],
-            iterations: f.fitted.iterations,
-            converged: element::remaining(&f.fitted) < UNFINISHED,
-        }),
+        fit: fit.map(summary),
         covariance,
         prior,
         posterior,
@@ -107,7 +106,7 @@ pub(super) fn conclude(
         position_delay,
         position_profile,
         no_position_profile,
-        free_parameters: layout_parameters + of_profile,
+        free_parameters: of_seal + of_profile,
         residual_rms: judged.residual_rms,
         warnings,
     })

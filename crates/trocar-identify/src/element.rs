@@ -76,6 +76,15 @@ pub(super) struct ElementFit {
     pub(super) left: UnexplainedEffects,
 }
 
+impl ElementFit {
+    /// Number of free numbers of the seal, without those of the rig.
+    pub(super) fn seal_numbers(&self) -> usize {
+        let EmsTrial { layout, .. } = &self.fitted.best;
+        let of_rig = usize::from(layout.offset) + usize::from(layout.unmodelled_mass);
+        self.fitted.best.free_numbers() - of_rig
+    }
+}
+
 /// A fit with its training data and the variances of its friction scale.
 struct Scaled {
     training: Training,

@@ -36,7 +36,7 @@ impl Estimate {
     ///
     /// Without a degree of freedom, or with a standard error that is not finite, the interval is
     /// infinite.
-    pub fn from_standard_error(
+    pub(crate) fn from_standard_error(
         value: f64,
         standard_error: f64,
         degrees: f64,
@@ -70,7 +70,7 @@ impl Estimate {
     }
 
     /// The same estimate with a remark.
-    pub fn with_note(mut self, note: impl Into<String>) -> Self {
+    pub(crate) fn with_note(mut self, note: impl Into<String>) -> Self {
         self.note = Some(note.into());
         self
     }

@@ -34,7 +34,7 @@ use trocar_simulate::segment::{Direction, Stroke, reversal_threshold, strokes};
 /// Largest relative difference of the median speeds of repeats.
 pub const LIKE_SPEED: f64 = 0.25;
 /// Least fraction of the longer range of positions that two repeats share.
-pub const LIKE_RANGE: f64 = 0.5;
+pub(crate) const LIKE_RANGE: f64 = 0.5;
 /// Window of the velocity, s.
 const VELOCITY_WINDOW: f64 = 0.05;
 /// Lengths tried about a reversal, as fractions of the median range of the repeats.
@@ -108,7 +108,7 @@ impl StrokeScatter {
     ///
     /// # Errors
     /// [`NoRepeats`] when no stroke has a repeat.
-    pub fn of_strokes(recording: &Recording, strokes: &[Stroke]) -> Result<Self, NoRepeats> {
+    pub(crate) fn of_strokes(recording: &Recording, strokes: &[Stroke]) -> Result<Self, NoRepeats> {
         let groups: Vec<Group> =
             groups(recording, strokes).into_iter().filter(|g| g.tracks.len() > 1).collect();
         if groups.is_empty() {
@@ -142,7 +142,7 @@ impl StrokeScatter {
     /// Whether at least half of the recording's samples have a repeat: the recording consists of
     /// repeated strokes. In hand-like motion some strokes are similar by chance, but the motion
     /// before them is not.
-    pub fn rules(&self, recording: &Recording) -> bool {
+    pub(crate) fn rules(&self, recording: &Recording) -> bool {
         2 * self.samples >= recording.len()
     }
 

@@ -72,10 +72,10 @@ fn legendre_coefficients(low: f64, high: f64, higher: &[f64]) -> Vec<f64> {
 
 impl BranchShape {
     /// Largest magnitude of the join: nearer to an end, the shorter polynomial would have no data.
-    pub const JOIN_RANGE: f64 = 0.7;
+    pub(crate) const JOIN_RANGE: f64 = 0.7;
 
     /// Whether the join is at an end of its range: no minimum was found inside.
-    pub fn join_at_bound(&self) -> bool {
+    pub(crate) fn join_at_bound(&self) -> bool {
         self.join.abs() > 0.99 * Self::JOIN_RANGE
     }
 

@@ -155,16 +155,7 @@ impl Term {
         match self {
             Self::Stribeck => {
                 layout.stribeck = true;
-                let [slow, fast] = speeds;
-                for v_s in [0.3 * slow, slow, (slow * fast).sqrt()] {
-                    let mut candidate = candidate.clone();
-                    for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
-                        sliding.static_force = 1.05 * sliding.coulomb_force;
-                        sliding.stribeck_velocity = v_s.clamp(1e-3, 0.5);
-                        sliding.stribeck_exponent = 2.0;
-                    }
-                    add(candidate, layout);
-                }
+                with_stribeck(&candidate, speeds).for_each(|candidate| add(candidate, layout));
             }
             Self::SealDamping => {
                 layout.damping = true;
@@ -274,6 +265,22 @@ impl Term {
         };
         has_place && !self.is_in(layout)
     }
+}
+
+/// With a small rise of the friction below three speeds, from below the slowest to between it and the fastest.
+fn with_stribeck(
+    candidate: &Candidate,
+    [slow, fast]: [f64; 2],
+) -> impl Iterator<Item = Candidate> + '_ {
+    [0.3 * slow, slow, (slow * fast).sqrt()].into_iter().map(|velocity| {
+        let mut candidate = candidate.clone();
+        for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
+            sliding.static_force = 1.05 * sliding.coulomb_force;
+            sliding.stribeck_velocity = velocity.clamp(1e-3, 0.5);
+            sliding.stribeck_exponent = 2.0;
+        }
+        candidate
+    })
 }
 
 /// Trial of an optional term.

@@ -14,8 +14,8 @@ use trocar::workflow::MovingMass;
 
 use crate::errors::{CompareError, ParameterError, Raise};
 use crate::model::Model;
-use crate::recording::Recording;
-use crate::shared::{Picture, figures, moving_mass, records, write_page};
+use crate::recording::{Recording, records};
+use crate::shared::{Picture, figures, moving_mass, write_page};
 use crate::work::{How, run};
 
 /// A finished comparison.

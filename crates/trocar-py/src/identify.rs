@@ -17,8 +17,8 @@ use trocar_model::ParameterId;
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::posterior::PosteriorTable;
-use crate::recording::Recording;
-use crate::shared::{Picture, figures, moving_mass, records, write_page};
+use crate::recording::{Recording, records};
+use crate::shared::{Picture, figures, moving_mass, write_page};
 use crate::work::{How, run};
 
 /// A finished identification.

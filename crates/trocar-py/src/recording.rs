@@ -60,6 +60,12 @@ impl Recording {
     }
 }
 
+/// Recordings as they are worked on: copies without single glitches of the position, as the command
+/// line does it.
+pub(crate) fn records(recordings: &[PyRef<'_, Recording>]) -> Vec<Record> {
+    recordings.iter().map(|recording| recording.record().clone().without_glitches()).collect()
+}
+
 /// Columns in SI units become a recording.
 fn recording_of(
     py: Python<'_>,

@@ -5,20 +5,12 @@ use std::path::PathBuf;
 
 use pyo3::prelude::*;
 use trocar::output::AtomicFile;
-use trocar::recording::Recording as Record;
 use trocar::report::{self, Document};
 use trocar::workflow::MovingMass;
 
 use crate::errors::number;
 use crate::errors::{ParameterError, Raise};
-use crate::recording::Recording;
 use crate::work::{How, run};
-
-/// Recordings as they are worked on: copies without single glitches of the position, as the command
-/// line does it.
-pub(crate) fn records(recordings: &[PyRef<'_, Recording>]) -> Vec<Record> {
-    recordings.iter().map(|recording| recording.record().clone().without_glitches()).collect()
-}
 
 /// A declared moving mass.
 pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {

@@ -12,8 +12,8 @@ use trocar::workflow::MovingMass;
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
-use crate::recording::Recording;
-use crate::shared::{Picture, figures, finite, not_negative, records};
+use crate::recording::{Recording, records};
+use crate::shared::{Picture, figures, finite, not_negative};
 use crate::work::{How, run};
 
 /// A finished validation.

@@ -52,7 +52,7 @@ pub struct FigureChoice<'a> {
 }
 
 /// Most deflections or speeds of one figure.
-pub const MOST_CHOSEN: usize = 6;
+pub(crate) const MOST_CHOSEN: usize = 6;
 /// Largest relative difference between a stroke's speed and the requested one.
 pub const LIKE_SPEED: f64 = 0.1;
 

@@ -14,7 +14,7 @@ use trocar_recording::{self, Choice, ReadOptions, Recording};
 use trocar_simulate::segment::SegmentOptions;
 
 /// Most groups of rows of a sparkline; it has at least half of them once there are as many rows.
-pub const SPARK: usize = 64;
+pub(crate) const SPARK: usize = 64;
 
 /// Number of intervals between rows from which the typical interval is determined.
 const INTERVALS: usize = 1 << 16;

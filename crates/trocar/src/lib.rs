@@ -38,4 +38,4 @@ pub mod error {
 #[doc = include_str!("../../../README.md")]
 #[doc = include_str!("../../../docs/how-to/compensation.md")]
 #[doc = include_str!("../../../docs/reference/rust.md")]
-pub struct Readme;
+pub(crate) struct Readme;

@@ -1,11 +1,32 @@
 //! `modelDescription.xml`, for both versions of FMI from the same table.
 
-use super::{Form, Version, source};
+use super::{Form, Version};
 use crate::ffi::{ERRORS, WARNINGS};
 use crate::variables::{Role, Variable};
 
 /// Default step for importers, s: that of a typical control loop.
 const STEP: f64 = 1e-3;
+
+/// Options of the compiler in the description: no fused multiply-add. The pragmas of the code say
+/// the same to every compiler; gcc and clang are also given the option.
+pub(super) const COMPILER_OPTIONS: &str = "-ffp-contract=off";
+
+/// The file that is compiled. It includes all others, so that everything but the functions of FMI
+/// is internal to it.
+pub(super) fn compiled(version: Version) -> &'static str {
+    match version {
+        Version::V2 => "fmi2.c",
+        Version::V3 => "fmi3.c",
+    }
+}
+
+/// Macro that leaves the prefix out, for a shared library.
+pub(super) fn without_prefix(version: Version) -> &'static str {
+    match version {
+        Version::V2 => "FMI2_OVERRIDE_FUNCTION_PREFIX",
+        Version::V3 => "FMI3_OVERRIDE_FUNCTION_PREFIX",
+    }
+}
 
 /// Contents of the description.
 pub(super) struct Description<'a> {
@@ -133,7 +154,7 @@ impl Description<'_> {
         }
         lines.within("CoSimulation", &abilities, |lines| {
             lines.within("SourceFiles", "", |lines| {
-                lines.put(&format!("<File{}/>", attribute("name", source::compiled(version))));
+                lines.put(&format!("<File{}/>", attribute("name", compiled(version))));
             });
         });
     }
@@ -210,18 +231,17 @@ pub(super) fn build_description(identifier: &str) -> String {
     lines.within("fmiBuildDescription", &attribute("fmiVersion", "3.0"), |lines| {
         let configuration = attribute("modelIdentifier", identifier);
         lines.within("BuildConfiguration", &configuration, |lines| {
-            let set =
-                attributes(&[("language", "C99"), ("compilerOptions", source::COMPILER_OPTIONS)]);
+            let set = attributes(&[("language", "C99"), ("compilerOptions", COMPILER_OPTIONS)]);
             lines.within("SourceFileSet", &set, |lines| {
-                let file = attribute("name", source::compiled(Version::V3));
-                let without_prefix = attributes(&[
-                    ("name", source::without_prefix(Version::V3)),
+                let file = attribute("name", compiled(Version::V3));
+                let definition = attributes(&[
+                    ("name", without_prefix(Version::V3)),
                     ("value", ""),
                     ("optional", "true"),
                     ("description", "for a shared library; not where FMUs are linked statically"),
                 ]);
                 lines.put(&format!("<SourceFile{file}/>"));
-                lines.put(&format!("<PreprocessorDefinition{without_prefix}/>"));
+                lines.put(&format!("<PreprocessorDefinition{definition}/>"));
             });
         });
     });

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::Version;
-use super::description::Description;
+use super::description::{Description, compiled, without_prefix};
 use crate::variables::{Input, Role};
 
 /// What the code must know of the model beside its variables.
@@ -12,19 +12,6 @@ pub(super) struct Model {
     pub(super) input: Input,
     /// Elements of an EMS model; 0 for another.
     pub(super) elements: usize,
-}
-
-/// Options of the compiler in the description: no fused multiply-add. The pragmas of the code say
-/// the same to every compiler; gcc and clang are also given the option.
-pub(super) const COMPILER_OPTIONS: &str = "-ffp-contract=off";
-
-/// The file that is compiled. It includes all others, so that everything but the functions of FMI
-/// is internal to it.
-pub(super) fn compiled(version: Version) -> &'static str {
-    match version {
-        Version::V2 => "fmi2.c",
-        Version::V3 => "fmi3.c",
-    }
 }
 
 /// The functions of FMI, with the headers that are the same for every model.
@@ -41,14 +28,6 @@ fn prefix(version: Version) -> &'static str {
     match version {
         Version::V2 => "FMI2_FUNCTION_PREFIX",
         Version::V3 => "FMI3_FUNCTION_PREFIX",
-    }
-}
-
-/// Macro that leaves the prefix out, for a shared library.
-pub(super) fn without_prefix(version: Version) -> &'static str {
-    match version {
-        Version::V2 => "FMI2_OVERRIDE_FUNCTION_PREFIX",
-        Version::V3 => "FMI3_OVERRIDE_FUNCTION_PREFIX",
     }
 }
 

@@ -10,7 +10,6 @@
 //! the i-th of that chain of one structure; which one follows the weights. The same seed gives the
 //! same draws on any number of threads.
 
-
 use nalgebra::DVector;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

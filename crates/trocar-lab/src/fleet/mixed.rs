@@ -12,7 +12,7 @@
 use trocar_identify::t_quantile;
 
 /// Fewest specimens of a type for a mean with an interval.
-pub const FEWEST_SPECIMENS: usize = 3;
+pub(crate) const FEWEST_SPECIMENS: usize = 3;
 
 /// One value: the indices of its type and specimen, and its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -6,7 +6,7 @@ use serde::Serialize;
 use trocar_model::ElementParams;
 
 use super::config::{PlanConfig, Rig};
-use super::course::Move;
+use super::moves::Move;
 use super::{Goal, PlanError};
 
 /// A cycle of an insertion and a withdrawal.

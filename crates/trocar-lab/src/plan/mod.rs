@@ -16,6 +16,7 @@ mod choose;
 pub mod config;
 mod course;
 mod goal;
+mod moves;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 

@@ -15,7 +15,7 @@ use trocar_simulate::bench::Protocol;
 pub const EXAMPLE_TOML: &str = include_str!("../../data/sweep.toml");
 
 /// Most rows of a table.
-pub const MAX_ROWS: u64 = 1_000_000_000;
+pub(crate) const MAX_ROWS: u64 = 1_000_000_000;
 
 /// The parameters to vary, and the motion.
 #[derive(Debug, Clone, PartialEq, Deserialize)]

@@ -13,7 +13,7 @@ use super::stability::{ZWidth, bisect};
 pub const MOST: f64 = 1.5;
 const APART: f64 = 0.025;
 /// Number of fractions that are tried.
-pub const FRACTIONS: u32 = 61;
+pub(crate) const FRACTIONS: u32 = 61;
 /// Tissue up to so many times as stiff is tried for a step that is noticed.
 const STIFFEST_STEP: f64 = 10.0;
 /// Stiffnesses that are tried up to there, even in their logarithm.

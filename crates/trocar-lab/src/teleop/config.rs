@@ -445,7 +445,7 @@ impl Config {
     }
 
     /// Whether the intended motion leaves the tissue.
-    pub fn leaves_the_tissue(&self) -> bool {
+    pub(crate) fn leaves_the_tissue(&self) -> bool {
         let Tissue { surface_m, breathing_m, .. } = self.tissue;
         self.motion.middle_m - self.motion.amplitude_m.abs() < surface_m + breathing_m
     }
@@ -458,7 +458,7 @@ impl Config {
     }
 
     /// Whether the passivity control is given energy back.
-    pub fn has_credit(&self) -> bool {
+    pub(crate) fn has_credit(&self) -> bool {
         self.control.passivity && self.control.passivity_credit != PassivityCredit::None
     }
 
@@ -478,116 +478,81 @@ impl Config {
     /// # Errors
     /// The first value out of its range.
     pub fn check(&self) -> Result<(), ConfigError> {
-        // No device is beyond these, and the arithmetic of the plant could overflow.
-        let mass = |name, found: f64| {
-            check((1e-6..=1e15).contains(&found), name, "from 1e-6 to 1e15", found)
-        };
-        let above_0 = |name, found: f64| {
-            check(found > 0.0 && found <= 1e9, name, "above 0, at most 1e9", found)
-        };
-        let not_below_0 = |name, found: f64| {
-            check((0.0..=1e9).contains(&found), name, "0 or above, at most 1e9", found)
-        };
-        let resolution = |name, found: f64| {
-            check(
-                found == 0.0 || (1e-12..=1.0).contains(&found),
-                name,
-                "0, or from 1e-12 to 1",
-                found,
-            )
-        };
-        let place = |name, found: f64| check(found.abs() <= 1.0, name, "from -1 to 1", found);
-        let finite = |name, found: f64| check(found.is_finite(), name, "finite", found);
-        let sample_time = self.sample_time_s;
-        check(
-            (1e-6..=0.1).contains(&sample_time),
-            "sample_time_s",
-            "from 1e-6 to 0.1",
-            sample_time,
-        )?;
-        let substeps = f64::from(self.substeps);
-        check((1.0..=1000.0).contains(&substeps), "substeps", "from 1 to 1000", substeps)?;
+        for (name, found, (allowed, holds)) in self.numbers() {
+            check(holds(found), name, allowed, found)?;
+        }
         // JSON and a page would round a larger number.
         let seed = self.seed as f64;
         check(self.seed <= GREATEST_SEED, "seed", "at most 9007199254740992", seed)?;
-        not_below_0("operator.stiffness_n_m", self.operator.stiffness_n_m)?;
-        not_below_0("operator.damping_n_s_m", self.operator.damping_n_s_m)?;
-        not_below_0("operator.mass_kg", self.operator.mass_kg)?;
-        mass("master.mass_kg", self.master.mass_kg)?;
-        not_below_0("master.damping_n_s_m", self.master.damping_n_s_m)?;
-        resolution("master.encoder_step_m", self.master.encoder_step_m)?;
-        mass("slave.mass_kg", self.slave.mass_kg)?;
-        not_below_0("slave.damping_n_s_m", self.slave.damping_n_s_m)?;
-        resolution("slave.encoder_step_m", self.slave.encoder_step_m)?;
-        not_below_0("control.stiffness_n_m", self.control.stiffness_n_m)?;
-        not_below_0("control.damping_n_s_m", self.control.damping_n_s_m)?;
-        not_below_0("control.force_gain", self.control.force_gain)?;
         let [c6, c5] = [self.control.master_force_feedback, self.control.slave_force_feedback];
-        for (name, found) in
-            [("control.master_force_feedback", c6), ("control.slave_force_feedback", c5)]
-        {
-            check((-1.0..=100.0).contains(&found), name, "from -1 to 100", found)?;
-        }
         let name = "control.slave_force_feedback";
         check(c5.max(c6) > -1.0, name, "above -1 where master_force_feedback is -1", c5)?;
-        above_0("control.wave_impedance_n_s_m", self.control.wave_impedance_n_s_m)?;
-        let credit = self.control.credit_friction_scale;
-        check(
-            (0.01..=1.0).contains(&credit),
-            "control.credit_friction_scale",
-            "from 0.01 to 1",
-            credit,
-        )?;
-        not_below_0("control.passivity_reserve_j", self.control.passivity_reserve_j)?;
-        not_below_0("compensation.fraction", self.compensation.fraction)?;
-        let scale = self.compensation.friction_scale;
-        check(
-            (0.01..=100.0).contains(&scale),
-            "compensation.friction_scale",
-            "from 0.01 to 100",
-            scale,
-        )?;
         if let Some(error) = self.compensation.force_error_n {
-            above_0("compensation.force_error_n", error)?;
+            let (allowed, holds) = ABOVE_0;
+            check(holds(error), "compensation.force_error_n", allowed, error)?;
         }
-        not_below_0("sensor.moving_mass_kg", self.sensor.moving_mass_kg)?;
-        not_below_0("sensor.noise_n", self.sensor.noise_n)?;
-        finite("sensor.offset_n", self.sensor.offset_n)?;
-        resolution("sensor.resolution_n", self.sensor.resolution_n)?;
-        place("tissue.surface_m", self.tissue.surface_m)?;
-        not_below_0("tissue.stiffness_n_m", self.tissue.stiffness_n_m)?;
-        not_below_0("tissue.damping_n_s_m", self.tissue.damping_n_s_m)?;
-        not_below_0("tissue.dissipation_s_m", self.tissue.dissipation_s_m)?;
-        not_below_0("tissue.breathing_m", self.tissue.breathing_m)?;
-        not_below_0("tissue.breathing_hz", self.tissue.breathing_hz)?;
-        place("motion.middle_m", self.motion.middle_m)?;
-        place("motion.amplitude_m", self.motion.amplitude_m)?;
-        not_below_0("motion.frequency_hz", self.motion.frequency_hz)?;
-        above_0("motion.duration_s", self.motion.duration_s)?;
-        let samples = self.motion.duration_s / self.sample_time_s;
-        let duration = self.motion.duration_s;
-        check(samples <= MOST_SAMPLES, "motion.duration_s", "at most a million samples", duration)?;
-        let steps = samples * substeps;
-        check(
-            steps <= MOST_STEPS,
-            "substeps",
-            "so few that the experiment has at most 1e7 steps",
-            substeps,
-        )?;
-        check(
-            TRIAL_S / self.sample_time_s * substeps <= MOST_STEPS,
-            "substeps",
-            "so few that 2 s have at most 1e7 steps",
-            substeps,
-        )?;
-        let loss = self.channel.loss;
-        check((0.0..1.0).contains(&loss), "channel.loss", "from 0 to below 1", loss)?;
+        self.check_length()?;
         self.delay_samples()?;
         self.jitter_samples().map(|_| ())
     }
 
+    /// The numbers that have a range of their own: name, value, range.
+    fn numbers(&self) -> [(&'static str, f64, Range); 36] {
+        let Self { operator, master, slave, control, compensation, .. } = self;
+        let Self { sensor, tissue, motion, .. } = self;
+        [
+            ("sample_time_s", self.sample_time_s, SAMPLE_TIME),
+            ("substeps", f64::from(self.substeps), SUBSTEPS),
+            ("operator.stiffness_n_m", operator.stiffness_n_m, NOT_BELOW_0),
+            ("operator.damping_n_s_m", operator.damping_n_s_m, NOT_BELOW_0),
+            ("operator.mass_kg", operator.mass_kg, NOT_BELOW_0),
+            ("master.mass_kg", master.mass_kg, MASS),
+            ("master.damping_n_s_m", master.damping_n_s_m, NOT_BELOW_0),
+            ("master.encoder_step_m", master.encoder_step_m, RESOLUTION),
+            ("slave.mass_kg", slave.mass_kg, MASS),
+            ("slave.damping_n_s_m", slave.damping_n_s_m, NOT_BELOW_0),
+            ("slave.encoder_step_m", slave.encoder_step_m, RESOLUTION),
+            ("control.stiffness_n_m", control.stiffness_n_m, NOT_BELOW_0),
+            ("control.damping_n_s_m", control.damping_n_s_m, NOT_BELOW_0),
+            ("control.force_gain", control.force_gain, NOT_BELOW_0),
+            ("control.master_force_feedback", control.master_force_feedback, FEEDBACK),
+            ("control.slave_force_feedback", control.slave_force_feedback, FEEDBACK),
+            ("control.wave_impedance_n_s_m", control.wave_impedance_n_s_m, ABOVE_0),
+            ("control.credit_friction_scale", control.credit_friction_scale, CREDIT_SCALE),
+            ("control.passivity_reserve_j", control.passivity_reserve_j, NOT_BELOW_0),
+            ("compensation.fraction", compensation.fraction, NOT_BELOW_0),
+            ("compensation.friction_scale", compensation.friction_scale, FRICTION_SCALE),
+            ("sensor.moving_mass_kg", sensor.moving_mass_kg, NOT_BELOW_0),
+            ("sensor.noise_n", sensor.noise_n, NOT_BELOW_0),
+            ("sensor.offset_n", sensor.offset_n, FINITE),
+            ("sensor.resolution_n", sensor.resolution_n, RESOLUTION),
+            ("tissue.surface_m", tissue.surface_m, PLACE),
+            ("tissue.stiffness_n_m", tissue.stiffness_n_m, NOT_BELOW_0),
+            ("tissue.damping_n_s_m", tissue.damping_n_s_m, NOT_BELOW_0),
+            ("tissue.dissipation_s_m", tissue.dissipation_s_m, NOT_BELOW_0),
+            ("tissue.breathing_m", tissue.breathing_m, NOT_BELOW_0),
+            ("tissue.breathing_hz", tissue.breathing_hz, NOT_BELOW_0),
+            ("motion.middle_m", motion.middle_m, PLACE),
+            ("motion.amplitude_m", motion.amplitude_m, PLACE),
+            ("motion.frequency_hz", motion.frequency_hz, NOT_BELOW_0),
+            ("motion.duration_s", motion.duration_s, ABOVE_0),
+            ("channel.loss", self.channel.loss, LOSS),
+        ]
+    }
+
+    /// Checks that the experiment and a trial of stability have not too many steps.
+    fn check_length(&self) -> Result<(), ConfigError> {
+        let (duration, substeps) = (self.motion.duration_s, f64::from(self.substeps));
+        let samples = duration / self.sample_time_s;
+        check(samples <= MOST_SAMPLES, "motion.duration_s", "at most a million samples", duration)?;
+        let allowed = "so few that the experiment has at most 1e7 steps";
+        check(samples * substeps <= MOST_STEPS, "substeps", allowed, substeps)?;
+        let steps = TRIAL_S / self.sample_time_s * substeps;
+        check(steps <= MOST_STEPS, "substeps", "so few that 2 s have at most 1e7 steps", substeps)
+    }
+
     /// The same with the error of the model's force from `file`, the compensator's, unless it is stated already.
-    pub fn with_force_error(mut self, file: &ModelFile) -> Self {
+    pub(crate) fn with_force_error(mut self, file: &ModelFile) -> Self {
         let error = file.force_error;
         let of_file = error.and_then(|error| error.sliding_n.or(error.largest()));
         self.compensation.force_error_n = self.compensation.force_error_n.or(of_file);
@@ -603,7 +568,7 @@ impl Config {
     ///
     /// # Errors
     /// A delay that is negative or no multiple of the sample time.
-    pub fn delay_samples(&self) -> Result<usize, ConfigError> {
+    pub(crate) fn delay_samples(&self) -> Result<usize, ConfigError> {
         self.whole("channel.delay_s", self.channel.delay_s)
     }
 
@@ -611,7 +576,7 @@ impl Config {
     ///
     /// # Errors
     /// As for [`Config::delay_samples`].
-    pub fn jitter_samples(&self) -> Result<usize, ConfigError> {
+    pub(crate) fn jitter_samples(&self) -> Result<usize, ConfigError> {
         self.whole("channel.jitter_s", self.channel.jitter_s)
     }
 
@@ -628,6 +593,24 @@ impl Config {
         Ok(whole as usize)
     }
 }
+
+/// What is allowed of a number: in words, and whether it is.
+type Range = (&'static str, fn(f64) -> bool);
+
+// No device is beyond these, and the arithmetic of the plant could overflow.
+const MASS: Range = ("from 1e-6 to 1e15", |found| (1e-6..=1e15).contains(&found));
+const ABOVE_0: Range = ("above 0, at most 1e9", |found| found > 0.0 && found <= 1e9);
+const NOT_BELOW_0: Range = ("0 or above, at most 1e9", |found| (0.0..=1e9).contains(&found));
+const RESOLUTION: Range =
+    ("0, or from 1e-12 to 1", |found| found == 0.0 || (1e-12..=1.0).contains(&found));
+const PLACE: Range = ("from -1 to 1", |found| found.abs() <= 1.0);
+const FINITE: Range = ("finite", f64::is_finite);
+const SAMPLE_TIME: Range = ("from 1e-6 to 0.1", |found| (1e-6..=0.1).contains(&found));
+const SUBSTEPS: Range = ("from 1 to 1000", |found| (1.0..=1000.0).contains(&found));
+const LOSS: Range = ("from 0 to below 1", |found| (0.0..1.0).contains(&found));
+const FEEDBACK: Range = ("from -1 to 100", |found| (-1.0..=100.0).contains(&found));
+const CREDIT_SCALE: Range = ("from 0.01 to 1", |found| (0.01..=1.0).contains(&found));
+const FRICTION_SCALE: Range = ("from 0.01 to 100", |found| (0.01..=100.0).contains(&found));
 
 fn check(
     is_so: bool,

@@ -22,7 +22,7 @@ impl Merit {
     ///
     /// # Errors
     /// A value of `config` out of its range, or a model that cannot be made with it.
-    pub fn with_contacts<K: AsRef<[f64]> + Clone>(
+    pub(crate) fn with_contacts<K: AsRef<[f64]> + Clone>(
         self,
         config: &Config,
         [model, plant]: [&Trocar<K>; 2],

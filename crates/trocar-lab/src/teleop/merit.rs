@@ -16,7 +16,7 @@ const AT_REST_M_S: [f64; 2] = [1e-6, 1e-3];
 const AT_REST: f64 = 0.01;
 
 /// Just noticeable difference of a stiffness, as a fraction of it, JONES.
-pub const STIFFNESS_NOTICEABLE: f64 = 0.23;
+pub(crate) const STIFFNESS_NOTICEABLE: f64 = 0.23;
 
 /// How well the operator feels the tissue.
 ///
@@ -60,7 +60,7 @@ pub struct Merit {
 
 /// The least difference from `force` that a person notices, N: 7 % of it (2.5 to 10 N, PANG); below 2.5 N it stays 7 % of
 /// 2.5 N.
-pub fn just_noticeable_difference(force: f64) -> f64 {
+pub(crate) fn just_noticeable_difference(force: f64) -> f64 {
     NOTICEABLE * force.abs().max(WEAKEST_N)
 }
 

@@ -34,11 +34,11 @@ mod plant;
 mod simulation;
 pub mod stability;
 mod study;
+mod table;
 
 pub use config::{Config, ConfigError};
-pub use model::{
-    Candidates, candidates, course_columns, response_columns, scaled, write_course, write_response,
-};
+pub use model::{Candidates, candidates, scaled};
 pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};
 pub use study::{Questions, StepError, Study, StudyError, Summary};
+pub use table::{course_columns, response_columns, write_course, write_response};

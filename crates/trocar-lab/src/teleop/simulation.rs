@@ -133,12 +133,6 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         })
     }
 
-    /// The same with the slave already moving at `velocity`, m/s.
-    pub fn with_slave_velocity(mut self, velocity: f64) -> Self {
-        self.slave.motion.velocity = velocity;
-        self
-    }
-
     /// Time of the next sample, s.
     pub(super) fn time(&self) -> f64 {
         self.count as f64 * self.config.sample_time_s

@@ -275,7 +275,7 @@ impl TableWriter {
     ///
     /// # Errors
     /// As for [`TableWriter::create`].
-    pub fn with_format(
+    pub(crate) fn with_format(
         path: impl AsRef<Path>,
         format: Format,
         fields: &[Field],

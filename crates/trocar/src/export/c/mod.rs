@@ -35,7 +35,7 @@ pub const DEFAULT_PREFIX: &str = "trocar";
 
 /// Longest prefix: C99 guarantees 31 significant characters in external names, and `_compensate`
 /// follows.
-pub const LONGEST_PREFIX: usize = 20;
+pub(crate) const LONGEST_PREFIX: usize = 20;
 
 /// Why a model cannot be written as C.
 #[derive(Debug, Error)]
