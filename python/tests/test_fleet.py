@@ -52,7 +52,7 @@ def table(path: Path) -> list[dict[str, Any]]:
 
 
 def test_a_row_is_the_identification(strokes: list[trocar.Recording]) -> None:
-    found = trocar.identify(strokes[0], bootstrap=0, free_motion=False, seed=1).parameters["coulomb_force_n"]
+    found = trocar.identify(strokes[0], free_motion=False, seed=1).parameters["coulomb_force_n"]
     row = fleet.identify_one(frame(strokes[0]), name="first")
     assert (row["path"], row["status"]) == ("first", "ok")
     assert [row["coulomb_force_n" + end] for end in ("", "_lower", "_upper")] == [

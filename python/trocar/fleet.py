@@ -39,12 +39,10 @@ class Config:
     """How to read and identify each recording; equal configurations and recordings give equal rows.
 
     ``depth`` is ``quick`` (without the optional model terms that rests and partial reversals determine) or ``full`` (everything
-    that ``trocar.identify`` does). With ``bootstrap`` 0 the intervals come from the faster jackknife. The other fields are as in
-    ``trocar.read`` and ``trocar.identify``; a dictionary of ``columns`` becomes the text that means the same.
+    that ``trocar.identify`` does). The other fields are as in ``trocar.read`` and ``trocar.identify``; a dictionary of ``columns`` becomes the text that means the same.
     """
 
     depth: str = "quick"
-    bootstrap: int = 0
     seed: int = 1
     moving_mass_kg: float = 0.0
     gravity_m_s2: float = 0.0

@@ -26,12 +26,11 @@ pub(crate) struct FleetConfig(Config);
 #[pymethods]
 impl FleetConfig {
     #[new]
-    #[pyo3(signature = (*, depth, bootstrap, seed, moving_mass_kg, gravity_m_s2, columns, topics, from_s, to_s, flip_force,
+    #[pyo3(signature = (*, depth, seed, moving_mass_kg, gravity_m_s2, columns, topics, from_s, to_s, flip_force,
         sensor_limit_n, most_samples, memory_limit_bytes))]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn new(
         depth: &str,
-        bootstrap: usize,
         seed: u64,
         moving_mass_kg: f64,
         gravity_m_s2: f64,
@@ -64,7 +63,7 @@ impl FleetConfig {
             memory_limit: memory_limit_bytes,
         };
         let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
-        Ok(Self(Config { reading, depth, seed, bootstrap, moving_mass }))
+        Ok(Self(Config { reading, depth, seed, moving_mass }))
     }
 
     /// What a row depends on beside the recording, in short.

@@ -31,9 +31,6 @@ pub(crate) struct Args {
     /// Depth of the identification
     #[arg(long, value_enum, default_value_t = Far::Quick)]
     depth: Far,
-    /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    bootstrap: usize,
     /// Seed of everything random
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -96,7 +93,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             Far::Full => Depth::Full,
         },
         seed: args.seed,
-        bootstrap: args.bootstrap,
         moving_mass: args.rod.moving_mass()?,
     };
     console::farewell(format!(

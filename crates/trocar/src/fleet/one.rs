@@ -52,8 +52,6 @@ pub struct Config {
     pub depth: Depth,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Resamples of the bootstrap over cycles; 0 uses the jackknife.
-    pub bootstrap: usize,
     /// Mass between sensor and seal.
     pub moving_mass: MovingMass,
 }
@@ -64,8 +62,8 @@ impl Config {
     ///
     /// The memory limit is excluded: it decides whether there is a row, not its content.
     pub fn hash(&self) -> String {
-        let Self { reading, depth, seed, bootstrap, moving_mass } = self;
-        let mut text = serde_json::json!({
+        let Self { reading, depth, seed, moving_mass } = self;
+        let text = serde_json::json!({
             "program": PROGRAM,
             // The journal holds cells by their place.
             "table": super::row::columns().into_iter().map(|field| field.name).collect::<Vec<String>>(),
@@ -73,21 +71,15 @@ impl Config {
             "topics": reading.choice.topics,
             "from_s": reading.choice.from,
             "to_s": reading.choice.to,
+            "skip_rows": reading.choice.skip_rows,
+            "rate_hz": reading.choice.rate_hz,
             "flip_force": reading.choice.flip_force,
             "sensor_limit_n": reading.sensor_limit,
             "most_samples": reading.most_samples,
             "depth": depth,
             "seed": seed,
-            "bootstrap": bootstrap,
             "moving_mass": moving_mass,
         });
-        // Journals written before these options existed remain valid.
-        if reading.choice.skip_rows > 0 {
-            text["skip_rows"] = reading.choice.skip_rows.into();
-        }
-        if let Some(rate) = reading.choice.rate_hz {
-            text["rate_hz"] = rate.into();
-        }
         let digest = Sha256::digest(text.to_string().as_bytes());
         digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
     }
@@ -102,7 +94,6 @@ impl Config {
 
     fn options(&self) -> IdentifyOptions {
         IdentifyOptions {
-            bootstrap: self.bootstrap,
             seed: self.seed,
             degrees: DEGREES,
             inertia_removed: self.moving_mass.mass > 0.0,

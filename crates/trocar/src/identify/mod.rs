@@ -69,7 +69,6 @@ pub mod posterior;
 mod prior;
 mod random;
 mod refit;
-mod replicates;
 mod result;
 mod ripple;
 mod scale;

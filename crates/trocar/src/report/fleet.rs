@@ -146,7 +146,6 @@ fn provenance(fleet: &Fleet, config: &Config) -> Vec<(String, String)> {
         ("Program".to_owned(), PROGRAM.to_owned()),
         ("Configuration".to_owned(), config.hash()),
         ("Seed".to_owned(), config.seed.to_string()),
-        ("Bootstrap".to_owned(), config.bootstrap.to_string()),
         (
             "Recordings".to_owned(),
             format!("{}; each with its SHA-256 in the table", fleet.tally.done),
