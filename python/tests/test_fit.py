@@ -21,7 +21,7 @@ from .conftest import ROD_KG
 #: Parameters of the bench's plausible seal.
 TRUTH = {"coulomb_force_n": 3.0, "viscous_damping_n_s_m": 5.0, "half_width_m": 8e-3}
 
-quick = functools.partial(trocar.identify, bootstrap=0, moving_mass_kg=ROD_KG)
+quick = functools.partial(trocar.identify, moving_mass_kg=ROD_KG)
 
 
 def rms(values: np.ndarray) -> float:
@@ -44,7 +44,7 @@ def undetermined() -> trocar.Identification:
     position = 0.05 + np.abs((0.02 * time + 0.06) % 0.12 - 0.06)
     force = trocar.simulate(trocar.Model.plausible(), time, position)
     noise = np.random.default_rng(1).normal(0, 0.02, len(time))
-    return trocar.identify(trocar.Recording(time, position, force + noise), bootstrap=0)
+    return trocar.identify(trocar.Recording(time, position, force + noise))
 
 
 def test_params_have_the_fields_of_lmfit(found: trocar.Identification) -> None:

@@ -52,7 +52,7 @@ def table(path: Path) -> list[dict[str, Any]]:
 
 
 def test_a_row_is_the_identification(strokes: list[trocar.Recording]) -> None:
-    found = trocar.identify(strokes[0], bootstrap=0, free_motion=False, seed=1).parameters["coulomb_force_n"]
+    found = trocar.identify(strokes[0], free_motion=False, seed=1).parameters["coulomb_force_n"]
     row = fleet.identify_one(frame(strokes[0]), name="first")
     assert (row["path"], row["status"]) == ("first", "ok")
     assert [row["coulomb_force_n" + end] for end in ("", "_lower", "_upper")] == [
@@ -160,55 +160,16 @@ def test_the_table_is_that_of_the_command_line(folder: Path, tmp_path: Path) -> 
     assert ours.read_bytes() == theirs.read_bytes()
 
 
-def test_a_manifest_and_groups_of_rows_give_the_same_numbers(
-    folder: Path, strokes: list[trocar.Recording], tmp_path: Path
-) -> None:
-    inner = tmp_path / "groups" / "site=a"
-    inner.mkdir(parents=True)
-    frames = [polars.DataFrame({"trial": [f"t{n}"] * len(r), **frame(r)}) for n, r in enumerate(strokes[:3])]
-    polars.concat(frames[:2]).write_parquet(inner / "part-0.parquet")
-    frames[2].write_parquet(inner / "part-1.parquet")
-    fleet.identify_dataset(tmp_path / "groups", tmp_path / "of_groups.parquet", group_by="trial", engine="serial")
-    of_groups = table(tmp_path / "of_groups.parquet")
+def test_a_manifest_gives_the_numbers_of_its_files(folder: Path, tmp_path: Path) -> None:
     manifest = tmp_path / "manifest.csv"
-    lines = [f"{folder / f'lubricant={lubricant}' / f'{n}.csv'},{n}\n" for n, lubricant in enumerate(["wet", "dry", "wet"])]
-    manifest.write_text("path,insertions\n" + "".join(lines))
-    fleet.identify_dataset(manifest, tmp_path / "of_manifest.parquet", engine="serial")
-    of_manifest = table(tmp_path / "of_manifest.parquet")
-    assert [(row["site"], row["trial"]) for row in of_groups] == [("a", "t0"), ("a", "t1"), ("a", "t2")]
-    assert [row["insertions"] for row in of_manifest] == [0, 1, 2]
-    for a, b in zip(of_groups, of_manifest):
-        differ = {name for name in fleet.columns() if a[name] != b[name]}
-        assert differ <= {"warnings", "path", "recording", "sha256"}
-
-
-@pytest.fixture(scope="module")
-def partitioned(strokes: list[trocar.Recording], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same rows in one file, in files that split recordings, and in folders of several files, as polars writes them."""
-    root = tmp_path_factory.mktemp("partitioned")
-    rows = polars.concat(polars.DataFrame({"trial": [f"t{n}"] * len(r), **frame(r)}) for n, r in enumerate(strokes[:4]))
-    (root / "one").mkdir()
-    rows.write_parquet(root / "one" / "all.parquet")
-    by_rows = polars.PartitionBy(root / "files", max_rows_per_file=len(rows) // 5 + 1, approximate_bytes_per_file=None)
-    rows.lazy().sink_parquet(by_rows, mkdir=True, maintain_order=True)
-    by_trial = polars.PartitionBy(root / "folders", key="trial", include_key=False, max_rows_per_file=len(rows) // 10)
-    rows.lazy().sink_parquet(by_trial, mkdir=True, maintain_order=True)
-    return root
-
-
-def test_the_files_of_a_partitioned_data_set_do_not_matter(partitioned: Path, tmp_path: Path) -> None:
-    tables = []
-    for layout in ["one", "files", "folders"]:
-        out = tmp_path / f"{layout}.parquet"
-        outcome = fleet.identify_dataset(partitioned / layout, out, group_by="trial", engine="serial")
-        assert (outcome.recordings, outcome.ok) == (4, 4), outcome
-        tables.append(table(out))
-    assert len(list((partitioned / "files").iterdir())) == 5
-    assert len(list((partitioned / "folders" / "trial=t0").iterdir())) > 1
-    assert [row["path"] for row in tables[2]] == ["trial=t0", "trial=t1", "trial=t2", "trial=t3"]
-    for one, *others in zip(*tables):
-        for row in others:
-            assert {name for name in one if one[name] != row[name]} <= {"warnings", "path", "recording"}
+    paths = [folder / f"lubricant={lubricant}" / f"{n}.csv" for n, lubricant in enumerate(["wet", "dry", "wet"])]
+    manifest.write_text("path,insertions\n" + "".join(f"{path},{n}\n" for n, path in enumerate(paths)))
+    fleet.identify_dataset(manifest, tmp_path / "table.parquet", engine="serial")
+    rows = table(tmp_path / "table.parquet")
+    assert [row["insertions"] for row in rows] == [0, 1, 2]
+    for row, path in zip(rows, paths):
+        alone = fleet.identify_one(path)
+        assert {name for name in alone if alone[name] != row[name]} <= {"path"}
 
 
 def test_an_interrupted_run_goes_on(folder: Path, tmp_path: Path) -> None:
@@ -287,19 +248,6 @@ def test_a_killed_worker_changes_nothing(folder: Path, tmp_path: Path, client: A
     assert out.read_bytes() == alone.read_bytes()
 
 
-def test_recordings_in_several_files_survive_a_killed_worker(partitioned: Path, tmp_path: Path, client: Any) -> None:
-    for layout in ["files", "folders"]:
-        alone, out = tmp_path / f"{layout}_alone.parquet", tmp_path / f"{layout}.parquet"
-        fleet.identify_dataset(partitioned / layout, alone, group_by="trial", engine="serial")
-
-        def kill(done: int, of: int) -> None:
-            if done == 1:
-                os.kill(next(iter(client.run(os.getpid).values())), signal.SIGKILL)
-
-        fleet.identify_dataset(partitioned / layout, out, group_by="trial", client=client, progress=kill)
-        assert out.read_bytes() == alone.read_bytes()
-
-
 def test_a_file_that_kills_its_workers_is_given_up(folder: Path, tmp_path: Path, client: Any) -> None:
     # A local function is pickled by value, so workers need not import the tests.
     def fatal_on_notes(order: str, config: fleet.Config) -> str:
@@ -307,7 +255,7 @@ def test_a_file_that_kills_its_workers_is_given_up(folder: Path, tmp_path: Path,
             os.kill(os.getpid(), signal.SIGKILL)
         return fleet._work(order, config)
 
-    orders = _core.FleetTable(folder, tmp_path / "table.parquet", fleet._native(fleet.Config()), group_by=None).orders()
+    orders = _core.FleetTable(folder, tmp_path / "table.parquet", fleet._native(fleet.Config())).orders()
     parts = dict(fleet._dask(orders, fleet.Config(), client, None, fatal_on_notes))
     assert sorted(parts) == list(range(len(orders)))
     for source, order in enumerate(orders):
@@ -319,13 +267,13 @@ def test_a_file_that_kills_its_workers_is_given_up(folder: Path, tmp_path: Path,
 
 def test_a_file_that_was_given_up_is_a_row(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "table.parquet"
-    table_ = _core.FleetTable(folder, out, fleet._native(fleet.Config()), group_by=None)
+    table_ = _core.FleetTable(folder, out, fleet._native(fleet.Config()))
     for source, order in enumerate(table_.orders()):
         if source == 0:
             table_.lose(source, "worker_died", "it died")
         else:
             # Rows added twice count once.
-            assert table_.add(source, fleet._work(order, fleet.Config())) == table_.add(source, "[]")
+            assert table_.add(source, fleet._work(order, fleet.Config())) == table_.add(source, "null")
     table_.write()
     rows = table(out)
     assert [(row["status"], row["reason_kind"]) for row in rows][0] == ("failed", "worker_died")

@@ -59,7 +59,7 @@ def test_a_validation_that_contradicts_is_doubtful(
 ) -> None:
     stroke = held_out[0]
     other = trocar.Recording(stroke.time_s, stroke.position_m, 1.5 * stroke.force_n, name="other seal")
-    found = trocar.identify(training, validate=other, bootstrap=0, moving_mass_kg=ROD_KG)
+    found = trocar.identify(training, validate=other, moving_mass_kg=ROD_KG)
     assert found.is_doubtful and found.validation is not None and found.validation.is_doubtful
     (warning,) = [warning for warning in found.warnings if warning.subject == "other seal"]
     assert warning.doubtful and "times the identification error" in warning.message
@@ -98,13 +98,13 @@ def test_what_cannot_be_identified_is_told(training: list[trocar.Recording]) -> 
     with pytest.raises(trocar.IdentifyError, match="flip_force=True"):
         trocar.identify(upside_down)
     with pytest.warns(UserWarning, match="validated on what it was identified from"):
-        trocar.identify(training, validate=training[0], bootstrap=0, moving_mass_kg=ROD_KG)
+        trocar.identify(training, validate=training[0], moving_mass_kg=ROD_KG)
 
 
 @pytest.mark.parametrize(
     ("options", "error", "words"),
     [
-        ({"bootstrap": -1}, trocar.ParameterError, "bootstrap must be a whole number from 0 on, got -1"),
+        ({"seed": -1}, trocar.ParameterError, "seed must be a whole number from 0 on, got -1"),
         ({"seed": 1.5}, TypeError, "seed must be a whole number, got 1.5"),
         ({"degrees": (1, 4)}, trocar.ParameterError, "polynomial degree must be between 2 and 7, got 1"),
         ({"degrees": (4,)}, trocar.ParameterError, "degrees must be two numbers"),
@@ -146,7 +146,7 @@ def test_progress_is_told_and_may_call_off(training: list[trocar.Recording]) -> 
 
 def test_several_threads_identify_at_once(training: list[trocar.Recording]) -> None:
     results = []
-    work = lambda: results.append(trocar.identify(training, bootstrap=0, moving_mass_kg=ROD_KG).summary)  # noqa: E731
+    work = lambda: results.append(trocar.identify(training, moving_mass_kg=ROD_KG).summary)  # noqa: E731
     threads = [threading.Thread(target=work) for _ in range(3)]
     for thread in threads:
         thread.start()
@@ -156,7 +156,7 @@ def test_several_threads_identify_at_once(training: list[trocar.Recording]) -> N
 
 
 def _coulomb_force(recordings: list[trocar.Recording]) -> tuple[float, trocar.Model]:
-    found = trocar.identify(recordings, bootstrap=0, moving_mass_kg=ROD_KG)
+    found = trocar.identify(recordings, moving_mass_kg=ROD_KG)
     return found.parameters["coulomb_force_n"].value, found.model
 
 
@@ -213,7 +213,7 @@ def test_live_readings_have_the_sign_of_the_sensor(
             recording.time_s, recording.position_m, -recording.force_n, flip_force=True, name=recording.name
         )
 
-    model = trocar.identify([upside_down(recording) for recording in training], bootstrap=0, moving_mass_kg=ROD_KG).model
+    model = trocar.identify([upside_down(recording) for recording in training], moving_mass_kg=ROD_KG).model
     recording = held_out[0]
     columns = (recording.time_s, recording.position_m)
     expected = trocar.compensate(model, recording)

@@ -51,8 +51,8 @@ def interrupted(work: Callable[[], object], after: float) -> float:
 def test_identify_and_compare_are_interrupted(training: list[trocar.Recording], after: float) -> None:
     surgeon = [trocar.bench("surgeon", seed=seed) for seed in (1, 2)]
     works = [
-        lambda: trocar.identify(training, bootstrap=100_000, moving_mass_kg=ROD_KG),
-        lambda: trocar.identify([*training, *surgeon], bootstrap=100_000),
+        lambda: trocar.identify(training, posterior=4_000_000, moving_mass_kg=ROD_KG),
+        lambda: trocar.identify([*training, *surgeon], posterior=4_000_000),
         lambda: trocar.compare(training, models="all", moving_mass_kg=ROD_KG),
     ]
     for work in works:

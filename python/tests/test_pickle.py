@@ -50,7 +50,7 @@ def instances(
     stepper.step(1e-3, 0.01)
     assert found.validation is not None and found.covariance is not None
     parameter = found.params["half_width_m"]
-    drawn = trocar.identify(training, bootstrap=0, moving_mass_kg=ROD_KG, posterior=400)
+    drawn = trocar.identify(training, moving_mass_kg=ROD_KG, posterior=400)
     loop = trocar.teleop(found.model, advise=True, map=True, delays_s=[0.0], fractions=[0.0, 1.0], hybrid=True)
     planned = trocar.plan(duration_s=60, draws=2, rig={"sample_rate_hz": 200.0})
     made = [

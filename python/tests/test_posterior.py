@@ -14,7 +14,7 @@ from .conftest import ROD_KG
 
 @pytest.fixture(scope="module")
 def drawn(training: list[trocar.Recording]) -> trocar.Identification:
-    return trocar.identify(training, bootstrap=0, moving_mass_kg=ROD_KG, posterior=1000, progress=False)
+    return trocar.identify(training, moving_mass_kg=ROD_KG, posterior=1000, progress=False)
 
 
 def test_draws_are_columns_and_models(drawn: trocar.Identification, tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_arviz_takes_the_draws(drawn: trocar.Identification) -> None:
 def test_a_model_is_a_prior_for_a_few_strokes(
     drawn: trocar.Identification, training: list[trocar.Recording]
 ) -> None:
-    updated = trocar.identify(training[:1], bootstrap=0, moving_mass_kg=ROD_KG, prior=drawn.model, progress=False)
+    updated = trocar.identify(training[:1], moving_mass_kg=ROD_KG, prior=drawn.model, progress=False)
     assert updated.summary["prior"]["spread"] == 0.3
     assert updated.posterior is None
     with pytest.raises(trocar.ParameterError, match="prior_spread"):

@@ -21,7 +21,7 @@ class Terminal(io.StringIO):
 
 
 def work(recordings: list[trocar.Recording], **options: object) -> trocar.Identification:
-    same = {"bootstrap": 0, "moving_mass_kg": ROD_KG}
+    same = {"moving_mass_kg": ROD_KG}
     return trocar.identify(recordings, **same, **options)  # type: ignore[arg-type]
 
 

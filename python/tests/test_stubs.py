@@ -96,7 +96,7 @@ def test_mypy_is_content(tmp_path: Path) -> None:
         "import trocar\n\n"
         "def work(path: str) -> float:\n"
         "    recording = trocar.read(path, columns='time_s,position_mm,force_n')\n"
-        "    found = trocar.identify([recording], bootstrap=0, progress=lambda stage, part: print(stage, part))\n"
+        "    found = trocar.identify([recording], progress=lambda stage, part: print(stage, part))\n"
         "    width: float = found.parameters['half_width_m'].ci95_high\n"
         "    model: trocar.Model = found.model.tuned(half_width_m=width)\n"
         "    force = trocar.simulate(model, np.arange(3.0), [0.0, 0.1, 0.2], out=np.empty(3))\n"

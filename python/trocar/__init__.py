@@ -160,7 +160,6 @@ def identify(
     recordings: Recordings,
     *,
     validate: Optional[Recordings] = None,
-    bootstrap: int = 200,
     seed: int = 1,
     degrees: Sequence[int] = (4, 4),
     free_motion: bool = True,
@@ -180,7 +179,6 @@ def identify(
     Each recording contributes to every parameter that it determines. A parameter that the recordings do not determine has
     an infinite interval and a warning.
 
-    :param bootstrap: number of resamples of the bootstrap over cycles; 0 takes the faster jackknife
     :param seed: seed of all random numbers; equal recordings and seed give equal results
     :param degrees: degrees of the two joined polynomials of each branch, 2 to 7
     :param free_motion: try the optional model terms that rests and partial reversals determine: creep,
@@ -212,7 +210,6 @@ def identify(
         _core.identify,
         training,
         held_out,
-        bootstrap=_count("bootstrap", bootstrap),
         seed=_count("seed", seed),
         degrees=_degrees(degrees),
         free_motion=free_motion,

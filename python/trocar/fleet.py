@@ -39,12 +39,10 @@ class Config:
     """How to read and identify each recording; equal configurations and recordings give equal rows.
 
     ``depth`` is ``quick`` (without the optional model terms that rests and partial reversals determine) or ``full`` (everything
-    that ``trocar.identify`` does). With ``bootstrap`` 0 the intervals come from the faster jackknife. The other fields are as in
-    ``trocar.read`` and ``trocar.identify``; a dictionary of ``columns`` becomes the text that means the same.
+    that ``trocar.identify`` does). The other fields are as in ``trocar.read`` and ``trocar.identify``; a dictionary of ``columns`` becomes the text that means the same.
     """
 
     depth: str = "quick"
-    bootstrap: int = 0
     seed: int = 1
     moving_mass_kg: float = 0.0
     gravity_m_s2: float = 0.0
@@ -132,7 +130,6 @@ def identify_dataset(
     out: _Path,
     *,
     config: Config = Config(),
-    group_by: Optional[str] = None,
     engine: str = "dask",
     client: Any = None,
     workers: Optional[int] = None,
@@ -144,12 +141,9 @@ def identify_dataset(
     workers that die. Finished rows are kept in a journal beside ``out``: a repeated call continues an interrupted one, and so
     does ``trocar fleet``.
 
-    :param dataset: a folder (subfolders named ``key=value`` become columns), a manifest (CSV or Parquet with a column ``path``,
-        relative to the manifest; its other columns are kept), or a Parquet file. Workers must see it under the same path. Parquet
-        files in a folder may be the parts of a partitioned data set, with the rows of one recording in several files
+    :param dataset: a folder (subfolders named ``key=value`` become columns), or a manifest (CSV or Parquet with a column ``path``,
+        relative to the manifest; its other columns are kept). Workers must see it under the same path
     :param out: file for the table: .parquet, .csv, .csv.gz, .csv.zst or .arrow; it is written completely or not at all
-    :param group_by: the column or folder key that distinguishes recordings if Parquet files contain rows of several;
-        by default ``recording``, if it exists
     :param engine: ``dask``, or ``serial`` for this process alone
     :param client: a ``distributed.Client`` of a running cluster; by default a cluster of processes on this machine
     :param workers: number of processes of that local cluster; by default one per processor
@@ -157,36 +151,36 @@ def identify_dataset(
     """
     if engine not in ("dask", "serial"):
         raise ParameterError(f"engine {engine!r}: expected dask or serial")
-    table = _core.FleetTable(Path(dataset).absolute(), Path(out).absolute(), _native(config), group_by=group_by)
+    table = _core.FleetTable(Path(dataset).absolute(), Path(out).absolute(), _native(config))
     try:
         orders = table.orders()
-        parts = _serial(orders, config) if engine == "serial" else _dask(orders, config, client, workers)
+        rows = _serial(orders, config) if engine == "serial" else _dask(orders, config, client, workers)
         reused = 0
-        for done, (source, text) in enumerate(parts, 1):
+        for done, (source, text) in enumerate(rows, 1):
             if text is None:
                 table.lose(source, "worker_died", "every worker that worked on it died or failed")
             else:
                 _, reused, _ = table.add(source, text)
             if progress is not None:
                 progress(done, len(orders))
-        rows = table.write()
+        written = table.write()
     finally:
         table.close()
-    failed = tuple((name, str(reason)) for name, status, reason in rows if status == "failed")
-    ok = sum(status == "ok" for _, status, _ in rows)
-    doubtful = len(rows) - ok - len(failed)
-    return Outcome(Path(out), len(rows), ok, doubtful, failed, reused, tuple(table.left_out))
+    failed = tuple((name, str(reason)) for name, status, reason in written if status == "failed")
+    ok = sum(status == "ok" for _, status, _ in written)
+    doubtful = len(written) - ok - len(failed)
+    return Outcome(Path(out), len(written), ok, doubtful, failed, reused, tuple(table.left_out))
 
 
 def _work(order: str, config: Config) -> str:
     return _core.fleet_source(order, _native(config))
 
 
-#: Index of a file and the text of its rows; None if its workers died.
-_Parts = Iterator[tuple[int, Optional[str]]]
+#: Index of a file and the text of its row; None if its workers died.
+_Rows = Iterator[tuple[int, Optional[str]]]
 
 
-def _serial(orders: Sequence[str], config: Config) -> _Parts:
+def _serial(orders: Sequence[str], config: Config) -> _Rows:
     for source, order in enumerate(orders):
         yield source, _work(order, config)
 
@@ -197,7 +191,7 @@ def _dask(
     client: Any,
     workers: Optional[int],
     work: Callable[[str, Config], str] = _work,
-) -> _Parts:
+) -> _Rows:
     """Rows in order of completion. If a worker dies, another one takes its file; a file that repeatedly kills workers is abandoned."""
     distributed = _needed("distributed")
     if client is None:

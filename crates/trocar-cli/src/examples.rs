@@ -63,10 +63,7 @@ pub(crate) const EXAMPLES: [Example; 18] = [
         "fleet",
         &[
             ("Every recording of a folder", "trocar fleet recordings --out fleet.parquet"),
-            (
-                "Recordings that are rows of one file",
-                "trocar fleet all.parquet --group-by trial --out fleet.csv",
-            ),
+            ("The files of a list", "trocar fleet list.csv --out fleet.csv"),
         ],
     ),
     (

@@ -40,7 +40,7 @@ impl Place {
     /// The made-up seal as a model file.
     fn model(&self) -> &'static str {
         self.recording("for-model.csv");
-        self.run("identify for-model.csv --bootstrap 0 --moving-mass-kg 0.04 --out model").done();
+        self.run("identify for-model.csv --moving-mass-kg 0.04 --out model").done();
         fs::rename(self.path("model/model.json"), self.path("model.json")).unwrap();
         fs::remove_dir_all(self.path("model")).unwrap();
         fs::remove_file(self.path("for-model.csv")).unwrap();
@@ -155,9 +155,7 @@ fn lost_data_are_reported_and_end_with_3() {
     let place = Place::new();
     for (name, text, essentials) in cases {
         place.put(&format!("{name}.csv"), &text);
-        let ran = place
-            .run(&format!("--quiet identify {name}.csv --bootstrap 0 --out result"))
-            .ends_with(3);
+        let ran = place.run(&format!("--quiet identify {name}.csv --out result")).ends_with(3);
         ran.says(&essentials);
         assert!(place.path("result/summary.json").exists(), "{name}");
     }
@@ -167,10 +165,10 @@ fn lost_data_are_reported_and_end_with_3() {
 fn a_sensor_mounted_the_other_way_round_is_noticed_and_can_be_turned() {
     let place = Place::new();
     place.put("flipped.csv", &saw(|_, [t, x, f]| row([t, x, -f])));
-    let ran = place.run("identify flipped.csv --bootstrap 0 --out result");
+    let ran = place.run("identify flipped.csv --out result");
     ran.says(&["warning: flipped.csv", "opposes the motion", "hint:", "--flip-force"]);
     assert_ne!(ran.code, Some(0));
-    let turned = place.run("identify flipped.csv --flip-force --bootstrap 0 --out result");
+    let turned = place.run("identify flipped.csv --flip-force --out result");
     assert!(!turned.stderr.contains("opposes"), "{turned:#?}");
     turned.says(&["sign of the force reversed"]);
 }
@@ -179,7 +177,7 @@ fn a_sensor_mounted_the_other_way_round_is_noticed_and_can_be_turned() {
 fn what_the_data_do_not_determine_is_reported_before_fitting_and_ends_with_3() {
     let place = Place::new();
     place.put("one-speed.csv", &saw(|_, values| row(values)));
-    let ran = place.run("identify one-speed.csv --bootstrap 0 --json --out result").ends_with(3);
+    let ran = place.run("identify one-speed.csv --json --out result").ends_with(3);
     let (before, after) = ran.stderr.split_once("warning:").unwrap();
     assert!(before.contains("one speed: the viscous part cannot be distinguished"), "{before}");
     assert!(after.contains("viscous_damping_n_s_m") && after.contains("not determined"), "{after}");
@@ -192,7 +190,7 @@ fn what_the_data_do_not_determine_is_reported_before_fitting_and_ends_with_3() {
     let text = saw(|_, values| row(values));
     let sliding: Vec<&str> = text.lines().take(1).chain(text.lines().skip(400).take(600)).collect();
     place.put("no-reversal.csv", &sliding.join("\n"));
-    let ran = place.run("identify no-reversal.csv --bootstrap 0 --out result").ends_with(3);
+    let ran = place.run("identify no-reversal.csv --out result").ends_with(3);
     ran.says(&["no reversal", "in one direction only", "half_width_m: not determined"]);
 }
 
@@ -463,9 +461,7 @@ fn equal_seeds_give_equal_bytes() {
     assert_eq!(place.text("a-truth.csv"), place.text("b-truth.csv"));
     assert_ne!(place.text("a.csv"), place.text("c.csv"));
     for out in ["one", "two"] {
-        place
-            .run(&format!("identify a.csv --validate c.csv --bootstrap 30 --seed 3 --out {out}"))
-            .done();
+        place.run(&format!("identify a.csv --validate c.csv --seed 3 --out {out}")).done();
     }
     for file in files(&place.path("one")) {
         let read = |folder: &str| fs::read(place.path(folder).join(&file)).unwrap();
@@ -504,7 +500,7 @@ fn a_validation_that_contradicts_ends_with_3() {
     place.put("wet.toml", &rig);
     place.run("bench validation --rig wet.toml --seed 9 --out wet.csv").done();
     let ran = place
-        .run("identify dry.csv --validate wet.csv --bootstrap 0 --moving-mass-kg 0.04 --json --out found")
+        .run("identify dry.csv --validate wet.csv --moving-mass-kg 0.04 --json --out found")
         .ends_with(3);
     let essentials = [
         "wet.csv: validation error",
@@ -532,7 +528,7 @@ fn a_validation_that_contradicts_ends_with_3() {
 fn figures_show_what_is_asked_for() {
     let place = Place::new();
     place.recording("strokes.csv");
-    let identify = "identify strokes.csv --bootstrap 0 --moving-mass-kg 0.04 --offset-n=-0.34";
+    let identify = "identify strokes.csv --moving-mass-kg 0.04 --offset-n=-0.34";
     let chosen = "--figure-7-deflection-mm -5 --figure-7-deflection-mm 5 --figure-9-speed-mm-s 40";
     place.run(&format!("{identify} {chosen} --out found")).done();
     let report = place.text("found/report.html");
@@ -695,8 +691,7 @@ fn recordings_for_a_model_are_read_like_its_own() {
     place.recording("plain.csv");
     place.put("logger.csv", &as_a_logger_writes(&place, "plain.csv"));
     let options = "--columns time_s=t,position_mm=pos,force_n=Fz --flip-force";
-    let identify =
-        format!("identify logger.csv {options} --bootstrap 0 --moving-mass-kg 0.04 --out found");
+    let identify = format!("identify logger.csv {options} --moving-mass-kg 0.04 --out found");
     place.run(&identify).done();
     let said = "read like the recordings of the model, with --columns 'time_s=t,position_mm=pos,force_n=Fz' --flip-force";
 
@@ -849,7 +844,7 @@ fn draws_are_taken_by_the_other_verbs(place: &Place) {
 fn draws_of_identify_give_simulate_a_band_and_a_model_serves_as_prior() {
     let place = Place::new();
     place.recording("strokes.csv");
-    let identify = "identify strokes.csv --bootstrap 0 --moving-mass-kg 0.04";
+    let identify = "identify strokes.csv --moving-mass-kg 0.04";
     let ran = place.run(&format!("{identify} --posterior 2000 --out found")).done();
     assert!(ran.stdout.contains("2000 posterior draws of "), "{}", ran.stdout);
     let summary: serde_json::Value =

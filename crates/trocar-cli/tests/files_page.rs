@@ -131,7 +131,7 @@ fn identified() -> Place {
     let place = Place::new();
     std::fs::create_dir_all(place.path("set/specimen=a")).unwrap();
     place.run("bench validation --out set/specimen=a/strokes.csv --seed 1").ends_with(0);
-    place.run("identify set/specimen=a/strokes.csv --bootstrap 0 --out found");
+    place.run("identify set/specimen=a/strokes.csv --out found");
     place
 }
 

@@ -7,7 +7,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use crate::common::{Place, names_in};
-use trocar::table::{self, Column, Field, Kind, Table, TableWriter};
+use trocar::table::{self, Column, Table};
 
 /// A folder of recordings by type and use, two of them no recordings.
 fn place() -> Place {
@@ -79,59 +79,12 @@ fn failures_are_rows() {
 #[cfg(unix)]
 #[test]
 fn kills_change_nothing() {
-    killed_again_and_again(&place(), "set", 3);
-}
-
-/// The same where recordings are cut by the ends of files; and the numbers are those of one file.
-#[cfg(unix)]
-#[test]
-fn kills_change_nothing_of_recordings_in_several_files() {
     let place = place();
-    let path =
-        |kind: &str, n: usize| format!("set/trocar_type={kind}/insertion_count={n}/strokes.csv");
-    let paths: Vec<String> =
-        ["a", "b"].iter().flat_map(|kind| [0, 20, 40].map(|n| path(kind, n))).collect();
-    grouped(&place, &paths.iter().collect::<Vec<_>>());
-    sharded(&place, &table::read(place.path("rows.parquet")).unwrap(), 5);
-    killed_again_and_again(&place, "shards", 0);
-    let of_shards = table::read(place.path("whole.parquet")).unwrap();
-    place.run("fleet rows.parquet --out one.parquet --quiet").ends_with(0);
-    let of_one = table::read(place.path("one.parquet")).unwrap();
-    for name in ["sha256", "coulomb_force_n", "status", "lubricant"] {
-        assert_eq!(of_shards.column(name), of_one.column(name), "{name}");
-    }
-}
-
-/// Rows in files of one length, in the folder `shards`.
-#[cfg(unix)]
-fn sharded(place: &Place, rows: &Table, files: usize) {
-    let fields =
-        rows.fields.iter().zip(&rows.columns).map(|(name, column)| Field::new(name, column.kind()));
-    let fields: Vec<Field> = fields.collect();
-    fs::create_dir(place.path("shards")).unwrap();
-    let size = rows.rows().div_ceil(files);
-    for file in 0..files {
-        let range = file * size..((file + 1) * size).min(rows.rows());
-        let cut = |column: &Column| match column {
-            Column::Number(cells) => Column::Number(cells[range.clone()].to_vec()),
-            Column::Text(cells) => Column::Text(cells[range.clone()].to_vec()),
-            other => panic!("{other:?}"),
-        };
-        let mut writer =
-            TableWriter::create(place.path(&format!("shards/part-{file}.parquet")), &fields)
-                .unwrap();
-        writer.write(&rows.columns.iter().map(cut).collect::<Vec<_>>()).unwrap();
-        writer.commit().unwrap();
-    }
-}
-
-#[cfg(unix)]
-fn killed_again_and_again(place: &Place, set: &str, code: i32) {
-    place.run(&format!("fleet {set} --out whole.parquet --threads 1 --quiet")).ends_with(code);
+    place.run("fleet set --out whole.parquet --threads 1 --quiet").ends_with(3);
     let mut kills = 0;
     while !place.path("t.parquet").exists() {
         let mut child = place
-            .command(&format!("fleet {set} --out t.parquet --threads 2 --quiet"))
+            .command("fleet set --out t.parquet --threads 2 --quiet")
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
@@ -194,10 +147,9 @@ fn a_changed_recording_is_done_again() {
     place.run("fleet set --out u.parquet --seed 2").ends_with(3).says(&["0 reused"]);
 }
 
-/// A manifest names files and carries its columns along; rows of one table are recordings by a
-/// column.
+/// A manifest names files and carries its columns along.
 #[test]
-fn manifests_and_grouped_rows() {
+fn a_manifest_names_files() {
     let place = place();
     let [a, b] =
         ["a", "b"].map(|kind| format!("set/trocar_type={kind}/insertion_count=20/strokes.csv"));
@@ -213,50 +165,18 @@ fn manifests_and_grouped_rows() {
         manifest.column("dataset_samples").is_some(),
         "a name of the table's own is not overwritten"
     );
-    grouped(&place, &[&a, &b]);
-    place.run("fleet rows.parquet --out g.parquet").ends_with(0);
-    let grouped = table::read(place.path("g.parquet")).unwrap();
-    assert_eq!(texts(&grouped, "path"), ["rows.parquet#r0", "rows.parquet#r1"]);
-    assert_eq!(texts(&grouped, "lubricant"), ["oil 0", "oil 1"]);
-    let [Some(one), Some(other)] =
-        [&manifest, &grouped].map(|table| table.column("coulomb_force_n"))
-    else {
-        panic!()
-    };
-    assert_eq!(one, other, "the same readings give the same numbers");
     fs::write(place.path("list.csv"), format!("path\n{a}\n{a}\n")).unwrap();
     place
         .run("fleet list.csv --out m.parquet")
         .ends_with(1)
         .says(&["row 2", "is already in row 1"]);
-    place
-        .run(&format!("fleet {a} --out m.parquet"))
-        .ends_with(1)
-        .says(&["no manifest", "trocar identify"]);
+    place.run(&format!("fleet {a} --out m.parquet")).ends_with(1).says(&[
+        "no manifest",
+        "trocar identify",
+        "rows-of-tables",
+    ]);
     fs::create_dir(place.path("empty")).unwrap();
     place.run("fleet empty --out m.parquet").ends_with(1).says(&["no recordings"]);
-}
-
-/// The recordings as rows of one Parquet file.
-fn grouped(place: &Place, paths: &[&String]) {
-    let names = [("recording", Kind::Text), ("lubricant", Kind::Text), ("time_s", Kind::Number)];
-    let numbers = ["position_m", "velocity_m_s", "force_n"].map(|name| (name, Kind::Number));
-    let fields: Vec<Field> =
-        names.into_iter().chain(numbers).map(|(name, kind)| Field::new(name, kind)).collect();
-    let mut writer = TableWriter::create(place.path("rows.parquet"), &fields).unwrap();
-    for (k, path) in paths.iter().enumerate() {
-        let text = fs::read_to_string(place.path(path)).unwrap();
-        let rows: Vec<Vec<f64>> = text
-            .lines()
-            .skip(1)
-            .map(|line| line.split(',').map(|cell| cell.parse().unwrap()).collect())
-            .collect();
-        let text = |text: String| Column::Text(vec![Some(text.into()); rows.len()]);
-        let mut columns = vec![text(format!("r{k}")), text(format!("oil {k}"))];
-        columns.extend((0..4).map(|at| Column::Number(rows.iter().map(|row| row[at]).collect())));
-        writer.write(&columns).unwrap();
-    }
-    writer.commit().unwrap();
 }
 
 #[test]

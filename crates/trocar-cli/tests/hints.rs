@@ -13,7 +13,7 @@ const FORCE: f64 = 3.0;
 const CLOSE: f64 = 0.02;
 
 /// Options of the identification: only its first steps, because F_c is compared.
-const IDENTIFY: &str = "--paper --bootstrap 0 --out out";
+const IDENTIFY: &str = "--paper --out out";
 
 /// Interval between samples, s.
 const STEP: f64 = 2e-3;

@@ -10,7 +10,7 @@ use crate::common::{Place, Ran};
 const LINES: [&str; 13] = [
     "simulate model.json motion.csv --out force.csv",
     "compensate model.json recording.csv --force-error-n 0.1 --out tissue.csv",
-    "identify recording.csv --validate held.csv --prior model.json --bootstrap 0 --out result",
+    "identify recording.csv --validate held.csv --prior model.json --out result",
     "compare recording.csv --validate held.csv --models coulomb --out compared",
     "fleet set --out set/fleet.csv",
     "fleet manifest.csv --out table.parquet --report report.html",
@@ -241,13 +241,14 @@ fn the_command_line_of_a_report_is_whole_and_names_no_folder() {
     let text = text.replacen("force_n", "a/b [N]", 1);
     fs::write(place.path("set/odd.csv"), text).unwrap();
     let folder = place.path("set").display().to_string();
-    let mut command = place.command("identify --bootstrap 0 --out result --columns");
+    let mut command = place.command("identify --out result --columns");
     let columns = "time_s=time_s,position_m=position_m,force_n=a/b [N]";
     let ran = command.args([columns, &format!("{folder}/odd.csv")]).output().unwrap();
     Ran::from(ran);
     let report = fs::read_to_string(place.path("result/report.html")).unwrap();
     assert!(!report.contains(&folder));
-    let expected = "trocar identify --bootstrap 0 --columns 'time_s=time_s,position_m=position_m,force_n=a/b [N]' odd.csv";
+    let expected =
+        "trocar identify --columns 'time_s=time_s,position_m=position_m,force_n=a/b [N]' odd.csv";
     let plain = report.replace("&#39;", "'").replace("&#x27;", "'");
     assert!(
         plain.contains(expected),

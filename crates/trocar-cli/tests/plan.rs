@@ -96,7 +96,7 @@ fn json_holds_what_the_text_shows_and_seeds_draw_other_seals() {
 fn a_pilot_gives_the_limits_and_counts() {
     let place = Place::new();
     place.run("bench steady --out pilot.csv").ends_with(0);
-    place.run("identify pilot.csv --moving-mass-kg 0.04 --bootstrap 0 --out pilot").ends_with(0);
+    place.run("identify pilot.csv --moving-mass-kg 0.04 --out pilot").ends_with(0);
     let command = "plan --model pilot --after pilot.csv --for viscous_damping_n_s_m --duration-s 40 --out next.csv";
     let ran = place.run(command);
     assert!(matches!(ran.code, Some(0 | 3)), "{ran:#?}");

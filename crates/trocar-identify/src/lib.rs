@@ -71,7 +71,6 @@ mod prior;
 pub mod profile;
 mod random;
 mod refit;
-mod replicates;
 mod result;
 mod ripple;
 mod scale;

@@ -10,8 +10,6 @@ use trocar_simulate::segment::SegmentOptions;
 /// Options of the identification.
 #[derive(Debug, Clone)]
 pub struct IdentifyOptions {
-    /// Resamples of the bootstrap over cycles; with 0 all intervals come from the jackknife.
-    pub bootstrap: usize,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Degrees of the two joined polynomials, 2 to 7 (EMS (25): 4 and 4).
@@ -43,7 +41,6 @@ pub struct IdentifyOptions {
 impl Default for IdentifyOptions {
     fn default() -> Self {
         Self {
-            bootstrap: 200,
             seed: 1,
             degrees: [4, 4],
             free_motion: true,
@@ -66,10 +63,9 @@ impl IdentifyOptions {
         let yes_no = |value: bool| if value { "yes" } else { "no" };
         let without: Vec<&str> = self.without.iter().map(|term| term.name()).collect();
         format!(
-            "seed {}, bootstrap {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
+            "seed {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
              terms not tried: {}, position profile {}, unmodelled mass {}{}{}",
             self.seed,
-            self.bootstrap,
             self.degrees[0],
             self.degrees[1],
             self.offset.map_or_else(|| "estimated".to_owned(), |offset| format!("{offset} N")),

@@ -3,20 +3,17 @@
 //! They need constant-speed strokes that slide fully. Their element is the start of the likelihood
 //! fit, and a result of its own (`--paper`).
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use trocar_model::{ParameterId, Quantity, Relaxation, SlidingFriction};
 
 use super::candidate::Candidate;
 use super::deformation::{
-    self, DampingTest, DeformationFit, FullReversal, Limits, Sensors, curves_of, mean_points,
+    self, DampingTest, DeformationFit, Limits, Sensors, curves_of, mean_points,
 };
 use super::estimate::Estimate;
 use super::findings::{IdentifyError, Parameter};
 use super::numbers::branch_ids;
 use super::options::IdentifyOptions;
-use super::replicates::Replicates;
 use super::segments::Segments;
 use super::shape::BranchShape;
 use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
@@ -348,8 +345,8 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
             if let Some(test) = &found.damping {
                 all.push(Parameter::new(Quantity::SealDamping, tested_damping(test)));
             }
-            let replicates = two_step_replicates(two, found, options);
-            all.extend(branch_parameters(&two.candidate, &replicates));
+            let left_out = strokes_left_out(&two.candidate, found, options.degrees);
+            all.extend(branch_parameters(&two.candidate, &left_out));
         }
         Err(why) => {
             all.push(Parameter::new(
@@ -361,62 +358,52 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
     all
 }
 
-/// Branches refitted to full reversals resampled by cycle (or left out one at a time).
-fn two_step_replicates(
-    two: &TwoSteps,
+/// The candidate with branches refitted without one full reversal of each direction at a time.
+fn strokes_left_out(
+    best: &Candidate,
     found: &DeformationFit,
-    options: &IdentifyOptions,
-) -> Replicates<Candidate> {
-    let end_forces = two.candidate.end_forces();
-    let refit = |direction: Direction,
-                 shape: &BranchShape,
-                 chosen: &dyn Fn(usize) -> usize,
-                 count: usize| {
-        let own: Vec<&FullReversal> =
-            found.full_reversals.iter().filter(|t| t.direction == direction).collect();
-        let curves: Vec<&[f64]> = (0..count.min(own.len()))
-            .map(|k| own[chosen(k) % own.len()].curve.as_slice())
-            .collect();
-        BranchShape::fit(options.degrees, end_forces, &mean_points(&curves))
-            .map_or_else(|| shape.clone(), |f| f.0)
+    degrees: [usize; 2],
+) -> Vec<Candidate> {
+    let end_forces = best.end_forces();
+    let [insertion, withdrawal] = [Direction::Insertion, Direction::Withdrawal]
+        .map(|direction| curves_of(&found.full_reversals, direction));
+    let refit = |branch: &BranchShape, curves: &[&[f64]], left_out: usize| {
+        let points = mean_points(&without(curves, left_out));
+        BranchShape::fit(degrees, end_forces, &points)
+            .map_or_else(|| branch.clone(), |(branch, _)| branch)
     };
-    let [up, down] = [Direction::Insertion, Direction::Withdrawal]
-        .map(|d| curves_of(&found.full_reversals, d).len());
-    let with = |insertion_branch, withdrawal_branch| Candidate {
-        insertion_branch,
-        withdrawal_branch,
-        ..two.candidate.clone()
-    };
-    if options.bootstrap == 0 {
-        let n = up.min(down);
-        let left_out = |g: usize| {
-            cancel::check();
-            let skip = |k: usize| if k < g { k } else { k + 1 };
-            with(
-                refit(Direction::Insertion, &two.candidate.insertion_branch, &skip, up.max(2) - 1),
-                refit(
-                    Direction::Withdrawal,
-                    &two.candidate.withdrawal_branch,
-                    &skip,
-                    down.max(2) - 1,
-                ),
-            )
-        };
-        return Replicates::Jackknife((0..n).into_par_iter().map(left_out).collect());
-    }
-    let resampled = |index: usize| {
+    let left_out = |k: usize| {
         cancel::check();
-        let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
-        rng.set_stream(index as u64);
-        let drawn: Vec<usize> =
-            (0..up.max(down)).map(|_| rng.random_range(0..up.max(down))).collect();
-        let chosen = |k: usize| drawn[k];
-        with(
-            refit(Direction::Insertion, &two.candidate.insertion_branch, &chosen, up),
-            refit(Direction::Withdrawal, &two.candidate.withdrawal_branch, &chosen, down),
-        )
+        Candidate {
+            insertion_branch: refit(&best.insertion_branch, &insertion, k),
+            withdrawal_branch: refit(&best.withdrawal_branch, &withdrawal, k),
+            ..best.clone()
+        }
     };
-    Replicates::Bootstrap((0..options.bootstrap).into_par_iter().map(resampled).collect())
+    (0..insertion.len().min(withdrawal.len())).into_par_iter().map(left_out).collect()
+}
+
+/// The curves but one; a single one stays.
+fn without<'a>(curves: &[&'a [f64]], left_out: usize) -> Vec<&'a [f64]> {
+    let mut kept = curves.to_vec();
+    if kept.len() > 1 {
+        kept.remove(left_out);
+    }
+    kept
+}
+
+/// A parameter of the best fit with the interval of the jackknife over fits with strokes left out.
+fn jackknife(best: &Candidate, left_out: &[Candidate], id: ParameterId) -> Estimate {
+    let (value, unit) = (best.value(id), id.unit().si);
+    let values: Vec<f64> = left_out.iter().map(|candidate| candidate.value(id)).collect();
+    if values.iter().all(|other| *other == value) {
+        return Estimate::undetermined(value, unit, "the readings do not depend on it");
+    }
+    let g = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / g;
+    let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
+    let error = ((g - 1.0) / g * squares).sqrt();
+    Estimate::from_standard_error(value, error, g - 1.0, unit)
 }
 
 /// σ of the model: the value found by the test, or zero with the bound that the test could not
@@ -438,8 +425,8 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
 }
 
 /// Join and coefficients of both branches; a join at the end of its range is not determined,
-/// whatever its replicates.
-fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Vec<Parameter> {
+/// whatever the strokes left out give.
+fn branch_parameters(best: &Candidate, left_out: &[Candidate]) -> Vec<Parameter> {
     let at_bound = |direction: Direction| best.branch(direction).join_at_bound();
     let parameter = |id: ParameterId| {
         let estimate = if id.quantity == Quantity::Join && id.direction.is_some_and(at_bound) {
@@ -449,7 +436,7 @@ fn branch_parameters(best: &Candidate, replicates: &Replicates<Candidate>) -> Ve
                 "no best join inside the range searched",
             )
         } else {
-            replicates.estimate(best, id.unit().si, &|candidate| candidate.value(id))
+            jackknife(best, left_out, id)
         };
         Parameter::new(id, estimate)
     };

@@ -144,8 +144,6 @@ pub struct Summary<'a> {
     pub program: &'static str,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Resamples of the bootstrap.
-    pub bootstrap: usize,
     /// Whether data were lost or parameters are not determined (exit code 3).
     pub doubtful: bool,
     /// Parameters of the model by name with unit.
@@ -206,7 +204,6 @@ impl Workflow {
         Summary {
             program: PROGRAM,
             seed: self.options.seed,
-            bootstrap: self.options.bootstrap,
             doubtful: self.is_doubtful(),
             parameters: by_name(&found.parameters),
             two_step_parameters: by_name(&found.two_step_parameters),

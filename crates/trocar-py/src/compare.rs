@@ -50,12 +50,8 @@ pub(crate) fn compare(
         Choice::list(models).map_err(|why| ParameterError::new_err(format!("models: {why}")))?;
     let (training, validation) = (records(&recordings), records(&held_out));
     refuse_twice(training.iter().chain(&validation))?;
-    let identify = IdentifyOptions {
-        bootstrap: 0,
-        seed,
-        inertia_removed: moving_mass.mass > 0.0,
-        ..Default::default()
-    };
+    let identify =
+        IdentifyOptions { seed, inertia_removed: moving_mass.mass > 0.0, ..Default::default() };
     let options = CompareOptions { models, identify, timing };
     let task = move |report: &crate::work::Report| {
         let corrected = |recordings: Vec<Record>| moving_mass.subtracted_from_all(recordings, 0.0);

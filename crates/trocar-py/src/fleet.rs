@@ -26,12 +26,11 @@ pub(crate) struct FleetConfig(Config);
 #[pymethods]
 impl FleetConfig {
     #[new]
-    #[pyo3(signature = (*, depth, bootstrap, seed, moving_mass_kg, gravity_m_s2, columns, topics, from_s, to_s, flip_force,
+    #[pyo3(signature = (*, depth, seed, moving_mass_kg, gravity_m_s2, columns, topics, from_s, to_s, flip_force,
         sensor_limit_n, most_samples, memory_limit_bytes))]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn new(
         depth: &str,
-        bootstrap: usize,
         seed: u64,
         moving_mass_kg: f64,
         gravity_m_s2: f64,
@@ -64,7 +63,7 @@ impl FleetConfig {
             memory_limit: memory_limit_bytes,
         };
         let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
-        Ok(Self(Config { reading, depth, seed, bootstrap, moving_mass }))
+        Ok(Self(Config { reading, depth, seed, moving_mass }))
     }
 
     /// What a row depends on beside the recording, in short.
@@ -121,7 +120,7 @@ fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<Py
     row.cells.into_iter().map(value).collect()
 }
 
-/// The rows of one source of a data set, as text for [`FleetTable::add`].
+/// The row of one source of a data set, as text for [`FleetTable::add`].
 #[pyfunction]
 pub(crate) fn fleet_source(
     py: Python<'_>,
@@ -129,9 +128,9 @@ pub(crate) fn fleet_source(
     config: &FleetConfig,
 ) -> PyResult<String> {
     let config = config.0.clone();
-    let parts =
+    let row =
         run(py, How { progress: None, threads: 1 }, move |_| identify_source(&order, &config))?;
-    parts.map_err(|error| ParameterError::new_err(format!("no order of a data set: {error}")))
+    row.map_err(|error| ParameterError::new_err(format!("no order of a data set: {error}")))
 }
 
 /// A table whose rows come from elsewhere.
@@ -145,23 +144,17 @@ pub(crate) struct FleetTable {
 #[pymethods]
 impl FleetTable {
     #[new]
-    #[pyo3(signature = (dataset, out, config, *, group_by))]
-    fn new(
-        dataset: PathBuf,
-        out: PathBuf,
-        config: &FleetConfig,
-        group_by: Option<&str>,
-    ) -> PyResult<Self> {
-        let found = Dataset::open(&dataset, group_by, &[out.clone(), journal_path(&out)])
-            .map_err(of_dataset)?;
+    fn new(dataset: PathBuf, out: PathBuf, config: &FleetConfig) -> PyResult<Self> {
+        let found =
+            Dataset::open(&dataset, &[out.clone(), journal_path(&out)]).map_err(of_dataset)?;
         let names = found.sources.iter().map(|source| source.name.clone()).collect();
-        let left_out = found.left_out.clone();
         let collector =
-            Collector::open(found, &config.0, &out).map_err(|error| of_fleet(error.into()))?;
+            Collector::open(&found, &config.0, &out).map_err(|error| of_fleet(error.into()))?;
+        let left_out = found.left_out;
         Ok(Self { collector: Mutex::new(Some(collector)), names, left_out })
     }
 
-    /// The units of work, each a file with one recording or with several, or a folder of one.
+    /// The recordings, by their names in the table.
     #[getter]
     fn names(&self) -> Vec<String> {
         self.names.clone()
@@ -173,7 +166,7 @@ impl FleetTable {
         self.left_out.clone()
     }
 
-    /// One for each unit of work, for `fleet_source`.
+    /// One for each recording, for `fleet_source`.
     fn orders(&self) -> PyResult<Vec<String>> {
         let orders = self.open().as_ref().map(Collector::orders).transpose();
         let wrong = |error| {
@@ -182,9 +175,9 @@ impl FleetTable {
         Ok(orders.map_err(wrong)?.unwrap_or_default())
     }
 
-    /// Takes the rows of a file; recordings done, reused from before, and failed.
-    fn add(&self, source: usize, parts: &str) -> PyResult<(usize, usize, usize)> {
-        self.with(|collector| collector.add(source, parts))
+    /// Takes the row of a file; recordings done, reused from before, and failed.
+    fn add(&self, source: usize, row: &str) -> PyResult<(usize, usize, usize)> {
+        self.with(|collector| collector.add(source, row))
     }
 
     /// A file that no worker could finish.

@@ -37,14 +37,13 @@ impl Raise for WorkflowError {
 
 /// Identifies a model; `trocar.identify` wraps it.
 #[pyfunction]
-#[pyo3(signature = (recordings, held_out, *, bootstrap, seed, degrees, free_motion, without, offset_n, paper,
+#[pyo3(signature = (recordings, held_out, *, seed, degrees, free_motion, without, offset_n, paper,
     posterior, prior, prior_spread, moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn identify(
     py: Python<'_>,
     recordings: Vec<PyRef<'_, Recording>>,
     held_out: Vec<PyRef<'_, Recording>>,
-    bootstrap: usize,
     seed: u64,
     degrees: [usize; 2],
     free_motion: bool,
@@ -69,7 +68,6 @@ pub(crate) fn identify(
     let options = IdentifyOptions {
         prior,
         posterior: posterior.map(draws).transpose()?,
-        bootstrap,
         seed,
         degrees,
         free_motion,

@@ -246,7 +246,7 @@ pub(super) fn allowed(
 ///
 /// # Errors
 /// [`RecordingError::NoSuchTable`] if there are some.
-pub fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
+pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
     allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }
 

@@ -12,18 +12,16 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 
 #[cfg(feature = "parquet")]
-use block::Block;
 use block::SampleRow;
 use collect::Collector;
 use columns::Quantity;
 #[cfg(feature = "parquet")]
-use rows::Crop;
 use rows::Rows;
 pub use rows::digest_of;
 use screen::Count;
 use trocar_tables::line::Line;
 
-pub use choice::{Choice, check_topics};
+pub use choice::Choice;
 pub use columns::{TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use error::{Location, RecordingError};
@@ -177,36 +175,6 @@ impl Recording {
             collector.add(SampleRow { line: k as u64, values });
         }
         collector.finish(&name, name.clone(), readings.sha256(), sensor_limit)
-    }
-
-    /// A recording of any length from blocks of rows in SI units, cropped and thinned like one from
-    /// a file. `next` replaces the rows of a block and returns `false` at the end. The hash is that
-    /// of the hashes of its columns, each as in [`Readings`].
-    ///
-    /// # Errors
-    /// Those of `next`, and as for [`Recording::from_columns`].
-    #[cfg(feature = "parquet")]
-    pub fn from_blocks(
-        name: &str,
-        has_velocity: bool,
-        options: &ReadOptions,
-        next: &mut dyn FnMut(&mut Block) -> Result<bool, RecordingError>,
-    ) -> Result<Self, RecordingError> {
-        let mut collector =
-            Collector::new(0, has_velocity, options.most_samples).counting(Count::Samples);
-        let mut crop = Crop::new(&options.choice);
-        let mut hashes = vec![Sha256::new(); if has_velocity { 4 } else { 3 }];
-        let mut block = Block::new(Quantity::ALL.len());
-        while next(&mut block)? {
-            crop.cut(&mut block);
-            for (hash, column) in hashes.iter_mut().zip(&block.columns) {
-                column.iter().for_each(|value| hash.update(value.to_le_bytes()));
-            }
-            collector.take(&block);
-        }
-        let mut whole = Sha256::new();
-        hashes.into_iter().for_each(|hash| whole.update(hash.finalize()));
-        collector.finish(name, name.to_owned(), text::hex(&whole.finalize()), options.sensor_limit)
     }
 
     /// Number of samples.
@@ -390,17 +358,11 @@ pub fn position_resolution(path: &Path, choice: &Choice) -> Result<f64, Recordin
     Ok(screen::resolution(&positions))
 }
 
-/// Most rows held for a limit of `most` samples.
-#[cfg(feature = "parquet")]
-pub fn most_held(most: Option<usize>) -> u64 {
-    collect::held(most) as u64
-}
-
 /// Rejects data that would not fit into the memory.
 ///
 /// # Errors
 /// [`RecordingError::TooLarge`].
-pub fn check_memory(
+fn check_memory(
     file: &str,
     rows: u64,
     columns: u64,

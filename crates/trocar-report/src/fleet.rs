@@ -15,7 +15,7 @@ pub struct Roles {
     pub kind: Option<String>,
     /// Use: number of insertions or similar.
     pub usage: Option<String>,
-    /// Specimen or another grouping, such as the centre: the random factor.
+    /// Specimen or another grouping, such as the centre: each has a level of its own.
     pub specimen: Option<String>,
 }
 
@@ -51,7 +51,7 @@ impl Roles {
     }
 }
 
-/// The report: counts, distributions, drift with use, specimens, outliers, failures.
+/// The report: counts, distributions, drift with use, outliers, failures.
 ///
 /// Equal input gives equal documents. Where metadata are missing, a sentence says what is missing.
 pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
@@ -66,7 +66,6 @@ pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
         sections: vec![
             Section::new("Distributions").figure(figures::distributions(&types)),
             drift(&types, &roles),
-            specimens(&types, &roles),
             outliers(&types),
             failures(fleet),
         ],
@@ -125,23 +124,6 @@ fn drift(types: &ByType, roles: &Roles) -> Section {
     }
 }
 
-fn specimens(types: &ByType, roles: &Roles) -> Section {
-    let section = Section::new("Types and specimens");
-    let Some(specimen) = &roles.specimen else {
-        return section.paragraph("No column of the data set names specimens (specimen, or another named with --specimen), so recordings of one \
-                                  trocar cannot be distinguished from those of several, and no interval for a type would hold.");
-    };
-    let (means, components, missing) = figures::mixed_effects(types, specimen);
-    let mut section = section.paragraph(format!(
-        "Mixed effects: value = mean of the type + deviation of the specimen ({specimen}) + deviation of the recording. The interval of each \
-         recording counts as its known error of measurement. Components by restricted maximum likelihood, common to all types; intervals \
-         of means by Student's t with the specimens of the type less one. ICC is the part of the variance that is between specimens, \
-         without the error of measurement. Drift with use is not removed."
-    ));
-    section = missing.into_iter().fold(section, Section::paragraph);
-    if means.rows.is_empty() { section } else { section.table(means).table(components) }
-}
-
 fn outliers(types: &ByType) -> Section {
     let (count, table) = figures::outliers(types);
     let section = Section::new("Outliers").paragraph(format!(
@@ -164,7 +146,6 @@ fn provenance(fleet: &Fleet, config: &Config) -> Vec<(String, String)> {
         ("Program".to_owned(), PROGRAM.to_owned()),
         ("Configuration".to_owned(), config.hash()),
         ("Seed".to_owned(), config.seed.to_string()),
-        ("Bootstrap".to_owned(), config.bootstrap.to_string()),
         (
             "Recordings".to_owned(),
             format!("{}; each with its SHA-256 in the table", fleet.tally.done),

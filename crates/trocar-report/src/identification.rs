@@ -324,7 +324,7 @@ fn parameters(input: &IdentificationReport) -> Section {
         None => "",
     };
     let (values, intervals) =
-        if found.fit.is_some() { of_all_motion(found) } else { of_two_steps(input) };
+        if found.fit.is_some() { of_all_motion(found) } else { of_two_steps() };
     Section::new("Parameters")
         .paragraph(format!("{values}{truth}"))
         .paragraph(format!(
@@ -350,18 +350,10 @@ fn of_all_motion(found: &Identification) -> (String, String) {
 }
 
 /// The same for the paper's two steps.
-fn of_two_steps(input: &IdentificationReport) -> (String, String) {
-    let branches = match input.options.bootstrap {
-        0 => "by the jackknife over strokes".to_owned(),
-        n => {
-            format!("by a bootstrap of {n} resamples of whole cycles (seed {})", input.options.seed)
-        }
-    };
-    let intervals = format!(
-        "Intervals of the sliding force come from the scatter between strokes, those of the joins and of the coefficients of the \
-         branches {branches}."
-    );
-    ("The value is that of the paper's two steps.".to_owned(), intervals)
+fn of_two_steps() -> (String, String) {
+    let intervals = "Intervals of the sliding force come from the scatter between strokes, those of the joins and of the coefficients of the \
+                     branches by the jackknife over strokes.";
+    ("The value is that of the paper's two steps.".to_owned(), intervals.to_owned())
 }
 
 fn recordings<'a>(

@@ -83,7 +83,7 @@ fn has(model: &Candidate) -> String {
 }
 
 fn without(terms: Vec<Term>) -> IdentifyOptions {
-    IdentifyOptions { bootstrap: 0, without: terms, ..IdentifyOptions::default() }
+    IdentifyOptions { without: terms, ..IdentifyOptions::default() }
 }
 
 fn halves(recording: &Recording) -> Result<[Recording; 2], RecordingError> {

@@ -122,7 +122,6 @@ pub(crate) fn recordings(truth: ElementParams, seed: u64) -> Vec<Recording> {
 
 pub(crate) fn found(recordings: &[Recording], draws: usize, seed: u64) -> Identification {
     let options = IdentifyOptions {
-        bootstrap: 0,
         seed,
         free_motion: false,
         posterior: Some(Draws::new(draws).expect("a multiple of 4")),

@@ -110,8 +110,7 @@ fn recorded(folder: &Path) -> Result<(), Failure> {
     let file = |name: &str| read(&folder.join(name), &ReadOptions::default());
     let lighter = |recording: Recording| recording.without_moving_mass(mass.mass, 0.0);
     let training = [lighter(file("steady.csv")?)?, lighter(file("dynamic.csv")?)?];
-    let options =
-        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() };
     let (strokes, hand) = (file("validation.csv")?, file("surgeon.csv")?);
     let half = hand.len() / 2;
     let held_out = [lighter(strokes.clone())?, lighter(hand.part(0..half, "first half")?)?];
@@ -172,8 +171,7 @@ fn one(seed: u64) -> Result<Counts, Failure> {
         Ok(made.without_moving_mass(config.rod.mass_kg, 0.0)?)
     };
     let training = [record(Protocol::Steady, 1)?, record(Protocol::Dynamic, 2)?];
-    let options =
-        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() };
     let found = identify(&training, &options, &|_, _| {})?;
     let strokes = record(Protocol::Validation, 3)?;
     let hand = record(Protocol::Surgeon, 4)?;

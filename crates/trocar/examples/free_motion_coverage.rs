@@ -66,7 +66,7 @@ fn bench(seed: u64) -> Result<Found, Box<dyn std::error::Error + Send + Sync>> {
         run(&config, Protocol::Surgeon, &[Element::new(seal)?], seed)?.to_recording("surgeon")?;
     let recording = recording.without_moving_mass(config.rod.mass_kg, config.rod.gravity_m_s2)?;
     let without = vec![Term::SecondStage, Term::SecondRelaxation, Term::UnmodelledMass];
-    let options = IdentifyOptions { bootstrap: 0, seed, without, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { seed, without, ..IdentifyOptions::default() };
     let found = identify(&[recording], &options, &|_, _| {})?;
     let truths = truths(&seal);
     Ok(std::array::from_fn(|k| (truths[k], found.parameter(NAMES[k]).cloned())))

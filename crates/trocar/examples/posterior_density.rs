@@ -95,7 +95,6 @@ pub(crate) fn recording() -> Recording {
 /// The element without optional terms.
 pub(crate) fn found(recording: &Recording, draws: usize) -> Identification {
     let options = IdentifyOptions {
-        bootstrap: 0,
         degrees: [2, 2],
         free_motion: false,
         along: false,

@@ -103,7 +103,7 @@ impl Other {
 /// The model of a seal with its intervals.
 pub(crate) fn model_of(seal: u64) -> ModelFile {
     let truth = calibration::seal(seal);
-    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default();
     let first = identify(&calibration::recordings(truth, seal), &options, &|_, _| {}).unwrap();
     let mut model = ModelFile::new(first.stages, Origin::new(OriginKind::Identified));
     let interval = |p: &Parameter| {
@@ -128,8 +128,7 @@ pub(crate) fn updated(
     truth: ElementParams,
     seed: u64,
 ) -> Identification {
-    let options =
-        IdentifyOptions { bootstrap: 0, prior: prior.cloned(), ..IdentifyOptions::default() };
+    let options = IdentifyOptions { prior: prior.cloned(), ..IdentifyOptions::default() };
     identify(&[few_strokes(truth, seed)], &options, &|_, _| {}).unwrap()
 }
 

@@ -39,7 +39,7 @@ fn compared(
 ) -> Result<Comparison, Box<dyn Error>> {
     let options = CompareOptions {
         models: Choice::all(),
-        identify: IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() },
+        identify: IdentifyOptions::default(),
         timing: false,
     };
     Ok(compare(training, validation, &options, &|_, _| {})?)

@@ -30,7 +30,7 @@ fn half(recording: &Recording, rest: usize) -> Result<Recording, AnyError> {
 
 /// Identified from the cycles that leave `rest`, scored on the others.
 fn scored(recording: &Recording, rest: usize) -> Result<AgainstStrokes, AnyError> {
-    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default();
     let found = identify(&[half(recording, rest)?], &options, &|_, _| {})?;
     let held_out = found.without_delay(vec![half(recording, 1 - rest)?])?;
     let scores = validate(&found.trocar(), &held_out, found.model.offset);

@@ -13,7 +13,6 @@ mod energy;
 mod ensemble;
 mod export_c;
 mod fleet;
-mod fleet_partitioned;
 mod free_motion;
 mod gallery;
 mod model_file;

@@ -75,8 +75,7 @@ fn only_the_command_line_prints_or_exits() {
 
 #[test]
 fn only_the_reader_knows_formats() {
-    // A data set whose recordings are rows of Parquet files selects these rows in the files.
-    only_in(&["formats::"], &["trocar-recording/", "trocar-lab/src/fleet/parts"]);
+    only_in(&["formats::"], &["trocar-recording/"]);
 }
 
 /// All code that simulates an identified model uses `Trocar`; the exceptions here step its parts

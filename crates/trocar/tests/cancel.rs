@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::cancel::{Cancel, Stopped, most_threads};
+use trocar::identify::posterior::Draws;
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::Recording;
@@ -26,8 +27,9 @@ fn recordings() -> Vec<Recording> {
 fn cancelled_work_ends_where_it_is() {
     let recordings = recordings();
     let cancel = Cancel::default();
-    // So many resamples that the work takes far longer than the test.
-    let options = IdentifyOptions { bootstrap: 3_000_000, ..IdentifyOptions::default() };
+    // So many draws that the work takes far longer than the test.
+    let options =
+        IdentifyOptions { posterior: Draws::new(4_000_000), ..IdentifyOptions::default() };
     let flag = cancel.clone();
     let work = move || flag.run(0, || identify(&recordings, &options, &|_, _| ()).is_ok());
     let worker = std::thread::spawn(work);
@@ -41,7 +43,7 @@ fn cancelled_work_ends_where_it_is() {
 #[test]
 fn work_that_nobody_calls_off_comes_to_the_same() {
     let recordings = recordings();
-    let options = IdentifyOptions { bootstrap: 20, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default();
     let plain = identify(&recordings, &options, &|_, _| ()).unwrap();
     let watched =
         Cancel::default().run(3, || identify(&recordings, &options, &|_, _| ())).unwrap().unwrap();

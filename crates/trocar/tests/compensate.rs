@@ -44,7 +44,7 @@ static MODEL: LazyLock<ModelFile> = LazyLock::new(|| {
         let recording = run(&config, protocol, &seal(), 1).unwrap().to_recording("bench").unwrap();
         recording.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
     };
-    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default();
     let found =
         identify(&[record(Protocol::Steady), record(Protocol::Dynamic)], &options, &|_, _| {})
             .unwrap();
@@ -122,8 +122,7 @@ fn stranger(seed: u64) -> ([Element; 1], ModelFile) {
             .unwrap();
         recording.without_moving_mass(config.rod.mass_kg, 0.0).unwrap()
     };
-    let options =
-        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() };
     let recordings = [record(Protocol::Steady, 1), record(Protocol::Dynamic, 2)];
     let found = identify(&recordings, &options, &|_, _| {}).unwrap();
     let held_out = [record(Protocol::Validation, 3)];
@@ -885,7 +884,7 @@ fn an_alien_seal_without_tissue() {
         |name: &str| -> Recording { read(&folder.join(name), &ReadOptions::default()).unwrap() };
     let lighter = |r: Recording| r.without_moving_mass(0.04, 0.0).unwrap();
     let training = [lighter(record("steady.csv")), lighter(record("dynamic.csv"))];
-    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default();
     let found = identify(&training, &options, &|_, _| {}).unwrap();
     let surgeon = record("surgeon.csv");
     let half = surgeon.len() / 2;

@@ -1,117 +1,89 @@
-//! Mixed effects compared with another program and with known true values.
+//! One table, however often the work is interrupted, and wherever it is done.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
-use serde::Deserialize;
-use trocar::fleet::mixed::{MixedEffects, Observation, fit};
+use std::fs::{self, File};
+use std::path::Path;
 
-/// Relative agreement with statsmodels, whose optimiser stops where the likelihood is flat to about
-/// 1e-8.
-const SAME: f64 = 2e-3;
+use tempfile::TempDir;
+use trocar::bench::{BenchConfig, Protocol, run};
+use trocar::cancel::Cancel;
+use trocar::fleet::{self, Collector, Config, Dataset, FleetError, identify_source};
+use trocar::model_file::ModelFile;
+use trocar::recording;
 
-/// Results of `reference/mixed_effects.py` with statsmodels.
-#[derive(Deserialize)]
-struct Case {
-    observations: Vec<(usize, usize, f64)>,
-    between: f64,
-    within: f64,
-    means: Vec<f64>,
-    standard_errors: Vec<f64>,
+/// Four recordings in folders, and a file that is none.
+fn dataset(folder: &Path) -> Dataset {
+    let seal = ModelFile::plausible_10_5_mm().unwrap();
+    let mut rig = BenchConfig::default();
+    rig.protocol.steady.increment_m_s = 0.05;
+    for seed in 1..=4 {
+        let recorded =
+            run(&rig, Protocol::Steady, seal.stages().unwrap().elements(), seed).unwrap();
+        let inner = folder.join(format!("insertion_count={}", 10 * seed));
+        fs::create_dir_all(&inner).unwrap();
+        let file = File::create(inner.join("strokes.csv")).unwrap();
+        recording::write(file, &recorded.time, &recorded.position, None, &recorded.force).unwrap();
+    }
+    fs::write(folder.join("words.csv"), "these,are,words\n").unwrap();
+    Dataset::open(folder, &[]).unwrap()
 }
 
-#[test]
-fn components_and_means_are_those_of_statsmodels() {
-    let cases: Vec<Case> = serde_json::from_str(include_str!("data/mixed_effects.json")).unwrap();
-    for case in cases {
-        let observation = |&(kind, specimen, value): &(usize, usize, f64)| Observation {
-            kind,
-            specimen,
-            value,
-            error: 0.0,
-        };
-        let found = fit(&case.observations.iter().map(observation).collect::<Vec<_>>()).unwrap();
-        let close = |a: f64, b: f64| assert!((a - b).abs() <= SAME * b.abs(), "{a} beside {b}");
-        close(found.between, case.between);
-        close(found.within, case.within);
-        for (mean, (expected, error)) in
-            found.means.iter().zip(case.means.iter().zip(&case.standard_errors))
-        {
-            close(mean.mean, *expected);
-            close(mean.standard_error, *error);
+/// Runs that are cancelled after each recording until none remains; returns their number, and how
+/// many rows the last run reused.
+fn stopped_again_and_again(dataset: &Dataset, table: &Path) -> (usize, usize) {
+    let mut stopped = 0;
+    loop {
+        let cancel = Cancel::default();
+        let outcome = fleet::run(dataset, &Config::default(), table, 1, &cancel, &mut |tally| {
+            if tally.done > tally.reused {
+                cancel.cancel();
+            }
+        });
+        match outcome {
+            Ok(fleet) => return (stopped, fleet.tally.reused),
+            Err(FleetError::Stopped(_)) => stopped += 1,
+            Err(other) => panic!("{other}"),
         }
     }
 }
 
-fn normal(random: &mut ChaCha8Rng) -> f64 {
-    (0..12).map(|_| random.random_range(0.0..1.0)).sum::<f64>() - 6.0
-}
-
-/// Two types, eight specimens each, five recordings per specimen with their own errors.
-fn drawn(seed: u64, between: f64, within: f64) -> Result<MixedEffects, String> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut all = Vec::new();
-    for specimen in 0..16 {
-        let kind = specimen % 2;
-        let level = TRUTH[kind] + between * normal(&mut random);
-        for _ in 0..5 {
-            let error = random.random_range(0.02..0.3);
-            let value = level + within * normal(&mut random) + error * normal(&mut random);
-            all.push(Observation { kind, specimen, value, error });
-        }
-    }
-    fit(&all)
-}
-
-const TRUTH: [f64; 2] = [3.0, 2.0];
-
-/// The intervals of the means contain the true values about as often as stated, and the components
-/// agree with those of the simulation.
+/// Cancelled after each recording and continued elsewhere: the same bytes, and no recording is
+/// processed twice.
 #[test]
-fn intervals_hold_the_truth_in_simulated_fleets() {
-    const FLEETS: u64 = 400;
-    for (between, within) in [(0.4, 0.1), (0.1, 0.2), (0.0, 0.2)] {
-        let (mut held, mut squares) = (0.0, [0.0; 2]);
-        for seed in 0..FLEETS {
-            let found = drawn(seed, between, within).unwrap();
-            let holds = |mean: &&trocar::fleet::mixed::TypeMean| {
-                mean.ci95
-                    .is_some_and(|[low, high]| low <= TRUTH[mean.kind] && TRUTH[mean.kind] <= high)
-            };
-            held += found.means.iter().filter(holds).count() as f64 / TRUTH.len() as f64;
-            squares[0] += found.between.powi(2) / FLEETS as f64;
-            squares[1] += found.within.powi(2) / FLEETS as f64;
-        }
-        let part = held / FLEETS as f64;
-        println!(
-            "τ = {between}, σ = {within}: {part} held, τ² = {}, σ² = {}",
-            squares[0], squares[1]
-        );
-        // 95 % of 800 means: standard deviation 0.8 %. With little variance between specimens, the
-        // Student's t distribution with their number is too wide: 98.6 % were covered without any
-        // variance.
-        assert!((0.93..0.995).contains(&part), "{part}");
-        // An estimate constrained to be ≥ 0 has a positive bias where the true value is zero.
-        assert!(
-            (squares[0] - between * between).abs() < 0.08 * between * between + 0.003,
-            "{squares:?}"
-        );
-        assert!((squares[1] - within * within).abs() < 0.1 * within * within, "{squares:?}");
+fn interrupted_and_elsewhere_the_table_is_the_same() {
+    let place = TempDir::new().unwrap();
+    let dataset = dataset(&place.path().join("set"));
+    let path = |name: &str| place.path().join(name);
+    let config = Config::default();
+    let whole = path("whole.csv");
+    fleet::run(&dataset, &config, &whole, 1, &Cancel::default(), &mut |_| ()).unwrap();
+    let whole = fs::read(whole).unwrap();
+    let (times, reused) = stopped_again_and_again(&dataset, &path("again.csv"));
+    assert!(times > 0 && reused > 0, "stopped {times} times, {reused} reused");
+    assert_eq!(fs::read(path("again.csv")).unwrap(), whole);
+    // Elsewhere, with the results of the second of five.
+    let mut first = Collector::open(&dataset, &config, &path("elsewhere.csv")).unwrap();
+    let orders = first.orders().unwrap();
+    first.add(1, &identify_source(&orders[1], &config).unwrap()).unwrap();
+    drop(first);
+    let mut second = Collector::open(&dataset, &config, &path("elsewhere.csv")).unwrap();
+    for (k, order) in second.orders().unwrap().iter().enumerate().rev() {
+        let tally = second.add(k, &identify_source(order, &config).unwrap()).unwrap();
+        assert_eq!(tally.reused, usize::from(k <= 1), "{k}");
     }
+    second.write().unwrap();
+    assert_eq!(fs::read(path("elsewhere.csv")).unwrap(), whole);
 }
 
+/// A table without the row of a recording is refused, as is a result that nobody asked for.
 #[test]
-fn too_few_specimens_are_told() {
-    let of = |specimens: usize, repeats: usize| {
-        let one = |k: usize| Observation {
-            kind: 0,
-            specimen: k / repeats,
-            value: (k * k % 7) as f64,
-            error: 0.1,
-        };
-        fit(&(0..specimens * repeats).map(one).collect::<Vec<_>>())
-    };
-    assert!(of(2, 20).unwrap_err().contains("too few"));
-    assert!(of(9, 1).unwrap_err().contains("twice"));
-    assert!(of(4, 3).unwrap().means[0].ci95.is_some());
-    assert!(fit(&[]).is_err());
+fn results_must_belong_to_the_data_set() {
+    let place = TempDir::new().unwrap();
+    let dataset = dataset(&place.path().join("set"));
+    let table = place.path().join("table.csv");
+    let mut collector = Collector::open(&dataset, &Config::default(), &table).unwrap();
+    assert!(matches!(collector.add(9, "null"), Err(FleetError::WorkerResult(_))));
+    assert!(matches!(collector.add(0, "null"), Err(FleetError::WorkerResult(_))));
+    collector.lose(0, "worker_died", "it died").unwrap();
+    assert!(matches!(collector.write(), Err(FleetError::WorkerResult(_))));
+    assert!(!table.exists());
 }

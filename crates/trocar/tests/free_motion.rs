@@ -28,7 +28,7 @@ fn surgeon(seal: &[ElementParams], seconds: f64, seed: u64) -> Recording {
 }
 
 fn found(recordings: &[Recording]) -> Identification {
-    let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+    let options = IdentifyOptions::default();
     identify(recordings, &options, &|_, _| {}).expect("free motion is enough")
 }
 

@@ -53,8 +53,7 @@ fn of(expected: &[Prediction], id: ParameterId) -> &Prediction {
 fn outcome(config: &PlanConfig, motion: &Course, k: u64) -> Vec<(f64, bool)> {
     let seal = random_plausible_seal(1000 + k);
     let expected = predicted(config, &[seal], motion, &[]).expect("a prediction");
-    let options =
-        IdentifyOptions { bootstrap: 0, seed: k, free_motion: false, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { seed: k, free_motion: false, ..IdentifyOptions::default() };
     let found = identify(&[recorded(motion, seal, k)], &options, &|_, _| {}).expect("it slides");
     let one = |id: ParameterId| {
         let (expected, estimate) =

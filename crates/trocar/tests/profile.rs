@@ -334,7 +334,7 @@ fn held_out_strokes_of_real_seals_come_near_their_scatter() {
             .expect("a recording");
         let recording = recording.without_glitches();
         let [odd, even] = [1, 0].map(|rest| part(&recording, |stroke| stroke % 2 == rest));
-        let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+        let options = IdentifyOptions::default();
         let found = identify(&[even], &options, &|_, _| {}).expect("strokes at constant speed");
         let held_out = found.without_delay(vec![odd]).expect("long enough");
         let scores = validate(&found.trocar(), &held_out, found.model.offset);

@@ -73,10 +73,8 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
 fn emps_without_options_agrees_with_the_published_values() {
     let Some(folder) = shared("emps") else { return };
     let axis = [recording(&folder, "identification.csv", MASS)];
-    let found = found(
-        &axis,
-        IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() },
-    );
+    let found =
+        found(&axis, IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() });
     // Published: 20.39 N and 203.5 N s/m common to both directions.
     assert!(
         parameter(&found, "coulomb_force_n").covers(20.39),
@@ -94,10 +92,8 @@ fn emps_without_options_agrees_with_the_published_values() {
 fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
     let Some(folder) = shared("seal_a") else { return };
     let training = ["steady.csv", "dynamic.csv"].map(|name| recording(&folder, name, 0.04));
-    let found = found(
-        &training,
-        IdentifyOptions { inertia_removed: true, bootstrap: 0, ..IdentifyOptions::default() },
-    );
+    let found =
+        found(&training, IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() });
     // As printed in docs/explanation/validation.md.
     for (name, printed) in [("validation.csv", 0.040), ("surgeon.csv", 0.071)] {
         let held_out =

@@ -53,8 +53,7 @@ fn found_on(config: &BenchConfig, seed: u64) -> (ElementParams, Identification) 
 }
 
 fn found(recordings: &[Recording], seed: u64) -> Identification {
-    let options =
-        IdentifyOptions { bootstrap: 0, seed, free_motion: false, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { seed, free_motion: false, ..IdentifyOptions::default() };
     identify(recordings, &options, &|_, _| {}).expect("there is steady sliding")
 }
 
@@ -383,7 +382,7 @@ fn a_name_means_the_same_in_every_fit() {
         + std::f64::consts::PI * (0.5 * config.rod.diameter_m).powi(2) * config.rod.gas_pressure_pa;
     let options = CompareOptions {
         models: vec![Choice::Ems, Choice::EmsOutputError],
-        identify: IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() },
+        identify: IdentifyOptions::default(),
         timing: false,
     };
     let training = [record(Protocol::Steady), record(Protocol::Dynamic)];

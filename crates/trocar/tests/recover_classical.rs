@@ -273,7 +273,7 @@ fn fitted(kind: Kind, truth: &Truth, draw: &mut Draw) -> Entry {
     let validation = [record(&truth.model, draw, 1)];
     let options = CompareOptions {
         models: vec![Choice::Classical(kind)],
-        identify: IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() },
+        identify: IdentifyOptions { paper: true, ..IdentifyOptions::default() },
         timing: false,
     };
     compare(&training, &validation, &options, &|_, _| {})
@@ -394,7 +394,7 @@ fn larger_models_fit_no_worse() {
     let banks = (1..=4).flat_map(|n| [Kind::MaxwellSlip(n), Kind::Gms(n)]);
     let options = CompareOptions {
         models: banks.map(Choice::Classical).collect(),
-        identify: IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() },
+        identify: IdentifyOptions { paper: true, ..IdentifyOptions::default() },
         timing: false,
     };
     let entries = compare(&training, &training, &options, &|_, _| {})
@@ -432,7 +432,7 @@ fn a_seal_that_a_simpler_model_predicts_better_is_doubted() {
     for (held_out, whose) in
         [(vec![held_out], "the held-out recordings"), (vec![], "the recordings themselves")]
     {
-        let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
+        let options = IdentifyOptions { paper: true, ..IdentifyOptions::default() };
         let done = Workflow::run(
             vec![training.clone()],
             held_out,

@@ -49,8 +49,7 @@ fn record(protocol: Protocol, seed: u64) -> Recording {
 }
 
 fn compared(models: Vec<Choice>, training: &[Recording], validation: &[Recording]) -> Comparison {
-    let identify =
-        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let identify = IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() };
     let options = CompareOptions { models, identify, timing: false };
     compare(training, validation, &options, &|_, _| {}).unwrap()
 }

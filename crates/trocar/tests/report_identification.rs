@@ -48,7 +48,7 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
 });
 
 fn identified(training: &[Recording]) -> Identification {
-    let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { paper: true, ..IdentifyOptions::default() };
     identify(training, &options, &|_, _| {}).unwrap()
 }
 
@@ -718,7 +718,7 @@ fn real_recordings_give_reports_without_empty_panels() {
             if mass > 0.0 { recording.without_moving_mass(mass, 0.0).unwrap() } else { recording }
         };
         let training: Vec<Recording> = files.iter().map(recording).collect();
-        let options = IdentifyOptions { bootstrap: 0, ..IdentifyOptions::default() };
+        let options = IdentifyOptions::default();
         let identification = identify(&training, &options, &|_, _| {}).unwrap();
         let document = document(&plain_input(&identification, &training));
         assert_nothing_is_empty(&document);
@@ -816,7 +816,7 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
         let Ok(recording) = Recording::from_columns("scaled.csv", time, position, force) else {
             continue;
         };
-        let options = IdentifyOptions { bootstrap: 0, paper: true, ..IdentifyOptions::default() };
+        let options = IdentifyOptions { paper: true, ..IdentifyOptions::default() };
         let training = [recording];
         if let Ok(found) = identify(&training, &options, &|_, _| {}) {
             let folder = tempfile::tempdir().unwrap();
@@ -835,12 +835,8 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
     let hand = hand.to_recording("hand").unwrap();
     let slow = scaled(&hand.time, 1e9);
     let slow = [Recording::from_columns("hand.csv", slow, hand.position, hand.force).unwrap()];
-    let options = IdentifyOptions {
-        bootstrap: 0,
-        free_motion: false,
-        along: false,
-        ..IdentifyOptions::default()
-    };
+    let options =
+        IdentifyOptions { free_motion: false, along: false, ..IdentifyOptions::default() };
     let found = identify(&slow, &options, &|_, _| {}).unwrap();
     let began = Instant::now();
     assert!(found.fit.is_some());

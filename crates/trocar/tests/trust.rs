@@ -134,7 +134,7 @@ fn a_term_that_is_not_wanted_is_not_in_the_model() {
     let seal = kinds().into_iter().find(|kind| kind.name == "slopes_differ").expect("a kind");
     let recordings = (seal.make)(1).expect("a seal").recordings(1).expect("the rig runs");
     let with = |without: Vec<Term>| {
-        let options = IdentifyOptions { without, bootstrap: 0, ..IdentifyOptions::default() };
+        let options = IdentifyOptions { without, ..IdentifyOptions::default() };
         identify(&recordings, &options, &|_, _| {}).expect("it slides")
     };
     assert!(with(Vec::new()).parameter("insertion_viscous_damping_n_s_m").is_some());

@@ -34,8 +34,7 @@ struct Found {
 
 static FOUND: LazyLock<Found> = LazyLock::new(|| {
     let recordings = vec![record(Protocol::Steady, 1.0, 1), record(Protocol::Dynamic, 1.0, 1)];
-    let options =
-        IdentifyOptions { bootstrap: 0, inertia_removed: true, ..IdentifyOptions::default() };
+    let options = IdentifyOptions { inertia_removed: true, ..IdentifyOptions::default() };
     let identification = identify(&recordings, &options, &|_, _| {}).unwrap();
     Found { identification, options, recordings }
 });

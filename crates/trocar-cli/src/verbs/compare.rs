@@ -82,7 +82,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let identify = IdentifyOptions {
-        bootstrap: 0,
         seed: args.seed,
         inertia_removed: moving_mass.mass > 0.0,
         ..Default::default()

@@ -40,7 +40,7 @@ pub(crate) struct Args {
     /// Folder for the results; it need not exist
     #[arg(long, value_name = "DIR", default_value = "trocar-demo", value_parser = Output::folder(&FILES))]
     out: Output,
-    /// Seed of noise, fluctuation, hand-like motion and bootstrap
+    /// Seed of noise, fluctuation, hand-like motion and identification
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
 }

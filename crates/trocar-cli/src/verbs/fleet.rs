@@ -17,13 +17,12 @@ use crate::progress::Progress;
 
 /// Identify every recording of a data set separately, on all cores, and write one table
 ///
-/// DATASET is a folder of recordings (folders called key=value become columns), a manifest (CSV or
-/// Parquet with a column 'path' and further columns), or Parquet files whose rows belong to
-/// recordings distinguished by --group-by. A recording that fails is a row with its reason. After
-/// an interruption the same command continues. Exit code 3: some recordings failed.
+/// DATASET is a folder of recordings (folders called key=value become columns) or a manifest (CSV
+/// or Parquet with a column 'path' and further columns). A recording that fails is a row with its
+/// reason. After an interruption the same command continues. Exit code 3: some recordings failed.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder of recordings, manifest, or Parquet file
+    /// Folder of recordings, or manifest
     #[arg(value_name = "DATASET")]
     dataset: PathBuf,
     /// Table to write: .parquet, .csv, .csv.gz, .csv.zst or .arrow
@@ -32,13 +31,6 @@ pub(crate) struct Args {
     /// Depth of the identification
     #[arg(long, value_enum, default_value_t = Far::Quick)]
     depth: Far,
-    /// Column of Parquet files, or key of folders, that distinguishes recordings [default:
-    /// recording, if present]
-    #[arg(long, value_name = "COLUMN")]
-    group_by: Option<String>,
-    /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
-    #[arg(long, default_value_t = 0, value_name = "N")]
-    bootstrap: usize,
     /// Seed of everything random
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -80,11 +72,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         .into());
     }
     let journal = journal_path(&args.out);
-    let dataset = Dataset::open(
-        &args.dataset,
-        args.group_by.as_deref(),
-        &[args.out.to_path_buf(), journal.clone()],
-    )?;
+    let dataset = Dataset::open(&args.dataset, &[args.out.to_path_buf(), journal.clone()])?;
     let report = args.report.as_deref().map_or_else(|| report_beside(&args.out), Path::to_path_buf);
     refuse_inputs([&report], &dataset.files())?;
     if let [first, ..] = dataset.left_out.as_slice() {
@@ -105,7 +93,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             Far::Full => Depth::Full,
         },
         seed: args.seed,
-        bootstrap: args.bootstrap,
         moving_mass: args.rod.moving_mass()?,
     };
     console::farewell(format!(

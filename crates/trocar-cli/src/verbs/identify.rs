@@ -45,9 +45,6 @@ pub(crate) struct Args {
     /// Folder for the results; it need not exist
     #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES))]
     out: Output,
-    /// Resamples of the bootstrap over cycles; 0 uses the faster jackknife
-    #[arg(long, default_value_t = 200, value_name = "N")]
-    bootstrap: usize,
     /// Seed of everything random
     #[arg(long, default_value_t = 1, value_name = "N")]
     seed: u64,
@@ -150,7 +147,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let prior = args.prior.as_deref().map(|path| seal_prior(path, args)).transpose()?;
     let options = IdentifyOptions {
         prior,
-        bootstrap: args.bootstrap,
         seed: args.seed,
         degrees: args.degrees.0,
         free_motion: !args.no_free_motion,

@@ -1,29 +1,22 @@
-//! The input of a fleet run: a folder, a manifest, or a Parquet data set in which recordings are
-//! rows.
+//! The input of a fleet run: a folder of recordings, or a manifest that lists them.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::one::Input;
-use super::parts::{self, Group};
 use super::row::{FleetCell, columns};
-use trocar_recording::{self, ReadOptions, RecordingError, registry};
 use trocar_tables::error::TableError;
+use trocar_recording::{self, registry};
 use trocar_tables::table::{self, Column, Table};
 
-/// Extensions of files that may hold rows of several recordings.
-const ROWS: [&str; 2] = ["parquet", "pq"];
+/// Extensions of a manifest that is not text.
+const PARQUET: [&str; 2] = ["parquet", "pq"];
 
 /// Name that Hive gives to a missing value.
 const HIVE_NONE: &str = "__HIVE_DEFAULT_PARTITION__";
-
-/// Column that distinguishes recordings if none is named.
-const RECORDING: &str = "recording";
 
 /// Metadata of a recording by column name.
 pub type Metadata = BTreeMap<String, FleetCell>;
@@ -53,17 +46,15 @@ pub enum DatasetError {
         /// The data set.
         path: PathBuf,
     },
-    /// A file that is neither a manifest nor a data set.
+    /// A file that is no manifest.
     #[error(
-        "{}: no manifest and no data set: neither a column 'path' nor a column '{group}' among {found}\n\nhint: one recording by itself is \
-         identified with `trocar identify`; --group-by COLUMN separates recordings that are rows of one table",
+        "{}: no manifest: no column 'path' among {found}\n\nhint: one recording by itself is identified with `trocar identify`; recordings that \
+         are rows of one table are identified group by group, as docs/how-to/rows-of-tables.md shows",
         path.display()
     )]
-    NoDataset {
+    NoManifest {
         /// The file.
         path: PathBuf,
-        /// Column that was expected.
-        group: String,
         /// Columns found.
         found: String,
     },
@@ -88,90 +79,39 @@ pub struct Dataset {
     pub left_out: Vec<String>,
 }
 
-/// The unit of work: a file with one or several recordings, and the rows that these have in other
-/// files.
-///
-/// A recording with rows in several files belongs to the source of the first of them by name.
+/// The unit of work: a file, or a bag folder, with one recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Source {
     /// Name in the table: the path relative to the data set.
     pub name: String,
     /// Path of the file.
     pub path: PathBuf,
-    /// Metadata that come in addition to the content of the file.
+    /// Metadata from the names of the folders, or from the manifest.
     pub metadata: Metadata,
-    /// The column that distinguishes several recordings.
-    pub group_by: Option<String>,
-    /// All files with rows of its recordings, in the order of their names; empty for a single file.
-    pub parts: Vec<DataFile>,
-    /// Recordings with rows in it that belong to another source.
-    pub elsewhere: Vec<String>,
-}
-
-/// A file of a data set.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DataFile {
-    /// The path relative to the data set.
-    pub name: String,
-    /// Path of the file.
-    pub path: PathBuf,
-    /// Metadata from the names of the folders.
-    pub metadata: Metadata,
-}
-
-/// One recording of a source.
-pub(super) struct Job {
-    pub(super) name: String,
-    pub(super) path: PathBuf,
-    pub(super) metadata: Metadata,
-    /// Warning about how its rows were combined.
-    pub(super) warning: Option<String>,
-    /// `None` for a file that is one recording.
-    pub(super) group: Option<Group>,
 }
 
 impl Dataset {
-    /// Opens `path`. `group_by` names the column of Parquet files, or the key of folders, that
-    /// distinguishes recordings (`recording` if that exists). The files in `without` are ignored, if
-    /// they are what an earlier run has written.
-    ///
-    /// In Parquet files with that column, the column is read.
+    /// Opens the folder or manifest at `path`. The files in `without` are ignored, if they are what
+    /// an earlier run has written.
     ///
     /// # Errors
     /// [`DatasetError`] when there is nothing to identify, or a manifest is invalid.
-    pub fn open(
-        path: &Path,
-        group_by: Option<&str>,
-        without: &[PathBuf],
-    ) -> Result<Self, DatasetError> {
+    pub fn open(path: &Path, without: &[PathBuf]) -> Result<Self, DatasetError> {
         let failed = |source| DatasetError::Read { path: path.to_owned(), source };
         if std::fs::metadata(path).map_err(failed)?.is_dir() {
-            return Self::folder(path, group_by, without);
+            return Self::folder(path, without);
         }
-        let is_parquet = ends_in(path, ROWS);
+        let is_parquet = ends_in(path, PARQUET);
         let names = if is_parquet { table::names(path)? } else { header(path)? };
-        if names.iter().any(|name| name == "path") {
-            let rows = if is_parquet { table::read(path)? } else { text_table(path)? };
-            return Self::manifest(path, &rows);
+        if !names.iter().any(|name| name == "path") {
+            let found = names.join(", ");
+            return Err(DatasetError::NoManifest { path: path.to_owned(), found });
         }
-        let group = group_by.unwrap_or(RECORDING);
-        if is_parquet && names.iter().any(|name| name == group) {
-            let part = DataFile {
-                name: file_name(path),
-                path: path.to_owned(),
-                metadata: Metadata::new(),
-            };
-            return Ok(Self { sources: vec![Source::of(part, Some(group))], left_out: Vec::new() });
-        }
-        let found = names.join(", ");
-        Err(DatasetError::NoDataset { path: path.to_owned(), group: group.to_owned(), found })
+        let rows = if is_parquet { table::read(path)? } else { text_table(path)? };
+        Self::manifest(path, &rows)
     }
 
-    fn folder(
-        root: &Path,
-        group_by: Option<&str>,
-        without: &[PathBuf],
-    ) -> Result<Self, DatasetError> {
+    fn folder(root: &Path, without: &[PathBuf]) -> Result<Self, DatasetError> {
         let without: Vec<PathBuf> =
             without.iter().filter_map(|path| path.canonicalize().ok()).collect();
         let mut files = Vec::new();
@@ -189,32 +129,27 @@ impl Dataset {
         files.sort_by_key(|path| name(path));
         let (taken, left_out): (Vec<_>, Vec<_>) =
             files.into_iter().partition(|path| ends_in(path, registry::endings()) || is_bag(path));
-        let file = |path: PathBuf| {
-            let name = name(&path);
-            DataFile { metadata: hive(&name), name, path }
-        };
-        let mut files: Vec<DataFile> = taken.into_iter().map(file).collect();
-        settle_kinds(&mut files);
-        let sources = sources(files, group_by.unwrap_or(RECORDING));
-        if sources.is_empty() {
+        if taken.is_empty() {
             return Err(DatasetError::Empty { path: root.to_owned() });
         }
+        let mut sources = Vec::with_capacity(taken.len());
+        for path in taken {
+            let name = name(&path);
+            sources.push(Source { metadata: hive(&name), name, path });
+        }
+        settle_kinds(&mut sources);
         Ok(Self { sources, left_out: left_out.iter().map(|path| name(path)).collect() })
     }
 
     /// All files with recordings.
     pub fn files(&self) -> Vec<PathBuf> {
-        let of = |source: &Source| {
-            let parts = source.parts.iter().map(|part| part.path.clone());
-            parts.chain([source.path.clone()]).collect::<Vec<_>>()
-        };
-        self.sources.iter().flat_map(of).collect()
+        self.sources.iter().map(|source| source.path.clone()).collect()
     }
 
     fn manifest(path: &Path, table: &Table) -> Result<Self, DatasetError> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let mut seen = BTreeMap::new();
-        let mut files = Vec::with_capacity(table.rows());
+        let mut sources = Vec::with_capacity(table.rows());
         for row in 0..table.rows() {
             let wrong =
                 |problem| DatasetError::Row { path: path.to_owned(), row: row + 1, problem };
@@ -229,16 +164,13 @@ impl Dataset {
                 return Err(wrong(format!("{name} is already in row {first}")));
             }
             let path = folder.join(&name);
-            files.push(DataFile { name, path, metadata });
+            sources.push(Source { name, path, metadata });
         }
-        if files.is_empty() {
+        if sources.is_empty() {
             return Err(DatasetError::Empty { path: path.to_owned() });
         }
-        settle_kinds(&mut files);
-        Ok(Self {
-            sources: files.into_iter().map(|file| Source::of(file, None)).collect(),
-            left_out: Vec::new(),
-        })
+        settle_kinds(&mut sources);
+        Ok(Self { sources, left_out: Vec::new() })
     }
 }
 
@@ -291,91 +223,9 @@ fn walk(
     Ok(())
 }
 
-/// How the recordings of a file are distinguished.
-enum Holds {
-    /// The file is one recording, or does not specify any.
-    One,
-    /// The file is a part of the recording stored in this folder.
-    PartOf(String),
-    /// Values of a column, in order of appearance; `None` if they cannot be read.
-    Several(Option<Vec<String>>),
-}
-
-/// Groups the files into units of work: each recording belongs to the first file with rows of it.
-fn sources(files: Vec<DataFile>, by: &str) -> Vec<Source> {
-    let holds: Vec<Holds> = files.par_iter().map(|file| holds(file, by)).collect();
-    let mut folders: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-    let mut begun: HashMap<(Vec<&str>, &str), usize> = HashMap::new();
-    let mut goes_on: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); files.len()];
-    let mut elsewhere: Vec<Vec<String>> = vec![Vec::new(); files.len()];
-    for (k, holds) in holds.iter().enumerate() {
-        match holds {
-            Holds::PartOf(folder) => folders.entry(folder).or_default().push(k),
-            // Rows without a value in different files are not the same recording.
-            Holds::Several(Some(values)) => {
-                values.iter().filter(|value| !value.is_empty()).for_each(|value| {
-                    let first = *begun.entry((keys(&files[k].name), value)).or_insert(k);
-                    if first != k {
-                        goes_on[first].extend([first, k]);
-                        elsewhere[k].push(value.clone());
-                    }
-                })
-            }
-            Holds::One | Holds::Several(None) => {}
-        }
-    }
-    let mut sources = Vec::with_capacity(files.len());
-    for (k, holds) in holds.iter().enumerate() {
-        let parts = |of: &mut dyn Iterator<Item = &usize>| {
-            of.map(|part| files[*part].clone()).collect::<Vec<DataFile>>()
-        };
-        match holds {
-            Holds::Several(Some(values)) if values.len() == elsewhere[k].len() => {}
-            Holds::Several(_) => {
-                let (parts, elsewhere) =
-                    (parts(&mut goes_on[k].iter()), std::mem::take(&mut elsewhere[k]));
-                sources.push(Source { parts, elsewhere, ..Source::of(files[k].clone(), Some(by)) });
-            }
-            Holds::PartOf(folder) if folders[folder.as_str()].len() > 1 => {
-                let all = &folders[folder.as_str()];
-                if all[0] == k {
-                    sources.push(Source::folder(folder, parts(&mut all.iter())));
-                }
-            }
-            Holds::One | Holds::PartOf(_) => sources.push(Source::of(files[k].clone(), None)),
-        }
-    }
-    sources
-}
-
-/// Content of a file according to the column or folder key `by`.
-fn holds(file: &DataFile, by: &str) -> Holds {
-    if !ends_in(&file.path, ROWS) {
-        return Holds::One;
-    }
-    // A file that cannot be read becomes a row with the reason.
-    let names = table::names(&file.path).unwrap_or_default();
-    if names.iter().any(|name| name == by) {
-        return Holds::Several(parts::values(file, by).ok());
-    }
-    let folders: Vec<&str> = file.name.split('/').collect();
-    let is_key = |folder: &&str| {
-        key_value(folder).is_some_and(|(key, value)| key == by && value != FleetCell::Empty)
-    };
-    match folders[..folders.len() - 1].iter().position(is_key) {
-        Some(at) => Holds::PartOf(folders[..=at].join("/")),
-        None => Holds::One,
-    }
-}
-
 /// Metadata from folders named `key=value`; inner folders take precedence.
 fn hive(name: &str) -> Metadata {
     name.split('/').rev().skip(1).filter_map(key_value).collect()
-}
-
-/// The folders named `key=value` above a file: equal values elsewhere are other recordings.
-fn keys(name: &str) -> Vec<&str> {
-    name.split('/').rev().skip(1).filter(|folder| key_value(folder).is_some()).collect()
 }
 
 /// Key and value of a folder named `key=value`.
@@ -407,21 +257,24 @@ fn unescaped(text: &str) -> String {
 }
 
 /// Converts text columns that contain only numbers to numbers.
-fn settle_kinds(files: &mut [DataFile]) {
+fn settle_kinds(sources: &mut [Source]) {
     let mut names: Vec<String> =
-        files.iter().flat_map(|file| file.metadata.keys().cloned()).collect();
+        sources.iter().flat_map(|source| source.metadata.keys().cloned()).collect();
     names.sort_unstable();
     names.dedup();
     for name in names {
         let texts = || {
-            files.iter().filter_map(|file| file.metadata.get(&name)).filter_map(FleetCell::as_text)
+            sources
+                .iter()
+                .filter_map(|source| source.metadata.get(&name))
+                .filter_map(FleetCell::as_text)
         };
         let whole = texts().all(|text| text.parse::<i64>().is_ok());
         let number = texts().all(|text| text.parse::<f64>().is_ok_and(f64::is_finite));
         if !number {
             continue;
         }
-        for cell in files.iter_mut().filter_map(|file| file.metadata.get_mut(&name)) {
+        for cell in sources.iter_mut().filter_map(|source| source.metadata.get_mut(&name)) {
             if let FleetCell::Text(text) = cell {
                 *cell = match (whole, text.parse::<i64>(), text.parse::<f64>()) {
                     (true, Ok(value), _) => FleetCell::Integer(value),
@@ -500,75 +353,6 @@ fn fields(bytes: &[u8]) -> Vec<Vec<String>> {
                 }
             }
             csv_core::ReadFieldResult::End => return lines,
-        }
-    }
-}
-
-impl Source {
-    fn of(DataFile { name, path, metadata }: DataFile, group_by: Option<&str>) -> Self {
-        let group_by = group_by.map(str::to_owned);
-        Self { name, path, metadata, group_by, parts: Vec::new(), elsewhere: Vec::new() }
-    }
-
-    /// A folder whose files form one recording.
-    fn folder(name: &str, parts: Vec<DataFile>) -> Self {
-        let depth = name.split('/').count();
-        let first = &parts[0];
-        let above = first.name.split('/').count() - depth;
-        let path = first.path.ancestors().nth(above).unwrap_or(&first.path).to_owned();
-        let (metadata, _) = in_common(parts.iter().map(|part| &part.metadata));
-        Self { name: name.to_owned(), path, metadata, group_by: None, parts, elsewhere: Vec::new() }
-    }
-
-    /// The recordings in it.
-    ///
-    /// # Errors
-    /// [`RecordingError`] where a file cannot be read.
-    pub(super) fn jobs(&self) -> Result<Vec<Job>, RecordingError> {
-        match self.group_by.is_none() && self.parts.is_empty() {
-            true => Ok(vec![self.whole()]),
-            false => parts::jobs(self),
-        }
-    }
-
-    pub(super) fn whole(&self) -> Job {
-        let (name, path, metadata) = (self.name.clone(), self.path.clone(), self.metadata.clone());
-        Job { name, path, metadata, warning: None, group: None }
-    }
-}
-
-/// The metadata common to all of them, and the names of those that differ.
-pub(super) fn in_common<'a>(
-    all: impl Iterator<Item = &'a Metadata>,
-) -> (Metadata, BTreeSet<String>) {
-    let mut all = all.peekable();
-    let mut common = all.peek().map_or_else(Metadata::new, |first| (*first).clone());
-    let mut differing = BTreeSet::new();
-    for metadata in all {
-        for name in common.keys().chain(metadata.keys()) {
-            if common.get(name) != metadata.get(name) {
-                differing.insert(name.clone());
-            }
-        }
-    }
-    common.retain(|name, _| !differing.contains(name));
-    (common, differing)
-}
-
-impl Job {
-    /// Whether the file is the recording.
-    pub(super) fn is_file(&self) -> bool {
-        self.group.is_none()
-    }
-
-    /// The input of the identification; the constant columns of a group become metadata.
-    ///
-    /// # Errors
-    /// [`RecordingError`] if a group has no columns of time, position and force, or cannot be read.
-    pub(super) fn input(&mut self, reading: &ReadOptions) -> Result<Input, RecordingError> {
-        match &self.group {
-            Some(group) => group.input(&self.name, reading, &mut self.metadata),
-            None => Ok(Input::File(self.path.clone())),
         }
     }
 }

@@ -6,7 +6,7 @@
 //! data set -> rows from elsewhere -> journal -> table           Collector and identify_source: the same bytes
 //! ```
 
-pub use dataset::{DataFile, Dataset, DatasetError, Metadata, Source};
+pub use dataset::{Dataset, DatasetError, Metadata, Source};
 pub use journal::journal_path;
 pub use one::{Config, Depth, Input, identify_one};
 pub use row::{FleetCell, FleetRow, columns, place};
@@ -14,13 +14,7 @@ pub use run::{Collector, Fleet, FleetError, KEPT, Record, Tally, identify_source
 
 mod dataset;
 mod journal;
-pub mod mixed;
 mod one;
-#[cfg(feature = "parquet")]
-mod parts;
-#[cfg(not(feature = "parquet"))]
-#[path = "no_parts.rs"]
-mod parts;
 mod row;
 mod run;
 pub mod summary;

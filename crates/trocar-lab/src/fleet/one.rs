@@ -52,8 +52,6 @@ pub struct Config {
     pub depth: Depth,
     /// Seed of all random numbers.
     pub seed: u64,
-    /// Resamples of the bootstrap over cycles; 0 uses the jackknife.
-    pub bootstrap: usize,
     /// Mass between sensor and seal.
     pub moving_mass: MovingMass,
 }
@@ -64,8 +62,8 @@ impl Config {
     ///
     /// The memory limit is excluded: it decides whether there is a row, not its content.
     pub fn hash(&self) -> String {
-        let Self { reading, depth, seed, bootstrap, moving_mass } = self;
-        let mut text = serde_json::json!({
+        let Self { reading, depth, seed, moving_mass } = self;
+        let text = serde_json::json!({
             "program": PROGRAM,
             // The journal holds cells by their place.
             "table": super::row::columns().into_iter().map(|field| field.name).collect::<Vec<String>>(),
@@ -73,28 +71,17 @@ impl Config {
             "topics": reading.choice.topics,
             "from_s": reading.choice.from,
             "to_s": reading.choice.to,
+            "skip_rows": reading.choice.skip_rows,
+            "rate_hz": reading.choice.rate_hz,
             "flip_force": reading.choice.flip_force,
             "sensor_limit_n": reading.sensor_limit,
             "most_samples": reading.most_samples,
             "depth": depth,
             "seed": seed,
-            "bootstrap": bootstrap,
             "moving_mass": moving_mass,
         });
-        // Journals written before these options existed remain valid.
-        if reading.choice.skip_rows > 0 {
-            text["skip_rows"] = reading.choice.skip_rows.into();
-        }
-        if let Some(rate) = reading.choice.rate_hz {
-            text["rate_hz"] = rate.into();
-        }
         let digest = Sha256::digest(text.to_string().as_bytes());
         digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
-    }
-
-    /// Reading options for the input of the identification, which holds the columns once more.
-    pub(super) fn reading_ahead(&self) -> ReadOptions {
-        self.reading_of_columns(PEAK_TO_COLUMNS + 1)
     }
 
     /// Reading options for columns that may use one part in `parts` of the memory.
@@ -107,7 +94,6 @@ impl Config {
 
     fn options(&self) -> IdentifyOptions {
         IdentifyOptions {
-            bootstrap: self.bootstrap,
             seed: self.seed,
             degrees: DEGREES,
             inertia_removed: self.moving_mass.mass > 0.0,
@@ -128,12 +114,10 @@ pub enum Input {
         /// The columns.
         readings: Readings,
     },
-    /// A recording already read, with its name.
-    Recording(Box<Recording>),
 }
 
 /// Why a row holds no parameters: the kind, for counting, and the full message.
-pub(super) struct Failure {
+struct Failure {
     kind: &'static str,
     message: String,
 }
@@ -146,12 +130,6 @@ impl From<RecordingError> for Failure {
             _ => "cannot_read",
         };
         Self { kind, message: error.to_string() }
-    }
-}
-
-impl From<String> for Failure {
-    fn from(message: String) -> Self {
-        Self { kind: "cannot_read", message }
     }
 }
 
@@ -194,21 +172,21 @@ pub fn identify_one(input: &Input, config: &Config) -> FleetRow {
         Err(panic) if cancel::is_cancelled(&*panic) => resume_unwind(panic),
         Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
     };
-    fail(&mut row, failure);
+    fail(&mut row, failure.kind, &failure.message);
     row
 }
 
-fn fail(row: &mut FleetRow, failure: Failure) {
+fn fail(row: &mut FleetRow, kind: &str, reason: &str) {
     row.set("status", FleetCell::text("failed"));
-    row.set("reason_kind", FleetCell::text(failure.kind));
-    row.set("reason", FleetCell::text(failure.message));
+    row.set("reason_kind", FleetCell::text(kind));
+    row.set("reason", FleetCell::text(reason));
 }
 
-/// The row of a recording that failed before [`identify_one`].
-pub(super) fn refused(name: &str, config: &Config, failure: impl Into<Failure>) -> FleetRow {
+/// The row of a recording that no worker could finish.
+pub(super) fn lost(name: &str, config: &Config, kind: &str, reason: &str) -> FleetRow {
     let mut row = FleetRow::empty();
     describe(&mut row, &Input::File(name.into()), config);
-    fail(&mut row, failure.into());
+    fail(&mut row, kind, reason);
     row
 }
 
@@ -224,7 +202,6 @@ fn describe(row: &mut FleetRow, input: &Input, config: &Config) {
     let path = match input {
         Input::File(path) => path.display().to_string(),
         Input::Columns { name, .. } => name.clone(),
-        Input::Recording(recording) => recording.name.clone(),
     };
     row.set("path", FleetCell::text(path));
     row.set("program", FleetCell::text(PROGRAM));
@@ -244,7 +221,6 @@ fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failur
             let chosen = cropped(flipped(readings, &config.reading), &config.reading);
             Recording::from_readings(name, &chosen, config.reading.sensor_limit)?
         }
-        Input::Recording(recording) => Recording::clone(recording),
     };
     let recording = recording.without_glitches();
     data(row, &recording);
@@ -280,19 +256,8 @@ fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Re
     })
 }
 
-/// The hash for the column `sha256`; `None` if the file cannot be read.
-pub(super) fn hash_of(input: &Input, config: &Config) -> Option<String> {
-    match input {
-        Input::File(path) => sha256_of(path),
-        Input::Columns { readings, .. } => {
-            Some(cropped(flipped(readings, &config.reading), &config.reading).sha256())
-        }
-        Input::Recording(recording) => Some(recording.sha256.clone()),
-    }
-}
-
 /// The hash of a file, as for its recording; `None` if it cannot be read.
-fn sha256_of(path: &Path) -> Option<String> {
+pub(super) fn sha256_of(path: &Path) -> Option<String> {
     digest_of(path).ok()
 }
 
@@ -351,15 +316,6 @@ fn warnings(row: &mut FleetRow, all: Vec<String>) {
         "warnings",
         if all.is_empty() { FleetCell::Empty } else { FleetCell::text(all.join("\n")) },
     );
-}
-
-/// Adds a warning that leaves the status unchanged.
-pub(super) fn warn(row: &mut FleetRow, message: &str) {
-    let count = row.number("warning_count").unwrap_or(0.0) as usize;
-    let all: Vec<&str> = row.text("warnings").into_iter().chain([message]).collect();
-    let all = FleetCell::text(all.join("\n"));
-    row.set("warning_count", FleetCell::count(count + 1));
-    row.set("warnings", all);
 }
 
 fn parameter(row: &mut FleetRow, name: &str, estimate: &Estimate) {

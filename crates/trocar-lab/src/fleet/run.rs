@@ -1,27 +1,26 @@
 //! Identifies all recordings of a data set on all cores into one table; finished ones are reused
 //! from the journal.
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::LazyLock;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
 use trocar_model::{Direction, ParameterId, Quantity};
 
-use super::dataset::{Dataset, Job, Metadata};
-use super::journal::{Entry, EntryLocation, Journal};
-use super::one::{Config, hash_of, identify_one, is_passing, refused, warn};
-use super::row::{ENDS, FleetCell, FleetRow, columns};
+use super::dataset::{Dataset, Metadata};
+use super::journal::Entry;
+use super::one::Config;
+use super::row::{ENDS, FleetCell};
 use trocar_simulate::cancel::{self, Cancel, Stopped};
 use trocar_tables::error::OutputError;
-use trocar_tables::table::{Column, Field, Kind, TableWriter};
+use trocar_tables::table::{Column, Field, Kind};
 
+use elsewhere::Order;
 pub use elsewhere::{Collector, identify_source};
 
 mod elsewhere;
-
-/// Rows of the table held in memory at a time.
-const PIECE: usize = 1024;
 
 /// Why there is no table.
 #[derive(Debug, thiserror::Error)]
@@ -41,7 +40,7 @@ pub enum FleetError {
 /// Progress of the work.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Known recordings: files, until they are found to hold several.
+    /// Recordings of the data set.
     pub total: usize,
     /// Recordings with a row.
     pub done: usize,
@@ -120,21 +119,6 @@ const KEPT_PARAMETERS: [ParameterId; 6] = [
     Quantity::HalfWidth.id(),
 ];
 
-/// Position in the table: index of the source, and of the recording in it.
-type Order = (usize, usize);
-
-/// A finished recording for the journal.
-struct Finished {
-    order: Order,
-    metadata: Metadata,
-    done: RowSource,
-}
-
-enum RowSource {
-    New(Box<Entry>),
-    Journal(EntryLocation),
-}
-
 /// Identifies every recording of `dataset` on its own, on `threads` threads (0: one per processor;
 /// at most [`cancel::most_threads`]), and writes the table at `table`.
 ///
@@ -154,13 +138,13 @@ pub fn run(
     cancel: &Cancel,
     progress: &mut dyn FnMut(&Tally),
 ) -> Result<Fleet, FleetError> {
-    let (mut journal, before) = Journal::open(dataset, table, config)?;
+    let mut collector = Collector::open(dataset, config, table)?;
+    let orders = collector.unfinished();
+    let next = AtomicUsize::new(0);
     let threads =
         if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
-    let queue = Queue::new(dataset);
-    let mut gathered = Gathered::new(dataset.sources.len());
-    let worker = |sender: Sender<Finished>| cancel.run(1, || queue.work(config, &before, &sender));
-    let outcome = std::thread::scope(|scope| {
+    let worker = |sender: Sender<Finished>| cancel.run(1, || work(&orders, &next, config, &sender));
+    std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();
         let workers: Vec<_> = (0..threads)
             .map(|_| {
@@ -169,257 +153,42 @@ pub fn run(
             })
             .collect();
         drop(sender);
-        let outcome = gathered.gather(&receiver, &mut journal, progress);
-        if outcome.is_err() {
-            queue.stop();
-        }
-        drop(receiver);
-        let stopped =
-            workers.into_iter().map(|worker| worker.join().unwrap_or(Err(Stopped::Cancelled)));
-        let stopped: Vec<Result<(), Stopped>> = stopped.collect();
-        outcome?;
-        stopped.into_iter().collect::<Result<Vec<()>, Stopped>>().map_err(FleetError::from)
-    });
-    outcome?;
-    let fleet = gathered.write(&mut journal, table)?;
-    journal.remove()?;
-    Ok(fleet)
+        let gathered = gather(receiver, &mut collector, progress);
+        let stopped: Vec<Result<(), Stopped>> = workers
+            .into_iter()
+            .map(|worker| worker.join().unwrap_or(Err(Stopped::Cancelled)))
+            .collect();
+        gathered?;
+        stopped.into_iter().collect::<Result<(), Stopped>>().map_err(FleetError::from)
+    })?;
+    collector.write()
 }
 
-/// The remaining work.
-struct Queue<'a> {
-    dataset: &'a Dataset,
-    left: Mutex<RemainingWork>,
-    changed: Condvar,
-}
+/// Index of a source, and its row unless the journal has it.
+type Finished = (usize, Option<Entry>);
 
-struct RemainingWork {
-    next_source: usize,
-    jobs: VecDeque<(Order, Job)>,
-    /// Sources that are being opened: more jobs may follow.
-    opening: usize,
-}
-
-impl<'a> Queue<'a> {
-    fn new(dataset: &'a Dataset) -> Self {
-        let left = RemainingWork { next_source: 0, jobs: VecDeque::new(), opening: 0 };
-        Self { dataset, left: Mutex::new(left), changed: Condvar::new() }
-    }
-
-    fn lock(&self) -> MutexGuard<'_, RemainingWork> {
-        self.left.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn stop(&self) {
-        let mut left = self.lock();
-        left.next_source = self.dataset.sources.len();
-        left.jobs.clear();
-    }
-
-    /// Works until the queue is empty.
-    fn work(
-        &self,
-        config: &Config,
-        before: &HashMap<String, EntryLocation>,
-        sender: &Sender<Finished>,
-    ) {
-        while let Some((order, job)) = self.next(config, sender) {
-            cancel::check();
-            let finished = finish(order, job, config, before);
-            if sender.send(finished).is_err() {
-                return;
-            }
-        }
-    }
-
-    /// The next recording; opens the next source if none is waiting.
-    fn next(&self, config: &Config, sender: &Sender<Finished>) -> Option<(Order, Job)> {
-        let mut left = self.lock();
-        loop {
-            if let Some(job) = left.jobs.pop_front() {
-                return Some(job);
-            }
-            let source = left.next_source;
-            if let Some(opened) = self.dataset.sources.get(source) {
-                left.next_source += 1;
-                left.opening += 1;
-                drop(left);
-                let jobs = opened.jobs();
-                left = self.lock();
-                left.opening -= 1;
-                match jobs {
-                    Ok(jobs) => left
-                        .jobs
-                        .extend(jobs.into_iter().enumerate().map(|(k, job)| ((source, k), job))),
-                    Err(error) => {
-                        let job = opened.whole();
-                        let row = refused(&opened.name, config, error);
-                        // A closed receiver is noticed at the next recording.
-                        let _ = sender.send(Finished::now(
-                            (source, 0),
-                            job.metadata,
-                            job.name,
-                            row,
-                            config,
-                        ));
-                    }
-                }
-                self.changed.notify_all();
-            } else if left.opening > 0 {
-                left = self.changed.wait(left).unwrap_or_else(PoisonError::into_inner);
-            } else {
-                return None;
-            }
-        }
-    }
-}
-
-impl Finished {
-    fn now(order: Order, metadata: Metadata, name: String, row: FleetRow, config: &Config) -> Self {
-        let sha256 = row.text("sha256").unwrap_or_default().to_owned();
-        let entry = Entry { name, sha256, config: config.hash(), row };
-        Self { order, metadata, done: RowSource::New(Box::new(entry)) }
-    }
-}
-
-/// One recording: reused if it equals the one in the journal, otherwise identified.
-fn finish(
-    order: Order,
-    mut job: Job,
-    config: &Config,
-    before: &HashMap<String, EntryLocation>,
-) -> Finished {
-    let input = match job.input(&config.reading_ahead()) {
-        Ok(input) => input,
-        Err(error) => {
-            let row = refused(&job.name, config, error);
-            return Finished::now(order, job.metadata, job.name, row, config);
-        }
-    };
-    if let Some(place) = before.get(&job.name)
-        && hash_of(&input, config).is_some_and(|hash| hash == place.sha256)
+/// Identifies one source after the other until none is left, or nobody receives the results.
+fn work(orders: &[Order], next: &AtomicUsize, config: &Config, sender: &Sender<Finished>) {
+    while let index = next.fetch_add(1, Ordering::Relaxed)
+        && let Some(order) = orders.get(index)
     {
-        return Finished { order, metadata: job.metadata, done: RowSource::Journal(place.clone()) };
+        cancel::check();
+        if sender.send((index, order.identify(config))).is_err() {
+            return;
+        }
     }
-    let mut row = identify_one(&input, config);
-    row.set("path", FleetCell::text(&job.name));
-    if job.is_file()
-        && let Some(reason) = row.text("reason")
-    {
-        // Without paths of this machine.
-        let reason = reason.replace(&job.path.display().to_string(), &job.name);
-        row.set("reason", FleetCell::text(reason));
-    }
-    if let Some(warning) = &job.warning {
-        warn(&mut row, warning);
-    }
-    Finished::now(order, job.metadata, job.name, row, config)
 }
 
-/// Results received from the workers.
-struct Gathered {
-    rows: BTreeMap<Order, (Metadata, EntryLocation)>,
-    tally: Tally,
-    kinds: BTreeMap<String, Option<Kind>>,
-    /// Sources with at least one finished recording.
-    begun: Vec<bool>,
-}
-
-impl Gathered {
-    fn new(sources: usize) -> Self {
-        let tally = Tally { total: sources, ..Tally::default() };
-        Self { rows: BTreeMap::new(), tally, kinds: BTreeMap::new(), begun: vec![false; sources] }
+fn gather(
+    receiver: Receiver<Finished>,
+    collector: &mut Collector,
+    progress: &mut dyn FnMut(&Tally),
+) -> Result<(), FleetError> {
+    progress(&collector.tally());
+    for (source, entry) in receiver {
+        progress(&collector.take(source, entry)?);
     }
-
-    fn gather(
-        &mut self,
-        receiver: &Receiver<Finished>,
-        journal: &mut Journal,
-        progress: &mut dyn FnMut(&Tally),
-    ) -> Result<(), FleetError> {
-        progress(&self.tally);
-        for Finished { order, metadata, done } in receiver {
-            let (place, row) = match done {
-                RowSource::New(entry) => (self.note(&entry, journal)?, entry.row),
-                RowSource::Journal(place) => {
-                    self.tally.reused += 1;
-                    let row = journal.row(&place)?;
-                    (place, row)
-                }
-            };
-            self.count(order, &row);
-            for (name, cell) in &metadata {
-                let kind = self.kinds.entry(name.clone()).or_insert(None);
-                *kind = common(*kind, cell.kind());
-            }
-            self.rows.insert(order, (metadata, place));
-            progress(&self.tally);
-        }
-        Ok(())
-    }
-
-    /// Writes an entry to the journal. A failure that may be temporary is written without its hash,
-    /// so that the recording is identified again next time.
-    fn note(&self, entry: &Entry, journal: &mut Journal) -> Result<EntryLocation, OutputError> {
-        if !is_passing(&entry.row) {
-            return journal.append(entry);
-        }
-        journal.append(&Entry { sha256: String::new(), ..entry.clone() })
-    }
-
-    fn count(&mut self, (source, _): Order, row: &FleetRow) {
-        if std::mem::replace(&mut self.begun[source], true) {
-            self.tally.total += 1;
-        }
-        self.tally.done += 1;
-        self.tally.failed += usize::from(row.text("status") == Some("failed"));
-        self.tally.samples += row.number("samples").unwrap_or(0.0) as u64;
-    }
-
-    /// Fields of the metadata: names that the table already uses get the prefix `dataset_`.
-    fn metadata(&self) -> Vec<(String, Field)> {
-        let own: Vec<String> = columns().into_iter().map(|field| field.name).collect();
-        let field = |(name, kind): (&String, &Option<Kind>)| {
-            let called = if own.contains(name) { format!("dataset_{name}") } else { name.clone() };
-            (name.clone(), Field::new(called, kind.unwrap_or(Kind::Text)))
-        };
-        self.kinds.iter().map(field).collect()
-    }
-
-    fn write(self, journal: &mut Journal, table: &Path) -> Result<Fleet, FleetError> {
-        let metadata = self.metadata();
-        let mut fields = columns();
-        // After the path.
-        fields.splice(1..1, metadata.iter().map(|(_, field)| field.clone()));
-        let mut writer = TableWriter::create(table, &fields)?;
-        let mut records = Vec::with_capacity(self.rows.len());
-        let mut piece: Vec<Column> = fields.iter().map(|field| Column::new(field.kind)).collect();
-        for (own, place) in self.rows.into_values() {
-            let row = journal.row(&place)?;
-            let empty = FleetCell::Empty;
-            let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
-            let (first, rest) = row.cells.split_at(1);
-            first
-                .iter()
-                .chain(cells)
-                .chain(rest)
-                .zip(&mut piece)
-                .for_each(|(cell, column)| push(column, cell));
-            let kept = KEPT.iter().filter_map(|name| Some((name.as_str(), row.get(name)?.clone())));
-            records.push(Record {
-                cells: kept.filter(|(_, cell)| *cell != FleetCell::Empty).collect(),
-                metadata: own,
-            });
-            if piece[0].len() == PIECE {
-                writer.write(&piece)?;
-                piece.iter_mut().for_each(Column::clear);
-            }
-        }
-        writer.write(&piece)?;
-        writer.commit()?;
-        let metadata = metadata.into_iter().map(|(_, field)| field).collect();
-        Ok(Fleet { tally: self.tally, metadata, records })
-    }
+    Ok(())
 }
 
 /// The kind that can represent both.

@@ -7,8 +7,6 @@ use std::time::Duration;
 
 use cpu_time::ProcessTime;
 
-use trocar_recording::formats::parquet::Parquet;
-use trocar_recording::formats::parquet::select::Selected;
 use trocar_recording::{
     Choice, Pieces, ReadOptions, Recording, RecordingError, Table, digest_of, position_resolution,
     read, read_columns, tables,
@@ -77,7 +75,6 @@ fn all_ways(path: &Path, random: &mut Random) -> bool {
     _ = read(path, &options);
     _ = position_resolution(path, &options.choice);
     _ = pieces(path, &options, 8 + random.below(200));
-    _ = rows_of_parquet(path);
     is_read
 }
 
@@ -138,20 +135,5 @@ fn columns(tables: &[Table], random: &mut Random) -> Option<String> {
 fn pieces(path: &Path, options: &ReadOptions, samples: usize) -> Result<(), RecordingError> {
     let mut pieces = Pieces::open(path, options, samples)?;
     while pieces.next_piece()?.is_some() {}
-    Ok(())
-}
-
-/// The rows of a Parquet file as a data set reads them.
-fn rows_of_parquet(path: &Path) -> Result<(), RecordingError> {
-    let parquet = std::sync::Arc::new(Parquet::named(path, "input")?);
-    let plan = parquet.plan(&[std::ops::Range { start: 0, end: parquet.rows().min(1 << 20) }]);
-    for column in 0..parquet.columns().len() {
-        _ = Selected::new(parquet.clone(), column, plan.clone()).runs(&mut |_, _| true);
-        let mut numbers = Vec::new();
-        let mut selected = Selected::new(parquet.clone(), column, plan.clone());
-        while matches!(selected.numbers(0, &mut numbers), Ok(true)) {
-            numbers.clear();
-        }
-    }
     Ok(())
 }

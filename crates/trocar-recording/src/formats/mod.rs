@@ -27,7 +27,7 @@ pub(super) mod numpy;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod ordered;
 #[cfg(feature = "parquet")]
-pub mod parquet;
+pub(super) mod parquet;
 #[cfg(feature = "ros1")]
 pub(super) mod ros1;
 #[cfg(feature = "rosbag")]

@@ -29,7 +29,6 @@ use super::{Source, read_at, read_exact_at};
 use crate::RecordingError;
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
 
-pub mod select;
 mod thrift;
 
 /// Numbers decoded ahead of the rows returned, over all columns: 32 MB. Several row groups at once
@@ -149,7 +148,7 @@ impl Read for At {
 }
 
 /// An open file.
-pub struct Parquet {
+pub(crate) struct Parquet {
     source: Source,
     input: Arc<Input>,
     metadata: Arc<ParquetMetaData>,

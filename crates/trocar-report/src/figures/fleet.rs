@@ -1,11 +1,10 @@
-//! Figures and tables of many recordings: distributions, drift, outliers, failures, specimens.
+//! Figures and tables of many recordings: distributions, drift, outliers, failures.
 
 use std::collections::BTreeMap;
 
 use super::super::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
 use super::super::number::significant;
 use super::tables::name_of;
-use trocar_lab::fleet::mixed::{self, MixedEffects, Observation};
 use trocar_lab::fleet::summary::{OUTLYING, Trend, modified_scores, quantile};
 use trocar_lab::fleet::{Fleet, Record};
 use trocar_model::{Direction, ParameterId, Quantity, Unit};
@@ -35,7 +34,7 @@ pub(in super::super) const SHOWN: [Shown; 6] = [
     Shown::Residual,
 ];
 
-/// Quantities analysed over use and between specimens.
+/// Quantities analysed over use.
 const FOLLOWED: [Shown; 4] = [
     Shown::Parameter(Quantity::CoulombForce.id()),
     Shown::Parameter(Quantity::ViscousDamping.id()),
@@ -84,13 +83,6 @@ impl Shown {
             .number(&self.column())
             .filter(|_| is_determined)
             .map(|value| self.unit().scale * value)
-    }
-
-    /// Standard error, from the 95 % interval; zero where there is none.
-    fn error(self, record: &Record) -> f64 {
-        let end = |end: &str| record.number(&format!("{}{end}", self.column()));
-        let half = end("_upper").zip(end("_lower")).map_or(0.0, |(high, low)| 0.5 * (high - low));
-        self.unit().scale * half / 1.96
     }
 
     fn axis(self) -> Axis {
@@ -336,42 +328,6 @@ pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
     (!reasons.is_empty()).then(|| reasons.iter().fold(table, row))
 }
 
-/// Means by type with the variance between and within specimens, or the reasons why there are none.
-pub(in super::super) fn mixed_effects(
-    types: &ByType,
-    specimen: &str,
-) -> (Table, Table, Vec<String>) {
-    let mut means = Table::new(
-        "Means over specimens",
-        ["Parameter", "Type", "Mean", "95 % interval", "Unit", "Specimens", "Recordings"],
-    );
-    let mut components = Table::new(
-        "Standard deviations",
-        ["Parameter", "Between specimens τ", "Within a specimen σ", "Unit", "ICC"],
-    );
-    let mut missing = Vec::new();
-    for shown in FOLLOWED {
-        match mixed::fit(&observations(types, shown, specimen)) {
-            Ok(found) => {
-                means = mean_rows(means, types, shown, &found);
-                let icc = found
-                    .intraclass_correlation()
-                    .map_or_else(|| "–".to_owned(), |icc| format!("{icc:.2}"));
-                let number = |value| Cell::Number { value, digits: 3 };
-                components = components.row([
-                    shown.words().into(),
-                    number(found.between),
-                    number(found.within),
-                    shown.unit().shown.into(),
-                    icc.into(),
-                ]);
-            }
-            Err(why) => missing.push(format!("{}: {why}.", shown.words())),
-        }
-    }
-    (means, components, missing)
-}
-
 /// The name of a record's specimen, if it has one.
 fn known(record: &Record, specimen: &str) -> Option<String> {
     record
@@ -379,46 +335,6 @@ fn known(record: &Record, specimen: &str) -> Option<String> {
         .get(specimen)
         .filter(|cell| **cell != trocar_lab::fleet::FleetCell::Empty)
         .map(trocar_lab::fleet::FleetCell::in_words)
-}
-
-fn observations(types: &ByType, shown: Shown, specimen: &str) -> Vec<Observation> {
-    let mut numbers: BTreeMap<(usize, String), usize> = BTreeMap::new();
-    let mut all = Vec::new();
-    for kind in 0..types.names.len() {
-        for (value, record) in types.values(kind, shown) {
-            let Some(name) = known(record, specimen) else { continue };
-            let next = numbers.len();
-            let specimen = *numbers.entry((kind, name)).or_insert(next);
-            all.push(Observation { kind, specimen, value, error: shown.error(record) });
-        }
-    }
-    all
-}
-
-fn mean_rows(table: Table, types: &ByType, shown: Shown, found: &MixedEffects) -> Table {
-    let row = |table: Table, mean: &mixed::TypeMean| {
-        let name = types.names[mean.kind].as_str();
-        let (value, interval) = match mean.ci95 {
-            Some([low, high]) => (
-                Cell::Estimate { value: mean.mean, interval: [low, high] },
-                Cell::Interval { low, high },
-            ),
-            None => (
-                Cell::Number { value: mean.mean, digits: 3 },
-                Cell::Text("too few specimens".to_owned()),
-            ),
-        };
-        table.row([
-            shown.words().into(),
-            name.into(),
-            value,
-            interval,
-            shown.unit().shown.into(),
-            mean.specimens.to_string().into(),
-            mean.recordings.to_string().into(),
-        ])
-    };
-    found.means.iter().fold(table, row)
 }
 
 /// Median with the quartiles, in words.

@@ -42,7 +42,7 @@ fn record(protocol: Protocol) -> Outcome<Recording> {
 }
 
 fn options() -> IdentifyOptions {
-    IdentifyOptions { bootstrap: 0, seed: SEED, ..IdentifyOptions::default() }
+    IdentifyOptions { seed: SEED, ..IdentifyOptions::default() }
 }
 
 /// As `trocar demo` does, with the rod weighed.

@@ -145,7 +145,7 @@ pub(crate) fn fleet() -> Outcome<Vec<Figure>> {
         .collect();
     let recordings = folder.path().join("recordings");
     all.par_iter().try_for_each(|one| record(&recordings, *one))?;
-    let dataset = Dataset::open(&recordings, None, &[])?;
+    let dataset = Dataset::open(&recordings, &[])?;
     let mass = MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 };
     let config = Config { moving_mass: mass, seed: 1, ..Config::default() };
     let table = folder.path().join("table.csv");

@@ -1,85 +1,80 @@
-//! The same table from work done elsewhere: in other processes, on other machines, distributed by
-//! any engine.
+//! The rows of a data set from workers, in whatever process they run, to the journal and the table.
 //!
 //! ```text
 //! Collector: sources, what the journal has ──▶ anywhere: identify_source, pure ──▶ text ──▶ Collector: journal ──▶ table
 //! ```
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
-use std::sync::mpsc;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Finished, Fleet, FleetError, Gathered, RowSource, Tally, finish};
-use crate::fleet::dataset::{Dataset, Metadata, Source};
-use crate::fleet::journal::{Entry, EntryLocation, Journal};
-use crate::fleet::one::{Config, refused};
-use crate::fleet::row::FleetCell;
+use super::{Fleet, FleetError, KEPT, Record, Tally, common, push};
 use trocar_tables::error::OutputError;
+use crate::fleet::dataset::{Dataset, Source};
+use crate::fleet::journal::{Entry, EntryLocation, Journal};
+use crate::fleet::one::{Config, Input, identify_one, is_passing, lost, sha256_of};
+use crate::fleet::row::{FleetCell, FleetRow, columns};
+use trocar_tables::table::{Column, Field, Kind, TableWriter};
 
-/// A unit of work for a worker, with the results already known.
+/// Rows of the table held in memory at a time.
+const PIECE: usize = 1024;
+
+/// A unit of work for a worker.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-struct Order {
+pub(super) struct Order {
     source: Source,
-    /// Hashes of recordings finished before, by name.
-    known: BTreeMap<String, String>,
+    /// Hash of the recording whose row the journal has.
+    known: Option<String>,
 }
 
-/// A finished recording returned by a worker; without an entry if the journal has it.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-struct WorkerResult {
-    name: String,
-    metadata: Metadata,
-    entry: Option<Entry>,
+impl Order {
+    /// The row of the recording; `None` if it equals the one in the journal.
+    pub(super) fn identify(&self, config: &Config) -> Option<Entry> {
+        let Source { name, path, .. } = &self.source;
+        if self.known.is_some() && self.known == sha256_of(path) {
+            return None;
+        }
+        let mut row = identify_one(&Input::File(path.clone()), config);
+        row.set("path", FleetCell::text(name));
+        if let Some(reason) = row.text("reason") {
+            // Without paths of this machine.
+            let reason = reason.replace(&path.display().to_string(), name);
+            row.set("reason", FleetCell::text(reason));
+        }
+        Some(entry(name, row, config))
+    }
 }
 
-/// Identifies all recordings of one source: `order` is one of [`Collector::orders`], the result is
-/// for [`Collector::add`]. A pure function of the files and `config`; recordings that fail are
-/// rows.
+/// The line of the journal for a row. A failure that may be temporary has no hash, so that the
+/// recording is identified again next time.
+fn entry(name: &str, row: FleetRow, config: &Config) -> Entry {
+    let hash = row.text("sha256").filter(|_| !is_passing(&row));
+    let sha256 = hash.unwrap_or_default().to_owned();
+    Entry { name: name.to_owned(), sha256, config: config.hash(), row }
+}
+
+/// Identifies the recording of one source: `order` is one of [`Collector::orders`], the result is
+/// for [`Collector::add`]. A pure function of the file and `config`; a recording that fails is a
+/// row.
 ///
 /// # Errors
 /// Text that is not an order.
 pub fn identify_source(order: &str, config: &Config) -> Result<String, serde_json::Error> {
-    let Order { source, known } = serde_json::from_str(order)?;
-    let place =
-        |(name, sha256): (String, String)| (name, EntryLocation { at: 0, length: 0, sha256 });
-    let before: HashMap<String, EntryLocation> = known.into_iter().map(place).collect();
-    let parts: Vec<WorkerResult> = match source.jobs() {
-        Ok(jobs) => jobs
-            .into_iter()
-            .map(|job| part(job.name.clone(), finish((0, 0), job, config, &before)))
-            .collect(),
-        Err(error) => {
-            let whole = source.whole();
-            let row = refused(&whole.name, config, error);
-            vec![part(
-                whole.name.clone(),
-                Finished::now((0, 0), whole.metadata, whole.name, row, config),
-            )]
-        }
-    };
-    serde_json::to_string(&parts)
+    let order: Order = serde_json::from_str(order)?;
+    serde_json::to_string(&order.identify(config))
 }
 
-fn part(name: String, Finished { metadata, done, .. }: Finished) -> WorkerResult {
-    let entry = match done {
-        RowSource::New(entry) => Some(*entry),
-        RowSource::Journal(_) => None,
-    };
-    WorkerResult { name, metadata, entry }
-}
-
-/// Collects the results from elsewhere, in any order, and writes the same table as
-/// [`run`](super::run).
+/// Collects the rows of a data set, in any order, and writes the table.
 pub struct Collector {
     sources: Vec<Source>,
     config: Config,
     table: PathBuf,
     before: HashMap<String, EntryLocation>,
     journal: Journal,
-    gathered: Gathered,
-    added: BTreeSet<usize>,
+    /// Where the row of each finished source is in the journal.
+    rows: Vec<Option<EntryLocation>>,
+    tally: Tally,
 }
 
 impl Collector {
@@ -88,19 +83,30 @@ impl Collector {
     /// # Errors
     /// [`OutputError`] when it cannot be written, another process is writing it, or a recording would
     /// be replaced.
-    pub fn open(dataset: Dataset, config: &Config, table: &Path) -> Result<Self, OutputError> {
-        let (journal, before) = Journal::open(&dataset, table, config)?;
-        let gathered = Gathered::new(dataset.sources.len());
-        let (sources, table) = (dataset.sources, table.to_owned());
+    pub fn open(dataset: &Dataset, config: &Config, table: &Path) -> Result<Self, OutputError> {
+        let (journal, before) = Journal::open(dataset, table, config)?;
+        let total = dataset.sources.len();
         Ok(Self {
-            sources,
+            sources: dataset.sources.clone(),
             config: config.clone(),
-            table,
+            table: table.to_owned(),
             before,
             journal,
-            gathered,
-            added: BTreeSet::new(),
+            rows: vec![None; total],
+            tally: Tally { total, ..Tally::default() },
         })
+    }
+
+    pub(super) fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    pub(super) fn unfinished(&self) -> Vec<Order> {
+        let order = |source: &Source| Order {
+            source: source.clone(),
+            known: self.before.get(&source.name).map(|place| place.sha256.clone()),
+        };
+        self.sources.iter().map(order).collect()
     }
 
     /// One order per source, in the order of the table.
@@ -108,21 +114,7 @@ impl Collector {
     /// # Errors
     /// A path that is not valid text.
     pub fn orders(&self) -> Result<Vec<String>, serde_json::Error> {
-        let mut known: HashMap<&str, BTreeMap<String, String>> = HashMap::new();
-        for (name, place) in &self.before {
-            // `file#recording`, or the file itself.
-            for of in [Some(name.as_str()), name.rsplit_once('#').map(|(file, _)| file)]
-                .into_iter()
-                .flatten()
-            {
-                known.entry(of).or_default().insert(name.clone(), place.sha256.clone());
-            }
-        }
-        let order = |source: &Source| {
-            let known = known.remove(source.name.as_str()).unwrap_or_default();
-            serde_json::to_string(&Order { source: source.clone(), known })
-        };
-        self.sources.iter().map(order).collect()
+        self.unfinished().iter().map(serde_json::to_string).collect()
     }
 
     /// Adds the result of [`identify_source`] for the order at `source`; adding it twice has no
@@ -131,23 +123,10 @@ impl Collector {
     /// # Errors
     /// [`FleetError::Output`] when the journal cannot be written; [`FleetError::WorkerResult`] for
     /// text from another origin.
-    pub fn add(&mut self, source: usize, parts: &str) -> Result<Tally, FleetError> {
-        let parts: Vec<WorkerResult> = serde_json::from_str(parts)
+    pub fn add(&mut self, source: usize, result: &str) -> Result<Tally, FleetError> {
+        let entry: Option<Entry> = serde_json::from_str(result)
             .map_err(|error| FleetError::WorkerResult(error.to_string()))?;
-        let mut all = Vec::with_capacity(parts.len());
-        for (k, WorkerResult { name, metadata, entry }) in parts.into_iter().enumerate() {
-            let done = match entry {
-                Some(entry) => RowSource::New(Box::new(entry)),
-                None => RowSource::Journal(
-                    self.before
-                        .get(&name)
-                        .cloned()
-                        .ok_or_else(|| FleetError::WorkerResult(name.clone()))?,
-                ),
-            };
-            all.push(Finished { order: (source, k), metadata, done });
-        }
-        self.take(source, all)
+        self.take(source, entry)
     }
 
     /// Records a source that could not be finished, with the reason: a failed row, which is tried
@@ -156,30 +135,56 @@ impl Collector {
     /// # Errors
     /// As for [`Collector::add`].
     pub fn lose(&mut self, source: usize, kind: &str, reason: &str) -> Result<Tally, FleetError> {
-        let Some(lost) = self.sources.get(source) else {
-            return Err(FleetError::WorkerResult(format!("source {source}")));
-        };
-        let mut row = refused(&lost.name, &self.config, reason.to_owned());
-        row.set("reason_kind", FleetCell::text(kind));
-        let whole = lost.whole();
-        let finished = Finished::now((source, 0), whole.metadata, whole.name, row, &self.config);
-        self.take(source, vec![finished])
+        let name = &self.source(source)?.name;
+        let row = lost(name, &self.config, kind, reason);
+        let entry = entry(name, row, &self.config);
+        self.take(source, Some(entry))
     }
 
-    fn take(&mut self, source: usize, all: Vec<Finished>) -> Result<Tally, FleetError> {
-        if source >= self.sources.len() {
-            return Err(FleetError::WorkerResult(format!("source {source}")));
+    fn source(&self, index: usize) -> Result<&Source, FleetError> {
+        let source = self.sources.get(index);
+        source.ok_or_else(|| FleetError::WorkerResult(format!("source {index}")))
+    }
+
+    pub(super) fn take(
+        &mut self,
+        source: usize,
+        entry: Option<Entry>,
+    ) -> Result<Tally, FleetError> {
+        let name = &self.source(source)?.name;
+        if self.rows[source].is_some() {
+            return Ok(self.tally);
         }
-        if self.added.insert(source) {
-            let (sender, receiver) = mpsc::channel();
-            for finished in all {
-                // The receiver is used below.
-                let _ = sender.send(finished);
+        let (place, row) = match entry {
+            Some(entry) => (self.journal.append(&entry)?, entry.row),
+            None => {
+                let place = self.before.get(name).cloned();
+                let place = place.ok_or_else(|| FleetError::WorkerResult(name.clone()))?;
+                self.tally.reused += 1;
+                let row = self.journal.row(&place)?;
+                (place, row)
             }
-            drop(sender);
-            self.gathered.gather(&receiver, &mut self.journal, &mut |_| ())?;
+        };
+        self.rows[source] = Some(place);
+        self.tally.done += 1;
+        self.tally.failed += usize::from(row.text("status") == Some("failed"));
+        self.tally.samples += row.number("samples").unwrap_or(0.0) as u64;
+        Ok(self.tally)
+    }
+
+    /// Fields of the metadata: names that the table already uses get the prefix `dataset_`.
+    fn metadata(&self) -> Vec<(String, Field)> {
+        let mut kinds: BTreeMap<&String, Option<Kind>> = BTreeMap::new();
+        for (name, cell) in self.sources.iter().flat_map(|source| &source.metadata) {
+            let kind = kinds.entry(name).or_insert(None);
+            *kind = common(*kind, cell.kind());
         }
-        Ok(self.gathered.tally)
+        let own: Vec<String> = columns().into_iter().map(|field| field.name).collect();
+        let field = |(name, kind): (&String, Option<Kind>)| {
+            let called = if own.contains(name) { format!("dataset_{name}") } else { name.clone() };
+            (name.clone(), Field::new(called, kind.unwrap_or(Kind::Text)))
+        };
+        kinds.into_iter().map(field).collect()
     }
 
     /// Writes the table and removes the journal.
@@ -187,14 +192,36 @@ impl Collector {
     /// # Errors
     /// [`FleetError::Output`]; [`FleetError::WorkerResult`] if a source is missing.
     pub fn write(mut self) -> Result<Fleet, FleetError> {
-        if let Some(missing) = (0..self.sources.len()).find(|source| !self.added.contains(source)) {
-            return Err(FleetError::WorkerResult(format!(
-                "{} is missing",
-                self.sources[missing].name
-            )));
+        let metadata = self.metadata();
+        let mut fields = columns();
+        // After the path.
+        fields.splice(1..1, metadata.iter().map(|(_, field)| field.clone()));
+        let mut writer = TableWriter::create(&self.table, &fields)?;
+        let mut records = Vec::with_capacity(self.rows.len());
+        let mut piece: Vec<Column> = fields.iter().map(|field| Column::new(field.kind)).collect();
+        for (Source { name, metadata: own, .. }, place) in self.sources.into_iter().zip(&self.rows)
+        {
+            let missing = || FleetError::WorkerResult(format!("{name} is missing"));
+            let row = self.journal.row(place.as_ref().ok_or_else(missing)?)?;
+            let empty = FleetCell::Empty;
+            let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
+            let (first, rest) = row.cells.split_at(1);
+            let cells = first.iter().chain(cells).chain(rest);
+            cells.zip(&mut piece).for_each(|(cell, column)| push(column, cell));
+            let kept = KEPT.iter().filter_map(|name| Some((name.as_str(), row.get(name)?.clone())));
+            records.push(Record {
+                cells: kept.filter(|(_, cell)| *cell != FleetCell::Empty).collect(),
+                metadata: own,
+            });
+            if piece[0].len() == PIECE {
+                writer.write(&piece)?;
+                piece.iter_mut().for_each(Column::clear);
+            }
         }
-        let fleet = self.gathered.write(&mut self.journal, &self.table)?;
+        writer.write(&piece)?;
+        writer.commit()?;
         self.journal.remove()?;
-        Ok(fleet)
+        let metadata = metadata.into_iter().map(|(_, field)| field).collect();
+        Ok(Fleet { tally: self.tally, metadata, records })
     }
 }
