@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::row::{FleetCell, columns};
-use trocar_tables::error::TableError;
 use trocar_recording::{self, registry};
+use trocar_tables::error::TableError;
 use trocar_tables::table::{self, Column, Table};
 
 /// Extensions of a manifest that is not text.

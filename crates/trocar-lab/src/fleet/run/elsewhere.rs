@@ -10,11 +10,11 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{Fleet, FleetError, KEPT, Record, Tally, common, push};
-use trocar_tables::error::OutputError;
 use crate::fleet::dataset::{Dataset, Source};
 use crate::fleet::journal::{Entry, EntryLocation, Journal};
 use crate::fleet::one::{Config, Input, identify_one, is_passing, lost, sha256_of};
 use crate::fleet::row::{FleetCell, FleetRow, columns};
+use trocar_tables::error::OutputError;
 use trocar_tables::table::{Column, Field, Kind, TableWriter};
 
 /// Rows of the table held in memory at a time.
