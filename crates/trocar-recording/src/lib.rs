@@ -11,11 +11,9 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 
-#[cfg(feature = "parquet")]
 use block::SampleRow;
 use collect::Collector;
 use columns::Quantity;
-#[cfg(feature = "parquet")]
 use rows::Rows;
 pub use rows::digest_of;
 use screen::Count;
