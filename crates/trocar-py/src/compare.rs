@@ -4,15 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::prelude::*;
-use trocar::compare::{Choice, CompareOptions, Comparison, Outcome, split};
+use trocar::compare::{Choice, CompareOptions, Comparison, Divided, Outcome};
 use trocar::identify::IdentifyOptions;
 use trocar::output::StagedFolder;
-use trocar::recording::Recording as Record;
-use trocar::report::comparison::document;
-use trocar::report::{self, Document, ReportError};
+use trocar::report::comparison::{TITLE, document, write};
+use trocar::report::{Document, ReportError};
 use trocar::workflow::MovingMass;
 
-use crate::errors::{CompareError, ParameterError, Raise};
+use crate::errors::{ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::{Recording, records};
 use crate::shared::{Picture, figures, moving_mass, write_page};
@@ -49,17 +48,12 @@ pub(crate) fn compare(
     let models =
         Choice::list(models).map_err(|why| ParameterError::new_err(format!("models: {why}")))?;
     let (training, validation) = (records(&recordings), records(&held_out));
-    refuse_twice(training.iter().chain(&validation))?;
     let identify =
         IdentifyOptions { seed, inertia_removed: moving_mass.mass > 0.0, ..Default::default() };
     let options = CompareOptions { models, identify, timing };
     let task = move |report: &crate::work::Report| {
-        let corrected = |recordings: Vec<Record>| moving_mass.subtracted_from_all(recordings, 0.0);
-        let (mut training, mut validation) = (corrected(training)?, corrected(validation)?);
-        let held_out = validation.is_empty();
-        if held_out {
-            (training, validation) = split(&training)?;
-        }
+        let Divided { training, validation, held_out } =
+            Divided::of(training, validation, moving_mass)?;
         let progress = |stage: &str, part: f64| report.tell(stage, part);
         let comparison = trocar::compare::compare(&training, &validation, &options, &progress)?;
         Ok(Job { comparison, seed, held_out, moving_mass })
@@ -69,20 +63,6 @@ pub(crate) fn compare(
     Ok(Compared(Arc::new(job)))
 }
 
-/// A recording counted twice would weigh twice; one in both lists would not be validated on.
-fn refuse_twice<'a>(recordings: impl Iterator<Item = &'a Record>) -> PyResult<()> {
-    let recordings: Vec<&Record> = recordings.collect();
-    for (i, second) in recordings.iter().enumerate() {
-        if let Some(first) = recordings[..i].iter().find(|first| first.sha256 == second.sha256) {
-            let (first, second) = (&first.name, &second.name);
-            return Err(CompareError::new_err(format!(
-                "{first} and {second} hold the same bytes: a recording is either fitted or scored on, and once only"
-            )));
-        }
-    }
-    Ok(())
-}
-
 impl Job {
     fn outcome(&self) -> Outcome<'_> {
         let Self { comparison, seed, held_out, moving_mass } = self;
@@ -90,17 +70,12 @@ impl Job {
     }
 
     fn document(&self) -> Document {
-        document(&self.outcome(), "Friction models compared")
+        document(&self.outcome(), TITLE)
     }
 
     fn save(&self, folder: &Path) -> Result<(), ReportError> {
         let staged = StagedFolder::create(folder)?;
-        let outcome = self.outcome();
-        staged.write("compare.json", outcome.summary().to_json().as_bytes())?;
-        for (path, model) in outcome.model_files() {
-            staged.write(&path, model.to_json().as_bytes())?;
-        }
-        report::stage_document(&staged, &self.document())?;
+        write(&self.outcome(), &staged)?;
         Ok(staged.commit()?)
     }
 }

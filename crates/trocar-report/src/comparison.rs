@@ -8,8 +8,10 @@ use super::document::{Document, Section, Tile};
 use super::figures::comparison as figures;
 use super::figures::{sampling, with};
 use super::number::significant;
+use super::{ReportError, stage_document};
 use trocar_lab::compare::{Choice, Comparison, Entry, Outcome, ReversalMatch};
 use trocar_recording::Recording;
+use trocar_tables::output::StagedFolder;
 
 /// The claim of EMS on the number of elements that a model needs.
 const CLAIM: &str = "EMS section II-C argues that a GMS model needs about ten elements to draw the reversal of the seal: four for each \
@@ -36,6 +38,21 @@ pub fn document(outcome: &Outcome, title: &str) -> Document {
     let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
     drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
     document
+}
+
+/// Title of the report of a comparison.
+pub const TITLE: &str = "Friction models compared";
+
+/// Stages compare.json, the models, report.html and figures.
+///
+/// # Errors
+/// Something cannot be written.
+pub fn write(outcome: &Outcome, staged: &StagedFolder) -> Result<(), ReportError> {
+    staged.write("compare.json", outcome.summary().to_json().as_bytes())?;
+    for (path, model) in outcome.model_files() {
+        staged.write(&path, model.to_json().as_bytes())?;
+    }
+    stage_document(staged, &document(outcome, TITLE))
 }
 
 fn names(recordings: &[Recording]) -> String {

@@ -2,16 +2,15 @@
 
 use std::path::PathBuf;
 
-use trocar::compare::{CompareOptions, Comparison, Entry, Outcome, best_of, compare, split};
+use trocar::compare::{CompareOptions, Comparison, Divided, Entry, Outcome, best_of, compare};
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
-use trocar::recording::Recording;
 use trocar::report;
 use trocar::survey::Survey;
 
 use super::identify::print_survey;
 use crate::Completion;
-use crate::console::{self, BadArgument, Console};
+use crate::console::{self, Console};
 use crate::input::{Reading, Rod};
 use crate::models::{Models, models};
 use crate::output::Output;
@@ -69,15 +68,13 @@ pub(crate) struct Args {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let moving_mass = args.rod.moving_mass()?;
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
-    let mut training = args.reading.recordings(console, &paths)?;
-    let lost = training.iter().any(|r| !r.quality.warnings.is_empty());
-    refuse_twice(&training)?;
-    training = moving_mass.subtracted_from_all(training, 0.0)?;
-    let mut validation = training.split_off(args.recordings.len());
-    let held_out = validation.is_empty();
+    let mut recordings = args.reading.recordings(console, &paths)?;
+    let lost = recordings.iter().any(|r| !r.quality.warnings.is_empty());
+    let validation = recordings.split_off(args.recordings.len());
+    let Divided { training, validation, held_out } =
+        Divided::of(recordings, validation, moving_mass)?;
     if held_out {
         console.remark("no recordings to score on: the last third of each is held out from the fits and scored on");
-        (training, validation) = split(&training)?;
     }
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
@@ -94,22 +91,14 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;
     drop(progress);
     let outcome = Outcome { comparison: &comparison, seed: args.seed, held_out, moving_mass };
-    let json = outcome.summary().to_json();
     if let Some(staged) = staged {
-        staged.write("compare.json", json.as_bytes())?;
-        for (path, model) in outcome.model_files() {
-            staged.write(&path, model.to_json().as_bytes())?;
-        }
-        report::stage_document(
-            &staged,
-            &report::comparison::document(&outcome, "Friction models compared"),
-        )?;
+        report::comparison::write(&outcome, &staged)?;
         staged.commit()?;
     }
     let unknown = outcome.unknown_states();
     unknown.iter().for_each(|warning| console.warn(warning));
     console::print(&match args {
-        Args { json: true, .. } => json,
+        Args { json: true, .. } => outcome.summary().to_json(),
         Args { all: true, .. } => format!("{}\n{}", answer(&comparison), text(&comparison)),
         _ => answer(&comparison),
     })?;
@@ -122,20 +111,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         None => {}
     }
     Ok(Completion::doubtful_if(lost || !unknown.is_empty()))
-}
-
-/// A duplicate recording would have double weight; one in both lists would not be an independent
-/// validation.
-fn refuse_twice(recordings: &[Recording]) -> Result<(), BadArgument> {
-    for (i, second) in recordings.iter().enumerate() {
-        if let Some(first) = recordings[..i].iter().find(|first| first.sha256 == second.sha256) {
-            return Err(BadArgument(format!(
-                "{} and {} hold the same bytes: a recording is either fitted or scored on, and once only",
-                first.name, second.name
-            )));
-        }
-    }
-    Ok(())
 }
 
 /// The best of each family, and who wins by how much.

@@ -29,7 +29,7 @@ use trocar_runtime::model_file::{ErrorSource, ForceError};
 use trocar_simulate::replay::forces;
 
 pub use claim::{ReversalMatch, reversal_match};
-pub use split::split;
+pub use split::{Divided, split};
 pub use summary::{Outcome, Summary};
 
 mod choices;
@@ -282,6 +282,16 @@ pub enum CompareError {
     /// A recording cannot be used.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// Two recordings are the same: it would have double weight, or be no independent validation.
+    #[error(
+        "{first} and {second} hold the same bytes: a recording is either fitted or scored on, and once only"
+    )]
+    Twice {
+        /// Name of the first.
+        first: String,
+        /// Name of the second.
+        second: String,
+    },
     /// No validation recordings.
     #[error("no recording to validate on")]
     NoValidation,

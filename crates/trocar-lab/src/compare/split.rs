@@ -1,11 +1,50 @@
 //! Recordings divided into a part for the fit and a part for scoring, when no validation recording
 //! is given.
 
+use super::CompareError;
+use crate::workflow::MovingMass;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
 /// Fraction of the time that is used for the fit.
 const FITTED: f64 = 2.0 / 3.0;
+
+/// The recordings of a comparison, without the moving mass.
+#[derive(Debug, Clone)]
+pub struct Divided {
+    /// To fit to.
+    pub training: Vec<Recording>,
+    /// To score on.
+    pub validation: Vec<Recording>,
+    /// Whether these are the last thirds of the recordings ([`split`]), because no others were given.
+    pub held_out: bool,
+}
+
+impl Divided {
+    /// Of recordings to fit to and to score on; without the latter, [`split`].
+    ///
+    /// # Errors
+    /// The same recording twice; a part or a mass that makes no recording.
+    pub fn of(
+        recordings: Vec<Recording>,
+        validation: Vec<Recording>,
+        moving_mass: MovingMass,
+    ) -> Result<Self, CompareError> {
+        let all: Vec<&Recording> = recordings.iter().chain(&validation).collect();
+        for (i, second) in all.iter().enumerate() {
+            if let Some(first) = all[..i].iter().find(|first| first.sha256 == second.sha256) {
+                let (first, second) = (first.name.clone(), second.name.clone());
+                return Err(CompareError::Twice { first, second });
+            }
+        }
+        let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
+        let validation = moving_mass.subtracted_from_all(validation, 0.0)?;
+        let held_out = validation.is_empty();
+        let (training, validation) =
+            if held_out { split(&recordings)? } else { (recordings, validation) };
+        Ok(Self { training, validation, held_out })
+    }
+}
 
 /// Divides each recording at the first reversal after two thirds of its time, and returns the
 /// training and the validation parts.
