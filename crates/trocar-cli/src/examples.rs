@@ -131,7 +131,6 @@ pub(crate) const EXAMPLES: [Example; 18] = [
         &[
             ("What the literature prints, and from where", "trocar ranges"),
             ("One study, and the seals drawn from it", "trocar ranges imeche-2015"),
-            ("A measured seal before it is contributed", "trocar ranges --check my-seal"),
         ],
     ),
     (

@@ -125,7 +125,7 @@ fn run(console: &Console, verb: Verb) -> anyhow::Result<Completion> {
         Verb::Simulate(args) => verbs::simulate::run(console, &args),
         Verb::Compensate(args) => verbs::compensate::run(console, &args),
         Verb::Sweep(args) => verbs::sweep::run(console, &args),
-        Verb::Ranges(args) => verbs::ranges::run(console, &args),
+        Verb::Ranges(args) => verbs::ranges::run(&args),
         Verb::Teleop(args) => verbs::teleop::run(console, &args),
         Verb::Analyze(args) => verbs::analyze::run(console, &args),
         Verb::Export(args) => verbs::export::run(console, &args),

@@ -9,8 +9,6 @@ pub mod bench;
 pub mod cancel;
 pub mod compare;
 pub mod compensate;
-#[cfg(feature = "bench")]
-pub mod contribution;
 pub mod error;
 pub mod export;
 pub mod fleet;

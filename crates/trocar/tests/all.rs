@@ -9,7 +9,6 @@ mod architecture;
 mod bench;
 mod compensate;
 mod drawn;
-mod energy;
 mod ensemble;
 mod export_c;
 mod fleet;

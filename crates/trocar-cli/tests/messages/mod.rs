@@ -47,12 +47,7 @@ const SECTIONS: [(&str, &[&str]); 18] = [
     ("plan", &["trocar/src/plan", "trocar-cli/src/verbs/plan"]),
     (
         "bench and ranges",
-        &[
-            "trocar/src/bench",
-            "trocar/src/contribution",
-            "trocar-cli/src/verbs/bench",
-            "trocar-cli/src/verbs/ranges",
-        ],
+        &["trocar/src/bench", "trocar-cli/src/verbs/bench", "trocar-cli/src/verbs/ranges"],
     ),
     ("sweep", &["trocar/src/sweep", "trocar-cli/src/verbs/sweep"]),
     ("teleop", &["trocar/src/teleop", "trocar-cli/src/verbs/teleop"]),
@@ -102,10 +97,7 @@ const NAMES: [(&str, &[&str]); 20] = [
         &["text", "z_width_text", "advice_text", "step_text", "tried", "partly_stable", "map_text"],
     ),
     ("trocar-cli/src/verbs/inspect.rs", &["rows_in_words", "column_in_words"]),
-    (
-        "trocar-cli/src/verbs/analyze.rs",
-        &["text", "element_text", "branch_text", "steady_table", "random_cycles_text"],
-    ),
+    ("trocar-cli/src/verbs/analyze.rs", &["text", "element_text", "branch_text", "steady_table"]),
     ("trocar/src/bench/published.rs", &["name", "words"]),
     ("trocar/src/compare/mod.rs", &["title"]),
     ("trocar/src/identify/prior.rs", &["words", "weak_priors"]),
