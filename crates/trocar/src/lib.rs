@@ -29,8 +29,6 @@ mod simpler;
 pub mod simulate;
 pub mod summary;
 pub mod survey;
-#[cfg(feature = "bench")]
-pub mod sweep;
 pub mod table;
 #[cfg(feature = "bench")]
 pub mod teleop;

@@ -29,7 +29,6 @@ mod report_identification;
 mod report_live;
 mod scatter;
 mod simulate;
-mod sweep;
 mod table;
 mod teleop;
 mod teleop_figures;

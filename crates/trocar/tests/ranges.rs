@@ -1,14 +1,11 @@
 //! Published ranges: the document, and the seals drawn from it.
 
 use std::fs;
-use std::path::Path;
 
 use trocar::bench::published::{
     DocumentError, PUBLISHED_TOML, PublishedError, parse, studies, study,
 };
 use trocar::bench::{PlausibleSeals, random_seal};
-use trocar::sweep::Sweep;
-use trocar::table::{Column, Table, read};
 
 /// Rounding of a product of two numbers.
 const ROUNDING: f64 = 1e-12;
@@ -89,45 +86,4 @@ fn a_study_without_force_and_an_unknown_one_are_refused() {
     for key in studies().iter().map(|study| &study.key) {
         assert!(message.contains(key.as_str()), "{message}");
     }
-}
-
-fn numbers<'t>(table: &'t Table, name: &str) -> &'t [f64] {
-    match table.column(name) {
-        Some(Column::Number(cells)) => cells,
-        other => panic!("{name}: {other:?}"),
-    }
-}
-
-#[test]
-fn a_sweep_draws_the_seals_that_the_bench_draws() {
-    let document = "runs = 40\nlike = \"imeche-2015\"\n[motion]\nprotocol = \"step\"\n";
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("table.parquet");
-    let summary = Sweep::new(document, Path::new("")).unwrap().run(&out, None, |_| {}).unwrap();
-    assert_eq!((summary.rows, summary.failed), (40, 0));
-    let table = read(&out).unwrap();
-    let Some(Column::Integer(seeds)) = table.column("seed") else { panic!("seeds") };
-    let ranges = study("imeche-2015").unwrap().seals().unwrap();
-    for (row, seed) in seeds.iter().enumerate() {
-        let seal = random_seal(&ranges, u64::try_from(seed.unwrap()).unwrap());
-        let force = seal.insertion.coulomb_force;
-        assert_eq!(numbers(&table, "insertion_coulomb_force_n")[row], force);
-        assert_eq!(numbers(&table, "half_width_m")[row], seal.deformation.half_width());
-        // Fully deformed backwards at the start, sliding at up to 50 mm/s later.
-        let (peak, most) = (numbers(&table, "peak_force_n")[row], seal.insertion.force(0.06));
-        assert!(peak > 0.9 * force && peak < 1.1 * most, "{peak} N, F_c {force} N");
-    }
-}
-
-#[test]
-fn a_sweep_draws_the_whole_seal_or_none_of_it() {
-    let refusal =
-        |document: &str| Sweep::new(document, Path::new("")).map(|_| ()).unwrap_err().to_string();
-    let motion = "[motion]\nprotocol = \"step\"\n";
-    let both = format!("like = \"imeche-2015\"\n{motion}[seal]\nhalf_width_m = 0.005\n");
-    assert!(refusal(&both).starts_with("line 1: like draws the whole seal"));
-    let model = format!("runs = 2\nlike = \"imeche-2015\"\nmodel = \"model.json\"\n{motion}");
-    assert!(refusal(&model).starts_with("line 2: like draws the whole seal"));
-    assert!(refusal(&format!("like = \"none\"\n{motion}")).contains("dobbelsteen-2007"));
-    assert!(refusal(&format!("like = \"ems-2010\"\n{motion}")).contains("no friction force"));
 }

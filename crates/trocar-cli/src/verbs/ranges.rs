@@ -12,8 +12,7 @@ use crate::table::Table;
 
 /// List what the literature prints about trocar friction
 ///
-/// Each study has a key; `trocar bench --like KEY` and `like` of `trocar sweep` draw seals whose
-/// friction lies within its range. With a key, prints all its numbers, how they were read, and
+/// Each study has a key; `trocar bench --like KEY` draws seals whose friction lies within its range. With a key, prints all its numbers, how they were read, and
 /// what is drawn.
 #[derive(clap::Args)]
 pub(crate) struct Args {

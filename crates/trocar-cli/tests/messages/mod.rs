@@ -15,7 +15,7 @@ use std::process::Command;
 use find::{of_javascript, of_python, of_rust};
 
 /// Sections of the page, and the sources whose messages they hold. The first that fits takes a source.
-const SECTIONS: [(&str, &[&str]); 18] = [
+const SECTIONS: [(&str, &[&str]); 17] = [
     ("Reading recordings", &["trocar-recording/src/formats", "trocar-recording/src"]),
     (
         "Model files and parameters",
@@ -49,7 +49,6 @@ const SECTIONS: [(&str, &[&str]); 18] = [
         "bench and ranges",
         &["trocar/src/bench", "trocar-cli/src/verbs/bench", "trocar-cli/src/verbs/ranges"],
     ),
-    ("sweep", &["trocar/src/sweep", "trocar-cli/src/verbs/sweep"]),
     ("teleop", &["trocar/src/teleop", "trocar-cli/src/verbs/teleop"]),
     ("fleet", &["trocar/src/fleet", "trocar-cli/src/verbs/fleet"]),
     (
