@@ -7,7 +7,6 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ from .conftest import CONFORMANCE, ROD_KG
 
 #: Time, s, within which an interruption must raise its exception on a busy machine.
 ARRIVES = 1.0
-#: Threads of a sweep; each writes at most one file at a time.
-THREADS = 2
 #: Maximum processor time, s, that cancelled work may still use.
 ENDS = 1.0
 
@@ -111,17 +108,6 @@ def test_many_models_are_interrupted(name: str) -> None:
     assert trocar.simulate_many(models[:3], times[:10], positions[:10]).shape == (3, 10)
 
 
-def test_a_sweep_is_interrupted(tmp_path: Path) -> None:
-    document = 'runs = 1000000\n[motion]\nprotocol = "validation"\n[seal]\nhalf_width_m = { uniform = [0.005, 0.009] }\n'
-    works = [lambda: trocar.sweep(document), lambda: trocar.sweep(document, out=tmp_path / "table.parquet")]
-    for work in works:
-        assert interrupted(work, 0.5) < ARRIVES
-        before = time.process_time()
-        time.sleep(2 * ENDS)
-        assert time.process_time() - before < ENDS
-        assert not list(tmp_path.iterdir()), "neither a table nor a half of one"
-
-
 def test_teleoperation_is_interrupted(found: trocar.Identification) -> None:
     works: list[Callable[[], object]] = [
         lambda: trocar.teleop(found.model, advise=True, draws=1000),
@@ -136,30 +122,8 @@ def test_teleoperation_is_interrupted(found: trocar.Identification) -> None:
         assert time.process_time() - before < ENDS
 
 
-@pytest.mark.parametrize(
-    "document",
-    [
-        'runs = 100000\n[motion]\nprotocol = "validation"\n[rig]\n"rod.mass_kg" = 0.05\n',
-        'runs = 100000\n[motion]\nprotocol = "step"\n[seal]\nhalf_width_m = { uniform = [0.005, 0.009] }\n',
-    ],
-    ids=["rigs", "seals"],
-)
-def test_an_interrupted_sweep_writes_no_more_traces(document: str, tmp_path: Path) -> None:
-    assert interrupted(lambda: trocar.sweep(document, traces=tmp_path, threads=THREADS), 0.5) < ARRIVES
-    written = len(list(tmp_path.iterdir()))
-    assert written, "interrupted before there was a trace"
-    time.sleep(2 * ENDS)
-    assert len(list(tmp_path.iterdir())) <= written + THREADS
-
-
 def test_nobody_waits_for_a_million_threads() -> None:
-    document = 'runs = 2\n[motion]\nprotocol = "step"\n[seal]\nhalf_width_m = 0.007\n'
     model = trocar.Model.plausible()
-    works: list[Callable[[], object]] = [
-        lambda: trocar.sweep(document, threads=1_000_000),
-        lambda: trocar.simulate_many([model], [0.0, 1.0], [0.0, 1e-3], threads=1_000_000),
-    ]
-    for work in works:
-        before = time.perf_counter()
-        work()
-        assert time.perf_counter() - before < ARRIVES
+    before = time.perf_counter()
+    trocar.simulate_many([model], [0.0, 1.0], [0.0, 1e-3], threads=1_000_000)
+    assert time.perf_counter() - before < ARRIVES

@@ -20,14 +20,6 @@ from .conftest import ROD_KG
 
 Columns = tuple[np.ndarray, np.ndarray, np.ndarray]
 
-#: A sweep of two runs.
-SWEEP: dict[str, Any] = {
-    "runs": 2,
-    "motion": {"protocol": "step"},
-    "seal": {"half_width_m": {"grid": [7e-3, 8e-3]}},
-}
-
-
 def pickled(value: Any) -> Any:
     return pickle.loads(pickle.dumps(value))
 
@@ -75,7 +67,6 @@ def instances(
         trocar.simulate_full(found.model, [0.0, 0.1], [0.0, 0.01]),
         compensation,
         compensation.drift,
-        trocar.sweep(SWEEP),
         loop,
         loop.figures,
         loop.advice,

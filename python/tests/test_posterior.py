@@ -97,16 +97,9 @@ def test_compensation_takes_draws_and_goes_on_after_pickling(
         trocar.compensate(drawn.model, stroke, posterior=Path(__file__))
 
 
-def test_sweeps_plans_and_advice_take_draws(drawn: trocar.Identification) -> None:
+def test_plans_and_advice_take_draws(drawn: trocar.Identification) -> None:
     posterior = drawn.posterior
     assert posterior is not None
-    config = {"runs": 20, "model": drawn.model, "posterior": posterior, "motion": {"protocol": "step"}}
-    runs = trocar.sweep(config, progress=False)
-    rows = runs["posterior_row"]
-    assert list(rows[:3]) == [0, 50, 100]
-    assert np.allclose(runs["half_width_m"], posterior["half_width_m"][rows], rtol=1e-9)
-    with pytest.raises(trocar.SweepError, match="needs the model"):
-        trocar.sweep({key: value for key, value in config.items() if key != "model"}, progress=False)
     planned = trocar.plan(model=drawn.model, posterior=posterior, draws=3, duration_s=40.0, progress=False)
     force_n = posterior["coulomb_force_n"]
     assert force_n.min() <= planned.expected["coulomb_force_n"].value <= force_n.max()

@@ -40,7 +40,6 @@ from ._core import (
     Recording,
     RecordingError,
     Stepper,
-    SweepError,
     TeleopError,
     TissueForce,
     TrocarError,
@@ -50,13 +49,11 @@ from ._core import (
     bench_config,
     read,
     simulate,
-    sweep_config,
 )
 from ._arrays import column as _column, count as _count
 from ._many import simulate_many, squared_error_many
 from ._plan import Plan, Prediction, plan, plan_config
 from ._progress import Progress as _Progress, watched as _watched
-from ._sweep import sweep
 from ._teleop import Advice, HybridMatrix, Merit, NoticeableStep, StabilityMap, Teleoperation, teleop, teleop_config
 from .results import (
     ComparedModel,
@@ -73,7 +70,6 @@ from .results import (
     RecordingValidation,
     ResultWarning,
     Simulation,
-    SweepTable,
     Validation,
 )
 
@@ -117,8 +113,6 @@ __all__ = [
     "Simulation",
     "StabilityMap",
     "Stepper",
-    "SweepError",
-    "SweepTable",
     "TeleopError",
     "Teleoperation",
     "TissueForce",
@@ -139,8 +133,6 @@ __all__ = [
     "simulate_full",
     "simulate_many",
     "squared_error_many",
-    "sweep",
-    "sweep_config",
     "teleop",
     "teleop_config",
     "validate",

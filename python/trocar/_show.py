@@ -13,7 +13,7 @@ import numpy as np
 if TYPE_CHECKING:
     from ._core import Model, Recording
     from ._teleop import Advice, Merit, StabilityMap, Teleoperation
-    from .results import Comparison, Compensation, Figure, Identification, Parameter, SweepTable, Validation
+    from .results import Comparison, Compensation, Figure, Identification, Parameter, Validation
 
 #: Figures of an identification that are shown by default, if they exist.
 _FIRST = ("cross-validation", "static-friction", "deformation-force")
@@ -190,20 +190,6 @@ def compensation(found: Compensation) -> str:
     words = dict(found.FAULTS)
     faults = [f"{count} samples: {words[name]}" for name, count in found.faults.items()]
     return f"<div>{_table(('Force on the tissue', ''), rows)}{_list('<b>Faults:</b>', faults)}</div>"
-
-
-def sweep(found: SweepTable) -> str:
-    if found.path is not None:
-        return f"<div>{escape(repr(found))}</div>"
-    rows = []
-    for name, cells in found.columns().items():
-        values = cells[np.isfinite(cells)] if cells.dtype.kind == "f" else cells[:0]
-        if len(values):
-            quantiles = (_number(float(q)) for q in np.quantile(values, [0, 0.05, 0.5, 0.95, 1]))
-            rows.append((f"<code>{escape(name)}</code>", *quantiles, f"{len(values)}"))
-    head = ("column", "least", "5 %", "median", "95 %", "greatest", "runs")
-    failure = [] if found.first_failure is None else [f"{found.failed} runs, the first: {found.first_failure}"]
-    return f"<div>{_table(head, rows, f'<b>Sweep</b> of {found.rows} runs')}{_list('<b>Failed:</b>', failure)}</div>"
 
 
 def _merits(cases: Sequence[tuple[str, Merit]]) -> str:

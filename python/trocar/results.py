@@ -1,4 +1,4 @@
-"""Results of identify, validate, compare, simulate_full, sweep and compensate: plain objects.
+"""Results of identify, validate, compare, simulate_full and compensate: plain objects.
 
 A pickled result keeps its numbers, its recordings and the call that made it; figures and files
 repeat that call when they are asked for first. The same recordings and options give the same
@@ -42,7 +42,6 @@ __all__ = [
     "RecordingValidation",
     "ResultWarning",
     "Simulation",
-    "SweepTable",
     "Validation",
 ]
 
@@ -795,49 +794,6 @@ class Simulation:
             return "<trocar.Simulation: no samples>"
         low, high = float(self.force_n.min()), float(self.force_n.max())
         return f"<trocar.Simulation: {len(self)} samples, force {low:.3g} to {high:.3g} N>"
-
-
-@dataclass(frozen=True, eq=False)
-class SweepTable:
-    """The table of a sweep, one row per run, in memory or in a file."""
-
-    rows: int
-    #: Number of rows without a result, and the reason for the first of them.
-    failed: int
-    first_failure: Optional[str]
-    #: The file that holds the table; None for one in memory.
-    path: Optional[Path]
-    _table: Optional[dict[str, npt.NDArray[Any]]] = field(repr=False)
-
-    def columns(self) -> dict[str, npt.NDArray[Any]]:
-        """The columns of a table in memory, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept.
-
-        They are ``run`` and ``seed``, the parameters, the results (nan if missing) and ``failure`` (None if the run succeeded).
-        """
-        if self._table is None:
-            raise TrocarError(f"the table is in {self.path}: read it from there, or leave out `out` to have it in memory")
-        return dict(self._table)
-
-    def __getitem__(self, name: str) -> npt.NDArray[Any]:
-        columns = self.columns()
-        if name not in columns:
-            raise KeyError(f"no column {name!r}; there are {', '.join(columns)}")
-        return columns[name]
-
-    @property
-    def is_doubtful(self) -> bool:
-        """Whether any run failed."""
-        return self.failed > 0
-
-    def __len__(self) -> int:
-        return self.rows
-
-    def __repr__(self) -> str:
-        where = "" if self.path is None else f" in {self.path}"
-        return f"<trocar.SweepTable: {self.rows} runs{where}, {self.failed} failed>"
-
-    def _repr_html_(self) -> str:
-        return _show.sweep(self)
 
 
 class Drift(NamedTuple):

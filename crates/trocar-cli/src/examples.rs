@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-pub(crate) const EXAMPLES: [Example; 18] = [
+pub(crate) const EXAMPLES: [Example; 17] = [
     (
         "inspect",
         &[
@@ -119,19 +119,10 @@ pub(crate) const EXAMPLES: [Example; 18] = [
         ],
     ),
     (
-        "sweep",
-        &[
-            ("A documented example; change it, then run it", "trocar sweep --print-config"),
-            ("", "trocar sweep sweep.toml --out runs.parquet"),
-            ("The parameters that can be varied", "trocar sweep --list result"),
-        ],
-    ),
-    (
         "ranges",
         &[
             ("What the literature prints, and from where", "trocar ranges"),
             ("One study, and the seals drawn from it", "trocar ranges imeche-2015"),
-            ("A measured seal before it is contributed", "trocar ranges --check my-seal"),
         ],
     ),
     (
@@ -211,7 +202,6 @@ fn page(path: &str) -> &'static str {
         "compare" => "how-to/choose-model.md",
         "simulate" => "start/simulator.md",
         "compensate" => "how-to/compensation.md",
-        "sweep" => "how-to/sweep.md",
         "ranges" => "reference/published.md",
         "teleop" => "how-to/teleoperation.md",
         "analyze" => "explanation/seal.md",

@@ -20,7 +20,6 @@ mod outputs;
 mod plan;
 mod ranges;
 mod readme;
-mod sweep;
 mod teleop;
 
 mod common;

@@ -1,4 +1,4 @@
-//! docs/reference/files.md, fleet.md and sweep.md: fields and columns are those of the files that the program writes.
+//! docs/reference/files.md and fleet.md: fields and columns are those of the files that the program writes.
 //!
 //! Fields of JSON files come from the types that are written, with their documentation; `TROCAR_WRITE_DOCS=1 cargo test -p trocar-cli --test
 //! all files_page` writes them between the marks `<!-- fields: SOURCE TYPE -->` and `<!-- end of fields -->`. Columns are compared with
@@ -159,23 +159,6 @@ fn columns_of_tables_are_those_of_the_pages() {
         fleet.iter().filter(|n| !described.contains(&n.as_str())).collect::<BTreeSet<_>>(),
         columns
     );
-
-    let sweep = page("sweep.md");
-    for (motion, table) in [
-        ("file = \"set/specimen=a/strokes.csv\"", "## The table"),
-        ("teleop = \"default\"", "Of a loop the results are instead:"),
-    ] {
-        let text = format!(
-            "runs = 2\nseed = 1\n[motion]\n{motion}\n[seal]\nhalf_width_m = {{ uniform = [0.8, 1.2], relative = true }}\n"
-        );
-        std::fs::write(place.path("sweep.toml"), text).unwrap();
-        place.run("sweep sweep.toml --out sweep.csv").ends_with(0);
-        let mut found = header(&place, "sweep.csv");
-        assert!(found.remove("half_width_m"));
-        let mut shown = names_after(&sweep, table);
-        shown.extend(["run", "seed", "failure"].map(str::to_owned));
-        assert_eq!(shown, found, "{motion}");
-    }
 }
 
 #[test]

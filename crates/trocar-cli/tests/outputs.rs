@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::common::{Place, Ran};
 
 /// Command lines that together make every verb write all that it can, with all of its inputs.
-const LINES: [&str; 13] = [
+const LINES: [&str; 12] = [
     "simulate model.json motion.csv --out force.csv",
     "compensate model.json recording.csv --force-error-n 0.1 --out tissue.csv",
     "identify recording.csv --validate held.csv --prior model.json --out result",
@@ -17,7 +17,6 @@ const LINES: [&str; 13] = [
     "plan plan.toml --model model.json --after held.csv --out next.csv --report plan.html",
     "bench --motion motion.csv --rig rig.toml --seal model.json --out made.csv --truth-out truth.csv",
     "bench step --rig rig.toml --out step.csv",
-    "sweep sweep.toml --out runs.csv --traces traces",
     "teleop loop.toml --model model.json --compensator other.json --out tried",
     "export c model.json --out seal.c",
     "export fmu model.json --source --out seal.fmu",
@@ -35,7 +34,6 @@ fn with_inputs() -> Place {
     put("rig.toml", RIG);
     put("plan.toml", "duration_s = 60.0\n");
     put("loop.toml", "[motion]\nduration_s = 1.0\n");
-    put("sweep.toml", "runs = 2\nmodel = \"model.json\"\n[motion]\nfile = \"motion.csv\"\n");
     put("manifest.csv", "path\nheld.csv\n");
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance/models");
     for name in ["model.json", "other.json"] {
@@ -121,7 +119,6 @@ fn no_verb_replaces_an_input() {
                 line.split(' ').any(|word| word == name)
                     || (line.starts_with("fleet set") && name == "set/held.csv")
                     || (line.starts_with("fleet manifest") && name == "held.csv")
-                    || (line.starts_with("sweep") && ["model.json", "motion.csv"].contains(&name))
             })
             .collect();
         assert!(!read.is_empty() || !line.contains("model.json"), "{line}");

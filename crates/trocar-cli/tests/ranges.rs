@@ -48,10 +48,8 @@ fn what_cannot_be_drawn_is_refused() {
         ("bench step --like none --out a.csv", ["\"none\"", "trocar ranges"]),
         ("bench step --like ems-2010 --out a.csv", ["no friction force", "imeche-2015"]),
         ("bench step --like ems-2010 --seal m --out a.csv", ["--like", "--seal"]),
-        ("ranges ems-2010 --check here", ["--check", "KEY"]),
     ] {
         place.run(arguments).ends_with(2).says(&essentials);
     }
     assert!(place.names().is_empty());
-    place.run("ranges --check here").ends_with(1).says(&["here", "model.json"]);
 }

@@ -7,7 +7,5 @@ pub mod fleet;
 pub mod plan;
 pub mod summary;
 #[cfg(feature = "bench")]
-pub mod sweep;
-#[cfg(feature = "bench")]
 pub mod teleop;
 pub mod workflow;

@@ -51,7 +51,8 @@
 //!
 //! - **Contact as an inclusion.** EMS decides between deforming and sliding, and on the branch, by sgn(v_d). Here the force
 //!   decides: the seal sticks while |F| <= F_s and slides otherwise, (13) with sgn(v_sl). Holds, encoder noise and the
-//!   end of a braking then need no rule of their own. [`paper_literal`] keeps the printed reading and says where it fails.
+//!   end of a braking then need no rule of their own. The example
+//!   `literal_reading` has the printed reading and says where it fails.
 //! - **Partial reversals.** EMS gives one branch per direction and nothing between; see [`elastic`] for the law that runs
 //!   along both, without jumps and without producing energy.
 //! - **Velocity weakening.** Where g falls faster than β + σ rise, one force belongs to several slip speeds (a multivalued
@@ -96,7 +97,6 @@ pub mod gms;
 pub mod leuven;
 pub mod lugre;
 pub mod maxwell_slip;
-pub mod paper_literal;
 pub mod parallel;
 pub mod parameter;
 pub mod partial;
@@ -123,7 +123,6 @@ pub use gms::{Gms, GmsElement, GmsState, SlipRate};
 pub use leuven::{Leuven, LeuvenParams, LeuvenState};
 pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
 pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
-pub use paper_literal::{LiteralState, PaperLiteral};
 pub use parallel::{Beside, MAX_STAGES, Stages, StagesState, rest_states, step_parallel};
 pub use parameter::{Blank, Declaration, Field, ParameterId, Parameters, Quantity, Range, Unit};
 pub use partial::PartialReversals;

@@ -3,9 +3,14 @@
 
 use crate::shared::shared_vector;
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, LiteralState, Mode, PaperLiteral, Piece,
-    Relaxation, SealDamping, SlidingFriction,
+    Branch, DeformationForce, Element, ElementParams, Mode, Piece, Relaxation, SealDamping,
+    SlidingFriction,
 };
+
+use paper_literal::{LiteralState, PaperLiteral};
+
+#[path = "../../trocar/examples/literal_reading/paper_literal.rs"]
+mod paper_literal;
 
 /// Agreement demanded of the literal reading, N: the reference integrates to about 1e-10 N.
 const LITERAL_TOLERANCE: f64 = 1e-8;
@@ -55,7 +60,7 @@ fn params(sigma: f64, half_width: f64) -> ElementParams {
 
 fn literal_reading_matches(name: &str, sigma: f64) {
     let Some(rows) = rows(name) else { return };
-    let element = PaperLiteral::new(params(sigma, 8e-3)).unwrap();
+    let element = PaperLiteral::new(params(sigma, 8e-3));
     let mut state = LiteralState::new(0.0);
     let (mut worst, mut modes_apart) = (0.0_f64, 0);
     for pair in rows.windows(2) {

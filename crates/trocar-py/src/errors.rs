@@ -45,7 +45,6 @@ create_exception!(
     "A model that could not be fitted from any start."
 );
 create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
-create_exception!(trocar, SweepError, TrocarError, "A sweep that cannot be made.");
 create_exception!(trocar, TeleopError, TrocarError, "A teleoperation loop that cannot run.");
 create_exception!(trocar, PlanError, TrocarError, "A motion that cannot be planned.");
 create_exception!(trocar, InternalError, PyRuntimeError, "A defect of trocar; please report it.");
@@ -145,19 +144,6 @@ impl Raise for trocar::bench::ConfigError {
     }
 }
 
-impl Raise for trocar::sweep::SweepError {
-    fn raise(self) -> PyErr {
-        use trocar::sweep::SweepError as E;
-        match self {
-            E::Model(error) => error.raise(),
-            E::Recording(error) => error.raise(),
-            E::Output(error) => error.raise(),
-            E::ReadDocument { ref source, .. } => os_error(source, self.to_string()),
-            other => SweepError::new_err(in_python(&other.to_string())),
-        }
-    }
-}
-
 impl Raise for trocar::teleop::ConfigError {
     fn raise(self) -> PyErr {
         TeleopError::new_err(in_python(&self.to_string()))
@@ -223,7 +209,6 @@ pub(crate) fn os_error(source: &io::Error, text: String) -> PyErr {
 /// `columns="a,b"`.
 pub(crate) fn in_python(text: &str) -> String {
     let text = text
-        .replace("`trocar sweep --print-config` prints", "trocar.sweep_config() gives")
         .replace("`trocar bench --print-config` prints", "trocar.bench_config() gives")
         .replace("`trocar plan --print-config` prints", "trocar.plan_config() gives")
         .replace("`trocar teleop --print-config` prints", "trocar.teleop_config() gives");

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! NumPy, pandas, polars, files ─▶ Recording ─▶ identify, validate, compare ─▶ Identified, Validated, Compared ─▶ Python results
-//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ sweep, teleop, plan
+//!                  time, position ─▶ simulate, simulate_many, Stepper ◀─ Model ─▶ teleop, plan
 //! ```
 //! Nothing here estimates, simulates or draws by itself. Whatever fails becomes a Python exception
 //! with the library's message; a panic becomes `InternalError` and never reaches the interpreter.
@@ -25,7 +25,6 @@ mod recording;
 mod shared;
 mod simulate;
 mod stepper;
-mod sweep;
 mod teleop;
 mod validate;
 mod work;
@@ -44,8 +43,8 @@ mod _core {
     #[pymodule_export]
     use crate::errors::{
         ArrayError, BenchError, CompareError, IdentifyError, InternalError, ModelFileError,
-        MotionError, NotConverged, ParameterError, PlanError, RecordingError, SweepError,
-        TeleopError, TrocarError,
+        MotionError, NotConverged, ParameterError, PlanError, RecordingError, TeleopError,
+        TrocarError,
     };
     #[pymodule_export]
     use crate::fleet::{
@@ -67,8 +66,6 @@ mod _core {
     use crate::simulate::{simulate, simulate_full};
     #[pymodule_export]
     use crate::stepper::Stepper;
-    #[pymodule_export]
-    use crate::sweep::{sweep, sweep_config};
     #[pymodule_export]
     use crate::teleop::{Studied, teleop, teleop_example, teleop_presets};
     #[pymodule_export]

@@ -7,7 +7,7 @@
 //! ```
 //! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
 //! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`], `plan` and `teleop` depend on
-//! results; they fill documents from them. `seal` is no document: it steps a model for the picture that a page then moves.
+//! results; they fill documents from them.
 
 mod chart;
 pub mod comparison;
@@ -23,7 +23,6 @@ mod number;
 #[cfg(feature = "bench")]
 pub mod plan;
 pub mod recording;
-mod seal;
 mod style;
 mod svg;
 #[cfg(feature = "bench")]
@@ -46,8 +45,6 @@ pub use document::{
     Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveLoop, LiveModel,
     Mark, Panel, Role, Section, Series, Table, Tile, Width,
 };
-
-pub use seal::{LIP_HEIGHT_MM, lip_outline, moving_seal};
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
 const PNG_SCALE: f32 = 2.5;

@@ -23,7 +23,7 @@ const MODEL_SCRIPT: &str = include_str!("assets/live.js");
 const LOOP_SCRIPT: &str = include_str!("assets/teleop.js");
 
 /// What moves a model in a page, before the script that draws it.
-pub(super) const MODEL_SCRIPTS: [&str; 2] = [HANDLE_SCRIPT, RUNNER_SCRIPT];
+const MODEL_SCRIPTS: [&str; 2] = [HANDLE_SCRIPT, RUNNER_SCRIPT];
 
 /// Data of a live model or loop in a page.
 pub(super) struct Embedded {
@@ -76,7 +76,7 @@ pub(super) fn embed_loop(live: &LiveLoop) -> Result<Embedded, serde_json::Error>
 ///
 /// # Errors
 /// None in practice, as above.
-pub(super) fn module() -> Result<String, serde_json::Error> {
+fn module() -> Result<String, serde_json::Error> {
     compressed(MODEL)
 }
 
@@ -87,7 +87,7 @@ fn compressed(module: &[u8]) -> Result<String, serde_json::Error> {
 }
 
 /// 64-bit numbers, little endian, base64: exact, including infinite ones.
-pub(super) fn encoded(row: &[f64]) -> String {
+fn encoded(row: &[f64]) -> String {
     let bytes: Vec<u8> = row.iter().flat_map(|number| number.to_le_bytes()).collect();
     STANDARD.encode(bytes)
 }

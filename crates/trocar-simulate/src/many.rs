@@ -135,7 +135,7 @@ where
 }
 
 /// Runs a batch of `models` from copies of `states` along the whole motion.
-pub fn alone<M: Many>(
+fn alone<M: Many>(
     models: &[M],
     states: &[M::State],
     motion: &[(f64, f64)],

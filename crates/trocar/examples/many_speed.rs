@@ -1,4 +1,4 @@
-//! Cost of many seals under one motion, per seal and sample (`docs/reference/sweep.md`):
+//! Cost of many seals under one motion, per seal and sample (`docs/explanation/speed.md`):
 //! `cargo run --release -p trocar --example many_speed [REPETITIONS]`.
 //!
 //! All numbers are medians of repetitions within one run, in which the kinds take turns. Time is

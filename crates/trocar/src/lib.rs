@@ -5,8 +5,6 @@
 
 pub mod analyze;
 pub mod compensate;
-#[cfg(feature = "bench")]
-pub mod contribution;
 pub mod export;
 pub mod inspect;
 pub mod survey;
@@ -15,7 +13,7 @@ pub use trocar_identify as identify;
 pub use trocar_identify::{margin, profile, scatter, validate};
 pub use trocar_lab::{compare, fleet, summary, workflow};
 #[cfg(feature = "bench")]
-pub use trocar_lab::{plan, sweep, teleop};
+pub use trocar_lab::{plan, teleop};
 /// Reading of recordings.
 pub use trocar_recording as recording;
 #[cfg(feature = "report")]

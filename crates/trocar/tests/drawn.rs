@@ -1,5 +1,5 @@
 //! Draws of a model's parameters where they are taken: the standard deviation of the tissue force,
-//! sweeps, plans, and advice on a loop.
+//! plans, and advice on a loop.
 
 use std::sync::LazyLock;
 
@@ -10,7 +10,6 @@ use trocar::identify::posterior::{models, read_models};
 use trocar::many::evenly;
 use trocar::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, OriginKind};
 use trocar::plan::{Goal, PlanConfig, PlanError, State, plan};
-use trocar::sweep::{Sweep, SweepError};
 use trocar::table::{Column, Table};
 use trocar::teleop::advise::advise;
 use trocar::teleop::{Candidates, Config, Outcome, candidates};
@@ -243,51 +242,6 @@ fn numbers<'t>(table: &'t Table, name: &str) -> &'t [f64] {
         Some(Column::Number(cells)) => cells,
         other => panic!("{name}: {other:?}"),
     }
-}
-
-/// A run of a sweep has the force of its draw, and the runs have the scatter of the draws.
-#[test]
-fn a_sweep_runs_the_draws_of_a_posterior() {
-    let head = "runs = 40\nmodel = \"model.json\"\nposterior = \"posterior.parquet\"\n";
-    let document = format!("{head}[motion]\nprotocol = \"step\"\n");
-    let sweep = Sweep::new(&document, DRAWN.folder.path()).unwrap();
-    let out = DRAWN.folder.path().join("runs.parquet");
-    let summary = sweep.run(&out, None, |_| {}).unwrap();
-    assert_eq!((summary.rows, summary.failed), (40, 0));
-    let runs = trocar::table::read(&out).unwrap();
-    let Some(Column::Integer(rows)) = runs.column("posterior_row") else { panic!("a row each") };
-    let rows: Vec<usize> = rows.iter().map(|row| row.unwrap() as usize).collect();
-    assert_eq!(rows[..3], [0, 10, 20]);
-    let own =
-        |name: &str| -> Vec<f64> { rows.iter().map(|r| numbers(&DRAWN.table, name)[*r]).collect() };
-    for (ours, theirs) in [
-        ("half_width_m", "half_width_m"),
-        ("insertion_coulomb_force_n", "coulomb_force_n"),
-        ("withdrawal_viscous_damping_n_s_m", "viscous_damping_n_s_m"),
-    ] {
-        let off = numbers(&runs, ours).iter().zip(own(theirs)).map(|(a, b)| (a / b - 1.0).abs());
-        assert!(off.fold(0.0, f64::max) < 1e-9, "{ours}");
-    }
-    // At the speed of the step, friction is F_c + β·v: peak forces have the scatter of that.
-    let sliding: Vec<f64> = own("coulomb_force_n");
-    let [peaks, forces] = [numbers(&runs, "peak_force_n"), &sliding].map(deviation);
-    assert!((0.3..3.0).contains(&(peaks / forces)), "{peaks} {forces}");
-    let refused = |more: &str, head: &str| {
-        Sweep::new(&format!("{head}[motion]\nprotocol = \"step\"\n{more}"), DRAWN.folder.path())
-            .map(|_| ())
-            .unwrap_err()
-    };
-    let error = refused("[seal]\nhalf_width_m = 0.005\n", head);
-    assert!(matches!(error, SweepError::PosteriorAlone { line: 3 }), "{error}");
-    let error = refused("", "posterior = \"posterior.parquet\"\n");
-    assert!(matches!(error, SweepError::PosteriorNeedsModel { line: 1 }), "{error}");
-    let error = refused("", "model = \"model.json\"\nposterior = \"model.json\"\n");
-    assert!(error.to_string().contains("model.json"), "{error}");
-}
-
-fn deviation(values: &[f64]) -> f64 {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    rms(values.iter().map(|value| value - mean))
 }
 
 /// The fraction that is advised with draws as trocars holds for the true seal: the loop is stable with

@@ -15,7 +15,7 @@ mod example;
 #[path = "../examples/compensation.rs"]
 #[allow(dead_code)] // its main
 mod compensation;
-#[path = "../examples/literal_reading.rs"]
+#[path = "../examples/literal_reading/main.rs"]
 #[allow(dead_code)] // its main
 mod literal_reading;
 

@@ -1,16 +1,11 @@
-//! Published ranges: the document, the seals drawn from it, and contributed measurements.
+//! Published ranges: the document, and the seals drawn from it.
 
 use std::fs;
-use std::path::Path;
 
 use trocar::bench::published::{
     DocumentError, PUBLISHED_TOML, PublishedError, parse, studies, study,
 };
 use trocar::bench::{PlausibleSeals, random_seal};
-use trocar::contribution::{self, ContributionError};
-use trocar::model_file::{ModelFile, Origin, RecordingInfo};
-use trocar::sweep::Sweep;
-use trocar::table::{Column, Table, read};
 
 /// Rounding of a product of two numbers.
 const ROUNDING: f64 = 1e-12;
@@ -91,103 +86,4 @@ fn a_study_without_force_and_an_unknown_one_are_refused() {
     for key in studies().iter().map(|study| &study.key) {
         assert!(message.contains(key.as_str()), "{message}");
     }
-}
-
-fn numbers<'t>(table: &'t Table, name: &str) -> &'t [f64] {
-    match table.column(name) {
-        Some(Column::Number(cells)) => cells,
-        other => panic!("{name}: {other:?}"),
-    }
-}
-
-#[test]
-fn a_sweep_draws_the_seals_that_the_bench_draws() {
-    let document = "runs = 40\nlike = \"imeche-2015\"\n[motion]\nprotocol = \"step\"\n";
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("table.parquet");
-    let summary = Sweep::new(document, Path::new("")).unwrap().run(&out, None, |_| {}).unwrap();
-    assert_eq!((summary.rows, summary.failed), (40, 0));
-    let table = read(&out).unwrap();
-    let Some(Column::Integer(seeds)) = table.column("seed") else { panic!("seeds") };
-    let ranges = study("imeche-2015").unwrap().seals().unwrap();
-    for (row, seed) in seeds.iter().enumerate() {
-        let seal = random_seal(&ranges, u64::try_from(seed.unwrap()).unwrap());
-        let force = seal.insertion.coulomb_force;
-        assert_eq!(numbers(&table, "insertion_coulomb_force_n")[row], force);
-        assert_eq!(numbers(&table, "half_width_m")[row], seal.deformation.half_width());
-        // Fully deformed backwards at the start, sliding at up to 50 mm/s later.
-        let (peak, most) = (numbers(&table, "peak_force_n")[row], seal.insertion.force(0.06));
-        assert!(peak > 0.9 * force && peak < 1.1 * most, "{peak} N, F_c {force} N");
-    }
-}
-
-#[test]
-fn a_sweep_draws_the_whole_seal_or_none_of_it() {
-    let refusal =
-        |document: &str| Sweep::new(document, Path::new("")).map(|_| ()).unwrap_err().to_string();
-    let motion = "[motion]\nprotocol = \"step\"\n";
-    let both = format!("like = \"imeche-2015\"\n{motion}[seal]\nhalf_width_m = 0.005\n");
-    assert!(refusal(&both).starts_with("line 1: like draws the whole seal"));
-    let model = format!("runs = 2\nlike = \"imeche-2015\"\nmodel = \"model.json\"\n{motion}");
-    assert!(refusal(&model).starts_with("line 2: like draws the whole seal"));
-    assert!(refusal(&format!("like = \"none\"\n{motion}")).contains("dobbelsteen-2007"));
-    assert!(refusal(&format!("like = \"ems-2010\"\n{motion}")).contains("no friction force"));
-}
-
-const CONDITIONS: &str = "trocar = \"Maker, name, number\"\nsize_mm = 12.0\nseals = \"lip seal\"\n\
-    instrument = \"steel rod\"\ninstrument_diameter_mm = 10.0\nlubrication = \"dry\"\n\
-    gas_pressure_pa = 0.0\nrig = \"linear motor, 20 N sensor\"\nmeasured_by = \"somebody\"\n\
-    licence = \"CC0-1.0\"\nrecordings_at = \"doi\"\n";
-
-/// SHA-256 of "abc", FIPS 180-2, appendix B.1.
-const HASH_OF_ABC: &str = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
-
-fn contributed(folder: &Path) {
-    let mut model = ModelFile::plausible_10_5_mm().unwrap();
-    let recording = |name: &str| RecordingInfo {
-        name: name.to_owned(),
-        sha256: HASH_OF_ABC.to_owned(),
-        read_with: None,
-    };
-    model.origin = Origin::identified(1, [recording("a.csv"), recording("b.csv")]);
-    fs::write(folder.join("model.json"), model.to_json()).unwrap();
-    fs::write(folder.join("conditions.toml"), CONDITIONS).unwrap();
-    fs::write(folder.join("a.csv"), "abc").unwrap();
-}
-
-#[test]
-fn a_contribution_is_checked_with_the_hashes_of_its_recordings() {
-    let folder = tempfile::tempdir().unwrap();
-    contributed(folder.path());
-    let found = contribution::check(folder.path()).unwrap();
-    let is_here: Vec<bool> = found.recordings.iter().map(|(_, is_here)| *is_here).collect();
-    assert_eq!(is_here, [true, false], "b.csv is elsewhere");
-    assert_eq!(found.conditions.size_mm, 12.0);
-    fs::write(folder.path().join("b.csv"), "abd").unwrap();
-    let error = contribution::check(folder.path()).unwrap_err();
-    assert!(matches!(&error, ContributionError::Hash { .. }));
-    assert!(error.to_string().contains("b.csv") && error.to_string().contains(HASH_OF_ABC));
-}
-
-#[test]
-fn a_contribution_with_a_fault_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let refusal = || contribution::check(folder.path()).unwrap_err().to_string();
-    contributed(folder.path());
-    for (from, to, essential) in [
-        ("size_mm = 12.0", "size_mm = 0.0", "size_mm must be finite and above 0 mm, got 0 mm"),
-        ("gas_pressure_pa = 0.0", "gas_pressure_pa = nan", "gas_pressure_pa must be"),
-        ("\"dry\"", "\" \"", "lubrication must be a text"),
-        ("licence = \"CC0-1.0\"\n", "", "missing field `licence`"),
-        ("size_mm", "size", "unknown field `size`"),
-    ] {
-        fs::write(folder.path().join("conditions.toml"), CONDITIONS.replace(from, to)).unwrap();
-        let message = refusal();
-        assert!(message.contains(essential) && message.contains("conditions.toml"), "{message}");
-    }
-    let made_up = ModelFile::plausible_10_5_mm().unwrap().to_json();
-    fs::write(folder.path().join("model.json"), made_up).unwrap();
-    assert!(refusal().contains("origin.kind must be \"identified\""));
-    fs::remove_file(folder.path().join("model.json")).unwrap();
-    assert!(refusal().contains("model.json"));
 }

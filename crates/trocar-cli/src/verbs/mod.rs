@@ -14,6 +14,5 @@ pub(crate) mod man;
 pub(crate) mod plan;
 pub(crate) mod ranges;
 pub(crate) mod simulate;
-pub(crate) mod sweep;
 pub(crate) mod teleop;
 pub(crate) mod validate;

@@ -1,22 +1,19 @@
 //! `trocar ranges`
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use trocar::bench::PlausibleSeals;
 use trocar::bench::published::{self, Printed, PublishedError, Quantity, Study};
-use trocar::contribution;
 
 use crate::Completion;
-use crate::console::{self, BadArgument, Console};
+use crate::console::{self, BadArgument};
 use crate::table::Table;
 
 /// List what the literature prints about trocar friction
 ///
-/// Each study has a key; `trocar bench --like KEY` and `like` of `trocar sweep` draw seals whose
-/// friction lies within its range. With a key, prints all its numbers, how they were read, and
-/// what is drawn. Exit code 3, with --check: recordings that the model names are not in the folder.
+/// Each study has a key; `trocar bench --like KEY` draws seals whose friction lies within its range. With a key, prints all its numbers, how they were read, and
+/// what is drawn.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Study to print [default: a table of all]
@@ -24,10 +21,6 @@ pub(crate) struct Args {
     /// Print JSON instead of text
     #[arg(long)]
     json: bool,
-    /// Check a measured seal for contribution: a folder with model.json, conditions.toml and the
-    /// recordings
-    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["key", "json"])]
-    check: Option<PathBuf>,
 }
 
 /// A study with what is drawn from it.
@@ -57,10 +50,7 @@ impl Listed {
     }
 }
 
-pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
-    if let Some(folder) = &args.check {
-        return check(console, folder);
-    }
+pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
     let text = match (&args.key, args.json) {
         (None, false) => table(published::studies()),
         (None, true) => json(&published::studies().iter().map(Listed::new).collect::<Vec<_>>())?,
@@ -147,30 +137,4 @@ fn drawn(line: &mut impl FnMut(&str, &str), study: &Study, seals: &PlausibleSeal
             span([1e3 * c.0, 1e3 * c.1])
         ),
     );
-}
-
-fn check(console: &Console, folder: &Path) -> anyhow::Result<Completion> {
-    let found = contribution::check(folder)?;
-    let mut table = Table::headed(["recording", "SHA-256"]);
-    for (recording, is_here) in &found.recordings {
-        let verdict = if *is_here { "agrees" } else { "not checked: file not in the folder" };
-        table.row([recording.name.clone(), verdict.to_owned()]);
-    }
-    let conditions = &found.conditions;
-    console::print(&format!(
-        "  {}, {} mm, {}: model and conditions are valid\n\n{}",
-        conditions.trocar,
-        conditions.size_mm,
-        conditions.lubrication,
-        table.to_text()
-    ))?;
-    let missing = found.recordings.iter().filter(|(_, is_here)| !is_here).count();
-    if missing > 0 {
-        console.warn(&format!(
-            "{missing} of {} recordings are not in {}: their hashes were not checked",
-            found.recordings.len(),
-            folder.display()
-        ));
-    }
-    Ok(Completion::doubtful_if(missing > 0))
 }

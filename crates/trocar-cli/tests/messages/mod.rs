@@ -15,7 +15,7 @@ use std::process::Command;
 use find::{of_javascript, of_python, of_rust};
 
 /// Sections of the page, and the sources whose messages they hold. The longest prefix takes a source.
-const SECTIONS: [(&str, &[&str]); 18] = [
+const SECTIONS: [(&str, &[&str]); 17] = [
     ("Reading recordings", &["trocar-recording/src/formats", "trocar-recording/src"]),
     (
         "Model files and parameters",
@@ -44,14 +44,8 @@ const SECTIONS: [(&str, &[&str]); 18] = [
     ("plan", &["trocar-lab/src/plan", "trocar-cli/src/verbs/plan"]),
     (
         "bench and ranges",
-        &[
-            "trocar-simulate/src/bench",
-            "trocar/src/contribution",
-            "trocar-cli/src/verbs/bench",
-            "trocar-cli/src/verbs/ranges",
-        ],
+        &["trocar-simulate/src/bench", "trocar-cli/src/verbs/bench", "trocar-cli/src/verbs/ranges"],
     ),
-    ("sweep", &["trocar-lab/src/sweep", "trocar-cli/src/verbs/sweep"]),
     ("teleop", &["trocar-lab/src/teleop", "trocar-cli/src/verbs/teleop"]),
     ("fleet", &["trocar-lab/src/fleet", "trocar-cli/src/verbs/fleet"]),
     (
@@ -109,10 +103,7 @@ const NAMES: [(&str, &[&str]); 20] = [
         &["text", "z_width_text", "advice_text", "step_text", "tried", "partly_stable", "map_text"],
     ),
     ("trocar-cli/src/verbs/inspect.rs", &["rows_in_words", "column_in_words"]),
-    (
-        "trocar-cli/src/verbs/analyze.rs",
-        &["text", "element_text", "branch_text", "steady_table", "random_cycles_text"],
-    ),
+    ("trocar-cli/src/verbs/analyze.rs", &["text", "element_text", "branch_text", "steady_table"]),
     ("trocar-simulate/src/bench/published.rs", &["name", "words"]),
     ("trocar-lab/src/compare/mod.rs", &["title"]),
     ("trocar-identify/src/prior.rs", &["words", "weak_priors"]),

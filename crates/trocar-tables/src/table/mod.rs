@@ -123,11 +123,6 @@ impl Column {
         }
     }
 
-    /// Appends the cells of `other`; does nothing if its type differs from that of this column.
-    pub fn append(&mut self, other: &Self) {
-        self.extend(other, 0, other.len());
-    }
-
     /// Appends the rows `from` to `to` (exclusive) of `other`, which has the same type.
     fn extend(&mut self, other: &Self, from: usize, to: usize) {
         match (self, other) {

@@ -9,12 +9,13 @@
 use std::error::Error;
 use std::path::Path;
 
-use trocar::report::{Document, Figure, Section, moving_seal, vectors};
+use trocar::report::{Document, Figure, Section, vectors};
 use trocar_model::ElementParams;
 
 mod bench;
 mod loops;
 mod many;
+mod moving_seal;
 mod schematics;
 mod seal;
 mod sheet;
@@ -207,7 +208,7 @@ fn entry([file, title, caption, command]: [&str; 4]) -> [String; 2] {
 
 /// The seal of the first page.
 pub(crate) fn moving() -> Outcome<String> {
-    Ok(moving_seal(&ElementParams::plausible_10_5_mm()?)?)
+    moving_seal::moving_seal(&ElementParams::plausible_10_5_mm()?)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -1,9 +1,9 @@
 //! Schematics of trocar, models and bench. Lips are those of the plausible seal at states of its model.
 
-use trocar::report::{LIP_HEIGHT_MM, lip_outline};
 use trocar_model::{DeformationForce, Direction, ElementParams};
 
 use super::Outcome;
+use super::moving_seal::{LIP_HEIGHT_MM, lip_outline};
 use super::sheet::{
     Align, BLUE, EDGE, GREY, HATCHED, INK, NONE, ORANGE, PALE, PALE_BLUE, PALE_ORANGE, PALE_PURPLE,
     PURPLE, Pen, Point, STEEL, Sheet, WHITE,

@@ -3,8 +3,9 @@
 use std::error::Error;
 
 use trocar::report::{Axis, Figure, Mark, Panel, Role, Series};
-use trocar_model::{LiteralState, Trocar};
+use trocar_model::Trocar;
 
+use super::paper_literal::LiteralState;
 use super::shown::{First, Law, Line, Shown, seal};
 
 /// s.

@@ -12,6 +12,8 @@ use std::path::Path;
 use trocar::report::{Document, LiveModel, Section, page, vectors};
 
 mod draw;
+#[path = "../literal_reading/paper_literal.rs"]
+mod paper_literal;
 mod shown;
 
 use shown::Shown;

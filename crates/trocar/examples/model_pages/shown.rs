@@ -5,10 +5,12 @@ use std::error::Error;
 use trocar::report::{Family, Role};
 use trocar_model::{
     Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams, Gms, GmsElement, Leuven,
-    LeuvenParams, LuGre, LuGreParams, MaxwellSlip, PaperLiteral, ParameterId, Quantity, Relaxation,
+    LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParameterId, Quantity, Relaxation,
     RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
     StaticFriction, StribeckCurve, Trocar,
 };
+
+use super::paper_literal::PaperLiteral;
 
 /// Stiffness of the bristles of Dahl and LuGre, N/m: at it the force changes within the deformation of the seal.
 const STIFFNESS: f64 = 700.0;
@@ -298,7 +300,7 @@ fn classical() -> Outcome<Vec<Shown>> {
 }
 
 fn literal() -> Outcome<Shown> {
-    let model = PaperLiteral::new(ElementParams::plausible_10_5_mm()?)?;
+    let model = PaperLiteral::new(ElementParams::plausible_10_5_mm()?);
     let law = Law::Literal(Box::new(model));
     Ok(Shown {
         id: "paper-literal",

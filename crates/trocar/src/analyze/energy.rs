@@ -1,7 +1,7 @@
 //! Energy over full cycles, and the error of the step.
 
 use serde::Serialize;
-use trocar_model::{Element, Friction, Stages, StagesState, State};
+use trocar_model::{Element, Friction, Stages, StagesState};
 
 use super::is_exact;
 
@@ -58,31 +58,21 @@ pub struct StepError {
 }
 
 /// A seal in motion.
-#[derive(Clone)]
-pub(super) struct Run<'a> {
+struct Run<'a> {
     stages: &'a Stages,
     state: StagesState,
 }
 
 impl<'a> Run<'a> {
     fn new(stages: &'a Stages) -> Self {
-        Self::at(stages, |_| 0.0)
+        Self { stages, state: stages.rest_state(0.0) }
     }
 
-    /// At rest, each element at its own deflection (m).
-    pub(super) fn at(stages: &'a Stages, deflection: impl FnMut(&Element) -> f64) -> Self {
-        Self { stages, state: stages.rest_at(deflection) }
-    }
-
-    pub(super) fn force(&self) -> f64 {
+    fn force(&self) -> f64 {
         Stages::force(&self.state)
     }
 
-    pub(super) fn deflections(&self) -> Vec<f64> {
-        self.state.states().iter().map(State::deflection).collect()
-    }
-
-    pub(super) fn step(&mut self, displacement: f64, duration: f64) -> f64 {
+    fn step(&mut self, displacement: f64, duration: f64) -> f64 {
         self.stages.step(&mut self.state, displacement, duration)
     }
 

@@ -1,5 +1,5 @@
 
-// A seal that the reader moves: dragged by pointer, finger or keys, or played. What moves is redrawn as report/seal.rs draws it.
+// A seal that the reader moves: dragged by pointer, finger or keys, or played. What moves is redrawn as moving_seal.rs draws it.
 
 const SHOWN = 10;  // s
 const TRAIL_POINTS = 500;

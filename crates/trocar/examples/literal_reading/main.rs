@@ -9,7 +9,11 @@ use std::path::Path;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::report::{Axis, Document, Figure, Panel, Role, Section, Series, vectors};
-use trocar_model::{Element, ElementParams, LiteralState, PaperLiteral};
+use trocar_model::{Element, ElementParams};
+
+mod paper_literal;
+
+use paper_literal::{LiteralState, PaperLiteral};
 
 /// s; 1 kHz, as in a recording.
 const PERIOD: f64 = 1e-3;
@@ -85,7 +89,7 @@ fn compare(
     params: ElementParams,
     position: &[f64],
 ) -> Result<Comparison, Box<dyn std::error::Error>> {
-    let (element, literal) = (Element::new(params)?, PaperLiteral::new(params)?);
+    let (element, literal) = (Element::new(params)?, PaperLiteral::new(params));
     let start = -params.deformation.half_width();
     let (mut state, mut literal_state) = (element.rest_state(start), LiteralState::new(start));
     let mut run = Comparison { time: vec![], position: vec![], element: vec![], literal: vec![] };

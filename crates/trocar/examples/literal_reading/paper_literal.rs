@@ -13,7 +13,7 @@
 //! keeps its last branch; a stop counts as a change of sign; an element that starts to deform
 //! beyond its limit slides at once; with σ = β = 0 the deflection stands still while sliding.
 //!
-//! Where this goes wrong, and [`crate::Element`] does not:
+//! Where this goes wrong, and `Element` does not:
 //!
 //! - **Reversal while the seal is still strained beyond F_s.** At the end of a braking the seal has not yet relaxed
 //!   (its time constant is β/K), but (14) ends with the sign of v_d: the element then deforms at |F| > F_s. The error
@@ -25,11 +25,11 @@
 //!
 //! Inside a step the switching instant is located and the sliding equation is solved by an
 //! extrapolated linearly implicit scheme, so that what is seen is the paper's law and not an
-//! explicit Euler that blows up at dt > 2·β/K.
+//! explicit Euler that blows up at dt > 2·β/K. Damping of the seal is constant here.
 
-use crate::direction::Direction;
-use crate::ems::{ElementParams, Mode};
-use crate::error::ParamError;
+#![allow(dead_code)] // examples and tests use their own parts
+
+use trocar_model::{Direction, ElementParams, Mode};
 
 /// Columns of the extrapolation: order 7.
 const COLUMNS: usize = 7;
@@ -44,14 +44,13 @@ const SWITCH_STEPS: u32 = 16;
 const HALVINGS: u32 = 100;
 
 /// The paper's own reading of its element; see the module documentation for where it goes wrong.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PaperLiteral {
+pub(crate) struct PaperLiteral {
     params: ElementParams,
 }
 
 /// State of [`PaperLiteral`].
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LiteralState {
+#[derive(Clone, Copy)]
+pub(crate) struct LiteralState {
     deflection: f64,
     force: f64,
     mode: Mode,
@@ -62,22 +61,22 @@ pub struct LiteralState {
 impl LiteralState {
     /// Deforming at `deflection` (m) with zero force until the first step, as if the last motion
     /// had been an insertion.
-    pub fn new(deflection: f64) -> Self {
+    pub(crate) fn new(deflection: f64) -> Self {
         Self { deflection, force: 0.0, mode: Mode::Deforming, direction: Direction::Insertion }
     }
 
     /// z, m.
-    pub fn deflection(&self) -> f64 {
+    pub(crate) fn deflection(&self) -> f64 {
         self.deflection
     }
 
     /// F after the last step, N.
-    pub fn force(&self) -> f64 {
+    pub(crate) fn force(&self) -> f64 {
         self.force
     }
 
     /// The latched mode.
-    pub fn mode(&self) -> Mode {
+    pub(crate) fn mode(&self) -> Mode {
         self.mode
     }
 }
@@ -85,26 +84,20 @@ impl LiteralState {
 impl PaperLiteral {
     /// The element with `params`. Branches need not meet the end-point constraint;
     /// `yield_stiffness` has no meaning here.
-    ///
-    /// # Errors
-    /// A sliding or damping parameter out of its range.
-    pub fn new(params: ElementParams) -> Result<Self, ParamError> {
-        params.insertion.check()?;
-        params.withdrawal.check()?;
-        params.damping.check()?;
-        Ok(Self { params })
-    }
-
-    /// The parameters.
-    pub fn params(&self) -> &ElementParams {
-        &self.params
+    pub(crate) fn new(params: ElementParams) -> Self {
+        Self { params }
     }
 
     /// Advances at constant `velocity` (m/s) for `duration` (s); returns the force (N) at the end,
     /// with that velocity.
     ///
     /// A duration that is not positive, or a number that is not finite, leaves the state untouched.
-    pub fn step_velocity(&self, state: &mut LiteralState, velocity: f64, duration: f64) -> f64 {
+    pub(crate) fn step_velocity(
+        &self,
+        state: &mut LiteralState,
+        velocity: f64,
+        duration: f64,
+    ) -> f64 {
         let proper = duration > 0.0 && duration.is_finite() && (velocity * duration).is_finite();
         if proper && velocity.is_finite() {
             let next = self.advance(self.enter(*state, velocity), velocity, duration);
@@ -116,13 +109,17 @@ impl PaperLiteral {
     }
 
     /// Force (N) in `state` at the moment at which `velocity` (m/s) sets in.
-    pub fn force(&self, state: &LiteralState, velocity: f64) -> f64 {
+    pub(crate) fn force(&self, state: &LiteralState, velocity: f64) -> f64 {
         self.output(&self.enter(*state, velocity), velocity)
     }
 
     /// Mode, branch and force at the start of an interval with this velocity.
     fn enter(&self, mut state: LiteralState, velocity: f64) -> LiteralState {
-        let direction = if velocity == 0.0 { state.direction } else { Direction::of(velocity) };
+        let direction = match velocity {
+            0.0 => state.direction,
+            velocity if velocity < 0.0 => Direction::Withdrawal,
+            _ => Direction::Insertion,
+        };
         if velocity == 0.0 || direction != state.direction {
             state.mode = Mode::Deforming; // section III-B, after (14)
         }
@@ -216,7 +213,7 @@ impl PaperLiteral {
         };
         let u = withdrawal_root(residual, velocity.abs());
         let deformation_velocity = velocity - s * u; // (8)
-        let drag = sliding.viscous_damping + damping.slope(deformation_velocity);
+        let drag = sliding.viscous_damping + damping.coefficient(deformation_velocity);
         (deformation_velocity, if drag > 0.0 { -stiffness / drag } else { 0.0 })
     }
 

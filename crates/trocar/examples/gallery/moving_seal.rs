@@ -3,17 +3,27 @@
 //! Without JavaScript it is the picture of a seal that slides; with it the page redraws what is marked here, from the steps of the module.
 
 use std::fmt::Write as _;
+use std::io::Write as _;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
 use serde::Serialize;
 use trocar_model::{DeformationForce, Direction, Element, ElementParams, Trocar};
 
-use super::chart::inert;
-use super::figures::MM;
-use super::number::ticks;
-use super::{ReportError, live, style};
+use super::Outcome;
 
-const SCRIPT: &str = include_str!("assets/seal.js");
-const STYLE: &str = include_str!("assets/seal.css");
+const SCRIPT: &str = include_str!("moving_seal.js");
+const STYLE: &str = include_str!("moving_seal.css");
+/// The module of the reports, and what moves a model in a page.
+const MODULE: &[u8] = include_bytes!("../../../trocar-report/src/assets/model.wasm");
+const MODEL_SCRIPTS: [&str; 2] = [
+    include_str!("../../../trocar-report/src/assets/handle.js"),
+    include_str!("../../../trocar-report/src/assets/model.js"),
+];
+
+const MM: f64 = 1e3;
 
 /// Range of the instrument, mm: more than twice the width of the plausible seal.
 const WAY: [f64; 2] = [0.0, 36.0];
@@ -50,9 +60,8 @@ const PER_NEWTON: f64 = 15.0;
 /// Width and height of the axes of a chart, and what is beside them: left, top, right, bottom; pixels.
 const AXES: [f64; 2] = [236.0, 150.0];
 const MARGIN: [f64; 4] = [46.0, 8.0, 8.0, 42.0];
-
-/// Styles of the lines, by their names.
-const STYLES: [&str; 5] = ["model", "measured", "fit", "deflection", "backdrop"];
+/// Between two ticks of the force, N.
+const FORCE_STEP: f64 = 2.0;
 
 /// What the script of the page needs to draw as this file does.
 #[derive(Serialize)]
@@ -109,21 +118,16 @@ struct Shown {
 ///
 /// # Errors
 /// Parameters that make no element.
-pub fn moving_seal(params: &ElementParams) -> Result<String, ReportError> {
-    let refuse = |_| ReportError::Live { reason: "its parameters make no element" };
-    let trocar = Trocar::of_seal(Element::new(*params).map_err(refuse)?);
+pub(crate) fn moving_seal(params: &ElementParams) -> Outcome<String> {
+    let trocar = Trocar::of_seal(Element::new(*params)?);
     let mut row = vec![0.0; trocar.count_numbers()];
-    let refuse = |_| ReportError::Live { reason: "its model cannot be written as numbers" };
-    trocar.write_numbers(&mut row).map_err(refuse)?;
+    trocar.write_numbers(&mut row)?;
     let (cycle, now) = cycle(&trocar);
-    let now = now.ok_or(ReportError::Live { reason: "its seal does not move" })?;
-    let fragment = Fragment { params, cycle, now };
-    let json = serde_json::to_string(&page(params, &row));
-    let module = live::module();
-    let (Ok(json), Ok(module)) = (json, module) else {
-        return Err(ReportError::Live { reason: "its numbers cannot be written" });
-    };
-    Ok(fragment.html(&inert(&json), &module))
+    let now = now.ok_or("the seal does not move")?;
+    let json = serde_json::to_string(&page(params, &row))?;
+    let mut module = GzEncoder::new(Vec::new(), Compression::best());
+    module.write_all(MODULE)?;
+    Ok(Fragment { params, cycle, now }.html(&json, &STANDARD.encode(module.finish()?)))
 }
 
 fn page(params: &ElementParams, row: &[f64]) -> Page {
@@ -131,7 +135,9 @@ fn page(params: &ElementParams, row: &[f64]) -> Page {
     let c = force.half_width();
     let grid = || (-64..=64).map(|k| c * f64::from(k) / 64.0);
     Page {
-        row: live::encoded(row),
+        // 64-bit numbers, little endian: exact.
+        row: STANDARD
+            .encode(row.iter().flat_map(|number| number.to_le_bytes()).collect::<Vec<u8>>()),
         way: WAY.map(|mm| mm / MM),
         speed: SPEED / MM,
         turns: TURNS.map(|mm| mm / MM),
@@ -178,8 +184,7 @@ struct Fragment<'a> {
 impl Fragment<'_> {
     fn html(&self, json: &str, module: &str) -> String {
         let now = &self.now;
-        let mut html =
-            format!("<div class=\"moving-seal\">\n<style>\n{}{STYLE}</style>\n", colours());
+        let mut html = format!("<div class=\"moving-seal\">\n<style>\n{STYLE}</style>\n");
         html += &self.section(now);
         html += &status(now);
         html += "<div class=\"seal-charts\">\n";
@@ -191,7 +196,7 @@ impl Fragment<'_> {
             html,
             "<script type=\"application/json\">{json}</script>\n<script type=\"application/gzip\">{module}</script>\n\
              <script>\n\"use strict\";\n(() => {{\n{}{SCRIPT}}})();\n</script>\n</div>\n",
-            live::MODEL_SCRIPTS.concat()
+            MODEL_SCRIPTS.concat()
         );
         html
     }
@@ -247,15 +252,16 @@ impl Fragment<'_> {
     }
 
     fn over_position(&self, now: &Shown) -> String {
-        let chart =
-            Chart { x: [WAY[0] - 1.0, WAY[1] + 1.0], y: self.forces(), name: "position (mm)" };
+        let x = [WAY[0] - 1.0, WAY[1] + 1.0];
+        let chart = Chart { x, y: self.forces(), step: 10.0, name: "position (mm)" };
         let loop_of = self.line(|shown| shown.position);
         chart.svg("position", &[("backdrop", loop_of)], [now.position, now.force])
     }
 
     fn over_deflection(&self, now: &Shown) -> String {
         let c = MM * self.params.deformation.half_width();
-        let chart = Chart { x: [-1.25 * c, 1.25 * c], y: self.forces(), name: "deflection z (mm)" };
+        let x = [-1.25 * c, 1.25 * c];
+        let chart = Chart { x, y: self.forces(), step: 5.0, name: "deflection z (mm)" };
         let branches = [Direction::Insertion, Direction::Withdrawal].map(|direction| {
             let branch = self.params.deformation.branch(direction);
             let z = (-60..=60).map(|k| c * f64::from(k) / 60.0);
@@ -288,6 +294,8 @@ fn points(points: impl Iterator<Item = [f64; 2]>) -> String {
 struct Chart {
     x: [f64; 2],
     y: [f64; 2],
+    /// Between two ticks of x.
+    step: f64,
     name: &'static str,
 }
 
@@ -305,18 +313,18 @@ impl Chart {
             top + height + bottom,
             self.name
         );
-        let (x_ticks, y_ticks) = (ticks(self.x[0], self.x[1], 5), ticks(self.y[0], self.y[1], 5));
-        for at in &x_ticks.at {
+        let (x_ticks, y_ticks) = (ticks(self.x, self.step), ticks(self.y, FORCE_STEP));
+        for (at, _) in &x_ticks {
             let _ = write!(svg, "M{:.2} {top}v{height}", place_x(*at));
         }
-        for at in &y_ticks.at {
+        for (at, _) in &y_ticks {
             let _ = write!(svg, "M{left} {:.2}h{width}", place_y(*at));
         }
         let _ = write!(
             svg,
             "\"/>\n<path class=\"seal-frame\" d=\"M{left} {top}h{width}v{height}h-{width}z\"/>\n"
         );
-        for (at, label) in x_ticks.at.iter().zip(&x_ticks.labels) {
+        for (at, label) in &x_ticks {
             let _ = writeln!(
                 svg,
                 "<text x=\"{:.2}\" y=\"{}\">{label}</text>",
@@ -324,7 +332,7 @@ impl Chart {
                 top + height + 16.0
             );
         }
-        for (at, label) in y_ticks.at.iter().zip(&y_ticks.labels) {
+        for (at, label) in &y_ticks {
             let _ = writeln!(
                 svg,
                 "<text class=\"seal-end\" x=\"{}\" y=\"{:.2}\">{label}</text>",
@@ -355,6 +363,16 @@ impl Chart {
     }
 }
 
+/// Multiples of a whole `step` within a range, and their labels.
+fn ticks([low, high]: [f64; 2], step: f64) -> Vec<(f64, String)> {
+    let numbers = (low / step).ceil() as i64..=(high / step).floor() as i64;
+    let tick = |number: i64| {
+        let at = number as f64 * step;
+        (at, at.to_string().replace('-', "−"))
+    };
+    numbers.map(tick).collect()
+}
+
 fn status(now: &Shown) -> String {
     let entry = |name: &str, words: &str, value: String| {
         format!("<div><dt>{words}</dt><dd data-seal=\"{name}\">{value}</dd></div>\n")
@@ -376,14 +394,13 @@ fn arrow(force: f64) -> String {
 }
 
 /// How far the surface of the shaft is from where the lip of [`lip_outline`] is clamped, mm.
-pub const LIP_HEIGHT_MM: f64 = (SURFACE - CLAMP[1]) / SCALE;
+pub(crate) const LIP_HEIGHT_MM: f64 = (SURFACE - CLAMP[1]) / SCALE;
 
 /// Outline of the lip that [`moving_seal`] shows, mm: from where it is clamped in the wall, along the insertion and towards the shaft.
 ///
 /// `deflection_m` and `force_n` are a state of the seal: the force tells on which branch it is, and so to which side the lip bends. The shape
 /// is a drawing, no result of the model.
-#[must_use]
-pub fn lip_outline(
+pub(crate) fn lip_outline(
     deformation: &DeformationForce,
     deflection_m: f64,
     force_n: f64,
@@ -452,19 +469,4 @@ fn around(line: &[[f64; 2]]) -> Vec<[f64; 2]> {
 fn closed(points: &[[f64; 2]]) -> String {
     let all: Vec<String> = points.iter().map(|[x, y]| format!("{x:.1} {y:.1}")).collect();
     format!("M{}Z", all.join("L"))
-}
-
-/// The colours of the roles, on light and on dark pages; a page may choose by `data-theme`.
-fn colours() -> String {
-    let used = || style::all().iter().filter(|style| STYLES.contains(&style.class));
-    let variables = |colour: fn(&style::Style) -> &'static str| {
-        used().fold(String::new(), |css, style| {
-            css + &format!("--{}:{};", style.class, colour(style))
-        })
-    };
-    let (light, dark) = (variables(|style| style.light), variables(|style| style.dark));
-    format!(
-        ".moving-seal{{{light}}}\n[data-theme=dark] .moving-seal{{{dark}}}\n\
-         @media screen and (prefers-color-scheme:dark){{:root:not(:has([data-theme=light])) .moving-seal{{{dark}}}}}\n"
-    )
 }
