@@ -41,8 +41,8 @@ use rayon::prelude::*;
 use crate::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveLoop, LiveModel,
-    Mark, Panel, Role, Section, Series, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Figure, Kind, Knob, LiveLoop, LiveModel, Mark,
+    Panel, Role, Section, Series, Table, Tile, Width,
 };
 
 pub use seal::{LIP_HEIGHT_MM, lip_outline, moving_seal};
