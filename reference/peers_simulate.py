@@ -34,7 +34,7 @@ def timed(program, samples):
 
 def classical(**friction):
     return trocar.Model.from_json(
-        json.dumps({"format": "trocar-model", "version": 2, "origin": ORIGIN, "friction": friction})
+        json.dumps({"format": "trocar-model", "version": 1, "origin": ORIGIN, "friction": friction})
     )
 
 

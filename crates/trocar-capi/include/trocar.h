@@ -124,7 +124,7 @@ enum trocar_status
      */
     TROCAR_STATUS_MODEL_INVALID = 12,
     /**
-     * The model was written by a newer version of trocar.
+     * The model was written by another version of trocar.
      */
     TROCAR_STATUS_MODEL_NEWER = 13,
     /**
@@ -479,8 +479,8 @@ trocar_status trocar_model_tuned(const trocar_model *model,
 trocar_status trocar_model_free(trocar_model *model);
 
 /**
- * Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms". Lives as long as the program.
- * NULL for a pointer that is no model.
+ * Kind of the model: "ems", or the kind of a classical model as in its file. Lives as long as the program. NULL for a pointer
+ * that is no model.
  */
 const char *trocar_model_kind(const trocar_model *model);
 

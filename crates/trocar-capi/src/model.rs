@@ -3,9 +3,9 @@
 use std::ffi::{CStr, CString, OsStr, c_char};
 use std::mem::offset_of;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
-use trocar_model::{Seal, Trocar, TrocarState, Tunable as ModelTunable};
+use trocar_model::{Classical, Seal, Trocar, TrocarState, Tunable as ModelTunable};
 use trocar_runtime::model_file::{ModelFile, ModelFileError};
 
 use crate::message::{Failure, Message};
@@ -142,7 +142,7 @@ fn status_of(error: &ModelFileError) -> Status {
     match error {
         ModelFileError::InFile { source, .. } => status_of(source),
         ModelFileError::Unreadable(_) => Status::ModelUnreadable,
-        ModelFileError::Newer { .. } => Status::ModelNewer,
+        ModelFileError::OtherVersion { .. } => Status::ModelNewer,
         _ => Status::ModelInvalid,
     }
 }
@@ -305,26 +305,21 @@ pub unsafe extern "C" fn trocar_model_free(model: *mut Model) -> Status {
     })
 }
 
-/// Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms". Lives as long as the program.
-/// NULL for a pointer that is no model.
+/// Kind of the model: "ems", or the kind of a classical model as in its file. Lives as long as the program. NULL for a pointer
+/// that is no model.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char {
-    const KINDS: [(&str, &CStr); 6] = [
-        ("static", c"static"),
-        ("dahl", c"dahl"),
-        ("lugre", c"lugre"),
-        ("leuven", c"leuven"),
-        ("maxwell-slip", c"maxwell-slip"),
-        ("gms", c"gms"),
-    ];
+    static CLASSICAL: LazyLock<Vec<CString>> = LazyLock::new(|| {
+        Classical::KINDS.iter().map(|kind| CString::new(*kind).unwrap_or_default()).collect()
+    });
     // SAFETY: by the rule of the crate.
     match unsafe { Model::borrowed(model) }.map(|model| model.trocar.seal()) {
         Err(_) => std::ptr::null(),
         Ok(Seal::Ems(_)) => c"ems".as_ptr(),
-        Ok(Seal::Classical(model)) => KINDS
-            .iter()
-            .find(|(kind, _)| *kind == model.kind())
-            .map_or(std::ptr::null(), |(_, text)| text.as_ptr()),
+        Ok(Seal::Classical(model)) => {
+            let own = CLASSICAL.iter().find(|kind| kind.as_bytes() == model.kind().as_bytes());
+            own.map_or(std::ptr::null(), |kind| kind.as_ptr())
+        }
     }
 }
 

@@ -35,7 +35,7 @@ pub enum Status {
     ModelUnreadable = 11,
     /// The text is no model, or its values make none.
     ModelInvalid = 12,
-    /// The model was written by a newer version of trocar.
+    /// The model was written by another version of trocar.
     ModelNewer = 13,
     /// A defect of the library; please report it. The compensator of such a call is lost.
     Internal = 14,
@@ -64,7 +64,7 @@ impl Status {
         (Self::Unsupported, c"the model knows no such quantity"),
         (Self::ModelUnreadable, c"the model file cannot be read"),
         (Self::ModelInvalid, c"the text is no model, or its values make none"),
-        (Self::ModelNewer, c"the model was written by a newer version of trocar"),
+        (Self::ModelNewer, c"the model was written by another version of trocar"),
         (Self::Internal, c"a defect of trocar, please report it"),
         (Self::NotACompensator, c"not a compensator: a wrong pointer, or it was freed"),
     ];

@@ -203,7 +203,7 @@ fn models_that_cannot_be_read_are_explained() {
         (
             "newer",
             model.replace(&format!("\"version\": {VERSION}"), "\"version\": 99"),
-            vec!["newer.json", "newer trocar", "hint: update"],
+            vec!["newer.json", "another version", "hint: update"],
         ),
         ("other", "{}".to_owned(), vec!["other.json", "not a model", "format"]),
         (

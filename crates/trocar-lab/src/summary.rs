@@ -332,8 +332,9 @@ fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
 
 /// A recording for a model file.
 pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
+    let force_reversed = recording.choice.reverses_force();
     let Choice { columns, topics, flip_force, skip_rows, rate_hz, .. } = recording.choice.clone();
-    let read_with = ReadWith { columns, topics, flip_force, skip_rows, rate_hz };
+    let read_with = ReadWith { columns, topics, flip_force, force_reversed, skip_rows, rate_hz };
     RecordingInfo {
         name: recording.name.clone(),
         sha256: recording.sha256.clone(),
@@ -343,7 +344,8 @@ pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
 
 /// How to read another recording for a model; `None` if by its own header.
 pub fn choice_for(model: &ModelFile) -> Option<Choice> {
-    let ReadWith { columns, topics, flip_force, skip_rows, rate_hz } = model.read_with()?.clone();
+    let ReadWith { columns, topics, flip_force, skip_rows, rate_hz, .. } =
+        model.read_with()?.clone();
     Some(Choice {
         columns,
         topics,

@@ -3,8 +3,10 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
+use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity};
-use crate::parameter::parameters;
+use crate::law::{Law, Visit};
+use crate::parameter::{Blank, parameters};
 
 /// Parameters of the Dahl model, key DAHL. Checked by [`Dahl::new`].
 ///
@@ -184,6 +186,30 @@ impl Remainder {
         };
         self.y *= decay(logarithm / m);
         self.inverse_power = (self.inverse_power + m * travel).min(f64::MAX);
+    }
+}
+
+row!(DahlState { hysteresis_force, force, direction, remainder });
+row!(Remainder { y, inverse_power });
+
+impl Law for Dahl {
+    type Parts = DahlParams;
+    const BLANK: DahlParams = DahlParams::BLANK;
+
+    fn parts(&self) -> DahlParams {
+        self.params
+    }
+
+    fn of_parts(params: &DahlParams) -> Result<Self, ParamError> {
+        Self::new(*params)
+    }
+
+    fn visit<V: Visit>(params: &mut DahlParams, visitor: &mut V) -> Result<(), V::Error> {
+        visitor.numbers(params)
+    }
+
+    fn viscous_damping(&self) -> f64 {
+        self.params.viscous_damping
     }
 }
 

@@ -5,23 +5,21 @@
 //! parameter structs; numbers of parts stand before the parts. Reading checks everything that
 //! building the model checks: the same parameters give the same model, to the last bit.
 
-use crate::classical::{Classical, ClassicalState};
-use crate::dahl::{Dahl, DahlParams, Remainder};
+use core::convert::Infallible;
+
+use crate::classical::Classical;
 use crate::damping::SealDamping;
 use crate::elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
 use crate::ems::{Element, ElementParams, Mode, State};
 use crate::error::ParamError;
-use crate::gms::{Gms, GmsElement, SlipRate};
-use crate::leuven::{Leuven, LeuvenParams};
-use crate::lugre::{LuGre, LuGreParams, StribeckCurve};
-use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, SlipElement};
-use crate::parallel::{MAX_STAGES, Stages};
-use crate::parameter::{Blank, Parameters};
+use crate::law::{Choice, Elements, Visit};
+use crate::maxwell_slip::MAX_ELEMENTS;
+use crate::parallel::{MAX_STAGES, Stages, StagesState};
+use crate::parameter::{Blank, Parameters, Quantity};
 use crate::profile::PositionProfile;
 use crate::relaxation::{MAX_ARMS, RelaxationArm};
 use crate::seal::{Seal, SealState, Trocar, TrocarState};
 use crate::sliding::SlidingFriction;
-use crate::stribeck::StaticFriction;
 
 /// First number of every row: the version of this form.
 pub const FORMAT: f64 = 1.0;
@@ -40,13 +38,8 @@ const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE)
     + MAX_ARMS * RelaxationArm::FIELDS.len();
 const STATE_OF_ELEMENT: usize = 7 + MAX_ARMS;
 
+/// Kind of EMS elements; the others: [`Classical::tag`].
 const EMS: f64 = 0.0;
-const STATIC: f64 = 1.0;
-const DAHL: f64 = 2.0;
-const LUGRE: f64 = 3.0;
-const LEUVEN: f64 = 4.0;
-const MAXWELL_SLIP: f64 = 5.0;
-const GMS: f64 = 6.0;
 
 /// Why a row is no model or no state.
 #[non_exhaustive]
@@ -114,23 +107,43 @@ impl<'a> Writer<'a> {
         T::FIELDS.iter().for_each(|field| self.put(&[(field.get)(params)]));
     }
 
-    fn put_bank<T: Parameters>(&mut self, elements: &[T]) {
-        self.put(&[elements.len() as f64]);
-        elements.iter().for_each(|element| self.put_fields(element));
-    }
-
     fn done(self) -> Result<usize, FlatError> {
         if self.full { Err(FlatError::Length { found: self.row.len() }) } else { Ok(self.count) }
     }
 }
 
+/// Puts the members of a model.
+impl Visit for Writer<'_> {
+    type Error = Infallible;
+
+    fn number(&mut self, _: Quantity, value: &mut f64) -> Result<(), Infallible> {
+        self.put(&[*value]);
+        Ok(())
+    }
+
+    fn choice<T: Choice>(&mut self, chosen: &mut T) -> Result<(), Infallible> {
+        let place = T::ALL.iter().position(|(one, _)| one == chosen);
+        self.put(&[place.unwrap_or_default() as f64]);
+        Ok(())
+    }
+
+    fn sliding(&mut self, sliding: &mut SlidingFriction) -> Result<(), Infallible> {
+        self.numbers(sliding)
+    }
+
+    fn elements<T: Blank>(&mut self, elements: &mut Elements<T>) -> Result<(), Infallible> {
+        self.put(&[elements.as_slice().len() as f64]);
+        elements.as_mut_slice().iter_mut().try_for_each(|element| self.numbers(element))
+    }
+}
+
 /// The number at a place, or why there is none.
-trait Numbers: Fn(usize) -> Result<f64, FlatError> {}
+pub(crate) trait Numbers: Fn(usize) -> Result<f64, FlatError> {}
 
 impl<F: Fn(usize) -> Result<f64, FlatError>> Numbers for F {}
 
 /// Takes numbers from the front.
-struct Reader<F> {
+pub(crate) struct Reader<F> {
     number: F,
     place: usize,
 }
@@ -151,15 +164,6 @@ impl<F: Numbers> Reader<F> {
             (field.set)(&mut params, self.one()?);
         }
         Ok(params)
-    }
-
-    fn bank<T: Blank>(&mut self) -> Result<([T; MAX_ELEMENTS], usize), FlatError> {
-        let count = self.count(1, MAX_ELEMENTS)?;
-        let mut bank = [T::BLANK; MAX_ELEMENTS];
-        for element in bank.iter_mut().take(count) {
-            *element = self.fields(T::BLANK)?;
-        }
-        Ok((bank, count))
     }
 
     fn fill(&mut self, values: &mut [f64]) -> Result<(), FlatError> {
@@ -196,9 +200,38 @@ impl<F: Numbers> Reader<F> {
         }
     }
 
-    fn expect(&mut self, value: f64) -> Result<(), FlatError> {
+    pub(crate) fn expect(&mut self, value: f64) -> Result<(), FlatError> {
         let found = self.one()?;
         if found == value { Ok(()) } else { Err(FlatError::Tag { place: self.place - 1, found }) }
+    }
+}
+
+/// Takes the members of a model.
+impl<F: Numbers> Visit for Reader<F> {
+    type Error = FlatError;
+
+    fn number(&mut self, _: Quantity, value: &mut f64) -> Result<(), FlatError> {
+        *value = self.one()?;
+        Ok(())
+    }
+
+    fn choice<T: Choice>(&mut self, chosen: &mut T) -> Result<(), FlatError> {
+        let (place, found) = (self.place, self.one()?);
+        let mut all = T::ALL.iter().zip(0u8..);
+        let (one, _) = all
+            .find(|(_, number)| f64::from(*number) == found)
+            .ok_or(FlatError::Tag { place, found })?;
+        *chosen = one.0;
+        Ok(())
+    }
+
+    fn sliding(&mut self, sliding: &mut SlidingFriction) -> Result<(), FlatError> {
+        self.numbers(sliding)
+    }
+
+    fn elements<T: Blank>(&mut self, elements: &mut Elements<T>) -> Result<(), FlatError> {
+        elements.resize(self.count(1, MAX_ELEMENTS)?)?;
+        elements.as_mut_slice().iter_mut().try_for_each(|element| self.numbers(element))
     }
 }
 
@@ -262,7 +295,10 @@ fn write_seal(out: &mut Writer, seal: &Seal) {
             out.put(&[EMS, stages.elements().len() as f64]);
             stages.elements().iter().for_each(|element| write_element(out, element.params()));
         }
-        Seal::Classical(model) => write_classical(out, model),
+        Seal::Classical(model) => {
+            out.put(&[model.tag()]);
+            let Ok(()) = model.visit(out);
+        }
     }
 }
 
@@ -282,70 +318,13 @@ fn write_element(out: &mut Writer, params: &ElementParams) {
     params.relaxation.arms.iter().for_each(|arm| out.put_fields(arm));
 }
 
-fn write_classical(out: &mut Writer, model: &Classical) {
-    match model {
-        Classical::Static(model) => {
-            out.put(&[STATIC]);
-            out.put_fields(model.params());
-        }
-        Classical::Dahl(model) => {
-            out.put(&[DAHL]);
-            out.put_fields(model.params());
-        }
-        Classical::LuGre(model) => {
-            let params = model.params();
-            out.put(&[LUGRE]);
-            out.put_fields(params);
-            out.put(&[f64::from(u8::from(params.curve == StribeckCurve::Rational))]);
-            out.put_fields(&params.sliding);
-        }
-        Classical::Leuven(model) => {
-            out.put(&[LEUVEN]);
-            out.put_fields(model.params());
-            out.put_fields(&model.params().sliding);
-            out.put_bank(model.elements());
-        }
-        Classical::MaxwellSlip(model) => {
-            out.put(&[MAXWELL_SLIP, model.viscous_damping()]);
-            out.put_bank(model.elements());
-        }
-        Classical::Gms(model) => {
-            let limited = f64::from(u8::from(model.slip_rate() == SlipRate::Limited));
-            out.put(&[GMS, limited]);
-            out.put_fields(model.sliding());
-            out.put_bank(model.elements());
-        }
-    }
-}
-
 fn read_seal(from: &mut Reader<impl Numbers>) -> Result<Seal, FlatError> {
     let place = from.place;
-    let kind = from.one()?;
-    Ok(Seal::Classical(match kind {
-        EMS => return read_stages(from).map(Seal::Ems),
-        STATIC => Classical::Static(StaticFriction::new(from.fields(SlidingFriction::BLANK)?)?),
-        DAHL => Classical::Dahl(Dahl::new(from.fields(DahlParams::BLANK)?)?),
-        LUGRE => {
-            let mut params = from.fields(LuGreParams::BLANK)?;
-            params.curve =
-                if from.flag()? { StribeckCurve::Rational } else { StribeckCurve::Exponential };
-            params.sliding = from.fields(SlidingFriction::BLANK)?;
-            Classical::LuGre(LuGre::new(params)?)
-        }
-        LEUVEN => {
-            let mut params = from.fields(LeuvenParams::BLANK)?;
-            params.sliding = from.fields(SlidingFriction::BLANK)?;
-            let (bank, count) = from.bank::<SlipElement>()?;
-            Classical::Leuven(Leuven::new(&bank[..count], params)?)
-        }
-        MAXWELL_SLIP => {
-            let viscous_damping = from.one()?;
-            let (bank, count) = from.bank::<SlipElement>()?;
-            Classical::MaxwellSlip(MaxwellSlip::new(&bank[..count], viscous_damping)?)
-        }
-        GMS => read_gms(from).map(Classical::Gms)?,
-        found => return Err(FlatError::Tag { place, found }),
-    }))
+    let tag = from.count(0, Classical::KINDS.len())?;
+    let Some(index) = tag.checked_sub(1) else { return read_stages(from).map(Seal::Ems) };
+    let kind = Classical::KINDS.get(index).copied().unwrap_or_default();
+    let wrong = FlatError::Tag { place, found: tag as f64 };
+    Classical::build(kind, from).ok_or(wrong)?.map(Seal::Classical)
 }
 
 fn read_stages(from: &mut Reader<impl Numbers>) -> Result<Stages, FlatError> {
@@ -384,13 +363,6 @@ fn read_piece(from: &mut Reader<impl Numbers>) -> Result<Piece, FlatError> {
     Ok(Piece::new(begin, end, &legendre[..count])?)
 }
 
-fn read_gms(from: &mut Reader<impl Numbers>) -> Result<Gms, FlatError> {
-    let slip_rate = if from.flag()? { SlipRate::Limited } else { SlipRate::Free };
-    let sliding = from.fields(SlidingFriction::BLANK)?;
-    let (elements, count) = from.bank::<GmsElement>()?;
-    Ok(Gms::new(&elements[..count], sliding, slip_rate)?)
-}
-
 /// The numbers that `each` gives, and zeros after them.
 fn row_of<const N: usize>(each: impl FnOnce(&mut dyn FnMut(f64))) -> [f64; N] {
     let mut row = [0.0; N];
@@ -421,7 +393,7 @@ impl TrocarState {
     /// this kind of state uses.
     pub fn for_each_number(&self, mut see: impl FnMut(f64)) {
         [FORMAT, self.position, self.force].into_iter().for_each(&mut see);
-        self.seal.for_each_number(see);
+        self.seal.see(&mut see);
     }
 
     /// Becomes the state of the same kind whose [`TrocarState::to_numbers`] has `number(place)` at
@@ -434,7 +406,7 @@ impl TrocarState {
         let mut from = Reader::new(finite(number));
         from.expect(FORMAT)?;
         [self.position, self.force] = from.take()?;
-        set_seal(&mut self.seal, &mut from)
+        self.seal.set(&mut from)
     }
 }
 
@@ -455,17 +427,7 @@ impl<K: AsRef<[f64]>> Trocar<K> {
 impl SealState {
     /// The state as numbers; unused ones are 0.
     pub fn to_numbers(&self) -> [f64; SEAL_STATE_NUMBERS] {
-        row_of(|see| self.for_each_number(see))
-    }
-
-    fn for_each_number(&self, mut see: impl FnMut(f64)) {
-        match self {
-            Self::Ems(state) => {
-                [EMS, state.count as f64].into_iter().for_each(&mut see);
-                state.states().iter().for_each(|state| see_element(state, &mut see));
-            }
-            Self::Classical(state) => see_classical(state, &mut see),
-        }
+        row_of(|mut see| self.see(&mut see))
     }
 }
 
@@ -478,106 +440,125 @@ impl Seal {
         let row = row.get(..SEAL_STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
         let number = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let mut state = self.rest();
-        set_seal(&mut state, &mut Reader::new(finite(number)))?;
+        state.set(&mut Reader::new(finite(number)))?;
         Ok(state)
     }
 }
 
-fn set_seal(state: &mut SealState, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
-    match state {
-        SealState::Ems(state) => {
-            from.expect(EMS)?;
-            from.expect(state.count as f64)?;
-            state.states.iter_mut().take(state.count).try_for_each(|own| set_element(own, from))
-        }
-        SealState::Classical(state) => set_classical(state, from),
-    }
+/// A state, or a part of it, as numbers in order.
+pub(crate) trait Row {
+    fn see(&self, see: &mut impl FnMut(f64));
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError>;
 }
 
-fn see_element(state: &State, see: &mut impl FnMut(f64)) {
-    let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } =
-        state;
-    [deflection, yield_force, force, slip_velocity, contact_slope, rise]
-        .into_iter()
-        .for_each(|number| see(*number));
-    see(f64::from(u8::from(*mode == Mode::Sliding)));
-    arms.iter().for_each(|arm| see(*arm));
-}
+/// Lists the parts of a state in the order of its row.
+macro_rules! row {
+    ($type:ident { $($part:ident),* $(,)? }) => {
+        impl crate::flat::Row for $type {
+            fn see(&self, see: &mut impl FnMut(f64)) {
+                $(crate::flat::Row::see(&self.$part, see);)*
+            }
 
-fn set_element(state: &mut State, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
-    let State { deflection, yield_force, force, slip_velocity, contact_slope, rise, arms, mode } =
-        state;
-    for number in [deflection, yield_force, force, slip_velocity, contact_slope, rise] {
-        *number = from.one()?;
-    }
-    *mode = if from.flag()? { Mode::Sliding } else { Mode::Deforming };
-    from.fill(arms)
-}
-
-fn see_classical(state: &ClassicalState, see: &mut impl FnMut(f64)) {
-    let mut put = |numbers: &[f64]| numbers.iter().for_each(|number| see(*number));
-    match state {
-        ClassicalState::Static(state) => put(&[STATIC, state.held_force, state.force]),
-        ClassicalState::Dahl(state) => {
-            let Remainder { y, inverse_power } = state.remainder;
-            put(&[DAHL, state.hysteresis_force, state.force, state.direction, y, inverse_power]);
-        }
-        ClassicalState::LuGre(state) => put(&[LUGRE, state.deflection, state.force]),
-        ClassicalState::Leuven(state) => {
-            put(&[LEUVEN, state.count as f64, state.deflection, state.force]);
-            put(&state.forces);
-        }
-        ClassicalState::MaxwellSlip(state) => {
-            put(&[MAXWELL_SLIP, state.count as f64, state.force]);
-            put(&state.forces);
-        }
-        ClassicalState::Gms(state) => {
-            put(&[GMS, state.count as f64, state.direction, state.force]);
-            put(&state.deflections);
-            put(&state.slipping.map(|slips| f64::from(u8::from(slips))));
-        }
-    }
-}
-
-fn set_classical(
-    state: &mut ClassicalState,
-    from: &mut Reader<impl Numbers>,
-) -> Result<(), FlatError> {
-    match state {
-        ClassicalState::Static(state) => {
-            from.expect(STATIC)?;
-            [state.held_force, state.force] = from.take()?;
-        }
-        ClassicalState::Dahl(state) => {
-            from.expect(DAHL)?;
-            [state.hysteresis_force, state.force, state.direction] = from.take()?;
-            [state.remainder.y, state.remainder.inverse_power] = from.take()?;
-        }
-        ClassicalState::LuGre(state) => {
-            from.expect(LUGRE)?;
-            [state.deflection, state.force] = from.take()?;
-        }
-        ClassicalState::Leuven(state) => {
-            from.expect(LEUVEN)?;
-            from.expect(state.count as f64)?;
-            [state.deflection, state.force] = from.take()?;
-            from.fill(&mut state.forces)?;
-        }
-        ClassicalState::MaxwellSlip(state) => {
-            from.expect(MAXWELL_SLIP)?;
-            from.expect(state.count as f64)?;
-            state.force = from.one()?;
-            from.fill(&mut state.forces)?;
-        }
-        ClassicalState::Gms(state) => {
-            from.expect(GMS)?;
-            from.expect(state.count as f64)?;
-            [state.direction, state.force] = from.take()?;
-            from.fill(&mut state.deflections)?;
-            for slips in &mut state.slipping {
-                *slips = from.flag()?;
+            fn set(
+                &mut self,
+                from: &mut crate::flat::Reader<impl crate::flat::Numbers>,
+            ) -> Result<(), crate::flat::FlatError> {
+                $(crate::flat::Row::set(&mut self.$part, from)?;)*
+                Ok(())
             }
         }
+    };
+}
+
+pub(crate) use row;
+
+impl Row for f64 {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        see(*self);
     }
-    Ok(())
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        *self = from.one()?;
+        Ok(())
+    }
+}
+
+impl Row for bool {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        see(f64::from(u8::from(*self)));
+    }
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        *self = from.flag()?;
+        Ok(())
+    }
+}
+
+/// A number of parts, which the model determines.
+impl Row for usize {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        see(*self as f64);
+    }
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        from.expect(*self as f64)
+    }
+}
+
+impl Row for Mode {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        (*self == Mode::Sliding).see(see);
+    }
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        *self = if from.flag()? { Mode::Sliding } else { Mode::Deforming };
+        Ok(())
+    }
+}
+
+impl<T: Row, const N: usize> Row for [T; N] {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        self.iter().for_each(|part| part.see(see));
+    }
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        self.iter_mut().try_for_each(|part| part.set(from))
+    }
+}
+
+row!(State { deflection, yield_force, force, slip_velocity, contact_slope, rise, mode, arms });
+
+impl Row for StagesState {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        self.count.see(see);
+        self.states().iter().for_each(|state| state.see(see));
+    }
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        self.count.set(from)?;
+        self.states.iter_mut().take(self.count).try_for_each(|state| state.set(from))
+    }
+}
+
+impl Row for SealState {
+    fn see(&self, see: &mut impl FnMut(f64)) {
+        match self {
+            Self::Ems(state) => {
+                see(EMS);
+                state.see(see);
+            }
+            Self::Classical(state) => state.see(see),
+        }
+    }
+
+    fn set(&mut self, from: &mut Reader<impl Numbers>) -> Result<(), FlatError> {
+        match self {
+            Self::Ems(state) => {
+                from.expect(EMS)?;
+                state.set(from)
+            }
+            Self::Classical(state) => state.set(from),
+        }
+    }
 }

@@ -3,9 +3,11 @@
 
 use crate::error::{ParamError, check_element, finite};
 use crate::exponential::decay;
+use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity};
+use crate::law::{Choice, Elements, Law, Visit};
 use crate::maxwell_slip::{MAX_ELEMENTS, check_count};
-use crate::parameter::parameters;
+use crate::parameter::{Blank, parameters};
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance of Σα_i from 1.
@@ -55,6 +57,11 @@ pub enum SlipRate {
     /// |dz_i/dt| <= |v|. For σ_i = 0 no motion yields energy; nor with damping if
     /// σ_i·C_i·(F_s/F_c - 1) <= α_i·F_c, which keeps a damper smaller than the slider it is beside.
     Limited,
+}
+
+impl Choice for SlipRate {
+    const KEY: &str = "slip_rate";
+    const ALL: &[(Self, &str)] = &[(Self::Free, "free"), (Self::Limited, "limited")];
 }
 
 /// Everything that changes while a [`Gms`] runs.
@@ -291,6 +298,42 @@ impl Gms {
             force += element.stiffness * *z + element.damping * rate; // EMS (7)
         }
         state.force = force;
+    }
+}
+
+row!(GmsState { count, direction, force, deflections, slipping });
+
+impl Law for Gms {
+    type Parts = (SlipRate, SlidingFriction, Elements<GmsElement>);
+    const BLANK: Self::Parts = (SlipRate::Free, SlidingFriction::BLANK, Elements::NONE);
+
+    fn parts(&self) -> Self::Parts {
+        (self.slip_rate, self.sliding, Elements::of(self.elements()))
+    }
+
+    fn of_parts((slip_rate, sliding, elements): &Self::Parts) -> Result<Self, ParamError> {
+        Self::new(elements.as_slice(), *sliding, *slip_rate)
+    }
+
+    fn visit<V: Visit>(parts: &mut Self::Parts, visitor: &mut V) -> Result<(), V::Error> {
+        let (slip_rate, sliding, elements) = parts;
+        visitor.choice(slip_rate)?;
+        visitor.sliding(sliding)?;
+        visitor.elements(elements)
+    }
+
+    /// Shares that add up to 1.
+    fn settle((.., old): &Self::Parts, (.., new): &mut Self::Parts) {
+        let mut pairs = new.as_slice().iter().zip(old.as_slice());
+        let is_changed = pairs.any(|(new, old)| new.share != old.share);
+        let total: f64 = new.as_slice().iter().map(|element| element.share).sum();
+        if is_changed && total > 0.0 {
+            new.as_mut_slice().iter_mut().for_each(|element| element.share /= total);
+        }
+    }
+
+    fn viscous_damping(&self) -> f64 {
+        self.sliding.viscous_damping
     }
 }
 

@@ -2,9 +2,11 @@
 
 use crate::error::{ParamError, check_fields, finite};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
+use crate::flat::row;
 use crate::friction::{Friction, sign, velocity};
+use crate::law::{Elements, Law, Visit};
 use crate::maxwell_slip::{Bank, MAX_ELEMENTS, SlipElement};
-use crate::parameter::parameters;
+use crate::parameter::{Blank, parameters};
 use crate::sliding::SlidingFriction;
 
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.
@@ -321,6 +323,31 @@ impl Bank {
             sum += *force;
         }
         sum
+    }
+}
+
+row!(LeuvenState { count, deflection, force, forces });
+
+impl Law for Leuven {
+    type Parts = (LeuvenParams, Elements<SlipElement>);
+    const BLANK: Self::Parts = (LeuvenParams::BLANK, Elements::NONE);
+
+    fn parts(&self) -> Self::Parts {
+        (self.params, Elements::of(self.elements()))
+    }
+
+    fn of_parts((params, bank): &Self::Parts) -> Result<Self, ParamError> {
+        Self::new(bank.as_slice(), *params)
+    }
+
+    fn visit<V: Visit>((params, bank): &mut Self::Parts, visitor: &mut V) -> Result<(), V::Error> {
+        visitor.numbers(params)?;
+        visitor.sliding(&mut params.sliding)?;
+        visitor.elements(bank)
+    }
+
+    fn viscous_damping(&self) -> f64 {
+        self.params.sliding.viscous_damping
     }
 }
 

@@ -2,8 +2,10 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, decay_inlined};
+use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity, within};
-use crate::parameter::parameters;
+use crate::law::{Choice, Law, Visit};
+use crate::parameter::{Blank, parameters};
 use crate::run::{BLOCK, Motion, Samples};
 use crate::sliding::SlidingFriction;
 
@@ -20,6 +22,12 @@ pub enum StribeckCurve {
     Exponential,
     /// g = F_c + (F_s - F_c)/(1 + (|v|/v_s)^δ): ARMSTRONG; a longer tail.
     Rational,
+}
+
+impl Choice for StribeckCurve {
+    const KEY: &str = "curve";
+    const ALL: &[(Self, &str)] =
+        &[(Self::Exponential, "exponential"), (Self::Rational, "rational")];
 }
 
 /// Parameters of the LuGre model, key LUGRE; σ_1(v) from OLSSON. Checked by [`LuGre::new`].
@@ -339,6 +347,31 @@ fn follow(
         deflections[i] = z;
     }
     deflections
+}
+
+row!(LuGreState { deflection, force });
+
+impl Law for LuGre {
+    type Parts = LuGreParams;
+    const BLANK: LuGreParams = LuGreParams::BLANK;
+
+    fn parts(&self) -> LuGreParams {
+        self.params
+    }
+
+    fn of_parts(params: &LuGreParams) -> Result<Self, ParamError> {
+        Self::new(*params)
+    }
+
+    fn visit<V: Visit>(params: &mut LuGreParams, visitor: &mut V) -> Result<(), V::Error> {
+        visitor.numbers(params)?;
+        visitor.choice(&mut params.curve)?;
+        visitor.sliding(&mut params.sliding)
+    }
+
+    fn viscous_damping(&self) -> f64 {
+        self.params.sliding.viscous_damping
+    }
 }
 
 impl Friction for LuGre {

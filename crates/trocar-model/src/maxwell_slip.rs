@@ -1,7 +1,9 @@
 //! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
 
 use crate::error::{ParamError, check_element, in_range};
+use crate::flat::row;
 use crate::friction::{Friction, held, velocity, within};
+use crate::law::{Elements, Law, Visit};
 use crate::parameter::{Quantity, parameters};
 use crate::run::{BLOCK, Motion, Samples};
 
@@ -243,6 +245,30 @@ impl MaxwellSlip {
             state.forces.iter().zip(self.bank.elements()).map(|(force, _)| force).sum();
         let force = elastic + self.viscous_damping * velocity;
         if force.is_finite() { force } else { state.force }
+    }
+}
+
+row!(MaxwellSlipState { count, force, forces });
+
+impl Law for MaxwellSlip {
+    type Parts = (f64, Elements<SlipElement>);
+    const BLANK: Self::Parts = (f64::NAN, Elements::NONE);
+
+    fn parts(&self) -> Self::Parts {
+        (self.viscous_damping, Elements::of(self.elements()))
+    }
+
+    fn of_parts((viscous_damping, bank): &Self::Parts) -> Result<Self, ParamError> {
+        Self::new(bank.as_slice(), *viscous_damping)
+    }
+
+    fn visit<V: Visit>((damping, bank): &mut Self::Parts, visitor: &mut V) -> Result<(), V::Error> {
+        visitor.number(Quantity::ViscousDamping, damping)?;
+        visitor.elements(bank)
+    }
+
+    fn viscous_damping(&self) -> f64 {
+        self.viscous_damping
     }
 }
 

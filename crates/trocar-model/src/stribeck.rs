@@ -2,7 +2,10 @@
 //! (4), (11), (23).
 
 use crate::error::ParamError;
+use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity};
+use crate::law::{Law, Visit};
+use crate::parameter::Blank;
 use crate::sliding::SlidingFriction;
 
 /// Friction without a deformation of its own; by its parameters Coulomb, Coulomb and viscous, or
@@ -111,6 +114,29 @@ impl StaticFriction {
         // The last bit of g may lie beyond the bound.
         let held_force = s * self.sliding.level(velocity).min(self.sliding.static_force);
         StaticState { held_force, force: held_force + self.sliding.viscous_damping * velocity } // EMS (11)
+    }
+}
+
+row!(StaticState { held_force, force });
+
+impl Law for StaticFriction {
+    type Parts = SlidingFriction;
+    const BLANK: SlidingFriction = SlidingFriction::BLANK;
+
+    fn parts(&self) -> SlidingFriction {
+        self.sliding
+    }
+
+    fn of_parts(sliding: &SlidingFriction) -> Result<Self, ParamError> {
+        Self::new(*sliding)
+    }
+
+    fn visit<V: Visit>(sliding: &mut SlidingFriction, visitor: &mut V) -> Result<(), V::Error> {
+        visitor.sliding(sliding)
+    }
+
+    fn viscous_damping(&self) -> f64 {
+        self.sliding.viscous_damping
     }
 }
 

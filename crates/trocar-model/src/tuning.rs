@@ -12,22 +12,19 @@
 //! - **Dependencies**: a lag needs creep; the bank of a Leuven model must bear the static force; the shares of a GMS
 //!   model are scaled so that they add up to 1.
 
-use crate::classical::Classical;
-use crate::dahl::Dahl;
+use core::convert::Infallible;
+
 use crate::direction::Direction;
 use crate::elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
 use crate::ems::{Element, ElementParams};
 use crate::error::{ParamError, in_range};
-use crate::gms::{Gms, GmsElement};
-use crate::leuven::Leuven;
-use crate::lugre::LuGre;
-use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, SlipElement};
+use crate::law::{Choice, Elements, Visit};
+use crate::maxwell_slip::MAX_ELEMENTS;
 use crate::parallel::{MAX_STAGES, Stages};
-use crate::parameter::{ParameterId, Parameters, Quantity};
+use crate::parameter::{Blank, ParameterId, Parameters, Quantity};
 use crate::relaxation::RelaxationArm;
 use crate::seal::Seal;
 use crate::sliding::SlidingFriction;
-use crate::stribeck::StaticFriction;
 
 /// A number of a model that can be changed by itself. Its unit, range and description:
 /// [`ParameterId::declaration`].
@@ -115,27 +112,37 @@ impl List {
             self.count += 1;
         }
     }
+}
 
-    fn put_fields<T: Parameters>(&mut self, params: &T) {
-        T::FIELDS.iter().for_each(|field| self.put(field.quantity.id(), (field.get)(params)));
+/// Lists the members of a model, with F_s/F_c in place of F_s.
+impl Visit for List {
+    type Error = Infallible;
+
+    fn number(&mut self, quantity: Quantity, value: &mut f64) -> Result<(), Infallible> {
+        self.put(quantity.id(), *value);
+        Ok(())
     }
 
-    /// The fields of each element of a bank.
-    fn put_bank<T: Parameters>(&mut self, bank: &[T]) {
-        for (index, element) in bank.iter().enumerate() {
-            T::FIELDS.iter().for_each(|field| {
-                self.put(field.quantity.id().of_element(index), (field.get)(element))
-            });
-        }
+    fn choice<T: Choice>(&mut self, _: &mut T) -> Result<(), Infallible> {
+        Ok(())
     }
 
-    /// With F_s/F_c in place of F_s.
-    fn put_sliding(&mut self, sliding: &SlidingFriction) {
+    fn sliding(&mut self, sliding: &mut SlidingFriction) -> Result<(), Infallible> {
         for field in SlidingFriction::FIELDS {
             let is_static = field.quantity == Quantity::StaticForce;
             let quantity = if is_static { Quantity::StaticRatio } else { field.quantity };
             self.put(quantity.id(), sliding.value(quantity).unwrap_or(f64::NAN));
         }
+        Ok(())
+    }
+
+    fn elements<T: Blank>(&mut self, elements: &mut Elements<T>) -> Result<(), Infallible> {
+        for (index, element) in elements.as_slice().iter().enumerate() {
+            for field in T::FIELDS {
+                self.put(field.quantity.id().of_element(index), (field.get)(element));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -152,28 +159,6 @@ impl New<'_> {
         value
     }
 
-    fn fields<T: Parameters>(&mut self, old: &T) -> T {
-        let mut new = *old;
-        T::FIELDS.iter().for_each(|field| (field.set)(&mut new, self.take((field.get)(old))));
-        new
-    }
-
-    fn bank<T: Parameters, const N: usize>(&mut self, old: &[T], mut bank: [T; N]) -> [T; N] {
-        bank.iter_mut().zip(old).for_each(|(new, old)| *new = self.fields(old));
-        bank
-    }
-
-    fn sliding(&mut self, old: &SlidingFriction) -> SlidingFriction {
-        let mut new = *old;
-        for field in SlidingFriction::FIELDS {
-            match field.quantity {
-                Quantity::StaticForce => self.static_force(old, &mut new),
-                _ => (field.set)(&mut new, self.take((field.get)(old))),
-            }
-        }
-        new
-    }
-
     /// F_s from its ratio to the new F_c; unchanged where both are.
     fn static_force(&mut self, old: &SlidingFriction, new: &mut SlidingFriction) {
         let ratio = old.static_force / old.coulomb_force;
@@ -181,6 +166,35 @@ impl New<'_> {
         if new.coulomb_force != old.coulomb_force || new_ratio != ratio {
             new.static_force = new.coulomb_force * new_ratio;
         }
+    }
+}
+
+/// Changes the members of a model.
+impl Visit for New<'_> {
+    type Error = ParamError;
+
+    fn number(&mut self, _: Quantity, value: &mut f64) -> Result<(), ParamError> {
+        *value = self.take(*value);
+        Ok(())
+    }
+
+    fn choice<T: Choice>(&mut self, _: &mut T) -> Result<(), ParamError> {
+        Ok(())
+    }
+
+    fn sliding(&mut self, sliding: &mut SlidingFriction) -> Result<(), ParamError> {
+        let old = *sliding;
+        for field in SlidingFriction::FIELDS {
+            match field.quantity {
+                Quantity::StaticForce => self.static_force(&old, sliding),
+                _ => (field.set)(sliding, self.take((field.get)(&old))),
+            }
+        }
+        Ok(())
+    }
+
+    fn elements<T: Blank>(&mut self, elements: &mut Elements<T>) -> Result<(), ParamError> {
+        elements.as_mut_slice().iter_mut().try_for_each(|element| self.numbers(element))
     }
 }
 
@@ -202,7 +216,9 @@ impl Seal {
                     }
                 }
             }
-            Self::Classical(model) => list_classical(&mut list, model),
+            Self::Classical(model) => {
+                let Ok(()) = model.visit(&mut list);
+            }
         }
         list.tunables.into_iter().flatten()
     }
@@ -223,7 +239,7 @@ impl Seal {
                 let count = stages.elements().len();
                 Ok(elements.get(..count).and_then(Stages::new).map_or(*self, Seal::Ems))
             }
-            Self::Classical(model) => tuned_classical(model, &mut new).map(Seal::Classical),
+            Self::Classical(model) => model.change(&mut new).map(Seal::Classical),
         }
     }
 }
@@ -333,68 +349,4 @@ impl Rescaling {
             legendre.get(..count).unwrap_or(&legendre),
         )
     }
-}
-
-fn list_classical(list: &mut List, model: &Classical) {
-    match model {
-        Classical::Static(model) => list.put_sliding(model.params()),
-        Classical::Dahl(model) => list.put_fields(model.params()),
-        Classical::LuGre(model) => {
-            list.put_fields(model.params());
-            list.put_sliding(&model.params().sliding);
-        }
-        Classical::Leuven(model) => {
-            list.put_fields(model.params());
-            list.put_sliding(&model.params().sliding);
-            list.put_bank(model.elements());
-        }
-        Classical::MaxwellSlip(model) => {
-            list.put(Quantity::ViscousDamping.id(), model.viscous_damping());
-            list.put_bank(model.elements());
-        }
-        Classical::Gms(model) => {
-            list.put_sliding(model.sliding());
-            list.put_bank(model.elements());
-        }
-    }
-}
-
-fn tuned_classical(model: &Classical, new: &mut New) -> Result<Classical, ParamError> {
-    Ok(match model {
-        Classical::Static(model) => {
-            Classical::Static(StaticFriction::new(new.sliding(model.params()))?)
-        }
-        Classical::Dahl(model) => Classical::Dahl(Dahl::new(new.fields(model.params()))?),
-        Classical::LuGre(model) => {
-            let mut params = new.fields(model.params());
-            params.sliding = new.sliding(&params.sliding);
-            Classical::LuGre(LuGre::new(params)?)
-        }
-        Classical::Leuven(model) => {
-            let mut params = new.fields(model.params());
-            params.sliding = new.sliding(&params.sliding);
-            let bank = new.bank(model.elements(), [SlipElement::NONE; MAX_ELEMENTS]);
-            Classical::Leuven(Leuven::new(&bank[..model.elements().len()], params)?)
-        }
-        Classical::MaxwellSlip(model) => {
-            let viscous_damping = new.take(model.viscous_damping());
-            let bank = new.bank(model.elements(), [SlipElement::NONE; MAX_ELEMENTS]);
-            Classical::MaxwellSlip(MaxwellSlip::new(
-                &bank[..model.elements().len()],
-                viscous_damping,
-            )?)
-        }
-        Classical::Gms(model) => Classical::Gms(tuned_gms(model, new)?),
-    })
-}
-
-fn tuned_gms(model: &Gms, new: &mut New) -> Result<Gms, ParamError> {
-    let sliding = new.sliding(model.sliding());
-    let mut elements = new.bank(model.elements(), [GmsElement::NONE; MAX_ELEMENTS]);
-    let is_changed = elements.iter().zip(model.elements()).any(|(new, old)| new.share != old.share);
-    let total: f64 = elements.iter().map(|element| element.share).sum();
-    if is_changed && total > 0.0 {
-        elements.iter_mut().for_each(|element| element.share /= total);
-    }
-    Gms::new(&elements[..model.elements().len()], sliding, model.slip_rate())
 }

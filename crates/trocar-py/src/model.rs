@@ -263,7 +263,7 @@ impl Model {
         py.detach(|| store(&path, &bytes)).map_err(Raise::raise)
     }
 
-    /// Kind of the model: "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms".
+    /// Kind of the model: "ems", or the kind of a classical model as in its file, such as "lugre".
     #[getter]
     fn kind(&self) -> &'static str {
         self.trocar().seal().kind()

@@ -84,7 +84,9 @@ impl PosteriorTable {
             })
         };
         let both = self.table.fields.iter().zip(&self.table.columns);
-        both.map(|(name, column)| Ok((name.clone(), cells(column)?))).collect()
+        both.filter(|(name, _)| !posterior::is_of_model(name))
+            .map(|(name, column)| Ok((name.clone(), cells(column)?)))
+            .collect()
     }
 
     /// The model of each draw, without a position profile.

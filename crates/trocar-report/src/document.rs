@@ -301,27 +301,9 @@ pub enum Role {
     Category(u8),
     /// A class of a map's values, from the lowest, 0, to the highest, 6.
     Level(u8),
-    /// A compared friction model: colour and marker by family, dashes by variant (three of them).
-    Friction(Family, u8),
-}
-
-/// Families of friction models, each with its colour.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Family {
-    /// Extended Maxwell-Slip.
-    Ems,
-    /// Coulomb, viscous, Stribeck.
-    Static,
-    /// Dahl.
-    Dahl,
-    /// LuGre.
-    LuGre,
-    /// Leuven.
-    Leuven,
-    /// Maxwell-Slip.
-    MaxwellSlip,
-    /// Generalized Maxwell-Slip.
-    Gms,
+    /// A compared friction model: colour and marker by its kind, as in a model file, dashes by
+    /// variant (three of them).
+    Friction(&'static str, u8),
 }
 
 /// Drawing style of a series.

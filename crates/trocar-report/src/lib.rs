@@ -42,8 +42,8 @@ use rayon::prelude::*;
 use trocar_tables::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Family, Figure, Kind, Knob, LiveLoop, LiveModel,
-    Mark, Panel, Role, Section, Series, Table, Tile, Width,
+    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Figure, Kind, Knob, LiveLoop, LiveModel, Mark,
+    Panel, Role, Section, Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.

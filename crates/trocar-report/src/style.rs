@@ -1,6 +1,8 @@
 //! Common style of all figures: colours that remain distinguishable with colour blindness and in
 //! grey print, in light and in dark mode.
 
+use trocar_model::Classical;
+
 use super::document::Role;
 
 /// Drawing style of a role.
@@ -55,22 +57,25 @@ const SOLID: &[f64] = &[];
 const DASHED: &[f64] = &[8.0, 6.0];
 const DOTTED: &[f64] = &[2.0, 4.0];
 
-/// Colours of the families of friction models, light and dark, and darker ones for their dashed
-/// variants, so that dashes are visible on a coincident solid line.
-const EMS: [&str; 2] = ["#0064b0", "#5db3ff"];
-const EMS_DEEP: [&str; 2] = ["#00284d", "#cfe8ff"];
-const STATIC: [&str; 2] = ["#856a00", "#d9b93a"];
-const STATIC_DEEP: [&str; 2] = ["#3a2e00", "#fff0b0"];
-const DAHL: [&str; 2] = ["#6a4fc0", "#b8a2ff"];
-const DAHL_DEEP: [&str; 2] = ["#2b1766", "#e9e2ff"];
-const LUGRE: [&str; 2] = ["#c02a7c", "#ff8fc4"];
-const LUGRE_DEEP: [&str; 2] = ["#6b0c40", "#ffdcee"];
-const LEUVEN: [&str; 2] = ["#00785a", "#4fd1a5"];
-const LEUVEN_DEEP: [&str; 2] = ["#003326", "#c9f7e6"];
-const MAXWELL_SLIP: [&str; 2] = ["#c04a00", "#ff9a55"];
-const MAXWELL_SLIP_DEEP: [&str; 2] = ["#4d1d00", "#ffe0c8"];
-const GMS: [&str; 2] = ["#a32020", "#ff7a70"];
-const GMS_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
+/// Kinds of friction models: EMS, then the classical ones in the order of their declaration.
+const KINDS: usize = 1 + Classical::KINDS.len();
+
+/// Colours of the kinds, light and dark, and darker ones for their dashed variants, so that dashes
+/// are visible on a coincident solid line.
+const BLUE: [&str; 2] = ["#0064b0", "#5db3ff"];
+const BLUE_DEEP: [&str; 2] = ["#00284d", "#cfe8ff"];
+const GOLD: [&str; 2] = ["#856a00", "#d9b93a"];
+const GOLD_DEEP: [&str; 2] = ["#3a2e00", "#fff0b0"];
+const VIOLET: [&str; 2] = ["#6a4fc0", "#b8a2ff"];
+const VIOLET_DEEP: [&str; 2] = ["#2b1766", "#e9e2ff"];
+const MAGENTA: [&str; 2] = ["#c02a7c", "#ff8fc4"];
+const MAGENTA_DEEP: [&str; 2] = ["#6b0c40", "#ffdcee"];
+const GREEN: [&str; 2] = ["#00785a", "#4fd1a5"];
+const GREEN_DEEP: [&str; 2] = ["#003326", "#c9f7e6"];
+const ORANGE: [&str; 2] = ["#c04a00", "#ff9a55"];
+const ORANGE_DEEP: [&str; 2] = ["#4d1d00", "#ffe0c8"];
+const RED: [&str; 2] = ["#a32020", "#ff7a70"];
+const RED_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
 
 /// Classes of a map's values.
 const LEVELS: usize = 7;
@@ -82,7 +87,7 @@ const fn level(class: &'static str, colour: &'static str) -> Style {
 
 // Okabe and Ito's hues, darkened (brightened) to a contrast of 3:1 with white (the dark page).
 // Lightness differs between roles in the same panel; where it cannot, dashes and markers differ.
-const STYLES: [Style; 16 + 3 * 7 + 1 + LEVELS] = [
+const STYLES: [Style; 16 + 3 * KINDS + 1 + LEVELS] = [
     style("measured", ["#4a4a4a", "#bdbdbd"], 1.0, &[], Marker::Circle),
     style("model", ["#0064b0", "#5db3ff"], 2.4, &[], Marker::Square),
     style("fit", ["#c8420a", "#ff9a66"], 1.8, &[], Marker::Diamond),
@@ -99,27 +104,27 @@ const STYLES: [Style; 16 + 3 * 7 + 1 + LEVELS] = [
     style("category-3", ["#a6467e", "#e79ac6"], 1.5, &[8.0, 3.0, 2.0, 3.0], Marker::Diamond),
     style("category-4", ["#806600", "#e6c84b"], 1.5, &[12.0, 3.0], Marker::Square),
     style("category-5", ["#303030", "#dddddd"], 1.5, &[4.0, 2.0], Marker::Triangle),
-    style("ems-0", EMS, 2.0, SOLID, Marker::Diamond),
-    style("ems-1", EMS_DEEP, 1.6, DASHED, Marker::Diamond),
-    style("ems-2", EMS_DEEP, 1.6, DOTTED, Marker::Diamond),
-    style("static-0", STATIC, 1.6, SOLID, Marker::Triangle),
-    style("static-1", STATIC_DEEP, 1.6, DASHED, Marker::Triangle),
-    style("static-2", STATIC_DEEP, 1.6, DOTTED, Marker::Triangle),
-    style("dahl-0", DAHL, 1.6, SOLID, Marker::Square),
-    style("dahl-1", DAHL_DEEP, 1.6, DASHED, Marker::Square),
-    style("dahl-2", DAHL_DEEP, 1.6, DOTTED, Marker::Square),
-    style("lugre-0", LUGRE, 1.6, DASHED, Marker::Circle),
-    style("lugre-1", LUGRE_DEEP, 1.6, DOTTED, Marker::Circle),
-    style("lugre-2", LUGRE_DEEP, 1.6, SOLID, Marker::Circle),
-    style("leuven-0", LEUVEN, 1.6, SOLID, Marker::Triangle),
-    style("leuven-1", LEUVEN_DEEP, 1.6, DASHED, Marker::Triangle),
-    style("leuven-2", LEUVEN_DEEP, 1.6, DOTTED, Marker::Triangle),
-    style("maxwell-slip-0", MAXWELL_SLIP, 1.6, SOLID, Marker::Square),
-    style("maxwell-slip-1", MAXWELL_SLIP_DEEP, 1.6, DASHED, Marker::Square),
-    style("maxwell-slip-2", MAXWELL_SLIP_DEEP, 1.6, DOTTED, Marker::Square),
-    style("gms-0", GMS, 1.6, SOLID, Marker::Circle),
-    style("gms-1", GMS_DEEP, 1.6, DASHED, Marker::Circle),
-    style("gms-2", GMS_DEEP, 1.6, DOTTED, Marker::Circle),
+    style("friction-0-0", BLUE, 2.0, SOLID, Marker::Diamond),
+    style("friction-0-1", BLUE_DEEP, 1.6, DASHED, Marker::Diamond),
+    style("friction-0-2", BLUE_DEEP, 1.6, DOTTED, Marker::Diamond),
+    style("friction-1-0", GOLD, 1.6, SOLID, Marker::Triangle),
+    style("friction-1-1", GOLD_DEEP, 1.6, DASHED, Marker::Triangle),
+    style("friction-1-2", GOLD_DEEP, 1.6, DOTTED, Marker::Triangle),
+    style("friction-2-0", VIOLET, 1.6, SOLID, Marker::Square),
+    style("friction-2-1", VIOLET_DEEP, 1.6, DASHED, Marker::Square),
+    style("friction-2-2", VIOLET_DEEP, 1.6, DOTTED, Marker::Square),
+    style("friction-3-0", MAGENTA, 1.6, DASHED, Marker::Circle),
+    style("friction-3-1", MAGENTA_DEEP, 1.6, DOTTED, Marker::Circle),
+    style("friction-3-2", MAGENTA_DEEP, 1.6, SOLID, Marker::Circle),
+    style("friction-4-0", GREEN, 1.6, SOLID, Marker::Triangle),
+    style("friction-4-1", GREEN_DEEP, 1.6, DASHED, Marker::Triangle),
+    style("friction-4-2", GREEN_DEEP, 1.6, DOTTED, Marker::Triangle),
+    style("friction-5-0", ORANGE, 1.6, SOLID, Marker::Square),
+    style("friction-5-1", ORANGE_DEEP, 1.6, DASHED, Marker::Square),
+    style("friction-5-2", ORANGE_DEEP, 1.6, DOTTED, Marker::Square),
+    style("friction-6-0", RED, 1.6, SOLID, Marker::Circle),
+    style("friction-6-1", RED_DEEP, 1.6, DASHED, Marker::Circle),
+    style("friction-6-2", RED_DEEP, 1.6, DOTTED, Marker::Circle),
     style("backdrop", ["#a9afb5", "#6f777f"], 3.2, SOLID, Marker::Circle),
     level("level-0", "#440154"),
     level("level-1", "#443983"),
@@ -133,6 +138,11 @@ const STYLES: [Style; 16 + 3 * 7 + 1 + LEVELS] = [
 /// Every style, for the style sheet.
 pub(super) const fn all() -> &'static [Style] {
     &STYLES
+}
+
+/// Place of a kind of friction models among the styles; EMS is the first.
+pub(super) fn place(kind: &str) -> usize {
+    Classical::KINDS.iter().position(|own| *own == kind).map_or(0, |at| at + 1)
 }
 
 /// The style of a role.
@@ -149,9 +159,9 @@ pub(super) fn of(role: Role) -> Style {
         Role::Reference => 8,
         Role::Neutral => 9,
         Role::Category(n) => 10 + usize::from(n) % 6,
-        Role::Backdrop => 16 + 3 * 7,
-        Role::Level(n) => 16 + 3 * 7 + 1 + usize::from(n).min(LEVELS - 1),
-        Role::Friction(family, variant) => 16 + 3 * family as usize + usize::from(variant) % 3,
+        Role::Backdrop => 16 + 3 * KINDS,
+        Role::Level(n) => 16 + 3 * KINDS + 1 + usize::from(n).min(LEVELS - 1),
+        Role::Friction(kind, variant) => 16 + 3 * place(kind) + usize::from(variant) % 3,
     };
     STYLES[index]
 }

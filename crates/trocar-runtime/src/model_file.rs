@@ -15,19 +15,14 @@ use serde_json::Value;
 use thiserror::Error;
 use trocar_model::{
     Branch, Classical, DeformationForce, Element, ElementParams, MAX_ARMS, MAX_STAGES, ParamError,
-    ParameterId, Piece, PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping,
-    SlidingFriction, Stages, Trocar,
+    Piece, PositionProfile, Relaxation, Seal, Stages, Trocar,
 };
 
 use crate::profile::ProfileText;
 
-use friction::{
-    DahlText, FrictionText, GmsText, LeuvenText, LuGreText, MaxwellSlipText, StaticText,
-};
-use object::{Object, members};
+use members::{Member, Members, Reader, Refused};
 
-mod friction;
-mod object;
+mod members;
 
 /// Name of the model file in the folder of a result.
 pub const FILE_NAME: &str = "model.json";
@@ -40,12 +35,8 @@ pub fn file_of(path: &Path) -> PathBuf {
 
 /// Value of the key `format`.
 pub const FORMAT: &str = "trocar-model";
-/// Version written. Files of versions 1 to 7 are also read: they differ only in the names of some
-/// keys.
-pub const VERSION: u32 = 8;
-
-/// Words by which `--columns` names the force.
-const FORCE_WORDS: [&str; 4] = ["force", "f", "load", "friction"];
+/// Version of the format, the only one that is read.
+pub const VERSION: u32 = 1;
 
 /// Largest difference between a joint and the ends of its pieces, as a fraction of the half width.
 const INTERVAL_TOLERANCE: f64 = 1e-9;
@@ -211,36 +202,19 @@ pub struct ReadWith {
     /// Topics, groups or other tables searched.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub topics: Vec<String>,
-    /// Whether the sign of the force was reversed.
+    /// Whether the sign of the force was reversed besides what `columns` say.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub flip_force: bool,
+    /// Whether the sign of the force was reversed, all in all: by `flip_force`, or by a minus before
+    /// its column. An observer reverses live readings, too.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub force_reversed: bool,
     /// Lines skipped before the header of a text.
     #[serde(skip_serializing_if = "is_zero")]
     pub skip_rows: u64,
     /// Rows per second of a file without a column of times.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
-}
-
-impl ReadWith {
-    /// Whether the sign of the force was reversed: by `flip_force`, or by a minus before its column.
-    fn reverses_force(&self) -> bool {
-        self.flip_force != self.columns.as_deref().is_some_and(negates_force)
-    }
-}
-
-/// Whether `columns`, in the syntax of `--columns`, has a minus before the force: in
-/// `force_n=-fz`, or in order, `time_s,position_m,-force_n`.
-fn negates_force(columns: &str) -> bool {
-    let is_force = |name: &str| {
-        let mut words = name.split(|c: char| !c.is_alphanumeric());
-        words.any(|word| FORCE_WORDS.iter().any(|own| word.eq_ignore_ascii_case(own)))
-    };
-    let is_by_name = columns.contains('=');
-    columns.split(',').any(|entry| match entry.split_once('=') {
-        Some((what, column)) => is_force(what) && column.trim_start().starts_with('-'),
-        None => !is_by_name && entry.trim_start().strip_prefix('-').is_some_and(is_force),
-    })
 }
 
 /// The sensor of the recordings used for a model.
@@ -252,7 +226,7 @@ pub struct SensorInfo {
     /// Mass between sensor and seal, kg, ≥ 0.
     pub moving_mass_kg: f64,
     /// Delay of the position readings relative to the forces, s, ≥ 0.
-    #[serde(default, skip_serializing_if = "is_zero", alias = "position_lag_s")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub position_delay_s: f64,
 }
 
@@ -289,16 +263,17 @@ pub enum ModelFileError {
         /// What was found.
         found: String,
     },
-    /// A file of a newer version.
+    /// A file of another version.
     #[error(
-        "written by a newer trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar"
+        "written by another version of trocar: model version {found}, this one reads {VERSION}\n\nhint: update trocar; a \
+         model from before the first release must be identified again"
     )]
-    Newer {
+    OtherVersion {
         /// Version found.
         found: u64,
     },
-    /// A version that does not exist.
-    #[error("the key \"version\" must be 1 to {VERSION}, got {found}")]
+    /// A version that is no whole number.
+    #[error("the key \"version\" must be {VERSION}, got {found}")]
     WrongVersion {
         /// What was found.
         found: String,
@@ -410,7 +385,7 @@ impl ModelFile {
     pub fn flips_force(&self) -> Option<bool> {
         let recordings = self.origin.recordings.iter();
         let mut all = recordings
-            .map(|recording| recording.read_with.as_ref().is_some_and(ReadWith::reverses_force));
+            .map(|recording| recording.read_with.as_ref().is_some_and(|own| own.force_reversed));
         let Some(first) = all.next() else { return Some(false) };
         all.all(|other| other == first).then_some(first)
     }
@@ -428,57 +403,20 @@ impl ModelFile {
                 what: without_place(&error),
             })?;
         check_header(&header)?;
-        let Some(friction) = header.get("friction") else { return read::<StaticText>(text) };
-        let kind = friction.get("kind");
-        match kind.and_then(Value::as_str) {
-            Some(Classical::STATIC) => read::<StaticText>(text),
-            Some(Classical::DAHL) => read::<DahlText>(text),
-            Some(Classical::LUGRE) => read::<LuGreText>(text),
-            Some(Classical::LEUVEN) => read::<LeuvenText>(text),
-            Some(Classical::MAXWELL_SLIP) => read::<MaxwellSlipText>(text),
-            Some(Classical::GMS) => read::<GmsText>(text),
-            _ => {
-                let what =
-                    format!("must be one of {}, got {}", Classical::KINDS.join(", "), shown(kind));
-                Err(impossible("friction.kind", &what))
-            }
-        }
+        let document: Document = serde_json::from_str(text).map_err(wrong_key)?;
+        document.into_file()
     }
 
     /// The text of a model file: the same model gives the same text, and reading it gives the same
     /// model.
     pub fn to_json(&self) -> String {
-        match self.trocar.seal() {
+        let (elements, friction) = match self.trocar.seal() {
             Seal::Ems(stages) => {
-                let elements = stages
-                    .elements()
-                    .iter()
-                    .map(|element| ElementText::from(element.params()))
-                    .collect();
-                self.text(Some(elements), None::<StaticText>)
+                let elements = stages.elements().iter().map(Element::params);
+                (Some(elements.map(ElementText::from).collect()), None)
             }
-            Seal::Classical(Classical::Static(model)) => {
-                self.text(None, Some(StaticText::from(model)))
-            }
-            Seal::Classical(Classical::Dahl(model)) => self.text(None, Some(DahlText::from(model))),
-            Seal::Classical(Classical::LuGre(model)) => {
-                self.text(None, Some(LuGreText::from(model)))
-            }
-            Seal::Classical(Classical::Leuven(model)) => {
-                self.text(None, Some(LeuvenText::from(model)))
-            }
-            Seal::Classical(Classical::MaxwellSlip(model)) => {
-                self.text(None, Some(MaxwellSlipText::from(model)))
-            }
-            Seal::Classical(Classical::Gms(model)) => self.text(None, Some(GmsText::from(model))),
-        }
-    }
-
-    fn text<F: Serialize>(
-        &self,
-        elements: Option<Vec<ElementText>>,
-        friction: Option<F>,
-    ) -> String {
+            Seal::Classical(model) => (None, Some(friction(model))),
+        };
         let document = Document {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -496,10 +434,31 @@ impl ModelFile {
     }
 }
 
-/// Reads a file whose key `friction`, if present, has the type `F`.
-fn read<F: FrictionText>(text: &str) -> Result<ModelFile, ModelFileError> {
-    let document: Document<F> = serde_json::from_str(text).map_err(wrong_key)?;
-    document.into_file()
+/// The key `friction`: one classical model, beginning with its kind.
+fn friction(model: &Classical) -> Members {
+    let mut members = Members::default();
+    members.put("kind", Member::Word(model.kind().to_owned()));
+    let Ok(()) = model.visit(&mut members);
+    members
+}
+
+fn read_friction(members: Members) -> Result<Classical, ModelFileError> {
+    let mut reader = Reader::new("friction", members);
+    let kind = reader.take("kind")?;
+    let built = match &kind {
+        Member::Word(word) => Classical::build(word, &mut reader),
+        _ => None,
+    };
+    let Some(built) = built else {
+        let what = format!("must be one of {}, got {kind}", Classical::KINDS.join(", "));
+        return Err(impossible("friction.kind", &what));
+    };
+    let model = built.map_err(|refused| match refused {
+        Refused::Member(error) => error,
+        Refused::Value(error) => parameter("friction")(error),
+    })?;
+    reader.end()?;
+    Ok(model)
 }
 
 /// Format and version are checked first, since a newer file may differ in any other key.
@@ -510,9 +469,9 @@ fn check_header(header: &Value) -> Result<(), ModelFileError> {
     }
     let version = header.get("version");
     match version.and_then(Value::as_u64) {
-        Some(found) if found > u64::from(VERSION) => Err(ModelFileError::Newer { found }),
-        Some(found) if found >= 1 => Ok(()),
-        _ => Err(ModelFileError::WrongVersion { found: shown(version) }),
+        Some(found) if found == u64::from(VERSION) => Ok(()),
+        Some(found) => Err(ModelFileError::OtherVersion { found }),
+        None => Err(ModelFileError::WrongVersion { found: shown(version) }),
     }
 }
 
@@ -535,21 +494,21 @@ fn without_place(error: &serde_json::Error) -> String {
     message.strip_suffix(&place).unwrap_or(&message).to_owned()
 }
 
-/// The form of the file; `F` is the form of a classical model.
+/// The form of the file.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document<F> {
+struct Document {
     format: String,
     version: u32,
     origin: Origin,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sensor: Option<SensorInfo>,
-    #[serde(default, skip_serializing_if = "Option::is_none", alias = "travel")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     position_profile: Option<ProfileText>,
     #[serde(skip_serializing_if = "Option::is_none")]
     elements: Option<Vec<ElementText>>,
     #[serde(skip_serializing_if = "Option::is_none")]
-    friction: Option<F>,
+    friction: Option<Members>,
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     intervals: BTreeMap<String, Interval>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -560,24 +519,25 @@ fn is_zero<T: PartialEq + Default>(value: &T) -> bool {
     *value == T::default()
 }
 
-members!(ElementMembers [ALL_NUMBERS = false] {
+#[derive(Serialize, Deserialize)]
+struct ElementText {
     deformation: DeformationText,
-    seal_damping: Object<SealDamping>,
-    insertion: Object<SlidingFriction>,
-    withdrawal: Object<SlidingFriction>,
-    relaxation [optional]: Vec<Object<RelaxationArm>>,
-});
-
-type ElementText = Object<ElementParams, ElementMembers>;
+    seal_damping: Members,
+    insertion: Members,
+    withdrawal: Members,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    relaxation: Vec<Members>,
+    /// Numbers of the element itself; one that is missing has no effect.
+    #[serde(flatten)]
+    own: Members,
+}
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct DeformationText {
+struct DeformationText {
     half_width_m: f64,
     yield_stiffness_n_m: f64,
-    #[serde(alias = "rising")]
     insertion: BranchText,
-    #[serde(alias = "falling")]
     withdrawal: BranchText,
 }
 
@@ -596,14 +556,12 @@ struct PieceText {
     legendre_n: Vec<f64>,
 }
 
-impl<F: FrictionText> Document<F> {
+impl Document {
     fn into_file(self) -> Result<ModelFile, ModelFileError> {
         self.check_values()?;
         let seal = match (self.elements, self.friction) {
-            (Some(elements), None) => Seal::Ems(read_elements(&elements)?),
-            (None, Some(friction)) => {
-                Seal::Classical(friction.model().map_err(parameter("friction"))?)
-            }
+            (Some(elements), None) => Seal::Ems(read_elements(elements)?),
+            (None, Some(friction)) => Seal::Classical(read_friction(friction)?),
             (Some(_), Some(_)) => {
                 return Err(impossible("friction", "a model holds elements or friction, got both"));
             }
@@ -627,8 +585,6 @@ impl<F: FrictionText> Document<F> {
             check_interval(name, interval)?;
         }
         let Self { origin, position_profile, sensor, intervals, force_error, .. } = self;
-        let intervals =
-            intervals.into_iter().map(|(name, interval)| (present_name(name), interval)).collect();
         let profile = position_profile.map(PositionProfile::try_from).transpose();
         let profile =
             profile.map_err(|error| impossible("position_profile", &error.to_string()))?;
@@ -655,32 +611,12 @@ impl<F: FrictionText> Document<F> {
     }
 }
 
-/// The present name of a parameter; before version 8, directions, branches and elements were named
-/// otherwise.
-fn present_name(name: String) -> String {
-    const STARTS: [(&str, &str); 4] = [
-        ("rising_", "insertion_"),
-        ("falling_", "withdrawal_"),
-        ("second_", "element_2_"),
-        ("hidden_", "unmodelled_"),
-    ];
-    const ENDS: [(&str, &str); 2] = [("_positive", "insertion_"), ("_negative", "withdrawal_")];
-    let by_start =
-        STARTS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_prefix(old)?)));
-    let by_end =
-        ENDS.iter().filter_map(|(old, new)| Some(format!("{new}{}", name.strip_suffix(old)?)));
-    let by_number = name.rsplit_once('_').map(|(key, number)| format!("element_{number}_{key}"));
-    let mut renamed = by_start.chain(by_end).chain(by_number);
-    // The second relaxation keeps its name.
-    let is_known = |name: &String| name.parse::<ParameterId>().is_ok();
-    if is_known(&name) { name } else { renamed.find(is_known).unwrap_or(name) }
-}
-
-fn read_elements(elements: &[ElementText]) -> Result<Stages, ModelFileError> {
-    let one =
-        |(i, element): (usize, &ElementText)| read_element(element, &format!("elements[{i}]"));
-    let read: Vec<Element> = elements.iter().enumerate().map(one).collect::<Result<_, _>>()?;
-    let count = read.len();
+fn read_elements(elements: Vec<ElementText>) -> Result<Stages, ModelFileError> {
+    let count = elements.len();
+    let mut read = Vec::new();
+    for (i, element) in elements.into_iter().enumerate() {
+        read.push(element.read(&format!("elements[{i}]"))?);
+    }
     Stages::new(&read).ok_or_else(|| {
         impossible("elements", &format!("a model has 1 to {MAX_STAGES} elements, got {count}"))
     })
@@ -719,53 +655,44 @@ impl From<&ElementParams> for ElementText {
             insertion: BranchText::from(force.insertion()),
             withdrawal: BranchText::from(force.withdrawal()),
         };
-        let arms: Vec<_> = params
-            .relaxation
-            .arms
-            .iter()
-            .filter(|arm| arm.stiffness > 0.0)
-            .map(Object::from)
-            .collect();
-        let members = ElementMembers {
-            deformation: Some(deformation),
-            seal_damping: Some(Object::from(&params.damping)),
-            insertion: Some(Object::from(&params.insertion)),
-            withdrawal: Some(Object::from(&params.withdrawal)),
-            relaxation: Some(arms).filter(|arms| !arms.is_empty()),
-        };
-        Self::new(params, members)
+        let arms = params.relaxation.arms.iter().filter(|arm| arm.stiffness > 0.0);
+        Self {
+            deformation,
+            seal_damping: Members::of(&params.damping),
+            insertion: Members::of(&params.insertion),
+            withdrawal: Members::of(&params.withdrawal),
+            relaxation: arms.map(Members::of).collect(),
+            own: Members::of_nonzero(params),
+        }
     }
 }
 
-fn read_relaxation(
-    arms: &[Object<RelaxationArm>],
-    place: &str,
-) -> Result<Relaxation, ModelFileError> {
+impl ElementText {
+    fn read(self, place: &str) -> Result<Element, ModelFileError> {
+        let deformation = self.deformation.force(&format!("{place}.deformation"))?;
+        let insertion = self.insertion.params(&format!("{place}.insertion"))?;
+        let withdrawal = self.withdrawal.params(&format!("{place}.withdrawal"))?;
+        let damping = self.seal_damping.params(&format!("{place}.seal_damping"))?;
+        let relaxation = read_relaxation(self.relaxation, &format!("{place}.relaxation"))?;
+        let plain = ElementParams {
+            damping,
+            relaxation,
+            ..ElementParams::new(deformation, insertion, withdrawal)
+        };
+        Element::new(self.own.change(plain, place)?).map_err(parameter(place))
+    }
+}
+
+fn read_relaxation(arms: Vec<Members>, place: &str) -> Result<Relaxation, ModelFileError> {
     if arms.len() > MAX_ARMS {
         let what = format!("a seal has at most {MAX_ARMS} relaxing arms, got {}", arms.len());
-        return Err(impossible(&format!("{place}.relaxation"), &what));
+        return Err(impossible(place, &what));
     }
     let mut relaxation = Relaxation::NONE;
-    relaxation.arms.iter_mut().zip(arms).for_each(|(arm, text)| *arm = text.params());
+    for (i, (arm, members)) in relaxation.arms.iter_mut().zip(arms).enumerate() {
+        *arm = members.params(&format!("{place}[{i}]"))?;
+    }
     Ok(relaxation)
-}
-
-fn read_element(text: &ElementText, place: &str) -> Result<Element, ModelFileError> {
-    let ElementMembers {
-        deformation: Some(deformation),
-        seal_damping: Some(damping),
-        insertion: Some(insertion),
-        withdrawal: Some(withdrawal),
-        relaxation,
-    } = &text.members
-    else {
-        unreachable!("reading checks that they are there")
-    };
-    let deformation = deformation.force(&format!("{place}.deformation"))?;
-    let plain = ElementParams::new(deformation, insertion.params(), withdrawal.params());
-    let relaxation = read_relaxation(relaxation.as_deref().unwrap_or_default(), place)?;
-    let params = ElementParams { damping: damping.params(), relaxation, ..text.fill(plain) };
-    Element::new(params).map_err(parameter(place))
 }
 
 /// Adds the place to the error of the model.

@@ -23,7 +23,6 @@ pub struct ProfileText {
     from_m: f64,
     to_m: f64,
     offset_n: Vec<f64>,
-    #[serde(alias = "level")]
     gain: Vec<f64>,
 }
 

@@ -14,7 +14,7 @@ use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::{
     ErrorSource, ForceError, ModelFile, Origin, OriginKind, ReadWith, RecordingInfo, SensorInfo,
 };
-use trocar::recording::{ReadOptions, Recording, read};
+use trocar::recording::{Choice, ReadOptions, Recording, read};
 use trocar::validate::validate;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{
@@ -718,12 +718,18 @@ fn a_sign_that_was_mended_is_no_fault() {
 /// counts; where they contradict each other, it must be stated.
 #[test]
 fn the_sign_of_the_recordings_is_that_of_the_readings() {
+    let choice = |columns: Option<&str>, flip_force: bool| Choice {
+        columns: columns.map(str::to_owned),
+        flip_force,
+        ..Choice::default()
+    };
     let recording = |columns: Option<&str>, flip_force: bool| RecordingInfo {
         name: "log.csv".into(),
         sha256: "0".repeat(64),
         read_with: Some(ReadWith {
             columns: columns.map(str::to_owned),
             flip_force,
+            force_reversed: choice(columns, flip_force).reverses_force(),
             ..ReadWith::default()
         }),
     };

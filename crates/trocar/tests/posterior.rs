@@ -94,6 +94,7 @@ fn draws_agree_with_the_intervals_of_identify_and_with_their_file() {
     let force = column(posterior, "coulomb_force_n");
     let damping = column(posterior, "viscous_damping_n_s_m");
     for (k, model) in models(&table).unwrap().iter().enumerate() {
+        assert_eq!(*model, posterior.draws[k].model);
         let [own] = model.elements() else { panic!("one element") };
         let params = own.params();
         assert!((params.deformation.half_width() / width[k] - 1.0).abs() < 1e-12);

@@ -11,9 +11,7 @@ use trocar::identify::classical::Kind;
 use trocar::recording::Recording;
 use trocar::replay::forces;
 use trocar::report::comparison::document;
-use trocar::report::{
-    Cell, Document, Family, Figure, Panel, Role, Section, Series, Table, write_document,
-};
+use trocar::report::{Cell, Document, Figure, Panel, Role, Section, Series, Table, write_document};
 use trocar::workflow::MovingMass;
 use trocar_model::{Element, ElementParams};
 
@@ -163,11 +161,7 @@ fn lines_of_one_panel_look_different_and_those_of_one_family_share_a_colour() {
         assert_eq!(looks.len(), panel.series.len(), "{}", panel.title);
     }
     let static_panel = &figure(&document, "one-reversal").panels[0];
-    assert!(
-        static_panel.series[1..]
-            .iter()
-            .all(|s| matches!(s.role, Role::Friction(Family::Static, _)))
-    );
+    assert!(static_panel.series[1..].iter().all(|s| matches!(s.role, Role::Friction("static", _))));
 }
 
 #[test]

@@ -246,7 +246,7 @@ def newer(path, tmp_path):
 
 @pytest.mark.parametrize("arguments, message", [
     (lambda ems, tmp: {"model": tmp / "none.json"}, "none.json: cannot read the model: No such file"),
-    (lambda ems, tmp: {"model": newer(ems, tmp)}, "written by a newer trocar: model version 99"),
+    (lambda ems, tmp: {"model": newer(ems, tmp)}, "written by another version of trocar: model version 99"),
     (lambda ems, tmp: {"model": __file__}, "test_engine.py"),
     (lambda ems, tmp: {"model": ""}, "no model file given"),
     (lambda ems, tmp: {"model": ems, "joint": ""}, "no joint given"),

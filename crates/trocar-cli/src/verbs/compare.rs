@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use trocar::compare::{CompareOptions, Comparison, Divided, Entry, Outcome, best_of, compare};
+use trocar::identify::classical::Kind;
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
 use trocar::report;
@@ -37,13 +38,9 @@ pub(crate) struct Args {
     /// Recordings to score on [default: the last third of each recording, which is then not fitted]
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
-    /// Models, separated by commas: ems, ems-output-error (EMS fitted by the criterion of the
-    /// others), coulomb, coulomb-viscous, stribeck, dahl, lugre, lugre-rational, leuven,
-    /// maxwell-slip, gms. The last three take a number or a range of elements, as in gms:4 or
-    /// gms:4-10 [default: 4 for leuven, 1 to 12 for the others]
-    #[arg(long, default_value = "all", value_name = "LIST", value_parser = models)]
+    #[arg(long, default_value = "all", value_name = "LIST", value_parser = models, help = models_help())]
     models: Models,
-    /// Folder for compare.json, models (lugre.json, gms-4.json, for simulate and validate),
+    /// Folder for compare.json, models (one file each, for simulate and validate),
     /// report.html and figures; it need not exist
     #[arg(long, value_name = "DIR", value_parser = Output::folder(&["compare.json", "models/*.json", "report.html", "figures/*"]))]
     out: Option<Output>,
@@ -63,6 +60,18 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     reading: Reading,
+}
+
+fn models_help() -> String {
+    let families = Kind::FAMILIES.map(|kind| match kind.is_bank() {
+        true => format!("{}[:N]", kind.family()),
+        false => kind.family().to_owned(),
+    });
+    format!(
+        "Models, separated by commas: ems, ems-output-error (EMS fitted by the criterion of the others), {}. [:N] is a number or a \
+         range of elements, as in leuven:4 or maxwell-slip:4-10 [default: 4 for leuven, 1 to 12 for the others]",
+        families.join(", ")
+    )
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {

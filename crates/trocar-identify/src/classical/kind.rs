@@ -33,6 +33,47 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// One of each family, in the order of tables, with the number of elements that is compared
+    /// unless another is asked for; where that is a range, its end.
+    pub const FAMILIES: [Self; 9] = [
+        Self::Coulomb,
+        Self::CoulombViscous,
+        Self::Stribeck,
+        Self::Dahl,
+        Self::LuGre,
+        Self::LuGreRational,
+        Self::Leuven(4),
+        Self::MaxwellSlip(12),
+        Self::Gms(12),
+    ];
+
+    /// All that are compared unless others are asked for.
+    pub fn compared() -> impl Iterator<Item = Self> {
+        Self::FAMILIES.into_iter().flat_map(|family| {
+            let least = match family {
+                Self::MaxwellSlip(_) | Self::Gms(_) => 1,
+                other => other.elements(),
+            };
+            (least..=family.elements()).map(move |count| family.with_elements(count))
+        })
+    }
+
+    /// Whether the number of elements can be chosen.
+    pub fn is_bank(self) -> bool {
+        matches!(self, Self::Leuven(_) | Self::MaxwellSlip(_) | Self::Gms(_))
+    }
+
+    /// Title of the panel in which a figure shows the family.
+    pub fn panel(self) -> &'static str {
+        match self {
+            Self::Coulomb | Self::CoulombViscous | Self::Stribeck => "Static",
+            Self::Dahl | Self::LuGre | Self::LuGreRational => "Dahl and LuGre",
+            Self::Leuven(_) => "Leuven",
+            Self::MaxwellSlip(_) => "Maxwell-Slip",
+            Self::Gms(_) => "Generalized Maxwell-Slip",
+        }
+    }
+
     /// Name of the family, without the number of elements.
     pub fn family(self) -> &'static str {
         match self {
@@ -111,12 +152,8 @@ impl Kind {
 
 impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Leuven(n) | Self::MaxwellSlip(n) | Self::Gms(n) => {
-                write!(f, "{}:{n}", self.family())
-            }
-            _ => f.write_str(self.family()),
-        }
+        f.write_str(self.family())?;
+        if self.is_bank() { write!(f, ":{}", self.elements()) } else { Ok(()) }
     }
 }
 

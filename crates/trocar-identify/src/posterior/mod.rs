@@ -15,7 +15,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{Direction, ParameterId, Quantity};
+use trocar_model::{Direction, ParameterId, Quantity, Stages};
 
 pub use data::DensityData;
 pub use density::Density;
@@ -42,7 +42,7 @@ mod table;
 
 pub use super::options::{CHAINS, Draws};
 pub use super::prior::weak_priors;
-pub use table::{DrawsError, FILE_NAME, models, read, read_models, write};
+pub use table::{DrawsError, FILE_NAME, evenly, is_of_model, models, read, read_models, write};
 
 /// Steps of a chain before the reference is adapted, those of which it is adapted to the last half,
 /// and steps after that before the draws.
@@ -100,6 +100,8 @@ pub struct Draw {
     pub structure: usize,
     /// Values of [`Posterior::parameters`], SI; NaN for what its structure does not have.
     pub values: Vec<f64>,
+    /// The elements.
+    pub model: Stages,
 }
 
 /// Draws of the parameters of an element, with their diagnostics.
@@ -148,10 +150,11 @@ impl Posterior {
             })
             .collect::<Option<_>>()?;
         let density = densities.into_iter().next()?;
-        Some((Self::assembled(&structures, &sampled), density))
+        Some((Self::assembled(&structures, &sampled)?, density))
     }
 
-    fn assembled(structures: &[Structure], sampled: &[Sampled<EmsTrial>]) -> Self {
+    /// The draws in turn; `None` where one of them makes no model, and so none that was simulated.
+    fn assembled(structures: &[Structure], sampled: &[Sampled<EmsTrial>]) -> Option<Self> {
         let ids = parameters_of(structures);
         let values =
             |trial: &EmsTrial| -> Vec<f64> { ids.iter().map(|id| value(trial, *id)).collect() };
@@ -166,20 +169,20 @@ impl Posterior {
         let order = in_turn(&weights, rows[0][0].len());
         let draws: Vec<Draw> = (0..CHAINS)
             .flat_map(|chain| order.iter().enumerate().map(move |(i, k)| (chain, i, *k)))
-            .map(|(chain, draw, structure)| Draw {
-                chain,
-                draw,
-                structure,
-                values: rows[structure][chain][draw].clone(),
+            .map(|(chain, draw, structure)| {
+                let trial = &sampled[structure].chains[chain][draw];
+                let model = trial.candidate.stages().ok()?;
+                let values = rows[structure][chain][draw].clone();
+                Some(Draw { chain, draw, structure, values, model })
             })
-            .collect();
+            .collect::<Option<_>>()?;
         let parameter = |(j, id): (usize, &ParameterId)| {
             let of = |k: usize| -> Vec<Vec<f64>> {
                 rows[k].iter().map(|chain| chain.iter().map(|row| row[j]).collect()).collect()
             };
             summarised(structures, *id, &draws, j, of)
         };
-        Self {
+        Some(Self {
             parameters: ids.iter().enumerate().map(parameter).collect(),
             structures: structures
                 .iter()
@@ -194,7 +197,7 @@ impl Posterior {
                 })
                 .collect(),
             draws,
-        }
+        })
     }
 
     /// Largest R-hat of all parameters.
@@ -283,7 +286,7 @@ fn parameters_of(structures: &[Structure]) -> Vec<ParameterId> {
     ids
 }
 
-/// The parameters of one structure, from which its model can be made again.
+/// The parameters of one structure.
 fn own_parameters(trial: &EmsTrial) -> Vec<ParameterId> {
     let EmsTrial { candidate, layout, .. } = trial;
     let mut ids: Vec<ParameterId> =

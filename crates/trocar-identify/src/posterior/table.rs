@@ -2,14 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use trocar_model::{
-    DeformationForce, Direction, MAX_DEGREE, ParamError, ParameterId, Piece, Quantity, Relaxation,
-    RelaxationArm, SlidingFriction, Stages,
-};
+use trocar_model::flat::FlatError;
+use trocar_model::{Stages, Trocar};
 
-use super::super::candidate::Candidate;
-use super::super::shape::BranchShape;
-use super::super::stage::SecondStage;
 use super::{Draw, Posterior};
 use trocar_tables::error::{OutputError, TableError};
 use trocar_tables::table::{self, Column, Field, Table, TableWriter};
@@ -19,6 +14,16 @@ pub const FILE_NAME: &str = "posterior.parquet";
 
 /// Columns before those of the parameters.
 const HEAD: [&str; 3] = ["chain", "draw", "structure"];
+
+/// Columns after those of the parameters, numbered from 0: the model of the draw as the row of
+/// [`Trocar::write_numbers`]; missing where that row is shorter.
+const MODEL: &str = "model_";
+
+/// Whether a column of draws holds a number of their models.
+#[must_use]
+pub fn is_of_model(column: &str) -> bool {
+    column.strip_prefix(MODEL).is_some_and(|place| place.parse::<usize>().is_ok())
+}
 
 /// Why a table holds no draws.
 #[derive(Debug, thiserror::Error)]
@@ -35,18 +40,19 @@ pub enum DrawsError {
         /// What was found.
         found: String,
     },
-    /// A row whose parameters form no model.
+    /// A row that holds no model.
     #[error("draws, row {row}: {source}")]
     Row {
         /// Row, from 1.
         row: usize,
         /// What is wrong.
-        source: ParamError,
+        source: FlatError,
     },
 }
 
 impl Posterior {
-    /// The draws as a table: `chain`, `draw`, `structure`, and the parameters by name with unit.
+    /// The draws as a table: `chain`, `draw`, `structure`, the parameters by name with unit, and the
+    /// numbers of each model.
     #[must_use]
     pub fn table(&self) -> Table {
         let whole = |of: fn(&Draw) -> usize| {
@@ -57,9 +63,12 @@ impl Posterior {
         let structure = Column::Text(self.draws.iter().map(name).collect());
         let head = [whole(|d| d.chain), whole(|d| d.draw), structure];
         let names = self.parameters.iter().map(|p| p.id.to_string());
+        let models = model_columns(&self.draws);
+        let places = (0..models.len()).map(|place| format!("{MODEL}{place}"));
+        let parameters = (0..self.parameters.len()).map(number);
         Table {
-            fields: HEAD.into_iter().map(str::to_owned).chain(names).collect(),
-            columns: head.into_iter().chain((0..self.parameters.len()).map(number)).collect(),
+            fields: HEAD.into_iter().map(str::to_owned).chain(names).chain(places).collect(),
+            columns: head.into_iter().chain(parameters).chain(models).collect(),
         }
     }
 
@@ -70,6 +79,23 @@ impl Posterior {
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
         write(&self.table(), path)
     }
+}
+
+/// The models of draws, number by number.
+fn model_columns(draws: &[Draw]) -> Vec<Column> {
+    let trocars = draws.iter().map(|draw| Trocar::of_seal(draw.model));
+    let rows: Vec<Vec<f64>> = trocars
+        .map(|trocar| {
+            let mut row = vec![0.0; trocar.count_numbers()];
+            trocar.write_numbers(&mut row).expect("the row has the length it takes");
+            row
+        })
+        .collect();
+    let width = rows.iter().map(Vec::len).max().unwrap_or_default();
+    let cell = |row: &Vec<f64>, place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+    (0..width)
+        .map(|place| Column::Number(rows.iter().map(|row| cell(row, place)).collect()))
+        .collect()
 }
 
 /// Writes a table of draws; the extension of `path` selects the format.
@@ -90,9 +116,8 @@ pub fn write(table: &Table, path: &Path) -> Result<(), OutputError> {
 /// [`DrawsError`] when the file is no table of draws.
 pub fn read(path: &Path) -> Result<Table, DrawsError> {
     let table = table::read(path)?;
-    let parameters = [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth]
-        .map(|quantity| quantity.id().to_string());
-    let needed = HEAD.into_iter().chain(parameters.iter().map(String::as_str));
+    let first = format!("{MODEL}0");
+    let needed = HEAD.into_iter().chain([first.as_str()]);
     let missing = needed.into_iter().find(|name| table.column(name).is_none());
     let found = match missing {
         Some(name) => format!("no column {name}"),
@@ -105,14 +130,30 @@ pub fn read(path: &Path) -> Result<Table, DrawsError> {
 /// The elements of all draws of a table.
 ///
 /// # Errors
-/// [`DrawsError::Row`] for parameters that form no element.
+/// [`DrawsError::Row`] for numbers that form no elements.
 pub fn models(table: &Table) -> Result<Vec<Stages>, DrawsError> {
-    let rows = Rows::new(table);
+    let columns: Vec<&[f64]> = table
+        .fields
+        .iter()
+        .zip(&table.columns)
+        .filter_map(|(name, column)| match column {
+            Column::Number(cells) if is_of_model(name) => Some(cells.as_slice()),
+            _ => None,
+        })
+        .collect();
     let model = |row: usize| {
-        let candidate = rows.candidate(row).and_then(|candidate| candidate.stages());
-        candidate.map_err(|source| DrawsError::Row { row: row + 1, source })
+        let numbers =
+            columns.iter().map(|cells| cells[row]).take_while(|number| number.is_finite());
+        elements(&numbers.collect::<Vec<f64>>())
+            .map_err(|source| DrawsError::Row { row: row + 1, source })
     };
     (0..table.rows()).map(model).collect()
+}
+
+fn elements(numbers: &[f64]) -> Result<Stages, FlatError> {
+    let trocar = Trocar::from_numbers(numbers)?;
+    let stages = trocar.seal().stages().copied();
+    stages.ok_or(FlatError::Tag { place: 1, found: numbers[1] })
 }
 
 /// The elements of the draws in a file that [`Posterior::write`] wrote, in the order of its rows.
@@ -123,117 +164,9 @@ pub fn read_models(path: &Path) -> Result<Vec<Stages>, DrawsError> {
     models(&read(path)?)
 }
 
-/// The columns of parameters of a table of draws.
-struct Rows<'a> {
-    columns: Vec<(ParameterId, &'a [f64])>,
-}
-
-impl<'a> Rows<'a> {
-    fn new(table: &'a Table) -> Self {
-        let of = |(name, column): (&String, &'a Column)| match column {
-            Column::Number(cells) => Some((name.parse().ok()?, cells.as_slice())),
-            _ => None,
-        };
-        Self { columns: table.fields.iter().zip(&table.columns).filter_map(of).collect() }
-    }
-
-    /// The value in a row; `None` where the structure of that draw does not have it.
-    fn get(&self, row: usize, id: ParameterId) -> Option<f64> {
-        let (_, cells) = self.columns.iter().find(|(own, _)| *own == id)?;
-        Some(cells[row]).filter(|value| value.is_finite())
-    }
-
-    /// The candidate of a row: the inverse of `Candidate::value`.
-    fn candidate(&self, row: usize) -> Result<Candidate, ParamError> {
-        use Quantity as Q;
-        let get = |quantity: Quantity| self.get(row, quantity.id());
-        let or = |quantity: Quantity, other: f64| get(quantity).unwrap_or(other);
-        let whole = or(Q::CoulombForce, f64::NAN);
-        let of_second = self.get(row, Q::CoulombForce.id().of_element(1));
-        let share = of_second.map(|own| own / (whole - own));
-        let factor = 1.0 + share.unwrap_or(0.0);
-        let [insertion, withdrawal] = Direction::BOTH.map(|direction| {
-            let by = |quantity: Quantity| self.get(row, quantity.of(direction)).or(get(quantity));
-            let coulomb = by(Q::CoulombForce).unwrap_or(f64::NAN) / factor;
-            SlidingFriction {
-                coulomb_force: coulomb,
-                static_force: by(Q::StaticForce).map_or(coulomb, |force| force / factor),
-                stribeck_velocity: or(Q::StribeckVelocity, 0.01),
-                stribeck_exponent: or(Q::StribeckExponent, 2.0),
-                viscous_damping: by(Q::ViscousDamping).unwrap_or(0.0) / factor,
-            }
-        });
-        let half_width = or(Q::HalfWidth, f64::NAN);
-        let [insertion_branch, withdrawal_branch] =
-            Direction::BOTH.map(|direction| self.branch(row, None, direction, half_width));
-        let arm = |stiffness: Quantity, time: Quantity| RelaxationArm {
-            stiffness: or(stiffness, 0.0),
-            time: or(time, 1.0),
-        };
-        let arms = [
-            arm(Q::RelaxationStiffness, Q::RelaxationTime),
-            arm(Q::SecondRelaxationStiffness, Q::SecondRelaxationTime),
-        ];
-        let mut candidate = Candidate {
-            offset: or(Q::Offset, 0.0),
-            unmodelled_mass: or(Q::UnmodelledMass, 0.0),
-            insertion,
-            withdrawal,
-            half_width,
-            insertion_branch,
-            withdrawal_branch,
-            seal_damping: or(Q::SealDamping, 0.0) / factor,
-            yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
-            creep_velocity: or(Q::CreepVelocity, 0.0),
-            friction_lag: or(Q::FrictionLag, 0.0),
-            relaxation: Relaxation { arms },
-            second: share.map(|share| self.second(row, share)),
-        };
-        if let Some(stiffness) = get(Q::YieldStiffness) {
-            let ends = candidate.end_forces();
-            let [a, b] = Direction::BOTH
-                .map(|direction| candidate.branch(direction).branch(half_width, ends));
-            let softest = DeformationForce::new(a?, b?, None)?.yield_stiffness();
-            candidate.yield_ratio *= stiffness / softest;
-        }
-        Ok(candidate)
-    }
-
-    fn second(&self, row: usize, share: f64) -> SecondStage {
-        let width = self.get(row, Quantity::HalfWidth.id().of_element(1)).unwrap_or(f64::NAN);
-        let [insertion_branch, withdrawal_branch] =
-            Direction::BOTH.map(|direction| self.branch(row, Some(1), direction, width));
-        SecondStage { share, half_width: width, insertion_branch, withdrawal_branch }
-    }
-
-    fn branch(
-        &self,
-        row: usize,
-        element: Option<usize>,
-        direction: Direction,
-        half_width: f64,
-    ) -> BranchShape {
-        let of = |quantity: Quantity| {
-            let id = quantity.of(direction);
-            self.get(row, element.map_or(id, |index| id.of_element(index)))
-        };
-        let join = of(Quantity::Join).unwrap_or(f64::NAN);
-        let coefficients = |piece: u8| -> Vec<f64> {
-            let powers = 0..=MAX_DEGREE as u8;
-            powers.map_while(|power| of(Quantity::Coefficient { piece, power })).collect()
-        };
-        BranchShape {
-            join: join / half_width,
-            join_force: of(Quantity::JoinForce).unwrap_or(f64::NAN),
-            left: curvature(&coefficients(1), -half_width, join),
-            right: curvature(&coefficients(2), join, half_width),
-        }
-    }
-}
-
-/// Legendre coefficients of order 2 and up, over [low, high], of a polynomial in powers of z.
-fn curvature(monomial: &[f64], low: f64, high: f64) -> Vec<f64> {
-    let piece = Piece::from_monomial(low, high, monomial);
-    piece
-        .map_or_else(|_| Vec::new(), |piece| piece.legendre().get(2..).unwrap_or_default().to_vec())
+/// At most `most` of the draws `all`, evenly spaced, so that each chain has its share.
+#[must_use]
+pub fn evenly(all: &[Stages], most: usize) -> Vec<Stages> {
+    let count = all.len().min(most);
+    (0..count).map(|k| all[k * all.len() / count]).collect()
 }

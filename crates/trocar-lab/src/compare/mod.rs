@@ -51,23 +51,10 @@ pub enum Choice {
 }
 
 impl Choice {
-    /// All: EMS in both forms, the static and dynamic models, Leuven with four elements,
-    /// Maxwell-Slip and GMS with 1 to 12.
+    /// All: EMS in both forms and the classical models, banks with their usual numbers of elements.
     pub fn all() -> Vec<Self> {
-        let single = [
-            Kind::Coulomb,
-            Kind::CoulombViscous,
-            Kind::Stribeck,
-            Kind::Dahl,
-            Kind::LuGre,
-            Kind::LuGreRational,
-            Kind::Leuven(4),
-        ];
-        let banks = (1..=12).map(Kind::MaxwellSlip).chain((1..=12).map(Kind::Gms));
-        [Self::Ems, Self::EmsOutputError]
-            .into_iter()
-            .chain(single.into_iter().chain(banks).map(Self::Classical))
-            .collect()
+        let own = [Self::Ems, Self::EmsOutputError].into_iter();
+        own.chain(Kind::compared().map(Self::Classical)).collect()
     }
 }
 
@@ -91,7 +78,7 @@ impl Choice {
 
     /// Whether the number of elements of the family can be chosen.
     pub fn is_bank(self) -> bool {
-        matches!(self, Self::Classical(Kind::Leuven(_) | Kind::MaxwellSlip(_) | Kind::Gms(_)))
+        matches!(self, Self::Classical(kind) if kind.is_bank())
     }
 
     /// Name of the family in texts.
@@ -100,6 +87,14 @@ impl Choice {
             Self::Ems => "EMS",
             Self::EmsOutputError => "EMS, output error",
             Self::Classical(kind) => kind.title(),
+        }
+    }
+
+    /// Title of the panel in which a figure shows the family.
+    pub fn panel(self) -> &'static str {
+        match self {
+            Self::Ems | Self::EmsOutputError => "Extended Maxwell-Slip",
+            Self::Classical(kind) => kind.panel(),
         }
     }
 

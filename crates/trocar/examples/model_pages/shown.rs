@@ -2,7 +2,7 @@
 
 use std::error::Error;
 
-use trocar::report::{Family, Role};
+use trocar::report::Role;
 use trocar_model::{
     Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams, Gms, GmsElement, Leuven,
     LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParameterId, Quantity, Relaxation,
@@ -88,13 +88,13 @@ pub(crate) fn all() -> Outcome<Vec<Shown>> {
     Ok(all)
 }
 
-const EMS: Role = Role::Friction(Family::Ems, 0);
+const EMS: Role = Role::Friction("ems", 0);
 
 fn of_seal() -> Outcome<Vec<Shown>> {
     let params = ElementParams::plausible_10_5_mm()?;
     let statics = |variant, name, friction| -> Outcome<Line> {
         let model = Classical::Static(StaticFriction::new(friction)?);
-        Ok(Line::new(name, Role::Friction(Family::Static, variant), model))
+        Ok(Line::new(name, Role::Friction("static", variant), model))
     };
     let damped =
         ElementParams { damping: SealDamping { coefficients: [15.0, 0.0, 0.0] }, ..params };
@@ -134,7 +134,7 @@ fn of_seal() -> Outcome<Vec<Shown>> {
             beside_seal: false,
             first: First::Branches,
             lines: vec![
-                Line::new("three times κ", Role::Friction(Family::Ems, 1), stiffer(params)?),
+                Line::new("three times κ", Role::Friction("ems", 1), stiffer(params)?),
                 Line::new("κ of the seal", EMS, seal()?),
             ],
         },
@@ -146,7 +146,7 @@ fn of_seal() -> Outcome<Vec<Shown>> {
             beside_seal: true,
             first: First::None,
             lines: vec![
-                Line::new("σ = 15 N s/m", Role::Friction(Family::Ems, 1), Element::new(damped)?),
+                Line::new("σ = 15 N s/m", Role::Friction("ems", 1), Element::new(damped)?),
                 Line::new("creep and relaxation", EMS, Element::new(slow)?),
             ],
         },
@@ -236,8 +236,8 @@ fn classical() -> Outcome<Vec<Shown>> {
             "Dahl",
             "The force approaches the Coulomb force along one curve, which bends the same way throughout: no plateau, no second rise.",
             vec![
-                line("i = 2", Family::Dahl, 1, Classical::Dahl(dahl(2.0)?)),
-                line("i = 1", Family::Dahl, 0, Classical::Dahl(dahl(1.0)?)),
+                line("i = 2", "dahl", 1, Classical::Dahl(dahl(2.0)?)),
+                line("i = 1", "dahl", 0, Classical::Dahl(dahl(1.0)?)),
             ],
         ),
         page(
@@ -245,8 +245,8 @@ fn classical() -> Outcome<Vec<Shown>> {
             "LuGre",
             "With a static force the force overshoots before it slides; the curve up to there bends one way.",
             vec![
-                line("F_s = 3.8 N", Family::LuGre, 1, Classical::LuGre(lugre(3.8)?)),
-                line("F_s = F_c", Family::LuGre, 0, Classical::LuGre(lugre(3.0)?)),
+                line("F_s = 3.8 N", "lugre", 1, Classical::LuGre(lugre(3.8)?)),
+                line("F_s = F_c", "lugre", 0, Classical::LuGre(lugre(3.0)?)),
             ],
         ),
         page(
@@ -254,15 +254,10 @@ fn classical() -> Outcome<Vec<Shown>> {
             "The modified Leuven model",
             "A hysteresis function with memory instead of a straight spring: minor loops close, but no branch falls.",
             vec![
-                line(
-                    "one spring",
-                    Family::Leuven,
-                    1,
-                    Classical::Leuven(Leuven::new(&bank(1), leuven)?),
-                ),
+                line("one spring", "leuven", 1, Classical::Leuven(Leuven::new(&bank(1), leuven)?)),
                 line(
                     "four springs",
-                    Family::Leuven,
+                    "leuven",
                     0,
                     Classical::Leuven(Leuven::new(&bank(4), leuven)?),
                 ),
@@ -275,13 +270,13 @@ fn classical() -> Outcome<Vec<Shown>> {
             vec![
                 line(
                     "1 element",
-                    Family::MaxwellSlip,
+                    "maxwell-slip",
                     1,
                     Classical::MaxwellSlip(MaxwellSlip::new(&bank(1), 5.0)?),
                 ),
                 line(
                     "4 elements",
-                    Family::MaxwellSlip,
+                    "maxwell-slip",
                     0,
                     Classical::MaxwellSlip(MaxwellSlip::new(&bank(4), 5.0)?),
                 ),
@@ -292,8 +287,8 @@ fn classical() -> Outcome<Vec<Shown>> {
             "Generalized Maxwell-Slip",
             "The polygon of Maxwell-Slip, with a sliding force that depends on the velocity and lags behind it.",
             vec![
-                line("F_s = 3.8 N", Family::Gms, 1, Classical::Gms(gms(3.8, &bank(4))?)),
-                line("F_s = F_c", Family::Gms, 0, Classical::Gms(gms(3.0, &bank(4))?)),
+                line("F_s = 3.8 N", "gms", 1, Classical::Gms(gms(3.8, &bank(4))?)),
+                line("F_s = F_c", "gms", 0, Classical::Gms(gms(3.0, &bank(4))?)),
             ],
         ),
     ])

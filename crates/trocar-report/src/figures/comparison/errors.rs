@@ -1,6 +1,6 @@
 //! Errors against the number of parameters.
 
-use super::family;
+use super::kind;
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use trocar_lab::compare::{Comparison, Entry};
 
@@ -40,14 +40,14 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
         let y: Vec<f64> = own.iter().map(|entry| error(entry)).collect();
         let (first, last) = (own[0].elements, own[own.len() - 1].elements);
         let name = format!("{}, {first} to {last} elements", own[0].choice.title());
-        let role = Role::Friction(family(own[0]), 0);
+        let role = Role::Friction(kind(own[0]), 0);
         panel = panel
             .series(Series::line(name.clone(), role, x.clone(), y.clone()))
             .series(Series::points(name, role, x, y));
     }
     for same in coincident(singles.into_iter().flatten(), &error) {
         let label = joined(same.iter().map(|entry| entry.title()).collect());
-        let role = Role::Friction(family(same[0]), 0);
+        let role = Role::Friction(kind(same[0]), 0);
         let (x, y) = (vec![same[0].parameters as f64], vec![error(same[0])]);
         panel = panel.series(Series::labelled("", role, x, y, vec![label]));
     }

@@ -5,9 +5,8 @@ mod runs;
 mod tables;
 
 use super::Drawn;
-use crate::document::{Family, Role};
-use trocar_identify::classical::Kind;
-use trocar_lab::compare::{Choice, Entry, best_of};
+use crate::document::Role;
+use trocar_lab::compare::{Entry, best_of};
 
 pub(in super::super) use errors::error_by_parameters;
 pub(in super::super) use runs::{one_cycle, one_reversal, shown};
@@ -19,21 +18,13 @@ pub(in super::super) use tables::{
 /// elements.
 const SPOKEN_OF: [usize; 2] = [4, 10];
 
-fn family(entry: &Entry) -> Family {
-    let Choice::Classical(kind) = entry.choice else { return Family::Ems };
-    match kind {
-        Kind::Coulomb | Kind::CoulombViscous | Kind::Stribeck => Family::Static,
-        Kind::Dahl => Family::Dahl,
-        Kind::LuGre | Kind::LuGreRational => Family::LuGre,
-        Kind::Leuven(_) => Family::Leuven,
-        Kind::MaxwellSlip(_) => Family::MaxwellSlip,
-        Kind::Gms(_) => Family::Gms,
-    }
+/// Colour by kind, dashes by variant.
+fn role(entry: &Entry, place: usize) -> Role {
+    Role::Friction(kind(entry), variant(entry, place))
 }
 
-/// Colour by family, dashes by variant.
-fn role(entry: &Entry, place: usize) -> Role {
-    Role::Friction(family(entry), variant(entry, place))
+fn kind(entry: &Entry) -> &'static str {
+    entry.trocar.seal().kind()
 }
 
 /// Distinguishes the models of a family: `place` in a list of banks.

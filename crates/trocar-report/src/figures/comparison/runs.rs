@@ -5,26 +5,18 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Drawn, family, of_interest, role, variant};
+use super::{Drawn, kind, of_interest, role, variant};
 use trocar_model::Trocar;
 
 use crate::decimate;
-use crate::document::{Axis, Family, Figure, Panel, Role, Series};
+use crate::document::{Axis, Figure, Panel, Role, Series};
 use crate::figures::validation::{Cycle, cycles};
 use crate::figures::{MM, MOST_POINTS};
-use trocar_lab::compare::{Comparison, Entry};
+use crate::style;
+use trocar_lab::compare::{Choice, Comparison, Entry};
 use trocar_recording::Recording;
 use trocar_simulate::replay::{forces, replay};
 
-/// Families that share a panel, and its title.
-const PANELS: [(&str, &[Family]); 6] = [
-    ("Static", &[Family::Static]),
-    ("Dahl and LuGre", &[Family::Dahl, Family::LuGre]),
-    ("Leuven", &[Family::Leuven]),
-    ("Maxwell-Slip", &[Family::MaxwellSlip]),
-    ("Generalized Maxwell-Slip", &[Family::Gms]),
-    ("Extended Maxwell-Slip", &[Family::Ems]),
-];
 /// Margins before and after the reversal, in units of the travel over which the error of a reversal
 /// is evaluated.
 const MARGINS: [f64; 2] = [0.35, 1.4];
@@ -61,25 +53,35 @@ pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_
             force: force.map(|f| f + entry.offset - offset).collect(),
         }
     };
-    let panel = |(title, families): (&'static str, &[Family])| {
-        let runs: Vec<Run> = models(comparison, families).par_iter().map(run).collect();
-        (!runs.is_empty()).then_some((title, runs))
+    let panel = |title: &'static str| {
+        let runs: Vec<Run> = models(comparison, title).par_iter().map(run).collect();
+        (title, runs)
     };
-    let panels = PANELS.into_iter().filter_map(panel).collect();
+    let panels = titles(comparison).into_iter().map(panel).collect();
     let measured = recording.force.iter().map(|f| f - offset).collect();
     Some(Shown { recording, cycle, offset, measured, panels })
 }
 
-/// The models of some families with their places; of banks, the best and those that EMS discusses.
-fn models<'a>(comparison: &'a Comparison, families: &[Family]) -> Vec<(&'a Entry, usize)> {
-    let own = comparison.families().into_iter().filter(|own| families.contains(&family(own[0])));
+/// The panels: classical models in the order of their families, then EMS.
+fn titles(comparison: &Comparison) -> Vec<&'static str> {
+    let mut families: Vec<Choice> =
+        comparison.families().iter().map(|family| family[0].choice).collect();
+    families.sort_by_key(|choice| (!matches!(choice, Choice::Classical(_)), *choice));
+    let mut titles: Vec<&str> = families.into_iter().map(Choice::panel).collect();
+    titles.dedup();
+    titles
+}
+
+/// The models of a panel with their places; of banks, the best and those that EMS discusses.
+fn models<'a>(comparison: &'a Comparison, panel: &str) -> Vec<(&'a Entry, usize)> {
+    let own = comparison.families().into_iter().filter(|own| own[0].choice.panel() == panel);
     let numbered = own.flat_map(|own| {
         let chosen = if own[0].choice.is_bank() { of_interest(&own) } else { own };
         chosen.into_iter().enumerate().map(|(place, entry)| (entry, place)).collect::<Vec<_>>()
     });
     let mut all: Vec<(&Entry, usize)> = numbered.collect();
     // Solid lines first, so that dashes are visible on them.
-    all.sort_by_key(|(entry, place)| (family(entry) as u8, variant(entry, *place)));
+    all.sort_by_key(|(entry, place)| (style::place(kind(entry)), variant(entry, *place)));
     all
 }
 
@@ -126,7 +128,7 @@ pub(in super::super::super) fn one_reversal(
     let axis = Axis::new("travel after the reversal", "mm");
     Ok(shown.draw(figure, &axis, &x, &window).caption(format!(
         "The force upon one reversal to {} in {}, at {:.0} mm/s, as in figure 3 of EMS: measured, and as the models of each family \
-         compute it from the measured positions in free run. Of Leuven, Maxwell-Slip and GMS the fewest elements within 1 % of the \
+         compute it from the measured positions in free run. Of banks of elements the fewest elements within 1 % of the \
          least validation error are shown, beside four and ten. What is drawn left of zero is the travel before the reversal; the \
          errors of reversals count {:.1} mm after it. Where lines coincide, the dashed ones lie on the solid one. {}",
         shown.sense(),
