@@ -1,9 +1,9 @@
 //! The friction models of EMS section II as one type, for whoever has to run any of them.
 
 use crate::error::ParamError;
-use crate::flat::{FlatError, Numbers, Reader, Row};
 use crate::friction::Friction;
 use crate::law::{self, Law, Visit};
+use crate::row::{FlatError, Numbers, Reader, Row};
 use crate::{Dahl, Gms, Leuven, LuGre, MaxwellSlip, StaticFriction};
 
 /// Declares the models, each with its kind in files. The order is that of the numbers of the kinds

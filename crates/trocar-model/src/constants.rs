@@ -7,9 +7,10 @@
 use crate::elastic::{COUNT, Span};
 use crate::ems::{Contact, Element, VelocityWeakening};
 use crate::gms::Gms;
+use crate::law::MAX_ELEMENTS;
 use crate::leuven::Leuven;
 use crate::lugre::LuGre;
-use crate::maxwell_slip::{MAX_ELEMENTS, MaxwellSlip};
+use crate::maxwell_slip::MaxwellSlip;
 
 /// M and h over one span between neighbouring joins, as power series of t = (z -
 /// `mid`)·`inverse_half` in [-1, 1].

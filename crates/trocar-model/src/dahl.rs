@@ -3,10 +3,10 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
-use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity};
 use crate::law::{Law, Visit};
 use crate::parameter::{Blank, parameters};
+use crate::row::row;
 
 /// Parameters of the Dahl model, key DAHL. Checked by [`Dahl::new`].
 ///

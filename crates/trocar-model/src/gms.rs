@@ -3,11 +3,10 @@
 
 use crate::error::{ParamError, check_element, finite};
 use crate::exponential::decay;
-use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity};
-use crate::law::{Choice, Elements, Law, Visit};
-use crate::maxwell_slip::{MAX_ELEMENTS, check_count};
+use crate::law::{Choice, Elements, Law, MAX_ELEMENTS, Visit, check_count};
 use crate::parameter::{Blank, parameters};
+use crate::row::row;
 use crate::sliding::SlidingFriction;
 
 /// Allowed distance of Σα_i from 1.

@@ -3,9 +3,20 @@
 
 use crate::error::ParamError;
 use crate::friction::Friction;
-use crate::maxwell_slip::{MAX_ELEMENTS, check_count};
 use crate::parameter::{Blank, Parameters, Quantity};
 use crate::sliding::SlidingFriction;
+
+/// Largest number of elements of a model.
+pub const MAX_ELEMENTS: usize = 16;
+
+/// Number of elements of a model.
+pub(crate) fn check_count(count: usize) -> Result<(), ParamError> {
+    if (1..=MAX_ELEMENTS).contains(&count) {
+        Ok(())
+    } else {
+        Err(ParamError::ElementCount { count })
+    }
+}
 
 /// Visits the members of a model, one after the other: writes, reads or changes them.
 pub trait Visit {

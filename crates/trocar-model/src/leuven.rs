@@ -2,11 +2,11 @@
 
 use crate::error::{ParamError, check_fields, finite};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
-use crate::flat::row;
 use crate::friction::{Friction, sign, velocity};
-use crate::law::{Elements, Law, Visit};
-use crate::maxwell_slip::{Bank, MAX_ELEMENTS, SlipElement};
+use crate::law::{Elements, Law, MAX_ELEMENTS, Visit};
+use crate::maxwell_slip::{Bank, SlipElement};
 use crate::parameter::{Blank, parameters};
+use crate::row::row;
 use crate::sliding::SlidingFriction;
 
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.

@@ -81,6 +81,7 @@
 
 pub mod backlash;
 pub mod batch;
+mod block;
 pub mod classical;
 pub mod constants;
 pub mod creep;
@@ -104,6 +105,7 @@ pub mod partial;
 mod plausible;
 pub mod profile;
 pub mod relaxation;
+mod row;
 mod run;
 pub mod seal;
 pub mod sliding;
@@ -121,10 +123,10 @@ pub use ems::{Element, ElementParams, Mode, State, VelocityWeakening};
 pub use error::ParamError;
 pub use friction::Friction;
 pub use gms::{Gms, GmsElement, GmsState, SlipRate};
-pub use law::{Choice, Elements, Visit};
+pub use law::{Choice, Elements, MAX_ELEMENTS, Visit};
 pub use leuven::{Leuven, LeuvenParams, LeuvenState};
 pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
-pub use maxwell_slip::{MAX_ELEMENTS, MaxwellSlip, MaxwellSlipState, SlipElement};
+pub use maxwell_slip::{MaxwellSlip, MaxwellSlipState, SlipElement};
 pub use parallel::{Beside, MAX_STAGES, Stages, StagesState, rest_states, step_parallel};
 pub use parameter::{Blank, Declaration, Field, ParameterId, Parameters, Quantity, Range, Unit};
 pub use partial::PartialReversals;

@@ -1,12 +1,12 @@
 //! The LuGre model: friction as the deflection of bristles that give way at the sliding force.
 
+use crate::block::{BLOCK, Motion, Samples};
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, decay_inlined};
-use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity, within};
 use crate::law::{Choice, Law, Visit};
 use crate::parameter::{Blank, parameters};
-use crate::run::{BLOCK, Motion, Samples};
+use crate::row::row;
 use crate::sliding::SlidingFriction;
 
 /// 4·√(2·e): v_d·σ_1/F_c up to which the damping alone keeps the model passive.

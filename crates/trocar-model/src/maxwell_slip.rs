@@ -1,14 +1,11 @@
 //! The Maxwell-Slip model: springs with a dry slider each, side by side, EMS (1) to (3).
 
+use crate::block::{BLOCK, Motion, Samples};
 use crate::error::{ParamError, check_element, in_range};
-use crate::flat::row;
 use crate::friction::{Friction, held, velocity, within};
-use crate::law::{Elements, Law, Visit};
+use crate::law::{Elements, Law, MAX_ELEMENTS, Visit, check_count};
 use crate::parameter::{Quantity, parameters};
-use crate::run::{BLOCK, Motion, Samples};
-
-/// Largest number of elements of a model.
-pub const MAX_ELEMENTS: usize = 16;
+use crate::row::row;
 
 /// One spring in series with a dry slider.
 ///
@@ -285,15 +282,6 @@ impl Friction for MaxwellSlip {
 
     fn force(state: &MaxwellSlipState) -> f64 {
         state.force
-    }
-}
-
-/// Number of elements of a model.
-pub(crate) fn check_count(count: usize) -> Result<(), ParamError> {
-    if (1..=MAX_ELEMENTS).contains(&count) {
-        Ok(())
-    } else {
-        Err(ParamError::ElementCount { count })
     }
 }
 

@@ -2,10 +2,10 @@
 //! (4), (11), (23).
 
 use crate::error::ParamError;
-use crate::flat::row;
 use crate::friction::{Friction, held, sign, velocity};
 use crate::law::{Law, Visit};
 use crate::parameter::Blank;
+use crate::row::row;
 use crate::sliding::SlidingFriction;
 
 /// Friction without a deformation of its own; by its parameters Coulomb, Coulomb and viscous, or
