@@ -60,7 +60,7 @@ impl MovingMass {
     ///
     /// # Errors
     /// The first error of a recording.
-    pub fn subtracted_from_all(
+    pub(crate) fn subtracted_from_all(
         self,
         all: Vec<Recording>,
         unmodelled: f64,

@@ -34,7 +34,7 @@ pub(crate) const COUNT: usize = MAX_DEGREE + 1;
 ///
 /// A fitted polynomial may be flat or falling at its end; the line that continues it must rise, or
 /// the element would never reach the sliding force (the hypothesis of EMS proposition III.1).
-pub const END_SLOPE_FLOOR: f64 = 0.05;
+pub(crate) const END_SLOPE_FLOOR: f64 = 0.05;
 
 /// Allowed force jump at a join, as a fraction of the force span of the branch.
 const JOIN_TOLERANCE: f64 = 1e-6;

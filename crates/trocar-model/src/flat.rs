@@ -28,7 +28,7 @@ pub const SEAL_NUMBERS: usize = 4 + MAX_STAGES * ELEMENT_NUMBERS;
 /// Numbers of a state, whatever the model: fixed, so that a state fits one place.
 pub const STATE_NUMBERS: usize = 3 + SEAL_STATE_NUMBERS;
 /// The same for the state of a seal alone, without format, position and force.
-pub const SEAL_STATE_NUMBERS: usize = 2 + MAX_STAGES * STATE_OF_ELEMENT;
+pub(crate) const SEAL_STATE_NUMBERS: usize = 2 + MAX_STAGES * STATE_OF_ELEMENT;
 
 const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE)
     + 1
