@@ -332,6 +332,6 @@ fn giving_work(slip_rate: SlipRate) -> usize {
 /// without moving (GMS in SOURCES.md); with a limited rate it does not.
 #[test]
 fn a_law_known_to_give_work_is_found_and_its_cure_is_not() {
-    assert!(giving_work(SlipRate::Free) > 10);
+    assert!(giving_work(SlipRate::Free) > 0);
     assert_eq!(giving_work(SlipRate::Limited), 0);
 }
