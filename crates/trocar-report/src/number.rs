@@ -9,6 +9,13 @@ pub(super) struct Ticks {
     pub(super) labels: Vec<String>,
 }
 
+impl Ticks {
+    /// Where `place` puts each tick, and its number.
+    pub(super) fn placed(&self, place: impl Fn(f64) -> f64) -> Vec<(f64, &str)> {
+        self.at.iter().zip(&self.labels).map(|(at, label)| (place(*at), label.as_str())).collect()
+    }
+}
+
 /// Round ticks (1, 2, 2.5 or 5 times a power of ten apart), about `target` of them, inside `[low,
 /// high]`.
 pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {

@@ -2,13 +2,12 @@
 //!
 //! Without JavaScript it is the picture of a seal that slides; with it the page redraws what is marked here, from the steps of the module.
 
-use std::fmt::Write as _;
-
-use serde::Serialize;
+use serde_json::json;
 use trocar_model::{DeformationForce, Direction, Element, ElementParams, Trocar};
 
 use super::chart::inert;
-use super::figures::MM;
+use super::codes::encoded;
+use super::figures::{MM, row_of};
 use super::number::ticks;
 use super::{ReportError, live, style};
 
@@ -54,48 +53,6 @@ const MARGIN: [f64; 4] = [46.0, 8.0, 8.0, 42.0];
 /// Styles of the lines, by their names.
 const STYLES: [&str; 5] = ["model", "measured", "fit", "deflection", "backdrop"];
 
-/// What the script of the page needs to draw as this file does.
-#[derive(Serialize)]
-struct Page {
-    row: String,
-    way: [f64; 2],
-    speed: f64,
-    turns: [f64; 5],
-    pause: f64,
-    half_width: f64,
-    joins: [f64; 2],
-    /// Middle of the branches (N) and half their distance, from -c to +c.
-    mid: Vec<f64>,
-    half_gap: Vec<f64>,
-    section: Section,
-}
-
-/// Sizes of the cross-section.
-#[derive(Serialize)]
-struct Section {
-    scale: f64,
-    clamp: [f64; 2],
-    surface: f64,
-    thickness: [f64; 2],
-    points: usize,
-    bulge: f64,
-    snap: f64,
-    narrowest: f64,
-    per_newton: f64,
-}
-
-const SECTION: Section = Section {
-    scale: SCALE,
-    clamp: CLAMP,
-    surface: SURFACE,
-    thickness: THICKNESS,
-    points: POINTS,
-    bulge: BULGE,
-    snap: SNAP,
-    narrowest: NARROWEST,
-    per_newton: PER_NEWTON,
-};
-
 /// A state of the seal, mm and N.
 struct Shown {
     position: f64,
@@ -110,38 +67,47 @@ struct Shown {
 /// # Errors
 /// Parameters that make no element.
 pub fn moving_seal(params: &ElementParams) -> Result<String, ReportError> {
-    let refuse = |_| ReportError::Live { reason: "its parameters make no element" };
-    let trocar = Trocar::of_seal(Element::new(*params).map_err(refuse)?);
-    let mut row = vec![0.0; trocar.count_numbers()];
-    let refuse = |_| ReportError::Live { reason: "its model cannot be written as numbers" };
-    trocar.write_numbers(&mut row).map_err(refuse)?;
+    let refused = |reason| ReportError::Live { reason };
+    let element = Element::new(*params).map_err(|_| refused("its parameters make no element"))?;
+    let trocar = Trocar::of_seal(element);
+    let row = row_of(&trocar).map_err(|_| refused("its model cannot be written as numbers"))?;
     let (cycle, now) = cycle(&trocar);
-    let now = now.ok_or(ReportError::Live { reason: "its seal does not move" })?;
-    let fragment = Fragment { params, cycle, now };
-    let json = serde_json::to_string(&page(params, &row));
-    let module = live::module();
-    let (Ok(json), Ok(module)) = (json, module) else {
-        return Err(ReportError::Live { reason: "its numbers cannot be written" });
-    };
-    Ok(fragment.html(&inert(&json), &module))
+    let now = now.ok_or(refused("its seal does not move"))?;
+    let module = live::module().map_err(|_| refused("its numbers cannot be written"))?;
+    let json = inert(&page(params, &row).to_string());
+    Ok(Fragment { params, cycle, now }.html(&json, &module))
 }
 
-fn page(params: &ElementParams, row: &[f64]) -> Page {
+/// What the script of the page needs to draw as this file does: middle of the branches (N) and half their distance from -c to +c, sizes of
+/// the cross-section.
+fn page(params: &ElementParams, row: &[f64]) -> serde_json::Value {
     let force = &params.deformation;
     let c = force.half_width();
-    let grid = || (-64..=64).map(|k| c * f64::from(k) / 64.0);
-    Page {
-        row: live::encoded(row),
-        way: WAY.map(|mm| mm / MM),
-        speed: SPEED / MM,
-        turns: TURNS.map(|mm| mm / MM),
-        pause: PAUSE,
-        half_width: c,
-        joins: [Direction::Insertion, Direction::Withdrawal].map(|d| force.branch(d).join()),
-        mid: grid().map(|z| force.mid(z)).collect(),
-        half_gap: grid().map(|z| force.half_gap(z)).collect(),
-        section: SECTION,
-    }
+    let grid = (-64..=64).map(|k| c * f64::from(k) / 64.0);
+    let [mid, half_gap]: [Vec<f64>; 2] =
+        [grid.clone().map(|z| force.mid(z)).collect(), grid.map(|z| force.half_gap(z)).collect()];
+    json!({
+        "row": encoded(row),
+        "way": WAY.map(|mm| mm / MM),
+        "speed": SPEED / MM,
+        "turns": TURNS.map(|mm| mm / MM),
+        "pause": PAUSE,
+        "half_width": c,
+        "joins": [force.insertion().join(), force.withdrawal().join()],
+        "mid": mid,
+        "half_gap": half_gap,
+        "section": {
+            "scale": SCALE,
+            "clamp": CLAMP,
+            "surface": SURFACE,
+            "thickness": THICKNESS,
+            "points": POINTS,
+            "bulge": BULGE,
+            "snap": SNAP,
+            "narrowest": NARROWEST,
+            "per_newton": PER_NEWTON,
+        },
+    })
 }
 
 /// One full cycle from where the instrument is in for the first time, and the seal at rest half way through the next insertion.
@@ -173,87 +139,59 @@ struct Fragment<'a> {
     now: Shown,
 }
 
-// Writing to a String cannot fail, so the results of `write!` are dropped throughout this file.
-
 impl Fragment<'_> {
     fn html(&self, json: &str, module: &str) -> String {
-        let now = &self.now;
-        let mut html =
-            format!("<div class=\"moving-seal\">\n<style>\n{}{STYLE}</style>\n", colours());
-        html += &self.section(now);
-        html += &status(now);
-        html += "<div class=\"seal-charts\">\n";
-        html += &self.over_position(now);
-        html += &self.over_deflection(now);
-        html += "</div>\n<p class=\"seal-tools\"><button type=\"button\" hidden>Play</button> <span>Where JavaScript and \
-                 WebAssembly run, this seal moves.</span></p>\n";
-        let _ = write!(
-            html,
-            "<script type=\"application/json\">{json}</script>\n<script type=\"application/gzip\">{module}</script>\n\
-             <script>\n\"use strict\";\n(() => {{\n{}{SCRIPT}}})();\n</script>\n</div>\n",
-            live::MODEL_SCRIPTS.concat()
-        );
-        html
-    }
-
-    /// The trocar along its axis: walls, instrument, lips, force; and the deflection between its limits.
-    fn section(&self, now: &Shown) -> String {
-        let [left, _] = CLAMP;
-        let mirror = format!("transform=\"matrix(1 0 0 -1 0 {})\"", 2.0 * (SURFACE + 25.0));
-        let wall = format!("class=\"seal-wall\" d=\"M{0} 12H480V30H{0}Z\"/>", left - 40.0);
-        let lip = closed(&outline(&self.params.deformation, now));
-        let lip = format!("<path class=\"seal-lip\" d=\"{lip}\"/>");
-        let along = SCALE * (now.position - WAY[0]);
-        let rings = (0..26).map(|ring| format!("M{} {SURFACE}v50", TIP - 25.0 * f64::from(ring)));
-        let mut svg = "<svg class=\"seal-section\" viewBox=\"0 0 480 268\" role=\"img\" aria-label=\"Cross-section of a trocar: the lip of the \
-                       seal between the wall and the instrument\">\n<defs><pattern class=\"seal-hatch\" id=\"seal-hatch\" width=\"7\" \
-                       height=\"7\" patternUnits=\"userSpaceOnUse\" patternTransform=\"rotate(45)\"><rect width=\"7\" height=\"7\"/><path d=\"M0 0V7\"/></pattern></defs>\n"
-            .to_owned();
-        let _ = write!(
-            svg,
-            "<g class=\"seal-shaft\" transform=\"translate({along:.2} 0)\">\n\
-             <path d=\"M-400 {SURFACE}H{TIP}q26 0 30 25q-4 25 -30 25H-400Z\"/>\n<path class=\"seal-rings\" d=\"{}\"/>\n</g>\n\
-             <g class=\"seal-lips\" data-sliding=\"1\">{lip}<g {mirror}>{lip}</g></g>\n\
-             <path {wall}\n<path {mirror} {wall}\n",
-            rings.collect::<String>()
-        );
-        let _ = write!(
-            svg,
-            "<path class=\"seal-force\" d=\"{}\"/>\n<text class=\"seal-force-name\" x=\"{left}\" y=\"{}\">F</text>\n{}\
-             <text class=\"seal-side\" x=\"8\" y=\"24\">outside</text>\n\
-             <text class=\"seal-side seal-end\" x=\"472\" y=\"245\">insertion →</text>\n</svg>\n",
-            arrow(now.force),
-            SURFACE + 21.0,
-            self.gauge(now)
-        );
-        svg
-    }
-
-    /// The deflection between −c and +c.
-    fn gauge(&self, now: &Shown) -> String {
-        let half_width = MM * self.params.deformation.half_width();
-        let place = |millimetres: f64| CLAMP[0] + SCALE * millimetres;
-        let [low, middle, high] = [-half_width, 0.0, half_width].map(place);
-        let names = [(low, "−c"), (middle, "0"), (high, "+c")];
-        let names = names.map(|(x, name)| format!("<text x=\"{x}\" y=\"260\">{name}</text>\n"));
+        let Shown { position, deflection, force } = self.now;
         format!(
-            "<path class=\"seal-gauge\" d=\"M{low} 240H{high}M{low} 235v10M{middle} 235v10M{high} 235v10\"/>\n{}\
-             <circle class=\"seal-z\" cx=\"{:.2}\" cy=\"240\" r=\"6\"/>\n\
-             <text class=\"seal-side seal-end\" x=\"{}\" y=\"245\">deflection z</text>\n",
-            names.concat(),
-            place(now.deflection),
-            low - 12.0
+            include_str!("assets/seal.html"),
+            colours = colours(),
+            style = STYLE,
+            section = self.section(),
+            force = signed(force, "N"),
+            deflection = signed(deflection, "mm"),
+            position = signed(position, "mm"),
+            charts = self.over_position() + &self.over_deflection(),
+            json = json,
+            module = module,
+            scripts = live::MODEL_SCRIPTS.concat() + SCRIPT,
         )
     }
 
-    fn over_position(&self, now: &Shown) -> String {
+    /// The trocar along its axis: walls, instrument, lips, force; and the deflection between its limits.
+    fn section(&self) -> String {
+        let now = &self.now;
+        let left = CLAMP[0];
+        let half_width = SCALE * MM * self.params.deformation.half_width();
+        let rings = (0..26).map(|ring| format!("M{} {SURFACE}v50", TIP - 25.0 * f64::from(ring)));
+        format!(
+            include_str!("assets/seal-section.svg"),
+            along = SCALE * (now.position - WAY[0]),
+            surface = SURFACE,
+            tip = TIP,
+            rings = rings.collect::<String>(),
+            lip = closed(&outline(&self.params.deformation, now)),
+            mirror = format_args!("transform=\"matrix(1 0 0 -1 0 {})\"", 2.0 * (SURFACE + 25.0)),
+            wall = format_args!("M{0} 12H480V30H{0}Z", left - 40.0),
+            arrow = arrow(now.force),
+            left = left,
+            below = SURFACE + 21.0,
+            low = left - half_width,
+            high = left + half_width,
+            deflection = left + SCALE * now.deflection,
+            beside = left - half_width - 12.0,
+        )
+    }
+
+    fn over_position(&self) -> String {
+        let now = &self.now;
         let chart =
             Chart { x: [WAY[0] - 1.0, WAY[1] + 1.0], y: self.forces(), name: "position (mm)" };
         let loop_of = self.line(|shown| shown.position);
         chart.svg("position", &[("backdrop", loop_of)], [now.position, now.force])
     }
 
-    fn over_deflection(&self, now: &Shown) -> String {
+    fn over_deflection(&self) -> String {
+        let now = &self.now;
         let c = MM * self.params.deformation.half_width();
         let chart = Chart { x: [-1.25 * c, 1.25 * c], y: self.forces(), name: "deflection z (mm)" };
         let branches = [Direction::Insertion, Direction::Withdrawal].map(|direction| {
@@ -278,10 +216,7 @@ impl Fragment<'_> {
 }
 
 fn points(points: impl Iterator<Item = [f64; 2]>) -> String {
-    points.fold(String::new(), |mut text, [x, y]| {
-        let _ = write!(text, "{x:.3},{y:.3} ");
-        text
-    })
+    points.map(|[x, y]| format!("{x:.3},{y:.3} ")).collect()
 }
 
 /// Axes whose lines are in the units of the axes.
@@ -298,74 +233,49 @@ impl Chart {
         let scale = [width / (self.x[1] - self.x[0]), height / (self.y[1] - self.y[0])];
         let place_x = |value: f64| left + scale[0] * (value - self.x[0]);
         let place_y = |value: f64| top + height - scale[1] * (value - self.y[0]);
-        let mut svg = format!(
-            "<svg class=\"seal-chart\" data-chart=\"{id}\" viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"Force (N) over {}\">\n\
-             <path class=\"seal-grid\" d=\"",
-            left + width + right,
-            top + height + bottom,
-            self.name
-        );
-        let (x_ticks, y_ticks) = (ticks(self.x[0], self.x[1], 5), ticks(self.y[0], self.y[1], 5));
-        for at in &x_ticks.at {
-            let _ = write!(svg, "M{:.2} {top}v{height}", place_x(*at));
-        }
-        for at in &y_ticks.at {
-            let _ = write!(svg, "M{left} {:.2}h{width}", place_y(*at));
-        }
-        let _ = write!(
-            svg,
-            "\"/>\n<path class=\"seal-frame\" d=\"M{left} {top}h{width}v{height}h-{width}z\"/>\n"
-        );
-        for (at, label) in x_ticks.at.iter().zip(&x_ticks.labels) {
-            let _ = writeln!(
-                svg,
-                "<text x=\"{:.2}\" y=\"{}\">{label}</text>",
-                place_x(*at),
-                top + height + 16.0
-            );
-        }
-        for (at, label) in y_ticks.at.iter().zip(&y_ticks.labels) {
-            let _ = writeln!(
-                svg,
-                "<text class=\"seal-end\" x=\"{}\" y=\"{:.2}\">{label}</text>",
-                left - 6.0,
-                place_y(*at) + 4.0
-            );
-        }
-        let _ = write!(
-            svg,
-            "<text x=\"{}\" y=\"{}\">{}</text>\n<text transform=\"translate(13 {}) rotate(-90)\">force (N)</text>\n<g transform=\"matrix({} 0 0 {} {} {})\">\n",
-            left + width / 2.0,
-            top + height + 35.0,
-            self.name,
-            top + height / 2.0,
-            scale[0],
-            -scale[1],
-            left - scale[0] * self.x[0],
-            top + height + scale[1] * self.y[0]
-        );
-        for (class, points) in lines {
-            let _ = writeln!(svg, "<polyline class=\"seal-{class}\" points=\"{points}\"/>");
-        }
-        let _ = write!(
-            svg,
-            "<polyline class=\"seal-trail\"/>\n<path class=\"seal-dot\" d=\"M{x:.3} {y:.3}h0\"/>\n</g>\n</svg>\n"
-        );
-        svg
+        let bottom_line = top + height;
+        let [x_ticks, y_ticks] = [self.x, self.y].map(|[low, high]| ticks(low, high, 5));
+        let (x_ticks, y_ticks) = (x_ticks.placed(place_x), y_ticks.placed(place_y));
+        let grid = x_ticks.iter().map(|(x, _)| format!("M{x:.2} {top}v{height}"));
+        let grid = grid.chain(y_ticks.iter().map(|(y, _)| format!("M{left} {y:.2}h{width}")));
+        let x_numbers = x_ticks.iter().map(|(x, label)| {
+            format!("<text x=\"{x:.2}\" y=\"{}\">{label}</text>\n", bottom_line + 16.0)
+        });
+        let y_numbers = y_ticks.iter().map(|(y, label)| {
+            let (right, line) = (left - 6.0, y + 4.0);
+            format!("<text class=\"seal-end\" x=\"{right}\" y=\"{line:.2}\">{label}</text>\n")
+        });
+        let lines = lines.iter().map(|(class, points)| {
+            format!("<polyline class=\"seal-{class}\" points=\"{points}\"/>\n")
+        });
+        format!(
+            include_str!("assets/seal-chart.svg"),
+            id = id,
+            full_width = left + width + right,
+            full_height = top + height + bottom,
+            name = self.name,
+            grid = grid.collect::<String>(),
+            left = left,
+            top = top,
+            width = width,
+            height = height,
+            numbers = x_numbers.chain(y_numbers).collect::<String>(),
+            centre = left + width / 2.0,
+            below = bottom_line + 35.0,
+            middle = top + height / 2.0,
+            x_scale = scale[0],
+            y_scale = scale[1],
+            x_origin = left - scale[0] * self.x[0],
+            y_origin = bottom_line + scale[1] * self.y[0],
+            lines = lines.collect::<String>(),
+            x = x,
+            y = y,
+        )
     }
 }
 
-fn status(now: &Shown) -> String {
-    let entry = |name: &str, words: &str, value: String| {
-        format!("<div><dt>{words}</dt><dd data-seal=\"{name}\">{value}</dd></div>\n")
-    };
-    let signed = |value: f64, unit: &str| format!("{value:.2} {unit}").replace('-', "−");
-    "<dl class=\"seal-status\">\n".to_owned()
-        + &entry("force", "Force F", signed(now.force, "N"))
-        + &entry("deflection", "Deflection z", signed(now.deflection, "mm"))
-        + &entry("position", "Position", signed(now.position, "mm"))
-        + &entry("sliding", "Seal", "slides".to_owned())
-        + "</dl>\n"
+fn signed(value: f64, unit: &str) -> String {
+    format!("{value:.2} {unit}").replace('-', "−")
 }
 
 /// The force on the seal as an arrow along the axis of the instrument.
@@ -389,8 +299,8 @@ pub fn lip_outline(
     force_n: f64,
 ) -> Vec<[f64; 2]> {
     let shown = Shown { position: 0.0, deflection: MM * deflection_m, force: force_n };
-    let from_clamp = |[x, y]: [f64; 2]| [(x - CLAMP[0]) / SCALE, (y - CLAMP[1]) / SCALE];
-    outline(deformation, &shown).into_iter().map(from_clamp).collect()
+    let points = outline(deformation, &shown).into_iter();
+    points.map(|[x, y]| [(x - CLAMP[0]) / SCALE, (y - CLAMP[1]) / SCALE]).collect()
 }
 
 /// Outline of the lip over the shaft, pixels: an elastic strip of constant length, clamped in the wall, whose end is on the shaft
@@ -421,13 +331,13 @@ fn outline(force: &DeformationForce, now: &Shown) -> Vec<[f64; 2]> {
 /// The middle line of a strip that bulges to the side away from its deflection; between the sides it is curved like an S.
 fn strip(z: f64, height: f64, bulge: f64, side: f64) -> Vec<[f64; 2]> {
     let double = (1.0 - side * side).max(0.0).sqrt();
-    let point = |k: usize| {
+    let points = (0..POINTS).map(|k| {
         let t = k as f64 / (POINTS - 1) as f64;
         let single = 6.75 * t * (1.0 - t) * (1.0 - t);
         let x = z * t - bulge * (side * single + 0.6 * double * (std::f64::consts::TAU * t).sin());
         [CLAMP[0] + x, CLAMP[1] + height * t]
-    };
-    (0..POINTS).map(point).collect()
+    });
+    points.collect()
 }
 
 fn length(line: &[[f64; 2]]) -> f64 {
@@ -457,12 +367,8 @@ fn closed(points: &[[f64; 2]]) -> String {
 /// The colours of the roles, on light and on dark pages; a page may choose by `data-theme`.
 fn colours() -> String {
     let used = || style::all().iter().filter(|style| STYLES.contains(&style.class));
-    let variables = |colour: fn(&style::Style) -> &'static str| {
-        used().fold(String::new(), |css, style| {
-            css + &format!("--{}:{};", style.class, colour(style))
-        })
-    };
-    let (light, dark) = (variables(|style| style.light), variables(|style| style.dark));
+    let (light, dark) =
+        (style::variables(used(), |s| s.light), style::variables(used(), |s| s.dark));
     format!(
         ".moving-seal{{{light}}}\n[data-theme=dark] .moving-seal{{{dark}}}\n\
          @media screen and (prefers-color-scheme:dark){{:root:not(:has([data-theme=light])) .moving-seal{{{dark}}}}}\n"

@@ -135,6 +135,14 @@ pub(super) const fn all() -> &'static [Style] {
     &STYLES
 }
 
+/// CSS custom properties that hold a colour of each of `styles`.
+pub(super) fn variables<'s>(
+    styles: impl IntoIterator<Item = &'s Style>,
+    colour: fn(&Style) -> &'static str,
+) -> String {
+    styles.into_iter().map(|style| format!("--{}:{};", style.class, colour(style))).collect()
+}
+
 /// The style of a role.
 pub(super) fn of(role: Role) -> Style {
     let index = match role {

@@ -41,9 +41,7 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
         let (first, last) = (own[0].elements, own[own.len() - 1].elements);
         let name = format!("{}, {first} to {last} elements", own[0].choice.title());
         let role = Role::Friction(family(own[0]), 0);
-        panel = panel
-            .series(Series::line(name.clone(), role, x.clone(), y.clone()))
-            .series(Series::points(name, role, x, y));
+        panel = panel.curve(&name, role, &x, &y);
     }
     for same in coincident(singles.into_iter().flatten(), &error) {
         let label = joined(same.iter().map(|entry| entry.title()).collect());
