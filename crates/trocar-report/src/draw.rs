@@ -1,9 +1,10 @@
 //! Composes a figure from kuva's primitives; kuva's own writers convert the scene to SVG and PNG.
 //!
-//! The axes are composed here and not by kuva's plots. The figures need legends in rows above the
-//! axes (kuva offers columns beside or over the data), labelled intervals that avoid the data, axes
-//! aligned across stacked panels, and dashes in the bitmap that do not restart at every point of a
-//! line.
+//! The axes are composed here and not by kuva's plots (0.6). The figures need legends in rows above
+//! the axes whose entries join line, marker and band (kuva offers a column, one shape each), axes
+//! aligned across stacked panels, labels of marks and intervals that avoid each other, maps of
+//! classes with a text in each cell (kuva: one continuous scale, bare numbers in black), gaps (kuva
+//! writes NaN into its paths), and dashes in the bitmap that do not restart at every point of a line.
 
 mod labels;
 
@@ -232,17 +233,14 @@ impl<'a> Frame<'a> {
 
 fn left_margin(y: [f64; 2], axis: &Axis) -> f64 {
     let labels = axis_ticks(y, axis, 8).labels;
-    let widest =
-        labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
+    let widest = labels.iter().map(|label| text_width(label, TICK_SIZE)).fold(12.0, f64::max);
     widest + 30.0
 }
 
 /// Space for the labels of horizontal marks, which are outside the axes at the right.
 fn right_margin(panel: &Panel) -> f64 {
     let at_the_right = panel.marks.iter().filter(|mark| mark.axis == Dimension::Y);
-    at_the_right
-        .map(|mark| text_width(&mark.label, f64::from(TICK_SIZE)) + 10.0)
-        .fold(14.0, f64::max)
+    at_the_right.map(|mark| text_width(&mark.label, TICK_SIZE) + 10.0).fold(14.0, f64::max)
 }
 
 /// Whether all panels have the same legend, which is then drawn once.
@@ -256,7 +254,7 @@ fn legend_rows(panel: &Panel, width: f64) -> Vec<LegendRow<'_>> {
     let mut rows: Vec<LegendRow<'_>> = Vec::new();
     let mut x = f64::INFINITY;
     for entry in view::legend(panel) {
-        let wide = SWATCH + 6.0 + text_width(entry.name, f64::from(TICK_SIZE));
+        let wide = SWATCH + 6.0 + text_width(entry.name, TICK_SIZE);
         if x + wide > width {
             rows.push(Vec::new());
             x = 0.0;
@@ -276,7 +274,7 @@ fn label_rows(frame: &Frame<'_>) -> Vec<usize> {
     let labelled = frame.panel.marks.iter().filter_map(|mark| x_label(mark, frame));
     labelled
         .map(|(label, centre)| {
-            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 3.0;
+            let half = text_width(label, TICK_SIZE) / 2.0 + 3.0;
             let row = ends.iter().position(|&end| end <= centre - half).unwrap_or(ends.len());
             if row == ends.len() {
                 ends.push(0.0);
@@ -293,7 +291,7 @@ fn x_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(&'m str, f64)> {
     if mark.axis != Dimension::X || label.is_empty() || !at.is_finite() {
         return None;
     }
-    let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 4.0;
+    let half = text_width(label, TICK_SIZE) / 2.0 + 4.0;
     Some((label, frame.x(at).min(frame.left + frame.width - half).max(frame.left + half)))
 }
 
@@ -407,7 +405,7 @@ impl Sheet {
         let labelled = frame.panel.marks.iter().filter_map(|mark| x_label(mark, frame));
         for ((label, centre), row) in labelled.zip(&frame.label_rows) {
             let y = frame.top + 13.0 + *row as f64 * LEGEND_ROW;
-            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 2.0;
+            let half = text_width(label, TICK_SIZE) / 2.0 + 2.0;
             self.rectangle([centre - half, y - 10.0, 2.0 * half, 13.0], "#ffffff", 0.75);
             self.text([centre, y], label, TICK_SIZE, TextAnchor::Middle);
         }
@@ -425,7 +423,7 @@ impl Sheet {
 
     fn point_labels(&mut self, frame: &Frame<'_>) {
         for ([x, y], label, colour) in labels::placed(frame) {
-            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0;
+            let half = text_width(label, TICK_SIZE) / 2.0;
             self.rectangle([x - half - 1.0, y - 6.0, 2.0 * half + 2.0, 12.0], "#ffffff", 0.75);
             self.centred([x, y + 4.0], label, TICK_SIZE, colour);
         }
@@ -508,7 +506,7 @@ impl Sheet {
 
     fn cells(&mut self, series: &Series, size: [f64; 2], labels: &[String], frame: &Frame<'_>) {
         let (fill, ink) = (style::of(series.role).light, style::ink_upon(series.role));
-        let widest = text_width(WIDEST_LABEL, f64::from(CELL_SIZE));
+        let widest = text_width(WIDEST_LABEL, CELL_SIZE);
         for ((x, y), label) in series.x.iter().zip(&series.y).zip(labels) {
             let [(left, bottom), (right, top)] =
                 [-0.5, 0.5].map(|k| (frame.x(x + k * size[0]), frame.y(y + k * size[1])));
@@ -812,7 +810,7 @@ mod tests {
         let rows = title_rows(title, 180.0);
         assert!(rows.len() > 1, "{rows:?}");
         assert_eq!(rows.join(" "), title);
-        let is_inside = |row: &String| text_width(row, f64::from(LABEL_SIZE)) <= 150.0;
+        let is_inside = |row: &String| text_width(row, LABEL_SIZE) <= 150.0;
         assert!(rows.iter().all(is_inside), "{rows:?}");
     }
 

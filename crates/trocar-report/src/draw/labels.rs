@@ -67,8 +67,7 @@ pub(super) fn placed<'p>(frame: &Frame<'p>) -> Vec<([f64; 2], &'p str, &'static 
             if !is_drawable(&at) || label.is_empty() {
                 continue;
             }
-            let half =
-                [text_width(&view::printable(label), f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT];
+            let half = [text_width(&view::printable(label), TICK_SIZE) / 2.0, HALF_HEIGHT];
             let cost = |area: &Area| {
                 let count = |all: &[Area]| all.iter().filter(|other| area.overlaps(other)).count();
                 let outside = usize::from(!area.is_inside(frame));
@@ -169,7 +168,7 @@ mod tests {
         let frame = &layout.frames[0];
         let area = |(centre, text, _): ([f64; 2], &str, &str)| Area {
             centre,
-            half: [text_width(text, f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT],
+            half: [text_width(text, TICK_SIZE) / 2.0, HALF_HEIGHT],
         };
         let texts: Vec<Area> = placed(frame).into_iter().map(area).collect();
         assert_eq!(texts.len(), names.len());

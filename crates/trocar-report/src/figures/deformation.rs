@@ -18,7 +18,7 @@ const BRANCH_POINTS: usize = 300;
 
 /// Force at several deflections against deformation velocity: at those of `chosen`, m, or by
 /// default at [`LEVELS`].
-pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
+pub(crate) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
     let what = "the deformation force against deformation velocity (EMS figure 7)";
     let deformation = super::deformation(found, what)?;
     let test = deformation.damping.as_ref().ok_or(
@@ -124,10 +124,7 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
 }
 
 /// Both branches: measured curves, joined polynomials, single polynomial; residuals of both fits.
-pub(in super::super) fn deformation_force(
-    found: &Identification,
-    truth: Option<&[Element]>,
-) -> Drawn {
+pub(crate) fn deformation_force(found: &Identification, truth: Option<&[Element]>) -> Drawn {
     let deformation = super::deformation(found, "the deformation force (EMS figure 8)")?;
     let force = Axis::new("deformation force", "N").with_zero();
     let axes = Panel::new(Axis::new("deflection z", "mm"), force).aspect(0.6);

@@ -6,7 +6,7 @@ use trocar_identify::{FullReversal, Identification};
 use trocar_simulate::segment::Direction;
 
 /// The half width of each full stroke, its mean and the model's value.
-pub(in super::super) fn half_width(found: &Identification) -> Drawn {
+pub(crate) fn half_width(found: &Identification) -> Drawn {
     let deformation = super::deformation(found, "the half width c")?;
     let reversals = &deformation.full_reversals;
     let (slowest, fastest) = super::limits(reversals.iter().map(|t| &t.speed));

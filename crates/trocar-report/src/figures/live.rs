@@ -33,10 +33,7 @@ const WAY: [f64; 2] = [0.0, 0.06];
 const SAME: f64 = 1e-9;
 
 /// The model of `found` with a part of a held-out recording, if there is one.
-pub(in super::super) fn live_model(
-    found: &Identification,
-    scored: &Scored,
-) -> Result<LiveModel, String> {
+pub(crate) fn live_model(found: &Identification, scored: &Scored) -> Result<LiveModel, String> {
     let trocar = found.trocar();
     let row = row_of(&trocar)?;
     let excerpt = excerpt(found, scored);
@@ -60,7 +57,7 @@ impl LiveModel {
     }
 }
 
-pub(in super::super) fn row_of<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Result<Vec<f64>, String> {
+pub(crate) fn row_of<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Result<Vec<f64>, String> {
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
     if row.len() > LONGEST_ROW {

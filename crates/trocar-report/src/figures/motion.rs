@@ -25,7 +25,7 @@ const SHORTEST_REST: f64 = 0.1;
 const RESTING: f64 = 0.1;
 
 /// Summary of the fit: terms, data and result.
-pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
+pub(crate) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
     let free = &found.free_motion;
     let rest = if fit.converged { "" } else { " The last fit did not converge." };
     let stages = if has_stages(found) {
@@ -53,7 +53,7 @@ pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Ve
 }
 
 /// Each optional model term with its p value.
-pub(in super::super) fn terms(fit: &FitSummary) -> Table {
+pub(crate) fn terms(fit: &FitSummary) -> Table {
     let caption = "Optional terms: p value of each beside the others, and the part of the squared error that it takes away (in the \
                    model: against a fit without it; not in the model: to first order)";
     Table::of(
@@ -70,7 +70,7 @@ pub(in super::super) fn terms(fit: &FitSummary) -> Table {
 
 /// Friction of each stroke relative to that of the model, over the time of the consecutive
 /// recordings.
-pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
+pub(crate) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
     let scale = &found.friction_scale;
     if scale.strokes.len() < 2 {
         return Err("There is no figure of the friction scale: fewer than two strokes.".to_owned());
@@ -120,7 +120,7 @@ impl MotionWindow<'_> {
 
 /// Measured force, force of the model and force of the paper's two steps in the part with the most
 /// rests and small reversals.
-pub(in super::super) fn small_motion(
+pub(crate) fn small_motion(
     found: &Identification,
     training: &[Recording],
     scored: &Scored,

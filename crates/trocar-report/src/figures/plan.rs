@@ -20,7 +20,7 @@ fn kind(segment: &Segment) -> usize {
 }
 
 /// Position, speed and information over time.
-pub(in super::super) fn motion(plan: &Plan) -> Figure {
+pub(crate) fn motion(plan: &Plan) -> Figure {
     let courses = KINDS.iter().enumerate().filter_map(|(k, (name, role))| {
         position_of(plan, k).map(|(x, y)| Series::line(*name, *role, x, y))
     });

@@ -18,7 +18,7 @@ const MARGINS: [f64; 2] = [0.5, 0.8];
 const OUTERMOST: f64 = 0.9;
 
 /// The force after one measured reversal against time.
-pub(in super::super) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
+pub(crate) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
             "There is no figure of the force upon a velocity reversal (EMS figure 3), because the recordings hold no full reversal: {why}."

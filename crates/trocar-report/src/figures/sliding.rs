@@ -17,7 +17,7 @@ const MOST_MEANS: usize = 1_500;
 const NORMAL_95: f64 = 1.96;
 
 /// The static friction figure.
-pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
+pub(crate) fn static_friction(found: &Identification) -> Drawn {
     let steady = &found.steady;
     if steady.means.is_empty() {
         return Err("There is no figure of the static friction (EMS figure 6): no steady sliding was found.".to_owned());
@@ -28,13 +28,14 @@ pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
     if let Some(name) = super::model_name(found) {
         all.push(curves.model(found, name));
     }
-    let velocity = || Axis::new("sliding velocity", "mm/s").with_zero();
-    let whole = Panel::new(velocity(), Axis::new("force", "N").with_zero());
-    let close = Panel::new(velocity(), Axis::new("force less fit", "N").with_zero()).aspect(0.35);
+    let [whole, close] = ["force", "force less fit"].map(|force| {
+        let velocity = Axis::new("sliding velocity", "mm/s").with_zero();
+        Panel::new(velocity, Axis::new(force, "N").with_zero())
+    });
     let less_fit = all.iter().cloned().map(|series| curves.less_fit(series));
     Ok(Figure::new("static-friction", 0, "Static friction")
         .panel(all.iter().cloned().fold(whole, Panel::series))
-        .panel(less_fit.fold(close, Panel::series))
+        .panel(less_fit.fold(close.aspect(0.35), Panel::series))
         .linked_x()
         .caption(caption(found)))
 }

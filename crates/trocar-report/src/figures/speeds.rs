@@ -18,7 +18,7 @@ fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
 }
 
 /// Root mean square error against speed, over all recordings.
-pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
+pub(crate) fn error_by_speed(scored: &Scored) -> Drawn {
     let groups = by_speed(&scored.validation);
     if groups.len() < 2 {
         return Err(
@@ -46,7 +46,7 @@ pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
 }
 
 /// Scores of each recording.
-pub(in super::super) fn error_by_recording(scored: &Scored) -> Table {
+pub(crate) fn error_by_recording(scored: &Scored) -> Table {
     let caption = format!("Measured minus computed force on {}", scored.kind());
     Table::of(
         caption,
@@ -64,7 +64,7 @@ pub(in super::super) fn error_by_recording(scored: &Scored) -> Table {
 }
 
 /// Error of each recording by phase of the motion.
-pub(in super::super) fn error_by_phase(scored: &Scored) -> Table {
+pub(crate) fn error_by_phase(scored: &Scored) -> Table {
     let phases = scored.validation.recordings.iter().flat_map(|r| {
         [
             (r, "deformation", &r.by_phase.deformation),

@@ -23,7 +23,7 @@ pub(super) fn unit_of(estimate: &Estimate) -> Unit {
 }
 
 /// A parameter in words, capitalised.
-pub(in super::super) fn name_of(id: ParameterId) -> String {
+pub(crate) fn name_of(id: ParameterId) -> String {
     capitalised(&id.words().to_string())
 }
 
@@ -33,7 +33,7 @@ pub(super) fn capitalised(words: &str) -> String {
 }
 
 /// The subject of a warning in words; the name of a recording unchanged.
-pub(in super::super) fn subject_in_words(subject: &Subject) -> String {
+pub(crate) fn subject_in_words(subject: &Subject) -> String {
     match subject {
         Subject::Parameter(id) => name_of(*id),
         Subject::Recording(name) => name.clone(),
@@ -42,7 +42,7 @@ pub(in super::super) fn subject_in_words(subject: &Subject) -> String {
 }
 
 /// The main parameters: refined beside two-step, and beside the truth if that is known.
-pub(in super::super) fn parameters(found: &Identification, truth: Option<&[Element]>) -> Table {
+pub(crate) fn parameters(found: &Identification, truth: Option<&[Element]>) -> Table {
     let refined = found.fit.is_some() && !found.steady.means.is_empty();
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
     if refined {
@@ -72,7 +72,7 @@ pub(in super::super) fn parameters(found: &Identification, truth: Option<&[Eleme
 }
 
 /// The coefficients of the branches, EMS (25), times the power of c: forces at z = c.
-pub(in super::super) fn branch_coefficients(found: &Identification) -> Option<Table> {
+pub(crate) fn branch_coefficients(found: &Identification) -> Option<Table> {
     let all: Vec<&Parameter> = found.parameters.iter().filter(|p| p.is_coefficient()).collect();
     all.first()?;
     let c = found.model.half_width;
@@ -122,7 +122,7 @@ fn true_value(id: ParameterId, elements: &[Element]) -> Option<f64> {
 }
 
 /// Properties of the recordings, one row each.
-pub(in super::super) fn sampling<'a>(
+pub(crate) fn sampling<'a>(
     recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
 ) -> Table {
     Table::of(
@@ -142,7 +142,7 @@ pub(in super::super) fn sampling<'a>(
 }
 
 /// Resolution of the sensors, one row per recording.
-pub(in super::super) fn resolution<'a>(
+pub(crate) fn resolution<'a>(
     recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
 ) -> Table {
     let caption = "Resolution and noise (1 sd) of the sensors, seen in the data";
@@ -188,10 +188,10 @@ fn losses(quality: &Quality) -> Cell {
 }
 
 /// The paper, as an origin.
-pub(in super::super) const PAPER: &str = "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery";
+pub(crate) const PAPER: &str = "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery";
 
 /// Recordings with their use and hash, as origins.
-pub(in super::super) fn hashes<'a>(
+pub(crate) fn hashes<'a>(
     recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
 ) -> impl Iterator<Item = (String, String)> {
     recordings.map(|(recording, used_for)| {
@@ -201,6 +201,6 @@ pub(in super::super) fn hashes<'a>(
 }
 
 /// The names of recordings, in a row.
-pub(in super::super) fn names(recordings: &[Recording]) -> String {
+pub(crate) fn names(recordings: &[Recording]) -> String {
     recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")
 }

@@ -26,12 +26,12 @@ const AMPLITUDES: [f64; 2] = [1e-3, 10e-3];
 const CLASSES: [f64; 6] = [0.0, 100.0, 200.0, 500.0, 1000.0, 5000.0];
 
 /// A number of the configuration as it was given.
-pub(in super::super) fn plain(value: f64) -> String {
+pub(crate) fn plain(value: f64) -> String {
     format!("{}", (1e6 * value).round() / 1e6)
 }
 
 /// An architecture in words.
-pub(in super::super) fn in_words(architecture: Architecture) -> &'static str {
+pub(crate) fn in_words(architecture: Architecture) -> &'static str {
     match architecture {
         Architecture::PositionPosition => "Position-position",
         Architecture::PositionForce => "Position-force",
@@ -46,7 +46,7 @@ fn course_of(samples: &[Sample], name: &str, role: Role, of: impl Fn(&Sample) ->
 }
 
 /// Positions and forces over time.
-pub(in super::super) fn course(config: &Config, samples: &[Sample]) -> Figure {
+pub(crate) fn course(config: &Config, samples: &[Sample]) -> Figure {
     let mm = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, |s| MM * of(s));
     let positions = over_time(Axis::new("position", "mm"))
         .series(mm("intended by the hand", Role::Neutral, |s| s.hand_position))
@@ -70,11 +70,7 @@ pub(in super::super) fn course(config: &Config, samples: &[Sample]) -> Figure {
 }
 
 /// Force felt and force on the tissue over the depth of the tip.
-pub(in super::super) fn depth(
-    config: &Config,
-    samples: &[Sample],
-    figures: Option<&Merit>,
-) -> Drawn {
+pub(crate) fn depth(config: &Config, samples: &[Sample], figures: Option<&Merit>) -> Drawn {
     let touches: Vec<&Sample> = samples.iter().filter(|sample| sample.tissue_force > 0.0).collect();
     if touches.is_empty() {
         return Err("The tip does not touch the tissue: there is no force over depth.".to_owned());
@@ -123,7 +119,7 @@ pub(in super::super) fn depth(
 }
 
 /// Errors and stiffness over the fractions that were tried.
-pub(in super::super) fn errors(config: &Config, advice: &Advice) -> Figure {
+pub(crate) fn errors(config: &Config, advice: &Advice) -> Figure {
     let error = advised_panel(config, advice, Axis::new("error of the force", "N"), true);
     let newtons = with_curves(
         error,
@@ -188,7 +184,7 @@ fn with_curves(panel: Panel, advice: &Advice, curves: &[MeritCurve]) -> Panel {
 }
 
 /// All fractions that were tried.
-pub(in super::super) fn tried(advice: &Advice) -> Table {
+pub(crate) fn tried(advice: &Advice) -> Table {
     let table = Table::of(
         "All fractions that were tried",
         &advice.tried,
@@ -217,7 +213,7 @@ fn apart(values: &[f64]) -> f64 {
 }
 
 /// Stiffest tissue over delay and fraction; the cell of `config` is framed.
-pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
+pub(crate) fn map(config: &Config, map: &Map) -> Figure {
     let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
     let mut panel = Panel::new(
         Axis::new("fraction taken out γ", "%"),
@@ -284,7 +280,7 @@ fn cell_label(width: &ZWidth) -> String {
 }
 
 /// The numbers of the map.
-pub(in super::super) fn map_table(map: &Map) -> Table {
+pub(crate) fn map_table(map: &Map) -> Table {
     let heads = map.fractions.iter().map(|fraction| plain(100.0 * fraction));
     let caption = "The numbers of the map: tissue with which the loop is stable (N/m; one number: from 0 up to it), delay of one direction \
                    down, fraction taken out (%) across";
@@ -312,22 +308,17 @@ fn stable_with(width: &ZWidth) -> Cell {
 }
 
 /// The hybrid matrix, and what follows from it, over frequency.
-pub(in super::super) fn hybrid(
-    config: &Config,
-    [model, trocar]: [&Trocar<Vec<f64>>; 2],
-) -> [Figure; 2] {
+pub(crate) fn hybrid(config: &Config, [model, trocar]: [&Trocar<Vec<f64>>; 2]) -> [Figure; 2] {
     let frequencies = hybrid::frequencies();
     let none = vec![[Complex::new(0.0, 0.0); 2]; frequencies.len()];
-    // Of the compensator's model and of the trocar.
-    let at = |amplitude: f64| -> Vec<[Complex<f64>; 2]> {
-        let surface = config.tissue.surface_m;
-        let of = |seal, frequency| seal_impedance(seal, surface, amplitude, frequency);
-        frequencies.iter().map(|f| [of(model, *f), of(trocar, *f)]).collect()
-    };
     let mut seals = vec![("without a trocar".to_owned(), Role::Neutral, none)];
     for (amplitude, role) in AMPLITUDES.into_iter().zip([Role::Category(0), Role::Category(1)]) {
         let name = format!("with the trocar at {} mm", significant(MM * amplitude, 2));
-        seals.push((name, role, at(amplitude)));
+        let of = |seal, frequency: &f64| {
+            seal_impedance(seal, config.tissue.surface_m, amplitude, *frequency)
+        };
+        let both = frequencies.iter().map(|f| [of(model, f), of(trocar, f)]);
+        seals.push((name, role, both.collect()));
     }
     let panel = |y: Axis, of: &dyn Fn(&Hybrid, f64) -> f64| {
         let axes = Panel::new(Axis::new("frequency", "Hz").logarithmic(), y);
@@ -339,8 +330,6 @@ pub(in super::super) fn hybrid(
             panel.series(Series::line(name.as_str(), *role, frequencies.clone(), y.collect()))
         })
     };
-    let impedance = |label: &str| Axis::new(label, "N s/m").logarithmic();
-    let ratio = |label: &str| Axis::new(label, "").with_zero();
     let mobility = Axis::new("|h₂₂|, mobility of the slave", "m/(N s)").logarithmic();
     let matrix = Figure::new("hybrid", 0, "Hybrid matrix")
         .caption(
@@ -372,8 +361,16 @@ pub(in super::super) fn hybrid(
     [matrix, transmitted]
 }
 
+fn impedance(label: &str) -> Axis {
+    Axis::new(label, "N s/m").logarithmic()
+}
+
+fn ratio(label: &str) -> Axis {
+    Axis::new(label, "").with_zero()
+}
+
 /// Energy that went into the network of controllers and channel at either port.
-pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
+pub(crate) fn energy(samples: &[Sample]) -> Figure {
     let of = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, of);
     let panel = over_time(Axis::new("energy received", "J").with_zero())
         .series(of("at the master", Role::Model, |s| s.network_energies()[0]))
@@ -389,7 +386,7 @@ pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
 }
 
 /// Every key of a configuration with its value, as in its file.
-pub(in super::super) fn keys(caption: &str, config: &impl serde::Serialize) -> Table {
+pub(crate) fn keys(caption: &str, config: &impl serde::Serialize) -> Table {
     let text = toml::to_string(config).unwrap_or_default();
     let mut section = String::new();
     let mut table = Table::new(caption, ["Key", "Value"]);

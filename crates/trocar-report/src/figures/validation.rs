@@ -27,11 +27,11 @@ const LAGS: usize = 120;
 const ONE_SPEED: f64 = 1.5;
 
 /// Recordings, the simulations of the model over them, and the scores.
-pub(in super::super) struct Scored<'a> {
-    pub(in super::super) recordings: Cow<'a, [Recording]>,
-    pub(in super::super) validation: Cow<'a, Validation>,
+pub(crate) struct Scored<'a> {
+    pub(crate) recordings: Cow<'a, [Recording]>,
+    pub(crate) validation: Cow<'a, Validation>,
     /// Whether the recordings were held out of the identification.
-    pub(in super::super) held_out: bool,
+    pub(crate) held_out: bool,
     runs: Vec<Replay>,
     /// Whether the model has elements in parallel.
     stages: bool,
@@ -40,7 +40,7 @@ pub(in super::super) struct Scored<'a> {
 }
 
 /// Simulates the model over the validation recordings, or over those used for identification.
-pub(in super::super) fn scored<'a>(
+pub(crate) fn scored<'a>(
     found: &Identification,
     training: &'a [Recording],
     validation: Option<(&'a [Recording], &'a Validation)>,
@@ -62,7 +62,7 @@ pub(in super::super) fn scored<'a>(
 
 impl Scored<'_> {
     /// Description of the recordings for captions.
-    pub(in super::super) fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         if self.held_out {
             "recordings that the identification has not seen"
         } else {
@@ -149,13 +149,13 @@ fn sorted_cycles(scored: &Scored) -> Vec<Cycle> {
 }
 
 /// Speeds, m/s, of the cycles that can be drawn, ascending.
-pub(in super::super) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
+pub(crate) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
     sorted_cycles(scored).iter().map(|cycle| cycle.speed).collect()
 }
 
 /// Force and deflection over a cycle at the lowest and at the highest speed, or at each of the
 /// speeds `chosen`, m/s.
-pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
+pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
     let cycles = sorted_cycles(scored);
     let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
         return Err("There is no figure of the model against measurement at two speeds (EMS figure 9): the recordings hold no full \
@@ -229,7 +229,7 @@ fn time_of(recording: &Recording, samples: &Range<usize>) -> Vec<f64> {
 }
 
 /// Measured minus model over time.
-pub(in super::super) fn residuals(scored: &Scored) -> Figure {
+pub(crate) fn residuals(scored: &Scored) -> Figure {
     let shown = scored.recordings.len().min(MOST_RECORDINGS);
     let panels = (0..shown).map(|index| residual_panel(scored, index));
     let figure = panels.fold(Figure::new("residuals", 0, "Residual over time"), Figure::panel);
@@ -271,7 +271,7 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
 }
 
 /// Distribution and autocorrelation of the residual of the longest recording.
-pub(in super::super) fn residual_statistics(scored: &Scored) -> Drawn {
+pub(crate) fn residual_statistics(scored: &Scored) -> Drawn {
     let index = scored.longest();
     let mut errors = scored.errors(index);
     let n = errors.len() as f64;

@@ -10,7 +10,7 @@ const COINCIDENT: f64 = 0.04;
 
 /// Error of every model against its number of parameters, over the whole validation and after its
 /// reversals.
-pub(in super::super::super) fn error_by_parameters(comparison: &Comparison) -> Figure {
+pub(crate) fn error_by_parameters(comparison: &Comparison) -> Figure {
     let noise = comparison.validation.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     Figure::new("error-by-parameters", 0, "Error against number of parameters")
         .panel(panel(comparison, "all of the validation", |entry| entry.scores.validate_rms_n))

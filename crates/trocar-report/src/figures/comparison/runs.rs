@@ -37,7 +37,7 @@ struct Run {
 }
 
 /// The models by panel, over one cycle.
-pub(in super::super::super) struct Shown<'a> {
+pub(crate) struct Shown<'a> {
     recording: &'a Recording,
     cycle: Cycle,
     /// Offset subtracted from all curves, N.
@@ -48,7 +48,7 @@ pub(in super::super::super) struct Shown<'a> {
 
 /// Simulates the models over the recording that contains the cycle of the middle speed; `None`
 /// without a suitable cycle.
-pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_>> {
+pub(crate) fn shown(comparison: &Comparison) -> Option<Shown<'_>> {
     let cycle = representative(comparison)?;
     let recording = &comparison.validation[cycle.recording];
     let offset = comparison.ems.model.offset;
@@ -106,10 +106,7 @@ fn is_to_insertion(cycle: &Cycle, recordings: &[Recording]) -> bool {
 }
 
 /// The force of every model after the same reversal, as in figure 3 of EMS.
-pub(in super::super::super) fn one_reversal(
-    comparison: &Comparison,
-    shown: Option<&Shown>,
-) -> Drawn {
+pub(crate) fn one_reversal(comparison: &Comparison, shown: Option<&Shown>) -> Drawn {
     let shown = shown.ok_or_else(|| {
         "There is no figure of the models upon one reversal (EMS figure 3): the validation recordings hold no two full strokes \
          whose initial deflection is known."
@@ -138,7 +135,7 @@ pub(in super::super::super) fn one_reversal(
 }
 
 /// Force against position of every model over the same cycle.
-pub(in super::super::super) fn one_cycle(shown: Option<&Shown>) -> Drawn {
+pub(crate) fn one_cycle(shown: Option<&Shown>) -> Drawn {
     let shown = shown.ok_or_else(|| {
         "There is no figure of the force against position over one cycle: the validation recordings hold no full cycle of two \
          strokes whose initial deflection is known."

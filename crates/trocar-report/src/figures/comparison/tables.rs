@@ -16,7 +16,7 @@ fn whole(value: f64) -> Cell {
 }
 
 /// The best model of each family.
-pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
+pub(crate) fn best_of_each(comparison: &Comparison) -> Table {
     let caption = "Each family's fewest elements within 1 % of its least validation error (root mean squares)";
     let best = comparison.families().into_iter().map(|own| best_of(&own));
     Table::of(
@@ -35,7 +35,7 @@ pub(in super::super::super) fn best_of_each(comparison: &Comparison) -> Table {
 
 /// The best model of each family on each validation recording; `None` where there is only one
 /// recording.
-pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<Table> {
+pub(crate) fn by_recording(comparison: &Comparison) -> Option<Table> {
     let names: Vec<&str> = comparison.validation.iter().map(|r| r.name.as_str()).collect();
     let columns = std::iter::once("Model").chain(names.iter().copied());
     let empty = Table::new("The models of the summary by validation recording (rms in N)", columns);
@@ -48,7 +48,7 @@ pub(in super::super::super) fn by_recording(comparison: &Comparison) -> Option<T
 }
 
 /// Every model: errors over the whole validation and by phase.
-pub(in super::super::super) fn errors_by_phase(comparison: &Comparison) -> Table {
+pub(crate) fn errors_by_phase(comparison: &Comparison) -> Table {
     let caption = "Root mean square errors in N: training, validation, and the validation by phase of the motion";
     Table::of(
         caption,
@@ -71,7 +71,7 @@ fn error_in(phase: &PhaseError) -> Cell {
 }
 
 /// Every model: reversals, criteria and cost.
-pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
+pub(crate) fn criteria(comparison: &Comparison) -> Table {
     Table::of(
         "Errors after reversals, criteria and cost",
         &comparison.entries,
@@ -89,7 +89,7 @@ pub(in super::super::super) fn criteria(comparison: &Comparison) -> Table {
 }
 
 /// Parameters with intervals, one table per family; of banks those with up to four elements.
-pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> Vec<Table> {
+pub(crate) fn parameters_by_family(comparison: &Comparison) -> Vec<Table> {
     let family = |mut own: Vec<&Entry>| {
         own.sort_by_key(|entry| entry.elements);
         own.retain(|entry| !entry.choice.is_bank() || entry.elements <= MOST_ELEMENTS);
@@ -116,7 +116,7 @@ pub(in super::super::super) fn parameters_by_family(comparison: &Comparison) -> 
 
 /// Warnings about each fit; undetermined parameters are given by their symbols. `None` without
 /// warnings.
-pub(in super::super::super) fn warnings_by_model(comparison: &Comparison) -> Option<Table> {
+pub(crate) fn warnings_by_model(comparison: &Comparison) -> Option<Table> {
     let doubted: Vec<&Entry> =
         comparison.entries.iter().filter(|entry| !entry.warnings.is_empty()).collect();
     let columns: [Column<'_, &Entry>; 2] =
