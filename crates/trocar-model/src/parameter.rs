@@ -41,9 +41,11 @@ impl Unit {
     /// Damping.
     pub const NEWTON_SECOND_PER_METRE: Self = Self::new("N s/m", "n_s_m", "N·s/m", 1.0);
     /// Damping that grows with the speed.
-    pub(crate) const NEWTON_SECOND_2_PER_METRE_2: Self = Self::new("N s^2/m^2", "n_s2_m2", "N·s²/m²", 1.0);
+    pub(crate) const NEWTON_SECOND_2_PER_METRE_2: Self =
+        Self::new("N s^2/m^2", "n_s2_m2", "N·s²/m²", 1.0);
     /// Damping that grows with the square of the speed.
-    pub(crate) const NEWTON_SECOND_3_PER_METRE_3: Self = Self::new("N s^3/m^3", "n_s3_m3", "N·s³/m³", 1.0);
+    pub(crate) const NEWTON_SECOND_3_PER_METRE_3: Self =
+        Self::new("N s^3/m^3", "n_s3_m3", "N·s³/m³", 1.0);
     /// Stiffness.
     pub const NEWTON_PER_METRE: Self = Self::new("N/m", "n_m", "N/mm", 1e-3);
     /// Rate of a force.

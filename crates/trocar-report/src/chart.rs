@@ -1,20 +1,18 @@
 //! The data of the interactive charts, as compact JSON inside the page.
 
-use base64::Engine as _;
-use base64::engine::general_purpose::STANDARD;
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
+use super::codes::Codes;
 use super::decimate;
 use super::document::{Figure, Kind, Mark, Panel, Series};
-use super::style;
+use super::style::{self, Style};
 use super::view::{self, Limits};
 
 /// Points per series on the screen: enough for a four-fold zoom before single samples become
 /// visible.
 const SHOWN_POINTS: usize = 3_000;
-
-/// Largest code of a value; the next code marks a gap.
-const LARGEST_CODE: f64 = 65_534.0;
 
 /// JSON for one figure, safe inside a `script` element: no character in it can end the element.
 pub(super) fn figure_json(figure: &Figure) -> Result<String, serde_json::Error> {
@@ -33,16 +31,10 @@ pub(super) fn figure_json(figure: &Figure) -> Result<String, serde_json::Error> 
 
 /// JSON of the line widths, dashes and markers by style name.
 pub(super) fn styles_json() -> Result<String, serde_json::Error> {
-    let styles: std::collections::BTreeMap<_, _> = style::all()
-        .iter()
-        .map(|style| {
-            (
-                style.class,
-                ChartStyle { width: style.width, dash: style.dash, marker: style.marker.name() },
-            )
-        })
-        .collect();
-    serde_json::to_string(&styles).map(|json| inert(&json))
+    let styles = style::all().iter().map(|&Style { class, width, dash, marker, .. }| {
+        (class, ChartStyle { width, dash, marker: marker.name() })
+    });
+    serde_json::to_string(&styles.collect::<BTreeMap<_, _>>()).map(|json| inert(&json))
 }
 
 /// Replaces characters that HTML could interpret as markup; in JSON they occur only inside strings.
@@ -80,7 +72,7 @@ struct ChartPanel<'a> {
     names: &'a [String],
     aspect: f64,
     series: Vec<ChartSeries<'a>>,
-    marks: Vec<ChartMark<'a>>,
+    marks: Vec<&'a Mark>,
 }
 
 #[derive(Serialize)]
@@ -102,42 +94,10 @@ struct ChartSeries<'a> {
 }
 
 #[derive(Serialize)]
-struct ChartMark<'a> {
-    axis: &'static str,
-    from: f64,
-    to: f64,
-    label: &'a str,
-}
-
-#[derive(Serialize)]
 struct ChartStyle {
     width: f64,
     dash: &'static [f64],
     marker: &'static str,
-}
-
-/// Values as 16-bit codes between `low` and `high`, in base64: a third of the size of decimal
-/// numbers, and finer than a pixel at any zoom that the number of points allows.
-#[derive(Serialize)]
-pub(super) struct Codes {
-    low: f64,
-    high: f64,
-    codes: String,
-}
-
-impl Codes {
-    pub(super) fn new(values: impl Iterator<Item = f64> + Clone) -> Self {
-        let finite = values.clone().filter(|value| value.is_finite());
-        let (low, high) = finite
-            .fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
-        let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
-        let step = if high > low { LARGEST_CODE / (high - low) } else { 0.0 };
-        let code = |value: f64| {
-            if value.is_finite() { ((value - low) * step).round() as u16 } else { u16::MAX }
-        };
-        let bytes: Vec<u8> = values.flat_map(|value| code(value).to_le_bytes()).collect();
-        Self { low, high, codes: STANDARD.encode(bytes) }
-    }
 }
 
 fn chart_panel<'a>(
@@ -156,34 +116,29 @@ fn chart_panel<'a>(
         names: &panel.y.names,
         aspect: panel.aspect,
         series: panel.series.iter().map(|series| chart_series(series, limits)).collect(),
-        marks: panel.marks.iter().filter_map(chart_mark).collect(),
+        marks: panel.marks.iter().filter(|mark| mark.is_finite()).collect(),
     }
 }
 
 fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
     let columns = SHOWN_POINTS / 3;
-    let path =
-        |y: &[f64]| decimate::path(&series.x, y, limits.x[0], limits.x[1], columns, SHOWN_POINTS);
+    let [low, high] = limits.x;
+    let all = || (0..series.x.len()).collect();
     let (kind, kept, edges) = match &series.kind {
-        Kind::Line => ("line", path(&series.y), None),
+        Kind::Line => {
+            let kept = decimate::path(&series.x, &series.y, low, high, columns, SHOWN_POINTS);
+            ("line", kept, None)
+        }
         Kind::Points => {
-            let kept = decimate::markers(
-                &series.x,
-                &series.y,
-                limits.flat(),
-                [2 * columns; 2],
-                SHOWN_POINTS,
-            );
+            let (limits, cells) = (limits.flat(), [2 * columns; 2]);
+            let kept = decimate::markers(&series.x, &series.y, limits, cells, SHOWN_POINTS);
             ("points", kept, None)
         }
-        Kind::Labelled { .. } => ("labels", (0..series.x.len()).collect(), None),
-        Kind::Cells { .. } => ("cells", (0..series.x.len()).collect(), None),
-        Kind::ErrorBars { low, high } => ("bars", (0..series.x.len()).collect(), Some((low, high))),
+        Kind::Labelled { .. } => ("labels", all(), None),
+        Kind::Cells { .. } => ("cells", all(), None),
+        Kind::ErrorBars { low, high } => ("bars", all(), Some((low, high))),
         Kind::Band { low, high } => {
-            let mut kept = path(low);
-            kept.extend(path(high));
-            kept.sort_unstable();
-            kept.dedup();
+            let kept = decimate::band(&series.x, [low, high], limits.x, columns, SHOWN_POINTS);
             ("band", kept, Some((low, high)))
         }
     };
@@ -206,35 +161,9 @@ fn chart_series(series: &Series, limits: Limits) -> ChartSeries<'_> {
     }
 }
 
-fn chart_mark(mark: &Mark) -> Option<ChartMark<'_>> {
-    let (axis, from, to, label) = match mark {
-        Mark::X { at, label } => ("x", *at, *at, label),
-        Mark::Y { at, label } => ("y", *at, *at, label),
-        Mark::XRange { from, to, label } => ("x", *from, *to, label),
-        Mark::YRange { from, to, label } => ("y", *from, *to, label),
-    };
-    (from.is_finite() && to.is_finite()).then_some(ChartMark { axis, from, to, label })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn codes_return_the_values_and_the_gaps() {
-        let values = [-3.25, 0.0, f64::NAN, 7.5, f64::INFINITY];
-        let codes = Codes::new(values.iter().copied());
-        let bytes = STANDARD.decode(&codes.codes).expect("base64");
-        for (pair, value) in bytes.chunks(2).zip(values) {
-            let code = u16::from_le_bytes([pair[0], pair[1]]);
-            if value.is_finite() {
-                let read = codes.low + f64::from(code) / LARGEST_CODE * (codes.high - codes.low);
-                assert!((read - value).abs() < 1e-4, "{value} came back as {read}");
-            } else {
-                assert_eq!(code, u16::MAX);
-            }
-        }
-    }
 
     #[test]
     fn json_cannot_end_its_script_element() {

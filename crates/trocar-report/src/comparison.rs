@@ -4,12 +4,13 @@
 //! This module estimates nothing. It simulates the models over one cycle again, because the results
 //! contain scores but no time series.
 
-use super::document::{Document, Section, Tile};
+use super::document::{Document, Section, Tile, origin};
 use super::figures::comparison as figures;
-use super::figures::{sampling, with};
+use super::figures::{PAPER, hashes, names, sampling};
 use super::number::significant;
 use super::{ReportError, stage_document};
 use trocar_lab::compare::{Choice, Comparison, Entry, Outcome, ReversalMatch};
+use trocar_lab::summary::PROGRAM;
 use trocar_recording::Recording;
 use trocar_tables::output::StagedFolder;
 
@@ -26,7 +27,7 @@ const CLAIM: &str = "EMS section II-C argues that a GMS model needs about ten el
 /// appearance. If its data are missing, a figure is replaced by a sentence with the reason.
 pub fn document(outcome: &Outcome, title: &str) -> Document {
     let comparison = outcome.comparison;
-    let mut document = Document {
+    Document {
         title: title.to_owned(),
         subtitle: subtitle(outcome),
         tiles: tiles(comparison),
@@ -34,10 +35,8 @@ pub fn document(outcome: &Outcome, title: &str) -> Document {
         notes: notes(outcome),
         sections: sections(outcome),
         provenance: provenance(outcome),
-    };
-    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
-    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
-    document
+    }
+    .numbered()
 }
 
 /// Title of the report of a comparison.
@@ -53,10 +52,6 @@ pub fn write(outcome: &Outcome, staged: &StagedFolder) -> Result<(), ReportError
         staged.write(&path, model.to_json().as_bytes())?;
     }
     stage_document(staged, &document(outcome, TITLE))
-}
-
-fn names(recordings: &[Recording]) -> String {
-    recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")
 }
 
 fn subtitle(outcome: &Outcome) -> String {
@@ -76,13 +71,10 @@ fn tiles(comparison: &Comparison) -> Vec<Tile> {
     }
     let rank = comparison.entries.iter().position(|entry| entry.choice == Choice::Ems);
     if let Some((rank, ems)) = rank.map(|rank| (rank, &comparison.entries[rank])) {
-        let note =
-            format!("{} rms, {}", newtons(ems.scores.validate_rms_n), parameters_in_words(ems));
-        tiles.push(Tile::new(
-            "Rank of EMS",
-            format!("{} of {}", rank + 1, comparison.entries.len()),
-            note,
-        ));
+        let place = format!("{} of {}", rank + 1, comparison.entries.len());
+        let error = newtons(ems.scores.validate_rms_n);
+        let note = format!("{error} rms, {}", parameters_in_words(ems));
+        tiles.push(Tile::new("Rank of EMS", place, note));
     }
     let worth = format!("worth {} independent ones", significant(comparison.effective_samples, 2));
     tiles.push(Tile::new("Training samples", comparison.samples.to_string(), worth));
@@ -106,13 +98,8 @@ fn warnings(outcome: &Outcome) -> Vec<String> {
     let comparison = outcome.comparison;
     let mut lines = Vec::new();
     for recording in comparison.training.iter().chain(&comparison.validation) {
-        lines.extend(
-            recording
-                .quality
-                .warnings
-                .iter()
-                .map(|warning| format!("{}: {warning}", recording.name)),
-        );
+        let warnings = recording.quality.warnings.iter();
+        lines.extend(warnings.map(|warning| format!("{}: {warning}", recording.name)));
     }
     lines.extend(outcome.unknown_states());
     lines
@@ -140,8 +127,8 @@ fn sections(outcome: &Outcome) -> Vec<Section> {
             .paragraph(verdict(comparison))
             .paragraph(method(comparison))
             .table(figures::best_of_each(comparison)),
-        with(Section::new("One reversal"), figures::one_reversal(comparison, shown.as_ref())),
-        with(Section::new("One cycle"), figures::one_cycle(shown.as_ref())),
+        Section::new("One reversal").drawn(figures::one_reversal(comparison, shown.as_ref())),
+        Section::new("One cycle").drawn(figures::one_cycle(shown.as_ref())),
         claim(comparison).figure(figures::error_by_parameters(comparison)),
         errors,
         criteria(comparison),
@@ -229,17 +216,10 @@ fn recordings(comparison: &Comparison) -> impl Iterator<Item = (&Recording, &'st
 
 fn provenance(outcome: &Outcome) -> Vec<(String, String)> {
     let mut all = vec![
-        ("Program".to_owned(), concat!("trocar ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("Seed".to_owned(), outcome.seed.to_string()),
-        (
-            "EMS".to_owned(),
-            "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery"
-                .to_owned(),
-        ),
+        origin("Program", PROGRAM),
+        origin("Seed", outcome.seed.to_string()),
+        origin("EMS", PAPER),
     ];
-    let files = recordings(outcome.comparison);
-    all.extend(files.map(|(r, used_for)| {
-        (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))
-    }));
+    all.extend(hashes(recordings(outcome.comparison)));
     all
 }

@@ -55,6 +55,21 @@ fn one_pass(x: &[f64], y: &[f64], low: f64, columns_per_unit: f64) -> Vec<usize>
     kept
 }
 
+/// Indices of points that draw the same area between two `edges`, at most about `limit` of each, as of [`path`].
+pub(super) fn band(
+    x: &[f64],
+    edges: [&[f64]; 2],
+    [low, high]: [f64; 2],
+    columns: usize,
+    limit: usize,
+) -> Vec<usize> {
+    let [mut kept, upper] = edges.map(|edge| path(x, edge, low, high, columns, limit));
+    kept.extend(upper);
+    kept.sort_unstable();
+    kept.dedup();
+    kept
+}
+
 /// Indices of the points that are visible as separate markers on a grid of `columns` by `rows`
 /// cells, at most about `limit`.
 pub(super) fn markers(

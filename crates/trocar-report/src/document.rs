@@ -3,12 +3,16 @@
 //! Numbers in these types have the unit of their axis or row; the drawing code converts nothing.
 use std::ops::Range;
 
-/// Default height of a panel's axes relative to their width.
-pub const DEFAULT_ASPECT: f64 = 0.56;
+use serde::Serialize;
+
+use super::codes::{codes, numbers};
+
+/// Height of a panel's axes relative to their width, where nothing else is said.
+const DEFAULT_ASPECT: f64 = 0.56;
 
 /// A numbered figure: one or more panels on a common sheet, drawn as SVG, as PNG and as interactive
 /// charts.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Figure {
     /// File stem and HTML anchor, for example `velocity-step`: lower-case letters, digits and
     /// hyphens, unique in a document.
@@ -32,16 +36,7 @@ pub struct Figure {
 impl Figure {
     /// A figure without panels, stacked, at full text width.
     pub fn new(id: impl Into<String>, number: u32, title: impl Into<String>) -> Self {
-        Self {
-            id: id.into(),
-            number,
-            title: title.into(),
-            caption: String::new(),
-            panels: Vec::new(),
-            columns: 1,
-            linked_x: false,
-            width: Width::Text,
-        }
+        Self { id: id.into(), number, title: title.into(), columns: 1, ..Self::default() }
     }
 
     /// Sets the caption.
@@ -96,7 +91,7 @@ impl Width {
 }
 
 /// One pair of axes with its contents.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Panel {
     /// Title that distinguishes this panel from the others ("15 mm/s"); may be empty.
     pub title: String,
@@ -109,21 +104,14 @@ pub struct Panel {
     pub series: Vec<Series>,
     /// Lines and ranges with labels, such as the two transients T1 and T2.
     pub marks: Vec<Mark>,
-    /// Height of the axes divided by their width, see [`DEFAULT_ASPECT`].
+    /// Height of the axes divided by their width, 0.56 where nothing else is said.
     pub aspect: f64,
 }
 
 impl Panel {
     /// An empty panel.
     pub fn new(x: Axis, y: Axis) -> Self {
-        Self {
-            title: String::new(),
-            x,
-            y,
-            series: Vec::new(),
-            marks: Vec::new(),
-            aspect: DEFAULT_ASPECT,
-        }
+        Self { x, y, aspect: DEFAULT_ASPECT, ..Self::default() }
     }
 
     /// Sets the title.
@@ -136,6 +124,16 @@ impl Panel {
     pub fn series(mut self, series: Series) -> Self {
         self.series.push(series);
         self
+    }
+
+    /// Appends a line and a marker at each of its points.
+    pub(crate) fn curve(self, name: &str, role: Role, x: &[f64], y: &[f64]) -> Self {
+        self.series(Series::line(name, role, x.to_vec(), y.to_vec())).series(Series::points(
+            name,
+            role,
+            x.to_vec(),
+            y.to_vec(),
+        ))
     }
 
     /// Appends a mark.
@@ -152,7 +150,7 @@ impl Panel {
 }
 
 /// Name and unit of an axis, printed as "name (unit)".
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Axis {
     /// Quantity with its symbol, for example "deflection z".
     pub label: String,
@@ -169,13 +167,7 @@ pub struct Axis {
 impl Axis {
     /// An axis that spans its data.
     pub fn new(label: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self {
-            label: label.into(),
-            unit: unit.into(),
-            include_zero: false,
-            logarithmic: false,
-            names: Vec::new(),
-        }
+        Self { label: label.into(), unit: unit.into(), ..Self::default() }
     }
 
     /// An axis that always shows zero.
@@ -341,62 +333,63 @@ pub enum Kind {
     },
 }
 
-/// A labelled position on an axis. With an empty label only the line or range is drawn.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Mark {
-    /// Vertical line.
-    X {
-        /// Position, unit of the x axis.
-        at: f64,
-        /// Text at its upper end.
-        label: String,
-    },
-    /// Horizontal line.
-    Y {
-        /// Position, unit of the y axis.
-        at: f64,
-        /// Text at its right end.
-        label: String,
-    },
-    /// Shaded interval of x.
-    XRange {
-        /// Left end, unit of the x axis.
-        from: f64,
-        /// Right end, unit of the x axis.
-        to: f64,
-        /// Text above it.
-        label: String,
-    },
-    /// Shaded interval of y.
-    YRange {
-        /// Lower end, unit of the y axis.
-        from: f64,
-        /// Upper end, unit of the y axis.
-        to: f64,
-        /// Text at its right end.
-        label: String,
-    },
+/// A labelled line across an axis, or a shaded interval of it. With an empty label only the line or interval is drawn.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Mark {
+    /// The axis that it marks.
+    pub axis: Dimension,
+    /// Lower end of the interval, or the line, unit of the axis.
+    pub from: f64,
+    /// Upper end; the same as `from` for a line.
+    pub to: f64,
+    /// Text at the upper end (x) or at the right (y).
+    pub label: String,
+}
+
+/// One of the two axes of a panel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Dimension {
+    /// The horizontal axis.
+    X,
+    /// The vertical axis.
+    Y,
 }
 
 impl Mark {
     /// Vertical line at `at`.
     pub fn x(at: f64, label: impl Into<String>) -> Self {
-        Self::X { at, label: label.into() }
+        Self::x_range(at, at, label)
     }
 
     /// Horizontal line at `at`.
     pub fn y(at: f64, label: impl Into<String>) -> Self {
-        Self::Y { at, label: label.into() }
+        Self::y_range(at, at, label)
     }
 
     /// Shaded interval of x.
     pub fn x_range(from: f64, to: f64, label: impl Into<String>) -> Self {
-        Self::XRange { from, to, label: label.into() }
+        Self { axis: Dimension::X, from, to, label: label.into() }
     }
 
     /// Shaded interval of y.
     pub fn y_range(from: f64, to: f64, label: impl Into<String>) -> Self {
-        Self::YRange { from, to, label: label.into() }
+        Self { axis: Dimension::Y, from, to, label: label.into() }
+    }
+
+    /// Whether it is a line, no interval.
+    pub(crate) fn is_line(&self) -> bool {
+        self.from == self.to
+    }
+
+    /// Whether both ends can be drawn.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.from.is_finite() && self.to.is_finite()
+    }
+
+    /// Where its label belongs.
+    pub(crate) fn middle(&self) -> f64 {
+        (self.from + self.to) / 2.0
     }
 }
 
@@ -428,12 +421,33 @@ impl Table {
         }
     }
 
+    /// A table of `items`, one a row.
+    pub(crate) fn of<T>(
+        caption: impl Into<String>,
+        items: impl IntoIterator<Item = T>,
+        columns: &[Column<'_, T>],
+    ) -> Self {
+        let row = |item| columns.iter().map(|(_, cell)| cell(&item)).collect();
+        Self {
+            rows: items.into_iter().map(row).collect(),
+            ..Self::new(caption, columns.iter().map(|(heading, _)| *heading))
+        }
+    }
+
+    /// The same table, to be opened by the reader.
+    pub(crate) fn collapsed(self) -> Self {
+        Self { collapsed: true, ..self }
+    }
+
     /// Appends a row.
     pub fn row(mut self, cells: impl IntoIterator<Item = Cell>) -> Self {
         self.rows.push(cells.into_iter().collect());
         self
     }
 }
+
+/// Heading of a column, and its cell for an item.
+pub(crate) type Column<'c, T> = (&'c str, &'c dyn Fn(&T) -> Cell);
 
 /// One cell of a table.
 #[derive(Debug, Clone, PartialEq)]
@@ -468,6 +482,18 @@ pub enum Cell {
     Undetermined,
     /// Doubtful: the text with a warning marker.
     Warning(String),
+}
+
+impl Cell {
+    /// `value` with `digits` significant digits.
+    pub(crate) const fn number(value: f64, digits: usize) -> Self {
+        Self::Number { value, digits }
+    }
+
+    /// A count of things.
+    pub(crate) fn count(of: usize) -> Self {
+        Self::Text(of.to_string())
+    }
 }
 
 impl From<&str> for Cell {
@@ -508,20 +534,21 @@ impl Tile {
 ///
 /// Unlike all other data of a document its numbers are in SI units: the page simulates the model
 /// with them.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LiveModel {
     /// The model in the form of [`trocar_model::Trocar::write_numbers`].
+    #[serde(serialize_with = "numbers")]
     pub row: Vec<f64>,
-    /// All of [`trocar_model::Seal::tunables`], in that order.
-    pub knobs: Vec<Knob>,
     /// Range of motion by hand, m.
     pub way: [f64; 2],
+    /// All of [`trocar_model::Seal::tunables`], in that order.
+    pub knobs: Vec<Knob>,
     /// A recorded motion for the simulation.
     pub excerpt: Option<Excerpt>,
 }
 
 /// An adjustable parameter.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Knob {
     /// Name in words.
     pub name: String,
@@ -541,33 +568,41 @@ pub struct Knob {
     /// Index of the same parameter of the other direction, if both directions have one value.
     pub follows: Option<usize>,
     /// Whether it is shown by default.
+    #[serde(rename = "main")]
     pub is_main: bool,
 }
 
 /// A recorded motion at equal time intervals, with the measured force.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Excerpt {
     /// Description, such as "surgeon.csv from 12.5 s on".
     pub name: String,
     /// Time between two samples, s.
     pub interval: f64,
     /// Position of the instrument, m.
+    #[serde(serialize_with = "codes")]
     pub position: Vec<f64>,
     /// Readings without the sensor offset, N; one per position.
+    #[serde(serialize_with = "codes")]
     pub force: Vec<f64>,
     /// Sample from which the force of the model does not depend on the unknown initial state.
+    #[serde(rename = "known")]
     pub known_from: usize,
 }
 
 /// An interactive loop in the page: what `trocar teleop` runs, with a hand that the reader moves.
 ///
 /// Its numbers are in SI units.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LiveLoop {
-    /// The configuration as JSON, with the keys of its file.
-    pub config: String,
-    /// The models of trocar and compensator in the form of [`trocar_model::Trocar::write_numbers`].
-    pub models: [Vec<f64>; 2],
+    /// The configuration, with the keys of its file.
+    pub config: serde_json::Value,
+    /// The trocar in the form of [`trocar_model::Trocar::write_numbers`].
+    #[serde(serialize_with = "numbers")]
+    pub trocar: Vec<f64>,
+    /// The compensator's model in the same form.
+    #[serde(serialize_with = "numbers")]
+    pub compensator: Vec<f64>,
     /// Where the hand begins, m.
     pub start: f64,
     /// Range of its motion, m.
@@ -614,6 +649,14 @@ impl Section {
         self.figures.push(figure);
         self
     }
+
+    /// Appends the figure, or the reason why there is none.
+    pub(crate) fn drawn(self, drawn: Result<Figure, String>) -> Self {
+        match drawn {
+            Ok(figure) => self.figure(figure),
+            Err(why) => self.paragraph(why),
+        }
+    }
 }
 
 /// A whole report. Nothing in it may depend on time or machine, so that equal results give equal
@@ -634,4 +677,18 @@ pub struct Document {
     pub sections: Vec<Section>,
     /// Origin: label and value, such as the program's version and the hashes of the inputs.
     pub provenance: Vec<(String, String)>,
+}
+
+impl Document {
+    /// The document with its figures numbered in order.
+    pub(crate) fn numbered(mut self) -> Self {
+        let drawn = self.sections.iter_mut().flat_map(|section| &mut section.figures);
+        drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
+        self
+    }
+}
+
+/// A line of [`Document::provenance`].
+pub(crate) fn origin(label: impl Into<String>, value: impl Into<String>) -> (String, String) {
+    (label.into(), value.into())
 }

@@ -1,9 +1,10 @@
 //! Composes a figure from kuva's primitives; kuva's own writers convert the scene to SVG and PNG.
 //!
-//! The axes are composed here and not by kuva's plots. The figures need legends in rows above the
-//! axes (kuva offers columns beside or over the data), labelled intervals that avoid the data, axes
-//! aligned across stacked panels, and dashes in the bitmap that do not restart at every point of a
-//! line.
+//! The axes are composed here and not by kuva's plots (0.6). The figures need legends in rows above
+//! the axes whose entries join line, marker and band (kuva offers a column, one shape each), axes
+//! aligned across stacked panels, labels of marks and intervals that avoid each other, maps of
+//! classes with a text in each cell (kuva: one continuous scale, bare numbers in black), gaps (kuva
+//! writes NaN into its paths), and dashes in the bitmap that do not restart at every point of a line.
 
 mod labels;
 
@@ -14,7 +15,7 @@ use kuva::render::color::Color;
 use kuva::render::render::{PathData, Primitive, Scene, TextAnchor, TextSpan};
 
 use super::decimate;
-use super::document::{Axis, Figure, Kind, Mark, Panel, Series};
+use super::document::{Axis, Dimension, Figure, Kind, Mark, Panel, Role, Series};
 use super::number::{Ticks, log_ticks, text_width, ticks};
 use super::style::{self, BAND_OPACITY, Marker, Style};
 use super::view::{self, Entry, Limits};
@@ -72,11 +73,7 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
         );
     }
     for (index, frame) in layout.frames.iter().enumerate() {
-        sheet.panel(
-            &figure.panels[index],
-            frame,
-            (figure.panels.len() > 1).then(|| view::letter(index)),
-        );
+        sheet.panel(frame, (figure.panels.len() > 1).then(|| view::letter(index)));
     }
     sheet.scene
 }
@@ -84,18 +81,10 @@ pub(super) fn scene(figure: &Figure, medium: Medium) -> Scene {
 /// Makes kuva unpack its fonts, which takes as long as drawing several figures and can run in
 /// parallel with other work.
 pub(super) fn load_fonts() {
-    let mut scene = Scene::new(1.0, 1.0);
-    let spans = vec![bold("a".to_owned())];
-    scene.add(Primitive::RichText {
-        x: 0.0,
-        y: 0.0,
-        spans,
-        size: 1,
-        anchor: TextAnchor::Start,
-        color: None,
-    });
+    let mut sheet = Sheet { scene: Scene::new(1.0, 1.0), medium: Medium::Bitmap };
+    sheet.rich_text([0.0, 0.0], [bold("a".to_owned())], 1, TextAnchor::Start);
     // Drawn for its side effect; an error would occur again, with a message, in the first figure.
-    let _ = PngBackend::new().render_scene(&scene);
+    let _ = PngBackend::new().render_scene(&sheet.scene);
 }
 
 /// Rows of legend entries with their distance from the left edge of the axes.
@@ -112,13 +101,12 @@ struct Layout<'a> {
 
 /// One panel's axes.
 struct Frame<'a> {
+    panel: &'a Panel,
     left: f64,
     top: f64,
     width: f64,
     height: f64,
     limits: Limits,
-    /// Whether x and y are logarithmic.
-    logarithmic: [bool; 2],
     x_ticks: Ticks,
     y_ticks: Ticks,
     /// Height of title row above the legend, 0 without.
@@ -136,18 +124,22 @@ struct Frame<'a> {
 
 impl Frame<'_> {
     fn x(&self, value: f64) -> f64 {
-        self.left + part(self.limits.x, self.logarithmic[0], value) * self.width
+        self.left + part(self.limits.x, &self.panel.x, value) * self.width
     }
 
     fn y(&self, value: f64) -> f64 {
-        self.top + (1.0 - part(self.limits.y, self.logarithmic[1], value)) * self.height
+        self.top + (1.0 - part(self.limits.y, &self.panel.y, value)) * self.height
     }
 }
 
 /// Position between the lower and the upper limit, 0 to 1; not finite if a logarithmic axis cannot
 /// show the value.
-fn part([low, high]: [f64; 2], logarithmic: bool, value: f64) -> f64 {
-    if logarithmic { (value / low).ln() / (high / low).ln() } else { (value - low) / (high - low) }
+fn part([low, high]: [f64; 2], axis: &Axis, value: f64) -> f64 {
+    if axis.logarithmic {
+        (value / low).ln() / (high / low).ln()
+    } else {
+        (value - low) / (high - low)
+    }
 }
 
 fn axis_ticks([low, high]: [f64; 2], axis: &Axis, target: usize) -> Ticks {
@@ -166,27 +158,25 @@ impl<'a> Layout<'a> {
         let columns = figure.columns.clamp(1, figure.panels.len().max(1));
         let cell = (width - 14.0 * (columns as f64 - 1.0)) / columns as f64;
         let limits = view::limits(figure);
-        let left_of = |(limits, panel): (&Limits, &Panel)| left_margin(limits.y, &panel.y);
-        let left = limits.iter().zip(&figure.panels).map(left_of).fold(0.0, f64::max);
+        let margins = limits.iter().zip(&figure.panels);
+        let margins = margins.map(|(limits, panel)| left_margin(limits.y, &panel.y));
+        let left = margins.fold(0.0, f64::max);
         let right = figure.panels.iter().map(right_margin).fold(0.0, f64::max);
         let inner = cell - left - right;
         let mut layout = Self { width, height: 0.0, legend: Vec::new(), frames: Vec::new() };
         let common = common_legend(figure);
-        if common {
-            layout.legend = figure
-                .panels
-                .first()
-                .map_or_else(Vec::new, |panel| legend_rows(panel, width - left - right));
+        if let Some(first) = figure.panels.first().filter(|_| common) {
+            layout.legend = legend_rows(first, width - left - right);
         }
         let mut top = layout.legend.len() as f64 * LEGEND_ROW + if common { 2.0 } else { 0.0 };
         for (row, panels) in figure.panels.chunks(columns).enumerate() {
             // A letter alone needs no row of its own: it is placed before the legend.
             let titled = panels.iter().any(|panel| !panel.title.is_empty());
             let indent = if figure.panels.len() > 1 && !titled { LETTER } else { 0.0 };
-            let legend = |panel| {
-                if common { Vec::new() } else { legend_rows(panel, inner - indent) }
+            let legends: Vec<_> = match common {
+                true => panels.iter().map(|_| Vec::new()).collect(),
+                false => panels.iter().map(|panel| legend_rows(panel, inner - indent)).collect(),
             };
-            let legends: Vec<_> = panels.iter().map(legend).collect();
             let legend_height = legends.iter().map(Vec::len).max().unwrap_or(0) as f64 * LEGEND_ROW;
             let rows = panels.iter().map(|panel| title_rows(&panel.title, inner).len()).max();
             let letter_alone = indent > 0.0 && legend_height == 0.0;
@@ -209,14 +199,14 @@ impl<'a> Layout<'a> {
 }
 
 impl<'a> Frame<'a> {
-    fn new(panel: &Panel, [left, top, width, height]: [f64; 4], limits: Limits) -> Self {
+    fn new(panel: &'a Panel, [left, top, width, height]: [f64; 4], limits: Limits) -> Self {
         let mut frame = Self {
+            panel,
             left,
             top,
             width,
             height,
             limits,
-            logarithmic: [panel.x.logarithmic, panel.y.logarithmic],
             x_ticks: axis_ticks(limits.x, &panel.x, ((width / 50.0) as usize).max(4)),
             y_ticks: Ticks { at: Vec::new(), labels: Vec::new() },
             title: 0.0,
@@ -226,7 +216,7 @@ impl<'a> Frame<'a> {
             label_rows: Vec::new(),
             label_distance: 0.0,
         };
-        frame.label_rows = label_rows(panel, &frame);
+        frame.label_rows = label_rows(&frame);
         let rows = frame.label_rows.iter().max().map_or(0, |row| row + 1);
         let headroom = rows as f64 * LEGEND_ROW;
         let [low, high] = limits.y;
@@ -243,20 +233,14 @@ impl<'a> Frame<'a> {
 
 fn left_margin(y: [f64; 2], axis: &Axis) -> f64 {
     let labels = axis_ticks(y, axis, 8).labels;
-    let widest =
-        labels.iter().map(|label| text_width(label, f64::from(TICK_SIZE))).fold(12.0, f64::max);
+    let widest = labels.iter().map(|label| text_width(label, TICK_SIZE)).fold(12.0, f64::max);
     widest + 30.0
 }
 
 /// Space for the labels of horizontal marks, which are outside the axes at the right.
 fn right_margin(panel: &Panel) -> f64 {
-    let labels = panel.marks.iter().filter_map(|mark| match mark {
-        Mark::Y { label, .. } | Mark::YRange { label, .. } => {
-            Some(text_width(label, f64::from(TICK_SIZE)) + 10.0)
-        }
-        Mark::X { .. } | Mark::XRange { .. } => None,
-    });
-    labels.fold(14.0, f64::max)
+    let at_the_right = panel.marks.iter().filter(|mark| mark.axis == Dimension::Y);
+    at_the_right.map(|mark| text_width(&mark.label, TICK_SIZE) + 10.0).fold(14.0, f64::max)
 }
 
 /// Whether all panels have the same legend, which is then drawn once.
@@ -270,7 +254,7 @@ fn legend_rows(panel: &Panel, width: f64) -> Vec<LegendRow<'_>> {
     let mut rows: Vec<LegendRow<'_>> = Vec::new();
     let mut x = f64::INFINITY;
     for entry in view::legend(panel) {
-        let wide = SWATCH + 6.0 + text_width(entry.name, f64::from(TICK_SIZE));
+        let wide = SWATCH + 6.0 + text_width(entry.name, TICK_SIZE);
         if x + wide > width {
             rows.push(Vec::new());
             x = 0.0;
@@ -285,12 +269,12 @@ fn legend_rows(panel: &Panel, width: f64) -> Vec<LegendRow<'_>> {
 
 /// The row below the upper edge in which the label of each vertical mark fits, in the order of the
 /// labelled marks.
-fn label_rows(panel: &Panel, frame: &Frame<'_>) -> Vec<usize> {
+fn label_rows(frame: &Frame<'_>) -> Vec<usize> {
     let mut ends: Vec<f64> = Vec::new();
-    let labelled = panel.marks.iter().filter_map(|mark| x_label(mark, frame));
+    let labelled = frame.panel.marks.iter().filter_map(|mark| x_label(mark, frame));
     labelled
         .map(|(label, centre)| {
-            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 3.0;
+            let half = text_width(label, TICK_SIZE) / 2.0 + 3.0;
             let row = ends.iter().position(|&end| end <= centre - half).unwrap_or(ends.len());
             if row == ends.len() {
                 ends.push(0.0);
@@ -303,14 +287,12 @@ fn label_rows(panel: &Panel, frame: &Frame<'_>) -> Vec<usize> {
 
 /// Label of a vertical mark and its centre, kept inside the axes.
 fn x_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(&'m str, f64)> {
-    let (label, at) = match mark {
-        Mark::X { at, label } => (label, *at),
-        Mark::XRange { from, to, label } => (label, (from + to) / 2.0),
-        Mark::Y { .. } | Mark::YRange { .. } => return None,
-    };
-    let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 4.0;
-    let centre = frame.x(at).min(frame.left + frame.width - half).max(frame.left + half);
-    (!label.is_empty() && at.is_finite()).then_some((label, centre))
+    let (label, at) = (&mark.label, mark.middle());
+    if mark.axis != Dimension::X || label.is_empty() || !at.is_finite() {
+        return None;
+    }
+    let half = text_width(label, TICK_SIZE) / 2.0 + 4.0;
+    Some((label, frame.x(at).min(frame.left + frame.width - half).max(frame.left + half)))
 }
 
 struct Sheet {
@@ -319,36 +301,32 @@ struct Sheet {
 }
 
 impl Sheet {
-    fn panel(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
-        self.head(panel, frame, letter);
-        self.ranges(panel, frame);
+    fn panel(&mut self, frame: &Frame<'_>, letter: Option<String>) {
+        self.head(frame, letter);
+        self.ranges(frame);
         self.grid(frame);
-        let is_area =
-            |series: &&Series| matches!(series.kind, Kind::Band { .. } | Kind::Cells { .. });
-        for series in panel.series.iter().filter(is_area) {
+        let (areas, curves): (Vec<&Series>, Vec<&Series>) =
+            frame.panel.series.iter().partition(is_area);
+        for series in areas {
             self.series(series, frame);
         }
-        self.mark_lines(panel, frame);
+        self.mark_lines(frame);
         // Measured curves lie over those of models, which are wider.
-        let is_measured = |series: &&Series| {
-            series.role == super::document::Role::Measured && matches!(series.kind, Kind::Line)
-        };
-        let curves = || panel.series.iter().filter(|series| !is_area(series));
-        for series in
-            curves().filter(|series| !is_measured(series)).chain(curves().filter(is_measured))
-        {
+        let (measured, others): (Vec<&Series>, Vec<&Series>) =
+            curves.into_iter().partition(|s| s.role == Role::Measured && s.kind == Kind::Line);
+        for series in others.into_iter().chain(measured) {
             self.series(series, frame);
         }
-        self.axes(panel, frame);
-        self.mark_labels(panel, frame);
-        self.point_labels(panel, frame);
+        self.axes(frame);
+        self.mark_labels(frame);
+        self.point_labels(frame);
     }
 
-    fn head(&mut self, panel: &Panel, frame: &Frame<'_>, letter: Option<String>) {
+    fn head(&mut self, frame: &Frame<'_>, letter: Option<String>) {
         let top = frame.top - 5.0 - frame.legend.len() as f64 * LEGEND_ROW;
         let baseline = if frame.title > 0.0 { top - 6.0 } else { top + LEGEND_ROW / 2.0 + 4.0 };
         let mut letter = letter.map(|letter| bold(letter + " "));
-        let mut rows = title_rows(&panel.title, frame.width);
+        let mut rows = title_rows(&frame.panel.title, frame.width);
         if rows.is_empty() {
             rows.push(String::new());
         }
@@ -376,15 +354,11 @@ impl Sheet {
                 self.rectangle([x, middle - 5.0, SWATCH, 10.0], style.light, 1.0);
             }
             if entry.line {
-                self.polyline(
-                    &[(x, middle), (x + SWATCH, middle)],
-                    style.light,
-                    style.width,
-                    style.dash,
-                );
+                let ends = [[x, middle], [x + SWATCH, middle]];
+                self.polyline(&ends, style.light, style.width, style.dash);
             }
             if entry.marker {
-                self.markers(&[(x + SWATCH / 2.0, middle)], style, 2.8);
+                self.markers(&[[x + SWATCH / 2.0, middle]], style, 2.8);
             }
             let room = self.scene.width - x - SWATCH - 6.0;
             let name = fitted(entry.name, f64::from(TICK_SIZE), room);
@@ -392,19 +366,15 @@ impl Sheet {
         }
     }
 
-    fn ranges(&mut self, panel: &Panel, frame: &Frame<'_>) {
-        for mark in &panel.marks {
-            match *mark {
-                Mark::XRange { from, to, .. } if from.is_finite() && to.is_finite() => {
-                    let (a, b) = (frame.x(from.min(to)), frame.x(from.max(to)));
-                    self.rectangle([a, frame.top, b - a, frame.height], RANGE, 0.2);
-                }
-                Mark::YRange { from, to, .. } if from.is_finite() && to.is_finite() => {
-                    let (a, b) = (frame.y(from.max(to)), frame.y(from.min(to)));
-                    self.rectangle([frame.left, a, frame.width, b - a], RANGE, 0.2);
-                }
-                _ => {}
-            }
+    fn ranges(&mut self, frame: &Frame<'_>) {
+        for mark in frame.panel.marks.iter().filter(|mark| !mark.is_line() && mark.is_finite()) {
+            let (low, high) = (mark.from.min(mark.to), mark.from.max(mark.to));
+            let Frame { left, top, width, height, .. } = *frame;
+            let area = match mark.axis {
+                Dimension::X => [frame.x(low), top, frame.x(high) - frame.x(low), height],
+                Dimension::Y => [left, frame.y(high), width, frame.y(low) - frame.y(high)],
+            };
+            self.rectangle(area, RANGE, 0.2);
         }
     }
 
@@ -418,75 +388,56 @@ impl Sheet {
         }
     }
 
-    fn mark_lines(&mut self, panel: &Panel, frame: &Frame<'_>) {
-        for mark in &panel.marks {
-            let ends = match *mark {
-                Mark::X { at, .. } if frame.x(at).is_finite() => {
-                    [(frame.x(at), frame.top), (frame.x(at), frame.top + frame.height)]
-                }
-                Mark::Y { at, .. } if frame.y(at).is_finite() => {
-                    [(frame.left, frame.y(at)), (frame.left + frame.width, frame.y(at))]
-                }
-                _ => continue,
+    fn mark_lines(&mut self, frame: &Frame<'_>) {
+        for mark in frame.panel.marks.iter().filter(|mark| mark.is_line()) {
+            let (x, y) = (frame.x(mark.from), frame.y(mark.from));
+            let ends = match mark.axis {
+                Dimension::X => [[x, frame.top], [x, frame.top + frame.height]],
+                Dimension::Y => [[frame.left, y], [frame.left + frame.width, y]],
             };
-            self.polyline(&ends, MARK, 1.0, &[4.0, 3.0]);
+            if ends.iter().all(is_drawable) {
+                self.polyline(&ends, MARK, 1.0, &[4.0, 3.0]);
+            }
         }
     }
 
-    fn mark_labels(&mut self, panel: &Panel, frame: &Frame<'_>) {
-        let labelled = panel.marks.iter().filter_map(|mark| x_label(mark, frame));
+    fn mark_labels(&mut self, frame: &Frame<'_>) {
+        let labelled = frame.panel.marks.iter().filter_map(|mark| x_label(mark, frame));
         for ((label, centre), row) in labelled.zip(&frame.label_rows) {
             let y = frame.top + 13.0 + *row as f64 * LEGEND_ROW;
-            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0 + 2.0;
+            let half = text_width(label, TICK_SIZE) / 2.0 + 2.0;
             self.rectangle([centre - half, y - 10.0, 2.0 * half, 13.0], "#ffffff", 0.75);
             self.text([centre, y], label, TICK_SIZE, TextAnchor::Middle);
         }
         let mut sides: Vec<(f64, &str)> =
-            panel.marks.iter().filter_map(|mark| y_label(mark, frame)).collect();
+            frame.panel.marks.iter().filter_map(|mark| y_label(mark, frame)).collect();
         sides.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut next = f64::NEG_INFINITY;
         for (y, label) in sides {
             let y = y.max(next);
-            self.text(
-                [frame.left + frame.width + 5.0, y + 4.0],
-                label,
-                TICK_SIZE,
-                TextAnchor::Start,
-            );
+            let right = frame.left + frame.width;
+            self.text([right + 5.0, y + 4.0], label, TICK_SIZE, TextAnchor::Start);
             next = y + 12.0;
         }
     }
 
-    fn point_labels(&mut self, panel: &Panel, frame: &Frame<'_>) {
-        for ([x, y], label, colour) in labels::placed(panel, frame) {
-            let half = text_width(label, f64::from(TICK_SIZE)) / 2.0;
+    fn point_labels(&mut self, frame: &Frame<'_>) {
+        for ([x, y], label, colour) in labels::placed(frame) {
+            let half = text_width(label, TICK_SIZE) / 2.0;
             self.rectangle([x - half - 1.0, y - 6.0, 2.0 * half + 2.0, 12.0], "#ffffff", 0.75);
-            let content = literal(&view::printable(label));
-            let (size, anchor, color) = (TICK_SIZE, TextAnchor::Middle, Some(Color::from(colour)));
-            self.scene.add(Primitive::Text {
-                x,
-                y: y + 4.0,
-                content,
-                size,
-                anchor,
-                rotate: None,
-                bold: false,
-                color,
-            });
+            self.centred([x, y + 4.0], label, TICK_SIZE, colour);
         }
     }
 
-    fn axes(&mut self, panel: &Panel, frame: &Frame<'_>) {
+    fn axes(&mut self, frame: &Frame<'_>) {
         let (right, bottom) = (frame.left + frame.width, frame.top + frame.height);
-        for (at, label) in frame.x_ticks.at.iter().zip(&frame.x_ticks.labels) {
-            let x = frame.x(*at);
+        for (x, label) in frame.x_ticks.placed(|at| frame.x(at)) {
             self.line([x, bottom, x, bottom - TICK_LENGTH], INK, 0.8);
             if frame.names_x {
                 self.text([x, bottom + 15.0], label, TICK_SIZE, TextAnchor::Middle);
             }
         }
-        for (at, label) in frame.y_ticks.at.iter().zip(&frame.y_ticks.labels) {
-            let y = frame.y(*at);
+        for (y, label) in frame.y_ticks.placed(|at| frame.y(at)) {
             self.line([frame.left, y, frame.left + TICK_LENGTH, y], INK, 0.8);
             self.text([frame.left - 6.0, y + 4.0], label, TICK_SIZE, TextAnchor::End);
         }
@@ -496,11 +447,11 @@ impl Sheet {
             self.line([from.0, from.1, to.0, to.1], INK, 0.8);
         }
         if frame.names_x {
-            let (label, size) = axis_title(&panel.x, frame.width + 70.0);
+            let (label, size) = axis_title(&frame.panel.x, frame.width + 70.0);
             let middle = [frame.left + frame.width / 2.0, bottom + 33.0];
             self.rich_text(middle, [bold(label)], size, TextAnchor::Middle);
         }
-        let (label, size) = axis_title(&panel.y, frame.height + 70.0);
+        let (label, size) = axis_title(&frame.panel.y, frame.height + 70.0);
         self.scene.add(Primitive::Text {
             x: frame.left - frame.label_distance,
             y: frame.top + frame.height / 2.0,
@@ -515,99 +466,85 @@ impl Sheet {
 
     fn series(&mut self, series: &Series, frame: &Frame<'_>) {
         let style = style::of(series.role);
-        let place = |i: usize, y: &[f64]| (frame.x(series.x[i]), frame.y(y[i]));
+        let place = |i: usize| [frame.x(series.x[i]), frame.y(series.y[i])];
         let columns = frame.width as usize;
-        let [low, high] = frame.limits.x;
         match &series.kind {
             Kind::Line => {
+                let [low, high] = frame.limits.x;
                 let kept = decimate::path(&series.x, &series.y, low, high, columns, PRINTED_POINTS);
-                for run in runs(kept.iter().map(|&i| place(i, &series.y))) {
+                for run in runs(kept.into_iter().map(place)) {
                     self.polyline(&run, style.light, style.width, style.dash);
                 }
             }
-            Kind::Band { low: lower, high: upper } => {
-                let kept = band_points(series, lower, upper, [low, high], columns);
-                let edges = kept.iter().map(|&i| (place(i, lower), place(i, upper)));
-                for run in runs(edges.map(|(lower, upper)| (lower.0, lower.1, upper.1))) {
+            Kind::Band { low, high } => {
+                let kept = decimate::band(
+                    &series.x,
+                    [low, high],
+                    frame.limits.x,
+                    columns,
+                    PRINTED_POINTS / 2,
+                );
+                let edges = |i: usize| [frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i])];
+                for run in runs(kept.into_iter().map(edges)) {
                     self.area(&run, style.light);
                 }
             }
             Kind::Labelled { .. } => {
-                let finite =
-                    (0..series.x.len()).map(|i| place(i, &series.y)).filter(Drawable::is_drawable);
-                self.markers(&finite.collect::<Vec<_>>(), style, LABELLED_RADIUS);
+                let places = (0..series.x.len()).map(place).filter(is_drawable);
+                self.markers(&places.collect::<Vec<_>>(), style, LABELLED_RADIUS);
             }
             Kind::Points => {
-                let cells = [columns, frame.height as usize];
-                let kept = decimate::markers(
-                    &series.x,
-                    &series.y,
-                    frame.limits.flat(),
-                    cells,
-                    PRINTED_POINTS,
-                );
-                let places: Vec<_> = kept
-                    .iter()
-                    .map(|&i| place(i, &series.y))
-                    .filter(Drawable::is_drawable)
-                    .collect();
+                let (limits, cells) = (frame.limits.flat(), [columns, frame.height as usize]);
+                let kept = decimate::markers(&series.x, &series.y, limits, cells, PRINTED_POINTS);
+                let places: Vec<_> = kept.into_iter().map(place).filter(is_drawable).collect();
                 self.markers(&places, style, style::marker_radius(places.len()));
             }
             Kind::Cells { size, labels } => self.cells(series, *size, labels, frame),
-            Kind::ErrorBars { low, high } => self.error_bars(series, low, high, frame),
+            Kind::ErrorBars { low, high } => self.error_bars(series, [low, high], frame),
         }
     }
 
     fn cells(&mut self, series: &Series, size: [f64; 2], labels: &[String], frame: &Frame<'_>) {
         let (fill, ink) = (style::of(series.role).light, style::ink_upon(series.role));
-        let widest = text_width(WIDEST_LABEL, f64::from(CELL_SIZE));
+        let widest = text_width(WIDEST_LABEL, CELL_SIZE);
         for ((x, y), label) in series.x.iter().zip(&series.y).zip(labels) {
-            let corner = |part: f64| (frame.x(x + part * size[0]), frame.y(y + part * size[1]));
-            let ((left, bottom), (right, top)) = (corner(-0.5), corner(0.5));
+            let [(left, bottom), (right, top)] =
+                [-0.5, 0.5].map(|k| (frame.x(x + k * size[0]), frame.y(y + k * size[1])));
             // Half a pixel more, so that no line of light stands between two cells.
             self.rectangle([left, top, right - left + 0.5, bottom - top + 0.5], fill, 1.0);
             // All labels of a map or none.
             if widest < right - left - 1.0 && f64::from(CELL_SIZE) < bottom - top {
-                self.scene.add(Primitive::Text {
-                    x: 0.5 * (left + right),
-                    y: 0.5 * (top + bottom) + 0.36 * f64::from(CELL_SIZE),
-                    content: literal(&view::printable(label)),
-                    size: CELL_SIZE,
-                    anchor: TextAnchor::Middle,
-                    rotate: None,
-                    bold: false,
-                    color: Some(Color::from(ink)),
-                });
+                let middle = 0.5 * (top + bottom) + 0.36 * f64::from(CELL_SIZE);
+                self.centred([0.5 * (left + right), middle], label, CELL_SIZE, ink);
             }
         }
     }
 
-    fn error_bars(&mut self, series: &Series, low: &[f64], high: &[f64], frame: &Frame<'_>) {
+    fn error_bars(&mut self, series: &Series, ends: [&[f64]; 2], frame: &Frame<'_>) {
         let style = style::of(series.role);
-        let length =
-            [series.x.len(), series.y.len(), low.len(), high.len()].into_iter().min().unwrap_or(0);
-        let visible =
-            |&i: &usize| frame.x(series.x[i]).is_finite() && frame.y(series.y[i]).is_finite();
-        let shown: Vec<usize> = (0..length).filter(visible).collect();
-        for &i in
-            shown.iter().filter(|&&i| frame.y(low[i]).is_finite() && frame.y(high[i]).is_finite())
-        {
-            let (x, bottom, top) = (frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i]));
-            self.line([x, bottom, x, top], style.light, 1.0);
-            for y in [bottom, top] {
-                self.line([x - 3.0, y, x + 3.0, y], style.light, 1.0);
+        let mut places = Vec::new();
+        for (i, (x, y)) in series.x.iter().zip(&series.y).enumerate() {
+            let (x, y) = (frame.x(*x), frame.y(*y));
+            if !is_drawable(&[x, y]) {
+                continue;
+            }
+            places.push([x, y]);
+            let [bottom, top] = ends.map(|end| frame.y(end[i]));
+            if is_drawable(&[bottom, top]) {
+                self.line([x, bottom, x, top], style.light, 1.0);
+                for y in [bottom, top] {
+                    self.line([x - 3.0, y, x + 3.0, y], style.light, 1.0);
+                }
             }
         }
-        let places: Vec<_> =
-            shown.iter().map(|&i| (frame.x(series.x[i]), frame.y(series.y[i]))).collect();
         self.markers(&places, style, style::marker_radius(places.len()));
     }
 
-    fn markers(&mut self, places: &[(f64, f64)], style: Style, radius: f64) {
+    fn markers(&mut self, places: &[[f64; 2]], style: Style, radius: f64) {
         if style.marker == Marker::Circle {
             self.scene.add(Primitive::CircleBatch {
-                cx: places.iter().map(|place| place.0).collect(),
-                cy: places.iter().map(|place| place.1).collect(),
+                cx: places.iter().map(|place| place[0]).collect(),
+                cy: places.iter().map(|place| place[1]).collect(),
                 r: radius,
                 fill: Color::from(style.light),
                 fill_opacity: None,
@@ -617,25 +554,18 @@ impl Sheet {
             return;
         }
         let mut outline = String::new();
-        for &(x, y) in places {
-            let corners = corners(style.marker, radius);
-            for (at, (dx, dy)) in corners.iter().enumerate() {
-                let command = if at == 0 { 'M' } else { 'L' };
-                write_point(&mut outline, command, (x + dx, y + dy));
-            }
-            outline.push('Z');
+        for [x, y] in places {
+            let corners = corners(style.marker, radius).into_iter();
+            close(&mut outline, corners.map(|[dx, dy]| [x + dx, y + dy]));
         }
         self.fill(outline, style.light, 1.0);
     }
 
-    fn area(&mut self, run: &[(f64, f64, f64)], colour: &str) {
-        let lower = run.iter().map(|&(x, lower, _)| (x, lower));
-        let upper = run.iter().rev().map(|&(x, _, upper)| (x, upper));
+    fn area(&mut self, run: &[[f64; 3]], colour: &str) {
+        let lower = run.iter().map(|&[x, lower, _]| [x, lower]);
+        let upper = run.iter().rev().map(|&[x, _, upper]| [x, upper]);
         let mut outline = String::new();
-        for (at, point) in lower.chain(upper).enumerate() {
-            write_point(&mut outline, if at == 0 { 'M' } else { 'L' }, point);
-        }
-        outline.push('Z');
+        close(&mut outline, lower.chain(upper));
         self.fill(outline, colour, BAND_OPACITY);
     }
 
@@ -650,56 +580,41 @@ impl Sheet {
         })));
     }
 
-    fn polyline(&mut self, points: &[(f64, f64)], colour: &str, width: f64, dash: &[f64]) {
+    fn polyline(&mut self, points: &[[f64; 2]], colour: &str, width: f64, dash: &[f64]) {
         if dash.is_empty() || self.medium == Medium::Vector {
             let lengths: Vec<String> = dash.iter().map(f64::to_string).collect();
-            self.stroke(
-                points.to_vec(),
-                colour,
-                width,
-                (!dash.is_empty()).then(|| lengths.join(" ")),
-            );
+            self.stroke(points, colour, width, (!dash.is_empty()).then(|| lengths.join(" ")));
         } else {
             for piece in dashes(points, dash) {
-                self.stroke(piece, colour, width, None);
+                self.stroke(&piece, colour, width, None);
             }
         }
     }
 
-    fn stroke(&mut self, points: Vec<(f64, f64)>, colour: &str, width: f64, dash: Option<String>) {
-        let stroke = Color::from(colour);
+    fn stroke(&mut self, points: &[[f64; 2]], colour: &str, width: f64, dash: Option<String>) {
         self.scene.add(Primitive::PolyLine {
-            points,
-            stroke,
+            points: points.iter().map(|&[x, y]| (x, y)).collect(),
+            stroke: Color::from(colour),
             stroke_width: width,
             stroke_dasharray: dash,
         });
     }
 
-    fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, width: f64) {
-        let stroke = Color::from(colour);
-        self.scene.add(Primitive::Line {
-            x1,
-            y1,
-            x2,
-            y2,
-            stroke,
-            stroke_width: width,
-            stroke_dasharray: None,
-        });
+    fn line(&mut self, [x1, y1, x2, y2]: [f64; 4], colour: &str, stroke_width: f64) {
+        let (stroke, stroke_dasharray) = (Color::from(colour), None);
+        self.scene.add(Primitive::Line { x1, y1, x2, y2, stroke, stroke_width, stroke_dasharray });
     }
 
     fn rectangle(&mut self, [x, y, width, height]: [f64; 4], colour: &str, opacity: f64) {
-        let (fill, opacity) = (Color::from(colour), Some(opacity));
         self.scene.add(Primitive::Rect {
             x,
             y,
             width,
             height,
-            fill,
+            fill: Color::from(colour),
             stroke: None,
             stroke_width: None,
-            opacity,
+            opacity: Some(opacity),
         });
     }
 
@@ -714,19 +629,32 @@ impl Sheet {
         self.scene.add(Primitive::RichText { x, y, spans, size, anchor, color: None });
     }
 
-    fn text(&mut self, [x, y]: [f64; 2], text: &str, size: u32, anchor: TextAnchor) {
-        let content = literal(&view::printable(text));
-        self.scene.add(Primitive::Text {
-            x,
-            y,
-            content,
-            size,
-            anchor,
-            rotate: None,
-            bold: false,
-            color: None,
-        });
+    fn text(&mut self, at: [f64; 2], text: &str, size: u32, anchor: TextAnchor) {
+        self.words(at, text, size, anchor, None);
     }
+
+    /// A text in a colour of its own, centred at `at`.
+    fn centred(&mut self, at: [f64; 2], text: &str, size: u32, colour: &str) {
+        self.words(at, text, size, TextAnchor::Middle, Some(Color::from(colour)));
+    }
+
+    fn words(
+        &mut self,
+        [x, y]: [f64; 2],
+        text: &str,
+        size: u32,
+        anchor: TextAnchor,
+        color: Option<Color>,
+    ) {
+        let content = literal(&view::printable(text));
+        let (rotate, bold) = (None, false);
+        self.scene.add(Primitive::Text { x, y, content, size, anchor, rotate, bold, color });
+    }
+}
+
+/// Whether a series is drawn behind all curves.
+fn is_area(series: &&Series) -> bool {
+    matches!(series.kind, Kind::Band { .. } | Kind::Cells { .. })
 }
 
 /// Label of an axis and the font size at which it fits into `room`; at the smallest size the name
@@ -736,8 +664,8 @@ impl Sheet {
 fn axis_title(axis: &Axis, room: f64) -> (String, u32) {
     const BOLD: f64 = 1.12;
     let label = view::printable(&view::axis_label(&axis.label, &axis.unit));
-    let fits = |size: &u32| text_width(&label, f64::from(*size) * BOLD) <= room;
-    if let Some(size) = (9..=LABEL_SIZE).rev().find(fits) {
+    let mut sizes = (9..=LABEL_SIZE).rev();
+    if let Some(size) = sizes.find(|size| text_width(&label, f64::from(*size) * BOLD) <= room) {
         return (label, size);
     }
     let unit = view::printable(&view::axis_label("", &axis.unit));
@@ -751,52 +679,21 @@ fn bold(text: String) -> TextSpan {
 
 /// Label of a horizontal mark and its height.
 fn y_label<'m>(mark: &'m Mark, frame: &Frame<'_>) -> Option<(f64, &'m str)> {
-    let (label, at) = match mark {
-        Mark::Y { at, label } => (label, *at),
-        Mark::YRange { from, to, label } => (label, (from + to) / 2.0),
-        Mark::X { .. } | Mark::XRange { .. } => return None,
-    };
-    (!label.is_empty() && frame.y(at).is_finite()).then(|| (frame.y(at), label.as_str()))
+    let y = frame.y(mark.middle());
+    let is_shown = mark.axis == Dimension::Y && !mark.label.is_empty() && y.is_finite();
+    is_shown.then_some((y, mark.label.as_str()))
 }
 
-fn band_points(
-    series: &Series,
-    lower: &[f64],
-    upper: &[f64],
-    x: [f64; 2],
-    columns: usize,
-) -> Vec<usize> {
-    let edge = |edge| decimate::path(&series.x, edge, x[0], x[1], columns, PRINTED_POINTS / 2);
-    let mut kept = edge(lower);
-    kept.extend(edge(upper));
-    kept.sort_unstable();
-    kept.dedup();
-    kept.retain(|&i| i < lower.len() && i < upper.len());
-    kept
-}
-
-/// A point of a line or of a band's edges; drawn only where every coordinate is finite.
-trait Drawable {
-    fn is_drawable(&self) -> bool;
-}
-
-impl Drawable for (f64, f64) {
-    fn is_drawable(&self) -> bool {
-        self.0.is_finite() && self.1.is_finite()
-    }
-}
-
-impl Drawable for (f64, f64, f64) {
-    fn is_drawable(&self) -> bool {
-        self.0.is_finite() && self.1.is_finite() && self.2.is_finite()
-    }
+/// Whether a point, or a pair of points, can be drawn.
+fn is_drawable<const N: usize>(point: &[f64; N]) -> bool {
+    point.iter().all(|coordinate| coordinate.is_finite())
 }
 
 /// The runs between gaps, at least two points long.
-fn runs<P: Drawable>(points: impl Iterator<Item = P>) -> Vec<Vec<P>> {
+fn runs<const N: usize>(points: impl Iterator<Item = [f64; N]>) -> Vec<Vec<[f64; N]>> {
     let mut runs = vec![Vec::new()];
     for point in points {
-        if !point.is_drawable() {
+        if !is_drawable(&point) {
             runs.push(Vec::new());
         } else if let Some(run) = runs.last_mut() {
             run.push(point);
@@ -807,19 +704,16 @@ fn runs<P: Drawable>(points: impl Iterator<Item = P>) -> Vec<Vec<P>> {
 }
 
 /// The drawn pieces of a dashed polyline; the pattern continues through its corners.
-fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
+fn dashes(points: &[[f64; 2]], pattern: &[f64]) -> Vec<Vec<[f64; 2]>> {
     let (mut pieces, mut index, mut left) = (Vec::new(), 0, pattern[0]);
-    let mut piece: Vec<(f64, f64)> = points.first().copied().into_iter().collect();
+    let mut piece: Vec<[f64; 2]> = points.first().copied().into_iter().collect();
     for pair in points.windows(2) {
         let (from, to) = (pair[0], pair[1]);
-        let length = (to.0 - from.0).hypot(to.1 - from.1);
+        let length = (to[0] - from[0]).hypot(to[1] - from[1]);
         let mut done = 0.0;
         while length - done > left {
             done += left;
-            let at = (
-                from.0 + (to.0 - from.0) * done / length,
-                from.1 + (to.1 - from.1) * done / length,
-            );
+            let at = [0, 1].map(|k| from[k] + (to[k] - from[k]) * done / length);
             piece.push(at);
             if index % 2 == 0 {
                 pieces.push(std::mem::take(&mut piece));
@@ -837,22 +731,25 @@ fn dashes(points: &[(f64, f64)], pattern: &[f64]) -> Vec<Vec<(f64, f64)>> {
     pieces
 }
 
-/// Corners of a filled marker around the origin, with about the area of a circle of `radius`.
-fn corners(marker: Marker, radius: f64) -> Vec<(f64, f64)> {
-    let r = radius;
+/// Corners of a filled marker around the origin, with about the area of a circle of radius `r`.
+fn corners(marker: Marker, r: f64) -> Vec<[f64; 2]> {
+    let a = 0.9 * r;
     match marker {
         Marker::Circle => Vec::new(),
-        Marker::Square => {
-            vec![(-0.9 * r, -0.9 * r), (0.9 * r, -0.9 * r), (0.9 * r, 0.9 * r), (-0.9 * r, 0.9 * r)]
-        }
-        Marker::Triangle => vec![(0.0, -1.3 * r), (1.2 * r, 0.9 * r), (-1.2 * r, 0.9 * r)],
-        Marker::Diamond => vec![(0.0, -1.4 * r), (1.2 * r, 0.0), (0.0, 1.4 * r), (-1.2 * r, 0.0)],
+        Marker::Square => vec![[-a, -a], [a, -a], [a, a], [-a, a]],
+        Marker::Triangle => vec![[0.0, -1.3 * r], [1.2 * r, a], [-1.2 * r, a]],
+        Marker::Diamond => vec![[0.0, -1.4 * r], [1.2 * r, 0.0], [0.0, 1.4 * r], [-1.2 * r, 0.0]],
     }
 }
 
-fn write_point(outline: &mut String, command: char, (x, y): (f64, f64)) {
-    // Writing to a String cannot fail.
-    let _ = write!(outline, "{command}{x:.2} {y:.2}");
+/// Appends a closed path through `points` to an outline.
+fn close(outline: &mut String, points: impl Iterator<Item = [f64; 2]>) {
+    for (at, [x, y]) in points.enumerate() {
+        let command = if at == 0 { 'M' } else { 'L' };
+        // Writing to a String cannot fail.
+        let _ = write!(outline, "{command}{x:.2} {y:.2}");
+    }
+    outline.push('Z');
 }
 
 /// The title of a panel in rows as wide as the panel; only a word wider than that is shortened.
@@ -860,11 +757,10 @@ fn title_rows(title: &str, width: f64) -> Vec<String> {
     let (size, room) = (f64::from(LABEL_SIZE), width - LETTER_ROOM);
     let mut rows: Vec<String> = Vec::new();
     for word in title.split_whitespace() {
-        let fits = |row: &str| text_width(&view::printable(row), size) <= room;
-        match rows.last_mut() {
-            Some(row) if fits(&format!("{row} {word}")) => {
-                row.push(' ');
-                row.push_str(word);
+        let longer = rows.last().map(|row| format!("{row} {word}"));
+        match (rows.last_mut(), longer) {
+            (Some(row), Some(longer)) if text_width(&view::printable(&longer), size) <= room => {
+                *row = longer;
             }
             _ => rows.push(word.to_owned()),
         }
@@ -897,14 +793,14 @@ mod tests {
     #[test]
     fn dashes_run_on_through_corners() {
         // A straight line given by many points must be dashed like the same line given by its ends.
-        let dense: Vec<(f64, f64)> = (0..=1_000).map(|i| (f64::from(i) * 0.1, 0.0)).collect();
-        let ends = dashes(&[(0.0, 0.0), (100.0, 0.0)], &[6.0, 3.0]);
+        let dense: Vec<[f64; 2]> = (0..=1_000).map(|i| [f64::from(i) * 0.1, 0.0]).collect();
+        let ends = dashes(&[[0.0, 0.0], [100.0, 0.0]], &[6.0, 3.0]);
         let fine = dashes(&dense, &[6.0, 3.0]);
         assert_eq!(ends.len(), fine.len());
         for (a, b) in ends.iter().zip(&fine) {
-            assert!((a[0].0 - b[0].0).abs() < 1e-9);
+            assert!((a[0][0] - b[0][0]).abs() < 1e-9);
         }
-        let drawn: f64 = ends.iter().map(|piece| piece[piece.len() - 1].0 - piece[0].0).sum();
+        let drawn: f64 = ends.iter().map(|piece| piece[piece.len() - 1][0] - piece[0][0]).sum();
         assert!((drawn - 67.0).abs() < 1e-9, "11 dashes of 6 and a last one of 1, got {drawn}");
     }
 
@@ -914,7 +810,7 @@ mod tests {
         let rows = title_rows(title, 180.0);
         assert!(rows.len() > 1, "{rows:?}");
         assert_eq!(rows.join(" "), title);
-        let is_inside = |row: &String| text_width(row, f64::from(LABEL_SIZE)) <= 150.0;
+        let is_inside = |row: &String| text_width(row, LABEL_SIZE) <= 150.0;
         assert!(rows.iter().all(is_inside), "{rows:?}");
     }
 
@@ -922,8 +818,8 @@ mod tests {
     fn gaps_split_a_line() {
         let nan = f64::NAN;
         let split = runs(
-            [(0.0, 1.0), (1.0, 1.0), (nan, nan), (2.0, 0.0), (3.0, f64::INFINITY)].into_iter(),
+            [[0.0, 1.0], [1.0, 1.0], [nan, nan], [2.0, 0.0], [3.0, f64::INFINITY]].into_iter(),
         );
-        assert_eq!(split, [vec![(0.0, 1.0), (1.0, 1.0)]]);
+        assert_eq!(split, [vec![[0.0, 1.0], [1.0, 1.0]]]);
     }
 }

@@ -57,7 +57,7 @@ impl Roles {
 pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
     let roles = roles.settle(fleet);
     let types = ByType::new(fleet, roles.kind.as_deref());
-    let mut document = Document {
+    Document {
         title: "Trocar friction over many recordings".to_owned(),
         subtitle: subtitle(fleet, config, &roles),
         tiles: tiles(fleet),
@@ -70,10 +70,8 @@ pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
             failures(fleet),
         ],
         provenance: provenance(fleet, config),
-    };
-    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
-    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
-    document
+    }
+    .numbered()
 }
 
 fn subtitle(fleet: &Fleet, config: &Config, roles: &Roles) -> String {

@@ -1,13 +1,11 @@
 //! The page: one self-contained file, readable without JavaScript, in print, on a phone and in dark
 //! mode.
 
-use std::fmt::Write as _;
-
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest as _, Sha256};
 
-use super::document::{Cell, Document, Figure, Section, Table};
+use super::document::{Cell, Document, Figure, Section, Table, Tile};
 use super::live::Embedded;
 use super::number::{decimals_for, fixed, significant};
 use super::style;
@@ -27,12 +25,6 @@ pub(super) struct Drawn {
     pub(super) json: String,
 }
 
-/// The script of the page in its own scope, shared with the scripts of the live model or loop.
-fn script(live: Option<&Embedded>) -> String {
-    let live = live.map_or_else(String::new, |live| live.scripts.concat());
-    format!("\"use strict\";\n(() => {{\n{REPORT_SCRIPT}{live}}})();\n")
-}
-
 /// The whole page. `drawn` holds the figures in document order, `styles` the JSON of line styles.
 pub(super) fn page(
     document: &Document,
@@ -40,37 +32,37 @@ pub(super) fn page(
     styles: &str,
     live: Option<&Embedded>,
 ) -> String {
-    let script = script(live);
-    let size: usize = drawn.iter().map(|figure| figure.svg.len() + figure.json.len()).sum();
-    let mut page = String::with_capacity(size + 100_000);
-    head(&mut page, document, &script, live.is_some());
-    page.push_str("<body>\n<a class=\"skip\" href=\"#main\">Skip to the report</a>\n<header>\n");
-    element(&mut page, "h1", &document.title);
-    if !document.subtitle.is_empty() {
-        let _ = writeln!(page, "<p class=\"subtitle\">{}</p>", escape(&document.subtitle));
-    }
-    page.push_str("</header>\n");
-    contents(&mut page, &document.sections);
-    page.push_str("<main id=\"main\">\n");
-    tiles(&mut page, document);
-    messages(&mut page, ["warnings", "Warnings"], &document.warnings);
-    messages(&mut page, ["notes", "Notes"], &document.notes);
+    // In its own scope, shared with the scripts of the live model or loop.
+    let live_script = live.map_or_else(String::new, |live| live.scripts.concat());
+    let script = format!("\"use strict\";\n(() => {{\n{REPORT_SCRIPT}{live_script}}})();\n");
+    // Nothing may be loaded, and only these two scripts and the model may run, whatever the name of
+    // a recording.
+    let [uplot_hash, script_hash] =
+        [UPLOT_SCRIPT, &script].map(|script| STANDARD.encode(Sha256::digest(script)));
     let mut drawn = drawn.iter();
-    for (index, part) in document.sections.iter().enumerate() {
-        section(&mut page, index, part, &mut drawn, live);
-    }
-    page.push_str("</main>\n");
-    footer(&mut page, &document.provenance);
-    let _ = write!(
-        page,
-        "<script type=\"application/json\" id=\"chart-styles\">{styles}</script>\n<!-- uPlot 1.6.32\n"
-    );
-    let _ = write!(
-        page,
-        "{UPLOT_LICENCE}-->\n<script>{UPLOT_SCRIPT}</script>\n<script>{script}</script>\n"
-    );
-    page.push_str("</body>\n</html>\n");
-    page
+    let sections = document.sections.iter().zip(1..);
+    let sections = sections.map(|(part, number)| section(part, number, &mut drawn, live));
+    let main = tiles(document)
+        + &messages(["warnings", "Warnings"], &document.warnings)
+        + &messages(["notes", "Notes"], &document.notes)
+        + &sections.collect::<String>();
+    format!(
+        include_str!("assets/page.html"),
+        uplot_hash = uplot_hash,
+        script_hash = script_hash,
+        module = if live.is_some() { " 'wasm-unsafe-eval'" } else { "" },
+        title = typeset(&document.title),
+        uplot_style = UPLOT_STYLE,
+        style = REPORT_STYLE.to_owned() + &role_colours(),
+        subtitle = subtitle(&document.subtitle),
+        contents = contents(&document.sections),
+        main = main,
+        origin = origin(&document.provenance),
+        chart_styles = styles,
+        uplot_licence = UPLOT_LICENCE,
+        uplot = UPLOT_SCRIPT,
+        script = script,
+    )
 }
 
 /// Escapes `text` for HTML and XML, in content and in quoted attributes.
@@ -89,43 +81,15 @@ pub(super) fn escape(text: &str) -> String {
     escaped
 }
 
-// Writing to a String cannot fail, so the results of `write!` are dropped throughout this file.
-
-fn head(page: &mut String, document: &Document, script: &str, has_live: bool) {
-    let hash = |script: &str| STANDARD.encode(Sha256::digest(script));
-    let [uplot, report] = [UPLOT_SCRIPT, script].map(hash);
-    let module = if has_live { " 'wasm-unsafe-eval'" } else { "" };
-    page.push_str("<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n");
-    page.push_str("<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n");
-    page.push_str("<meta name=\"color-scheme\" content=\"light dark\">\n");
-    // Nothing may be loaded, and only these two scripts and the model may run, whatever the name of
-    // a recording.
-    let _ = writeln!(
-        page,
-        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; \
-         script-src 'sha256-{uplot}' 'sha256-{report}'{module}; img-src data: blob:; base-uri 'none'; form-action 'none'\">"
-    );
-    element(page, "title", &document.title);
-    let _ = write!(
-        page,
-        "<style>{UPLOT_STYLE}</style>\n<style>{REPORT_STYLE}{}</style>\n</head>\n",
-        role_colours()
-    );
-}
-
 fn role_colours() -> String {
-    let variables = |colour: fn(&style::Style) -> &'static str| {
-        style::all().iter().fold(String::new(), |mut css, style| {
-            let _ = write!(css, "--{}:{};", style.class, colour(style));
-            css
-        })
-    };
-    let (light, dark) = (variables(|style| style.light), variables(|style| style.dark));
+    let all = style::all();
+    let (light, dark) = (style::variables(all, |s| s.light), style::variables(all, |s| s.dark));
     format!(":root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}")
 }
 
-fn element(page: &mut String, name: &str, text: &str) {
-    let _ = writeln!(page, "<{name}>{}</{name}>", typeset(text));
+/// An element for each text.
+fn elements(name: &str, texts: &[String]) -> String {
+    texts.iter().map(|text| format!("<{name}>{}</{name}>\n", typeset(text))).collect()
 }
 
 /// Escapes `text` and sets the indices of symbols low: `F_c`, `θ_12`, but not `force_n`.
@@ -141,7 +105,7 @@ fn typeset(text: &str) -> String {
         let end = after.find(|c: char| !c.is_ascii_alphanumeric()).unwrap_or(after.len());
         out.push_str(&escape(before));
         if stands_alone && (1..=2).contains(&end) && !after[end..].starts_with('_') {
-            let _ = write!(out, "<sub>{}</sub>", &after[..end]);
+            out += &format!("<sub>{}</sub>", &after[..end]);
             rest = &after[end..];
         } else {
             out.push('_');
@@ -151,151 +115,125 @@ fn typeset(text: &str) -> String {
     out + &escape(rest)
 }
 
-fn contents(page: &mut String, sections: &[Section]) {
+fn subtitle(text: &str) -> String {
+    if text.is_empty() {
+        return String::new();
+    }
+    format!("<p class=\"subtitle\">{}</p>\n", escape(text))
+}
+
+fn contents(sections: &[Section]) -> String {
     if sections.len() < 2 {
-        return;
+        return String::new();
     }
-    page.push_str("<nav aria-label=\"Contents\"><ul>\n");
-    for (index, section) in sections.iter().enumerate() {
-        let _ = writeln!(
-            page,
-            "<li><a href=\"#section-{}\">{}</a></li>",
-            index + 1,
-            escape(&section.heading)
-        );
-    }
-    page.push_str("</ul></nav>\n");
+    let entries = sections.iter().zip(1..).map(|(section, number)| {
+        format!("<li><a href=\"#section-{number}\">{}</a></li>\n", escape(&section.heading))
+    });
+    let entries: String = entries.collect();
+    format!("<nav aria-label=\"Contents\"><ul>\n{entries}</ul></nav>\n")
 }
 
-fn tiles(page: &mut String, document: &Document) {
+fn tiles(document: &Document) -> String {
     if document.tiles.is_empty() {
-        return;
+        return String::new();
     }
-    page.push_str("<dl class=\"tiles\" aria-label=\"Summary\">\n");
-    for tile in &document.tiles {
-        let _ = write!(page, "<div><dt>{}</dt><dd>{}", typeset(&tile.label), typeset(&tile.value));
-        if !tile.note.is_empty() {
-            let _ = write!(page, " <small>{}</small>", escape(&tile.note));
-        }
-        page.push_str("</dd></div>\n");
-    }
-    page.push_str("</dl>\n");
+    let tiles: String = document.tiles.iter().map(tile).collect();
+    format!("<dl class=\"tiles\" aria-label=\"Summary\">\n{tiles}</dl>\n")
 }
 
-fn messages(page: &mut String, [class, heading]: [&str; 2], messages: &[String]) {
+fn tile(Tile { label, value, note }: &Tile) -> String {
+    let note = match note.as_str() {
+        "" => String::new(),
+        note => format!(" <small>{}</small>", escape(note)),
+    };
+    format!("<div><dt>{}</dt><dd>{}{note}</dd></div>\n", typeset(label), typeset(value))
+}
+
+fn messages([class, heading]: [&str; 2], messages: &[String]) -> String {
     if messages.is_empty() {
-        return;
+        return String::new();
     }
-    let _ = writeln!(page, "<section class=\"{class}\" aria-labelledby=\"{class}\">");
-    let _ = write!(page, "<h2 id=\"{class}\">{heading}</h2>\n<ul>\n");
-    for message in messages {
-        element(page, "li", message);
-    }
-    page.push_str("</ul>\n</section>\n");
+    let items = elements("li", messages);
+    format!(
+        "<section class=\"{class}\" aria-labelledby=\"{class}\">\n<h2 id=\"{class}\">{heading}</h2>\n<ul>\n{items}</ul>\n</section>\n"
+    )
 }
 
 fn section<'d>(
-    page: &mut String,
-    index: usize,
     section: &Section,
+    number: usize,
     drawn: &mut impl Iterator<Item = &'d Drawn>,
     live: Option<&Embedded>,
-) {
-    let id = format!("section-{}", index + 1);
+) -> String {
     let heading = escape(&section.heading);
-    let _ = write!(page, "<section aria-labelledby=\"{id}\">\n<h2 id=\"{id}\">{heading}</h2>\n");
-    for paragraph in &section.paragraphs {
-        element(page, "p", paragraph);
-    }
-    for part in &section.tables {
-        table(page, part);
-    }
-    for (part, drawn) in section.figures.iter().zip(drawn) {
-        figure(page, part, drawn);
-    }
+    let paragraphs = elements("p", &section.paragraphs);
+    let tables: String = section.tables.iter().map(table).collect();
+    let figures = section.figures.iter().zip(drawn);
+    let figures: String = figures.map(|(part, drawn)| figure(part, drawn)).collect();
     let is_live = section.live.is_some() || section.live_loop.is_some();
-    if let (true, Some(live)) = (is_live, live) {
-        live_part(page, live);
-    }
-    page.push_str("</section>\n");
+    let live = live.filter(|_| is_live).map_or_else(String::new, live_part);
+    format!(
+        "<section aria-labelledby=\"section-{number}\">\n<h2 id=\"section-{number}\">{heading}</h2>\n\
+         {paragraphs}{tables}{figures}{live}</section>\n"
+    )
 }
 
 /// The container in which the script builds the interactive part, with its initial content.
-fn live_part(page: &mut String, Embedded { what, module, json, .. }: &Embedded) {
-    let _ = writeln!(
-        page,
-        "<p class=\"on-paper\">Left out on paper: on a screen {what} runs here.</p>"
-    );
-    let _ = write!(
-        page,
-        "<div id=\"live\" class=\"live\">\n<p class=\"live-absent\">Here {what} runs where JavaScript and WebAssembly do: in a browser \
-         of 2023 or later, on a screen. The rest of the report needs neither.</p>\n"
-    );
-    let _ = writeln!(page, "<script type=\"application/json\">{json}</script>");
-    let _ = writeln!(page, "<script type=\"application/gzip\">{module}</script>\n</div>");
+fn live_part(Embedded { what, module, json, .. }: &Embedded) -> String {
+    format!(
+        "<p class=\"on-paper\">Left out on paper: on a screen {what} runs here.</p>\n\
+         <div id=\"live\" class=\"live\">\n<p class=\"live-absent\">Here {what} runs where JavaScript and WebAssembly do: in a browser \
+         of 2023 or later, on a screen. The rest of the report needs neither.</p>\n\
+         <script type=\"application/json\">{json}</script>\n<script type=\"application/gzip\">{module}</script>\n</div>\n"
+    )
 }
 
-fn figure(page: &mut String, figure: &Figure, drawn: &Drawn) {
-    let (id, number, title) = (&figure.id, figure.number, escape(&figure.title));
-    let millimetres = figure.width.millimetres();
-    let _ = write!(
-        page,
-        "<figure id=\"figure-{id}\" data-width=\"{millimetres}\">\n<div class=\"static\">{}</div>\n",
-        drawn.svg
-    );
-    let _ = write!(page, "<script type=\"application/json\">{}</script>\n<figcaption>", drawn.json);
-    let _ = write!(
-        page,
-        "<strong>Figure {number}. {title}.</strong> {}</figcaption>\n</figure>\n",
-        typeset(&figure.caption)
-    );
+fn figure(figure: &Figure, Drawn { svg, json }: &Drawn) -> String {
+    let Figure { id, number, .. } = figure;
+    let (title, caption) = (escape(&figure.title), typeset(&figure.caption));
+    let width = figure.width.millimetres();
+    format!(
+        "<figure id=\"figure-{id}\" data-width=\"{width}\">\n<div class=\"static\">{svg}</div>\n\
+         <script type=\"application/json\">{json}</script>\n\
+         <figcaption><strong>Figure {number}. {title}.</strong> {caption}</figcaption>\n</figure>\n"
+    )
 }
 
-fn table(page: &mut String, table: &Table) {
-    let caption = typeset(&table.caption);
-    if table.collapsed {
-        let _ = writeln!(page, "<details><summary>{caption}</summary>");
-    }
-    if let Some((_, words)) = &table.optional {
-        let _ = writeln!(
-            page,
-            "<label class=\"switch\"><input type=\"checkbox\"> {}</label>",
-            escape(words)
-        );
-    }
-    let label = escape(&table.caption);
-    let _ = write!(
-        page,
-        "<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{label}\">\n<table>\n"
-    );
-    if !table.collapsed {
-        let _ = writeln!(page, "<caption>{caption}</caption>");
-    }
-    page.push_str("<thead><tr>");
-    for (column, heading) in table.columns.iter().enumerate() {
-        let is_number = table.rows.iter().any(|row| row.get(column).is_some_and(is_numeric));
-        let class = class(is_number, is_optional(table, column));
-        let _ = write!(page, "<th scope=\"col\"{class}>{}</th>", typeset(heading));
-    }
-    page.push_str("</tr></thead>\n<tbody>\n");
-    for row in &table.rows {
-        page.push_str("<tr>");
-        for (column, content) in row.iter().enumerate() {
-            cell(page, content, column == 0, is_optional(table, column));
-        }
-        page.push_str("</tr>\n");
-    }
-    page.push_str("</tbody>\n</table>\n</div>\n");
-    if table.collapsed {
-        page.push_str("</details>\n");
-    }
+fn table(table: &Table) -> String {
+    let (caption, label) = (typeset(&table.caption), escape(&table.caption));
+    let (open, inner, close) = if table.collapsed {
+        (format!("<details><summary>{caption}</summary>\n"), String::new(), "</details>\n")
+    } else {
+        (String::new(), format!("<caption>{caption}</caption>\n"), "")
+    };
+    let switch = table.optional.as_ref().map_or_else(String::new, |(_, words)| {
+        format!("<label class=\"switch\"><input type=\"checkbox\"> {}</label>\n", escape(words))
+    });
+    let head: String = (0..table.columns.len()).map(|column| heading(table, column)).collect();
+    let rows: String = table.rows.iter().map(|cells| row(table, cells)).collect();
+    format!(
+        "{open}{switch}<div class=\"scroll\" role=\"region\" tabindex=\"0\" aria-label=\"{label}\">\n<table>\n\
+         {inner}<thead><tr>{head}</tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</div>\n{close}"
+    )
+}
+
+fn heading(table: &Table, column: usize) -> String {
+    let is_number = table.rows.iter().any(|row| row.get(column).is_some_and(is_numeric));
+    let class = class(is_number, is_optional(table, column));
+    format!("<th scope=\"col\"{class}>{}</th>", typeset(&table.columns[column]))
+}
+
+fn row(table: &Table, cells: &[Cell]) -> String {
+    let cells = cells.iter().zip(0..);
+    let cells = cells.map(|(content, column)| cell(content, column, is_optional(table, column)));
+    format!("<tr>{}</tr>\n", cells.collect::<String>())
 }
 
 fn is_optional(table: &Table, column: usize) -> bool {
     table.optional.as_ref().is_some_and(|(columns, _)| columns.contains(&column))
 }
 
-fn class(is_number: bool, is_optional: bool) -> &'static str {
+const fn class(is_number: bool, is_optional: bool) -> &'static str {
     match (is_number, is_optional) {
         (true, true) => " class=\"number optional\"",
         (true, false) => " class=\"number\"",
@@ -308,8 +246,7 @@ const fn is_numeric(cell: &Cell) -> bool {
     matches!(cell, Cell::Number { .. } | Cell::Estimate { .. } | Cell::Interval { .. })
 }
 
-fn cell(page: &mut String, cell: &Cell, is_first: bool, is_optional: bool) {
-    let (open, close) = if is_first { ("<th scope=\"row\"", "</th>") } else { ("<td", "</td>") };
+fn cell(cell: &Cell, column: usize, is_optional: bool) -> String {
     let class = class(is_numeric(cell), is_optional);
     let content = match cell {
         Cell::Text(text) => typeset(text),
@@ -322,7 +259,10 @@ fn cell(page: &mut String, cell: &Cell, is_first: bool, is_optional: bool) {
         Cell::Undetermined => "<span class=\"doubt\">not determined by the data</span>".to_owned(),
         Cell::Warning(text) => format!("<span class=\"doubt\">{}</span>", escape(text)),
     };
-    let _ = write!(page, "{open}{class}>{content}{close}");
+    match column {
+        0 => format!("<th scope=\"row\"{class}>{content}</th>"),
+        _ => format!("<td{class}>{content}</td>"),
+    }
 }
 
 fn rounded(value: f64, low: f64, high: f64) -> String {
@@ -332,10 +272,9 @@ fn rounded(value: f64, low: f64, high: f64) -> String {
     }
 }
 
-fn footer(page: &mut String, provenance: &[(String, String)]) {
-    page.push_str("<footer>\n<h2>Origin</h2>\n<dl>\n");
-    for (label, value) in provenance {
-        let _ = writeln!(page, "<div><dt>{}</dt><dd>{}</dd></div>", escape(label), escape(value));
-    }
-    page.push_str("</dl>\n</footer>\n");
+fn origin(provenance: &[(String, String)]) -> String {
+    let lines = provenance.iter().map(|(label, value)| {
+        format!("<div><dt>{}</dt><dd>{}</dd></div>\n", escape(label), escape(value))
+    });
+    lines.collect()
 }

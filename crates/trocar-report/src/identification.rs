@@ -6,11 +6,12 @@
 
 use trocar_model::{Element, Quantity};
 
-use super::document::{Document, Section, Tile};
+use super::document::{Document, Section, Tile, origin};
 use super::figures::{self, Scored};
 use super::number::{fixed, significant};
 use trocar_identify::validate::Validation;
 use trocar_identify::{Identification, IdentifyOptions, Warning};
+use trocar_lab::summary::PROGRAM;
 use trocar_lab::workflow::MovingMass;
 use trocar_recording::Recording;
 
@@ -160,7 +161,7 @@ pub fn document(input: &IdentificationReport) -> Document {
     let input = &IdentificationReport { validation, ..*input };
     let found = input.identification;
     let scored = figures::scored(found, input.training, input.validation);
-    let mut document = Document {
+    Document {
         title: input.title.to_owned(),
         subtitle: subtitle(input),
         tiles: tiles(found, &scored),
@@ -168,21 +169,19 @@ pub fn document(input: &IdentificationReport) -> Document {
         notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),
         sections: sections(input, &scored),
         provenance: provenance(input),
-    };
-    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
-    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
-    document
+    }
+    .numbered()
 }
 
 fn subtitle(input: &IdentificationReport) -> String {
-    let names = |recordings: &[Recording]| {
-        recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")
-    };
     let validated = input.validation.map_or_else(
         || "not validated on other recordings".to_owned(),
-        |(recordings, _)| format!("validated on {}", names(recordings)),
+        |(recordings, _)| format!("validated on {}", figures::names(recordings)),
     );
-    format!("Extended Maxwell-Slip model identified from {}; {validated}", names(input.training))
+    format!(
+        "Extended Maxwell-Slip model identified from {}; {validated}",
+        figures::names(input.training)
+    )
 }
 
 fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
@@ -191,29 +190,19 @@ fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
     } else {
         ("Error on its own data (rms)", "Fit to its own data")
     };
+    let Validation { rms_n, fit_percent, .. } = &*scored.validation;
+    let of_fit = format!("{} %", fixed(*fit_percent, 1));
     let mut tiles = vec![
-        Tile::new(
-            error,
-            format!("{} N", significant(scored.validation.rms_n, 3)),
-            error_note(scored),
-        ),
-        Tile::new(
-            fit,
-            format!("{} %", fixed(scored.validation.fit_percent, 1)),
-            "100·(1 − rms/sd of the readings)",
-        ),
+        Tile::new(error, format!("{} N", significant(*rms_n, 3)), error_note(scored)),
+        Tile::new(fit, of_fit, "100·(1 − rms/sd of the readings)"),
     ];
-    for quantity in
-        [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset]
-    {
-        if let Some(estimate) = found.estimate(quantity) {
-            let (id, (value, interval)) = (quantity.id(), figures::value_and_interval(estimate));
-            tiles.push(Tile::new(
-                format!("{} {}", figures::name_of(id), id.symbol()),
-                value,
-                interval,
-            ));
-        }
+    let main =
+        [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset];
+    for quantity in main {
+        let Some(estimate) = found.estimate(quantity) else { continue };
+        let (id, (value, interval)) = (quantity.id(), figures::value_and_interval(estimate));
+        let label = format!("{} {}", figures::name_of(id), id.symbol());
+        tiles.push(Tile::new(label, value, interval));
     }
     tiles
 }
@@ -258,15 +247,16 @@ fn lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
 
 fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
     let found = input.identification;
-    let section = |heading: &str, drawn| figures::with(Section::new(heading), drawn);
-    let deformation =
-        section("Deformation", figures::deformation_velocity(found, input.choice.deflections));
-    let deformation = figures::with(deformation, figures::deformation_force(found, input.truth));
+    let deformation = Section::new("Deformation")
+        .drawn(figures::deformation_velocity(found, input.choice.deflections))
+        .drawn(figures::deformation_force(found, input.truth))
+        .drawn(figures::half_width(found));
     let errors = Section::new("Residuals")
         .table(figures::error_by_recording(scored))
         .table(figures::error_by_phase(scored))
-        .figure(figures::residuals(scored));
-    let errors = figures::with(errors, figures::residual_statistics(scored));
+        .figure(figures::residuals(scored))
+        .drawn(figures::residual_statistics(scored))
+        .drawn(figures::error_by_speed(scored));
     let mut all = vec![
         live(input, scored),
         parameters(input),
@@ -275,12 +265,13 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
             .table(figures::resolution(recordings(input))),
     ];
     all.extend(fit(input, scored));
+    let cycles = figures::cross_validation(scored, input.choice.speeds);
     all.extend([
-        section("Velocity reversal", figures::velocity_step(found, input.training)),
-        section("Static friction", figures::static_friction(found)),
-        figures::with(deformation, figures::half_width(found)),
-        section("Cross-validation", figures::cross_validation(scored, input.choice.speeds)),
-        figures::with(errors, figures::error_by_speed(scored)),
+        Section::new("Velocity reversal").drawn(figures::velocity_step(found, input.training)),
+        Section::new("Static friction").drawn(figures::static_friction(found)),
+        deformation,
+        Section::new("Cross-validation").drawn(cycles),
+        errors,
     ]);
     if let Some(table) = figures::branch_coefficients(found) {
         all.push(Section::new("Coefficients of the branches").table(table));
@@ -306,10 +297,10 @@ fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
     if !fit.terms.is_empty() {
         section = section.table(figures::terms(fit));
     }
-    let section = figures::with(section, figures::friction_scale(found, input.training));
+    let section = section.drawn(figures::friction_scale(found, input.training));
     let small = found.free_motion.partial_reversals > 0 && found.free_motion.held_s > 1.0;
     Some(if small {
-        figures::with(section, figures::small_motion(found, input.training, scored))
+        section.drawn(figures::small_motion(found, input.training, scored))
     } else {
         section
     })
@@ -365,17 +356,14 @@ fn recordings<'a>(
 }
 
 fn provenance(input: &IdentificationReport) -> Vec<(String, String)> {
-    let mut all = vec![
-        ("Program".to_owned(), concat!("trocar ", env!("CARGO_PKG_VERSION")).to_owned()),
-        ("EMS".to_owned(), "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery".to_owned()),
-    ];
-    all.extend(input.command.map(|command| ("Command".to_owned(), command.to_owned())));
+    let mut all = vec![origin("Program", PROGRAM), origin("EMS", figures::PAPER)];
+    all.extend(input.command.map(|command| origin("Command", command)));
     let MovingMass { mass, gravity } = input.moving_mass;
-    let options =
-        format!("moving mass {mass} kg, gravity {gravity} m/s², {}", input.options.in_words());
-    all.push(("Options".to_owned(), options));
-    all.extend(recordings(input).map(|(r, used_for)| {
-        (format!("{} ({used_for})", r.name), format!("SHA-256 {}", r.sha256))
-    }));
+    let options = input.options.in_words();
+    all.push(origin(
+        "Options",
+        format!("moving mass {mass} kg, gravity {gravity} m/s², {options}"),
+    ));
+    all.extend(figures::hashes(recordings(input)));
     all
 }

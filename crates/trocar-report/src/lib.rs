@@ -10,6 +10,7 @@
 //! results; they fill documents from them.
 
 mod chart;
+mod codes;
 pub mod comparison;
 mod decimate;
 mod document;
@@ -42,8 +43,8 @@ use rayon::prelude::*;
 use trocar_tables::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, DEFAULT_ASPECT, Document, Excerpt, Figure, Kind, Knob, LiveLoop, LiveModel, Mark,
-    Panel, Role, Section, Series, Table, Tile, Width,
+    Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveLoop, LiveModel, Mark, Panel,
+    Role, Section, Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -171,16 +172,8 @@ pub fn page(document: &Document) -> Result<String, ReportError> {
 
 fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportError> {
     let styles = chart::styles_json().map_err(|error| drawing_error("styles", error))?;
-    let embed = |section: &Section| {
-        let model = section.live.as_ref().map(live::embed);
-        model.or_else(|| section.live_loop.as_ref().map(live::embed_loop))
-    };
-    let live = document
-        .sections
-        .iter()
-        .find_map(embed)
-        .transpose()
-        .map_err(|error| drawing_error("live", error))?;
+    let live = document.sections.iter().find_map(live::embed);
+    let live = live.transpose().map_err(|error| drawing_error("live", error))?;
     Ok(html::page(document, drawn, &styles, live.as_ref()))
 }
 
@@ -225,8 +218,8 @@ fn check(document: &Document) -> Result<(), ReportError> {
     let mut ids = HashSet::new();
     for figure in figures(document) {
         let id = figure.id.clone();
-        let allowed = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'-';
-        if id.is_empty() || !id.bytes().all(allowed) {
+        let allowed = b"abcdefghijklmnopqrstuvwxyz0123456789-";
+        if id.is_empty() || !id.bytes().all(|byte| allowed.contains(&byte)) {
             return Err(ReportError::InvalidId { id });
         }
         if !ids.insert(figure.id.as_str()) {
@@ -241,40 +234,35 @@ fn check(document: &Document) -> Result<(), ReportError> {
 }
 
 fn check_live(document: &Document) -> Result<(), ReportError> {
-    let refuse = |reason| Err(ReportError::Live { reason });
-    let sections = || document.sections.iter();
-    let [models, loops] = [
-        sections().filter(|section| section.live.is_some()).count(),
-        sections().filter(|section| section.live_loop.is_some()).count(),
-    ];
-    if models + loops > 1 {
-        return refuse("a document can carry one");
+    match live_fault(document) {
+        Some(reason) => Err(ReportError::Live { reason }),
+        None => Ok(()),
     }
-    let rows = sections().filter_map(|section| section.live_loop.as_ref()).flat_map(|l| &l.models);
-    let mut rows = rows.map(|row| trocar_model::Trocar::from_numbers(row));
-    if rows.any(|row| row.is_err()) {
-        return refuse("its row is no model");
+}
+
+fn live_fault(document: &Document) -> Option<&'static str> {
+    let models: Vec<&LiveModel> =
+        document.sections.iter().filter_map(|s| s.live.as_ref()).collect();
+    let loops: Vec<&LiveLoop> =
+        document.sections.iter().filter_map(|s| s.live_loop.as_ref()).collect();
+    if models.len() + loops.len() > 1 {
+        return Some("a document can carry one");
     }
-    let Some(model) = sections().find_map(|section| section.live.as_ref()) else { return Ok(()) };
+    let mut rows = loops.iter().flat_map(|live| [&live.trocar, &live.compensator]);
+    if rows.any(|row| trocar_model::Trocar::from_numbers(row).is_err()) {
+        return Some("its row is no model");
+    }
+    let model = models.first()?;
     let Ok(trocar) = trocar_model::Trocar::from_numbers(&model.row) else {
-        return refuse("its row is no model");
+        return Some("its row is no model");
     };
-    if !trocar
-        .seal()
-        .tunables()
-        .map(|tunable| tunable.value)
-        .eq(model.knobs.iter().map(|knob| knob.value))
-    {
-        return refuse("its knobs are not the parameters of its row");
+    let values = trocar.seal().tunables().map(|tunable| tunable.value);
+    if !values.eq(model.knobs.iter().map(|knob| knob.value)) {
+        return Some("its knobs are not the parameters of its row");
     }
-    match &model.excerpt {
-        Some(excerpt)
-            if excerpt.position.len() != excerpt.force.len() || excerpt.position.len() < 2 =>
-        {
-            refuse("its excerpt has not as many forces as positions, at least two")
-        }
-        _ => Ok(()),
-    }
+    let Excerpt { position, force, .. } = model.excerpt.as_ref()?;
+    let is_complete = position.len() == force.len() && position.len() >= 2;
+    (!is_complete).then_some("its excerpt has not as many forces as positions, at least two")
 }
 
 fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
@@ -288,24 +276,18 @@ fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
         Kind::Band { low, high } => vec![("low", low.len()), ("high", high.len())],
         Kind::ErrorBars { low, high } => vec![y, ("low", low.len()), ("high", high.len())],
     };
-    match columns.into_iter().find(|(_, found)| *found != expected) {
-        None => Ok(()),
-        Some((column, found)) => {
-            let (figure, series) = (figure.id.clone(), series.name.clone());
-            Err(ReportError::UnequalLengths { figure, series, column, found, expected })
-        }
-    }
+    let Some((column, found)) = columns.into_iter().find(|(_, found)| *found != expected) else {
+        return Ok(());
+    };
+    let (figure, series) = (figure.id.clone(), series.name.clone());
+    Err(ReportError::UnequalLengths { figure, series, column, found, expected })
 }
 
 fn check_table(table: &Table) -> Result<(), ReportError> {
     let expected = table.columns.len();
-    match table.rows.iter().position(|row| row.len() != expected) {
-        None => Ok(()),
-        Some(at) => Err(ReportError::RaggedTable {
-            table: table.caption.clone(),
-            row: at + 1,
-            found: table.rows[at].len(),
-            expected,
-        }),
-    }
+    let lengths = table.rows.iter().map(Vec::len).zip(1..);
+    let Some((found, row)) = lengths.into_iter().find(|(found, _)| *found != expected) else {
+        return Ok(());
+    };
+    Err(ReportError::RaggedTable { table: table.caption.clone(), row, found, expected })
 }

@@ -9,6 +9,13 @@ pub(super) struct Ticks {
     pub(super) labels: Vec<String>,
 }
 
+impl Ticks {
+    /// Where `place` puts each tick, and its number.
+    pub(super) fn placed(&self, place: impl Fn(f64) -> f64) -> Vec<(f64, &str)> {
+        self.at.iter().zip(&self.labels).map(|(at, label)| (place(*at), label.as_str())).collect()
+    }
+}
+
 /// Round ticks (1, 2, 2.5 or 5 times a power of ten apart), about `target` of them, inside `[low,
 /// high]`.
 pub(super) fn ticks(low: f64, high: f64, target: usize) -> Ticks {
@@ -106,10 +113,10 @@ const ADVANCE: [u16; 95] = [
 
 /// Width of `text` at font size `size` in pixels. Characters outside ASCII count as wide letters,
 /// so that the result is never too small.
-pub(super) fn text_width(text: &str, size: f64) -> f64 {
+pub(super) fn text_width(text: &str, size: impl Into<f64>) -> f64 {
     let advance =
         |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
-    text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size / 1000.0
+    text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size.into() / 1000.0
 }
 
 #[cfg(test)]

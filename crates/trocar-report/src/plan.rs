@@ -2,7 +2,7 @@
 
 use trocar_model::{Quantity, Unit};
 
-use super::document::{Cell, Document, Section, Table, Tile};
+use super::document::{Cell, Document, Section, Table, Tile, origin};
 use super::figures::plan as figures;
 use super::figures::{MM, name_of, teleop::keys};
 use super::number::significant;
@@ -102,19 +102,18 @@ fn tiles(input: &PlanReport) -> Vec<Tile> {
 }
 
 fn motion(input: &PlanReport) -> Section {
-    let columns =
-        ["Cycles", "Speed (mm/s)", "Stroke (mm)", "Number", "Time (s)", "Information (%)"];
-    let table = Table::new("What the motion consists of", columns);
-    let table = input.plan.shares.iter().fold(table, |table, share| {
-        table.row([
-            Cell::Text(share.block.interruption.to_string()),
-            Cell::Number { value: MM * share.block.speed_m_s, digits: 3 },
-            Cell::Number { value: MM * share.block.length_m, digits: 3 },
-            Cell::Number { value: share.count as f64, digits: share.count.to_string().len() },
-            Cell::Number { value: share.duration_s, digits: 3 },
-            Cell::Number { value: 1e2 * share.information.max(0.0), digits: 2 },
-        ])
-    });
+    let table = Table::of(
+        "What the motion consists of",
+        &input.plan.shares,
+        &[
+            ("Cycles", &|share| share.block.interruption.to_string().into()),
+            ("Speed (mm/s)", &|share| Cell::number(MM * share.block.speed_m_s, 3)),
+            ("Stroke (mm)", &|share| Cell::number(MM * share.block.length_m, 3)),
+            ("Number", &|share| Cell::number(share.count as f64, share.count.to_string().len())),
+            ("Time (s)", &|share| Cell::number(share.duration_s, 3)),
+            ("Information (%)", &|share| Cell::number(1e2 * share.information.max(0.0), 2)),
+        ],
+    );
     Section::new("The motion")
         .paragraph(
             "The order is random, so that a drift of the friction does not look like viscous friction; speeds, lengths, partial reversals \
@@ -130,30 +129,26 @@ fn expected(input: &PlanReport) -> Section {
     let paper = plan.paper.as_ref();
     let head = paper.map(|(duration, _)| format!("Paper, {duration:.0} s"));
     let time = format!("More time for ±{:.0} % (s)", 1e2 * PRECISION);
-    let columns = ["Parameter", "Unit", "Value", "Half width", "Of the value (%)"];
-    let columns = columns.into_iter().chain(["Worst seal"]).chain(head.as_deref());
-    let table = Table::new(
-        "Half widths of the 95 % intervals to expect: medians over the seals",
-        columns.chain([time.as_str()]),
-    );
-    let table = main_ones(&plan.expected).fold(table, |table, (k, p)| {
+    let columns = ["Parameter", "Unit", "Value", "Half width", "Of the value (%)", "Worst seal"];
+    let columns = columns.into_iter().chain(head.as_deref()).chain([time.as_str()]);
+    let caption = "Half widths of the 95 % intervals to expect: medians over the seals";
+    let table = main_ones(&plan.expected).fold(Table::new(caption, columns), |table, (k, p)| {
         let Unit { scale, shown, .. } = p.id.unit();
-        let number = |value: f64| Cell::Number { value, digits: 3 };
-        let half_width =
-            if p.determined { number(scale * p.half_width) } else { Cell::Undetermined };
+        let scaled = |value: f64| Cell::number(scale * value, 3);
+        let relative = p.relative_half_width.map_or(f64::NAN, |r| 1e2 * r);
         let mut row = vec![
-            Cell::Text(format!("{} {}", name_of(p.id), p.id.symbol())),
-            Cell::from(shown),
-            number(scale * p.value),
-            half_width,
-            number(p.relative_half_width.map_or(f64::NAN, |r| 1e2 * r)),
-            number(scale * p.largest_half_width),
+            format!("{} {}", name_of(p.id), p.id.symbol()).into(),
+            shown.into(),
+            scaled(p.value),
+            if p.determined { scaled(p.half_width) } else { Cell::Undetermined },
+            Cell::number(relative, 3),
+            scaled(p.largest_half_width),
         ];
-        row.extend(paper.map(|(_, paper)| number(scale * paper[k].half_width)));
+        row.extend(paper.map(|(_, paper)| scaled(paper[k].half_width)));
         row.push(match plan.time_for(p, PRECISION).map(|time| time - plan.duration_s()) {
-            Some(more) if more > 0.0 => number(more),
-            Some(_) => Cell::from("none"),
-            None => Cell::from("–"),
+            Some(more) if more > 0.0 => Cell::number(more, 3),
+            Some(_) => "none".into(),
+            None => "–".into(),
         });
         table.row(row)
     });
@@ -187,11 +182,7 @@ fn needed_in_words(plan: &Plan, needed: f64) -> String {
 }
 
 fn configuration(config: &PlanConfig) -> Section {
-    let table = Table::new("Rig, noise and prior", ["Key", "Value"]);
-    let table = keys(config)
-        .into_iter()
-        .fold(table, |table, (key, value)| table.row([Cell::Code(key), Cell::Text(value)]));
-    Section::new("Rig, noise and prior").table(Table { collapsed: true, ..table })
+    Section::new("Rig, noise and prior").table(keys("Rig, noise and prior", config))
 }
 
 fn provenance(input: &PlanReport) -> Vec<(String, String)> {
@@ -200,10 +191,10 @@ fn provenance(input: &PlanReport) -> Vec<(String, String)> {
         Some(pilot) if input.config_source.is_none() => format!("limits of {}", pilot.name()),
         _ => config,
     };
-    let mut all = vec![("Program".to_owned(), PROGRAM.to_owned()), ("Rig".to_owned(), config)];
-    all.extend(input.model.iter().map(|model| ("Model".to_owned(), model.words())));
-    all.extend(input.posterior.iter().map(|draws| ("Draws".to_owned(), draws.words())));
-    all.extend(input.before.iter().map(|source| ("Recording".to_owned(), source.words())));
-    all.push(("Seed".to_owned(), input.config.seed.to_string()));
+    let mut all = vec![origin("Program", PROGRAM), origin("Rig", config)];
+    all.extend(input.model.iter().map(|model| origin("Model", model.words())));
+    all.extend(input.posterior.iter().map(|draws| origin("Draws", draws.words())));
+    all.extend(input.before.iter().map(|source| origin("Recording", source.words())));
+    all.push(origin("Seed", input.config.seed.to_string()));
     all
 }

@@ -145,6 +145,14 @@ pub(super) fn place(kind: &str) -> usize {
     Classical::KINDS.iter().position(|own| *own == kind).map_or(0, |at| at + 1)
 }
 
+/// CSS custom properties that hold a colour of each of `styles`.
+pub(super) fn variables<'s>(
+    styles: impl IntoIterator<Item = &'s Style>,
+    colour: fn(&Style) -> &'static str,
+) -> String {
+    styles.into_iter().map(|style| format!("--{}:{};", style.class, colour(style))).collect()
+}
+
 /// The style of a role.
 pub(super) fn of(role: Role) -> Style {
     let index = match role {

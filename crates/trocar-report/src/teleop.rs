@@ -4,10 +4,10 @@
 
 use sha2::{Digest as _, Sha256};
 
-use super::document::{Cell, Document, Figure, LiveLoop, Section, Table, Tile};
-use super::figures::MM;
+use super::document::{Cell, Document, Figure, LiveLoop, Section, Table, Tile, origin};
 use super::figures::teleop as figures;
 use super::figures::teleop::plain;
+use super::figures::{MM, row_of};
 use super::number::significant;
 use super::{ReportError, stage_document};
 use trocar_lab::summary::PROGRAM;
@@ -92,8 +92,6 @@ impl TeleopReport<'_> {
 /// File of the course in the folder of a study.
 pub const COURSE: &str = "course.parquet";
 
-/// Most numbers of a row in the module.
-const LONGEST_ROW: usize = 24_576;
 /// How far the hand of the live loop reaches before and beyond the surface at least, m.
 const REACH: [f64; 2] = [0.03, 0.04];
 
@@ -103,7 +101,7 @@ const REACH: [f64; 2] = [0.03, 0.04];
 /// Equal input gives equal documents. A loop that is not stable has no figures of merit. Where data are missing, a
 /// sentence says what is missing.
 pub fn document(input: &TeleopReport) -> Document {
-    let mut document = Document {
+    Document {
         title: "Teleoperation through a trocar".to_owned(),
         subtitle: subtitle(input),
         tiles: tiles(input),
@@ -119,10 +117,8 @@ pub fn document(input: &TeleopReport) -> Document {
             configuration(input.config()),
         ],
         provenance: provenance(input),
-    };
-    let drawn = document.sections.iter_mut().flat_map(|section| &mut section.figures);
-    drawn.zip(1..).for_each(|(figure, number)| figure.number = number);
-    document
+    }
+    .numbered()
 }
 
 fn percent(fraction: f64) -> String {
@@ -169,10 +165,10 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
     };
     let mut tiles = vec![Tile::new("The loop", verdict.0, verdict.1)];
     if let Some(width) = &input.study.z_width {
-        let range = |[least, greatest]: &[f64; 2]| {
+        let ranges = width.ranges_n_m.iter().map(|[least, greatest]| {
             format!("{} to {}", significant(*least, 4), significant(*greatest, 4))
-        };
-        let held: Vec<String> = width.ranges_n_m.iter().map(range).collect();
+        });
+        let held: Vec<String> = ranges.collect();
         let value = match held.as_slice() {
             [] => "none".to_owned(),
             held => held.join(", ") + " N/m",
@@ -186,12 +182,9 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
     }
     let Some(merit) = &input.study.outcome.figures else { return tiles };
     if let (Some(shown), Some(own)) = (merit.displayed_stiffness_n_m, merit.true_stiffness_n_m) {
+        let shown = format!("{} N/m", significant(shown, 4));
         let note = format!("of the tissue {} N/m", significant(own, 4));
-        tiles.push(Tile::new(
-            "Stiffness displayed",
-            format!("{} N/m", significant(shown, 4)),
-            note,
-        ));
+        tiles.push(Tile::new("Stiffness displayed", shown, note));
     }
     tiles.push(Tile::new(
         "Error of the force felt (rms)",
@@ -214,11 +207,15 @@ fn ranges(stable: &[[f64; 2]]) -> String {
 }
 
 fn merit_table(caption: &str, merit: &Merit) -> Table {
-    let table = Table::new(caption, ["Figure", "Value", "Unit"]);
-    merit.rows().into_iter().fold(table, |table, (name, value, unit)| {
-        let value = value.map_or_else(|| "none".into(), |v| Cell::Number { value: v, digits: 4 });
-        table.row([name.into(), value, unit.into()])
-    })
+    Table::of(
+        caption,
+        merit.rows(),
+        &[
+            ("Figure", &|(name, ..)| (*name).into()),
+            ("Value", &|(_, value, _)| value.map_or("none".into(), |value| Cell::number(value, 4))),
+            ("Unit", &|(.., unit)| (*unit).into()),
+        ],
+    )
 }
 
 fn felt(input: &TeleopReport) -> Section {
@@ -230,11 +227,8 @@ fn felt(input: &TeleopReport) -> Section {
         Some(merit) => section.table(merit_table("Figures of merit", merit)),
         None => section.paragraph("The loop is unstable; the figures below show its motion only."),
     };
-    let section = section.figure(figures::course(input.config(), samples));
-    match figures::depth(input.config(), samples, input.study.outcome.figures.as_ref()) {
-        Ok(figure) => section.figure(figure),
-        Err(why) => section.paragraph(why),
-    }
+    let depth = figures::depth(input.config(), samples, input.study.outcome.figures.as_ref());
+    section.figure(figures::course(input.config(), samples)).drawn(depth)
 }
 
 fn advised(input: &TeleopReport) -> Section {
@@ -259,27 +253,32 @@ fn advised(input: &TeleopReport) -> Section {
     };
     let mut section = section.paragraph(words);
     if let Some(step) = advice.noticeable_with {
-        section = section.paragraph(match step {
-            NoticeableStep::Noticed { step_n_m } => format!(
-                "With it, the least step of the tissue's stiffness that is noticed is {} N/m.",
-                significant(step_n_m, 4)
-            ),
-            NoticeableStep::NotNoticed { step_n_m } => format!(
-                "With it, no step of the tissue's stiffness up to {} N/m is noticed.",
-                significant(step_n_m, 4)
-            ),
-            NoticeableStep::Unstable { step_n_m } => format!(
-                "With it, no step of the tissue's stiffness is noticed before the loop becomes unstable, with tissue stiffer \
-                 by {} N/m.",
-                significant(step_n_m, 4)
-            ),
-        });
+        section = section.paragraph(noticeable(step));
     }
     if let Some(merit) = &advice.with {
         section = section
             .table(merit_table("With that fraction, the pair with the largest error", merit));
     }
     section.table(figures::tried(advice)).figure(figures::errors(input.config(), advice))
+}
+
+/// What step of the tissue's stiffness is noticed with the fraction advised.
+fn noticeable(step: NoticeableStep) -> String {
+    match step {
+        NoticeableStep::Noticed { step_n_m } => format!(
+            "With it, the least step of the tissue's stiffness that is noticed is {} N/m.",
+            significant(step_n_m, 4)
+        ),
+        NoticeableStep::NotNoticed { step_n_m } => format!(
+            "With it, no step of the tissue's stiffness up to {} N/m is noticed.",
+            significant(step_n_m, 4)
+        ),
+        NoticeableStep::Unstable { step_n_m } => format!(
+            "With it, no step of the tissue's stiffness is noticed before the loop becomes unstable, with tissue stiffer \
+             by {} N/m.",
+            significant(step_n_m, 4)
+        ),
+    }
 }
 
 /// The map alone, as in the report; the cell of `config` is framed.
@@ -323,26 +322,20 @@ fn energy(input: &TeleopReport) -> Section {
 fn live(input: &TeleopReport) -> Section {
     let section = Section::new("The loop, live");
     let [compensator, trocar] = &input.study.models;
-    let rows = [trocar, compensator].map(|trocar| {
-        let mut row = vec![0.0; trocar.count_numbers()];
-        trocar.write_numbers(&mut row).ok().map(|_| row)
-    });
-    let ([Some(trocar), Some(compensator)], Ok(config)) =
-        (rows, serde_json::to_string(input.config()))
-    else {
+    let [trocar, compensator] = match [trocar, compensator].map(row_of) {
+        [Ok(trocar), Ok(compensator)] => [trocar, compensator],
+        [Err(why), _] | [_, Err(why)] => return section.paragraph(why),
+    };
+    let Ok(config) = serde_json::to_value(input.config()) else {
         return section.paragraph("This loop cannot be written as numbers for a page.");
     };
-    if trocar.len().max(compensator.len()) > LONGEST_ROW {
-        return section
-            .paragraph("The model has too many knots over the position to run in a page.");
-    }
     let Config { motion, tissue, .. } = input.config();
     let (first, last) = (motion.start_m(), motion.middle_m + motion.amplitude_m);
     let way = [
         first.min(last).min(tissue.surface_m - REACH[0]),
         first.max(last).max(tissue.surface_m + REACH[1]),
     ];
-    let live = LiveLoop { config, models: [trocar, compensator], start: first, way };
+    let live = LiveLoop { config, trocar, compensator, start: first, way };
     Section { live_loop: Some(live), ..section.paragraph(LIVE) }
 }
 
@@ -351,24 +344,18 @@ const LIVE: &str = "The loop itself runs here, the same steps as in every other 
                     tissue and of the trocar follow at once.";
 
 fn configuration(config: &Config) -> Section {
-    let table = Table::new("All keys of the configuration", ["Key", "Value"]);
-    let table = figures::keys(config)
-        .into_iter()
-        .fold(table, |table, (key, value)| table.row([Cell::Code(key), Cell::Text(value)]));
-    Section::new("Configuration").table(Table { collapsed: true, ..table })
+    Section::new("Configuration").table(figures::keys("All keys of the configuration", config))
 }
 
 fn provenance(input: &TeleopReport) -> Vec<(String, String)> {
     let Sources { config, trocar, compensator } = &input.sources;
     let config = config.as_ref().map_or_else(|| "defaults".to_owned(), Source::words);
     let mut all = vec![
-        ("Program".to_owned(), PROGRAM.to_owned()),
-        ("Configuration".to_owned(), config),
-        ("Model".to_owned(), trocar.words()),
+        origin("Program", PROGRAM),
+        origin("Configuration", config),
+        origin("Model", trocar.words()),
     ];
-    if let Some(other) = compensator {
-        all.push(("Compensator".to_owned(), other.words()));
-    }
-    all.push(("Seed".to_owned(), input.config().seed.to_string()));
+    all.extend(compensator.iter().map(|other| origin("Compensator", other.words())));
+    all.push(origin("Seed", input.config().seed.to_string()));
     all
 }

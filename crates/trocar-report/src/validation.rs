@@ -1,8 +1,8 @@
 //! Creates figures from a model, recordings and its simulation over them: for any model, not only
 //! for one just identified.
 
-use super::document::{Axis, Document, Figure, Panel, Role, Section, Series};
-use super::figures::thinned;
+use super::document::{Axis, Document, Figure, Role, Section};
+use super::figures::{line, over_time};
 use trocar_identify::validate::Validation;
 use trocar_recording::Recording;
 use trocar_simulate::replay::Replay;
@@ -25,30 +25,24 @@ pub fn document(
     let mut section = Section::new("Model against measurement");
     let scored = recordings.iter().zip(runs).zip(&scores.recordings);
     for (number, ((recording, run), scores)) in (1..).zip(scored.take(MOST_RECORDINGS)) {
-        let measured: Vec<f64> = recording.force.iter().map(|force| force - offset).collect();
-        let error: Vec<f64> =
-            measured.iter().zip(&run.force).map(|(measured, model)| measured - model).collect();
-        let line = |name, role, values: &[f64]| {
-            let (x, y) = thinned(&recording.time, values);
-            Series::line(name, role, x, y)
-        };
-        let time = || Axis::new("time", "s");
-        let forces = Panel::new(time(), Axis::new("force", "N").with_zero())
-            .series(line("measured", Role::Measured, &measured))
-            .series(line("model", Role::Model, &run.force))
+        let time = &recording.time;
+        let measured = || recording.force.iter().map(|force| force - offset);
+        let error = measured().zip(&run.force).map(|(measured, model)| measured - model);
+        let forces = over_time(Axis::new("force", "N").with_zero())
+            .series(line("measured", Role::Measured, time, measured()))
+            .series(line("model", Role::Model, time, run.force.iter().copied()))
             .aspect(0.3);
-        let errors = Panel::new(time(), Axis::new("measured - model", "N").with_zero())
-            .series(line("error", Role::Residual, &error))
+        let errors = over_time(Axis::new("measured - model", "N").with_zero())
+            .series(line("error", Role::Residual, time, error))
             .aspect(0.2);
-        let mut figure =
-            Figure::new(format!("validation-{number}"), number, recording.name.as_str());
-        figure.linked_x = true;
         let caption = format!(
             "The force of the model from the measured positions of {} beside the readings less the sensor offset of {offset:.3} N. \
              Root mean square error {:.3} N, fit {:.2} %.",
             recording.name, scores.rms_n, scores.fit_percent
         );
-        section = section.figure(figure.caption(caption).panel(forces).panel(errors));
+        let id = format!("validation-{number}");
+        let figure = Figure::new(id, number, recording.name.as_str()).caption(caption);
+        section = section.figure(figure.panel(forces).panel(errors).linked_x());
     }
     Document { title: title.to_owned(), sections: vec![section], ..Document::default() }
 }

@@ -1,6 +1,6 @@
 //! Common parts of the printed and the interactive panel: limits of the axes and the legend.
 
-use super::document::{Axis, Figure, Kind, Mark, Panel, Role, Series};
+use super::document::{Axis, Dimension, Figure, Kind, Panel, Role, Series};
 
 /// Limits of a panel's axes, finite and of positive width, with a margin around the data.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -20,12 +20,12 @@ impl Limits {
 
 /// The limits of every panel of `figure`; with linked x axes, all have the same x.
 pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
-    let mut x: Vec<Span> = figure.panels.iter().map(x_span).collect();
+    let mut x: Vec<Span> = figure.panels.iter().map(|panel| span(panel, Dimension::X)).collect();
     if figure.linked_x {
         let all = x.iter().fold(Span::EMPTY, |all, span| all.with(span.low).with(span.high));
         x.fill(all);
     }
-    let y = figure.panels.iter().map(y_span);
+    let y = figure.panels.iter().map(|panel| span(panel, Dimension::Y));
     let spans = x.iter().zip(y).zip(&figure.panels);
     let padded = |span: Span, axis: &Axis, share: f64| {
         if axis.logarithmic { span.padded_by_ratio(share) } else { span.padded(share) }
@@ -43,53 +43,42 @@ fn is_map(series: &Series) -> bool {
     matches!(series.kind, Kind::Cells { .. })
 }
 
-fn x_span(panel: &Panel) -> Span {
-    let data = panel.series.iter().flat_map(|series| around(series, &series.x, 0));
-    let marks = panel.marks.iter().flat_map(|mark| match *mark {
-        Mark::X { at, .. } => [at, at],
-        Mark::XRange { from, to, .. } => [from, to],
-        Mark::Y { .. } | Mark::YRange { .. } => [f64::NAN; 2],
-    });
-    let zero = if panel.x.include_zero { 0.0 } else { f64::NAN };
-    data.chain(marks).chain([zero]).filter(shown_on(&panel.x)).fold(Span::EMPTY, Span::with)
-}
-
-/// Whether an axis can show a value.
-fn shown_on(axis: &Axis) -> impl Fn(&f64) -> bool {
-    let logarithmic = axis.logarithmic;
-    move |value| !logarithmic || *value > 0.0
-}
-
-fn y_span(panel: &Panel) -> Span {
-    if !panel.y.names.is_empty() {
-        return Span { low: -0.5, high: panel.y.names.len() as f64 - 0.5 };
-    }
-    let data = panel.series.iter().flat_map(ordinates);
-    let marks = panel.marks.iter().flat_map(|mark| match *mark {
-        Mark::Y { at, .. } => [at, at],
-        Mark::YRange { from, to, .. } => [from, to],
-        Mark::X { .. } | Mark::XRange { .. } => [f64::NAN; 2],
-    });
-    let zero = if panel.y.include_zero { 0.0 } else { f64::NAN };
-    data.chain(marks).chain([zero]).filter(shown_on(&panel.y)).fold(Span::EMPTY, Span::with)
-}
-
-fn ordinates(series: &Series) -> impl Iterator<Item = f64> {
-    let edges: [&[f64]; 2] = match &series.kind {
-        Kind::Band { low, high } | Kind::ErrorBars { low, high } => [low, high],
-        Kind::Line | Kind::Points | Kind::Labelled { .. } | Kind::Cells { .. } => [&[], &[]],
+/// All that a panel shows along one of its axes.
+fn span(panel: &Panel, along: Dimension) -> Span {
+    let axis = match along {
+        Dimension::X => &panel.x,
+        Dimension::Y => &panel.y,
     };
-    around(series, &series.y, 1).chain(edges[0].iter().chain(edges[1]).copied())
+    if !axis.names.is_empty() {
+        return Span { low: -0.5, high: axis.names.len() as f64 - 0.5 };
+    }
+    let data = panel.series.iter().flat_map(|series| extent(series, along));
+    let marks = panel.marks.iter().filter(|mark| mark.axis == along);
+    let zero = if axis.include_zero { 0.0 } else { f64::NAN };
+    data.chain(marks.flat_map(|mark| [mark.from, mark.to]))
+        .chain([zero])
+        .filter(|value| !axis.logarithmic || *value > 0.0)
+        .fold(Span::EMPTY, Span::with)
 }
 
-/// `values` along `axis` (x is 0, y is 1) with what is drawn around them.
-fn around<'s>(
-    series: &Series,
-    values: &'s [f64],
-    axis: usize,
-) -> impl Iterator<Item = f64> + use<'s> {
-    let half = if let Kind::Cells { size, .. } = &series.kind { 0.5 * size[axis] } else { 0.0 };
-    values.iter().flat_map(move |value| [value - half, value + half])
+/// The points of a series along an axis, with what is drawn around them.
+fn extent(series: &Series, along: Dimension) -> impl Iterator<Item = f64> {
+    let values = match along {
+        Dimension::X => &series.x,
+        Dimension::Y => &series.y,
+    };
+    let half = match series.kind {
+        Kind::Cells { size, .. } => 0.5 * size[along as usize],
+        _ => 0.0,
+    };
+    let edges: [&[f64]; 2] = match &series.kind {
+        Kind::Band { low, high } | Kind::ErrorBars { low, high } if along == Dimension::Y => {
+            [low, high]
+        }
+        _ => [&[], &[]],
+    };
+    let around = values.iter().flat_map(move |value| [value - half, value + half]);
+    around.chain(edges.into_iter().flatten().copied())
 }
 
 #[derive(Clone, Copy)]
@@ -143,21 +132,19 @@ pub(super) struct Entry<'a> {
     pub(super) cell: bool,
 }
 
+impl<'a> Entry<'a> {
+    const fn new(name: &'a str, role: Role) -> Self {
+        Self { name, role, line: false, marker: false, band: false, cell: false }
+    }
+}
+
 /// The legend of a panel, in order of appearance; series without a name have no entry.
 pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
     let mut entries: Vec<Entry<'_>> = Vec::new();
     for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
         let same = |entry: &Entry<'_>| entry.name == series.name && entry.role == series.role;
         let at = entries.iter().position(same).unwrap_or_else(|| {
-            let (name, role) = (series.name.as_str(), series.role);
-            entries.push(Entry {
-                name,
-                role,
-                line: false,
-                marker: false,
-                band: false,
-                cell: false,
-            });
+            entries.push(Entry::new(&series.name, series.role));
             entries.len() - 1
         });
         match series.kind {

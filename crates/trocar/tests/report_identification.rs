@@ -13,7 +13,7 @@ use trocar::identify::{
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use trocar::report::{
-    Cell, Document, Figure, Kind, Mark, Panel, Role, Section, Series, Table, write_document,
+    Cell, Dimension, Document, Figure, Kind, Panel, Role, Section, Series, Table, write_document,
 };
 use trocar::validate::{Validation, validate};
 use trocar::workflow::MovingMass;
@@ -153,12 +153,10 @@ fn at(series: &Series, x: f64) -> f64 {
     ys[0] + (ys[1] - ys[0]) * (x - xs[0]) / (xs[1] - xs[0])
 }
 
-fn range<'a>(panel: &'a Panel, wanted: &str) -> (f64, f64) {
-    let found = panel.marks.iter().find_map(|mark: &'a Mark| match mark {
-        Mark::XRange { from, to, label } if label == wanted => Some((*from, *to)),
-        _ => None,
-    });
-    found.unwrap_or_else(|| panic!("no range {wanted}"))
+fn range(panel: &Panel, wanted: &str) -> (f64, f64) {
+    let found = panel.marks.iter().find(|mark| mark.axis == Dimension::X && mark.label == wanted);
+    let mark = found.unwrap_or_else(|| panic!("no range {wanted}"));
+    (mark.from, mark.to)
 }
 
 fn assert_nothing_is_empty(document: &Document) {
@@ -274,7 +272,8 @@ fn branches_lie_on_the_truth_of_the_bench_and_joins_on_their_corners() {
     let joins: Vec<f64> = panel
         .marks
         .iter()
-        .filter_map(|m| if let Mark::X { at, .. } = m { Some(*at) } else { None })
+        .filter(|mark| mark.axis == Dimension::X && mark.from == mark.to)
+        .map(|mark| mark.from)
         .collect();
     assert_eq!(joins.len(), 2);
     assert!((joins[0] + 2.2).abs() < 0.3 && (joins[1] - 2.2).abs() < 0.3, "{joins:?}");

@@ -1,8 +1,8 @@
 //! Texts beside points, placed so that they cover no other text, no marker and as little of a line
 //! as possible.
 
-use super::{Frame, LABELLED_RADIUS, TICK_SIZE, view};
-use crate::document::{Kind, Panel, Series};
+use super::{Frame, LABELLED_RADIUS, TICK_SIZE, is_drawable, view};
+use crate::document::{Dimension, Kind, Series};
 use crate::number::text_width;
 use crate::style;
 
@@ -56,22 +56,18 @@ impl Area {
 }
 
 /// Centre, text and colour of every label of a panel.
-pub(super) fn placed<'p>(
-    panel: &'p Panel,
-    frame: &Frame<'_>,
-) -> Vec<([f64; 2], &'p str, &'static str)> {
-    let (markers, lines) = obstacles(panel, frame);
+pub(super) fn placed<'p>(frame: &Frame<'p>) -> Vec<([f64; 2], &'p str, &'static str)> {
+    let (markers, lines) = obstacles(frame);
     let mut texts: Vec<Area> = Vec::new();
     let mut placed = Vec::new();
-    for series in &panel.series {
+    for series in &frame.panel.series {
         let Kind::Labelled { labels } = &series.kind else { continue };
         let colour = style::of(series.role).light;
         for (at, label) in points(series, frame).zip(labels) {
-            if !at.iter().all(|c| c.is_finite()) || label.is_empty() {
+            if !is_drawable(&at) || label.is_empty() {
                 continue;
             }
-            let half =
-                [text_width(&view::printable(label), f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT];
+            let half = [text_width(&view::printable(label), TICK_SIZE) / 2.0, HALF_HEIGHT];
             let cost = |area: &Area| {
                 let count = |all: &[Area]| all.iter().filter(|other| area.overlaps(other)).count();
                 let outside = usize::from(!area.is_inside(frame));
@@ -109,11 +105,10 @@ fn candidates(at: [f64; 2], half: [f64; 2]) -> impl Iterator<Item = Area> {
 }
 
 /// Markers, and points along lines and horizontal marks.
-fn obstacles(panel: &Panel, frame: &Frame<'_>) -> (Vec<Area>, Vec<Area>) {
+fn obstacles(frame: &Frame<'_>) -> (Vec<Area>, Vec<Area>) {
     let (mut markers, mut lines) = (Vec::new(), Vec::new());
-    for series in &panel.series {
-        let at: Vec<[f64; 2]> =
-            points(series, frame).filter(|p| p.iter().all(|c| c.is_finite())).collect();
+    for series in &frame.panel.series {
+        let at: Vec<[f64; 2]> = points(series, frame).filter(is_drawable).collect();
         match series.kind {
             Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => {
                 markers.extend(
@@ -124,11 +119,10 @@ fn obstacles(panel: &Panel, frame: &Frame<'_>) -> (Vec<Area>, Vec<Area>) {
             Kind::Band { .. } | Kind::Cells { .. } => {}
         }
     }
-    for mark in &panel.marks {
-        if let crate::document::Mark::Y { at, .. } = mark {
-            let y = frame.y(*at);
-            lines.extend(along([frame.left, y], [frame.left + frame.width, y]));
-        }
+    let levels = frame.panel.marks.iter().filter(|mark| mark.axis == Dimension::Y);
+    for mark in levels.filter(|mark| mark.is_line()) {
+        let y = frame.y(mark.from);
+        lines.extend(along([frame.left, y], [frame.left + frame.width, y]));
     }
     (markers, lines)
 }
@@ -146,7 +140,7 @@ fn along(from: [f64; 2], to: [f64; 2]) -> impl Iterator<Item = Area> {
 mod tests {
     use super::super::Layout;
     use super::*;
-    use crate::document::{Axis, Figure, Role};
+    use crate::document::{Axis, Figure, Panel, Role};
 
     #[test]
     fn texts_of_a_cluster_lie_apart_inside_the_axes_and_off_the_markers() {
@@ -171,14 +165,14 @@ mod tests {
         let figure =
             Figure::new("cluster", 1, "Cluster").panel((0..names.len()).fold(axes(), point));
         let layout = Layout::new(&figure);
-        let (panel, frame) = (&figure.panels[0], &layout.frames[0]);
+        let frame = &layout.frames[0];
         let area = |(centre, text, _): ([f64; 2], &str, &str)| Area {
             centre,
-            half: [text_width(text, f64::from(TICK_SIZE)) / 2.0, HALF_HEIGHT],
+            half: [text_width(text, TICK_SIZE) / 2.0, HALF_HEIGHT],
         };
-        let texts: Vec<Area> = placed(panel, frame).into_iter().map(area).collect();
+        let texts: Vec<Area> = placed(frame).into_iter().map(area).collect();
         assert_eq!(texts.len(), names.len());
-        let (markers, _) = obstacles(panel, frame);
+        let (markers, _) = obstacles(frame);
         for (k, text) in texts.iter().enumerate() {
             assert!(text.is_inside(frame), "{}", names[k]);
             assert!(texts[..k].iter().all(|other| !text.overlaps(other)), "{}", names[k]);

@@ -16,17 +16,11 @@ const LEVELS: [f64; 3] = [-0.5, 0.0, 0.5];
 /// Points of a drawn branch.
 const BRANCH_POINTS: usize = 300;
 
-fn resolved<'a>(found: &'a Identification, what: &str) -> Result<&'a DeformationFit, String> {
-    found.deformation.as_ref().map_err(|why| {
-        format!("There is no figure of {what}, because the paper's dynamic step resolves no deformation: {why}.")
-    })
-}
-
 /// Force at several deflections against deformation velocity: at those of `chosen`, m, or by
 /// default at [`LEVELS`].
-pub(in super::super) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
-    let deformation =
-        resolved(found, "the deformation force against deformation velocity (EMS figure 7)")?;
+pub(crate) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
+    let what = "the deformation force against deformation velocity (EMS figure 7)";
+    let deformation = super::deformation(found, what)?;
     let test = deformation.damping.as_ref().ok_or(
         "There is no figure of the deformation force against deformation velocity (EMS figure 7): all snap-throughs of the seal have one \
          speed, so its influence cannot be seen. Record several speeds.",
@@ -78,27 +72,18 @@ impl Level {
 
     fn points(&self, name: &str, role: Role, deflection_error: f64) -> Series {
         let bar = self.stiffness.abs() * deflection_error;
-        let column =
-            |of: &dyn Fn(&(f64, f64)) -> f64| self.points.iter().map(of).collect::<Vec<f64>>();
-        Series::error_bars(
-            name,
-            role,
-            column(&|p| MM * p.0),
-            column(&|p| p.1),
-            column(&|p| p.1 - bar),
-            column(&|p| p.1 + bar),
-        )
+        let x = self.points.iter().map(|(velocity, _)| MM * velocity).collect();
+        let [low, y, high] =
+            [-bar, 0.0, bar].map(|off| self.points.iter().map(|(_, force)| force + off).collect());
+        Series::error_bars(name, role, x, y, low, high)
     }
 
     /// A line through the mean of the points with the slope of the joint test.
     fn line(&self, role: Role, test: &DampingTest) -> Series {
         let n = self.points.len().max(1) as f64;
         let mean = self.points.iter().fold((0.0, 0.0), |m, p| (m.0 + p.0 / n, m.1 + p.1 / n));
-        let velocities = || self.points.iter().map(|p| p.0);
-        let ends = [
-            velocities().fold(f64::INFINITY, f64::min),
-            velocities().fold(f64::NEG_INFINITY, f64::max),
-        ];
+        let (slowest, fastest) = super::limits(self.points.iter().map(|(velocity, _)| velocity));
+        let ends = [slowest, fastest];
         let force = ends.map(|v| mean.1 + test.seal_damping_n_s_m.value * (v - mean.0));
         Series::line("", role, ends.map(|v| MM * v).to_vec(), force.to_vec())
     }
@@ -139,57 +124,49 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
 }
 
 /// Both branches: measured curves, joined polynomials, single polynomial; residuals of both fits.
-pub(in super::super) fn deformation_force(
-    found: &Identification,
-    truth: Option<&[Element]>,
-) -> Drawn {
-    let deformation = resolved(found, "the deformation force (EMS figure 8)")?;
-    let axes = || Axis::new("deflection z", "mm");
+pub(crate) fn deformation_force(found: &Identification, truth: Option<&[Element]>) -> Drawn {
+    let deformation = super::deformation(found, "the deformation force (EMS figure 8)")?;
+    let force = Axis::new("deformation force", "N").with_zero();
+    let axes = Panel::new(Axis::new("deflection z", "mm"), force).aspect(0.6);
     let mut branches =
-        Panel::new(axes(), Axis::new("deformation force", "N").with_zero()).aspect(0.6);
-    for series in branch_series(found, deformation, truth) {
-        branches = branches.series(series);
-    }
+        branch_series(found, deformation, truth).into_iter().fold(axes, Panel::series);
     for direction in Direction::BOTH {
         let join = found.element().params().deformation.branch(direction).join();
         branches = branches.mark(Mark::x(MM * join, format!("join, {}", direction.name())));
     }
-    let residual = |title: &str, fit: &BranchFit, shape: &BranchShape| {
-        let joined = fitted(found, deformation, shape);
-        let c = deformation.half_width.value;
-        let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
-        let left = |force: &dyn Fn(f64) -> f64| {
-            bin_centres()
-                .zip(&fit.mean_curve)
-                .map(|(u, mean)| mean - force(u))
-                .collect::<Vec<f64>>()
-        };
-        let mut panel =
-            Panel::new(axes(), Axis::new("residual", "N").with_zero()).title(title).aspect(0.28);
-        if let Some(joined) = joined {
-            panel = panel.series(Series::line(
-                JOINED,
-                Role::Fit,
-                x.clone(),
-                left(&|u| joined.force(u * c)),
-            ));
-        }
-        panel.series(Series::line(SINGLE, Role::Alternative, x, left(&|u| single(fit, u))))
+    let residuals = Direction::BOTH.map(|direction| residual_panel(found, deformation, direction));
+    let figure = Figure::new("deformation-force", 0, "Deformation force").panel(branches);
+    Ok(residuals.into_iter().fold(figure, Figure::panel).linked_x().caption(force_caption(
+        found,
+        deformation,
+        truth,
+    )))
+}
+
+/// What the fits of one branch leave of the mean of the snap-throughs.
+fn residual_panel(
+    found: &Identification,
+    deformation: &DeformationFit,
+    direction: Direction,
+) -> Panel {
+    let fit = deformation.branch(direction);
+    let c = deformation.half_width.value;
+    let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
+    let less = |force: &dyn Fn(f64) -> f64| {
+        bin_centres().zip(&fit.mean_curve).map(|(u, mean)| mean - force(u)).collect()
     };
-    Ok(Figure::new("deformation-force", 0, "Deformation force")
-        .panel(branches)
-        .panel(residual(
-            "insertion",
-            &deformation.insertion_branch,
-            &deformation.insertion_branch.shape,
-        ))
-        .panel(residual(
-            "withdrawal",
-            &deformation.withdrawal_branch,
-            &deformation.withdrawal_branch.shape,
-        ))
-        .linked_x()
-        .caption(force_caption(found, deformation, truth)))
+    let mut panel =
+        Panel::new(Axis::new("deflection z", "mm"), Axis::new("residual", "N").with_zero());
+    if let Some(joined) = fitted(found, deformation, &fit.shape) {
+        let left = less(&|u| joined.force(u * c));
+        panel = panel.series(Series::line(JOINED, Role::Fit, x.clone(), left));
+    }
+    panel.title(direction.name()).aspect(0.28).series(Series::line(
+        SINGLE,
+        Role::Alternative,
+        x,
+        less(&|u| single(fit, u)),
+    ))
 }
 
 const JOINED: &str = "joined polynomials (25)";
@@ -218,28 +195,14 @@ fn branch_series(
     let mut all = Vec::new();
     for fit in [&deformation.insertion_branch, &deformation.withdrawal_branch] {
         let x: Vec<f64> = bin_centres().map(|u| MM * u * c).collect();
-        let edge = |sign: f64| {
-            fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect::<Vec<f64>>()
-        };
-        all.push(Series::band(
-            "measured, mean ± 1 sd",
-            Role::Measured,
-            x.clone(),
-            edge(-1.0),
-            edge(1.0),
-        ));
-        all.push(Series::line(
-            "measured, mean ± 1 sd",
-            Role::Measured,
-            x.clone(),
-            fit.mean_curve.clone(),
-        ));
-        all.push(Series::line(
-            SINGLE,
-            Role::Alternative,
-            x,
-            bin_centres().map(|u| single(fit, u)).collect(),
-        ));
+        let [low, high] = [-1.0, 1.0].map(|sign| {
+            fit.mean_curve.iter().zip(&fit.scatter).map(|(f, s)| f + sign * s).collect()
+        });
+        let measured = "measured, mean ± 1 sd";
+        let alone = bin_centres().map(|u| single(fit, u)).collect();
+        all.push(Series::band(measured, Role::Measured, x.clone(), low, high));
+        all.push(Series::line(measured, Role::Measured, x.clone(), fit.mean_curve.clone()));
+        all.push(Series::line(SINGLE, Role::Alternative, x, alone));
         if let Some(branch) = fitted(found, deformation, &fit.shape) {
             all.push(drawn(JOINED, Role::Fit, &branch));
         }
@@ -249,10 +212,8 @@ fn branch_series(
     }
     if let Some([element]) = truth {
         let force = &element.params().deformation;
-        all.extend(
-            [force.insertion(), force.withdrawal()]
-                .map(|branch| drawn("truth of the bench", Role::Reference, branch)),
-        );
+        let branches = [force.insertion(), force.withdrawal()];
+        all.extend(branches.map(|branch| drawn("truth of the bench", Role::Reference, branch)));
     }
     all
 }
@@ -297,12 +258,8 @@ fn full_stroke(
 fn drawn(name: &str, role: Role, branch: &Branch) -> Series {
     let c = branch.half_width();
     let z = spaced(-c, c, BRANCH_POINTS);
-    Series::line(
-        name,
-        role,
-        z.clone().map(|z| MM * z).collect(),
-        z.map(|z| branch.force(z)).collect(),
-    )
+    let force = z.clone().map(|z| branch.force(z)).collect();
+    Series::line(name, role, z.map(|z| MM * z).collect(), force)
 }
 
 fn force_caption(

@@ -18,14 +18,14 @@ const MOST_TYPES: usize = 12;
 
 /// A quantity of the report.
 #[derive(Debug, Clone, Copy)]
-pub(in super::super) enum Shown {
+pub(crate) enum Shown {
     Parameter(ParameterId),
     /// Root mean square residual, N.
     Residual,
 }
 
 /// Quantities with a figure.
-pub(in super::super) const SHOWN: [Shown; 6] = [
+pub(crate) const SHOWN: [Shown; 6] = [
     Shown::Parameter(Quantity::CoulombForceWithOffset.of(Direction::Insertion)),
     Shown::Parameter(Quantity::CoulombForceWithOffset.of(Direction::Withdrawal)),
     Shown::Parameter(Quantity::ViscousDamping.id()),
@@ -52,7 +52,7 @@ impl Shown {
     }
 
     /// In words, capitalised.
-    pub(in super::super) fn name(self) -> String {
+    pub(crate) fn name(self) -> String {
         match self {
             Self::Parameter(id) => name_of(id),
             Self::Residual => "Residual (rms)".to_owned(),
@@ -67,7 +67,7 @@ impl Shown {
         }
     }
 
-    pub(in super::super) fn unit(self) -> Unit {
+    pub(crate) fn unit(self) -> Unit {
         match self {
             Self::Parameter(id) => id.unit(),
             Self::Residual => Unit::NEWTON,
@@ -91,16 +91,16 @@ impl Shown {
 }
 
 /// A fleet divided by type.
-pub(in super::super) struct ByType<'a> {
-    pub(in super::super) fleet: &'a Fleet,
-    pub(in super::super) names: Vec<String>,
+pub(crate) struct ByType<'a> {
+    pub(crate) fleet: &'a Fleet,
+    pub(crate) names: Vec<String>,
     /// Type of each record; `None` for one that failed.
     kinds: Vec<Option<usize>>,
 }
 
 impl<'a> ByType<'a> {
     /// By the metadata column `by`; one type without it.
-    pub(in super::super) fn new(fleet: &'a Fleet, by: Option<&str>) -> Self {
+    pub(crate) fn new(fleet: &'a Fleet, by: Option<&str>) -> Self {
         let name = |record: &Record| match by {
             Some(by) => record
                 .metadata
@@ -137,7 +137,7 @@ impl<'a> ByType<'a> {
 }
 
 /// Every value, median and quartiles, by type.
-pub(in super::super) fn distributions(types: &ByType) -> Figure {
+pub(crate) fn distributions(types: &ByType) -> Figure {
     let panel = |shown: &Shown| {
         let mut panel = Panel::new(shown.axis(), Axis::named(types.names.clone()));
         panel.aspect = 0.18 + 0.11 * types.names.len() as f64;
@@ -199,11 +199,7 @@ fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
 }
 
 /// Parameters against use, and the table of slopes.
-pub(in super::super) fn drift(
-    types: &ByType,
-    by: &str,
-    specimen: Option<&str>,
-) -> Option<(Figure, Table)> {
+pub(crate) fn drift(types: &ByType, by: &str, specimen: Option<&str>) -> Option<(Figure, Table)> {
     let mut table = Table::new(
         format!("Change per unit of {by}"),
         ["Parameter", "Type", "Change", "95 % interval", "Unit", "Recordings"],
@@ -272,7 +268,7 @@ fn with_line(
 }
 
 /// Recordings far from the others of their type.
-pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
+pub(crate) fn outliers(types: &ByType) -> (usize, Table) {
     let mut found = Vec::new();
     for shown in SHOWN {
         for (kind, name) in types.names.iter().enumerate() {
@@ -306,7 +302,7 @@ pub(in super::super) fn outliers(types: &ByType) -> (usize, Table) {
 }
 
 /// Failures by reason, most frequent first.
-pub(in super::super) fn failures(fleet: &Fleet) -> Option<Table> {
+pub(crate) fn failures(fleet: &Fleet) -> Option<Table> {
     let mut reasons: BTreeMap<&str, Vec<&Record>> = BTreeMap::new();
     for record in fleet.records.iter().filter(|record| record.text("status") == Some("failed")) {
         reasons.entry(record.text("reason_kind").unwrap_or_default()).or_default().push(record);
@@ -338,7 +334,7 @@ fn known(record: &Record, specimen: &str) -> Option<String> {
 }
 
 /// Median with the quartiles, in words.
-pub(in super::super) fn median_in_words(fleet: &Fleet, shown: Shown) -> Option<[String; 3]> {
+pub(crate) fn median_in_words(fleet: &Fleet, shown: Shown) -> Option<[String; 3]> {
     let ok = fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
     let (column, scale) = (shown.column(), shown.unit().scale);
     let mut values: Vec<f64> =

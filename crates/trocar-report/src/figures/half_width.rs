@@ -6,25 +6,11 @@ use trocar_identify::{FullReversal, Identification};
 use trocar_simulate::segment::Direction;
 
 /// The half width of each full stroke, its mean and the model's value.
-pub(in super::super) fn half_width(found: &Identification) -> Drawn {
-    let deformation = found.deformation.as_ref().map_err(|why| {
-        format!(
-            "There is no figure of the half width c, because the paper's dynamic step resolves no deformation: {why}."
-        )
-    })?;
-    let points = |name: &str, category, direction| {
-        let own: Vec<&FullReversal> =
-            deformation.full_reversals.iter().filter(|t| t.direction == direction).collect();
-        let x = own.iter().map(|t| MM * t.speed).collect();
-        Series::points(
-            name,
-            Role::Category(category),
-            x,
-            own.iter().map(|t| MM * t.half_travel).collect(),
-        )
-    };
-    let speeds = || deformation.full_reversals.iter().map(|t| MM * t.speed);
-    let ends = vec![speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max)];
+pub(crate) fn half_width(found: &Identification) -> Drawn {
+    let deformation = super::deformation(found, "the half width c")?;
+    let reversals = &deformation.full_reversals;
+    let (slowest, fastest) = super::limits(reversals.iter().map(|t| &t.speed));
+    let ends = vec![MM * slowest, MM * fastest];
     let estimate = &deformation.half_width;
     let model = if super::has_stages(found) { "model, first element" } else { "model" };
     let level = |value: f64| vec![MM * value; 2];
@@ -40,8 +26,8 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
     panel = panel
         .series(Series::line("mean, 95 % interval", Role::Fit, ends.clone(), level(estimate.value)))
         .series(Series::line(model, Role::Model, ends, level(found.model.half_width)))
-        .series(points("insertion", 0, Direction::Insertion))
-        .series(points("withdrawal", 1, Direction::Withdrawal));
+        .series(points("insertion", Role::Category(0), reversals, Direction::Insertion))
+        .series(points("withdrawal", Role::Category(1), reversals, Direction::Withdrawal));
     let trend = deformation.speed_dependence_p_value.map_or_else(
         || "Too few speeds were measured to test whether c depends on speed.".to_owned(),
         |p| format!("Test of no dependence on speed: {}.", p_in_words(p)),
@@ -50,8 +36,15 @@ pub(in super::super) fn half_width(found: &Identification) -> Drawn {
         "Half the travel of each snap-through of the seal, from where the force leaves one sliding limit to where it reaches the \
          other, EMS (12). Mean of {} snap-throughs: {}; standard deviation {:.3} mm, which is the error of the deflection rebuilt by \
          EMS (24). {trend}",
-        deformation.full_reversals.len(),
+        reversals.len(),
         in_words(estimate),
         MM * deformation.deflection_error
     )))
+}
+
+/// The half width of each snap-through in one direction.
+fn points(name: &str, role: Role, reversals: &[FullReversal], direction: Direction) -> Series {
+    let own = reversals.iter().filter(|t| t.direction == direction);
+    let (x, y) = own.map(|t| (MM * t.speed, MM * t.half_travel)).unzip();
+    Series::points(name, role, x, y)
 }

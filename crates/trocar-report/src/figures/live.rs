@@ -6,7 +6,7 @@ use std::ops::Range;
 use trocar_model::{Direction, ParameterId, Quantity, Seal, Trocar, Tunable, Unit};
 
 use super::tables::name_of;
-use super::{Scored, excerpt_starts};
+use super::{Scored, excerpt_starts, limits};
 use crate::document::{Excerpt, Knob, LiveModel};
 use crate::number::significant;
 use trocar_identify::{Estimate, Identification};
@@ -33,10 +33,7 @@ const WAY: [f64; 2] = [0.0, 0.06];
 const SAME: f64 = 1e-9;
 
 /// The model of `found` with a part of a held-out recording, if there is one.
-pub(in super::super) fn live_model(
-    found: &Identification,
-    scored: &Scored,
-) -> Result<LiveModel, String> {
+pub(crate) fn live_model(found: &Identification, scored: &Scored) -> Result<LiveModel, String> {
     let trocar = found.trocar();
     let row = row_of(&trocar)?;
     let excerpt = excerpt(found, scored);
@@ -46,7 +43,7 @@ pub(in super::super) fn live_model(
         [low - margin, high + margin]
     });
     let knobs = knobs(trocar.seal(), |tunable| interval(tunable, found));
-    Ok(LiveModel { row, knobs, way, excerpt })
+    Ok(LiveModel { row, way, knobs, excerpt })
 }
 
 impl LiveModel {
@@ -56,23 +53,17 @@ impl LiveModel {
     /// The reason, in a sentence, for which the model cannot run in a page.
     pub fn of<K: AsRef<[f64]>>(trocar: &Trocar<K>, way: [f64; 2]) -> Result<Self, String> {
         let knobs = knobs(trocar.seal(), |_| None);
-        Ok(Self { row: row_of(trocar)?, knobs, way, excerpt: None })
+        Ok(Self { row: row_of(trocar)?, way, knobs, excerpt: None })
     }
 }
 
-fn row_of<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Result<Vec<f64>, String> {
+pub(crate) fn row_of<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Result<Vec<f64>, String> {
     let mut row = vec![0.0; trocar.count_numbers()];
     trocar.write_numbers(&mut row).map_err(|error| error.to_string())?;
     if row.len() > LONGEST_ROW {
         return Err("The model has too many knots over the position to run in a page.".to_owned());
     }
     Ok(row)
-}
-
-fn limits(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
-        (low.min(*value), high.max(*value))
-    })
 }
 
 fn knobs(seal: &Seal, interval: impl Fn(&Tunable) -> Option<[f64; 2]>) -> Vec<Knob> {

@@ -22,20 +22,21 @@ use std::borrow::Cow;
 use trocar_model::Unit;
 
 use super::decimate;
-use super::document::{Figure, Section};
+use super::document::{Axis, Figure, Panel, Role, Series};
 use super::number::{decimals_for, fixed, significant};
-use trocar_identify::{Candidate, Estimate, Identification};
+use trocar_identify::{Candidate, DeformationFit, Estimate, Identification};
 use trocar_recording::Recording;
 
 pub(super) use deformation::{deformation_force, deformation_velocity};
 pub(super) use half_width::half_width;
-pub(super) use live::live_model;
+pub(super) use live::{live_model, row_of};
 pub(super) use motion::{friction_scale, in_words as fit_in_words, small_motion, terms};
 pub(super) use reversal::velocity_step;
 pub(super) use sliding::static_friction;
 pub(super) use speeds::{error_by_phase, error_by_recording, error_by_speed};
 pub(super) use tables::{
-    branch_coefficients, name_of, parameters, resolution, sampling, subject_in_words,
+    PAPER, branch_coefficients, hashes, name_of, names, parameters, resolution, sampling,
+    subject_in_words,
 };
 pub(super) use validation::{
     Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored,
@@ -61,14 +62,6 @@ fn has_stages(found: &Identification) -> bool {
     found.stages.elements().len() > 1
 }
 
-/// The section with the figure, or with the reason why it is missing.
-pub(super) fn with(section: Section, drawn: Drawn) -> Section {
-    match drawn {
-        Ok(figure) => section.figure(figure),
-        Err(why) => section.paragraph(why),
-    }
-}
-
 /// The readings minus sensor offset and unmodelled inertia: the seal's force as measured, N.
 fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
     let mut force = recording.force_without_inertia(model.unmodelled_mass);
@@ -85,18 +78,43 @@ pub(super) fn without_unmodelled_mass<'a>(
     if model.unmodelled_mass == 0.0 {
         return Cow::Borrowed(recordings);
     }
-    let corrected = |recording: &Recording| Recording {
+    let corrected = recordings.iter().map(|recording| Recording {
         force: recording.force_without_inertia(model.unmodelled_mass),
         ..recording.clone()
-    };
-    Cow::Owned(recordings.iter().map(corrected).collect())
+    });
+    Cow::Owned(corrected.collect())
 }
 
-/// Samples of `range` that draw the same line as all of them; `x` is increasing.
-pub(super) fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let (low, high) = (x.first().copied().unwrap_or(0.0), x.last().copied().unwrap_or(1.0));
+/// Points that draw the same line as all of them.
+fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let (low, high) = limits(x);
     let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
     (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())
+}
+
+/// A line of no more points than can be told apart.
+pub(super) fn line(name: &str, role: Role, x: &[f64], y: impl IntoIterator<Item = f64>) -> Series {
+    let (x, y) = thinned(x, &y.into_iter().collect::<Vec<f64>>());
+    Series::line(name, role, x, y)
+}
+
+/// Axes over time: what is drawn, and its unit.
+pub(super) fn over_time(y: Axis) -> Panel {
+    Panel::new(Axis::new("time", "s"), y)
+}
+
+/// The lowest and the highest of some values.
+fn limits<'v>(values: impl IntoIterator<Item = &'v f64>) -> (f64, f64) {
+    values
+        .into_iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)))
+}
+
+/// The deformation of the paper's dynamic step, or why there is no figure of `what`.
+fn deformation<'f>(found: &'f Identification, what: &str) -> Result<&'f DeformationFit, String> {
+    found.deformation.as_ref().map_err(|why| {
+        format!("There is no figure of {what}, because the paper's dynamic step resolves no deformation: {why}.")
+    })
 }
 
 /// Starts of excerpts of `length` s between the times `begin` and `end`, `step` apart: the first one

@@ -3,7 +3,10 @@
 
 use std::ops::Range;
 
-use super::{Drawn, MM, Scored, excerpt_starts, has_stages, thinned, without_unmodelled_mass};
+use super::tables::capitalised;
+use super::{
+    Drawn, MM, Scored, excerpt_starts, has_stages, line, over_time, without_unmodelled_mass,
+};
 use trocar_model::Trocar;
 
 use crate::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
@@ -22,7 +25,7 @@ const SHORTEST_REST: f64 = 0.1;
 const RESTING: f64 = 0.1;
 
 /// Summary of the fit: terms, data and result.
-pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
+pub(crate) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> {
     let free = &found.free_motion;
     let rest = if fit.converged { "" } else { " The last fit did not converge." };
     let stages = if has_stages(found) {
@@ -50,28 +53,24 @@ pub(in super::super) fn in_words(found: &Identification, fit: &FitSummary) -> Ve
 }
 
 /// Each optional model term with its p value.
-pub(in super::super) fn terms(fit: &FitSummary) -> Table {
-    let columns = ["Term", "p value", "Squared error less by (%)", "In the model"];
+pub(crate) fn terms(fit: &FitSummary) -> Table {
     let caption = "Optional terms: p value of each beside the others, and the part of the squared error that it takes away (in the \
                    model: against a fit without it; not in the model: to first order)";
-    fit.terms.iter().fold(Table::new(caption, columns), |table, trial| {
-        table.row([
-            Cell::from(capital(trial.term.words())),
-            Cell::Number { value: trial.p_value, digits: 2 },
-            Cell::Number { value: 1e2 * trial.gain, digits: 2 },
-            Cell::from(if trial.kept { "yes" } else { "no" }),
-        ])
-    })
-}
-
-fn capital(words: &str) -> String {
-    let mut letters = words.chars();
-    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+    Table::of(
+        caption,
+        &fit.terms,
+        &[
+            ("Term", &|trial| capitalised(trial.term.words()).into()),
+            ("p value", &|trial| Cell::number(trial.p_value, 2)),
+            ("Squared error less by (%)", &|trial| Cell::number(1e2 * trial.gain, 2)),
+            ("In the model", &|trial| if trial.kept { "yes" } else { "no" }.into()),
+        ],
+    )
 }
 
 /// Friction of each stroke relative to that of the model, over the time of the consecutive
 /// recordings.
-pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
+pub(crate) fn friction_scale(found: &Identification, recordings: &[Recording]) -> Drawn {
     let scale = &found.friction_scale;
     if scale.strokes.len() < 2 {
         return Err("There is no figure of the friction scale: fewer than two strokes.".to_owned());
@@ -82,9 +81,9 @@ pub(in super::super) fn friction_scale(found: &Identification, recordings: &[Rec
     );
     let mut from = 0.0;
     for (index, recording) in recordings.iter().enumerate() {
-        let own = || scale.strokes.iter().filter(|s| s.recording == index);
+        let own = scale.strokes.iter().filter(|s| s.recording == index);
         let role = [Role::Measured, Role::Model, Role::Alternative][index % 3];
-        let (x, y): (Vec<f64>, Vec<f64>) = own().map(|s| (from + s.time_s, s.scale)).unzip();
+        let (x, y) = own.map(|s| (from + s.time_s, s.scale)).unzip();
         panel = panel.series(Series::points(recording.name.as_str(), role, x, y));
         from += recording.duration();
     }
@@ -121,50 +120,55 @@ impl MotionWindow<'_> {
 
 /// Measured force, force of the model and force of the paper's two steps in the part with the most
 /// rests and small reversals.
-pub(in super::super) fn small_motion(
+pub(crate) fn small_motion(
     found: &Identification,
     training: &[Recording],
     scored: &Scored,
 ) -> Drawn {
-    let none =
-        || "There is no figure of rests and small reversals: no recording holds both.".to_owned();
     let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
-    let shown = without_unmodelled_mass(training, &found.model);
-    let shown = fresh.or_else(|| densest(found, &shown, true)).ok_or_else(none)?;
-    let (recording, offset) = (shown.recording, found.model.offset);
-    let model = replay(&found.trocar(), recording, offset);
-    let paper = paper_run(found, recording);
-    let origin = recording.time[shown.samples.start];
-    let time: Vec<f64> = recording.time[shown.samples.clone()].iter().map(|t| t - origin).collect();
-    let line = |name: &str, role, of: &dyn Fn(usize) -> f64| {
-        let values: Vec<f64> = shown.samples.clone().map(of).collect();
-        let (x, y) = thinned(&time, &values);
-        Series::line(name, role, x, y)
-    };
-    let measured = |i: usize| recording.force[i] - offset;
-    let axes = |name, unit| Panel::new(Axis::new("time", "s"), Axis::new(name, unit));
-    let position = axes("position", "mm")
-        .series(line("position", Role::Measured, &|i| MM * recording.position[i]))
+    let seen = without_unmodelled_mass(training, &found.model);
+    let shown = fresh
+        .or_else(|| densest(found, &seen, true))
+        .ok_or("There is no figure of rests and small reversals: no recording holds both.")?;
+    let MotionWindow { recording, ref samples, .. } = shown;
+    let offset = found.model.offset;
+    let measured: Vec<f64> = recording.force[samples.clone()].iter().map(|f| f - offset).collect();
+    let model = replay(&found.trocar(), recording, offset).force[samples.clone()].to_vec();
+    let paper = paper_run(found, recording).map(|force| force[samples.clone()].to_vec());
+    let origin = recording.time[samples.start];
+    let time: Vec<f64> = recording.time[samples.clone()].iter().map(|t| t - origin).collect();
+    let millimetres = recording.position[samples.clone()].iter().map(|x| MM * x);
+    let position = over_time(Axis::new("position", "mm"))
+        .series(line("position", Role::Measured, &time, millimetres))
         .aspect(0.16);
-    let mut force = axes("force", "N").series(line("measured", Role::Measured, &measured));
-    let mut error = axes("error", "N");
-    if let Some(paper) = &paper {
-        force = force.series(line(TWO_STEPS, Role::Alternative, &|i| paper[i]));
-        error = error.series(line(TWO_STEPS, Role::Alternative, &|i| measured(i) - paper[i]));
+    let mut force = over_time(Axis::new("force", "N")).series(line(
+        "measured",
+        Role::Measured,
+        &time,
+        measured.iter().copied(),
+    ));
+    let mut error = over_time(Axis::new("error", "N"));
+    let runs =
+        [(TWO_STEPS, Role::Alternative, paper.as_ref()), ("model", Role::Model, Some(&model))];
+    for (name, role, run) in runs {
+        let Some(run) = run else { continue };
+        force = force.series(line(name, role, &time, run.iter().copied()));
+        error = error.series(line(name, role, &time, less(&measured, run)));
     }
-    let force = force.series(line("model", Role::Model, &|i| model.force[i])).aspect(0.45);
-    let error =
-        error.series(line("model", Role::Model, &|i| measured(i) - model.force[i])).aspect(0.26);
-    let rms = |of: &[f64]| -> f64 {
-        let squares = shown.samples.clone().map(|i| (measured(i) - of[i]).powi(2));
-        (squares.sum::<f64>() / shown.samples.len() as f64).sqrt()
+    let rms = |run: &[f64]| {
+        let squares: f64 = less(&measured, run).map(|error| error.powi(2)).sum();
+        (squares / measured.len() as f64).sqrt()
     };
     Ok(Figure::new("small-motion", 0, "Rests and small reversals")
         .panel(position)
-        .panel(force)
-        .panel(error)
+        .panel(force.aspect(0.45))
+        .panel(error.aspect(0.26))
         .linked_x()
-        .caption(caption(&shown, rms(&model.force), paper.as_deref().map(rms))))
+        .caption(caption(&shown, rms(&model), paper.as_deref().map(rms))))
+}
+
+fn less<'v>(measured: &'v [f64], run: &'v [f64]) -> impl Iterator<Item = f64> + 'v {
+    measured.iter().zip(run).map(|(measured, model)| measured - model)
 }
 
 const TWO_STEPS: &str = "paper's two steps";

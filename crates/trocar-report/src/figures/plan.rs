@@ -1,6 +1,6 @@
 //! Figures of a planned motion.
 
-use super::{MM, thinned};
+use super::{MM, over_time, thinned};
 use crate::document::{Axis, Figure, Panel, Role, Series};
 use trocar_lab::plan::{Interruption, Plan, Segment};
 
@@ -20,26 +20,24 @@ fn kind(segment: &Segment) -> usize {
 }
 
 /// Position, speed and information over time.
-pub(in super::super) fn motion(plan: &Plan) -> Figure {
-    let time = || Axis::new("time", "s");
-    let position = Panel::new(time(), Axis::new("position", "mm")).aspect(0.3);
-    let position = KINDS.iter().enumerate().fold(position, |panel, (k, (name, role))| {
-        match position_of(plan, k) {
-            Some((x, y)) => panel.series(Series::line(*name, *role, x, y)),
-            None => panel,
-        }
+pub(crate) fn motion(plan: &Plan) -> Figure {
+    let courses = KINDS.iter().enumerate().filter_map(|(k, (name, role))| {
+        position_of(plan, k).map(|(x, y)| Series::line(*name, *role, x, y))
     });
-    let speed = Panel::new(time(), Axis::new("speed", "mm/s").with_zero());
-    let speed =
-        speed
-            .aspect(0.18)
-            .series(steps(plan, "speed of the strokes", Role::Neutral, |s| MM * s.block.speed_m_s));
+    let position = over_time(Axis::new("position", "mm")).aspect(0.3);
+    let position = courses.fold(position, Panel::series);
+    let speed = over_time(Axis::new("speed", "mm/s").with_zero()).aspect(0.18).series(steps(
+        plan,
+        "speed of the strokes",
+        Role::Neutral,
+        |s| MM * s.block.speed_m_s,
+    ));
     let of_one = |segment: &Segment| {
         let share = plan.shares.iter().find(|share| share.block == segment.block);
         let part = share.map_or(0.0, |share| share.information_of_one.max(0.0));
         1e2 * part / (segment.to_s - segment.from_s)
     };
-    let information = Panel::new(time(), Axis::new("information", "%/s").with_zero())
+    let information = over_time(Axis::new("information", "%/s").with_zero())
         .aspect(0.22)
         .series(steps(plan, "information of a cycle", Role::Model, of_one));
     Figure::new("motion", 1, "The motion and what it tells")

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use trocar_model::Branch;
 
-use super::{Drawn, MM, seal_force, spaced, thinned};
-use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
+use super::{Drawn, MM, line, seal_force, spaced};
+use crate::document::{Axis, Figure, Mark, Panel, Role};
 use trocar_identify::{DeformationFit, FullReversal, Identification};
 use trocar_recording::{Recording, local_velocity};
 use trocar_simulate::replay::replay;
@@ -18,7 +18,7 @@ const MARGINS: [f64; 2] = [0.5, 0.8];
 const OUTERMOST: f64 = 0.9;
 
 /// The force after one measured reversal against time.
-pub(in super::super) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
+pub(crate) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
             "There is no figure of the force upon a velocity reversal (EMS figure 3), because the recordings hold no full reversal: {why}."
@@ -30,25 +30,20 @@ pub(in super::super) fn velocity_step(found: &Identification, training: &[Record
     let window = window(recording, shown);
     let origin = recording.time[turning_point(recording, shown, &window)];
     let time: Vec<f64> = recording.time[window.clone()].iter().map(|t| t - origin).collect();
-    let line = |name: &str, role, values: &[f64], scale: f64| {
-        let scaled: Vec<f64> = values[window.clone()].iter().map(|v| scale * v).collect();
-        let (x, y) = thinned(&time, &scaled);
-        Series::line(name, role, x, y)
-    };
+    let part = |values: &[f64]| values[window.clone()].to_vec();
+    let measured = part(&seal_force(recording, &found.model));
+    let model = part(&replay(&found.trocar(), recording, found.model.offset).force);
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
-    let run = replay(&found.trocar(), recording, found.model.offset);
-    let forces =
-        Panel::new(Axis::new("time since the reversal", "s"), Axis::new("force", "N").with_zero())
-            .series(line("measured", Role::Measured, &seal_force(recording, &found.model), 1.0))
-            .series(line("model", Role::Model, &run.force, 1.0));
+    let velocity = part(&velocity).into_iter().map(|v| MM * v);
+    let since = || Axis::new("time since the reversal", "s");
+    let forces = Panel::new(since(), Axis::new("force", "N").with_zero())
+        .series(line("measured", Role::Measured, &time, measured))
+        .series(line("model", Role::Model, &time, model));
     let transients = Transients::of(found.element().params().deformation.branch(shown.direction));
     let marked = transients.marks(recording, shown, origin).into_iter().fold(forces, Panel::mark);
-    let speed = Panel::new(
-        Axis::new("time since the reversal", "s"),
-        Axis::new("velocity", "mm/s").with_zero(),
-    )
-    .series(line("velocity", Role::Measured, &velocity, MM))
-    .aspect(0.25);
+    let speed = Panel::new(since(), Axis::new("velocity", "mm/s").with_zero())
+        .series(line("velocity", Role::Measured, &time, velocity))
+        .aspect(0.25);
     Ok(Figure::new("velocity-step", 0, "Force upon a velocity reversal")
         .panel(speed)
         .panel(marked)

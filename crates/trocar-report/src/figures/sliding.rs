@@ -6,7 +6,7 @@ use trocar_model::ElementParams;
 use super::{Drawn, MM, in_words, p_in_words, spaced};
 use crate::document::{Axis, Figure, Kind, Panel, Role, Series};
 use crate::number::fixed;
-use trocar_identify::{DirectionLine, Identification, SteadyFit, StrokeMean};
+use trocar_identify::{DirectionLine, Estimate, Identification, SteadyFit, StrokeMean};
 
 /// Most means drawn with bars; more would overlap.
 const MOST_BARS: usize = 250;
@@ -17,7 +17,7 @@ const MOST_MEANS: usize = 1_500;
 const NORMAL_95: f64 = 1.96;
 
 /// The static friction figure.
-pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
+pub(crate) fn static_friction(found: &Identification) -> Drawn {
     let steady = &found.steady;
     if steady.means.is_empty() {
         return Err("There is no figure of the static friction (EMS figure 6): no steady sliding was found.".to_owned());
@@ -28,13 +28,14 @@ pub(in super::super) fn static_friction(found: &Identification) -> Drawn {
     if let Some(name) = super::model_name(found) {
         all.push(curves.model(found, name));
     }
-    let velocity = || Axis::new("sliding velocity", "mm/s").with_zero();
-    let whole = Panel::new(velocity(), Axis::new("force", "N").with_zero());
-    let close = Panel::new(velocity(), Axis::new("force less fit", "N").with_zero()).aspect(0.35);
+    let [whole, close] = ["force", "force less fit"].map(|force| {
+        let velocity = Axis::new("sliding velocity", "mm/s").with_zero();
+        Panel::new(velocity, Axis::new(force, "N").with_zero())
+    });
     let less_fit = all.iter().cloned().map(|series| curves.less_fit(series));
     Ok(Figure::new("static-friction", 0, "Static friction")
         .panel(all.iter().cloned().fold(whole, Panel::series))
-        .panel(less_fit.fold(close, Panel::series))
+        .panel(less_fit.fold(close.aspect(0.35), Panel::series))
         .linked_x()
         .caption(caption(found)))
 }
@@ -55,25 +56,22 @@ impl Curves<'_> {
         if shown.len() > MOST_BARS {
             return Series::points("mean", Role::Measured, x, y);
         }
-        let bar = |m: &StrokeMean| {
-            NORMAL_95 * m.standard_error_n.hypot(self.steady.stroke_mean_scatter_n)
-        };
-        let end =
-            |sign: f64| shown.iter().map(|m| m.force_n - self.offset + sign * bar(m)).collect();
-        let (low, high) = (end(-1.0), end(1.0));
+        let scatter = self.steady.stroke_mean_scatter_n;
+        let bars = shown.iter().map(|m| NORMAL_95 * m.standard_error_n.hypot(scatter));
+        let (low, high) = y.iter().zip(bars).map(|(y, bar)| (y - bar, y + bar)).unzip();
         Series::error_bars("mean, ± 95 %", Role::Measured, x, y, low, high)
     }
 
     /// A curve over the speeds measured in both directions, interrupted at zero velocity.
     fn curve(&self, name: &str, role: Role, force: impl Fn(f64) -> f64) -> Series {
         let [slowest, fastest] = self.steady.speed_range_m_s;
-        let has = |sign: f64| self.steady.means.iter().any(|m| m.velocity_m_s * sign > 0.0);
+        let velocities = || self.steady.means.iter().map(|m| m.velocity_m_s);
         let mut x = Vec::new();
-        if has(-1.0) {
+        if velocities().any(|v| v < 0.0) {
             x.extend(spaced(-fastest, -slowest, 60));
             x.push(f64::NAN);
         }
-        if has(1.0) {
+        if velocities().any(|v| v > 0.0) {
             x.extend(spaced(slowest, fastest, 60));
         }
         let y = x.iter().map(|v| force(*v)).collect();
@@ -102,18 +100,8 @@ impl Curves<'_> {
 
     /// The same series with the fit subtracted, on a scale that shows the intervals.
     fn less_fit(&self, series: Series) -> Series {
-        let fit = |v: f64| {
-            let v = v / MM;
-            if self.steady.is_asymmetric() {
-                self.direction(v, |e| e.value)
-            } else {
-                self.reading(v)
-            }
-        };
-        let x = series.x.clone();
-        let less = |values: Vec<f64>| {
-            values.iter().zip(&x).map(|(force, v)| force - fit(*v)).collect::<Vec<f64>>()
-        };
+        let fit: Vec<f64> = series.x.iter().map(|v| self.fit(v / MM)).collect();
+        let less = |values: Vec<f64>| values.iter().zip(&fit).map(|(force, f)| force - f).collect();
         let kind = match series.kind {
             Kind::ErrorBars { low, high } => Kind::ErrorBars { low: less(low), high: less(high) },
             other => other,
@@ -121,8 +109,16 @@ impl Curves<'_> {
         Series { y: less(series.y), kind, ..series }
     }
 
+    fn fit(&self, v: f64) -> f64 {
+        if self.steady.is_asymmetric() {
+            self.direction(v, |estimate| estimate.value)
+        } else {
+            self.reading(v)
+        }
+    }
+
     /// The line of one direction without offset; `of` selects the values of its parameters.
-    fn direction(&self, v: f64, of: impl Fn(&trocar_identify::Estimate) -> f64) -> f64 {
+    fn direction(&self, v: f64, of: impl Fn(&Estimate) -> f64) -> f64 {
         let line: Option<&DirectionLine> =
             if v > 0.0 { self.steady.insertion.as_ref() } else { self.steady.withdrawal.as_ref() };
         line.map_or(f64::NAN, |l| {
@@ -136,35 +132,39 @@ impl Curves<'_> {
     fn confidence(&self) -> Vec<Series> {
         let s = self.steady;
         let ends = [("lowest parameters", Role::Lower, 0), ("highest parameters", Role::Upper, 1)];
-        if s.is_asymmetric() {
-            let line = |(name, role, end): (&str, Role, usize)| {
-                self.curve(name, role, |v| self.direction(v, |estimate| estimate.ci95[end]))
-            };
-            return ends.into_iter().map(line).collect();
-        }
-        if !(s.coulomb_force_n.determined && s.viscous_damping_n_s_m.determined) {
+        let determined = s.coulomb_force_n.determined && s.viscous_damping_n_s_m.determined;
+        if !(s.is_asymmetric() || determined) {
             return Vec::new();
         }
-        let line = |(name, role, end): (&str, Role, usize)| {
-            let coulomb = s.coulomb_force_n.ci95[end] - s.coulomb_force_n.value;
-            let viscous = s.viscous_damping_n_s_m.ci95[end] - s.viscous_damping_n_s_m.value;
-            self.curve(name, role, |v| self.reading(v) + v.signum() * coulomb + viscous * v)
+        let curve = |(name, role, end): (&str, Role, usize)| {
+            let off = |estimate: &Estimate| estimate.ci95[end] - estimate.value;
+            let (coulomb, viscous) = (off(&s.coulomb_force_n), off(&s.viscous_damping_n_s_m));
+            self.curve(name, role, |v| {
+                if s.is_asymmetric() {
+                    self.direction(v, |estimate| estimate.ci95[end])
+                } else {
+                    self.reading(v) + v.signum() * coulomb + viscous * v
+                }
+            })
         };
-        ends.into_iter().map(line).collect()
+        ends.map(curve).into()
     }
 
     /// All stages in steady sliding, including the creep of the contact.
     fn model(&self, found: &Identification, name: &str) -> Series {
-        let force = |p: &ElementParams, v: f64| {
-            let sliding = if v > 0.0 { &p.insertion } else { &p.withdrawal };
-            let viscous = sliding.viscous_damping * v.abs();
-            let part = if v == 0.0 { 0.0 } else { v.abs() / v.hypot(p.creep_velocity) };
-            v.signum() * ((sliding.force(v.abs()) - viscous) * part + viscous)
-        };
+        let elements = found.stages.elements();
         self.curve(name, Role::Model, |v| {
-            found.stages.elements().iter().map(|e| force(e.params(), v)).sum()
+            elements.iter().map(|e| steady_force(e.params(), v)).sum()
         })
     }
+}
+
+/// Force of an element in steady sliding, with its creep.
+fn steady_force(p: &ElementParams, v: f64) -> f64 {
+    let sliding = if v > 0.0 { &p.insertion } else { &p.withdrawal };
+    let viscous = sliding.viscous_damping * v.abs();
+    let part = if v == 0.0 { 0.0 } else { v.abs() / v.hypot(p.creep_velocity) };
+    v.signum() * ((sliding.force(v.abs()) - viscous) * part + viscous)
 }
 
 fn caption(found: &Identification) -> String {

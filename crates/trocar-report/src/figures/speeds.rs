@@ -18,7 +18,7 @@ fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
 }
 
 /// Root mean square error against speed, over all recordings.
-pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
+pub(crate) fn error_by_speed(scored: &Scored) -> Drawn {
     let groups = by_speed(&scored.validation);
     if groups.len() < 2 {
         return Err(
@@ -33,8 +33,7 @@ pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
         Axis::new("speed of the stroke", "mm/s"),
         Axis::new("rms error", "N").with_zero(),
     )
-    .series(Series::line("rms error", Role::Model, x.clone(), y.clone()))
-    .series(Series::points("rms error", Role::Model, x, y));
+    .curve("rms error", Role::Model, &x, &y);
     if noise > 0.0 {
         panel =
             panel.series(Series::line("noise of the sensor", Role::Neutral, ends, vec![noise; 2]));
@@ -47,50 +46,44 @@ pub(in super::super) fn error_by_speed(scored: &Scored) -> Drawn {
 }
 
 /// Scores of each recording.
-pub(in super::super) fn error_by_recording(scored: &Scored) -> Table {
-    let columns = [
-        "Recording",
-        "rms (N)",
-        "Fit (%)",
-        "Mean (N)",
-        "Largest (N)",
-        "Samples scored",
-        "Left out at the start",
-    ];
-    let number = |value, digits| Cell::Number { value, digits };
-    let empty = Table::new(format!("Measured minus computed force on {}", scored.kind()), columns);
-    scored.validation.recordings.iter().fold(empty, |table, r| {
-        table.row([
-            Cell::Text(r.path.clone()),
-            number(r.rms_n, 3),
-            number(r.fit_percent, 3),
-            number(r.bias_n, 2),
-            number(r.worst_n, 2),
-            Cell::Text(r.samples.to_string()),
-            Cell::Text(r.samples_before_known.to_string()),
-        ])
-    })
+pub(crate) fn error_by_recording(scored: &Scored) -> Table {
+    let caption = format!("Measured minus computed force on {}", scored.kind());
+    Table::of(
+        caption,
+        &scored.validation.recordings,
+        &[
+            ("Recording", &|r| r.path.as_str().into()),
+            ("rms (N)", &|r| Cell::number(r.rms_n, 3)),
+            ("Fit (%)", &|r| Cell::number(r.fit_percent, 3)),
+            ("Mean (N)", &|r| Cell::number(r.bias_n, 2)),
+            ("Largest (N)", &|r| Cell::number(r.worst_n, 2)),
+            ("Samples scored", &|r| Cell::count(r.samples)),
+            ("Left out at the start", &|r| Cell::count(r.samples_before_known)),
+        ],
+    )
 }
 
 /// Error of each recording by phase of the motion.
-pub(in super::super) fn error_by_phase(scored: &Scored) -> Table {
-    let columns = ["Recording", "Phase", "rms (N)", "Share of the squared error (%)", "Samples"];
-    let mut table = Table::new("Error by phase of the motion (held: slower than 1 mm/s)", columns);
-    for r in &scored.validation.recordings {
-        let phases = [
-            ("deformation", &r.by_phase.deformation),
-            ("sliding", &r.by_phase.sliding),
-            ("hold", &r.by_phase.hold),
-        ];
-        for (name, part) in phases.into_iter().filter(|(_, part)| part.samples > 0) {
-            table = table.row([
-                Cell::Text(r.path.clone()),
-                Cell::from(name),
-                Cell::Number { value: part.rms_n, digits: 3 },
-                Cell::Number { value: 100.0 * part.share_of_squares, digits: 2 },
-                Cell::Text(part.samples.to_string()),
-            ]);
-        }
-    }
-    table
+pub(crate) fn error_by_phase(scored: &Scored) -> Table {
+    let phases = scored.validation.recordings.iter().flat_map(|r| {
+        [
+            (r, "deformation", &r.by_phase.deformation),
+            (r, "sliding", &r.by_phase.sliding),
+            (r, "hold", &r.by_phase.hold),
+        ]
+    });
+    let seen = phases.filter(|(_, _, part)| part.samples > 0);
+    Table::of(
+        "Error by phase of the motion (held: slower than 1 mm/s)",
+        seen,
+        &[
+            ("Recording", &|(r, _, _)| r.path.as_str().into()),
+            ("Phase", &|(_, name, _)| (*name).into()),
+            ("rms (N)", &|(_, _, part)| Cell::number(part.rms_n, 3)),
+            ("Share of the squared error (%)", &|(_, _, part)| {
+                Cell::number(100.0 * part.share_of_squares, 2)
+            }),
+            ("Samples", &|(_, _, part)| Cell::count(part.samples)),
+        ],
+    )
 }

@@ -3,7 +3,7 @@
 use trocar_model::{Element, ParameterId, Quantity, Unit};
 
 use super::MM;
-use crate::document::{Cell, Table};
+use crate::document::{Cell, Table, origin};
 use trocar_identify::{Estimate, Identification, Parameter, Subject};
 use trocar_recording::{Quality, Recording};
 
@@ -23,17 +23,17 @@ pub(super) fn unit_of(estimate: &Estimate) -> Unit {
 }
 
 /// A parameter in words, capitalised.
-pub(in super::super) fn name_of(id: ParameterId) -> String {
+pub(crate) fn name_of(id: ParameterId) -> String {
     capitalised(&id.words().to_string())
 }
 
-fn capitalised(words: &str) -> String {
+pub(super) fn capitalised(words: &str) -> String {
     let mut letters = words.chars();
     letters.next().into_iter().flat_map(char::to_uppercase).chain(letters).collect()
 }
 
 /// The subject of a warning in words; the name of a recording unchanged.
-pub(in super::super) fn subject_in_words(subject: &Subject) -> String {
+pub(crate) fn subject_in_words(subject: &Subject) -> String {
     match subject {
         Subject::Parameter(id) => name_of(*id),
         Subject::Recording(name) => name.clone(),
@@ -42,72 +42,59 @@ pub(in super::super) fn subject_in_words(subject: &Subject) -> String {
 }
 
 /// The main parameters: refined beside two-step, and beside the truth if that is known.
-pub(in super::super) fn parameters(found: &Identification, truth: Option<&[Element]>) -> Table {
-    let main = |p: &&Parameter| !p.is_coefficient();
-    table("Parameters with 95 % intervals", found, found.parameters.iter().filter(main), truth)
-}
-
-/// The coefficients of the branches, EMS (25), times the power of c: forces at z = c.
-pub(in super::super) fn branch_coefficients(found: &Identification) -> Option<Table> {
-    let all: Vec<&Parameter> = found.parameters.iter().filter(|p| p.is_coefficient()).collect();
-    all.first()?;
-    let c = found.model.half_width;
-    let caption = "Coefficients θ of the branches, EMS (25), as forces θ c^k at z = c (θ itself in SI units: summary.json)";
-    let table = Table::new(caption, ["Branch", "Symbol", "k", "θ c^k (N)", "95 % interval (N)"]);
-    let row = |table: Table, p: &Parameter| {
-        let Quantity::Coefficient { power, .. } = p.id.quantity else { return table };
-        let [value, interval] = cells_of(&p.estimate, c.powi(power.into()));
-        let branch = p.id.direction.map_or("", |direction| direction.name());
-        table.row([
-            branch.into(),
-            Cell::Text(p.id.symbol().to_string()),
-            power.to_string().as_str().into(),
-            value,
-            interval,
-        ])
-    };
-    Some(Table { collapsed: true, ..all.into_iter().fold(table, row) })
-}
-
-fn table<'a>(
-    caption: &str,
-    found: &'a Identification,
-    parameters: impl Iterator<Item = &'a Parameter>,
-    truth: Option<&[Element]>,
-) -> Table {
-    let two_steps_made = !found.steady.means.is_empty();
-    let refined = found.fit.is_some() && two_steps_made;
+pub(crate) fn parameters(found: &Identification, truth: Option<&[Element]>) -> Table {
+    let refined = found.fit.is_some() && !found.steady.means.is_empty();
     let mut columns = vec!["Parameter", "Symbol", "Unit", "Value", "95 % interval"];
-    let optional =
-        refined.then(|| (columns.len()..columns.len() + 2, "values of the paper's two steps, too"));
     if refined {
         columns.extend(["Two-step value", "Two-step 95 % interval"]);
     }
     if truth.is_some() {
         columns.push("Truth");
     }
-    let empty = Table { optional, ..Table::new(caption, columns) };
-    parameters.fold(empty, |table, p| {
+    let optional = refined.then_some((5..7, "values of the paper's two steps, too"));
+    let empty = Table { optional, ..Table::new("Parameters with 95 % intervals", columns) };
+    found.parameters.iter().filter(|p| !p.is_coefficient()).fold(empty, |table, p| {
         let Unit { scale, shown, .. } = p.id.unit();
-        let mut cells = vec![
-            Cell::Text(name_of(p.id)),
-            Cell::Text(p.id.symbol().to_string()),
-            Cell::from(shown),
-        ];
+        let mut cells = vec![name_of(p.id).into(), p.id.symbol().to_string().into(), shown.into()];
         cells.extend(cells_of(&p.estimate, scale));
         if refined {
             let earlier = found.two_step_parameters.iter().find(|q| q.id == p.id);
             cells.extend(
-                earlier
-                    .map_or_else(|| ["–", "–"].map(Cell::from), |q| cells_of(&q.estimate, scale)),
+                earlier.map_or(["–", "–"].map(Cell::from), |q| cells_of(&q.estimate, scale)),
             );
         }
         if let Some(elements) = truth {
             let value = true_value(p.id, elements).map_or(f64::NAN, |value| scale * value);
-            cells.push(Cell::Number { value, digits: 4 });
+            cells.push(Cell::number(value, 4));
         }
         table.row(cells)
     })
+}
+
+/// The coefficients of the branches, EMS (25), times the power of c: forces at z = c.
+pub(crate) fn branch_coefficients(found: &Identification) -> Option<Table> {
+    let all: Vec<&Parameter> = found.parameters.iter().filter(|p| p.is_coefficient()).collect();
+    all.first()?;
+    let c = found.model.half_width;
+    let caption = "Coefficients θ of the branches, EMS (25), as forces θ c^k at z = c (θ itself in SI units: summary.json)";
+    let coefficients = all.into_iter().filter_map(|p| match p.id.quantity {
+        Quantity::Coefficient { power, .. } => {
+            Some((p.id, power, cells_of(&p.estimate, c.powi(power.into()))))
+        }
+        _ => None,
+    });
+    let table = Table::of(
+        caption,
+        coefficients,
+        &[
+            ("Branch", &|(id, ..)| id.direction.map_or("", |direction| direction.name()).into()),
+            ("Symbol", &|(id, ..)| id.symbol().to_string().into()),
+            ("k", &|(_, power, _)| power.to_string().into()),
+            ("θ c^k (N)", &|(_, _, [value, _])| value.clone()),
+            ("95 % interval (N)", &|(_, _, [_, interval])| interval.clone()),
+        ],
+    );
+    Some(table.collapsed())
 }
 
 pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
@@ -116,7 +103,7 @@ pub(super) fn cells_of(estimate: &Estimate, scale: f64) -> [Cell; 2] {
     if estimate.determined && low.is_finite() && high.is_finite() {
         [Cell::Estimate { value, interval: [low, high] }, Cell::Interval { low, high }]
     } else {
-        [Cell::Number { value, digits: 3 }, Cell::Undetermined]
+        [Cell::number(value, 3), Cell::Undetermined]
     }
 }
 
@@ -135,61 +122,46 @@ fn true_value(id: ParameterId, elements: &[Element]) -> Option<f64> {
 }
 
 /// Properties of the recordings, one row each.
-pub(in super::super) fn sampling<'a>(
+pub(crate) fn sampling<'a>(
     recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
 ) -> Table {
-    let columns = [
-        "Recording",
-        "Used for",
-        "Samples",
-        "Duration (s)",
-        "Rate (Hz)",
-        "Jitter (ms)",
-        "Stroke (mm)",
-        "Lost or doubtful",
-    ];
-    recordings.fold(Table::new("What was recorded", columns), |table, (recording, used_for)| {
-        let q = &recording.quality;
-        table.row([
-            Cell::Text(recording.name.clone()),
-            Cell::from(used_for),
-            Cell::Text(recording.len().to_string()),
-            Cell::Number { value: recording.duration(), digits: 3 },
-            Cell::Number { value: 1.0 / q.median_interval, digits: 3 },
-            Cell::Number { value: (1e6 * q.jitter).round() / 1e3, digits: 2 },
-            Cell::Number { value: MM * q.stroke, digits: 4 },
-            losses(q),
-        ])
-    })
+    Table::of(
+        "What was recorded",
+        recordings,
+        &[
+            ("Recording", &|(r, _)| r.name.as_str().into()),
+            ("Used for", &|(_, used_for)| (*used_for).into()),
+            ("Samples", &|(r, _)| Cell::count(r.len())),
+            ("Duration (s)", &|(r, _)| Cell::number(r.duration(), 3)),
+            ("Rate (Hz)", &|(r, _)| Cell::number(1.0 / r.quality.median_interval, 3)),
+            ("Jitter (ms)", &|(r, _)| Cell::number((1e6 * r.quality.jitter).round() / 1e3, 2)),
+            ("Stroke (mm)", &|(r, _)| Cell::number(MM * r.quality.stroke, 4)),
+            ("Lost or doubtful", &|(r, _)| losses(&r.quality)),
+        ],
+    )
 }
 
 /// Resolution of the sensors, one row per recording.
-pub(in super::super) fn resolution<'a>(
+pub(crate) fn resolution<'a>(
     recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
 ) -> Table {
-    let columns = [
-        "Recording",
-        "Position step (µm)",
-        "Position noise (µm)",
-        "Force step (mN)",
-        "Force noise (mN)",
-    ];
-    let empty = Table::new("Resolution and noise (1 sd) of the sensors, seen in the data", columns);
-    recordings.fold(empty, |table, (recording, _)| {
-        let q = &recording.quality;
-        table.row([
-            Cell::Text(recording.name.clone()),
-            step(1e6 * q.position_resolution),
-            Cell::Number { value: 1e6 * q.position_noise, digits: 2 },
-            step(1e3 * q.force_resolution),
-            Cell::Number { value: 1e3 * q.force_noise, digits: 2 },
-        ])
-    })
+    let caption = "Resolution and noise (1 sd) of the sensors, seen in the data";
+    Table::of(
+        caption,
+        recordings,
+        &[
+            ("Recording", &|(r, _)| r.name.as_str().into()),
+            ("Position step (µm)", &|(r, _)| step(1e6 * r.quality.position_resolution)),
+            ("Position noise (µm)", &|(r, _)| Cell::number(1e6 * r.quality.position_noise, 2)),
+            ("Force step (mN)", &|(r, _)| step(1e3 * r.quality.force_resolution)),
+            ("Force noise (mN)", &|(r, _)| Cell::number(1e3 * r.quality.force_noise, 2)),
+        ],
+    )
 }
 
 /// The resolution of a signal; zero means that none was found.
 fn step(value: f64) -> Cell {
-    if value > 0.0 { Cell::Number { value, digits: 2 } } else { Cell::from("none found") }
+    if value > 0.0 { Cell::number(value, 2) } else { Cell::from("none found") }
 }
 
 fn losses(quality: &Quality) -> Cell {
@@ -213,4 +185,22 @@ fn losses(quality: &Quality) -> Cell {
         (false, true) => Cell::Text(found.join(", ")),
         (false, false) => Cell::Warning(found.join(", ")),
     }
+}
+
+/// The paper, as an origin.
+pub(crate) const PAPER: &str = "J. Verspecht et al., Modeling of the interaction force between the instrument and the trocar in minimally invasive surgery";
+
+/// Recordings with their use and hash, as origins.
+pub(crate) fn hashes<'a>(
+    recordings: impl Iterator<Item = (&'a Recording, &'static str)>,
+) -> impl Iterator<Item = (String, String)> {
+    recordings.map(|(recording, used_for)| {
+        let label = format!("{} ({used_for})", recording.name);
+        origin(label, format!("SHA-256 {}", recording.sha256))
+    })
+}
+
+/// The names of recordings, in a row.
+pub(crate) fn names(recordings: &[Recording]) -> String {
+    recordings.iter().map(|r| r.name.as_str()).collect::<Vec<_>>().join(", ")
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Complex, ComplexField};
 use trocar_model::Trocar;
 
-use super::{Drawn, MM, thinned};
+use super::{Drawn, MM, line, over_time};
 use crate::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::number::significant;
 use trocar_lab::teleop::Sample;
@@ -26,12 +26,12 @@ const AMPLITUDES: [f64; 2] = [1e-3, 10e-3];
 const CLASSES: [f64; 6] = [0.0, 100.0, 200.0, 500.0, 1000.0, 5000.0];
 
 /// A number of the configuration as it was given.
-pub(in super::super) fn plain(value: f64) -> String {
+pub(crate) fn plain(value: f64) -> String {
     format!("{}", (1e6 * value).round() / 1e6)
 }
 
 /// An architecture in words.
-pub(in super::super) fn in_words(architecture: Architecture) -> &'static str {
+pub(crate) fn in_words(architecture: Architecture) -> &'static str {
     match architecture {
         Architecture::PositionPosition => "Position-position",
         Architecture::PositionForce => "Position-force",
@@ -40,30 +40,24 @@ pub(in super::super) fn in_words(architecture: Architecture) -> &'static str {
     }
 }
 
-fn over_time(samples: &[Sample], name: &str, role: Role, of: impl Fn(&Sample) -> f64) -> Series {
+fn course_of(samples: &[Sample], name: &str, role: Role, of: impl Fn(&Sample) -> f64) -> Series {
     let time: Vec<f64> = samples.iter().map(|sample| sample.time).collect();
-    let values: Vec<f64> = samples.iter().map(of).collect();
-    let (x, y) = thinned(&time, &values);
-    Series::line(name, role, x, y)
-}
-
-fn time() -> Axis {
-    Axis::new("time", "s")
+    line(name, role, &time, samples.iter().map(of))
 }
 
 /// Positions and forces over time.
-pub(in super::super) fn course(config: &Config, samples: &[Sample]) -> Figure {
-    let line = |name, role, of: fn(&Sample) -> f64| over_time(samples, name, role, of);
-    let positions = Panel::new(time(), Axis::new("position", "mm"))
-        .series(line("intended by the hand", Role::Neutral, |s| MM * s.hand_position))
-        .series(line("master", Role::Model, |s| MM * s.master_position))
-        .series(line("slave", Role::Alternative, |s| MM * s.slave_position))
+pub(crate) fn course(config: &Config, samples: &[Sample]) -> Figure {
+    let mm = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, |s| MM * of(s));
+    let positions = over_time(Axis::new("position", "mm"))
+        .series(mm("intended by the hand", Role::Neutral, |s| s.hand_position))
+        .series(mm("master", Role::Model, |s| s.master_position))
+        .series(mm("slave", Role::Alternative, |s| s.slave_position))
         .mark(Mark::y(MM * config.tissue.surface_m, "tissue"))
         .aspect(0.3);
-    let forces = Panel::new(time(), Axis::new("force", "N").with_zero())
-        .series(line("of the trocar", TROCAR, |s| s.trocar_force))
-        .series(over_time(samples, "felt at the master", FELT, |s| config.felt(s)))
-        .series(line("on the tissue", TISSUE, |s| s.tissue_force))
+    let forces = over_time(Axis::new("force", "N").with_zero())
+        .series(course_of(samples, "of the trocar", TROCAR, |s| s.trocar_force))
+        .series(course_of(samples, "felt at the master", FELT, |s| config.felt(s)))
+        .series(course_of(samples, "on the tissue", TISSUE, |s| s.tissue_force))
         .aspect(0.36);
     Figure::new("course", 0, "Course of the loop")
         .caption(
@@ -76,39 +70,37 @@ pub(in super::super) fn course(config: &Config, samples: &[Sample]) -> Figure {
 }
 
 /// Force felt and force on the tissue over the depth of the tip.
-pub(in super::super) fn depth(
-    config: &Config,
-    samples: &[Sample],
-    figures: Option<&Merit>,
-) -> Drawn {
+pub(crate) fn depth(config: &Config, samples: &[Sample], figures: Option<&Merit>) -> Drawn {
     let touches: Vec<&Sample> = samples.iter().filter(|sample| sample.tissue_force > 0.0).collect();
     if touches.is_empty() {
         return Err("The tip does not touch the tissue: there is no force over depth.".to_owned());
     }
     let every = touches.len().div_ceil(LOOP_POINTS);
-    let shown: Vec<&Sample> = touches.iter().copied().step_by(every).collect();
-    let x: Vec<f64> = shown.iter().map(|s| MM * depth_of(config, s)).collect();
-    let line = |name, role, of: &dyn Fn(&Sample) -> f64| {
-        // Between two contacts is a gap.
-        let (mut xs, mut ys, mut before) = (Vec::new(), Vec::new(), f64::NEG_INFINITY);
-        for (x, sample) in x.iter().zip(&shown) {
-            if sample.time - before > 1.5 * every as f64 * config.sample_time_s {
-                xs.push(f64::NAN);
-                ys.push(f64::NAN);
-            }
-            xs.push(*x);
-            ys.push(of(sample));
-            before = sample.time;
+    let shown = touches.iter().copied().step_by(every);
+    // A gap is between two contacts: `None` there.
+    let mut points: Vec<Option<&Sample>> = Vec::new();
+    let mut before = f64::NEG_INFINITY;
+    for sample in shown {
+        if sample.time - before > 1.5 * every as f64 * config.sample_time_s {
+            points.push(None);
         }
-        Series::line(name, role, xs, ys)
+        points.push(Some(sample));
+        before = sample.time;
+    }
+    let column = |of: &dyn Fn(&Sample) -> f64| {
+        points.iter().map(|point| point.map_or(f64::NAN, of)).collect::<Vec<f64>>()
+    };
+    let depth = column(&|s| MM * (s.slave_position - config.tissue.surface(s.time).0));
+    let over_depth = |name, role, of: &dyn Fn(&Sample) -> f64| {
+        Series::line(name, role, depth.clone(), column(of))
     };
     let panel = Panel::new(
         Axis::new("depth of the tip in the tissue", "mm").with_zero(),
         Axis::new("force", "N").with_zero(),
     )
-    .series(line("of the trocar", TROCAR, &|s| s.trocar_force))
-    .series(line("felt at the master", FELT, &|s| config.felt(s)))
-    .series(line("on the tissue", TISSUE, &|s| s.tissue_force));
+    .series(over_depth("of the trocar", TROCAR, &|s| s.trocar_force))
+    .series(over_depth("felt at the master", FELT, &|s| config.felt(s)))
+    .series(over_depth("on the tissue", TISSUE, &|s| s.tissue_force));
     let slopes = figures.and_then(|merit| {
         let [felt, own] = [merit.displayed_stiffness_n_m?, merit.true_stiffness_n_m?];
         Some(format!(
@@ -126,89 +118,93 @@ pub(in super::super) fn depth(
         .panel(panel))
 }
 
-fn depth_of(config: &Config, sample: &Sample) -> f64 {
-    sample.slave_position - config.tissue.surface(sample.time).0
-}
-
 /// Errors and stiffness over the fractions that were tried.
-pub(in super::super) fn errors(config: &Config, advice: &Advice) -> Figure {
-    let fraction = || Axis::new("fraction taken out γ", "%").with_zero();
-    let x: Vec<f64> = advice.tried.iter().map(|tried| 100.0 * tried.fraction).collect();
-    let curve = |panel: Panel, name: &str, role, of: fn(&Merit) -> Option<f64>| {
-        let y: Vec<f64> = advice
-            .tried
-            .iter()
-            .map(|Tried { merit, .. }| merit.as_ref().and_then(of).unwrap_or(f64::NAN))
-            .collect();
-        panel.series(Series::line(name, role, x.clone(), y.clone())).series(Series::points(
-            name,
-            role,
-            x.clone(),
-            y,
-        ))
-    };
-    let marked = |panel: Panel, label: bool| {
-        let word = |text: &str| if label { text.to_owned() } else { String::new() };
-        let panel = advice.stable.iter().fold(panel, |panel, [low, high]| {
-            panel.mark(Mark::x_range(100.0 * low, 100.0 * high, word("stable")))
-        });
-        let panel = advice
-            .fraction
-            .into_iter()
-            .fold(panel, |panel, fraction| panel.mark(Mark::x(100.0 * fraction, word("advised"))));
-        panel.mark(Mark::x(100.0 * config.compensation.fraction, word("this loop")))
-    };
-    let newtons = Panel::new(fraction(), Axis::new("error of the force", "N").with_zero());
-    let newtons = curve(newtons, "rms", Role::Model, |m| Some(m.force_error_rms_n));
-    let newtons = curve(newtons, "peak", Role::Fit, |m| Some(m.force_error_peak_n));
-    let steps = Panel::new(fraction(), Axis::new("rms error", "JND").with_zero());
-    let steps = curve(steps, "in just noticeable differences", Role::Model, |m| {
-        Some(m.force_error_rms_jnd)
-    })
-    .mark(Mark::y_range(0.0, 1.0, "not noticed"));
-    let stiffness = Panel::new(fraction(), Axis::new("stiffness", "N/m").with_zero());
-    let stiffness = curve(stiffness, "displayed", FELT, |m| m.displayed_stiffness_n_m);
-    let stiffness = curve(stiffness, "of the tissue", TISSUE, |m| m.true_stiffness_n_m);
+pub(crate) fn errors(config: &Config, advice: &Advice) -> Figure {
+    let error = advised_panel(config, advice, Axis::new("error of the force", "N"), true);
+    let newtons = with_curves(
+        error,
+        advice,
+        &[
+            ("rms", Role::Model, |m| Some(m.force_error_rms_n)),
+            ("peak", Role::Fit, |m| Some(m.force_error_peak_n)),
+        ],
+    );
+    let steps = advised_panel(config, advice, Axis::new("rms error", "JND"), false);
+    let steps = with_curves(
+        steps,
+        advice,
+        &[("in just noticeable differences", Role::Model, |m| Some(m.force_error_rms_jnd))],
+    );
+    let stiffness = advised_panel(config, advice, Axis::new("stiffness", "N/m"), false);
+    let stiffness = with_curves(
+        stiffness,
+        advice,
+        &[
+            ("displayed", FELT, |m| m.displayed_stiffness_n_m),
+            ("of the tissue", TISSUE, |m| m.true_stiffness_n_m),
+        ],
+    );
     Figure::new("fractions", 0, "Error and stiffness over the fraction taken out")
         .caption(
             "Of the trocar and compensator with the largest error among all that were tried; only where the loop is stable with all of them \
              (shaded). A just noticeable difference (JND) is 7 % of the force, and below 2.5 N as large \
              as there.",
         )
-        .panel(marked(newtons.aspect(0.28), true))
-        .panel(marked(steps.aspect(0.22), false))
-        .panel(marked(stiffness.aspect(0.28), false))
+        .panel(newtons.aspect(0.28))
+        .panel(steps.mark(Mark::y_range(0.0, 1.0, "not noticed")).aspect(0.22))
+        .panel(stiffness.aspect(0.28))
         .linked_x()
 }
 
+/// Axes over the fraction taken out, with the stable ones, the advised one and that of `config`.
+fn advised_panel(config: &Config, advice: &Advice, y: Axis, is_labelled: bool) -> Panel {
+    let [stable, advised, own] =
+        if is_labelled { ["stable", "advised", "this loop"] } else { [""; 3] };
+    let mut panel = Panel::new(Axis::new("fraction taken out γ", "%").with_zero(), y.with_zero());
+    for [low, high] in &advice.stable {
+        panel = panel.mark(Mark::x_range(100.0 * low, 100.0 * high, stable));
+    }
+    if let Some(fraction) = advice.fraction {
+        panel = panel.mark(Mark::x(100.0 * fraction, advised));
+    }
+    panel.mark(Mark::x(100.0 * config.compensation.fraction, own))
+}
+
+/// A figure of merit by name, role, and where it is.
+type MeritCurve = (&'static str, Role, fn(&Merit) -> Option<f64>);
+
+/// Figures of merit over the fractions that were tried.
+fn with_curves(panel: Panel, advice: &Advice, curves: &[MeritCurve]) -> Panel {
+    let x: Vec<f64> = advice.tried.iter().map(|tried| 100.0 * tried.fraction).collect();
+    curves.iter().fold(panel, |panel, (name, role, of)| {
+        let merits = advice.tried.iter().map(|tried| tried.merit.as_ref().and_then(of));
+        let y: Vec<f64> = merits.map(|value| value.unwrap_or(f64::NAN)).collect();
+        panel.curve(name, *role, &x, &y)
+    })
+}
+
 /// All fractions that were tried.
-pub(in super::super) fn tried(advice: &Advice) -> Table {
-    let columns = [
-        "Fraction (%)",
-        "Loop",
-        "Error, rms (N)",
-        "Error, peak (N)",
-        "Rms (JND)",
-        "Stiffness displayed (N/m)",
-        "of the tissue (N/m)",
-    ];
-    let table = Table::new("All fractions that were tried", columns);
-    let row = |table: Table, tried: &Tried| {
-        let cell = |of: fn(&Merit) -> Option<f64>| match tried.merit.as_ref().and_then(of) {
-            Some(value) => Cell::Number { value, digits: 4 },
-            None => "–".into(),
-        };
-        table.row([
-            Cell::Number { value: 100.0 * tried.fraction, digits: 4 },
-            (if tried.stable { "stable" } else { "unstable" }).into(),
-            cell(|m| Some(m.force_error_rms_n)),
-            cell(|m| Some(m.force_error_peak_n)),
-            cell(|m| Some(m.force_error_rms_jnd)),
-            cell(|m| m.displayed_stiffness_n_m),
-            cell(|m| m.true_stiffness_n_m),
-        ])
-    };
-    Table { collapsed: true, ..advice.tried.iter().fold(table, row) }
+pub(crate) fn tried(advice: &Advice) -> Table {
+    let table = Table::of(
+        "All fractions that were tried",
+        &advice.tried,
+        &[
+            ("Fraction (%)", &|tried| Cell::number(100.0 * tried.fraction, 4)),
+            ("Loop", &|tried| if tried.stable { "stable" } else { "unstable" }.into()),
+            ("Error, rms (N)", &|tried| of_merit(tried, |m| Some(m.force_error_rms_n))),
+            ("Error, peak (N)", &|tried| of_merit(tried, |m| Some(m.force_error_peak_n))),
+            ("Rms (JND)", &|tried| of_merit(tried, |m| Some(m.force_error_rms_jnd))),
+            ("Stiffness displayed (N/m)", &|tried| of_merit(tried, |m| m.displayed_stiffness_n_m)),
+            ("of the tissue (N/m)", &|tried| of_merit(tried, |m| m.true_stiffness_n_m)),
+        ],
+    );
+    table.collapsed()
+}
+
+/// A figure of merit of a fraction, if the loop was stable with it.
+fn of_merit(tried: &Tried, of: fn(&Merit) -> Option<f64>) -> Cell {
+    let value = tried.merit.as_ref().and_then(of);
+    value.map_or("–".into(), |value| Cell::number(value, 4))
 }
 
 /// Distance of equally spaced values; 1 for a single one.
@@ -217,29 +213,18 @@ fn apart(values: &[f64]) -> f64 {
 }
 
 /// Stiffest tissue over delay and fraction; the cell of `config` is framed.
-pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
+pub(crate) fn map(config: &Config, map: &Map) -> Figure {
     let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
-    let cells =
-        || map.cells().map(|(delay, fraction, width)| (100.0 * fraction, MM * delay, width));
     let mut panel = Panel::new(
         Axis::new("fraction taken out γ", "%"),
         Axis::new("delay of one direction", "ms"),
     )
     .aspect(0.75);
     for level in 0..=CLASSES.len() {
-        // Where softer tissue is not held, the stiffest says little.
-        let level_of = |width: &ZWidth| match width.first() {
-            Some([0.0, greatest]) => class(greatest),
-            _ => 0,
-        };
-        let inside = cells().filter(|(_, _, width)| level_of(width) == level);
-        let (mut x, mut y, mut labels) = (Vec::new(), Vec::new(), Vec::new());
-        for (fraction, delay, width) in inside {
-            x.push(fraction);
-            y.push(delay);
-            let greatest = width.first().map_or(0.0, |[_, greatest]| greatest);
-            labels.push(short(greatest) + if is_simple(width) { "" } else { "*" });
-        }
+        let inside: Vec<_> = map.cells().filter(|(.., width)| class(width) == level).collect();
+        let x = inside.iter().map(|(_, fraction, _)| 100.0 * fraction).collect();
+        let y = inside.iter().map(|(delay, ..)| MM * delay).collect();
+        let labels = inside.iter().map(|(.., width)| cell_label(width)).collect();
         let role = Role::Level(level as u8);
         panel = panel.series(Series::cells(class_name(level), role, size, [x, y], labels));
     }
@@ -265,14 +250,13 @@ pub(in super::super) fn map(config: &Config, map: &Map) -> Figure {
 fn frame(at: [f64; 2], size: [f64; 2], first: [f64; 2]) -> (Vec<f64>, Vec<f64>) {
     let centre = [0, 1].map(|k| first[k] + size[k] * ((at[k] - first[k]) / size[k]).round());
     let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5], [-0.5, -0.5]];
-    let edge = |k: usize| corners.iter().map(|corner| centre[k] + corner[k] * size[k]).collect();
-    (edge(0), edge(1))
+    corners.map(|[a, b]| (centre[0] + a * size[0], centre[1] + b * size[1])).into_iter().unzip()
 }
 
-/// Class of a stiffness, 0 for none.
-fn class(stiffness: f64) -> usize {
-    let lowest = CLASSES.iter().rposition(|low| stiffness > 0.0 && stiffness >= *low);
-    lowest.map_or(0, |k| k + 1)
+/// Class of the stiffest tissue; 0 for none, and where softer tissue is not held, for then the stiffest says little.
+fn class(width: &ZWidth) -> usize {
+    let Some([0.0, greatest]) = width.first() else { return 0 };
+    CLASSES.iter().filter(|low| greatest > 0.0 && greatest >= **low).count()
 }
 
 fn class_name(level: usize) -> String {
@@ -284,61 +268,57 @@ fn class_name(level: usize) -> String {
     }
 }
 
-/// A stiffness in at most four characters.
-fn short(stiffness: f64) -> String {
-    match stiffness {
-        s if s < 999.5 => format!("{s:.0}"),
-        s if s < 9950.0 => format!("{:.1}k", s / 1e3),
-        s => format!("{:.0}k", s / 1e3),
+/// The stiffest tissue in at most four characters, with a star where it does not say all.
+fn cell_label(width: &ZWidth) -> String {
+    let is_simple = matches!(width.ranges_n_m[..], [] | [[0.0, _]]);
+    let star = if is_simple { "" } else { "*" };
+    match width.first().map_or(0.0, |[_, greatest]| greatest) {
+        s if s < 999.5 => format!("{s:.0}{star}"),
+        s if s < 9950.0 => format!("{:.1}k{star}", s / 1e3),
+        s => format!("{:.0}k{star}", s / 1e3),
     }
 }
 
 /// The numbers of the map.
-pub(in super::super) fn map_table(map: &Map) -> Table {
+pub(crate) fn map_table(map: &Map) -> Table {
     let heads = map.fractions.iter().map(|fraction| plain(100.0 * fraction));
-    let columns: Vec<String> = std::iter::once("Delay (ms)".to_owned()).chain(heads).collect();
     let caption = "The numbers of the map: tissue with which the loop is stable (N/m; one number: from 0 up to it), delay of one direction \
                    down, fraction taken out (%) across";
-    let row = |table: Table, (delay, widths): (&f64, &Vec<ZWidth>)| {
-        let first = Cell::Number { value: MM * delay, digits: 4 };
-        let rest = widths.iter().map(|width| match width.ranges_n_m.as_slice() {
-            [] => Cell::Number { value: 0.0, digits: 1 },
-            [[0.0, greatest]] => Cell::Number { value: greatest.round(), digits: 1 },
-            all => {
-                let range = |[low, high]: &[f64; 2]| {
-                    format!("{} to {}", plain(low.round()), plain(high.round()))
-                };
-                Cell::Text(all.iter().map(range).collect::<Vec<String>>().join(", "))
-            }
-        });
-        table.row(std::iter::once(first).chain(rest))
-    };
+    let empty = Table::new(caption, std::iter::once("Delay (ms)".to_owned()).chain(heads));
     let rows = map.delays_s.iter().zip(&map.z_width_n_m);
-    Table { collapsed: true, ..rows.fold(Table::new(caption, columns), row) }
+    let table = rows.fold(empty, |table, (delay, widths)| {
+        let first = Cell::number(MM * delay, 4);
+        table.row(std::iter::once(first).chain(widths.iter().map(stable_with)))
+    });
+    table.collapsed()
 }
 
-/// Whether the stable stiffnesses are one range from 0 on, or none.
-fn is_simple(width: &ZWidth) -> bool {
-    matches!(width.ranges_n_m[..], [] | [[0.0, _]])
+/// The stiffnesses of the tissue with which the loop is stable.
+fn stable_with(width: &ZWidth) -> Cell {
+    match width.ranges_n_m.as_slice() {
+        [] => Cell::number(0.0, 1),
+        [[0.0, greatest]] => Cell::number(greatest.round(), 1),
+        all => {
+            let words = all
+                .iter()
+                .map(|[low, high]| format!("{} to {}", plain(low.round()), plain(high.round())));
+            Cell::Text(words.collect::<Vec<String>>().join(", "))
+        }
+    }
 }
 
 /// The hybrid matrix, and what follows from it, over frequency.
-pub(in super::super) fn hybrid(
-    config: &Config,
-    [model, trocar]: [&Trocar<Vec<f64>>; 2],
-) -> [Figure; 2] {
+pub(crate) fn hybrid(config: &Config, [model, trocar]: [&Trocar<Vec<f64>>; 2]) -> [Figure; 2] {
     let frequencies = hybrid::frequencies();
     let none = vec![[Complex::new(0.0, 0.0); 2]; frequencies.len()];
-    // Of the compensator's model and of the trocar.
-    let at = |amplitude: f64| -> Vec<[Complex<f64>; 2]> {
-        let surface = config.tissue.surface_m;
-        let of = |seal, frequency| seal_impedance(seal, surface, amplitude, frequency);
-        frequencies.iter().map(|f| [of(model, *f), of(trocar, *f)]).collect()
-    };
     let mut seals = vec![("without a trocar".to_owned(), Role::Neutral, none)];
     for (amplitude, role) in AMPLITUDES.into_iter().zip([Role::Category(0), Role::Category(1)]) {
         let name = format!("with the trocar at {} mm", significant(MM * amplitude, 2));
-        seals.push((name, role, at(amplitude)));
+        let of = |seal, frequency: &f64| {
+            seal_impedance(seal, config.tissue.surface_m, amplitude, *frequency)
+        };
+        let both = frequencies.iter().map(|f| [of(model, f), of(trocar, f)]);
+        seals.push((name, role, both.collect()));
     }
     let panel = |y: Axis, of: &dyn Fn(&Hybrid, f64) -> f64| {
         let axes = Panel::new(Axis::new("frequency", "Hz").logarithmic(), y);
@@ -350,8 +330,6 @@ pub(in super::super) fn hybrid(
             panel.series(Series::line(name.as_str(), *role, frequencies.clone(), y.collect()))
         })
     };
-    let impedance = |label: &str| Axis::new(label, "N s/m").logarithmic();
-    let ratio = |label: &str| Axis::new(label, "").with_zero();
     let mobility = Axis::new("|h₂₂|, mobility of the slave", "m/(N s)").logarithmic();
     let matrix = Figure::new("hybrid", 0, "Hybrid matrix")
         .caption(
@@ -383,13 +361,21 @@ pub(in super::super) fn hybrid(
     [matrix, transmitted]
 }
 
+fn impedance(label: &str) -> Axis {
+    Axis::new(label, "N s/m").logarithmic()
+}
+
+fn ratio(label: &str) -> Axis {
+    Axis::new(label, "").with_zero()
+}
+
 /// Energy that went into the network of controllers and channel at either port.
-pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
-    let line = |name, role, of: &dyn Fn(&Sample) -> f64| over_time(samples, name, role, of);
-    let panel = Panel::new(time(), Axis::new("energy received", "J").with_zero())
-        .series(line("at the master", Role::Model, &|s| s.network_energies()[0]))
-        .series(line("at the slave", Role::Alternative, &|s| s.network_energies()[1]))
-        .series(line("together", Role::Measured, &|s| s.network_energies().iter().sum()))
+pub(crate) fn energy(samples: &[Sample]) -> Figure {
+    let of = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, of);
+    let panel = over_time(Axis::new("energy received", "J").with_zero())
+        .series(of("at the master", Role::Model, |s| s.network_energies()[0]))
+        .series(of("at the slave", Role::Alternative, |s| s.network_energies()[1]))
+        .series(of("together", Role::Measured, |s| s.network_energies().iter().sum()))
         .aspect(0.36);
     Figure::new("energy", 0, "Energy at both ports")
         .caption(
@@ -399,17 +385,18 @@ pub(in super::super) fn energy(samples: &[Sample]) -> Figure {
         .panel(panel)
 }
 
-/// Every key of the configuration with its value, as in its file.
-pub(in super::super) fn keys(config: &impl serde::Serialize) -> Vec<(String, String)> {
+/// Every key of a configuration with its value, as in its file.
+pub(crate) fn keys(caption: &str, config: &impl serde::Serialize) -> Table {
     let text = toml::to_string(config).unwrap_or_default();
     let mut section = String::new();
-    let mut keys = Vec::new();
+    let mut table = Table::new(caption, ["Key", "Value"]);
     for line in text.lines() {
         if let Some(name) = line.strip_prefix('[').and_then(|rest| rest.strip_suffix(']')) {
             section = format!("{name}.");
         } else if let Some((key, value)) = line.split_once(" = ") {
-            keys.push((format!("{section}{key}"), value.trim_matches('"').to_owned()));
+            let key = Cell::Code(format!("{section}{key}"));
+            table = table.row([key, value.trim_matches('"').into()]);
         }
     }
-    keys
+    table.collapsed()
 }

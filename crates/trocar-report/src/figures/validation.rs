@@ -6,7 +6,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::{Drawn, MM, p_in_words, thinned, without_unmodelled_mass};
+use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned, without_unmodelled_mass};
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::number::{fixed, significant};
 use trocar_identify::Identification;
@@ -27,11 +27,11 @@ const LAGS: usize = 120;
 const ONE_SPEED: f64 = 1.5;
 
 /// Recordings, the simulations of the model over them, and the scores.
-pub(in super::super) struct Scored<'a> {
-    pub(in super::super) recordings: Cow<'a, [Recording]>,
-    pub(in super::super) validation: Cow<'a, Validation>,
+pub(crate) struct Scored<'a> {
+    pub(crate) recordings: Cow<'a, [Recording]>,
+    pub(crate) validation: Cow<'a, Validation>,
     /// Whether the recordings were held out of the identification.
-    pub(in super::super) held_out: bool,
+    pub(crate) held_out: bool,
     runs: Vec<Replay>,
     /// Whether the model has elements in parallel.
     stages: bool,
@@ -40,7 +40,7 @@ pub(in super::super) struct Scored<'a> {
 }
 
 /// Simulates the model over the validation recordings, or over those used for identification.
-pub(in super::super) fn scored<'a>(
+pub(crate) fn scored<'a>(
     found: &Identification,
     training: &'a [Recording],
     validation: Option<(&'a [Recording], &'a Validation)>,
@@ -56,19 +56,13 @@ pub(in super::super) fn scored<'a>(
         }
     };
     let runs = recordings.par_iter().map(|recording| replay(&trocar, recording, offset)).collect();
-    Scored {
-        recordings,
-        validation: scores,
-        held_out,
-        runs,
-        stages: found.stages.elements().len() > 1,
-        offset,
-    }
+    let stages = has_stages(found);
+    Scored { recordings, validation: scores, held_out, runs, stages, offset }
 }
 
 impl Scored<'_> {
     /// Description of the recordings for captions.
-    pub(in super::super) fn kind(&self) -> &'static str {
+    pub(crate) fn kind(&self) -> &'static str {
         if self.held_out {
             "recordings that the identification has not seen"
         } else {
@@ -155,59 +149,47 @@ fn sorted_cycles(scored: &Scored) -> Vec<Cycle> {
 }
 
 /// Speeds, m/s, of the cycles that can be drawn, ascending.
-pub(in super::super) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
+pub(crate) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
     sorted_cycles(scored).iter().map(|cycle| cycle.speed).collect()
 }
 
 /// Force and deflection over a cycle at the lowest and at the highest speed, or at each of the
 /// speeds `chosen`, m/s.
-pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
+pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
     let cycles = sorted_cycles(scored);
     let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
         return Err("There is no figure of the model against measurement at two speeds (EMS figure 9): the recordings hold no full \
                     cycle of two strokes whose initial deflection is known."
             .to_owned());
     };
-    let one_speed = fastest.speed < ONE_SPEED * slowest.speed;
-    let shown: Vec<&Cycle> = if !chosen.is_empty() {
-        let nearest = |speed: &f64| {
-            let off = |cycle: &&Cycle| (cycle.speed - speed).abs();
-            cycles.iter().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(slowest)
-        };
-        chosen.iter().map(nearest).collect()
-    } else if one_speed {
-        vec![&cycles[cycles.len() / 2]]
+    let (shown, speeds) = if !chosen.is_empty() {
+        let off = |cycle: &Cycle, speed: f64| (cycle.speed - speed).abs();
+        let nearest =
+            |speed: &f64| cycles.iter().min_by(|a, b| off(a, *speed).total_cmp(&off(b, *speed)));
+        let shown: Vec<&Cycle> = chosen.iter().filter_map(nearest).collect();
+        let all: Vec<String> = shown.iter().map(|c| format!("{:.0}", MM * c.speed)).collect();
+        (shown, format!("The cycles chosen are at {} mm/s.", all.join(", ")))
+    } else if fastest.speed < ONE_SPEED * slowest.speed {
+        let middle = &cycles[cycles.len() / 2];
+        let words = format!(
+            "All cycles have about one speed, so one of them is shown, at {:.0} mm/s.",
+            MM * middle.speed
+        );
+        (vec![middle], words)
     } else {
-        vec![slowest, fastest]
+        let words = format!(
+            "A cycle at the lowest speed, {:.0} mm/s, and one at the highest, {:.0} mm/s.",
+            MM * slowest.speed,
+            MM * fastest.speed
+        );
+        (vec![slowest, fastest], words)
     };
     let mut figure =
         Figure::new("cross-validation", 0, "Model against measurement").columns(shown.len().min(2));
     for pair in shown.chunks(2) {
-        for panel in pair.iter().map(|cycle| forces(scored, cycle)) {
-            figure = figure.panel(panel);
-        }
-        for panel in pair.iter().map(|cycle| deflections(scored, cycle)) {
-            figure = figure.panel(panel);
-        }
+        figure = pair.iter().map(|cycle| forces(scored, cycle)).fold(figure, Figure::panel);
+        figure = pair.iter().map(|cycle| deflections(scored, cycle)).fold(figure, Figure::panel);
     }
-    let speeds = if !chosen.is_empty() {
-        let of = |cycle: &&Cycle| format!("{:.0}", MM * cycle.speed);
-        format!(
-            "The cycles chosen are at {} mm/s.",
-            shown.iter().map(of).collect::<Vec<_>>().join(", ")
-        )
-    } else if one_speed {
-        format!(
-            "All cycles have about one speed, so one of them is shown, at {:.0} mm/s.",
-            MM * shown[0].speed
-        )
-    } else {
-        format!(
-            "A cycle at the lowest speed, {:.0} mm/s, and one at the highest, {:.0} mm/s.",
-            MM * slowest.speed,
-            MM * fastest.speed
-        )
-    };
     let rows = if shown.len() > 2 { " of each two" } else { "" };
     let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
     Ok(figure.caption(format!(
@@ -222,30 +204,22 @@ pub(in super::super) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Dra
 
 fn forces(scored: &Scored, cycle: &Cycle) -> Panel {
     let recording = &scored.recordings[cycle.recording];
-    let measured: Vec<f64> =
-        recording.force[cycle.samples.clone()].iter().map(|f| f - scored.offset).collect();
-    let model = &scored.runs[cycle.recording].force[cycle.samples.clone()];
     let time = time_of(recording, &cycle.samples);
-    let line = |name, role, values: &[f64]| {
-        let (x, y) = thinned(&time, values);
-        Series::line(name, role, x, y)
-    };
-    Panel::new(Axis::new("time", "s"), Axis::new("force", "N").with_zero())
+    let measured = recording.force[cycle.samples.clone()].iter().map(|f| f - scored.offset);
+    let model = &scored.runs[cycle.recording].force[cycle.samples.clone()];
+    over_time(Axis::new("force", "N").with_zero())
         .title(format!("{:.0} mm/s", MM * cycle.speed))
-        .series(line("measured", Role::Measured, &measured))
-        .series(line("model", Role::Model, model))
+        .series(line("measured", Role::Measured, &time, measured))
+        .series(line("model", Role::Model, &time, model.iter().copied()))
         .aspect(0.7)
 }
 
 fn deflections(scored: &Scored, cycle: &Cycle) -> Panel {
-    let recording = &scored.recordings[cycle.recording];
-    let deflection: Vec<f64> = scored.runs[cycle.recording].deflection[cycle.samples.clone()]
-        .iter()
-        .map(|z| MM * z)
-        .collect();
-    let (x, y) = thinned(&time_of(recording, &cycle.samples), &deflection);
-    Panel::new(Axis::new("time", "s"), Axis::new("deflection z", "mm").with_zero())
-        .series(Series::line("deflection", Role::Deflection, x, y))
+    let time = time_of(&scored.recordings[cycle.recording], &cycle.samples);
+    let deflection = &scored.runs[cycle.recording].deflection[cycle.samples.clone()];
+    let millimetres = deflection.iter().map(|z| MM * z);
+    over_time(Axis::new("deflection z", "mm").with_zero())
+        .series(line("deflection", Role::Deflection, &time, millimetres))
         .aspect(0.6)
 }
 
@@ -255,12 +229,10 @@ fn time_of(recording: &Recording, samples: &Range<usize>) -> Vec<f64> {
 }
 
 /// Measured minus model over time.
-pub(in super::super) fn residuals(scored: &Scored) -> Figure {
-    let mut figure = Figure::new("residuals", 0, "Residual over time");
+pub(crate) fn residuals(scored: &Scored) -> Figure {
     let shown = scored.recordings.len().min(MOST_RECORDINGS);
-    for index in 0..shown {
-        figure = figure.panel(residual_panel(scored, index));
-    }
+    let panels = (0..shown).map(|index| residual_panel(scored, index));
+    let figure = panels.fold(Figure::new("residuals", 0, "Residual over time"), Figure::panel);
     let more = match scored.recordings.len() - shown {
         0 => String::new(),
         left => format!(
@@ -292,14 +264,14 @@ fn residual_panel(scored: &Scored, index: usize) -> Panel {
     let floor = scores.and_then(|v| v.strokes).map_or_else(String::new, |strokes| {
         format!(", {:.2} times the repeatability", strokes.rms_over_scatter)
     });
-    Panel::new(Axis::new("time", "s"), Axis::new("residual", "N").with_zero())
+    over_time(Axis::new("residual", "N").with_zero())
         .title(format!("{}: {} N rms{floor}", recording.name, significant(rms, 3)))
         .series(Series::line("measured minus model", Role::Residual, x, y))
         .aspect(0.3)
 }
 
 /// Distribution and autocorrelation of the residual of the longest recording.
-pub(in super::super) fn residual_statistics(scored: &Scored) -> Drawn {
+pub(crate) fn residual_statistics(scored: &Scored) -> Drawn {
     let index = scored.longest();
     let mut errors = scored.errors(index);
     let n = errors.len() as f64;
@@ -317,18 +289,18 @@ pub(in super::super) fn residual_statistics(scored: &Scored) -> Drawn {
     let span = whiteness.map_or(shortest, |w| (8.0 * w.correlation_time_s).max(shortest));
     let mut correlation =
         autocorrelation(&errors, mean, variance, span, recording.quality.median_interval);
-    let words = whiteness.map_or_else(
-        || "The recording is too short for a test of whiteness.".to_owned(),
-        |w| {
-            correlation = correlation.clone().mark(Mark::x(1e3 * w.correlation_time_s, "correlation time"));
+    let words = match whiteness {
+        None => "The recording is too short for a test of whiteness.".to_owned(),
+        Some(w) => {
+            let milliseconds = 1e3 * w.correlation_time_s;
+            correlation = correlation.mark(Mark::x(milliseconds, "correlation time"));
             format!(
-                "Taken {:.0} ms apart, where the autocorrelation has fallen to 1/e, the residuals pass for white noise with {} \
+                "Taken {milliseconds:.0} ms apart, where the autocorrelation has fallen to 1/e, the residuals pass for white noise with {} \
                  (Ljung-Box): a small value means that the model leaves structure.",
-                1e3 * w.correlation_time_s,
                 p_in_words(w.ljung_box_p_value)
             )
-        },
-    );
+        }
+    };
     errors.sort_by(f64::total_cmp);
     Ok(Figure::new("residual-statistics", 0, "Distribution and autocorrelation of the residual")
         .columns(2)
@@ -359,17 +331,13 @@ fn autocorrelation(errors: &[f64], mean: f64, variance: f64, span: f64, interval
     let longest = ((span / interval) as usize).min(errors.len() / 5).max(1);
     let every = longest.div_ceil(LAGS);
     let lags: Vec<usize> = (0..=longest).step_by(every).collect();
-    let at = |lag: &usize| {
+    let y = lags.par_iter().map(|lag| {
         let products = errors.iter().zip(&errors[*lag..]).map(|(a, b)| (a - mean) * (b - mean));
         products.sum::<f64>() / (errors.len() as f64 * variance)
-    };
-    let y = lags.par_iter().map(at).collect();
+    });
+    let x = lags.iter().map(|lag| 1e3 * interval * *lag as f64).collect();
+    let y = y.collect();
     Panel::new(Axis::new("lag", "ms").with_zero(), Axis::new("autocorrelation", "").with_zero())
-        .series(Series::line(
-            "autocorrelation",
-            Role::Residual,
-            lags.iter().map(|l| 1e3 * interval * *l as f64).collect(),
-            y,
-        ))
+        .series(Series::line("autocorrelation", Role::Residual, x, y))
         .aspect(0.75)
 }

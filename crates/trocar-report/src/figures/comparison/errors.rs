@@ -10,7 +10,7 @@ const COINCIDENT: f64 = 0.04;
 
 /// Error of every model against its number of parameters, over the whole validation and after its
 /// reversals.
-pub(in super::super::super) fn error_by_parameters(comparison: &Comparison) -> Figure {
+pub(crate) fn error_by_parameters(comparison: &Comparison) -> Figure {
     let noise = comparison.validation.iter().map(|r| r.quality.force_noise).fold(0.0, f64::max);
     Figure::new("error-by-parameters", 0, "Error against number of parameters")
         .panel(panel(comparison, "all of the validation", |entry| entry.scores.validate_rms_n))
@@ -41,9 +41,7 @@ fn panel(comparison: &Comparison, title: &str, error: impl Fn(&Entry) -> f64) ->
         let (first, last) = (own[0].elements, own[own.len() - 1].elements);
         let name = format!("{}, {first} to {last} elements", own[0].choice.title());
         let role = Role::Friction(kind(own[0]), 0);
-        panel = panel
-            .series(Series::line(name.clone(), role, x.clone(), y.clone()))
-            .series(Series::points(name, role, x, y));
+        panel = panel.curve(&name, role, &x, &y);
     }
     for same in coincident(singles.into_iter().flatten(), &error) {
         let label = joined(same.iter().map(|entry| entry.title()).collect());

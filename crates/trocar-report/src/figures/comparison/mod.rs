@@ -8,9 +8,9 @@ use super::Drawn;
 use crate::document::Role;
 use trocar_lab::compare::{Entry, best_of};
 
-pub(in super::super) use errors::error_by_parameters;
-pub(in super::super) use runs::{one_cycle, one_reversal, shown};
-pub(in super::super) use tables::{
+pub(crate) use errors::error_by_parameters;
+pub(crate) use runs::{one_cycle, one_reversal, shown};
+pub(crate) use tables::{
     best_of_each, by_recording, criteria, errors_by_phase, parameters_by_family, warnings_by_model,
 };
 

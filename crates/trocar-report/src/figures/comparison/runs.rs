@@ -8,10 +8,9 @@ use rayon::prelude::*;
 use super::{Drawn, kind, of_interest, role, variant};
 use trocar_model::Trocar;
 
-use crate::decimate;
-use crate::document::{Axis, Figure, Panel, Role, Series};
+use crate::document::{Axis, Figure, Panel, Role};
 use crate::figures::validation::{Cycle, cycles};
-use crate::figures::{MM, MOST_POINTS};
+use crate::figures::{MM, line};
 use crate::style;
 use trocar_lab::compare::{Choice, Comparison, Entry};
 use trocar_recording::Recording;
@@ -30,7 +29,7 @@ struct Run {
 }
 
 /// The models by panel, over one cycle.
-pub(in super::super::super) struct Shown<'a> {
+pub(crate) struct Shown<'a> {
     recording: &'a Recording,
     cycle: Cycle,
     /// Offset subtracted from all curves, N.
@@ -41,23 +40,23 @@ pub(in super::super::super) struct Shown<'a> {
 
 /// Simulates the models over the recording that contains the cycle of the middle speed; `None`
 /// without a suitable cycle.
-pub(in super::super::super) fn shown(comparison: &Comparison) -> Option<Shown<'_>> {
+pub(crate) fn shown(comparison: &Comparison) -> Option<Shown<'_>> {
     let cycle = representative(comparison)?;
     let recording = &comparison.validation[cycle.recording];
     let offset = comparison.ems.model.offset;
-    let run = |(entry, place): &(&Entry, usize)| {
-        let force = forces(&entry.trocar, recording, entry.offset).into_iter();
-        Run {
+    let panels = titles(comparison).into_iter().map(|title| {
+        let models = models(comparison, title);
+        let runs = models.par_iter().map(|(entry, place)| Run {
             name: entry.title(),
             role: role(entry, *place),
-            force: force.map(|f| f + entry.offset - offset).collect(),
-        }
-    };
-    let panel = |title: &'static str| {
-        let runs: Vec<Run> = models(comparison, title).par_iter().map(run).collect();
-        (title, runs)
-    };
-    let panels = titles(comparison).into_iter().map(panel).collect();
+            force: forces(&entry.trocar, recording, entry.offset)
+                .into_iter()
+                .map(|force| force + entry.offset - offset)
+                .collect(),
+        });
+        (title, runs.collect())
+    });
+    let panels = panels.collect();
     let measured = recording.force.iter().map(|f| f - offset).collect();
     Some(Shown { recording, cycle, offset, measured, panels })
 }
@@ -90,28 +89,26 @@ fn models<'a>(comparison: &'a Comparison, panel: &str) -> Vec<(&'a Entry, usize)
 fn representative(comparison: &Comparison) -> Option<Cycle> {
     let recordings = &comparison.validation;
     let ems = &comparison.ems;
-    let known = |index: usize| -> Vec<Range<usize>> {
+    let mut own = cycles(recordings, |index| {
         replay(&Trocar::of_seal(ems.stages), &recordings[index], ems.model.offset).known
-    };
-    let found = cycles(recordings, known);
-    let to_insertion = |c: &&Cycle| {
-        let x = &recordings[c.recording].position;
-        x[c.samples.end - 1] > x[c.turn]
-    };
-    let mut own: Vec<Cycle> = found.iter().filter(to_insertion).cloned().collect();
-    if own.is_empty() {
-        own = found;
+    });
+    let to_insertion: Vec<Cycle> =
+        own.iter().filter(|cycle| is_to_insertion(cycle, recordings)).cloned().collect();
+    if !to_insertion.is_empty() {
+        own = to_insertion;
     }
     own.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     let middle = own.len() / 2;
     own.into_iter().nth(middle)
 }
 
+fn is_to_insertion(cycle: &Cycle, recordings: &[Recording]) -> bool {
+    let x = &recordings[cycle.recording].position;
+    x[cycle.samples.end - 1] > x[cycle.turn]
+}
+
 /// The force of every model after the same reversal, as in figure 3 of EMS.
-pub(in super::super::super) fn one_reversal(
-    comparison: &Comparison,
-    shown: Option<&Shown>,
-) -> Drawn {
+pub(crate) fn one_reversal(comparison: &Comparison, shown: Option<&Shown>) -> Drawn {
     let shown = shown.ok_or_else(|| {
         "There is no figure of the models upon one reversal (EMS figure 3): the validation recordings hold no two full strokes \
          whose initial deflection is known."
@@ -119,11 +116,11 @@ pub(in super::super::super) fn one_reversal(
     })?;
     let window = shown.window(comparison.reversal_travel);
     let turn = shown.recording.position[shown.cycle.turn];
-    let travel = |i: usize| {
+    let travel = window.clone().map(|i| {
         let distance = MM * (shown.recording.position[i] - turn).abs();
         if i < shown.cycle.turn { -distance } else { distance }
-    };
-    let x: Vec<f64> = window.clone().map(travel).collect();
+    });
+    let x: Vec<f64> = travel.collect();
     let figure = Figure::new("one-reversal", 0, "Every model upon the same reversal");
     let axis = Axis::new("travel after the reversal", "mm");
     Ok(shown.draw(figure, &axis, &x, &window).caption(format!(
@@ -140,7 +137,7 @@ pub(in super::super::super) fn one_reversal(
 }
 
 /// Force against position of every model over the same cycle.
-pub(in super::super::super) fn one_cycle(shown: Option<&Shown>) -> Drawn {
+pub(crate) fn one_cycle(shown: Option<&Shown>) -> Drawn {
     let shown = shown.ok_or_else(|| {
         "There is no figure of the force against position over one cycle: the validation recordings hold no full cycle of two \
          strokes whose initial deflection is known."
@@ -182,27 +179,13 @@ impl Shown<'_> {
     }
 
     fn draw(&self, figure: Figure, axis: &Axis, x: &[f64], window: &Range<usize>) -> Figure {
-        let line = |name: &str, role, force: &[f64]| {
-            let (x, y) = thinned(x, &force[window.clone()]);
-            Series::line(name, role, x, y)
-        };
-        let panel = |(title, runs): &(&str, Vec<Run>)| {
-            let empty = Panel::new(axis.clone(), Axis::new("force", "N").with_zero())
-                .title(*title)
-                .aspect(0.55);
-            let measured = empty.series(line("measured", Role::Backdrop, &self.measured));
-            runs.iter()
-                .fold(measured, |panel, run| panel.series(line(&run.name, run.role, &run.force)))
-        };
-        self.panels.iter().map(panel).fold(figure.columns(2), Figure::panel)
+        let part = |force: &[f64]| force[window.clone()].to_vec();
+        let measured = line("measured", Role::Backdrop, x, part(&self.measured));
+        self.panels.iter().fold(figure.columns(2), |figure, (title, runs)| {
+            let axes = Panel::new(axis.clone(), Axis::new("force", "N").with_zero());
+            let empty = axes.title(*title).aspect(0.55).series(measured.clone());
+            let lines = runs.iter().map(|run| line(&run.name, run.role, x, part(&run.force)));
+            figure.panel(lines.fold(empty, Panel::series))
+        })
     }
-}
-
-/// Points that draw the same line as all of them; x need not increase.
-fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
-    let (low, high) = x
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
-    let kept = decimate::path(x, y, low, high, MOST_POINTS / 4, MOST_POINTS);
-    (kept.iter().map(|&i| x[i]).collect(), kept.iter().map(|&i| y[i]).collect())
 }
