@@ -120,25 +120,23 @@ pub(crate) fn depth(config: &Config, samples: &[Sample], figures: Option<&Merit>
 
 /// Errors and stiffness over the fractions that were tried.
 pub(crate) fn errors(config: &Config, advice: &Advice) -> Figure {
-    let error = advised_panel(config, advice, Axis::new("error of the force", "N"), true);
     let newtons = with_curves(
-        error,
         advice,
+        Axis::new("error of the force", "N"),
         &[
             ("rms", Role::Model, |m| Some(m.force_error_rms_n)),
             ("peak", Role::Fit, |m| Some(m.force_error_peak_n)),
         ],
     );
-    let steps = advised_panel(config, advice, Axis::new("rms error", "JND"), false);
     let steps = with_curves(
-        steps,
         advice,
+        Axis::new("rms error", "JND"),
         &[("in just noticeable differences", Role::Model, |m| Some(m.force_error_rms_jnd))],
     );
-    let stiffness = advised_panel(config, advice, Axis::new("stiffness", "N/m"), false);
+    let steps = steps.mark(Mark::y_range(0.0, 1.0, "not noticed"));
     let stiffness = with_curves(
-        stiffness,
         advice,
+        Axis::new("stiffness", "N/m"),
         &[
             ("displayed", FELT, |m| m.displayed_stiffness_n_m),
             ("of the tissue", TISSUE, |m| m.true_stiffness_n_m),
@@ -150,17 +148,15 @@ pub(crate) fn errors(config: &Config, advice: &Advice) -> Figure {
              (shaded). A just noticeable difference (JND) is 7 % of the force, and below 2.5 N as large \
              as there.",
         )
-        .panel(newtons.aspect(0.28))
-        .panel(steps.mark(Mark::y_range(0.0, 1.0, "not noticed")).aspect(0.22))
-        .panel(stiffness.aspect(0.28))
+        .panel(marked(config, advice, newtons.aspect(0.28), ["stable", "advised", "this loop"]))
+        .panel(marked(config, advice, steps.aspect(0.22), [""; 3]))
+        .panel(marked(config, advice, stiffness.aspect(0.28), [""; 3]))
         .linked_x()
 }
 
-/// Axes over the fraction taken out, with the stable ones, the advised one and that of `config`.
-fn advised_panel(config: &Config, advice: &Advice, y: Axis, is_labelled: bool) -> Panel {
-    let [stable, advised, own] =
-        if is_labelled { ["stable", "advised", "this loop"] } else { [""; 3] };
-    let mut panel = Panel::new(Axis::new("fraction taken out γ", "%").with_zero(), y.with_zero());
+/// With the stable fractions, the advised one and that of `config` marked.
+fn marked(config: &Config, advice: &Advice, mut panel: Panel, words: [&str; 3]) -> Panel {
+    let [stable, advised, own] = words;
     for [low, high] in &advice.stable {
         panel = panel.mark(Mark::x_range(100.0 * low, 100.0 * high, stable));
     }
@@ -174,7 +170,8 @@ fn advised_panel(config: &Config, advice: &Advice, y: Axis, is_labelled: bool) -
 type MeritCurve = (&'static str, Role, fn(&Merit) -> Option<f64>);
 
 /// Figures of merit over the fractions that were tried.
-fn with_curves(panel: Panel, advice: &Advice, curves: &[MeritCurve]) -> Panel {
+fn with_curves(advice: &Advice, y: Axis, curves: &[MeritCurve]) -> Panel {
+    let panel = Panel::new(Axis::new("fraction taken out γ", "%").with_zero(), y.with_zero());
     let x: Vec<f64> = advice.tried.iter().map(|tried| 100.0 * tried.fraction).collect();
     curves.iter().fold(panel, |panel, (name, role, of)| {
         let merits = advice.tried.iter().map(|tried| tried.merit.as_ref().and_then(of));
