@@ -93,10 +93,11 @@ const ELSEWHERE: [(&str, &str); 17] = [
 ];
 
 /// Functions and constants whose texts are names of things or parts of tables, by source.
-const NAMES: [(&str, &[&str]); 20] = [
+const NAMES: [(&str, &[&str]); 21] = [
     ("trocar-cli/src/table.rs", &["interval"]),
     ("trocar-cli/src/progress.rs", &["new", "left"]),
     ("trocar-cli/src/verbs/ranges.rs", &["details", "drawn", "span"]),
+    ("trocar-cli/src/verbs/compare.rs", &["models_help"]),
     ("trocar-cli/src/verbs/plan.rs", &["text"]),
     (
         "trocar-cli/src/verbs/teleop.rs",
@@ -109,7 +110,7 @@ const NAMES: [(&str, &[&str]); 20] = [
     ("trocar-identify/src/prior.rs", &["words", "weak_priors"]),
     ("trocar-identify/src/terms.rs", &["words"]),
     ("trocar-identify/src/options.rs", &["in_words"]),
-    ("trocar-identify/src/classical/kind.rs", &["title"]),
+    ("trocar-identify/src/classical/kind.rs", &["title", "panel"]),
     ("trocar-lab/src/plan/goal.rs", &["fmt"]),
     ("trocar-lab/src/plan/blocks.rs", &["fmt"]),
     ("trocar-lab/src/teleop/merit.rs", &["rows"]),
