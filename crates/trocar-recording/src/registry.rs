@@ -265,11 +265,11 @@ impl Kind {
                 Err(source.unsupported("variables in its layout of before 1996", mat5::SAVE_AGAIN))
             }
             #[cfg(feature = "mcap")]
-            Self::Mcap => super::formats::mcap::open(path),
+            Self::Mcap => Ok(Box::new(super::formats::mcap::open(path)?)),
             #[cfg(feature = "rosbag")]
             Self::Rosbag => super::formats::rosbag::open(path),
             #[cfg(feature = "ros1")]
-            Self::Ros1 => super::formats::ros1::open(path),
+            Self::Ros1 => Ok(Box::new(super::formats::ros1::open(path)?)),
             #[cfg(not(feature = "ros1"))]
             Self::Ros1 => lacks("ros1"),
             #[cfg(feature = "xlsx")]

@@ -1,21 +1,25 @@
-//! Arrow files (Feather version 2) and streams, one table each: numbers are read unchanged from
-//! record batches, which may be compressed by LZ4 or zstd (key ARROWIPC in SOURCES.md).
+//! Arrow files (Feather version 2) and streams, one table each, and the numbers of Arrow's columns.
 //!
-//! Only the requested columns are read and decompressed. Timestamps become seconds since the
-//! column's first, durations and times of day become seconds, nulls become NaN. Memory: the buffers
-//! of one record batch, limited by its number of rows.
+//! Timestamps become seconds since the column's first, durations and times of day become seconds,
+//! nulls become NaN. Memory: one record batch, whose compressed buffers have to be as long as they
+//! state (key ARROWIPC in SOURCES.md).
 
-use std::collections::VecDeque;
+use std::collections::{HashMap, VecDeque};
 use std::fs::File;
-use std::io::Read;
+use std::io::{self, Read};
+use std::sync::Arc;
 
+use arrow_array::cast::AsArray;
+use arrow_array::types::{Float64Type, Int64Type};
+use arrow_array::{Array, RecordBatch};
+use arrow_cast::cast;
 use arrow_ipc::convert::try_fb_to_schema;
+use arrow_ipc::reader::RecordBatchDecoder;
 use arrow_ipc::{
-    CompressionType, Endianness, MessageHeader, RecordBatch, root_as_footer, root_as_message,
+    CompressionType, Endianness, MessageHeader, MetadataVersion, root_as_footer, root_as_message,
 };
-use arrow_schema::{DataType, Metadata, Schema, TimeUnit, UnionMode};
+use arrow_schema::{ArrowError, DataType, Metadata, Schema, SchemaRef, TimeUnit};
 
-use super::scale::Scale;
 use super::{Source, read_exact_at};
 use crate::RecordingError;
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
@@ -29,8 +33,8 @@ const MARK: u64 = 6;
 /// Longest description of a record batch.
 const LONGEST_MESSAGE: u64 = 1 << 26;
 
-/// Most rows of a record batch: more would not fit into any memory.
-const MOST_ROWS: usize = 1 << 40;
+/// Bytes that one compressed byte is likely to become at most; LZ4 cannot exceed it.
+const LIKELY: u64 = 256;
 
 /// A record batch: positions of its message and its buffers.
 #[derive(Debug, Clone, Copy)]
@@ -41,72 +45,13 @@ struct Block {
 }
 
 /// An open file or stream.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Arrow {
     source: Source,
-    file: std::sync::Arc<File>,
+    file: Arc<File>,
     blocks: Vec<Block>,
+    schema: SchemaRef,
     tables: [Table; 1],
-    fields: Vec<Field>,
-}
-
-/// Layout of a column in a record batch.
-#[derive(Debug, Clone)]
-struct Field {
-    /// Whether its numbers are times, in s.
-    is_time: bool,
-    /// Its position among the nodes and buffers of all columns.
-    start: Extent,
-    /// `None` if it is not numeric.
-    kind: Option<(Width, Scale)>,
-}
-
-/// Space of columns in a record batch: nodes, buffers, and views, for which each batch states a
-/// number of additional buffers.
-#[derive(Debug, Clone, Copy, Default)]
-struct Extent {
-    nodes: usize,
-    buffers: usize,
-    views: usize,
-}
-
-impl Extent {
-    const fn new(nodes: usize, buffers: usize, views: usize) -> Self {
-        Self { nodes, buffers, views }
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self::new(self.nodes + other.nodes, self.buffers + other.buffers, self.views + other.views)
-    }
-}
-
-/// Storage type of a number.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Width {
-    Bool,
-    I8,
-    I16,
-    I32,
-    I64,
-    U8,
-    U16,
-    U32,
-    U64,
-    F32,
-    F64,
-}
-
-impl Width {
-    /// Size of `rows` of them in bytes.
-    fn bytes(self, rows: usize) -> usize {
-        match self {
-            Self::Bool => rows.div_ceil(8),
-            Self::I8 | Self::U8 => rows,
-            Self::I16 | Self::U16 => 2 * rows,
-            Self::I32 | Self::U32 | Self::F32 => 4 * rows,
-            Self::I64 | Self::U64 | Self::F64 => 8 * rows,
-        }
-    }
 }
 
 impl Arrow {
@@ -147,7 +92,7 @@ impl Arrow {
             }
             blocks.push(Block { at, message, body });
         }
-        Self::of(file, blocks, &schema, source)
+        Self::of(file, blocks, schema, source)
     }
 
     /// A stream stored in a file: consecutive messages, the schema first.
@@ -188,30 +133,24 @@ impl Arrow {
         }
         let schema = schema.ok_or_else(|| source.damaged("the beginning", "no schema"))?;
         let schema = schema.map_err(|error| source.damaged("the schema", error))?;
-        Self::of(file, blocks, &schema, source)
+        Self::of(file, blocks, schema, source)
     }
 
     fn of(
         file: File,
         blocks: Vec<Block>,
-        schema: &Schema,
+        schema: Schema,
         source: Source,
     ) -> Result<Self, RecordingError> {
-        let mut start = Extent::default();
-        let mut fields = Vec::new();
-        let mut columns = Vec::new();
-        for field in schema.fields() {
-            let (kind, is_time) = (kind(field.data_type()), is_time(field.data_type()));
-            columns.push(Column {
-                name: field.name().clone(),
-                unit: if is_time { Some("s".into()) } else { unit_of(field.metadata()) },
-                is_numeric: kind.is_some(),
-            });
-            fields.push(Field { is_time, start, kind });
-            start = start.and(extent(field.data_type()));
-        }
+        let columns = schema.fields().iter().map(|field| Column {
+            name: field.name().clone(),
+            unit: unit_of(field.data_type(), field.metadata()),
+            is_numeric: is_numeric(field.data_type()),
+        });
+        let columns = columns.collect();
         let table = Table { name: String::new(), kind: String::new(), rows: None, columns };
-        let mut arrow = Self { source, file: file.into(), blocks, tables: [table], fields };
+        let (file, schema) = (Arc::new(file), Arc::new(schema));
+        let mut arrow = Self { source, file, blocks, schema, tables: [table] };
         arrow.tables[0].rows = Some(arrow.rows()?);
         Ok(arrow)
     }
@@ -220,7 +159,8 @@ impl Arrow {
         let mut rows = 0_u64;
         for (k, block) in self.blocks.iter().enumerate() {
             let bytes = self.message(k, *block)?;
-            rows = rows.saturating_add(self.batch(k, &bytes)?.length().unsigned_abs());
+            let (batch, _) = self.batch(k, &bytes)?;
+            rows = rows.saturating_add(batch.length().unsigned_abs());
         }
         Ok(rows)
     }
@@ -230,11 +170,18 @@ impl Arrow {
         bytes.map_err(|found| self.source.damaged(format!("record batch {k}"), found))
     }
 
-    fn batch<'a>(&self, k: usize, bytes: &'a [u8]) -> Result<RecordBatch<'a>, RecordingError> {
-        let damaged =
-            |found: &dyn std::fmt::Display| self.source.damaged(format!("record batch {k}"), found);
-        let message = root_as_message(bytes).map_err(|error| damaged(&error))?;
-        message.header_as_record_batch().ok_or_else(|| damaged(&"another message in its place"))
+    fn batch<'a>(
+        &self,
+        k: usize,
+        bytes: &'a [u8],
+    ) -> Result<(arrow_ipc::RecordBatch<'a>, MetadataVersion), RecordingError> {
+        let place = || format!("record batch {k}");
+        let message =
+            root_as_message(bytes).map_err(|error| self.source.damaged(place(), error))?;
+        let batch = message.header_as_record_batch();
+        let batch =
+            batch.ok_or_else(|| self.source.damaged(place(), "another message in its place"))?;
+        Ok((batch, message.version()))
     }
 }
 
@@ -260,25 +207,25 @@ impl Container for Arrow {
     }
 
     fn dates(&self, _table: usize) -> Vec<usize> {
-        (0..self.fields.len()).filter(|k| self.fields[*k].is_time).collect()
+        let fields = self.schema.fields();
+        (0..fields.len()).filter(|k| is_time(fields[*k].data_type())).collect()
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let field = |&column: &usize| {
-            let Column { name, .. } = &self.tables[0].columns[column];
-            let field = &self.fields[column];
-            let (width, scale) = field.kind.ok_or_else(|| self.source.not_numeric(name))?;
-            Ok(Wanted { name: name.clone(), start: field.start, width, scale, anchored: false })
-        };
-        let arrow = Self {
-            source: self.source.clone(),
-            file: self.file.clone(),
-            blocks: self.blocks.clone(),
-            tables: self.tables.clone(),
-            fields: Vec::new(),
-        };
-        let wanted = columns.iter().map(field).collect::<Result<_, RecordingError>>()?;
-        Ok(Box::new(Rows { arrow, wanted, next: 0, ready: VecDeque::new(), row: 0 }))
+        for &column in columns {
+            let Column { name, is_numeric, .. } = &self.tables[0].columns[column];
+            if !is_numeric {
+                return Err(self.source.not_numeric(name));
+            }
+        }
+        Ok(Box::new(Rows {
+            arrow: self.clone(),
+            wanted: columns.to_vec(),
+            origins: vec![None; columns.len()],
+            next: 0,
+            ready: VecDeque::new(),
+            row: 0,
+        }))
     }
 }
 
@@ -291,104 +238,109 @@ fn check_byte_order(order: Endianness, source: &Source) -> Result<(), RecordingE
     Err(source.unsupported("numbers in big-endian byte order", hint))
 }
 
-/// The schema in a message.
-#[cfg(feature = "parquet")]
-pub(super) fn schema(message: &[u8]) -> Option<Schema> {
-    try_fb_to_schema(root_as_message(message).ok()?.header_as_schema()?).ok()
-}
-
-/// The unit named in a field's metadata.
-pub(super) fn unit_of(metadata: &Metadata) -> Option<String> {
+/// The unit of a column: seconds of a time, or else what the field's metadata name.
+pub(super) fn unit_of(kind: &DataType, metadata: &Metadata) -> Option<String> {
+    if is_time(kind) {
+        return Some("s".to_owned());
+    }
     let named = |key: &str| matches!(key.to_lowercase().as_str(), "unit" | "units");
     metadata.iter().find(|(key, _)| named(key)).map(|(_, unit)| unit.clone())
 }
 
-/// Number of units per second.
-pub(super) fn parts_of(unit: TimeUnit) -> f64 {
-    match unit {
+/// Whether a column of this type is read.
+pub(super) fn is_numeric(kind: &DataType) -> bool {
+    kind.is_numeric() || *kind == DataType::Boolean || is_time(kind)
+}
+
+/// Whether a column of this type is read as seconds.
+pub(super) fn is_time(kind: &DataType) -> bool {
+    units_per_second(kind).is_some()
+}
+
+fn units_per_second(kind: &DataType) -> Option<f64> {
+    let (DataType::Timestamp(unit, _)
+    | DataType::Duration(unit)
+    | DataType::Time32(unit)
+    | DataType::Time64(unit)) = kind
+    else {
+        return None;
+    };
+    Some(match unit {
         TimeUnit::Second => 1.0,
         TimeUnit::Millisecond => 1e3,
         TimeUnit::Microsecond => 1e6,
         TimeUnit::Nanosecond => 1e9,
-    }
-}
-
-fn is_time(kind: &DataType) -> bool {
-    matches!(
-        kind,
-        DataType::Timestamp(..) | DataType::Duration(_) | DataType::Time32(_) | DataType::Time64(_)
-    )
-}
-
-fn kind(kind: &DataType) -> Option<(Width, Scale)> {
-    Some(match kind {
-        DataType::Boolean => (Width::Bool, Scale::One),
-        DataType::Int8 => (Width::I8, Scale::One),
-        DataType::Int16 => (Width::I16, Scale::One),
-        DataType::Int32 => (Width::I32, Scale::One),
-        DataType::Int64 => (Width::I64, Scale::One),
-        DataType::UInt8 => (Width::U8, Scale::One),
-        DataType::UInt16 => (Width::U16, Scale::One),
-        DataType::UInt32 => (Width::U32, Scale::One),
-        DataType::UInt64 => (Width::U64, Scale::Unsigned),
-        DataType::Float32 => (Width::F32, Scale::One),
-        DataType::Float64 => (Width::F64, Scale::One),
-        DataType::Timestamp(unit, _) => {
-            (Width::I64, Scale::Since { origin: 0, per_second: parts_of(*unit) })
-        }
-        DataType::Duration(unit) | DataType::Time64(unit) => {
-            (Width::I64, Scale::Part(parts_of(*unit)))
-        }
-        DataType::Time32(unit) => (Width::I32, Scale::Part(parts_of(*unit))),
-        _ => return None,
     })
 }
 
-/// Space of a column, including all nested ones.
-fn extent(kind: &DataType) -> Extent {
-    let all = |fields: &mut dyn Iterator<Item = &DataType>| {
-        fields.map(extent).fold(Extent::default(), Extent::and)
-    };
-    let own = |buffers| Extent::new(1, buffers, 0);
-    match kind {
-        DataType::Null => own(0),
-        DataType::Utf8 | DataType::LargeUtf8 | DataType::Binary | DataType::LargeBinary => own(3),
-        DataType::Utf8View | DataType::BinaryView => Extent::new(1, 2, 1),
-        DataType::List(item) | DataType::LargeList(item) | DataType::Map(item, _) => {
-            own(2).and(extent(item.data_type()))
-        }
-        DataType::ListView(item) | DataType::LargeListView(item) => {
-            own(3).and(extent(item.data_type()))
-        }
-        DataType::FixedSizeList(item, _) => own(1).and(extent(item.data_type())),
-        DataType::Struct(fields) => {
-            own(1).and(all(&mut fields.iter().map(|field| field.data_type())))
-        }
-        DataType::Union(fields, mode) => {
-            let kinds = if *mode == UnionMode::Dense { 2 } else { 1 };
-            own(kinds).and(all(&mut fields.iter().map(|(_, field)| field.data_type())))
-        }
-        DataType::RunEndEncoded(ends, values) => {
-            own(0).and(all(&mut [ends.data_type(), values.data_type()].into_iter()))
-        }
-        _ => own(2),
+/// The first timestamp of a column; `None` if it has no timestamps.
+pub(super) fn first_timestamp(array: &dyn Array) -> Result<Option<i64>, ArrowError> {
+    let inner = innermost(array);
+    if !matches!(inner.data_type(), DataType::Timestamp(..)) {
+        return Ok(None);
     }
+    let units = cast(inner, &DataType::Int64)?;
+    let first = (0..array.len()).find(|row| is_present(array, *row));
+    Ok(first.map(|row| units.as_primitive::<Int64Type>().value(row)))
 }
 
-/// A requested column.
-struct Wanted {
-    name: String,
-    start: Extent,
-    width: Width,
-    scale: Scale,
-    /// Whether the first timestamp is known.
-    anchored: bool,
+/// Appends the numbers of a column; timestamps are counted from `origin`.
+pub(super) fn append(
+    array: &dyn Array,
+    origin: Option<i64>,
+    numbers: &mut Vec<f64>,
+) -> Result<(), ArrowError> {
+    let first = numbers.len();
+    let inner = innermost(array);
+    match units_per_second(inner.data_type()) {
+        None => {
+            let cells = cast(inner, &DataType::Float64)?;
+            numbers.extend_from_slice(cells.as_primitive::<Float64Type>().values());
+        }
+        Some(per_second) => {
+            let units = cast(inner, &DataType::Int64)?;
+            // The origin is subtracted before digits are lost: nanoseconds since 1970 need more
+            // than the 53 bits of an f64.
+            let origin = origin.unwrap_or(0);
+            let seconds = |units: &i64| units.saturating_sub(origin) as f64 / per_second;
+            numbers.extend(units.as_primitive::<Int64Type>().values().iter().map(seconds));
+        }
+    }
+    blank(array, &mut numbers[first..]);
+    Ok(())
+}
+
+/// The column inside structures of one member each, or the column itself.
+fn innermost(mut array: &dyn Array) -> &dyn Array {
+    while let Some(outer) = array.as_struct_opt() {
+        array = outer.column(0);
+    }
+    array
+}
+
+/// Whether neither a cell nor a structure around it is null.
+fn is_present(array: &dyn Array, row: usize) -> bool {
+    array.is_valid(row)
+        && array.as_struct_opt().is_none_or(|outer| is_present(outer.column(0), row))
+}
+
+/// Writes NaN in place of nulls.
+fn blank(array: &dyn Array, numbers: &mut [f64]) {
+    if array.null_count() > 0 {
+        let cells = numbers.iter_mut().enumerate();
+        cells.filter(|(row, _)| array.is_null(*row)).for_each(|(_, number)| *number = f64::NAN);
+    }
+    if let Some(outer) = array.as_struct_opt() {
+        blank(outer.column(0), numbers);
+    }
 }
 
 /// Rows of some columns, one record batch after the other.
 struct Rows {
     arrow: Arrow,
-    wanted: Vec<Wanted>,
+    wanted: Vec<usize>,
+    /// The first timestamp of each column, once it is known.
+    origins: Vec<Option<i64>>,
     next: usize,
     ready: VecDeque<Vec<Vec<f64>>>,
     row: u64,
@@ -399,7 +351,7 @@ impl Batches for Rows {
         columns.iter_mut().for_each(Vec::clear);
         while self.ready.is_empty() {
             let Some(block) = self.arrow.blocks.get(self.next).copied() else { return Ok(false) };
-            self.decode(self.next, block)?;
+            self.decode(block)?;
             self.next += 1;
         }
         for (column, batch) in columns.iter_mut().zip(self.ready.pop_front().unwrap_or_default()) {
@@ -410,18 +362,22 @@ impl Batches for Rows {
 }
 
 impl Rows {
-    fn decode(&mut self, k: usize, block: Block) -> Result<(), RecordingError> {
-        let bytes = self.arrow.message(k, block)?;
-        let batch = self.arrow.batch(k, &bytes)?;
-        let place = |name: &str| format!("record batch {k}, column {name}, rows from {}", self.row);
-        let mut columns = Vec::with_capacity(self.wanted.len());
-        for wanted in &mut self.wanted {
-            let numbers = numbers(&self.arrow.file, block, &batch, wanted);
-            columns.push(
-                numbers.map_err(|found| self.arrow.source.damaged(place(&wanted.name), found))?,
-            );
+    fn decode(&mut self, block: Block) -> Result<(), RecordingError> {
+        let place = format!("record batch {}, rows from {}", self.next, self.row);
+        let source = self.arrow.source.clone();
+        let batch = source.guard(&place, || self.read(block, &place))?;
+        let mut columns = vec![Vec::with_capacity(batch.num_rows()); self.wanted.len()];
+        for ((array, origin), numbers) in
+            batch.columns().iter().zip(&mut self.origins).zip(&mut columns)
+        {
+            let known = match *origin {
+                None => first_timestamp(array),
+                known => Ok(known),
+            };
+            *origin = known.map_err(|error| source.damaged(&place, error))?;
+            append(array, *origin, numbers).map_err(|error| source.damaged(&place, error))?;
         }
-        let rows = columns.iter().map(Vec::len).min().unwrap_or(0);
+        let rows = batch.num_rows();
         for from in (0..rows).step_by(BATCH_ROWS) {
             let to = rows.min(from + BATCH_ROWS);
             let piece = match to - from == rows {
@@ -433,138 +389,48 @@ impl Rows {
         self.row += rows as u64;
         Ok(())
     }
+
+    fn read(&self, block: Block, place: &str) -> Result<RecordBatch, RecordingError> {
+        let arrow = &self.arrow;
+        let bytes = arrow.message(self.next, block)?;
+        let (batch, version) = arrow.batch(self.next, &bytes)?;
+        let mut body = vec![0; block.body as usize];
+        read_exact_at(&arrow.file, &mut body, block.at + block.message)
+            .map_err(|error| arrow.source.damaged(place, error))?;
+        check_lengths(&batch, &body).map_err(|found| arrow.source.damaged(place, found))?;
+        // Columns of dictionaries are not read.
+        let (body, dictionaries) = (body.into(), HashMap::new());
+        RecordBatchDecoder::try_new(&body, batch, arrow.schema.clone(), &dictionaries, &version)
+            .and_then(|decoder| decoder.with_projection(Some(&self.wanted)).read_record_batch())
+            .map_err(|error| arrow.source.damaged(place, error))
+    }
 }
 
-/// One column of a record batch.
-fn numbers(
-    file: &File,
-    block: Block,
-    batch: &RecordBatch<'_>,
-    wanted: &mut Wanted,
-) -> Result<Vec<f64>, String> {
-    let nodes = batch.nodes().ok_or("no nodes")?;
-    if wanted.start.nodes >= nodes.len() {
-        return Err("fewer nodes than columns".into());
-    }
-    let node = nodes.get(wanted.start.nodes);
-    let rows = usize::try_from(node.length()).ok().filter(|&rows| rows <= MOST_ROWS);
-    let rows = rows.ok_or_else(|| format!("{} rows", node.length()))?;
-    let views = batch.variadicBufferCounts().into_iter().flatten().take(wanted.start.views);
-    let views = views.fold(0_usize, |all, count| {
-        all.saturating_add(usize::try_from(count).unwrap_or(usize::MAX))
-    });
-    let first = wanted.start.buffers.saturating_add(views);
-    if node.length() != batch.length() {
-        return Err(format!("{rows} rows, the batch has {}", batch.length()));
-    }
-    let valid = match node.null_count() {
-        0 => Vec::new(),
-        _ => buffer(file, block, batch, first, rows.div_ceil(8))?,
+/// Refuses a batch whose buffers, decompressed, are not of the length that they state: the decoder
+/// reserves it.
+fn check_lengths(batch: &arrow_ipc::RecordBatch<'_>, body: &[u8]) -> Result<(), String> {
+    let Some(codec) = batch.compression().map(|compression| compression.codec()) else {
+        return Ok(());
     };
-    let is_valid = |row: usize| valid.get(row / 8).is_none_or(|byte| byte >> (row % 8) & 1 == 1);
-    let bytes = buffer(file, block, batch, first.saturating_add(1), wanted.width.bytes(rows))?;
-    if bytes.len() < wanted.width.bytes(rows) {
-        return Err(format!(
-            "{} bytes, {rows} rows need {}",
-            bytes.len(),
-            wanted.width.bytes(rows)
-        ));
-    }
-    if let (Scale::Since { per_second, .. }, false) = (wanted.scale, wanted.anchored)
-        && let Some((_, first)) = bytes
-            .as_chunks::<8>()
-            .0
-            .iter()
-            .enumerate()
-            .find(|&(row, _)| row < rows && is_valid(row))
-    {
-        wanted.scale = Scale::Since { origin: i64::from_le_bytes(*first), per_second };
-        wanted.anchored = true;
-    }
-    let mut column = decoded(&bytes, wanted.width, wanted.scale, rows);
-    if !valid.is_empty() {
-        column
-            .iter_mut()
-            .enumerate()
-            .filter(|(row, _)| !is_valid(*row))
-            .for_each(|(_, number)| *number = f64::NAN);
-    }
-    Ok(column)
-}
-
-fn decoded(bytes: &[u8], width: Width, scale: Scale, rows: usize) -> Vec<f64> {
-    fn each<const N: usize>(
-        bytes: &[u8],
-        rows: usize,
-        number: impl Fn([u8; N]) -> f64,
-    ) -> Vec<f64> {
-        bytes.as_chunks::<N>().0.iter().take(rows).map(|bytes| number(*bytes)).collect()
-    }
-    match width {
-        Width::Bool => (0..rows).map(|row| f64::from(bytes[row / 8] >> (row % 8) & 1)).collect(),
-        Width::I8 => each(bytes, rows, |b| f64::from(i8::from_le_bytes(b))),
-        Width::U8 => each(bytes, rows, |b| f64::from(u8::from_le_bytes(b))),
-        Width::I16 => each(bytes, rows, |b| f64::from(i16::from_le_bytes(b))),
-        Width::U16 => each(bytes, rows, |b| f64::from(u16::from_le_bytes(b))),
-        Width::I32 => each(bytes, rows, |b| scale.number(i64::from(i32::from_le_bytes(b)))),
-        Width::U32 => each(bytes, rows, |b| f64::from(u32::from_le_bytes(b))),
-        Width::I64 | Width::U64 => each(bytes, rows, |b| scale.number(i64::from_le_bytes(b))),
-        Width::F32 => each(bytes, rows, |b| f64::from(f32::from_le_bytes(b))),
-        Width::F64 => each(bytes, rows, f64::from_le_bytes),
-    }
-}
-
-/// Buffer `index` of a record batch, decompressed; `most` bytes of it are needed.
-fn buffer(
-    file: &File,
-    block: Block,
-    batch: &RecordBatch<'_>,
-    index: usize,
-    most: usize,
-) -> Result<Vec<u8>, String> {
-    let buffers = batch.buffers().ok_or("no buffers")?;
-    if index >= buffers.len() {
-        return Err("fewer buffers than columns need".into());
-    }
-    let (from, length) = (buffers.get(index).offset(), buffers.get(index).length());
-    let (from, length) =
-        (u64::try_from(from).unwrap_or(u64::MAX), u64::try_from(length).unwrap_or(u64::MAX));
-    if from.checked_add(length).is_none_or(|end| end > block.body) {
-        return Err("a buffer beyond its record batch".into());
-    }
-    let compression = batch.compression().map(|compression| compression.codec());
-    let stored = if compression.is_some() { length } else { length.min(most as u64) };
-    let mut bytes = vec![0; stored as usize];
-    read_exact_at(file, &mut bytes, block.at + block.message + from)
-        .map_err(|error| error.to_string())?;
-    match (compression, bytes.split_first_chunk::<8>()) {
-        (Some(codec), Some((size, compressed))) => {
-            decompressed(codec, i64::from_le_bytes(*size), compressed, most)
+    for buffer in batch.buffers().into_iter().flatten() {
+        let from = usize::try_from(buffer.offset()).unwrap_or(usize::MAX);
+        let length = usize::try_from(buffer.length()).unwrap_or(usize::MAX);
+        let bytes = body.get(from..from.saturating_add(length));
+        let bytes = bytes.ok_or("a buffer beyond its record batch")?;
+        let Some((stated, compressed)) = bytes.split_first_chunk() else { continue };
+        let stated = u64::try_from(i64::from_le_bytes(*stated)).unwrap_or(0);
+        if stated > LIKELY * compressed.len() as u64
+            && (codec != CompressionType::ZSTD || unpacked(compressed, stated) != stated)
+        {
+            return Err(format!("a buffer that is not of {stated} bytes when decompressed"));
         }
-        _ => Ok(bytes),
     }
+    Ok(())
 }
 
-/// A length of -1 means that the bytes are not compressed.
-fn decompressed(
-    codec: CompressionType,
-    size: i64,
-    compressed: &[u8],
-    most: usize,
-) -> Result<Vec<u8>, String> {
-    if size == -1 {
-        return Ok(compressed.to_vec());
-    }
-    let mut bytes = Vec::new();
-    let most = most as u64;
-    let outcome = match codec {
-        CompressionType::LZ4_FRAME => {
-            lz4_flex::frame::FrameDecoder::new(compressed).take(most).read_to_end(&mut bytes)
-        }
-        CompressionType::ZSTD => zstd::Decoder::with_buffer(compressed)
-            .and_then(|decoder| decoder.take(most).read_to_end(&mut bytes)),
-        _ => return Err("compressed in no known way".into()),
-    };
-    outcome.map_err(|error| error.to_string())?;
-    Ok(bytes)
+/// Number of bytes in zstd frames, up to `most`.
+fn unpacked(compressed: &[u8], most: u64) -> u64 {
+    zstd::Decoder::with_buffer(compressed)
+        .and_then(|decoder| io::copy(&mut decoder.take(most), &mut io::sink()))
+        .unwrap_or(0)
 }

@@ -45,8 +45,8 @@ fn fixture(name: &str) -> PathBuf {
 
 pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     match path.extension().and_then(|extension| extension.to_str()) {
-        Some("mcap") => mcap::open(path),
-        Some("bag") => ros1::open(path),
+        Some("mcap") => Ok(Box::new(mcap::open(path)?)),
+        Some("bag") => Ok(Box::new(ros1::open(path)?)),
         _ => rosbag::open(path),
     }
 }

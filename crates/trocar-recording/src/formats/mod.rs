@@ -12,7 +12,11 @@ use super::RecordingError;
 #[cfg(feature = "arrow")]
 pub(super) mod arrow;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
+mod bag;
+#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod cdr;
+#[cfg(any(feature = "mcap", feature = "ros1"))]
+mod chunks;
 #[cfg(feature = "hdf5")]
 pub(super) mod hdf5;
 #[cfg(feature = "json")]
@@ -34,8 +38,6 @@ pub(super) mod ros1;
 pub(super) mod rosbag;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod rosmsg;
-#[cfg(any(feature = "parquet", feature = "arrow"))]
-mod scale;
 #[cfg(feature = "xlsx")]
 pub(super) mod xlsx;
 #[cfg(any(feature = "xlsx", feature = "npz"))]
@@ -71,7 +73,7 @@ impl Source {
 
     /// The outcome of `read`, which calls a third-party reader: a panic on a damaged file is
     /// converted to an error.
-    #[cfg(any(feature = "parquet", feature = "hdf5", feature = "xlsx"))]
+    #[cfg(any(feature = "arrow", feature = "hdf5", feature = "xlsx"))]
     pub(super) fn guard<T>(
         &self,
         place: impl Display,

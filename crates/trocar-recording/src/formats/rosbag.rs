@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags, params};
 
+use super::bag::{Log, Messages};
 use super::message::{self, Description, Epochs, Extractor, Topic};
 use super::ordered::{Block, Blocks, Ordered};
 use crate::container::{Batches, Container};
@@ -39,20 +40,7 @@ pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
     if path.is_dir() {
         return Ok(Box::new(Folder::open(path)?));
     }
-    Ok(Box::new(BagFile::Db3(Db3::open(path)?)))
-}
-
-/// A SQLite file.
-#[derive(Debug)]
-struct Db3 {
-    path: PathBuf,
-    topics: Vec<Topic>,
-    ids: Vec<i64>,
-    start: Option<u64>,
-    epochs: Epochs,
-    tables: Vec<Table>,
-    notes: Vec<String>,
-    warnings: Vec<String>,
+    Ok(Box::new(open_db3(path)?))
 }
 
 /// A row of `topics`.
@@ -92,78 +80,69 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
     }
 }
 
-impl Db3 {
-    fn open(path: &Path) -> Result<Self, RecordingError> {
-        use std::io::Read;
-        let mut magic = [0; MAGIC.len()];
-        let file = path.display().to_string();
-        let mut input =
-            std::fs::File::open(path).map_err(|source| RecordingError::Open { file, source })?;
-        if input.read_exact(&mut magic).is_err() || magic != *MAGIC {
-            return Err(problem(path, "does not begin as a SQLite file does"));
-        }
-        let damaged = |error| problem(path, format!("is no ROS 2 bag, or damaged: {error}"));
-        let connection = connect(path).map_err(damaged)?;
-        let listed = list(&connection).map_err(damaged)?;
-        let definitions = definitions(&connection).unwrap_or_default();
-        let start = connection.query_row("SELECT min(timestamp) FROM messages", [], |row| {
-            row.get::<_, Option<i64>>(0)
-        });
-        let mut warnings = Vec::new();
-        let start = start.unwrap_or_else(|error| {
-            warnings.push(format!("the file is damaged: {error}"));
-            None
-        });
-        let counts = counts(&connection).ok();
-        let (mut topics, mut ids) = (Vec::new(), Vec::new());
-        for Listed { id, name, kind, encoding } in &listed {
-            let Some(first) = first(&connection, *id) else { continue };
-            let (schema_encoding, definition) = definitions.get(kind).cloned().unwrap_or_default();
-            let description = Description {
-                name,
-                kind,
-                encoding,
-                schema_encoding: &schema_encoding,
-                definition: &definition,
-                rows: counts.as_ref().map(|counts| counts.get(id).copied().unwrap_or(0)),
-                has_publish_time: false,
-            };
-            let (topic, problem) = Topic::new(&description, Some(&first));
-            topics.push(topic);
-            ids.push(*id);
-            warnings.extend(problem);
-        }
-        if topics.is_empty() {
-            return Err(problem(
-                path,
-                warnings.first().map_or("holds no messages", |warning| warning),
-            ));
-        }
-        let mut file = Self {
-            path: path.to_owned(),
-            topics,
-            ids,
-            start: start.map(|start| start as u64),
-            epochs: Epochs::default(),
-            tables: Vec::new(),
-            notes: Vec::new(),
-            warnings,
-        };
-        file.epochs = message::epochs(file.topics.iter(), start.unwrap_or(0));
-        file.tables = file.topics.iter().map(|topic| topic.table.clone()).collect();
-        file.notes = message::epoch_notes(file.topics.iter(), file.epochs);
-        Ok(file)
+fn open_db3(path: &Path) -> Result<Log, RecordingError> {
+    use std::io::Read;
+    let mut magic = [0; MAGIC.len()];
+    let file = path.display().to_string();
+    let mut input =
+        std::fs::File::open(path).map_err(|source| RecordingError::Open { file, source })?;
+    if input.read_exact(&mut magic).is_err() || magic != *MAGIC {
+        return Err(problem(path, "does not begin as a SQLite file does"));
     }
+    let damaged = |error| problem(path, format!("is no ROS 2 bag, or damaged: {error}"));
+    let connection = connect(path).map_err(damaged)?;
+    let listed = list(&connection).map_err(damaged)?;
+    let definitions = definitions(&connection).unwrap_or_default();
+    let start = connection
+        .query_row("SELECT min(timestamp) FROM messages", [], |row| row.get::<_, Option<i64>>(0));
+    let mut warnings = Vec::new();
+    let start = start.unwrap_or_else(|error| {
+        warnings.push(format!("the file is damaged: {error}"));
+        None
+    });
+    let counts = counts(&connection).ok();
+    let (mut topics, mut ids) = (Vec::new(), Vec::new());
+    for Listed { id, name, kind, encoding } in &listed {
+        let Some(first) = first(&connection, *id) else { continue };
+        let (schema_encoding, definition) = definitions.get(kind).cloned().unwrap_or_default();
+        let description = Description {
+            name,
+            kind,
+            encoding,
+            schema_encoding: &schema_encoding,
+            definition: &definition,
+            rows: counts.as_ref().map(|counts| counts.get(id).copied().unwrap_or(0)),
+            has_publish_time: false,
+        };
+        let (topic, problem) = Topic::new(&description, Some(&first));
+        topics.push(topic);
+        ids.push(*id);
+        warnings.extend(problem);
+    }
+    if topics.is_empty() {
+        return Err(problem(path, warnings.first().map_or("holds no messages", |warning| warning)));
+    }
+    let start = start.map(|start| start as u64);
+    let messages = Box::new(Db3 { path: path.to_owned(), ids });
+    Ok(Log::new(path, "ROS 2 bag (SQLite)", start, topics, warnings, messages))
+}
 
+/// A SQLite file, and the number of each topic in it.
+struct Db3 {
+    path: PathBuf,
+    ids: Vec<i64>,
+}
+
+impl Messages for Db3 {
     fn blocks(
         &self,
-        table: usize,
+        topic: usize,
         extractor: Extractor,
     ) -> Result<Box<dyn Blocks>, RecordingError> {
         let connection = connect(&self.path).map_err(|error| problem(&self.path, error))?;
         Ok(Box::new(Pages {
             connection,
-            topic: self.ids[table],
+            topic: self.ids[topic],
             after: i64::MIN,
             extractor,
             lost: None,
@@ -264,116 +243,16 @@ impl Blocks for Pages {
     }
 }
 
-/// One file of a bag.
-#[derive(Debug)]
-enum BagFile {
-    Db3(Db3),
-    #[cfg(feature = "mcap")]
-    Mcap(super::mcap::McapFile),
-}
-
-impl BagFile {
-    fn open(path: &Path) -> Result<Self, RecordingError> {
-        match path.extension().and_then(|extension| extension.to_str()) {
-            #[cfg(feature = "mcap")]
-            Some("mcap") => super::mcap::McapFile::open(path).map(Self::Mcap),
-            #[cfg(not(feature = "mcap"))]
-            Some("mcap") => Err(problem(
-                path,
-                "MCAP files are read with the feature mcap, which this build lacks",
-            )),
-            _ => Db3::open(path).map(Self::Db3),
+/// Opens one file of a bag.
+fn open_part(path: &Path) -> Result<Log, RecordingError> {
+    match path.extension().and_then(|extension| extension.to_str()) {
+        #[cfg(feature = "mcap")]
+        Some("mcap") => super::mcap::open(path),
+        #[cfg(not(feature = "mcap"))]
+        Some("mcap") => {
+            Err(problem(path, "MCAP files are read with the feature mcap, which this build lacks"))
         }
-    }
-
-    fn path(&self) -> &Path {
-        match self {
-            Self::Db3(file) => &file.path,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.path(),
-        }
-    }
-
-    fn topics(&self) -> &[Topic] {
-        match self {
-            Self::Db3(file) => &file.topics,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.topics(),
-        }
-    }
-
-    fn start(&self) -> Option<u64> {
-        match self {
-            Self::Db3(file) => file.start,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.start(),
-        }
-    }
-
-    fn epochs(&self) -> Epochs {
-        match self {
-            Self::Db3(file) => file.epochs,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.epochs(),
-        }
-    }
-
-    fn blocks(
-        &self,
-        table: usize,
-        extractor: Extractor,
-    ) -> Result<Box<dyn Blocks>, RecordingError> {
-        match self {
-            Self::Db3(file) => file.blocks(table, extractor),
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => Ok(file.blocks(table, extractor)),
-        }
-    }
-}
-
-impl Container for BagFile {
-    fn format(&self) -> &'static str {
-        match self {
-            Self::Db3(_) => "ROS 2 bag (SQLite)",
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.format(),
-        }
-    }
-
-    fn tables(&self) -> &[Table] {
-        match self {
-            Self::Db3(file) => &file.tables,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.tables(),
-        }
-    }
-
-    fn notes(&self) -> &[String] {
-        match self {
-            Self::Db3(file) => &file.notes,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.notes(),
-        }
-    }
-
-    fn warnings(&self) -> &[String] {
-        match self {
-            Self::Db3(file) => &file.warnings,
-            #[cfg(feature = "mcap")]
-            Self::Mcap(file) => file.warnings(),
-        }
-    }
-
-    fn clock(&self, table: usize, column: usize) -> usize {
-        self.topics()[table].clock(column, self.epochs())
-    }
-
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        message::check(self.path(), self.format(), &self.tables()[table], columns)?;
-        let extractor = self.topics()[table].extractor(columns, self.epochs());
-        let (file, table) = (self.path().display().to_string(), (table, &self.tables()[table]));
-        let blocks = self.blocks(table.0, extractor)?;
-        Ok(Box::new(Ordered::new(&file, &table.1.name, blocks, columns.len(), table.1.rows)))
+        _ => open_db3(path),
     }
 }
 
@@ -381,7 +260,7 @@ impl Container for BagFile {
 struct Folder {
     path: PathBuf,
     /// In the order of the first time.
-    parts: Vec<BagFile>,
+    parts: Vec<Log>,
     tables: Vec<Table>,
     epochs: Epochs,
     notes: Vec<String>,
@@ -419,7 +298,7 @@ impl Folder {
                 folder.notes.push(format!("{name} is not named in {METADATA} and left out"));
                 continue;
             }
-            match BagFile::open(path) {
+            match open_part(path) {
                 Ok(part) => folder.parts.push(part),
                 Err(error) => {
                     folder.warnings.push(error.to_string());
@@ -439,9 +318,9 @@ impl Folder {
 
     /// Sorts the parts and merges their topics.
     fn join(&mut self) {
-        self.parts.sort_by_key(BagFile::start);
-        let start = self.parts.iter().filter_map(BagFile::start).min().unwrap_or(0);
-        let topics = || self.parts.iter().flat_map(BagFile::topics);
+        self.parts.sort_by_key(|part| part.start);
+        let start = self.parts.iter().filter_map(|part| part.start).min().unwrap_or(0);
+        let topics = || self.parts.iter().flat_map(|part| &part.topics);
         self.epochs = message::epochs(topics(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
         for table in topics().map(|topic| &topic.table) {
@@ -464,7 +343,7 @@ impl Folder {
         self.notes.extend(notes);
         self.notes.push(format!("{} files in the order of their first times", self.parts.len()));
         for part in &self.parts {
-            let name = part.path().file_name().unwrap_or_default().to_string_lossy();
+            let name = part.path.file_name().unwrap_or_default().to_string_lossy();
             self.warnings
                 .extend(part.warnings().iter().map(|warning| format!("{name}: {warning}")));
         }
@@ -490,7 +369,7 @@ impl Container for Folder {
 
     fn clock(&self, table: usize, column: usize) -> usize {
         let (table, mut topics) =
-            (&self.tables[table], self.parts.iter().flat_map(BagFile::topics));
+            (&self.tables[table], self.parts.iter().flat_map(|part| &part.topics));
         let same =
             |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
         topics.find(same).map_or(0, |topic| topic.clock(column, self.epochs))
@@ -503,13 +382,13 @@ impl Container for Folder {
         for part in &self.parts {
             let same =
                 |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
-            let Some(place) = part.topics().iter().position(|topic| same(&topic)) else { continue };
-            let topic = &part.topics()[place];
+            let Some(place) = part.topics.iter().position(|topic| same(&topic)) else { continue };
+            let topic = &part.topics[place];
             let found = |&column: &usize| {
                 topic.table.columns.iter().position(|c| *c == table.columns[column])
             };
             let places: Vec<Option<usize>> = columns.iter().map(found).collect();
-            blocks.push(part.blocks(place, topic.extractor_of(&places, self.epochs))?);
+            blocks.push(part.messages.blocks(place, topic.extractor_of(&places, self.epochs))?);
         }
         let chain = Chain { blocks, at: 0 };
         let file = self.path.display().to_string();
