@@ -64,12 +64,18 @@ pub struct Tunable {
     pub element: i32,
 }
 
+/// Kinds of the classical models as texts of C, made with the first model.
+static CLASSICAL: LazyLock<Vec<CString>> = LazyLock::new(|| {
+    Classical::KINDS.iter().map(|kind| CString::new(*kind).unwrap_or_default()).collect()
+});
+
 impl Model {
     fn new(
         trocar: Trocar<Vec<f64>>,
         file: Arc<ModelFile>,
         tag: Option<u64>,
     ) -> Result<Box<Self>, Failure> {
+        LazyLock::force(&CLASSICAL); // asking for a kind later allocates nothing
         let mut numbers = vec![0.0; trocar.count_numbers()];
         trocar
             .write_numbers(&mut numbers)
@@ -309,9 +315,6 @@ pub unsafe extern "C" fn trocar_model_free(model: *mut Model) -> Status {
 /// that is no model.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn trocar_model_kind(model: *const Model) -> *const c_char {
-    static CLASSICAL: LazyLock<Vec<CString>> = LazyLock::new(|| {
-        Classical::KINDS.iter().map(|kind| CString::new(*kind).unwrap_or_default()).collect()
-    });
     // SAFETY: by the rule of the crate.
     match unsafe { Model::borrowed(model) }.map(|model| model.trocar.seal()) {
         Err(_) => std::ptr::null(),

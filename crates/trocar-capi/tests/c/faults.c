@@ -121,7 +121,7 @@ static void states(void)
     const double half_width_m = 4e-3;
     char message[TROCAR_MESSAGE_SIZE];
     static const char lugre[] =
-        "{\"format\": \"trocar-model\", \"version\": 2, \"origin\": {\"kind\": \"hand_made\", \"program\": \"a test\"},"
+        "{\"format\": \"trocar-model\", \"version\": 1, \"origin\": {\"kind\": \"hand_made\", \"program\": \"a test\"},"
         " \"friction\": {\"kind\": \"dahl\", \"stiffness_n_m\": 700.0, \"coulomb_force_n\": 2.0, \"exponent\": 1.4,"
         " \"viscous_damping_n_s_m\": 5.0}}";
 
@@ -181,7 +181,7 @@ static void models(const char *newer)
     double force;
 
     REFUSED(MODEL_NEWER, trocar_model_load(newer, &made, message, sizeof message));
-    CHECK(made == NULL && strstr(message, "newer") != NULL && strstr(message, newer) != NULL);
+    CHECK(made == NULL && strstr(message, "another version") != NULL && strstr(message, newer) != NULL);
     REFUSED(MODEL_UNREADABLE, trocar_model_load("/no/such/model.json", &made, message, sizeof message));
     CHECK(strstr(message, "/no/such/model.json") != NULL);
     REFUSED(MODEL_UNREADABLE, trocar_model_load("", &made, small, sizeof small));
@@ -244,7 +244,7 @@ static void dahl(const char *coulomb_force, const char *exponent)
     int n;
 
     snprintf(text, sizeof text,
-             "{\"format\": \"trocar-model\", \"version\": 2, \"origin\": {\"kind\": \"hand_made\", \"program\": \"a test\"},"
+             "{\"format\": \"trocar-model\", \"version\": 1, \"origin\": {\"kind\": \"hand_made\", \"program\": \"a test\"},"
              " \"friction\": {\"kind\": \"dahl\", \"stiffness_n_m\": 700.0, \"coulomb_force_n\": %s, \"exponent\": %s,"
              " \"viscous_damping_n_s_m\": 5.0}}",
              coulomb_force, exponent);
