@@ -8,6 +8,7 @@ use std::sync::{Mutex, PoisonError};
 
 use clap::builder::styling::AnsiColor;
 use terminal_size::{Width, terminal_size_of};
+use trocar::compare::CompareError;
 use trocar::identify::IdentifyError;
 use trocar::output::OutputError;
 use trocar::recording::RecordingError;
@@ -162,6 +163,7 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             || cause.downcast_ref::<RecordingError>().is_some_and(reading)
             || matches!(cause.downcast_ref(), Some(SimulateError::Motion(error)) if reading(error))
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
+            || matches!(cause.downcast_ref(), Some(CompareError::Twice { .. }))
             || matches!(cause.downcast_ref(), Some(OutputError::IsInput { .. }))
     })
 }
