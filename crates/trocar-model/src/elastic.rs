@@ -153,7 +153,7 @@ impl Piece {
 /// One branch of the deformation force: two polynomials joined without a force jump, EMS (25).
 ///
 /// The slope may jump at the join (the seal snaps through there). Outside its interval the branch
-/// goes on as a straight line with the slope of its end, at least [`END_SLOPE_FLOOR`] of its mean
+/// goes on as a straight line with the slope of its end, at least `END_SLOPE_FLOOR` of its mean
 /// slope.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Branch {
@@ -261,7 +261,7 @@ pub(crate) struct Span {
 ///
 /// Outside [-c, c]: h = 0 and M is a straight line, with the end slope of `F_u` above +c and of
 /// `F_d` below -c, so that the slope is continuous for the motion that goes out there; a floor of
-/// [`END_SLOPE_FLOOR`] keeps it rising.
+/// `END_SLOPE_FLOOR` keeps it rising.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeformationForce {
     insertion: Branch,

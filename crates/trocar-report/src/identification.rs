@@ -61,7 +61,7 @@ pub const LIKE_SPEED: f64 = 0.1;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ChoiceError {
-    /// More than [`MOST_CHOSEN`].
+    /// More than the figure has room for.
     #[error("figure {figure} shows at most {MOST_CHOSEN} {what}, got {count}")]
     TooMany {
         /// Number of the figure in EMS.

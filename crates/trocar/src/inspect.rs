@@ -39,7 +39,7 @@ pub struct ColumnView {
     pub highest: Option<f64>,
     /// Cells that are empty, NaN or infinite.
     pub not_finite: u64,
-    /// Means of consecutive groups of rows, at most [`SPARK`]; empty for a column without numbers.
+    /// Means of consecutive groups of rows, at most 64; empty for a column without numbers.
     pub course: Vec<f64>,
     /// Whether the numbers never decrease: a clock, or a counter.
     pub rises: bool,

@@ -208,7 +208,7 @@ pub struct Compensation {
     /// ([`trocar_runtime::compensate::Compensator`]).
     pub adaptation: bool,
     /// Standard deviation of the model's force, N, above 0, by which the adaptation weighs the readings;
-    /// without it, that of the model file ([`Config::with_force_error`]).
+    /// without it, that of the model file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub force_error_n: Option<f64>,
 }

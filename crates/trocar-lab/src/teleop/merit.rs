@@ -76,7 +76,7 @@ impl Config {
 }
 
 impl Merit {
-    /// Figures of `samples`, all of them; without those of the two pushes ([`Merit::with_contacts`]).
+    /// Figures of `samples`, all of them; without those of the two pushes.
     pub fn of(config: &Config, samples: &[Sample]) -> Self {
         let rms = |of: &dyn Fn(&Sample) -> f64| {
             let squares: f64 = samples.iter().map(|sample| of(sample).powi(2)).sum();

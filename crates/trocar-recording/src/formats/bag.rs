@@ -19,7 +19,8 @@ pub(crate) struct Log {
     pub(super) path: PathBuf,
     format: &'static str,
     pub(super) topics: Vec<Topic>,
-    /// First log time, ns.
+    /// First log time, ns: by it the files of one bag are put in order.
+    #[cfg(feature = "rosbag")]
     pub(super) start: Option<u64>,
     epochs: Epochs,
     tables: Vec<Table>,
@@ -41,6 +42,7 @@ impl Log {
         Self {
             path: path.to_owned(),
             format,
+            #[cfg(feature = "rosbag")]
             start,
             epochs,
             tables: topics.iter().map(|topic| topic.table.clone()).collect(),

@@ -124,6 +124,7 @@ impl Column {
     }
 
     /// Appends the rows `from` to `to` (exclusive) of `other`, which has the same type.
+    #[cfg(feature = "parquet")]
     fn extend(&mut self, other: &Self, from: usize, to: usize) {
         match (self, other) {
             (Self::Number(all), Self::Number(more)) => all.extend_from_slice(&more[from..to]),
