@@ -35,8 +35,9 @@ impl Input {
     }
 }
 
-/// A part of the file that holds messages.
+/// A part of the file that holds messages. ROS 1 states whether it is a chunk, and of what size, where it begins.
 #[derive(Debug, Clone)]
+#[cfg_attr(not(feature = "mcap"), allow(dead_code))]
 pub(super) struct Piece {
     pub(super) at: u64,
     /// Its bytes in the file; `None` for a chunk that states them where it begins.
