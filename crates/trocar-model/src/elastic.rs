@@ -22,11 +22,8 @@
 
 use crate::direction::Direction;
 use crate::error::{ParamError, finite, in_range};
+pub use crate::parameter::MAX_DEGREE;
 use crate::parameter::Quantity;
-
-/// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has
-/// degree 7.
-pub const MAX_DEGREE: usize = 7;
 
 pub(crate) const COUNT: usize = MAX_DEGREE + 1;
 

@@ -2,7 +2,9 @@
 
 use core::fmt;
 
-use crate::parameter::{Declaration, Field, ParameterId, Parameters, Range};
+use crate::parameter::{
+    Declaration, Field, MAX_DEGREE, MAX_ELEMENTS, ParameterId, Parameters, Range,
+};
 
 /// Why a parameter set was refused. Values are carried in SI units.
 #[non_exhaustive]
@@ -168,7 +170,7 @@ impl fmt::Display for ParamError {
                 write!(
                     f,
                     "a piece needs 1 to {} Legendre coefficients, got {count}",
-                    crate::MAX_DEGREE + 1
+                    MAX_DEGREE + 1
                 )
             }
             Self::EmptyInterval { from, to } => {
@@ -212,7 +214,7 @@ impl fmt::Display for ParamError {
                 "static_force_n {static_force} N above coulomb_force_n {coulomb_force} N needs viscous_damping_n_s_m or seal damping above zero"
             ),
             Self::ElementCount { count } => {
-                write!(f, "a model needs 1 to {} elements, got {count}", crate::MAX_ELEMENTS)
+                write!(f, "a model needs 1 to {} elements, got {count}", MAX_ELEMENTS)
             }
             Self::LimitDeflection { index, rate } => write!(
                 f,

@@ -3,11 +3,9 @@
 
 use crate::error::ParamError;
 use crate::friction::Friction;
+pub use crate::parameter::MAX_ELEMENTS;
 use crate::parameter::{Blank, Parameters, Quantity};
 use crate::sliding::SlidingFriction;
-
-/// Largest number of elements of a model.
-pub const MAX_ELEMENTS: usize = 16;
 
 /// Number of elements of a model.
 pub(crate) fn check_count(count: usize) -> Result<(), ParamError> {

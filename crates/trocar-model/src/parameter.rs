@@ -12,6 +12,12 @@ use core::str::FromStr;
 
 use crate::direction::Direction;
 
+/// Highest degree of a polynomial piece: the single polynomial that EMS (25) is compared with has
+/// degree 7.
+pub const MAX_DEGREE: usize = 7;
+/// Largest number of elements of a model.
+pub const MAX_ELEMENTS: usize = 16;
+
 /// Unit of a quantity in files, and as shown to people.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {

@@ -673,7 +673,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0x94f8_5d04_549f_b541,
+        0x9bb9_34a5_d347_6221,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["stribeck.rs"], 0xa6c1_583a_fed6_5d78),
