@@ -194,26 +194,25 @@ pub struct RecordingInfo {
 
 /// Options a recording was read with; other recordings of the same test bench need the same.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(deny_unknown_fields)]
 pub struct ReadWith {
     /// Names of the columns, in the syntax of `--columns`.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub columns: Option<String>,
     /// Topics, groups or other tables searched.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub topics: Vec<String>,
     /// Whether the sign of the force was reversed besides what `columns` say.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub flip_force: bool,
     /// Whether the sign of the force was reversed, all in all: by `flip_force`, or by a minus before
     /// its column. An observer reverses live readings, too.
-    #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub force_reversed: bool,
     /// Lines skipped before the header of a text.
-    #[serde(skip_serializing_if = "is_zero")]
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub skip_rows: u64,
     /// Rows per second of a file without a column of times.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rate_hz: Option<f64>,
 }
 
