@@ -520,6 +520,33 @@ fn damaged_files_are_errors_and_never_end_the_program() {
     }
 }
 
+/// The size of a buffer is reserved before it is decompressed: what it states is not believed.
+#[test]
+fn buffers_of_arrow_that_state_too_much_are_refused_before_memory_is_reserved() {
+    /// Numbers of 8 bytes in the first record batch of the fixtures.
+    const STATED: i64 = 150 * 8;
+    for file in ["pyarrow_lz4.feather", "pyarrow_zstd.feather"] {
+        let bytes = std::fs::read(fixture(file)).unwrap();
+        let table = &all_tables(file)[0].name;
+        let mut refused = 0;
+        for place in (0..bytes.len() - 8).step_by(8) {
+            if bytes[place..place + 8] != STATED.to_le_bytes() {
+                continue;
+            }
+            let mut changed = bytes.clone();
+            changed[place..place + 8].copy_from_slice(&(1_i64 << 44).to_le_bytes());
+            let mut copy = tempfile::NamedTempFile::with_suffix(".feather").unwrap();
+            copy.write_all(&changed).unwrap();
+            let names = column_names(file, table);
+            let found = names.iter().map(|name| read_columns(copy.path(), table, &[name]));
+            let words = found.filter_map(Result::err).map(|error| error.to_string());
+            refused +=
+                usize::from(words.into_iter().any(|text| text.contains("when decompressed")));
+        }
+        assert!(refused >= 2, "{file}: {refused}");
+    }
+}
+
 #[test]
 fn a_column_of_a_log_is_one_quantity() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bags/plain.mcap");
