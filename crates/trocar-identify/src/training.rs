@@ -36,7 +36,7 @@ const SLIDES: f64 = 3.0;
 const NOISIER: f64 = 8.0;
 
 /// Half width assumed where no deformation is resolved, as a fraction of the longest stroke.
-pub const ASSUMED_WIDTH: f64 = 0.05;
+pub(crate) const ASSUMED_WIDTH: f64 = 0.05;
 
 /// One step of the simulation.
 #[derive(Debug, Clone)]

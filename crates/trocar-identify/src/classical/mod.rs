@@ -12,7 +12,6 @@ mod fit;
 mod kind;
 mod starts;
 
-pub use crate::training::ASSUMED_WIDTH;
 pub use data::ClassicalData;
 pub use fit::ClassicalFit;
 pub(crate) use fit::{LONG, SHORT, doubts};
