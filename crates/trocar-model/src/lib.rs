@@ -134,5 +134,6 @@ pub use profile::{PositionProfile, ProfileError};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
+pub use slip::beside::Ordinate;
 pub use stribeck::{StaticFriction, StaticState};
 pub use tuning::Tunable;

@@ -3,7 +3,7 @@
 use crate::ems::{Element, State};
 use crate::friction::Friction;
 use crate::relaxation::MAX_ARMS;
-use crate::slip::beside::{Apart, Different};
+use crate::slip::beside::{Apart, Different, Ordinate};
 
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of
 /// the forces (N).
@@ -196,6 +196,29 @@ impl Stages {
             *its = led + apart[..count].iter().map(|a| a.force).sum::<f64>() + beyond;
         }
         force
+    }
+}
+
+impl Stages {
+    /// As [`Friction::step`], and beside it the derivatives of the force by `ordinates` of the first
+    /// element, to first order: what is known about its branches without a parametrisation. Where
+    /// the element yields, turns or comes to rest, the step counts as if it were the same
+    /// throughout.
+    pub fn step_beside_ordinates(
+        &self,
+        state: &mut StagesState,
+        ordinates: &mut [Ordinate],
+        displacement: f64,
+        duration: f64,
+    ) -> f64 {
+        for (k, (element, own)) in self.elements().iter().zip(&mut state.states).enumerate() {
+            if k == 0 {
+                element.lead(own, displacement, duration, |lead| lead.take_ordinates(ordinates));
+            } else {
+                element.step(own, displacement, duration);
+            }
+        }
+        Self::force(state)
     }
 }
 

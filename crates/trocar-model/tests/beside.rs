@@ -2,8 +2,8 @@
 //! their forces differ from its by the derivative of the force.
 
 use trocar_model::{
-    Branch, DeformationForce, Element, ElementParams, Friction, ParamError, Piece, Relaxation,
-    SealDamping, SlidingFriction, Stages, StagesState,
+    Branch, DeformationForce, Direction, Element, ElementParams, Friction, Ordinate, ParamError,
+    Piece, Relaxation, SealDamping, SlidingFriction, Stages, StagesState,
 };
 
 type Params = Result<ElementParams, ParamError>;
@@ -209,4 +209,56 @@ fn numbers_of_elements_may_differ() {
     let two = Stages::new(&[element, element]).unwrap();
     assert_eq!(beside(&one, &two).0, alone(&two));
     assert_eq!(beside(&two, &one).0, alone(&one));
+}
+
+/// The element with a yield stiffness that does not depend on the branches, and the same with a
+/// piece of the insertion branch bent by a part of `more` of what the forces are.
+fn stiff_and_bent(params: ElementParams, more: f64) -> [Stages; 2] {
+    let stiffness = 1.5 * params.deformation.yield_stiffness();
+    [1.0, 1.0 + more].map(|bend| {
+        let shape = reshaped(&params, [1.0, 1.0, bend, 1.0]);
+        let deformation =
+            DeformationForce::new(*shape.insertion(), *shape.withdrawal(), Some(stiffness))
+                .unwrap();
+        Element::new(ElementParams { deformation, ..params }).unwrap().into()
+    })
+}
+
+/// Derivatives of the force by the ordinates of the insertion branch and the slope beyond -c, put
+/// together to the change of the branch that `bent` has.
+fn by_ordinates(model: &Stages, bent: &Stages, size: f64) -> Vec<f64> {
+    const CELLS: usize = 200;
+    let [own, its] = [model, bent].map(|m| m.first().params().deformation);
+    let c = own.half_width();
+    let spacing = 2.0 * c / CELLS as f64;
+    let nodes = (1..CELLS).map(|k| k as f64 * spacing - c);
+    let change: Vec<f64> = nodes
+        .clone()
+        .map(|z| (its.insertion().force(z) - own.insertion().force(z)) / size)
+        .chain([(its.end_stiffness().1 - own.end_stiffness().1) / size])
+        .collect();
+    let mut ordinates: Vec<Ordinate> = nodes
+        .map(|z| Ordinate::node(Direction::Insertion, z, spacing))
+        .chain([Ordinate::end_slope(c)])
+        .collect();
+    let mut state = model.rest_state(0.0);
+    let step = |(displacement, duration)| {
+        model.step_beside_ordinates(&mut state, &mut ordinates, displacement, duration);
+        ordinates.iter().zip(&change).map(|(o, change)| o.derivative() * change).sum::<f64>()
+    };
+    motion().map(step).collect()
+}
+
+#[test]
+fn ordinates_of_a_branch_tell_how_the_force_changes_with_the_branch() {
+    for params in [ElementParams::plausible_10_5_mm(), creeping(), damped(), all_terms()] {
+        let params = params.expect("valid numbers");
+        let [model, bent] = stiff_and_bent(params, BESIDE);
+        let (before, (after, _)) = (alone(&model), beside(&model, &bent));
+        let expected: Vec<f64> = after.iter().zip(&before).map(|(a, b)| (a - b) / BESIDE).collect();
+        let found = by_ordinates(&model, &bent, BESIDE);
+        let error = rms(found.iter().zip(&expected).map(|(a, b)| a - b));
+        let size = rms(expected.iter().copied());
+        assert!(size > 0.01 && error < 0.03 * size, "{error} beside {size} for {params:?}");
+    }
 }

@@ -17,7 +17,7 @@ use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
 use crate::damping::SealDamping;
 use crate::direction::Direction;
-use crate::elastic::{DeflectionLocation, ShapeDifference};
+use crate::elastic::{DeflectionLocation, DeformationForce, ShapeDifference};
 use crate::ems::{Element, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
@@ -40,6 +40,14 @@ pub(crate) struct Apart {
     pub(crate) force: f64,
 }
 
+/// By how much M, h (N) and κ (N/m) exceed the leader's where it arrives.
+#[derive(Clone, Copy, Debug, Default)]
+struct MoreForce {
+    mid: f64,
+    gap: f64,
+    yield_stiffness: f64,
+}
+
 /// How the parameters differ from the leader's.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Different {
@@ -54,6 +62,26 @@ pub(crate) struct Different {
     arms: [[f64; 2]; MAX_ARMS],
     /// Has what the leader lacks altogether, or lacks what it has.
     is_another: bool,
+}
+
+const NO_SLIDING: SlidingFriction = SlidingFriction {
+    coulomb_force: 0.0,
+    static_force: 0.0,
+    stribeck_velocity: 0.0,
+    stribeck_exponent: 0.0,
+    viscous_damping: 0.0,
+};
+
+impl Different {
+    const NONE: Self = Self {
+        shape: None,
+        damping: SealDamping::ZERO,
+        sliding: [NO_SLIDING; 2],
+        creep_velocity: 0.0,
+        friction_lag: 0.0,
+        arms: [[0.0; 2]; MAX_ARMS],
+        is_another: false,
+    };
 }
 
 /// Each number of `other` less that of `own`.
@@ -75,14 +103,13 @@ impl Element {
             .then(|| own.deformation.difference(&its.deformation));
         let mut different = Different {
             shape,
-            damping: SealDamping::ZERO,
             sliding: [(&own.withdrawal, &its.withdrawal), (&own.insertion, &its.insertion)]
                 .map(|(a, b)| more_of_sliding(a, b)),
             creep_velocity: its.creep_velocity - own.creep_velocity,
             friction_lag: its.friction_lag - own.friction_lag,
-            arms: [[0.0; 2]; MAX_ARMS],
             is_another: self.creeps != other.creeps
                 || (own.friction_lag > 0.0) != (its.friction_lag > 0.0),
+            ..Different::NONE
         };
         let coefficients = different.damping.coefficients.iter_mut();
         coefficients
@@ -117,7 +144,72 @@ impl Element {
     }
 }
 
+/// One ordinate of the deformation force, and how the state of an element differs in which it is
+/// higher by [`Ordinate::UNIT`].
+#[derive(Clone, Copy, Debug)]
+pub struct Ordinate {
+    place: OrdinatePlace,
+    is_awake: bool,
+    apart: Apart,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum OrdinatePlace {
+    /// Force of a branch at `at`, m, falling to 0 over `spacing`, m, on both sides.
+    Node { direction: Direction, at: f64, spacing: f64 },
+    /// Slope beyond c at `end`, m: c or -c.
+    Slope { end: f64 },
+}
+
+impl Ordinate {
+    /// Height, N, or N/m, of the change that is followed: far below all forces, so that it is
+    /// followed to first order.
+    const UNIT: f64 = 1e-9;
+
+    /// The force of the branch in `direction` at deflection `at`, between neighbours at a distance
+    /// of `spacing`, m.
+    pub fn node(direction: Direction, at: f64, spacing: f64) -> Self {
+        Self::new(OrdinatePlace::Node { direction, at, spacing })
+    }
+
+    /// The slope beyond the end of [-c, c] at `end`, m.
+    pub fn end_slope(end: f64) -> Self {
+        Self::new(OrdinatePlace::Slope { end })
+    }
+
+    fn new(place: OrdinatePlace) -> Self {
+        Self { place, is_awake: false, apart: Apart::default() }
+    }
+
+    /// Derivative of the force: by a force of a branch 1, by a slope m.
+    pub fn derivative(&self) -> f64 {
+        self.apart.force / Self::UNIT
+    }
+
+    /// By how much M and h are higher at deflection `z`, m.
+    #[inline(always)]
+    fn more(&self, z: f64) -> MoreForce {
+        let (mid, gap) = match self.place {
+            OrdinatePlace::Node { direction, at, spacing } => {
+                let half = 0.5 * (1.0 - (z - at).abs() / spacing).max(0.0);
+                (half, direction.sign() * half)
+            }
+            OrdinatePlace::Slope { end } if z.abs() > end.abs() && z * end > 0.0 => (z - end, 0.0),
+            OrdinatePlace::Slope { .. } => (0.0, 0.0),
+        };
+        MoreForce { mid: Self::UNIT * mid, gap: Self::UNIT * gap, yield_stiffness: 0.0 }
+    }
+}
+
 impl Apart {
+    /// Whether a change of an ordinate by [`Ordinate::UNIT`] is still in the state.
+    fn is_felt(&self) -> bool {
+        const FAINT: f64 = 1e-7 * Ordinate::UNIT;
+        // A deflection bears on the force by a stiffness, of which little is known here: 100 N/m.
+        let felt = [100.0 * self.deflection, self.elastic, self.yield_force, self.force];
+        felt.iter().chain(&self.arms).any(|force| force.abs() > FAINT)
+    }
+
     /// The state that differs so from `led`.
     pub(crate) fn state_beside(&self, led: &State) -> State {
         let mut state = *led;
@@ -422,22 +514,28 @@ impl At {
 }
 
 impl Deforming {
+    #[inline(always)]
+    fn more(&self, own: &DeformationForce, different: &Different) -> MoreForce {
+        let Some(shape) = &different.shape else { return MoreForce::default() };
+        let (mid, gap) = own.more_at(shape, &self.location);
+        MoreForce { mid, gap, yield_stiffness: shape.yield_stiffness }
+    }
+
+    fn is_clipped(&self) -> bool {
+        matches!(self.location, DeflectionLocation::Within { clipped: true, .. })
+    }
+
     /// The deformation where z⁺ differs by `deflection`, m; the slip is not yet in it.
     #[inline(always)]
     fn apart(
         &self,
-        leader: &Element,
         before: &State,
         different: &Different,
+        more: MoreForce,
         apart: &Apart,
         deflection: f64,
     ) -> Apart {
-        let ((mid, gap), yield_stiffness) = match &different.shape {
-            Some(shape) => {
-                (leader.params.deformation.more_at(shape, &self.location), shape.yield_stiffness)
-            }
-            None => ((0.0, 0.0), 0.0),
-        };
+        let MoreForce { mid, gap, yield_stiffness } = more;
         let moved = deflection - apart.deflection;
         let yield_force = if self.follows == 0.0 {
             apart.yield_force + yield_stiffness * self.travel + self.yield_slope * moved
@@ -476,17 +574,66 @@ impl Lead<'_> {
     #[inline(always)]
     pub(crate) fn take(&self, element: &Element, different: &Different, apart: &mut Apart) {
         let course = self.course.as_ref().filter(|_| !different.is_another);
-        let followed = course.and_then(|Course { deforming, slide }| match slide {
-            Some(slide) => self.slide(deforming, slide, different, apart),
-            None => Some(self.deforming(deforming, different, apart)),
+        let followed = course.and_then(|course| {
+            let more = course.deforming.more(&self.leader.params.deformation, different);
+            self.follow(course, different, more, apart)
         });
         *apart = followed.unwrap_or_else(|| self.alone(element, apart));
     }
 
+    /// The same part for an element of which one ordinate differs.
+    pub(crate) fn take_ordinates(&self, ordinates: &mut [Ordinate]) {
+        let mut by_itself = None;
+        for ordinate in ordinates {
+            let more = ordinate.more(self.after.deflection);
+            if !ordinate.is_awake && more.mid == 0.0 {
+                continue;
+            }
+            let course = match &self.course {
+                Some(course) => course,
+                None => by_itself.get_or_insert_with(|| self.course_to_the_end()),
+            };
+            let clipped = course.deforming.is_clipped();
+            let more = MoreForce { gap: if clipped { 0.0 } else { more.gap }, ..more };
+            let next = self.follow(course, &Different::NONE, more, &ordinate.apart);
+            ordinate.apart = next.unwrap_or_default();
+            ordinate.is_awake = ordinate.apart.is_felt();
+        }
+    }
+
+    /// The course of a part in which the leader yielded, turned or came to rest, as if it had gone
+    /// all the way as it ends.
+    fn course_to_the_end(&self) -> Course {
+        let Self { leader, before, after, motion, .. } = self;
+        if after.slip_velocity == 0.0 {
+            return Course { deforming: leader.deforming(before, after, *motion), slide: None };
+        }
+        leader.slid(before, after, *motion, after.slip_velocity.abs(), 1.0)
+    }
+
     #[inline(always)]
-    fn deforming(&self, deforming: &Deforming, different: &Different, apart: &Apart) -> Apart {
-        let mut next =
-            deforming.apart(self.leader, &self.before, different, apart, apart.deflection);
+    fn follow(
+        &self,
+        Course { deforming, slide }: &Course,
+        different: &Different,
+        more: MoreForce,
+        apart: &Apart,
+    ) -> Option<Apart> {
+        match slide {
+            Some(slide) => self.slide(deforming, slide, different, more, apart),
+            None => Some(self.deforming(deforming, different, more, apart)),
+        }
+    }
+
+    #[inline(always)]
+    fn deforming(
+        &self,
+        deforming: &Deforming,
+        different: &Different,
+        more: MoreForce,
+        apart: &Apart,
+    ) -> Apart {
+        let mut next = deforming.apart(&self.before, different, more, apart, apart.deflection);
         next.force += different.damping.force(self.motion.velocity);
         next
     }
@@ -497,6 +644,7 @@ impl Lead<'_> {
         deforming: &Deforming,
         slide: &Slide,
         different: &Different,
+        more: MoreForce,
         apart: &Apart,
     ) -> Option<Apart> {
         let Slide { direction, start, end, lag, .. } = slide;
@@ -517,9 +665,9 @@ impl Lead<'_> {
             s * apart.slip_velocity
         };
         let mut next = deforming.apart(
-            self.leader,
             &self.before,
             different,
+            more,
             apart,
             apart.deflection - slide.explicit * speed,
         );
