@@ -4,8 +4,8 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use trocar_model::{
     Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS,
-    ParamError, ParameterId, Parameters, Quantity, Relaxation, SealDamping, SlidingFriction,
-    Stages, StagesState,
+    Ordinate, ParamError, ParameterId, Parameters, Quantity, Relaxation, SealDamping,
+    SlidingFriction, Stages, StagesState,
 };
 
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
@@ -223,6 +223,41 @@ impl Candidate {
         let Some(second) = &self.second else { return Ok(first.into()) };
         let both = [first, Element::new(second.params(&params)?)?];
         Ok(Stages::new(&both).expect("two elements"))
+    }
+}
+
+/// Number of cells of a branch between its ordinates.
+const CELLS: usize = 50;
+
+/// The ordinates of a branch: z/c of the inner nodes.
+pub(super) fn nodes() -> impl Iterator<Item = f64> {
+    (1..CELLS).map(|k| 2.0 * k as f64 / CELLS as f64 - 1.0)
+}
+
+impl Candidate {
+    /// The ordinates of both branches: the forces at the inner nodes, and after them the slope at
+    /// the end to which the branch leads.
+    fn ordinates(&self) -> Vec<Ordinate> {
+        let c = self.half_width;
+        let of_branch = |direction: Direction| {
+            let spacing = 2.0 * c / CELLS as f64;
+            let inner = nodes().map(move |u| Ordinate::node(direction, u * c, spacing));
+            inner.chain([Ordinate::end_slope(direction.sign() * c)])
+        };
+        Direction::BOTH.into_iter().flat_map(of_branch).collect()
+    }
+
+    /// Whether the line beyond the end to which the branch in `direction` leads has the least slope,
+    /// rather than that of the branch.
+    pub(super) fn end_is_at_floor(&self, direction: Direction) -> bool {
+        let Ok(branch) = self.branch(direction).branch(self.half_width, self.end_forces()) else {
+            return true;
+        };
+        let (end, piece) = match direction {
+            Direction::Insertion => (self.half_width, branch.right()),
+            Direction::Withdrawal => (-self.half_width, branch.left()),
+        };
+        branch.stiffness(2.0 * end) > piece.stiffness(end)
     }
 }
 
@@ -519,13 +554,11 @@ pub(super) struct EmsTrial {
     pub(super) layout: Layout,
     /// d_k: drift of the friction scale.
     pub(super) drift: Vec<f64>,
-    /// Free numbers that a fit leaves as they are.
-    pub(super) held: Vec<usize>,
 }
 
 impl EmsTrial {
     pub(super) fn new(candidate: Candidate, layout: Layout) -> Self {
-        Self { candidate, layout, drift: Vec::new(), held: Vec::new() }
+        Self { candidate, layout, drift: Vec::new() }
     }
 
     /// The trial with another join of one branch, whose polynomials come nearest to its own.
@@ -572,7 +605,6 @@ impl EmsTrial {
             candidate: with(self.layout, &self.candidate, own),
             layout: self.layout,
             drift: drift.to_vec(),
-            held: self.held.clone(),
         }
     }
 }
@@ -596,10 +628,6 @@ impl Trial for EmsTrial {
         };
         let mut free = self.layout.free(&self.candidate);
         free.extend(self.drift.iter().enumerate().map(of_drift));
-        for held in &self.held {
-            let Free { value, low, high, column, .. } = &mut free[*held];
-            (*low, *high, *column) = (*value, *value, Column::Held);
-        }
         free
     }
 
@@ -621,6 +649,27 @@ impl Trial for EmsTrial {
 
     fn drift(&self) -> &[f64] {
         &self.drift
+    }
+
+    fn ordinates(&self) -> Vec<Ordinate> {
+        self.candidate.ordinates()
+    }
+
+    fn ordinate_rates(
+        model: &Stages,
+        state: &mut StagesState,
+        ordinates: &mut [Ordinate],
+        steps: &[Step],
+    ) -> Vec<Vec<f64>> {
+        let mut rates = vec![Vec::with_capacity(steps.len()); ordinates.len()];
+        for step in steps {
+            let before: Vec<f64> = ordinates.iter().map(Ordinate::derivative).collect();
+            model.step_beside_ordinates(state, ordinates, step.displacement, step.duration);
+            for ((rates, before), ordinate) in rates.iter_mut().zip(before).zip(&*ordinates) {
+                rates.push(step.at_centre(before, ordinate.derivative()));
+            }
+        }
+        rates
     }
 
     /// The first model comes first in each part.

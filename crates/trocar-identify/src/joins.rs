@@ -16,35 +16,42 @@
 //! A is the range that holds the central 95 % of the density exp(−½·(1.96)²·D). Where C_b is a
 //! parabola it adds nothing; minima a little above D = 1 that are broad, or several, belong to it.
 //!
-//! C_b is computed on a grid. From one join to the next the polynomials start from those that come
-//! nearest, and all other numbers take undamped steps. A better minimum is followed, so that the
-//! fit does not depend on the join that it started from.
+//! # All joins from one simulation
+//! The deformation force is local: the force depends on few ordinates u of the branches at a time,
+//! and polynomials with any join a are a linear map of their numbers θ to ordinates, B(a)·θ + f(a).
+//! With the normal equations in the ordinates and all other numbers, these eliminated,
+//!
+//! ```text
+//! C(a⁺, a⁻) = min over θ of C_0 − 2·s'd + d'·S·d + Σ p·(θ − μ)²        d = B(a)·θ + f(a) − u
+//! ```
+//! costs a small system of equations for a pair of joins: no simulation. It is exact to first order
+//! in the change of the branches. Fits follow where another pair is better, and from other minima
+//! within reach.
 
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use trocar_model::Direction;
 
-use super::candidate::EmsTrial;
+use super::candidate::{self, Candidate, EmsTrial};
 use super::estimate::{MANY_DEGREES, t_quantile};
-use super::likelihood::{self, Column, Fitted, Stop, Trial};
+use super::likelihood::{self, Extra, Fitted, Normal, Stop, Trial};
 use super::prior::Kind;
 use super::shape::BranchShape;
 use super::spread::{Reported, SHAPE, Spread};
 use super::training::Training;
 
-/// Distance of the joins of the grid.
-const STEP: f64 = 0.1;
-/// Most undamped steps at one join, and the part of the reach that the next one may still promise.
-const STEPS: usize = 2;
-const PROMISE: f64 = 0.05;
-/// Excess above which a join is not of interest. With the other numbers as they are it is too high.
+/// Cells between the joins that are compared, over their whole range.
+const CELLS: i32 = 56;
+/// Joins beside the best one, in units of its half width.
+const BESIDE: [f64; 10] = [-2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5, 2.0];
+/// Distance of the joins from which fits are tried, and the excess up to which they are: beyond it
+/// the first order may miss a minimum within reach only if it is wrong by more than the reach.
+const START_SPACING: f64 = 0.1;
+const STARTS_BELOW: f64 = 4.0;
+/// Excess above which a fit is not continued.
 const FAR: f64 = 5.0;
-/// Distance of joins between which all other numbers change little.
-const CLOSE: f64 = 0.03;
-/// Excess below which the cells of the grid are halved.
-const NEAR: f64 = 50.0;
-/// How often cells are halved at the ends of the reach, and the part of w that needs no halving.
-const HALVINGS: usize = 2;
-const NARROW: f64 = 0.25;
 /// Joins that count as the same.
 const SAME: f64 = 1e-3;
 /// Excess below 0 that a start for another fit promises.
@@ -54,7 +61,6 @@ const BETTER: f64 = 0.01;
 /// Most better minima that are followed.
 const SEARCHES: usize = 4;
 
-const NONE: Stop = Stop { iterations: 0, fall: 0.0, promise: 0.0 };
 const SHORT: Stop = Stop { iterations: 2, fall: 1e-4, promise: f64::INFINITY };
 const NEXT: Stop = Stop { iterations: 6, fall: 1e-4, promise: f64::INFINITY };
 
@@ -64,17 +70,8 @@ struct Point {
     join: f64,
     /// D(a).
     excess: f64,
-    /// D that a fit with a free join promises from here.
-    bottom: f64,
     /// θ_a.
     trial: EmsTrial,
-}
-
-/// Unit of D.
-#[derive(Debug, Clone, Copy)]
-struct Unit {
-    least: f64,
-    reach: f64,
 }
 
 /// C_b of one branch.
@@ -87,186 +84,298 @@ pub(super) struct Along {
     central: [f64; 2],
 }
 
-/// The search along one branch about a fit.
-struct Search<'a> {
-    training: &'a Training,
-    fitted: &'a Fitted<EmsTrial>,
+/// A branch among the free numbers.
+struct Side {
     direction: Direction,
+    /// Place of its join; its other numbers follow.
     number: usize,
-    unit: Unit,
+    degrees: [usize; 2],
+    own_join: f64,
+    /// Half width of the interval of the join to first order, and κ·w².
+    half_width: f64,
+    reach: f64,
+    /// Mean and precision of the priors of the join and of the numbers after it.
+    priors: Vec<[f64; 2]>,
 }
 
-impl Unit {
-    fn excess(self, cost: f64) -> f64 {
-        (cost - self.least) / self.reach
-    }
+/// A branch with polynomials of one join, beside that of the fit.
+struct Joined {
+    join: f64,
+    /// B(a), and f(a) - u.
+    map: DMatrix<f64>,
+    off: DVector<f64>,
+    /// S·B and S·(f - u).
+    information_map: DMatrix<f64>,
+    information_off: DVector<f64>,
 }
 
-impl Search<'_> {
-    /// The least cost at `join`, from a trial with another one; where that is far, with the numbers
-    /// of other branches as they are. `None` where no model runs.
-    fn at(&self, from: &EmsTrial, join: f64) -> Option<Point> {
-        let moved = from.with_join(self.direction, join)?;
-        let is_near = (join - self.join(from)).abs() < CLOSE;
-        let held = if is_near { Vec::new() } else { self.others(&moved) };
-        let (mut point, mut missed) = self.stepped(&EmsTrial { held, ..moved })?;
-        point.trial.held.clear();
-        let mut is_whole = is_near;
-        for _ in 0..STEPS {
-            if point.excess > FAR || is_whole && missed < PROMISE {
-                break;
-            }
-            let (next, by) = self.stepped(&point.trial)?;
-            let is_better = next.excess < point.excess;
-            (missed, is_whole) = (if is_better { by } else { 0.0 }, true);
-            if is_better {
-                point = next;
-            }
-        }
-        Some(Point { join, ..point })
+impl Side {
+    /// Both branches; `None` where they are not free.
+    fn both(fitted: &Fitted<EmsTrial>) -> Option<[Self; 2]> {
+        let spread = Spread::new(fitted);
+        let free = fitted.best.free();
+        let mut numbers = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
+        let mut of = |direction: Direction| {
+            let (number, shape) = (numbers.next()?, fitted.best.candidate.branch(direction));
+            let (half_width, reach) = to_first_order(&spread, direction, number);
+            let last = number + shape.numbers().len();
+            let priors = (number..=last).map(|j| fitted.prior(j, free[j].value)).collect();
+            let (degrees, own_join) = (shape.degrees(), shape.join);
+            Some(Self { direction, number, degrees, own_join, half_width, reach, priors })
+        };
+        let [up, down] = Direction::BOTH.map(&mut of);
+        Some([up?, down?])
     }
 
-    /// The free numbers of the simulation that are not of this branch.
-    fn others(&self, trial: &EmsTrial) -> Vec<usize> {
-        let own: usize = trial.candidate.branch(self.direction).degrees().iter().sum();
-        let own = self.number..self.number + own;
-        let free = trial.free();
-        let is_other = |j: &usize| free[*j].column == Column::Simulated && !own.contains(j);
-        (0..free.len()).filter(is_other).collect()
+    /// Places of all its numbers, and of its ordinates.
+    fn numbers(&self) -> Range<usize> {
+        self.number..self.number + self.priors.len()
     }
 
-    /// One undamped step at the join of `trial`, and by how much D it misses what it promised.
-    fn stepped(&self, trial: &EmsTrial) -> Option<(Point, f64)> {
-        let Self { training, unit, number, .. } = *self;
-        let mut here = likelihood::fit(training, trial, NONE)?;
-        let free = trial.free();
-        let before = unit.excess(here.cost());
-        let bottom = unit.excess(here.cost() * (1.0 - here.promised_to(&free)));
-        here.held[number] = true;
-        let moved: Vec<f64> =
-            free.iter().zip(here.remaining().iter()).map(|(f, d)| f.value + d).collect();
-        let stepped = trial.with(&moved);
-        let after = unit.excess(likelihood::cost(training, &stepped));
-        let (trial, excess) =
-            if after < before { (stepped, after) } else { (trial.clone(), before) };
-        let promised = here.promised_fall() * here.cost() / unit.reach;
-        let missed = (promised - (before - after)).abs();
-        let join = self.join(&trial);
-        Some((Point { join, excess, bottom: bottom.min(excess), trial }, missed))
+    fn ordinates(&self) -> Range<usize> {
+        let count = candidate::nodes().count() + 1;
+        let first = if self.direction == Direction::BOTH[0] { 0 } else { count };
+        first..first + count
     }
 
-    /// The points at `joins`, each from the one before.
-    fn walk(&self, joins: &[f64]) -> Vec<Point> {
-        let mut points: Vec<Point> = Vec::with_capacity(joins.len());
-        for join in joins {
-            let before = points.last().map_or(&self.fitted.best, |point| &point.trial);
-            points.extend(self.at(before, *join));
-        }
-        points
-    }
-
-    /// C_b, and the lowest trial that is better than the fit, with its D.
-    fn along(&self, half_width: f64) -> (Along, Option<(f64, EmsTrial)>) {
-        let points = self.grid(half_width);
-        let mut along = Along { direction: self.direction, points, central: [0.0; 2] };
-        // A narrow minimum may lie between two joins of the grid.
-        self.add_between(&mut along.points, |low, _, width| {
-            low.excess < NEAR && width > 0.6 * STEP
-        });
-        self.add_minima(&mut along.points);
-        for _ in 0..HALVINGS {
-            self.add_between(&mut along.points, |low, high, width| {
-                let share = share_within(low, high).unwrap_or(0.0);
-                let is_wide = width > 1.1 * half_width && share * width > NARROW * half_width;
-                high.excess > 1.0 && is_wide
-            });
-        }
-        let least = along.points.iter().min_by(|a, b| a.excess.total_cmp(&b.excess));
-        let better = least.filter(|point| point.excess < -BETTER);
-        let better = better.map(|point| (point.excess, point.trial.clone()));
-        along.points.iter_mut().for_each(|point| point.excess = point.excess.max(0.0));
-        along.central = along.quantiles([0.025, 0.975]);
-        (along, better)
-    }
-
-    /// C_b on the grid and at the ends of the interval to first order.
-    fn grid(&self, half_width: f64) -> Vec<Point> {
-        let best = &self.fitted.best;
-        let own = self.join(best);
-        let cells = (2.0 * BranchShape::JOIN_RANGE / STEP).round() as i32;
-        let mut joins: Vec<f64> = (0..=cells)
-            .map(|k| f64::from(k) * STEP - BranchShape::JOIN_RANGE)
-            .chain([own - half_width, own + half_width])
-            .filter(|a| a.abs() < BranchShape::JOIN_RANGE + SAME && (a - own).abs() > SAME)
+    /// The joins that are compared, in their order.
+    fn joins(&self) -> Vec<f64> {
+        let cell = 2.0 * BranchShape::JOIN_RANGE / f64::from(CELLS);
+        let grid = (0..=CELLS).map(|k| f64::from(k) * cell - BranchShape::JOIN_RANGE);
+        let beside = BESIDE.map(|part| self.own_join + part * self.half_width);
+        let mut all: Vec<f64> = grid
+            .chain(beside)
+            .filter(|a| a.abs() < BranchShape::JOIN_RANGE + SAME)
+            .filter(|a| (a - self.own_join).abs() > SAME)
+            .chain([self.own_join])
             .collect();
-        joins.sort_by(f64::total_cmp);
-        let (mut left, right): (Vec<f64>, Vec<f64>) = joins.into_iter().partition(|a| *a < own);
-        left.reverse();
-        let (mut points, right) = rayon::join(|| self.walk(&left), || self.walk(&right));
-        points.reverse();
-        points.push(Point { join: own, excess: 0.0, bottom: 0.0, trial: best.clone() });
-        points.extend(right);
-        points
+        all.sort_by(f64::total_cmp);
+        all
     }
 
-    /// Adds other minima that are within reach: from joins with a lower cost than those beside
-    /// them, or from which a free join promises the most and more than the fit has.
-    fn add_minima(&self, points: &mut Vec<Point>) {
-        let is_least = |k: usize, of: fn(&Point) -> f64| {
-            let beside = [k.checked_sub(1), Some(k + 1)].into_iter().flatten();
-            let mut beside = beside.filter_map(|j| points.get(j));
-            beside.all(|other| of(&points[k]) <= of(other))
+    /// B(a) and f(a): the ordinates of polynomials with the join `a`.
+    fn map(&self, candidate: &Candidate, join: f64) -> (DMatrix<f64>, DVector<f64>) {
+        let (end_forces, end) = (candidate.end_forces(), self.direction.sign());
+        let (mut map, mut fixed) =
+            BranchShape::ordinates(join, self.degrees, end_forces, candidate::nodes(), end);
+        // The slope by z; at its least value it does not follow the branch.
+        let is_at_floor = candidate.end_is_at_floor(self.direction);
+        let by_slope = if is_at_floor { 0.0 } else { 1.0 / candidate.half_width };
+        let last = fixed.len() - 1;
+        map.row_mut(last).scale_mut(by_slope);
+        fixed[last] *= by_slope;
+        (map, fixed)
+    }
+}
+
+/// The cost over the joins of both branches, all other numbers eliminated, to first order.
+struct Landscape<'a> {
+    fitted: &'a Fitted<EmsTrial>,
+    sides: [Side; 2],
+    /// Of each side, at each of its joins.
+    joined: [Vec<Joined>; 2],
+    /// C(a⁺, a⁻) less C_0: by the joins of the first side, and of the second.
+    costs: DMatrix<f64>,
+    others: Others,
+}
+
+/// All numbers but those of the branches, and what they leave of the normal equations.
+struct Others {
+    /// Places of those that are not held; their step at d = 0, and its change with d.
+    places: Vec<usize>,
+    step: DVector<f64>,
+    by_ordinates: DMatrix<f64>,
+    /// s, S.
+    score: DVector<f64>,
+    information: DMatrix<f64>,
+}
+
+/// The solution of a positive definite system; it is scaled to a unit diagonal, and held by a
+/// ridge where the data determine nothing.
+fn solved(matrix: &DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    const RIDGE: f64 = 1e-9;
+    let n = matrix.nrows();
+    let inverse = DVector::from_fn(n, |i, _| 1.0 / matrix[(i, i)].max(f64::MIN_POSITIVE).sqrt());
+    let scaled = DMatrix::from_fn(n, n, |i, j| {
+        let ridge = if i == j { RIDGE } else { 0.0 };
+        matrix[(i, j)] * inverse[i] * inverse[j] + ridge
+    });
+    let scale = DMatrix::from_diagonal(&inverse);
+    Some(&scale * scaled.cholesky()?.solve(&(&scale * right)))
+}
+
+impl Others {
+    /// From normal equations with a column for each ordinate after those of the free numbers.
+    fn new(fitted: &Fitted<EmsTrial>, normal: &Normal, sides: &[Side; 2]) -> Option<Self> {
+        let (hessian, score) = normal.sums();
+        let own = fitted.held.len();
+        let ordinates: Vec<usize> = (own..score.len()).collect();
+        let is_other = |j: &usize| sides.iter().all(|side| !side.numbers().contains(j));
+        let places: Vec<usize> = (0..own)
+            .filter(is_other)
+            .filter(|j| !fitted.held[*j] && hessian[(*j, *j)] > 0.0)
+            .collect();
+        let mixed = hessian.select_rows(&places).select_columns(&ordinates);
+        let of_places = DMatrix::from_columns(&[score.select_rows(&places)]);
+        let between = hessian.select_rows(&places).select_columns(&places);
+        let step: DVector<f64> = solved(&between, &of_places)?.column(0).into_owned();
+        let by_ordinates = solved(&between, &mixed)?;
+        let score = score.select_rows(&ordinates) - mixed.tr_mul(&step);
+        let information = hessian.select_rows(&ordinates).select_columns(&ordinates)
+            - mixed.tr_mul(&by_ordinates);
+        Some(Self { places, step, by_ordinates, score, information })
+    }
+
+    fn joined(&self, side: &Side, candidate: &Candidate, join: f64) -> Joined {
+        let (own_map, own_fixed) = side.map(candidate, side.own_join);
+        let (map, fixed) = side.map(candidate, join);
+        let numbers = DVector::from_vec(candidate.branch(side.direction).numbers());
+        let off = fixed - own_fixed - own_map * numbers;
+        let of_side = side.ordinates();
+        let columns = self.information.columns(of_side.start, of_side.len());
+        let (information_map, information_off) = (columns * &map, columns * &off);
+        Joined { join, map, off, information_map, information_off }
+    }
+}
+
+impl<'a> Landscape<'a> {
+    /// About a fit; `None` without free branches.
+    fn about(training: &Training, fitted: &'a Fitted<EmsTrial>) -> Option<Self> {
+        let sides = Side::both(fitted)?;
+        let normal = fitted.with_columns(training, &[Extra::Ordinates])?;
+        let others = Others::new(fitted, &normal, &sides)?;
+        let candidate = &fitted.best.candidate;
+        let joined = [0, 1].map(|k| {
+            let side = &sides[k];
+            side.joins().into_iter().map(|join| others.joined(side, candidate, join)).collect()
+        });
+        let costs = DMatrix::zeros(0, 0);
+        let mut landscape = Self { fitted, sides, joined, costs, others };
+        let [ups, downs] = landscape.joined.each_ref().map(Vec::len);
+        let cost = |pair: usize| {
+            let found = landscape.pair([pair % ups, pair / ups]);
+            found.map_or(f64::INFINITY, |found| found.0)
         };
-        let lowest = |k: &usize| {
-            let Point { excess, bottom, .. } = points[*k];
-            let is_minimum = bottom < FAR && is_least(*k, |point| point.excess);
-            let is_promising = bottom < -PROMISING && is_least(*k, |point| point.bottom);
-            excess != 0.0 && (is_minimum || is_promising)
-        };
-        let minimum = |k: usize| {
-            let excess = |fitted: &Fitted<EmsTrial>| self.unit.excess(fitted.cost());
-            let mut fitted = likelihood::fit(self.training, &points[k].trial, SHORT)?;
-            if excess(&fitted) < FAR {
-                fitted = likelihood::fit(self.training, &fitted.best, NEXT)?;
+        let all: Vec<f64> = (0..ups * downs).into_par_iter().map(cost).collect();
+        landscape.costs = DMatrix::from_vec(ups, downs, all);
+        Some(landscape)
+    }
+
+    /// C less C_0 for the joins at these places, and the numbers θ of each branch.
+    fn pair(&self, places: [usize; 2]) -> Option<(f64, [DVector<f64>; 2])> {
+        let joined: [&Joined; 2] = std::array::from_fn(|k| &self.joined[k][places[k]]);
+        let [first, second] = joined.map(|j| j.map.ncols());
+        let (starts, counts) = ([0, first], [first, second]);
+        let mut matrix = DMatrix::zeros(first + second, first + second);
+        let mut moment = DMatrix::zeros(first + second, 1);
+        let mut cost = 0.0;
+        for k in 0..2 {
+            let (start, count, side) = (starts[k], counts[k], &self.sides[k]);
+            let rows = side.ordinates();
+            let own = |vector: &DVector<f64>| vector.rows(rows.start, rows.len()).into_owned();
+            let score = own(&self.others.score);
+            let pull = &score - own(&joined[0].information_off) - own(&joined[1].information_off);
+            moment.view_mut((start, 0), (count, 1)).copy_from(&joined[k].map.tr_mul(&pull));
+            cost -= joined[k].off.dot(&(score + pull));
+            for l in 0..2 {
+                let of_rows = joined[l].information_map.rows(rows.start, rows.len());
+                let block = joined[k].map.tr_mul(&of_rows);
+                matrix.view_mut((start, starts[l]), (count, counts[l])).copy_from(&block);
             }
-            let excess = excess(&fitted);
-            Some(Point {
-                join: self.join(&fitted.best),
-                excess,
-                bottom: excess,
-                trial: fitted.best,
-            })
-        };
-        let starts: Vec<usize> = (0..points.len()).filter(lowest).collect();
-        let found: Vec<Point> = starts.into_par_iter().filter_map(minimum).collect();
-        points.extend(found);
-        points.sort_by(|a, b| a.join.total_cmp(&b.join));
+            let ([join_mean, join_precision], of_numbers) = (side.priors[0], &side.priors[1..]);
+            cost += join_precision * (joined[k].join - join_mean).powi(2);
+            for (i, [mean, precision]) in of_numbers.iter().enumerate() {
+                matrix[(start + i, start + i)] += precision;
+                moment[start + i] += precision * mean;
+                cost += precision * mean * mean;
+            }
+        }
+        let theta = solved(&matrix, &moment)?;
+        cost -= theta.dot(&moment);
+        let part = |k: usize| theta.column(0).rows(starts[k], counts[k]).into_owned();
+        Some((cost, [part(0), part(1)]))
     }
 
-    /// Adds a point in the middle of the cells, given by their lower and higher end and their width,
-    /// that are `open`.
-    fn add_between(
-        &self,
-        points: &mut Vec<Point>,
-        open: impl Fn(&Point, &Point, f64) -> bool + Sync,
-    ) {
-        let between = |pair: &[Point]| {
-            let (low, high) = by_excess(&pair[0], &pair[1]);
-            let is_open = open(low, high, (high.join - low.join).abs());
-            is_open.then(|| self.at(&low.trial, 0.5 * (low.join + high.join))).flatten()
-        };
-        let found: Vec<Point> = points.par_windows(2).filter_map(between).collect();
-        points.extend(found);
-        points.sort_by(|a, b| a.join.total_cmp(&b.join));
+    /// The trial with the joins at these places and all numbers at their least cost.
+    fn trial(&self, places: [usize; 2]) -> Option<EmsTrial> {
+        let best = &self.fitted.best;
+        let joined: [&Joined; 2] = std::array::from_fn(|k| &self.joined[k][places[k]]);
+        if joined.iter().zip(&self.sides).all(|(j, side)| j.join == side.own_join) {
+            return Some(best.clone());
+        }
+        let (_, theta) = self.pair(places)?;
+        let mut change = DVector::zeros(self.others.score.len());
+        let mut values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
+        for ((side, joined), theta) in self.sides.iter().zip(joined).zip(&theta) {
+            let rows = side.ordinates();
+            let of_side = &joined.map * theta + &joined.off;
+            change.rows_mut(rows.start, rows.len()).copy_from(&of_side);
+            values[side.number] = joined.join;
+            values[side.numbers()].iter_mut().skip(1).zip(theta).for_each(|(v, new)| *v = *new);
+        }
+        let step = &self.others.step - &self.others.by_ordinates * change;
+        self.others.places.iter().zip(step.iter()).for_each(|(j, step)| values[*j] += step);
+        Some(best.with(&values))
     }
 
-    fn join(&self, trial: &EmsTrial) -> f64 {
-        trial.candidate.branch(self.direction).join
+    /// C_b of side `k`.
+    fn points(&self, k: usize) -> Vec<Point> {
+        let own = |k: usize| {
+            let side = &self.sides[k];
+            self.joined[k].iter().position(|j| j.join == side.own_join).expect("it is among them")
+        };
+        let least = self.costs[(own(0), own(1))];
+        let of = |(i, joined): (usize, &Joined)| {
+            let pair = |j: usize| if k == 0 { [i, j] } else { [j, i] };
+            let cost = |j: usize| self.costs[(pair(j)[0], pair(j)[1])];
+            let count = self.joined[1 - k].len();
+            // The fit itself stays where its own join is, unless another pair is better.
+            let at_own = if i == own(k) { vec![own(1 - k)] } else { Vec::new() };
+            let others = at_own.into_iter().chain(0..count);
+            let best = others.min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
+            let excess = (cost(best) - least) / self.sides[k].reach;
+            Some(Point { join: joined.join, excess, trial: self.trial(pair(best))? })
+        };
+        self.joined[k].iter().enumerate().filter_map(of).collect()
     }
+
+    /// Fits from other joins of side `k`: from the lowest of those beside them, and from some within
+    /// reach, where the first order may hide a minimum.
+    fn minima(&self, training: &Training, k: usize, points: &[Point]) -> Vec<Point> {
+        let side = &self.sides[k];
+        let is_away = |point: &Point| (point.join - side.own_join).abs() > side.half_width;
+        let is_lowest = |i: usize| {
+            let beside = points[i.saturating_sub(1)..].iter().take(3);
+            points[i].excess < FAR
+                && beside.min_by(by_excess).is_some_and(|p| p.join == points[i].join)
+        };
+        let is_spaced = |point: &Point| {
+            let part = point.join / START_SPACING;
+            point.excess < STARTS_BELOW && (part - part.round()).abs() * START_SPACING < SAME
+        };
+        let starts: Vec<&Point> = (0..points.len())
+            .filter(|i| is_away(&points[*i]) && (is_lowest(*i) || is_spaced(&points[*i])))
+            .map(|i| &points[i])
+            .collect();
+        let excess = |fitted: &Fitted<EmsTrial>| (fitted.cost() - self.fitted.cost()) / side.reach;
+        let minimum = |start: &&Point| {
+            let mut fitted = likelihood::fit(training, &start.trial, SHORT)?;
+            if excess(&fitted) < FAR {
+                fitted = likelihood::fit(training, &fitted.best, NEXT)?;
+            }
+            let join = fitted.best.candidate.branch(side.direction).join;
+            Some(Point { join, excess: excess(&fitted), trial: fitted.best })
+        };
+        starts.par_iter().filter_map(minimum).collect()
+    }
+}
+
+fn by_excess(a: &&Point, b: &&Point) -> std::cmp::Ordering {
+    a.excess.total_cmp(&b.excess)
 }
 
 /// The lower point first.
-fn by_excess<'a>(a: &'a Point, b: &'a Point) -> (&'a Point, &'a Point) {
+fn lower_first<'a>(a: &'a Point, b: &'a Point) -> (&'a Point, &'a Point) {
     if a.excess <= b.excess { (a, b) } else { (b, a) }
 }
 
@@ -301,18 +410,23 @@ impl Joins {
 
     /// C_b about a fit, and the lowest trial that is better.
     fn about(training: &Training, fitted: &Fitted<EmsTrial>) -> (Self, Option<EmsTrial>) {
-        let spread = Spread::new(fitted);
-        let free = fitted.best.free();
-        let numbers = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
-        let search = |(direction, number): (Direction, usize)| {
-            let (half_width, reach) = to_first_order(&spread, direction, number);
-            let unit = Unit { least: fitted.cost(), reach };
-            let search = Search { training, fitted, direction, number, unit };
-            search.along(half_width)
-        };
-        let branches: Vec<(Direction, usize)> = Direction::BOTH.into_iter().zip(numbers).collect();
-        let (all, better): (Vec<Along>, Vec<_>) = branches.into_par_iter().map(search).unzip();
-        let better = better.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(landscape) = Landscape::about(training, fitted) else { return Default::default() };
+        let mut better: Option<(f64, EmsTrial)> = None;
+        let mut all = Vec::new();
+        for (k, side) in landscape.sides.iter().enumerate() {
+            let mut points = landscape.points(k);
+            let minima = landscape.minima(training, k, &points);
+            let promising = points.iter().filter(|point| point.excess < -PROMISING);
+            let found = minima.iter().filter(|point| point.excess < -BETTER);
+            if let Some(lowest) = promising.chain(found).min_by(by_excess) {
+                let gain = -lowest.excess * side.reach;
+                if better.as_ref().is_none_or(|known| gain > known.0) {
+                    better = Some((gain, lowest.trial.clone()));
+                }
+            }
+            points.extend(minima);
+            all.push(Along::new(side.direction, points));
+        }
         (Self(all), better.map(|(_, trial)| trial))
     }
 
@@ -343,9 +457,17 @@ const BETWEEN: usize = 8;
 const OF_DENSITY: usize = 24;
 
 impl Along {
+    fn new(direction: Direction, mut points: Vec<Point>) -> Self {
+        points.iter_mut().for_each(|point| point.excess = point.excess.max(0.0));
+        points.sort_by(|a, b| a.join.total_cmp(&b.join));
+        let mut along = Self { direction, points, central: [0.0; 2] };
+        along.central = along.quantiles([0.025, 0.975]);
+        along
+    }
+
     /// Pairs of neighbouring points, the lower one first.
     fn cells(&self) -> impl Iterator<Item = (&Point, &Point)> {
-        self.points.windows(2).map(|pair| by_excess(&pair[0], &pair[1]))
+        self.points.windows(2).map(|pair| lower_first(&pair[0], &pair[1]))
     }
 
     /// Joins in their order, each with the probability of a lower one under the density

@@ -31,7 +31,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use trocar_model::Friction;
+use trocar_model::{Friction, Ordinate};
 
 use super::prior::{Kind, Prior};
 use super::training::{INDEPENDENT, Run, Scale, Step, Training};
@@ -60,8 +60,6 @@ pub(crate) enum Column {
     Mass,
     /// Drift d_k of the friction scale.
     Drift(usize),
-    /// Left as it is.
-    Held,
 }
 
 /// One free parameter: its value, the step of its difference quotient, its range, and how it
@@ -118,6 +116,19 @@ pub(crate) trait Trial: Clone + Send + Sync {
     /// Drift amplitudes d_k.
     fn drift(&self) -> &[f64] {
         &[]
+    }
+    /// The ordinates of its branches.
+    fn ordinates(&self) -> Vec<Ordinate> {
+        Vec::new()
+    }
+    /// Derivatives of the force by the ordinates at the centres of the steps, from the model's state.
+    fn ordinate_rates(
+        _model: &Self::Model,
+        _state: &mut StateOf<Self>,
+        _ordinates: &mut [Ordinate],
+        _steps: &[Step],
+    ) -> Vec<Vec<f64>> {
+        Vec::new()
     }
     /// Force of each model at the centres of the steps, N, starting from its state.
     fn forces(
@@ -188,27 +199,37 @@ impl ScaleSums {
     }
 }
 
-/// Sums of one stroke at one parameter vector, before the scatter of the strokes is eliminated.
+/// Sums of one stroke that the scatter of the strokes needs.
 #[derive(Debug, Clone)]
 struct StrokeSums {
-    hessian: DMatrix<f64>,
-    score: DVector<f64>,
     /// Σ x·Z: with e_g, with e_(g−1).
     cross: [DVector<f64>; 2],
     scale: ScaleSums,
-    cost: f64,
-    steps: f64,
 }
 
-impl StrokeSums {
-    fn new(p: usize) -> Self {
+/// Sums of one cluster at one parameter vector, before the scatter of the strokes is eliminated.
+#[derive(Debug, Clone)]
+struct ClusterSums {
+    hessian: DMatrix<f64>,
+    score: DVector<f64>,
+    cost: f64,
+    steps: f64,
+    /// Number of its first stroke.
+    first: usize,
+    strokes: Vec<StrokeSums>,
+}
+
+impl ClusterSums {
+    fn new(strokes: Range<usize>, p: usize) -> Self {
+        let zeros = || DVector::zeros(p);
+        let of_stroke = || StrokeSums { cross: [zeros(), zeros()], scale: ScaleSums::default() };
         Self {
             hessian: DMatrix::zeros(p, p),
-            score: DVector::zeros(p),
-            cross: [DVector::zeros(p), DVector::zeros(p)],
-            scale: ScaleSums::default(),
+            score: zeros(),
             cost: 0.0,
             steps: 0.0,
+            first: strokes.start,
+            strokes: strokes.map(|_| of_stroke()).collect(),
         }
     }
 }
@@ -308,7 +329,7 @@ pub(crate) struct Normal {
     steps: f64,
     /// Scale of each stroke.
     pub(crate) scales: Vec<StrokeScale>,
-    strokes: Vec<StrokeSums>,
+    clusters: Vec<ClusterSums>,
 }
 
 impl Normal {
@@ -322,7 +343,8 @@ impl Normal {
         self.costs.iter().sum()
     }
 
-    fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
+    /// H and s of all clusters, with the priors.
+    pub(super) fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
         let p = self.scores[0].len();
         let mut hessian = self.hessians.iter().fold(DMatrix::zeros(p, p), |a, b| a + b);
         let mut score = self.scores.iter().fold(DVector::zeros(p), |a, b| a + b);
@@ -410,7 +432,7 @@ impl<'a> Predictor<'a> {
                 Source::Acceleration => step.acceleration,
                 Source::Delay => scale * rate,
                 Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
-                Source::Nothing => 0.0,
+                Source::Ordinate(lane) => scale * lanes[*lane][i],
             };
         }
         (residual, z)
@@ -463,6 +485,8 @@ pub(crate) enum Extra<T> {
     Acceleration,
     /// u·dF/dt: position delay of 1 s.
     Delay,
+    /// u·∂F/∂u_k: a column for each ordinate of the branches.
+    Ordinates,
 }
 
 /// Source of a column of the normal equations.
@@ -476,7 +500,8 @@ enum Source {
     Acceleration,
     Delay,
     Drift(usize),
-    Nothing,
+    /// Derivative of the simulated force by ordinate `lane`, after the simulations.
+    Ordinate(usize),
 }
 
 /// The simulations that the columns need (the trial's own first), and the columns.
@@ -485,6 +510,7 @@ struct Simulations<T: Trial> {
     models: Vec<T::Model>,
     /// Number of leading simulations that differ little.
     close: usize,
+    ordinates: Vec<Ordinate>,
     sources: Vec<Source>,
 }
 
@@ -500,7 +526,6 @@ impl<T: Trial> Simulations<T> {
                 Column::Offset => Source::Offset,
                 Column::Mass => Source::Acceleration,
                 Column::Drift(k) => Source::Drift(k),
-                Column::Held => Source::Nothing,
                 Column::Simulated => {
                     // Step away from a bound that lies within the step.
                     let step = if f.value + f.step > f.high { -f.step } else { f.step };
@@ -512,6 +537,7 @@ impl<T: Trial> Simulations<T> {
             });
         }
         let close = trials.len();
+        let mut ordinates = Vec::new();
         for column in extra {
             sources.push(match column {
                 Extra::Secant(other) => {
@@ -520,10 +546,15 @@ impl<T: Trial> Simulations<T> {
                 }
                 Extra::Acceleration => Source::Acceleration,
                 Extra::Delay => Source::Delay,
+                Extra::Ordinates => {
+                    ordinates = trial.ordinates();
+                    continue;
+                }
             });
         }
+        sources.extend((0..ordinates.len()).map(|k| Source::Ordinate(trials.len() + k)));
         let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-        Some(Self { trials, models, close, sources })
+        Some(Self { trials, models, close, ordinates, sources })
     }
 }
 
@@ -551,43 +582,53 @@ fn normal_equations<T: Trial>(
     trial: &T,
     extra: &[Extra<T>],
 ) -> Option<Normal> {
-    let Simulations { trials, models, close, sources } = Simulations::new(trial, extra)?;
-    let p = sources.len();
+    let simulations = Simulations::new(trial, extra)?;
+    let p = simulations.sources.len();
     let predictor = Predictor::new(training, trial);
-    let mut strokes = vec![StrokeSums::new(p); training.strokes.len()];
-    let threads = rayon::current_num_threads() as f64;
+    let mut clusters: Vec<ClusterSums> =
+        training.cluster_strokes().map(|strokes| ClusterSums::new(strokes, p)).collect();
     let total: usize = training.runs.iter().map(|run| run.steps.len()).sum();
-    let of_run = |(run, strokes): (&Run, &mut [StrokeSums])| {
-        let parts = (threads * run.steps.len() as f64 / total as f64).round().max(1.0) as usize;
-        let parts = parts.min(close.div_ceil(TOGETHER));
-        let mut states: Vec<StateOf<T>> =
-            models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
-        let mut before = 0.0;
-        for block in run.steps.chunks(BLOCK) {
-            cancel::check();
-            let forces = T::forces(&models, &mut states, Lanes { close, parts }, block);
-            accumulate(
-                &predictor,
-                block,
-                &forces,
-                &sources,
-                before,
-                &mut strokes[block[0].stroke - run.strokes().start..],
-            );
-            before = *forces[0].last().expect("a block has steps");
-        }
-    };
-    let mut rest = strokes.as_mut_slice();
-    let mut runs: Vec<(&Run, &mut [StrokeSums])> = Vec::with_capacity(training.runs.len());
+    let mut rest = clusters.as_mut_slice();
+    let mut runs: Vec<(&Run, &mut [ClusterSums])> = Vec::with_capacity(training.runs.len());
     for run in &training.runs {
-        let (own, others) = rest.split_at_mut(run.strokes().len());
+        let count = rest.iter().filter(|c| c.first < run.strokes().end).count();
+        let (own, others) = rest.split_at_mut(count);
         runs.push((run, own));
         rest = others;
     }
-    runs.into_par_iter().for_each(of_run);
+    runs.into_par_iter().for_each(|(run, clusters)| {
+        let share = run.steps.len() as f64 / total as f64;
+        sum_over(&predictor, &simulations, run, share, clusters);
+    });
     let mut prior = prior(training, trial);
     prior.resize(p, (0.0, 0.0));
-    Some(training.eliminated(strokes, &predictor.drift, prior))
+    Some(training.eliminated(clusters, &predictor.drift, prior))
+}
+
+/// Adds the steps of a run, `share` of all, to the sums of its clusters.
+fn sum_over<T: Trial>(
+    predictor: &Predictor,
+    simulations: &Simulations<T>,
+    run: &Run,
+    share: f64,
+    clusters: &mut [ClusterSums],
+) {
+    let Simulations { trials, models, close, ordinates, sources } = simulations;
+    let parts = (rayon::current_num_threads() as f64 * share).round().max(1.0) as usize;
+    let lanes = Lanes { close: *close, parts: parts.min(close.div_ceil(TOGETHER)) };
+    let mut states: Vec<StateOf<T>> =
+        models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
+    let (mut ordinates, mut of_ordinates) = (ordinates.clone(), states[0].clone());
+    let mut before = 0.0;
+    for block in run.steps.chunks(BLOCK) {
+        cancel::check();
+        let mut forces = T::forces(models, &mut states, lanes, block);
+        if !ordinates.is_empty() {
+            forces.extend(T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block));
+        }
+        accumulate(predictor, block, &forces, sources, before, clusters);
+        before = *forces[0].last().expect("a block has steps");
+    }
 }
 
 /// One step as the likelihood sees it, at given parameters.
@@ -621,7 +662,7 @@ impl Row {
 /// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid
 /// model.
 pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
-    let Simulations { trials, models, close, sources } = Simulations::new(trial, &[])?;
+    let Simulations { trials, models, close, sources, .. } = Simulations::new(trial, &[])?;
     let predictor = Predictor::new(training, trial);
     let of_run = |(number, run): (usize, &Run)| {
         cancel::check();
@@ -664,39 +705,34 @@ pub(crate) struct Lanes {
     pub(crate) parts: usize,
 }
 
-/// Adds the steps of a block to the sums of its strokes and of later ones; `before` is the force
-/// simulated before it.
+/// Adds the steps of a block to the sums of its clusters, among those of a run; `before` is the
+/// force simulated before it.
 fn accumulate(
     predictor: &Predictor,
     block: &[Step],
     lanes: &[Vec<f64>],
     sources: &[Source],
     before: f64,
-    strokes: &mut [StrokeSums],
+    clusters: &mut [ClusterSums],
 ) {
-    let mut from = 0;
-    let of_strokes: Vec<Range<usize>> = block
-        .chunk_by(|a, b| a.stroke == b.stroke)
-        .map(|chunk| {
-            from += chunk.len();
-            from - chunk.len()..from
-        })
-        .collect();
-    let sums = strokes.par_iter_mut().zip(of_strokes);
-    sums.for_each(|(sums, range)| {
-        accumulate_stroke(predictor, block, range, lanes, sources, before, sums)
+    let from_stroke = |stroke: usize| block.partition_point(|step| step.stroke < stroke);
+    clusters.par_iter_mut().for_each(|cluster| {
+        let range = from_stroke(cluster.first)..from_stroke(cluster.first + cluster.strokes.len());
+        if !range.is_empty() {
+            accumulate_cluster(predictor, block, range, lanes, sources, before, cluster);
+        }
     });
 }
 
-/// The steps `range` of a block, all within one stroke.
-fn accumulate_stroke(
+/// The steps `range` of a block, all within one cluster.
+fn accumulate_cluster(
     predictor: &Predictor,
     block: &[Step],
     range: Range<usize>,
     lanes: &[Vec<f64>],
     sources: &[Source],
     before: f64,
-    sums: &mut StrokeSums,
+    cluster: &mut ClusterSums,
 ) {
     let p = sources.len();
     let mut row = vec![0.0; p];
@@ -707,15 +743,16 @@ fn accumulate_stroke(
         }
         let (residual, z) = predictor.row(block, i, lanes, sources, before, &mut row);
         let weight = step.weight;
-        sums.steps += step.independent;
-        sums.cost += weight * residual * residual;
-        sums.scale.add(weight, residual, z);
-        let hessian = sums.hessian.as_mut_slice();
+        cluster.steps += step.independent;
+        cluster.cost += weight * residual * residual;
+        let stroke = &mut cluster.strokes[step.stroke - cluster.first];
+        stroke.scale.add(weight, residual, z);
+        let hessian = cluster.hessian.as_mut_slice();
         for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
             let scaled = weight * a;
-            sums.score[j] += scaled * residual;
-            sums.cross[0][j] += scaled * z[0];
-            sums.cross[1][j] += scaled * z[1];
+            cluster.score[j] += scaled * residual;
+            stroke.cross[0][j] += scaled * z[0];
+            stroke.cross[1][j] += scaled * z[1];
             // Lower triangle, column by column.
             let column = &mut hessian[j * p + j..(j + 1) * p];
             column.iter_mut().zip(&row[j..]).for_each(|(h, b)| *h += scaled * b);
@@ -776,44 +813,34 @@ impl Training {
     /// The normal equations with the scatter of the strokes eliminated, summed by cluster.
     fn eliminated(
         &self,
-        mut strokes: Vec<StrokeSums>,
+        mut clusters: Vec<ClusterSums>,
         drift: &[f64],
         prior: Vec<(f64, f64)>,
     ) -> Normal {
-        let p = strokes.first().map_or(0, |s| s.score.len());
-        strokes.iter_mut().for_each(|s| s.hessian.fill_upper_triangle_with_lower_triangle());
+        clusters.iter_mut().for_each(|c| c.hessian.fill_upper_triangle_with_lower_triangle());
         let mut normal = Normal {
-            hessians: Vec::with_capacity(self.clusters()),
-            scores: Vec::with_capacity(self.clusters()),
-            costs: Vec::with_capacity(self.clusters()),
+            hessians: Vec::with_capacity(clusters.len()),
+            scores: Vec::with_capacity(clusters.len()),
+            costs: Vec::with_capacity(clusters.len()),
             prior,
-            steps: strokes.iter().map(|s| s.steps).sum(),
-            scales: Vec::with_capacity(strokes.len()),
-            strokes: Vec::new(),
+            steps: clusters.iter().map(|c| c.steps).sum(),
+            scales: Vec::with_capacity(self.strokes.len()),
+            clusters: Vec::new(),
         };
-        for range in self.cluster_strokes() {
-            let cluster = Cluster::new(
-                &strokes[range.clone()],
-                range.start,
-                p,
-                &self.scale,
-                self.scale.lambda,
-            );
-            for (index, scatter) in range.zip(cluster.scatter) {
-                let sums = strokes[index].scale;
+        for sums in &clusters {
+            let cluster = Cluster::new(sums, &self.scale, self.scale.lambda);
+            let scatters = sums.strokes.iter().zip(&cluster.scatter);
+            for (drift, (stroke, scatter)) in drift[sums.first..].iter().zip(scatters) {
+                let sums = stroke.scale;
                 let own = if sums.own > 0.0 { sums.moment / sums.own } else { 0.0 };
-                let value = if self.scale.is_free { drift[index] + scatter } else { 0.0 };
-                normal.scales.push(StrokeScale {
-                    value,
-                    own: drift[index] + own,
-                    information: sums.own,
-                });
+                let value = if self.scale.is_free { drift + scatter } else { 0.0 };
+                normal.scales.push(StrokeScale { value, own: drift + own, information: sums.own });
             }
             normal.hessians.push(cluster.hessian);
             normal.scores.push(cluster.score);
             normal.costs.push(cluster.cost);
         }
-        normal.strokes = strokes;
+        normal.clusters = clusters;
         normal
     }
 }
@@ -830,12 +857,13 @@ struct Cluster {
 }
 
 impl Cluster {
-    fn new(strokes: &[StrokeSums], first: usize, p: usize, scale: &Scale, lambda: f64) -> Self {
-        let count = strokes.len();
+    fn new(sums: &ClusterSums, scale: &Scale, lambda: f64) -> Self {
+        let ClusterSums { strokes, first, .. } = sums;
+        let (count, p) = (strokes.len(), sums.score.len());
         let mut cluster = Self {
-            hessian: strokes.iter().fold(DMatrix::zeros(p, p), |sum, s| sum + &s.hessian),
-            score: strokes.iter().fold(DVector::zeros(p), |sum, s| sum + &s.score),
-            cost: strokes.iter().map(|s| s.cost).sum(),
+            hessian: sums.hessian.clone(),
+            score: sums.score.clone(),
+            cost: sums.cost,
             scatter: vec![0.0; count],
             determinant: 0.0,
         };
@@ -844,7 +872,7 @@ impl Cluster {
         }
         let factored = Scatter::new(
             &with_stroke_before(strokes.iter().map(|s| s.scale)),
-            first,
+            *first,
             scale,
             lambda,
         );
@@ -1026,11 +1054,6 @@ impl<T: Trial> Fitted<T> {
         self.remaining().dot(&score) / self.normal.cost().max(f64::MIN_POSITIVE)
     }
 
-    /// The same with other ranges of the free parameters.
-    pub(crate) fn promised_to(&self, free: &[Free]) -> f64 {
-        promised(&self.normal, free)
-    }
-
     /// Changes of the free parameters with one cluster left out each, and their covariance if all
     /// samples were independent. Both use a weak prior of `widths` (standard deviations), so
     /// parameters that the data do not determine stay finite. A parameter held at a bound does not
@@ -1064,6 +1087,12 @@ impl<T: Trial> Fitted<T> {
     /// prior.
     pub(crate) fn prior_precisions(&self) -> Vec<f64> {
         self.normal.prior.iter().map(|(_, precision)| *precision).collect()
+    }
+
+    /// Mean and precision of the prior of free parameter `j`, which has `value`.
+    pub(super) fn prior(&self, j: usize, value: f64) -> [f64; 2] {
+        let (off, precision) = self.normal.prior[j];
+        [value - off, precision]
     }
 
     /// Information of each cluster along `direction`, relative to the others: dᵀ·H_g·d.
@@ -1209,9 +1238,8 @@ impl Normal {
         let (mut hessian, mut score) = (DMatrix::zeros(p, p), DVector::zeros(p));
         let (mut cost, mut determinants) = (0.0, 0.0);
         let lambda = sigma2 / tau2;
-        for range in training.cluster_strokes() {
-            let cluster =
-                Cluster::new(&self.strokes[range.clone()], range.start, p, &training.scale, lambda);
+        for sums in &self.clusters {
+            let cluster = Cluster::new(sums, &training.scale, lambda);
             hessian += cluster.hessian;
             score += cluster.score;
             cost += cluster.cost;

@@ -147,6 +147,47 @@ impl BranchShape {
         fixed
     }
 
+    /// The numbers of the shape after its join, in the order of [`BranchShape::visit`].
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let higher = self.left.iter().chain(&self.right);
+        std::iter::once(&self.join_force).chain(higher).copied().collect()
+    }
+
+    /// The shape with these `degrees` and numbers after its join.
+    pub(super) fn from_numbers(join: f64, degrees: [usize; 2], numbers: &[f64]) -> Self {
+        Self {
+            join,
+            join_force: numbers[0],
+            left: numbers[1..degrees[0]].to_vec(),
+            right: numbers[degrees[0]..].to_vec(),
+        }
+    }
+
+    /// The forces at each of `at`, z/c, and after them the slope at the end `end` = ±1, N: a matrix
+    /// times the numbers after the join, plus a vector.
+    pub(super) fn ordinates(
+        join: f64,
+        degrees: [usize; 2],
+        end_forces: EndForces,
+        at: impl Iterator<Item = f64>,
+        end: f64,
+    ) -> (DMatrix<f64>, DVector<f64>) {
+        // Difference quotient of a polynomial of low degree.
+        const STEP: f64 = 1e-5;
+        let columns = degrees[0] + degrees[1] - 1;
+        let row = |u: f64| {
+            let mut row = vec![0.0; columns];
+            let fixed = Self::row(join, degrees, end_forces, u, &mut row);
+            (DVector::from_vec(row), fixed)
+        };
+        let (at_end, inside) = (row(end), row(end - end * STEP));
+        let slope = |a: f64, b: f64| (a - b) / (end * STEP);
+        let of_slope = (at_end.0.zip_map(&inside.0, slope), slope(at_end.1, inside.1));
+        let rows: Vec<(DVector<f64>, f64)> = at.map(row).chain([of_slope]).collect();
+        let matrix = DMatrix::from_fn(rows.len(), columns, |i, j| rows[i].0[j]);
+        (matrix, DVector::from_iterator(rows.len(), rows.iter().map(|row| row.1)))
+    }
+
     /// Least squares for a given join (EMS (26)): the shape and the mean square residual, N².
     ///
     /// The basis is so well conditioned that the normal equations lose no accuracy.
@@ -171,13 +212,7 @@ impl BranchShape {
         }
         let theta = normal.cholesky()?.solve(&moment);
         let left_over: f64 = squares - theta.dot(&moment);
-        let theta = theta.as_slice();
-        let shape = Self {
-            join,
-            join_force: theta[0],
-            left: theta[1..degrees[0]].to_vec(),
-            right: theta[degrees[0]..].to_vec(),
-        };
+        let shape = Self::from_numbers(join, degrees, theta.as_slice());
         Some((shape, left_over.max(0.0) / points.len() as f64))
     }
 

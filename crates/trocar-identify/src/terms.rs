@@ -146,11 +146,11 @@ impl Term {
     /// Trials with the term, at each shape that is tried; the first number is the degree to which
     /// it is active.
     pub(super) fn variants(self, from: &EmsTrial, speeds: [f64; 2]) -> Vec<EmsTrial> {
-        let EmsTrial { candidate, mut layout, drift, held } = from.clone();
+        let EmsTrial { candidate, mut layout, drift } = from.clone();
         let force = candidate.insertion.coulomb_force;
         let mut all = Vec::new();
         let mut add = |candidate: Candidate, layout: Layout| {
-            all.push(EmsTrial { candidate, layout, drift: drift.clone(), held: held.clone() })
+            all.push(EmsTrial { candidate, layout, drift: drift.clone() })
         };
         match self {
             Self::Stribeck => {

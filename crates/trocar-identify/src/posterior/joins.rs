@@ -75,11 +75,7 @@ impl FollowedJoin {
         let row = factor.row(self.join);
         let variance = row.norm_squared();
         let Some(moved) = self.drawn(values[self.join], off / variance.sqrt()) else { return };
-        let numbers = |shape: &BranchShape| {
-            let all = std::iter::once(shape.join_force).chain(shape.left.iter().copied());
-            all.chain(shape.right.iter().copied()).collect::<Vec<_>>()
-        };
-        let both = numbers(&moved).into_iter().zip(numbers(&self.shape));
+        let both = moved.numbers().into_iter().zip(self.shape.numbers());
         for (k, (there, here)) in both.enumerate() {
             let j = self.join + 1 + k;
             values[j] += there - here - factor.row(j).dot(&row) / variance * off;
