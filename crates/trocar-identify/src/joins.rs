@@ -46,9 +46,9 @@ use super::training::Training;
 const CELLS: i32 = 56;
 /// Joins beside the best one, in units of its half width.
 const BESIDE: [f64; 10] = [-2.0, -1.5, -1.0, -0.5, -0.25, 0.25, 0.5, 1.0, 1.5, 2.0];
-/// Distance of the joins from which fits are tried, and the excess up to which they are: beyond it
-/// the first order may miss a minimum within reach only if it is wrong by more than the reach.
-const START_SPACING: f64 = 0.1;
+/// Distance of joins within which there is one minimum, and the excess up to which others are fitted:
+/// beyond it the first order misses one within reach only if it is wrong by several times the reach.
+const APART: f64 = 0.1;
 const STARTS_BELOW: f64 = 4.0;
 /// Excess above which a fit is not continued.
 const FAR: f64 = 5.0;
@@ -339,26 +339,17 @@ impl<'a> Landscape<'a> {
         self.joined[k].iter().enumerate().filter_map(of).collect()
     }
 
-    /// Fits from other joins of side `k`: from the lowest of those beside them, and from some within
-    /// reach, where the first order may hide a minimum.
+    /// Fits from the other minima along the joins of side `k` that may be within reach.
     fn minima(&self, training: &Training, k: usize, points: &[Point]) -> Vec<Point> {
         let side = &self.sides[k];
-        let is_away = |point: &Point| (point.join - side.own_join).abs() > side.half_width;
-        let is_lowest = |i: usize| {
-            let beside = points[i.saturating_sub(1)..].iter().take(3);
-            points[i].excess < FAR
-                && beside.min_by(by_excess).is_some_and(|p| p.join == points[i].join)
+        let is_minimum = |point: &&Point| {
+            let beside = points.iter().filter(|p| (p.join - point.join).abs() < APART);
+            let is_lowest = beside.min_by(by_excess).is_some_and(|p| p.join == point.join);
+            let from_best = (point.join - side.own_join).abs();
+            is_lowest && point.excess < STARTS_BELOW && from_best > side.half_width
         };
-        let is_spaced = |point: &Point| {
-            let part = point.join / START_SPACING;
-            point.excess < STARTS_BELOW && (part - part.round()).abs() * START_SPACING < SAME
-        };
-        let starts: Vec<&Point> = (0..points.len())
-            .filter(|i| is_away(&points[*i]) && (is_lowest(*i) || is_spaced(&points[*i])))
-            .map(|i| &points[i])
-            .collect();
         let excess = |fitted: &Fitted<EmsTrial>| (fitted.cost() - self.fitted.cost()) / side.reach;
-        let minimum = |start: &&Point| {
+        let minimum = |start: &Point| {
             let mut fitted = likelihood::fit(training, &start.trial, SHORT)?;
             if excess(&fitted) < FAR {
                 fitted = likelihood::fit(training, &fitted.best, NEXT)?;
@@ -366,7 +357,20 @@ impl<'a> Landscape<'a> {
             let join = fitted.best.candidate.branch(side.direction).join;
             Some(Point { join, excess: excess(&fitted), trial: fitted.best })
         };
-        starts.par_iter().filter_map(minimum).collect()
+        let starts: Vec<&Point> = points.iter().filter(is_minimum).collect();
+        starts.into_par_iter().filter_map(minimum).collect()
+    }
+}
+
+impl Landscape<'_> {
+    /// The trial with the lowest cost of all points of both sides that lie below `excess`.
+    fn lowest(&self, points: &[Vec<Point>; 2], excess: f64) -> Option<EmsTrial> {
+        let of_side = |(side, points): (&Side, &'_ Vec<Point>)| {
+            let lowest = points.iter().min_by(by_excess).filter(|point| point.excess < excess)?;
+            Some((lowest.excess * side.reach, lowest.trial.clone()))
+        };
+        let both = self.sides.iter().zip(points).filter_map(of_side);
+        both.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, trial)| trial)
     }
 }
 
@@ -411,23 +415,19 @@ impl Joins {
     /// C_b about a fit, and the lowest trial that is better.
     fn about(training: &Training, fitted: &Fitted<EmsTrial>) -> (Self, Option<EmsTrial>) {
         let Some(landscape) = Landscape::about(training, fitted) else { return Default::default() };
-        let mut better: Option<(f64, EmsTrial)> = None;
-        let mut all = Vec::new();
-        for (k, side) in landscape.sides.iter().enumerate() {
-            let mut points = landscape.points(k);
-            let minima = landscape.minima(training, k, &points);
-            let promising = points.iter().filter(|point| point.excess < -PROMISING);
-            let found = minima.iter().filter(|point| point.excess < -BETTER);
-            if let Some(lowest) = promising.chain(found).min_by(by_excess) {
-                let gain = -lowest.excess * side.reach;
-                if better.as_ref().is_none_or(|known| gain > known.0) {
-                    better = Some((gain, lowest.trial.clone()));
-                }
-            }
-            points.extend(minima);
-            all.push(Along::new(side.direction, points));
+        let mut points = [0, 1].map(|k| landscape.points(k));
+        if let Some(better) = landscape.lowest(&points, -PROMISING) {
+            return (Self::of(&landscape, points), Some(better));
         }
-        (Self(all), better.map(|(_, trial)| trial))
+        let minima = [0, 1].map(|k| landscape.minima(training, k, &points[k]));
+        let better = landscape.lowest(&minima, -BETTER);
+        points.iter_mut().zip(minima).for_each(|(points, minima)| points.extend(minima));
+        (Self::of(&landscape, points), better)
+    }
+
+    fn of(landscape: &Landscape, points: [Vec<Point>; 2]) -> Self {
+        let sides = landscape.sides.iter().zip(points);
+        Self(sides.map(|(side, points)| Along::new(side.direction, points)).collect())
     }
 
     /// C_b of all branches.
