@@ -52,6 +52,11 @@ const APART: f64 = 0.1;
 const STARTS_BELOW: f64 = 4.0;
 /// Excess above which a fit is not continued.
 const FAR: f64 = 5.0;
+/// Added to the information of a number, as a part of it: of the branches, for rounding alone; of the
+/// others, since along flat directions, such as from one stage to another, the first order would
+/// lead where it does not hold.
+const ROUNDING: f64 = 1e-9;
+const DAMPING: f64 = 1e-5;
 /// Joins that count as the same.
 const SAME: f64 = 1e-3;
 /// Excess below 0 that a start for another fit promises.
@@ -61,6 +66,8 @@ const BETTER: f64 = 0.01;
 /// Most better minima that are followed.
 const SEARCHES: usize = 4;
 
+/// Stopping criteria of the fits that follow a better pair of joins, and of those from a minimum.
+const NEAR: Stop = Stop { iterations: 15, fall: 1e-3, promise: 10.0 * 1e-3 };
 const SHORT: Stop = Stop { iterations: 2, fall: 1e-4, promise: f64::INFINITY };
 const NEXT: Stop = Stop { iterations: 6, fall: 1e-4, promise: f64::INFINITY };
 
@@ -181,24 +188,22 @@ struct Landscape<'a> {
 
 /// All numbers but those of the branches, and what they leave of the normal equations.
 struct Others {
-    /// Places of those that are not held; their step at d = 0, and its change with d.
+    /// Places of those that are not held, and how they follow d.
     places: Vec<usize>,
-    step: DVector<f64>,
     by_ordinates: DMatrix<f64>,
     /// s, S.
     score: DVector<f64>,
     information: DMatrix<f64>,
 }
 
-/// The solution of a positive definite system; it is scaled to a unit diagonal, and held by a
-/// ridge where the data determine nothing.
-fn solved(matrix: &DMatrix<f64>, right: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    const RIDGE: f64 = 1e-9;
+/// The solution of a positive definite system that is scaled to a unit diagonal, on which `ridge`
+/// is added: it holds what the data do not determine.
+fn solved(matrix: &DMatrix<f64>, right: &DMatrix<f64>, ridge: f64) -> Option<DMatrix<f64>> {
     let n = matrix.nrows();
     let inverse = DVector::from_fn(n, |i, _| 1.0 / matrix[(i, i)].max(f64::MIN_POSITIVE).sqrt());
     let scaled = DMatrix::from_fn(n, n, |i, j| {
-        let ridge = if i == j { RIDGE } else { 0.0 };
-        matrix[(i, j)] * inverse[i] * inverse[j] + ridge
+        let added = if i == j { ridge } else { 0.0 };
+        matrix[(i, j)] * inverse[i] * inverse[j] + added
     });
     let scale = DMatrix::from_diagonal(&inverse);
     Some(&scale * scaled.cholesky()?.solve(&(&scale * right)))
@@ -216,14 +221,13 @@ impl Others {
             .filter(|j| !fitted.held[*j] && hessian[(*j, *j)] > 0.0)
             .collect();
         let mixed = hessian.select_rows(&places).select_columns(&ordinates);
-        let of_places = DMatrix::from_columns(&[score.select_rows(&places)]);
         let between = hessian.select_rows(&places).select_columns(&places);
-        let step: DVector<f64> = solved(&between, &of_places)?.column(0).into_owned();
-        let by_ordinates = solved(&between, &mixed)?;
-        let score = score.select_rows(&ordinates) - mixed.tr_mul(&step);
+        let by_ordinates = solved(&between, &mixed, DAMPING)?;
+        // At the minimum their own score is 0, but for kinks of the cost, which no step would follow.
+        let score = score.select_rows(&ordinates);
         let information = hessian.select_rows(&ordinates).select_columns(&ordinates)
             - mixed.tr_mul(&by_ordinates);
-        Some(Self { places, step, by_ordinates, score, information })
+        Some(Self { places, by_ordinates, score, information })
     }
 
     fn joined(&self, side: &Side, candidate: &Candidate, join: f64) -> Joined {
@@ -290,7 +294,7 @@ impl<'a> Landscape<'a> {
                 cost += precision * mean * mean;
             }
         }
-        let theta = solved(&matrix, &moment)?;
+        let theta = solved(&matrix, &moment, ROUNDING)?;
         cost -= theta.dot(&moment);
         let part = |k: usize| theta.column(0).rows(starts[k], counts[k]).into_owned();
         Some((cost, [part(0), part(1)]))
@@ -313,7 +317,7 @@ impl<'a> Landscape<'a> {
             values[side.number] = joined.join;
             values[side.numbers()].iter_mut().skip(1).zip(theta).for_each(|(v, new)| *v = *new);
         }
-        let step = &self.others.step - &self.others.by_ordinates * change;
+        let step = -(&self.others.by_ordinates * change);
         self.others.places.iter().zip(step.iter()).for_each(|(j, step)| values[*j] += step);
         Some(best.with(&values))
     }
@@ -401,6 +405,15 @@ impl Joins {
         mut fitted: Fitted<EmsTrial>,
         stop: Stop,
     ) -> (Fitted<EmsTrial>, Self) {
+        for _ in 0..SEARCHES {
+            let better = Self::promising(training, &fitted);
+            let again = better.and_then(|from| likelihood::fit(training, &from, NEAR));
+            match again.filter(|again| again.cost() < fitted.cost()) {
+                Some(again) => fitted = again,
+                None => break,
+            }
+        }
+        fitted = likelihood::fit(training, &fitted.best, stop).unwrap_or(fitted);
         for last in (0..SEARCHES).rev() {
             let (joins, better) = Self::about(training, &fitted);
             let again = better.and_then(|from| likelihood::fit(training, &from, stop));
@@ -412,22 +425,21 @@ impl Joins {
         unreachable!("the last search ends")
     }
 
+    /// The trial with other joins that is better than the fit to first order.
+    fn promising(training: &Training, fitted: &Fitted<EmsTrial>) -> Option<EmsTrial> {
+        let landscape = Landscape::about(training, fitted)?;
+        landscape.lowest(&[0, 1].map(|k| landscape.points(k)), -PROMISING)
+    }
+
     /// C_b about a fit, and the lowest trial that is better.
     fn about(training: &Training, fitted: &Fitted<EmsTrial>) -> (Self, Option<EmsTrial>) {
         let Some(landscape) = Landscape::about(training, fitted) else { return Default::default() };
-        let mut points = [0, 1].map(|k| landscape.points(k));
-        if let Some(better) = landscape.lowest(&points, -PROMISING) {
-            return (Self::of(&landscape, points), Some(better));
-        }
+        let points = [0, 1].map(|k| landscape.points(k));
         let minima = [0, 1].map(|k| landscape.minima(training, k, &points[k]));
         let better = landscape.lowest(&minima, -BETTER);
-        points.iter_mut().zip(minima).for_each(|(points, minima)| points.extend(minima));
-        (Self::of(&landscape, points), better)
-    }
-
-    fn of(landscape: &Landscape, points: [Vec<Point>; 2]) -> Self {
-        let sides = landscape.sides.iter().zip(points);
-        Self(sides.map(|(side, points)| Along::new(side.direction, points)).collect())
+        let sides = landscape.sides.iter().zip(points).zip(minima);
+        let all = sides.map(|((side, points), minima)| Along::new(side, points, minima)).collect();
+        (Self(all), better)
     }
 
     /// C_b of all branches.
@@ -457,10 +469,24 @@ const BETWEEN: usize = 8;
 const OF_DENSITY: usize = 24;
 
 impl Along {
-    fn new(direction: Direction, mut points: Vec<Point>) -> Self {
+    /// The points, each with the error that the first order has at the fit nearest to it: that of the
+    /// side, or from another minimum.
+    fn new(side: &Side, mut points: Vec<Point>, minima: Vec<Point>) -> Self {
+        let by_distance = |a: f64, b: f64, join: f64| (a - join).abs().total_cmp(&(b - join).abs());
+        let error = |minimum: &Point| {
+            let beside = points.iter().min_by(|a, b| by_distance(a.join, b.join, minimum.join));
+            (minimum.join, beside.map_or(0.0, |point| minimum.excess - point.excess))
+        };
+        let errors: Vec<(f64, f64)> =
+            minima.iter().map(error).chain([(side.own_join, 0.0)]).collect();
+        for point in &mut points {
+            let nearest = errors.iter().min_by(|a, b| by_distance(a.0, b.0, point.join));
+            point.excess += nearest.map_or(0.0, |error| error.1);
+        }
+        points.extend(minima);
         points.iter_mut().for_each(|point| point.excess = point.excess.max(0.0));
         points.sort_by(|a, b| a.join.total_cmp(&b.join));
-        let mut along = Self { direction, points, central: [0.0; 2] };
+        let mut along = Self { direction: side.direction, points, central: [0.0; 2] };
         along.central = along.quantiles([0.025, 0.975]);
         along
     }

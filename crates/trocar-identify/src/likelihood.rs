@@ -169,6 +169,8 @@ pub(crate) struct Fitted<T> {
     pub(crate) rms: [f64; 2],
     pub(crate) iterations: usize,
     pub(crate) converged: bool,
+    /// Damping with which the last step was tried.
+    pub(crate) damping: f64,
     /// Free parameters held at a bound.
     pub(crate) held: Vec<bool>,
     /// Whether the fit had a prior of the seal's parameters.
@@ -618,7 +620,7 @@ fn sum_over<T: Trial>(
     let lanes = Lanes { close: *close, parts: parts.min(close.div_ceil(TOGETHER)) };
     let mut states: Vec<StateOf<T>> =
         models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
-    let (mut ordinates, mut of_ordinates) = (ordinates.clone(), states[0].clone());
+    let (mut ordinates, mut of_ordinates) = (ordinates.clone(), states[0]);
     let mut before = 0.0;
     for block in run.steps.chunks(BLOCK) {
         cancel::check();
@@ -942,6 +944,9 @@ fn step_within(
     }
 }
 
+/// Largest damping of the step that counts as remaining: what is known to a thirtieth of what it is
+/// without the other numbers is not damped.
+const MOST_REMAINING: f64 = 1e-3;
 /// Damping above which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
 
@@ -990,7 +995,18 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     let has_prior = !training.prior.is_empty();
     let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
     let score_variance = ripple.and_then(|ripple| ripple.score_variance(training, &best));
-    Some(Fitted { best, rms, iterations, converged, held, has_prior, score_variance, normal })
+    let damping = lambda;
+    Some(Fitted {
+        best,
+        rms,
+        iterations,
+        converged,
+        damping,
+        held,
+        has_prior,
+        score_variance,
+        normal,
+    })
 }
 
 /// Fraction of C that an undamped step would remove if the model were linear.
@@ -1041,10 +1057,12 @@ impl<T: Trial> Fitted<T> {
         (hessian, score)
     }
 
-    /// The remaining undamped step: the distance to the minimum, to first order.
+    /// The remaining step: the distance to the minimum, to first order. It is damped as the last one
+    /// was: along flat directions, where only less was true, the undamped one leads nowhere.
     pub(crate) fn remaining(&self) -> DVector<f64> {
         let (hessian, score) = self.sums();
-        damped_step(&hessian, &score, 1e-6, &self.held)
+        let damping = self.damping.clamp(1e-6, MOST_REMAINING);
+        damped_step(&hessian, &score, damping, &self.held)
             .unwrap_or_else(|| DVector::zeros(score.len()))
     }
 
@@ -1117,6 +1135,8 @@ pub(crate) struct OneStep {
     pub(crate) degrees: f64,
     /// Fraction of C that it removes.
     pub(crate) gain: f64,
+    /// The step of all columns.
+    pub(crate) step: DVector<f64>,
 }
 
 impl Normal {
@@ -1166,6 +1186,7 @@ impl Normal {
             standard_error: moderated.sqrt(),
             degrees: degrees + MODEL_DEGREES,
             gain: (with.dot(&score) - before.dot(&score)) / self.cost().max(f64::MIN_POSITIVE),
+            step: with,
         })
     }
 }

@@ -21,11 +21,11 @@ use serde::Serialize;
 use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::estimate::{f_p_value, t_p_value};
+use super::estimate::{MANY_DEGREES, f_p_value, t_p_value};
 use super::findings::Progress;
-use super::likelihood::{self, Extra, Fitted, Normal, Stop};
+use super::likelihood::{self, Extra, Fitted, OneStep, Stop, Trial};
 use super::numbers;
-use super::spread::variance;
+use super::spread::{Spread, variance};
 use super::training::Training;
 
 /// Error rate of the selection over all columns of a run.
@@ -246,6 +246,32 @@ impl Term {
         Some(smaller)
     }
 
+    /// How much of the term a candidate has; 0 without it. `None` for a second stage, without which
+    /// the first would be another one.
+    fn amplitude(self, candidate: &mut Candidate) -> Option<Amplitude<'_>> {
+        let (free, without) = match self {
+            Self::Stribeck => {
+                (&mut candidate.insertion.static_force, candidate.insertion.coulomb_force)
+            }
+            Self::SealDamping => (&mut candidate.seal_damping, 0.0),
+            Self::MinorLoops => (&mut candidate.yield_ratio, Candidate::DEFAULT_YIELD_RATIO),
+            Self::Creep => (&mut candidate.creep_velocity, 0.0),
+            Self::Relaxation => (&mut candidate.relaxation.arms[0].stiffness, 0.0),
+            Self::SecondRelaxation => (&mut candidate.relaxation.arms[1].stiffness, 0.0),
+            Self::UnmodelledMass => (&mut candidate.unmodelled_mass, 0.0),
+            Self::Asymmetry => {
+                (&mut candidate.withdrawal.viscous_damping, candidate.insertion.viscous_damping)
+            }
+            Self::SecondStage => return None,
+        };
+        Some(Amplitude { free, without })
+    }
+
+    /// Whether the force is nearly linear in the amplitude.
+    fn is_linear(self) -> bool {
+        !matches!(self, Self::Creep | Self::SecondStage)
+    }
+
     /// Whether only one sign of the amplitude makes sense.
     fn is_one_sided(self) -> bool {
         self != Self::Asymmetry
@@ -264,6 +290,18 @@ impl Term {
             _ => true,
         };
         has_place && !self.is_in(layout)
+    }
+}
+
+/// The number of a candidate that tells how much of a term it has, and that without the term.
+struct Amplitude<'a> {
+    free: &'a mut f64,
+    without: f64,
+}
+
+impl Amplitude<'_> {
+    fn value(&self) -> f64 {
+        *self.free - self.without
     }
 }
 
@@ -331,7 +369,17 @@ struct Score {
     term: Term,
     p_value: f64,
     gain: f64,
-    start: EmsTrial,
+    /// With the term as it was tried, and where its linear step leads.
+    starts: [EmsTrial; 2],
+}
+
+impl Score {
+    /// A fit with the term; a linear step may lead too far.
+    fn fit(&self, training: &Training, stop: Stop) -> Option<Fitted<EmsTrial>> {
+        let cost = |start: &&EmsTrial| likelihood::cost(training, *start);
+        let start = self.starts.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
+        likelihood::fit(training, start, stop)
+    }
 }
 
 /// Parts of the work of an identification after which the terms are tried, and after which they
@@ -417,7 +465,7 @@ impl Chosen {
                 if is_determined { Ok(l) } else { Err(UNDETERMINED) }
             };
             // A few steps tell that a term is needed; that it is not, only convergence.
-            let begun = likelihood::fit(training, &best.start, BEGIN);
+            let begun = best.fit(training, BEGIN);
             let larger = begun.ok_or(NO_BETTER).and_then(|begun| {
                 let from = begun.best.clone();
                 judged(begun).or_else(|_| {
@@ -443,6 +491,10 @@ impl Chosen {
     fn take_out_needless(&mut self, training: &Training) -> Vec<Term> {
         let mut needless = Vec::new();
         for trial in self.trials.iter_mut().filter(|t| t.kept) {
+            if let Some((p_value, gain)) = is_surely_needed(&self.fitted, trial.term) {
+                (trial.p_value, trial.gain) = (p_value, gain);
+                continue;
+            }
             let smaller = trial.term.left_out_of(&self.fitted.best);
             let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST))
             else {
@@ -467,6 +519,22 @@ impl Chosen {
     }
 }
 
+/// Standard errors of the amplitude of a term beyond which it is needed, without a fit that lacks it.
+const SURELY: f64 = 8.0;
+
+/// p value and gain of a term whose amplitude is far from 0, to first order.
+fn is_surely_needed(fitted: &Fitted<EmsTrial>, term: Term) -> Option<(f64, f64)> {
+    let of = |trial: &EmsTrial| {
+        let mut candidate = trial.candidate.clone();
+        term.amplitude(&mut candidate).map_or(0.0, |amplitude| amplitude.value())
+    };
+    let spread = Spread::new(fitted);
+    let t = of(&fitted.best) / spread.deviation(&of).max(f64::MIN_POSITIVE);
+    let growth = t * t * spread.variance();
+    let gain = growth / (fitted.cost() + growth);
+    (t.abs() > SURELY).then(|| (t_p_value(t, MANY_DEGREES), gain))
+}
+
 /// p value of the increase of the squared error from the larger model to the smaller, over the
 /// clusters of strokes.
 fn growth_p_value(
@@ -488,12 +556,11 @@ fn scores(
 ) -> Option<(Vec<Score>, f64)> {
     let best = &fitted.best;
     let open = Term::ALL.into_iter().filter(|t| t.can_join(&best.layout) && !excluded.contains(t));
-    let mut columns: Vec<(Term, EmsTrial)> = Vec::new();
+    let mut columns: Vec<Tried> = Vec::new();
     for term in open {
-        let runs = |t: &EmsTrial| likelihood::Trial::model(t).is_some();
-        columns.extend(
-            term.variants(best, speeds).into_iter().filter(runs).map(|start| (term, start)),
-        );
+        let variants = term.variants(best, speeds).into_iter().enumerate();
+        let all = variants.map(|(variant, start)| Tried { term, variant, start });
+        columns.extend(all.filter(|tried| tried.start.model().is_some()));
     }
     if columns.is_empty() {
         return None;
@@ -503,7 +570,7 @@ fn scores(
     let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Acceleration];
     let own = fitted.held.len();
     let [delay, acceleration] = [own, own + 1];
-    let place = |(term, start): &(Term, EmsTrial)| match term {
+    let place = |Tried { term, start, .. }: &Tried| match term {
         Term::UnmodelledMass => acceleration,
         _ => {
             extra.push(Extra::Secant(start.clone()));
@@ -513,20 +580,21 @@ fn scores(
     let places: Vec<usize> = columns.iter().map(place).collect();
     let normal = fitted.with_columns(training, &extra)?;
     let damping =
-        columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
-    let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
+        columns.iter().position(|tried| tried.term == Term::SealDamping).map(|k| places[k]);
+    let terms = columns.chunk_by(|a, b| a.term == b.term).count();
     let count = 0.5 * (terms + columns.len()) as f64;
     let sigma2 = variance(fitted);
     let tested: Vec<Option<Score>> = columns
         .into_par_iter()
         .zip(places)
-        .map(|((term, start), place)| {
-            let beside: Vec<usize> = match term {
+        .map(|(tried, place)| {
+            let beside: Vec<usize> = match tried.term {
                 Term::UnmodelledMass => [Some(delay), damping].into_iter().flatten().collect(),
                 term if term.may_be_inertia() && !best.layout.unmodelled_mass => vec![acceleration],
                 _ => Vec::new(),
             };
-            score(&normal, &fitted.held, &beside, place, sigma2, (term, start))
+            let step = normal.one_step(&fitted.held, &beside, place, sigma2)?;
+            tried.scored(best, speeds, &step)
         })
         .collect();
     let mut scores: Vec<Score> = Vec::new();
@@ -540,27 +608,48 @@ fn scores(
     Some((scores, count))
 }
 
-fn score(
-    normal: &Normal,
-    held: &[bool],
-    beside: &[usize],
-    column: usize,
-    sigma2: f64,
-    (term, mut start): (Term, EmsTrial),
-) -> Option<Score> {
-    let step = normal.one_step(held, beside, column, sigma2)?;
-    if !step.standard_error.is_finite() || step.standard_error <= 0.0 {
-        return None;
+/// A term at one shape.
+struct Tried {
+    term: Term,
+    /// Number of the shape, and the trial with it.
+    variant: usize,
+    start: EmsTrial,
+}
+
+impl Tried {
+    fn scored(self, best: &EmsTrial, speeds: [f64; 2], step: &OneStep) -> Option<Score> {
+        let (term, mut start) = (self.term, self.start.clone());
+        if !step.standard_error.is_finite() || step.standard_error <= 0.0 {
+            return None;
+        }
+        let t = step.amplitude / step.standard_error;
+        let two_sided = t_p_value(t, step.degrees);
+        let p_value = match term.is_one_sided() {
+            true if t > 0.0 => 0.5 * two_sided,
+            true => 1.0 - 0.5 * two_sided,
+            false => two_sided,
+        };
+        if term == Term::UnmodelledMass {
+            start.candidate.unmodelled_mass = step.amplitude.max(0.0);
+        }
+        let stepped = self.stepped(best, speeds, step).unwrap_or_else(|| start.clone());
+        Some(Score { term, p_value, gain: step.gain, starts: [start, stepped] })
     }
-    let t = step.amplitude / step.standard_error;
-    let two_sided = t_p_value(t, step.degrees);
-    let p_value = match term.is_one_sided() {
-        true if t > 0.0 => 0.5 * two_sided,
-        true => 1.0 - 0.5 * two_sided,
-        false => two_sided,
-    };
-    if term == Term::UnmodelledMass {
-        start.candidate.unmodelled_mass = step.amplitude.max(0.0);
+
+    /// The trial to which the linear step leads.
+    fn stepped(&self, best: &EmsTrial, speeds: [f64; 2], step: &OneStep) -> Option<EmsTrial> {
+        let own = best.free();
+        let values: Vec<f64> =
+            own.iter().zip(step.step.iter()).map(|(free, step)| free.value + step).collect();
+        let moved = best.with(&values);
+        let mut stepped = self.term.variants(&moved, speeds).into_iter().nth(self.variant)?;
+        if self.term == Term::UnmodelledMass {
+            stepped.candidate.unmodelled_mass = step.amplitude;
+        } else if self.term.is_linear() {
+            let amplitude = self.term.amplitude(&mut stepped.candidate)?;
+            *amplitude.free = amplitude.without + step.amplitude * amplitude.value();
+        }
+        let inside: Vec<f64> = stepped.free().iter().map(|free| free.value).collect();
+        Some(stepped.with(&inside))
     }
-    Some(Score { term, p_value, gain: step.gain, start })
 }
