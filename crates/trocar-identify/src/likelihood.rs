@@ -1075,10 +1075,11 @@ impl<T: Trial> Fitted<T> {
     /// Changes of the free parameters with one cluster left out each, and their covariance if all
     /// samples were independent. Both use a weak prior of `widths` (standard deviations), so
     /// parameters that the data do not determine stay finite. A parameter held at a bound does not
-    /// change.
+    /// change. Where a kink of the cost keeps the fit from its minimum, what is left of the whole
+    /// score is no error of the clusters: it counts once, in [`Fitted::remaining`].
     pub(crate) fn departures(&self, widths: &[f64]) -> (Vec<DVector<f64>>, DMatrix<f64>) {
-        let (mut hessian, score) = self.sums();
-        let p = score.len();
+        let (mut hessian, _) = self.sums();
+        let p = hessian.nrows();
         let variance = self.normal.data_cost() / self.normal.steps.max(f64::MIN_POSITIVE);
         widths
             .iter()
@@ -1092,8 +1093,7 @@ impl<T: Trial> Fitted<T> {
             .filter(|(h, _)| h.diagonal().sum() > 0.0);
         // What a prior knows may lie on both sides of a bound.
         let held: Vec<bool> = self.held.iter().map(|held| *held && !self.has_prior).collect();
-        let left_out =
-            used.filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &held));
+        let left_out = used.filter_map(|(h, s)| damped_step(&(&hessian - h), &-s, 1e-12, &held));
         let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { variance } else { 0.0 });
         let column = |j: usize| {
             damped_step(&hessian, &unit(j), 1e-12, &held).unwrap_or_else(|| DVector::zeros(p))
