@@ -22,8 +22,9 @@
 
 use std::collections::BTreeMap;
 
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
+
 use super::container::{BATCH_ROWS, Batches, Container};
-use super::formats::{HEADER_STAMP, LOG_TIME};
 use super::header::in_shell;
 use super::{RecordingError, Table};
 

@@ -1,12 +1,13 @@
 //! Selects the topics of a robot log that are position, velocity and force, and aligns them on one
 //! clock.
 
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
+
 use super::RecordingError;
 use super::choice::{Choice, allowed};
 use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_with};
 use super::container::{Batches, Container, Table};
 use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, estimate, meaning};
-use super::formats::{HEADER_STAMP, LOG_TIME};
 use super::header::{in_shell, likely_unit};
 use super::join::{Pick, join};
 use super::units::foreign;
@@ -498,7 +499,6 @@ fn widths(limits: &[[f64; 2]]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Column;
-    use crate::formats::LOG_TIME;
 
     const JOINTS: &str = "sensor_msgs/msg/JointState";
     const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";

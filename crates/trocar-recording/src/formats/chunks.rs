@@ -7,10 +7,10 @@ use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trocar_tables::ros::{Block, Description, Extractor, Topic};
 
 use super::bag::{Log, Messages};
-use super::message::{Description, Extractor, Topic};
-use super::ordered::{Block, Blocks};
+use super::ordered::Blocks;
 use crate::RecordingError;
 
 /// Bytes of messages without chunks that are decoded at a time.

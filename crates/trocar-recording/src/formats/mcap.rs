@@ -10,10 +10,10 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use mcap::records::{self, Record, op};
+use trocar_tables::ros::Description;
 
 use super::bag::Log;
 use super::chunks::{Buffers, Chunked, Contents, Input, Message, Piece, RUN};
-use super::message::Description;
 use super::read_exact_at;
 use crate::RecordingError;
 

@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags, params};
+use trocar_tables::ros::{self, Block, Description, Epochs, Extractor, Topic};
 
-use super::bag::{Log, Messages};
-use super::message::{self, Description, Epochs, Extractor, Topic};
-use super::ordered::{Block, Blocks, Ordered};
+use super::bag::{self, Log, Messages};
+use super::ordered::{Blocks, Ordered};
 use crate::container::{Batches, Container};
 use crate::{RecordingError, Table};
 
@@ -321,7 +321,7 @@ impl Folder {
         self.parts.sort_by_key(|part| part.start);
         let start = self.parts.iter().filter_map(|part| part.start).min().unwrap_or(0);
         let topics = || self.parts.iter().flat_map(|part| &part.topics);
-        self.epochs = message::epochs(topics(), start as i64);
+        self.epochs = ros::epochs(topics(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
         for table in topics().map(|topic| &topic.table) {
             match tables
@@ -338,7 +338,7 @@ impl Folder {
                 None => tables.push(table.clone()),
             }
         }
-        let notes = message::epoch_notes(topics(), self.epochs);
+        let notes = ros::epoch_notes(topics(), self.epochs);
         self.tables = tables;
         self.notes.extend(notes);
         self.notes.push(format!("{} files in the order of their first times", self.parts.len()));
@@ -377,7 +377,7 @@ impl Container for Folder {
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let table = &self.tables[table];
-        message::check(&self.path, self.format(), table, columns)?;
+        bag::check(&self.path, self.format(), table, columns)?;
         let mut blocks = Vec::new();
         for part in &self.parts {
             let same =
