@@ -1,6 +1,6 @@
 //! Blocks of rows in SI units: the output of file readers.
 
-use super::columns::Quantity;
+use super::units::Quantity;
 
 /// Consecutive rows, column by column. All columns that the file has are of equal length, the
 /// others are empty.

@@ -4,9 +4,9 @@ use std::ops::Range;
 
 use super::block::{Block, SampleRow};
 use super::choice::Choice;
-use super::columns::Quantity;
 use super::quality::RowList;
 use super::screen::{self, Columns, Count, Lines};
+use super::units::Quantity;
 use super::{Recording, RecordingError};
 
 /// Rows in an excerpt: a minute at 1 kHz, so several strokes of a slow protocol.

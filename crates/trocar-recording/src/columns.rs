@@ -2,65 +2,8 @@
 
 use super::RecordingError;
 use super::format::Format;
-use super::header::Header;
+pub use super::units::Quantity;
 use super::units::{bracketed, foreign, is_unit, key, lower, units_named, words_of};
-
-/// Quantities that a column can hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    /// Time, in s.
-    Time,
-    /// Position, in m.
-    Position,
-    /// Force, in N.
-    Force,
-    /// Velocity, in m/s.
-    Velocity,
-}
-
-impl Quantity {
-    /// All quantities; the index of each is its number.
-    pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
-
-    /// Its name in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Position => "position",
-            Self::Force => "force",
-            Self::Velocity => "velocity",
-        }
-    }
-
-    pub(crate) fn words(self) -> &'static [&'static str] {
-        match self {
-            Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
-            Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
-            Self::Force => &["force", "f", "load", "friction"],
-            Self::Velocity => &["velocity", "vel", "v"],
-        }
-    }
-
-    /// Its name with an article, in messages.
-    pub(crate) fn with_article(self) -> &'static str {
-        match self {
-            Self::Time => "a time",
-            Self::Position => "a position",
-            Self::Force => "a force",
-            Self::Velocity => "a velocity",
-        }
-    }
-
-    /// A recognised name, for messages.
-    pub(crate) fn example(self) -> &'static str {
-        match self {
-            Self::Time => "time_s",
-            Self::Position => "position_mm",
-            Self::Force => "force_n",
-            Self::Velocity => "velocity_m_s",
-        }
-    }
-}
 
 /// Interpretation of a single name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -266,8 +209,12 @@ pub(crate) struct Layout {
 
 impl Layout {
     pub(crate) fn has(&self, quantity: Quantity) -> bool {
-        (quantity == Quantity::Time && self.rate_hz.is_some())
-            || self.slots.iter().flatten().any(|slot| slot.is(quantity))
+        (quantity == Quantity::Time && self.rate_hz.is_some()) || self.column(quantity).is_some()
+    }
+
+    /// Index of the column of a quantity.
+    pub(crate) fn column(&self, quantity: Quantity) -> Option<usize> {
+        self.slots.iter().position(|slot| slot.is_some_and(|slot| slot.is(quantity)))
     }
 
     /// All columns unchanged.
@@ -285,10 +232,8 @@ impl Layout {
     /// The column of each quantity, in the syntax of `--columns`.
     pub(crate) fn words(&self) -> Vec<String> {
         let of = |quantity: Quantity| {
-            let mut own = self.slots.iter().enumerate();
-            let (k, slot) =
-                own.find_map(|(k, slot)| Some((k, slot.filter(|slot| slot.is(quantity))?)))?;
-            entry(quantity, slot.per_si, &numbered(&self.names, k))
+            let k = self.column(quantity)?;
+            entry(quantity, self.slots[k]?.per_si, &numbered(&self.names, k))
         };
         Quantity::ALL.into_iter().filter_map(of).collect()
     }
@@ -369,86 +314,6 @@ pub(crate) fn entry(quantity: Quantity, per_si: f64, name: &str) -> Option<Strin
 fn quoted(name: &str) -> String {
     let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
     if plain { name.to_owned() } else { format!("\"{name}\"") }
-}
-
-/// A column of a table that is not a file: its index, from 0, and the number of its units per SI
-/// unit.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TableColumn {
-    /// Index among the names.
-    pub index: usize,
-    /// Divisor for conversion to SI.
-    pub per_si: f64,
-}
-
-/// Which columns of a table are which quantity.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TableColumns {
-    /// Time, position and force, in this order.
-    pub needed: [TableColumn; 3],
-    /// Velocity, if there is one.
-    pub velocity: Option<TableColumn>,
-    /// Assumptions made.
-    pub notes: Vec<String>,
-}
-
-impl TableColumns {
-    /// Finds the columns of `table` by their `names`, with the same rules as for the header of a
-    /// file, or by `mapping` (`time_s,position_mm,-,force_n`) in their order.
-    ///
-    /// # Errors
-    /// [`RecordingError`] if a column or its unit is missing or ambiguous.
-    pub fn find(
-        table: &str,
-        names: &[String],
-        mapping: Option<&str>,
-    ) -> Result<Self, RecordingError> {
-        Self::find_with_units(table, names, &[], &[], mapping)
-    }
-
-    /// The same with the units declared for the names, empty if there are none, and the indices of
-    /// the columns that hold timestamps, which count in s.
-    ///
-    /// # Errors
-    /// As for [`TableColumns::find`].
-    pub fn find_with_units(
-        table: &str,
-        names: &[String],
-        units: &[String],
-        timestamps: &[usize],
-        mapping: Option<&str>,
-    ) -> Result<Self, RecordingError> {
-        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-        let layout = match mapping {
-            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
-            mapping => {
-                let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                let header = Header {
-                    file: table,
-                    place: "",
-                    names,
-                    units,
-                    timestamps,
-                    first_rows: &Vec::new,
-                    first_text: &|_| None,
-                };
-                header.layout(&given, &needed)?
-            }
-        };
-        if layout.slots.len() != names.len() {
-            let problem =
-                format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
-            return Err(RecordingError::bad_columns(mapping.unwrap_or_default(), problem));
-        }
-        let of = |quantity: Quantity| {
-            let slots = layout.slots.iter().enumerate();
-            let mut own =
-                slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.is(quantity))?)));
-            own.next().map(|(index, slot)| TableColumn { index, per_si: slot.per_si })
-        };
-        let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
-        Ok(Self { needed: found, velocity: of(Quantity::Velocity), notes: layout.notes })
-    }
 }
 
 fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {

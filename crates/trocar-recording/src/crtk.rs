@@ -8,7 +8,7 @@
 
 use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
 
-use super::columns::Quantity;
+use super::units::Quantity;
 
 /// Certainty of an interpretation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

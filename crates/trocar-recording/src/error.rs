@@ -488,6 +488,11 @@ pub enum RecordingError {
 
 impl RecordingError {
     /// [`RecordingError::BadColumns`] before the file is known.
+    /// A column of `--columns` that is there twice.
+    pub(crate) fn named_twice(column: &str) -> Self {
+        Self::bad_columns(column, "a column named for two quantities, expected one".to_owned())
+    }
+
     pub(crate) fn bad_columns(entry: impl Into<Box<str>>, problem: String) -> Self {
         let hint = "give a name with its unit per column, '-' to skip one, as in time_s,position_mm,force_n,-, \
                     or say by name which column is which, as in position_mm=x,force_n=-fz";

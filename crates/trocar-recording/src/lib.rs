@@ -13,14 +13,13 @@ use sha2::{Digest, Sha256};
 
 use block::SampleRow;
 use collect::Collector;
-use columns::Quantity;
 use rows::Rows;
 pub use rows::digest_of;
 use screen::Count;
 use trocar_tables::line::Line;
+use units::Quantity;
 
-pub use choice::Choice;
-pub use columns::{TableColumn, TableColumns};
+pub use choice::{Choice, TableColumn, TableColumns};
 pub use container::{Column, Table};
 pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
@@ -333,8 +332,10 @@ pub fn read_in_words(
     let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
     recording.quality.warnings.extend(reader.warnings().into_iter().map(of_the_file));
     // Columns without names are identified by their order.
-    let in_order = options.choice.columns.clone().filter(|columns| !columns.contains('='));
-    let words = in_order.map_or_else(|| reader.layout().words(), |columns| vec![columns]);
+    let words = match options.choice.in_order() {
+        Some(mapping) => vec![mapping.to_owned()],
+        None => reader.layout().words(),
+    };
     Ok((recording, words))
 }
 

@@ -62,10 +62,10 @@ pub(super) fn choose(
     }
     let topics =
         Topics { file, container, allowed: allowed(file, container.tables(), &choice.topics)? };
-    let given = match choice.columns.as_deref() {
-        Some(mapping) if !mapping.contains('=') => return Err(topics.in_order(mapping)),
-        mapping => mapping.map_or(Ok(Vec::new()), Given::parse)?,
-    };
+    if let Some(mapping) = choice.in_order() {
+        return Err(topics.in_order(mapping));
+    }
+    let given = choice.given()?;
     let (mut taken, mut unclear) = (Vec::new(), Vec::new());
     for quantity in [Quantity::Position, Quantity::Force, Quantity::Velocity] {
         let own = given.iter().find(|given| given.quantity == quantity);
@@ -83,8 +83,7 @@ pub(super) fn choose(
     }
     for (k, own) in taken.iter().enumerate() {
         if taken[..k].iter().any(|other| (other.table, other.column) == (own.table, own.column)) {
-            let problem = "a column named for two quantities, expected one".to_owned();
-            return Err(RecordingError::bad_columns(topics.name(own.table, own.column), problem));
+            return Err(RecordingError::named_twice(&topics.name(own.table, own.column)));
         }
     }
     let clock = given

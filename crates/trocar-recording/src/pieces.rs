@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::block::SampleRow;
 use super::collect::Collector;
-use super::columns::Quantity;
 use super::rows::Rows;
+use super::units::Quantity;
 use super::{
     Choice, MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
 };

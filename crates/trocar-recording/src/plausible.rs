@@ -4,7 +4,7 @@
 use std::ops::RangeInclusive;
 
 use super::choice::Choice;
-use super::columns::{Given, Layout, Quantity, entry, numbered};
+use super::columns::{Layout, Quantity, entry, numbered};
 use super::header::{EXAMPLE_RATE, PUT_IN_RATE, counts_by_one, in_shell};
 use super::screen::{median, range};
 use super::{Recording, RecordingError, Warning, WarningKind};
@@ -146,13 +146,9 @@ pub(crate) fn ask_stroke(
 fn is_explicit(quantity: Quantity, choice: &Choice, layout: &Layout) -> bool {
     let is_time = quantity == Quantity::Time;
     let is_certain = choice.rate_hz.is_some() || layout.origin.is_some() || layout.is_log;
-    let named = || match choice.columns.as_deref() {
-        Some(mapping) if !mapping.contains('=') => true,
-        mapping => mapping
-            .and_then(|mapping| Given::parse(mapping).ok())
-            .is_some_and(|given| given.iter().any(|own| own.quantity == quantity)),
-    };
-    (is_time && is_certain) || named()
+    (is_time && is_certain)
+        || choice.in_order().is_some()
+        || choice.given().is_ok_and(|given| given.iter().any(|own| own.quantity == quantity))
 }
 
 fn question(

@@ -11,13 +11,14 @@ use sha2::{Digest, Sha256};
 
 use super::block::{Block, SampleRow};
 use super::choice::{Choice, Picked, check_topics, pick};
-use super::columns::{Layout, Quantity};
+use super::columns::Layout;
 use super::container::{Batches, Container};
 use super::decompress::{Head, TextInput};
 use super::header::in_shell;
 use super::registry;
 use super::screen::Count;
-use super::text::{TextReader, Wanted, hex};
+use super::text::{TextReader, hex};
+use super::units::Quantity;
 use super::{Location, RecordingError, log};
 
 /// Note on a file for which [`Rows::is_by_own_header`].
@@ -146,8 +147,9 @@ impl<'a> Rows<'a> {
         hash: bool,
     ) -> Result<Self, RecordingError> {
         choice.check_rate(file)?;
-        let reader =
-            TextReader::open(file, input, Wanted::Quantities(choice, needed), is_file, hash)?;
+        let reader = TextReader::open(file, input, choice.skip_rows, is_file, hash)?;
+        let layout = choice.layout_of_text(&reader, needed)?;
+        let reader = reader.start(layout)?;
         check_topics(file, choice)?;
         Ok(Self::new(Source::Text(Box::new(reader)), None, choice))
     }
