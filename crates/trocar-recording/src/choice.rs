@@ -191,24 +191,7 @@ pub(super) fn pick(
             }
         }
     }
-    // A name says more than a unit.
-    if found.iter().any(|(_, layout)| !layout.by_unit) {
-        found.retain(|(_, layout)| !layout.by_unit);
-    }
-    // Columns of the file itself take precedence over those of its groups.
-    if let Some(own) = found
-        .iter()
-        .position(|(table, _)| tables[*table].name.is_empty())
-        .filter(|_| found.len() > 1)
-    {
-        let (table, mut layout) = found.swap_remove(own);
-        let others: Vec<String> =
-            found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
-        layout
-            .notes
-            .push(format!("taken from the file itself, not from {}", columns::listed(&others)));
-        found = vec![(table, layout)];
-    }
+    let mut found = preferred(tables, found);
     if found.len() > 1 {
         let tables: Vec<String> =
             found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
@@ -220,8 +203,7 @@ pub(super) fn pick(
     }
     let Some((table, layout)) = found.pop() else {
         // Columns of which one could not be chosen are named first.
-        let apart = || in_several(file, container, &allowed, choice, needed);
-        if let Some(found) = only_missing.then(apart).flatten() {
+        if only_missing && let Some(found) = in_several(file, container, &allowed, choice, needed) {
             return Err(RecordingError::SeparateTables { file: file.to_owned(), found });
         }
         return Err(refused
@@ -232,6 +214,21 @@ pub(super) fn pick(
     Ok(Picked { table, columns, layout })
 }
 
+/// Of the tables that could be read, those that say most clearly that they should be.
+fn preferred(tables: &[Table], mut found: Vec<(usize, Layout)>) -> Vec<(usize, Layout)> {
+    // A name says more than a unit.
+    if found.iter().any(|(_, layout)| !layout.by_unit) {
+        found.retain(|(_, layout)| !layout.by_unit);
+    }
+    // Columns of the file itself take precedence over those of its groups.
+    let own = found.iter().position(|(table, _)| tables[*table].name.is_empty());
+    let Some(own) = own.filter(|_| found.len() > 1) else { return found };
+    let (table, mut layout) = found.swap_remove(own);
+    let others: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+    layout.notes.push(format!("taken from the file itself, not from {}", columns::listed(&others)));
+    vec![(table, layout)]
+}
+
 /// Where each quantity is, if they are in several of the tables: as a column, or by the table's name.
 fn in_several(
     file: &str,
@@ -240,24 +237,23 @@ fn in_several(
     choice: &Choice,
     needed: &[Quantity],
 ) -> Option<String> {
-    let name = |table: usize| container.tables()[table].name.as_str();
-    let place = |quantity: Quantity| {
-        let has_column =
-            |table: &usize| layout_of(file, container, *table, choice, &[quantity]).is_ok();
-        let is_named = |table: &usize| {
-            let leaf = name(*table).rsplit(['/', '.']).next().unwrap_or_default();
-            columns::quantity_named(leaf) == Some(quantity)
-        };
-        let mut all = tables.iter().copied();
-        all.find(has_column).or_else(|| tables.iter().copied().find(is_named))
-    };
     let mut places = Vec::new();
     for quantity in choice.needed_columns(needed) {
-        places.push((quantity, place(quantity)?));
+        let mut all = tables.iter().copied();
+        let with_column =
+            all.find(|table| layout_of(file, container, *table, choice, &[quantity]).is_ok());
+        let by_name = || {
+            tables.iter().copied().find(|table| {
+                let name = &container.tables()[*table].name;
+                let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
+                columns::quantity_named(leaf) == Some(quantity)
+            })
+        };
+        places.push((quantity, with_column.or_else(by_name)?));
     }
     let is_apart = places.windows(2).any(|pair| pair[0].1 != pair[1].1);
     let words = places.iter().map(|(quantity, table)| {
-        let table = match name(*table) {
+        let table = match &*container.tables()[*table].name {
             "" => "the file itself".to_owned(),
             name => format!("'{name}'"),
         };

@@ -1,7 +1,8 @@
 //! Column names and units: which column of a file holds which quantity.
 
+use trocar_tables::text::Format;
+
 use super::RecordingError;
-use super::format::Format;
 pub use super::units::Quantity;
 use super::units::{bracketed, foreign, is_unit, key, lower, units_named, words_of};
 
@@ -51,8 +52,8 @@ const WEAK_UNITS: [&str; 6] = ["min", "in", "h", "ft", "mil", "foot"];
 pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> {
     let lower = lower(name);
     let words = words_of(&lower);
-    let named = |word: &&str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(word));
-    if is_related(name) || words.iter().any(named) {
+    let mut of_quantities = Quantity::ALL.iter().flat_map(|quantity| quantity.words());
+    if is_related(name) || of_quantities.any(|word| words.contains(word)) {
         return None;
     }
     let unit = match bracketed(&lower) {
@@ -112,11 +113,10 @@ fn recognise(name: &str) -> Option<Reading> {
 /// Interpretation of a name together with its declared unit; the unit in the name takes precedence.
 pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
     let mut own = recognise(name)?;
-    let declared = key(&lower(unit));
-    if declared.is_empty() {
+    if key(&lower(unit)).is_empty() {
         return Some(own);
     }
-    let per_si = own.quantity.unit(&declared).map(|unit| unit.per_si);
+    let per_si = own.quantity.declared(unit);
     if own.per_si.is_none() {
         (own.per_si, own.is_written) = (per_si, true);
     } else if own.per_si != per_si {
@@ -147,14 +147,15 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(crate) fn other_axes(names: &[String], index: usize) -> Vec<usize> {
     let lower: Vec<String> = names.iter().map(|name| lower(name)).collect();
     let own = words_of(&lower[index]);
-    let is_other = |k: &usize| {
+    let mut others: Vec<usize> = (0..names.len()).collect();
+    others.retain(|k| {
         let words = words_of(&lower[*k]);
         let mut unlike = words.iter().zip(&own).filter(|(a, b)| a != b);
         let (first, more) = (unlike.next(), unlike.next().is_some());
-        let is_axis = |word: &str| AXES.contains(&word);
-        words.len() == own.len() && !more && first.is_some_and(|(a, b)| is_axis(a) && is_axis(b))
-    };
-    (0..names.len()).filter(is_other).collect()
+        let are_axes = first.is_some_and(|(a, b)| AXES.contains(a) && AXES.contains(b));
+        words.len() == own.len() && !more && are_axes
+    });
+    others
 }
 
 /// The unit at the end of a name behind another word: how many words, and the number per SI unit.
@@ -231,11 +232,20 @@ impl Layout {
 
     /// The column of each quantity, in the syntax of `--columns`.
     pub(crate) fn words(&self) -> Vec<String> {
-        let of = |quantity: Quantity| {
-            let k = self.column(quantity)?;
-            entry(quantity, self.slots[k]?.per_si, &numbered(&self.names, k))
-        };
-        Quantity::ALL.into_iter().filter_map(of).collect()
+        self.words_with(|_, per_si| Some(per_si))
+    }
+
+    /// The same with other units; a quantity for which there is none is left out.
+    pub(crate) fn words_with(&self, unit: impl Fn(Quantity, f64) -> Option<f64>) -> Vec<String> {
+        let mut words = Vec::new();
+        for quantity in Quantity::ALL {
+            if let Some(k) = self.column(quantity)
+                && let Some(per_si) = unit(quantity, self.slots[k].map_or(1.0, |slot| slot.per_si))
+            {
+                words.extend(entry(quantity, per_si, &numbered(&self.names, k)));
+            }
+        }
+        words
     }
 
     /// Takes times from the rate, not from a column.
@@ -266,12 +276,9 @@ impl Layout {
             };
             return Some(in_order.split(',').map(turn).collect::<Vec<_>>().join(","));
         }
-        let mut turned = self.clone();
-        let slots = turned.slots.iter_mut().flatten();
-        slots
-            .filter(|slot| slot.is(Quantity::Position))
-            .for_each(|slot| slot.per_si = -slot.per_si);
-        let mut words = turned.words();
+        let mut words = self.words_with(|quantity, per_si| {
+            Some(if quantity == Quantity::Position { -per_si } else { per_si })
+        });
         if given.is_none() {
             words.retain(|word| is_position(&&**word));
         }
@@ -484,10 +491,9 @@ impl Given {
         }
     }
 
-    /// Slot with the unit of the entry, otherwise with that of the column.
-    pub(crate) fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
-        let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
-        let per_si = self.per_si.or(declared).ok_or_else(|| {
+    /// Slot with the unit of the entry, otherwise with that of the column, `own`.
+    pub(crate) fn slot(&self, own: Option<f64>) -> Result<Slot, RecordingError> {
+        let per_si = self.per_si.or(own).ok_or_else(|| {
             let units = self.quantity.unit_list();
             let problem = format!(
                 "{} without a unit, and the column's name has none either, expected one of {units}",

@@ -2,6 +2,7 @@
 //! `hint:` line.
 
 use std::fmt;
+use std::path::Path;
 
 /// A position in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -487,6 +488,11 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    /// [`RecordingError::Open`] of what is at `path`.
+    pub(crate) fn cannot_open(path: &Path) -> impl Fn(std::io::Error) -> Self {
+        move |source| Self::Open { file: path.display().to_string(), source }
+    }
+
     /// [`RecordingError::BadColumns`] before the file is known.
     /// A column of `--columns` that is there twice.
     pub(crate) fn named_twice(column: &str) -> Self {

@@ -9,7 +9,7 @@ use super::columns::{
     numbered, other_axes, reading_with, unit_alone,
 };
 use super::crtk::axis_of_travel;
-use super::plausible::PLAUSIBLE_FORCE;
+use super::statistics::range;
 use super::units::{Foreign, foreign, key, lower, words_of};
 
 /// The names of the columns, and what else tells their meaning.
@@ -75,6 +75,9 @@ struct Unclear<'a> {
     /// Numbers of the first rows by column.
     rows: Vec<Vec<f64>>,
 }
+
+/// Largest force of an instrument in a trocar, N.
+pub(crate) const PLAUSIBLE_FORCE: f64 = 200.0;
 
 /// A rate as an example, for a file without times; it stands for any other.
 pub(crate) const EXAMPLE_RATE: &str = "--rate-hz 1000";
@@ -176,12 +179,14 @@ impl Header<'_> {
             return Err(RecordingError::named_twice(name));
         }
         let is_date = named.quantity == Quantity::Time && self.timestamps.contains(&index);
-        let declared = reading_with(named.quantity.name(), unit, &mut known.notes);
+        let own = match known.readings[index].take() {
+            Some(own) => own.per_si.filter(|_| own.quantity == named.quantity),
+            None => named.quantity.declared(unit),
+        };
         known.slots[index] = Some(match is_date {
             true => Slot::of(Quantity::Time, 1.0),
-            false => named.slot(known.readings[index].or(declared))?,
+            false => named.slot(own)?,
         });
-        known.readings[index] = None;
         Ok(())
     }
 
@@ -673,20 +678,20 @@ pub(crate) fn counts_by_one(numbers: &[f64]) -> bool {
 
 /// Range of a column's numbers; 0 without numbers.
 fn width(rows: &[Vec<f64>], column: usize) -> f64 {
-    let (low, high) = super::range(rows.get(column).map_or(&[][..], Vec::as_slice));
+    let (low, high) = range(rows.get(column).map_or(&[][..], Vec::as_slice));
     if high > low { high - low } else { 0.0 }
 }
 
 /// Mean second difference as a fraction of the range.
 fn roughness(numbers: &[f64]) -> f64 {
-    let (low, high) = super::range(numbers);
+    let (low, high) = range(numbers);
     let second: f64 = numbers.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs()).sum();
     if high > low { second / (high - low) } else { f64::MAX }
 }
 
 /// Units per SI unit that fit the magnitude of the numbers.
 pub(crate) fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
-    let (low, high) = super::range(numbers);
+    let (low, high) = range(numbers);
     match quantity {
         Quantity::Time => match (high - low) / (numbers.len().max(2) - 1) as f64 {
             1e5.. => 1e9,

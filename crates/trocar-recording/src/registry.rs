@@ -273,8 +273,7 @@ pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Box<dyn Container>>, R
     if file == "-" {
         return Ok(None);
     }
-    let input = Input::open(path, skip_rows)
-        .map_err(|source| RecordingError::Open { file: file.clone(), source })?;
+    let input = Input::open(path, skip_rows).map_err(RecordingError::cannot_open(path))?;
     let format = FORMATS.iter().find(|format| (format.is)(&input)).unwrap_or(&FORMATS[0]);
     let Format { name, reader, .. } = format;
     if skip_rows > 0 && !matches!(reader, Reader::Text) && *name != WORKBOOK {
@@ -314,9 +313,7 @@ impl<'a> Input<'a> {
 
     /// The file itself.
     fn file(&self) -> Result<File, RecordingError> {
-        let failed =
-            |source| RecordingError::Open { file: self.path.display().to_string(), source };
-        File::open(self.path).map_err(failed)
+        File::open(self.path).map_err(RecordingError::cannot_open(self.path))
     }
 
     /// Whether these bytes are at a place near the beginning.

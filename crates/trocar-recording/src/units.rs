@@ -147,6 +147,11 @@ impl Quantity {
         self.units().iter().find(|unit| unit.names.contains(&name))
     }
 
+    /// Units per SI unit of a unit that is declared, if it is one of this quantity.
+    pub(crate) fn declared(self, unit: &str) -> Option<f64> {
+        self.unit(&key(&lower(unit))).map(|unit| unit.per_si)
+    }
+
     /// All units, for messages.
     pub(crate) fn unit_list(self) -> String {
         self.units().iter().map(|unit| unit.symbol).collect::<Vec<_>>().join(", ")

@@ -1,4 +1,4 @@
-//! Tables of named columns: what is in files, messages of ROS, results in every format that the readers
+//! Tables of named columns: what is in files, text, messages of ROS, results in every format that the readers
 //! know, and files that are written whole or not at all.
 
 pub mod content;
@@ -8,3 +8,4 @@ pub mod output;
 #[cfg(feature = "ros")]
 pub mod ros;
 pub mod table;
+pub mod text;

@@ -83,9 +83,7 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
 fn open_db3(path: &Path) -> Result<Log, RecordingError> {
     use std::io::Read;
     let mut magic = [0; MAGIC.len()];
-    let file = path.display().to_string();
-    let mut input =
-        std::fs::File::open(path).map_err(|source| RecordingError::Open { file, source })?;
+    let mut input = std::fs::File::open(path).map_err(RecordingError::cannot_open(path))?;
     if input.read_exact(&mut magic).is_err() || magic != *MAGIC {
         return Err(problem(path, "does not begin as a SQLite file does"));
     }
@@ -269,14 +267,12 @@ struct Folder {
 
 impl Folder {
     fn open(path: &Path) -> Result<Self, RecordingError> {
-        let file = || path.display().to_string();
         let metadata = match std::fs::read_to_string(path.join(METADATA)) {
             Ok(metadata) => Some(metadata),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-            Err(source) => return Err(RecordingError::Open { file: file(), source }),
+            Err(source) => return Err(RecordingError::cannot_open(path)(source)),
         };
-        let entries = std::fs::read_dir(path)
-            .map_err(|source| RecordingError::Open { file: file(), source })?;
+        let entries = std::fs::read_dir(path).map_err(RecordingError::cannot_open(path))?;
         let mut paths: Vec<PathBuf> =
             entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
         paths.retain(|path| {

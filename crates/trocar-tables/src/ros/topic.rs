@@ -199,7 +199,7 @@ impl Topic {
     }
 
     /// Whether `header.stamp` follows the log's clock.
-    pub fn stamps_are_of_log(&self, log: i64) -> bool {
+    fn stamps_are_of_log(&self, log: i64) -> bool {
         self.stamp.is_none_or(|stamp| stamp.abs_diff(log) <= SAME_CLOCK)
     }
 
