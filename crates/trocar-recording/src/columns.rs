@@ -125,6 +125,12 @@ pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> O
     Some(own)
 }
 
+/// The same of a column that may be read: an angle is no position, and a voltage no force, even if nothing
+/// else is.
+pub(crate) fn reading_of(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
+    reading_with(name, unit, notes).filter(|_| foreign(name, unit).is_none())
+}
+
 /// The quantity whose word the name contains; `None` for two different ones.
 fn quantity_of(words: &[&str]) -> Option<Quantity> {
     let named = |quantity: &Quantity, besides: &str| {

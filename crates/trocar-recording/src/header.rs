@@ -6,7 +6,7 @@
 use super::RecordingError;
 use super::columns::{
     Given, Layout, Quantity, Reading, Slot, UNIT_IN_CELL, entry, is_related, listed, name_in_front,
-    numbered, other_axes, reading_with, unit_alone,
+    numbered, other_axes, reading_of, reading_with, unit_alone,
 };
 use super::crtk::axis_of_travel;
 use super::statistics::range;
@@ -155,15 +155,13 @@ impl Header<'_> {
         let mut readings = Vec::with_capacity(self.names.len());
         for (k, name) in self.names.iter().enumerate() {
             // A date has the unit of the file's format, whatever its name says.
-            let is_date = self.timestamps.contains(&k);
-            let declared = if is_date { "" } else { self.unit(k) };
-            // An angle is no position, and a voltage no force, even if nothing else is.
-            let own = reading_with(name, declared, &mut notes);
-            let mut own = own.filter(|_| self.foreign(k).is_none());
-            if let Some(time) = own.as_mut().filter(|own| is_date && own.quantity == Quantity::Time)
-            {
-                time.per_si = Some(1.0);
-            }
+            let own = match self.timestamps.contains(&k) {
+                true => reading_with(name, "", &mut notes).map(|own| match own.quantity {
+                    Quantity::Time => Reading { per_si: Some(1.0), ..own },
+                    _ => own,
+                }),
+                false => reading_of(name, self.unit(k), &mut notes),
+            };
             readings.push(own);
         }
         let slots = vec![None; readings.len()];
@@ -196,7 +194,7 @@ impl Header<'_> {
             Ok((index, slot, why)) => {
                 known.notes.extend(why);
                 if known.readings[index].is_some_and(|reading| !reading.exact) {
-                    known.notes.push(self.taken(index, quantity, ""));
+                    known.notes.push(self.taken(index, quantity));
                 }
                 known.slots[index] = Some(slot);
             }
@@ -217,8 +215,8 @@ impl Header<'_> {
         match found[..] {
             [(index, per_si)] => {
                 let is_date = self.timestamps.contains(&index);
-                let why = if is_date { ", by its timestamps" } else { ", by its unit" };
-                known.notes.push(self.taken(index, quantity, why));
+                let why = if is_date { "timestamps" } else { "unit" };
+                known.notes.push(format!("{}, by its {why}", self.taken(index, quantity)));
                 known.slots[index] = Some(Slot::of(quantity, per_si));
                 known.by_unit = true;
             }
@@ -230,8 +228,8 @@ impl Header<'_> {
         }
     }
 
-    fn taken(&self, index: usize, quantity: Quantity, why: &str) -> String {
-        format!("column '{}' taken as {}{why}", self.names[index], quantity.name())
+    fn taken(&self, index: usize, quantity: Quantity) -> String {
+        format!("column '{}' taken as {}", self.names[index], quantity.name())
     }
 
     /// The quantity of a column, by its unit, if it is none of those read.

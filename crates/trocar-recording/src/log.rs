@@ -5,12 +5,11 @@ use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
 
 use super::RecordingError;
 use super::choice::{Choice, allowed};
-use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_with};
+use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_of};
 use super::container::{Batches, Container, Table};
 use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, estimate, meaning};
 use super::header::{in_shell, likely_unit};
 use super::join::{Pick, join};
-use super::units::foreign;
 
 /// Aligned topics, and the assumptions made.
 pub(super) struct Chosen {
@@ -127,19 +126,17 @@ impl Topics<'_> {
     /// The column that `--columns` names: by topic and field, or by the field alone if only one
     /// topic has it.
     fn named(&self, given: &Given) -> Result<Taken, RecordingError> {
-        let whole =
-            self.columns().find(|&(table, column)| self.name(table, column) == given.column);
-        let mut alone = self.columns().filter(|&(table, column)| {
-            self.container.tables()[table].columns[column].name == given.column
+        let tables = self.container.tables();
+        let places: Vec<(usize, usize)> = self.columns().collect();
+        let mut alone = (0..places.len()).filter(|k| {
+            let (table, column) = places[*k];
+            tables[table].columns[column].name == given.column
         });
-        let found = whole.or_else(|| alone.next().filter(|_| alone.next().is_none()));
-        let Some((table, column)) = found else {
-            let problem = format!(
-                "not the name of one column of one topic, expected one of {}",
-                columns::listed(&self.names())
-            );
-            return Err(RecordingError::bad_columns(&*given.column, problem));
+        let index = match (given.find(&self.names()), alone.next(), alone.next()) {
+            (Err(_), Some(index), None) => index,
+            (found, ..) => found?,
         };
+        let (table, column) = places[index];
         let quantity = given.quantity;
         let topic = &self.container.tables()[table].columns[column];
         let declared = topic.unit.as_deref().unwrap_or_default();
@@ -449,8 +446,8 @@ fn by_name(topic: &Table, column: usize) -> Option<Candidate> {
         own => (own, "its field"),
     };
     let declared = field.unit.as_deref().unwrap_or_default();
-    let reading = reading_with(name, declared, &mut Vec::new())?;
-    if reading.quantity == Quantity::Time || foreign(name, declared).is_some() {
+    let reading = reading_of(name, declared, &mut Vec::new())?;
+    if reading.quantity == Quantity::Time {
         return None;
     }
     let (certainty, unit) = match reading.per_si {
@@ -593,6 +590,20 @@ mod tests {
             notes.contains("the arm's own estimate from the currents of its motors"),
             "{notes}"
         );
+    }
+
+    #[test]
+    fn a_column_is_named_by_topic_and_field_or_by_the_only_field() {
+        let log = log(&[ARM, OF_ARM, SENSOR]);
+        let by =
+            |force: &str| chosen(&log, Some(&format!("position_m=position[insertion],{force}")));
+        for name in ["/ati/wrench.wrench.force.z", "/ATI/Wrench.wrench.force.z"] {
+            let (words, _) = by(&format!("force_n={name}")).unwrap();
+            assert_eq!(words[2], "force_n=/ati/wrench.wrench.force.z");
+        }
+        let message = by("force_n=wrench.force.z").unwrap_err();
+        assert!(message.contains("a name that no column has, expected one of"), "{message}");
+        assert!(message.contains("/PSM1/measured_cf.wrench.force.z"), "{message}");
     }
 
     #[test]

@@ -445,10 +445,11 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
     let mut warnings = warnings_of_rows(quality, unit);
     let longest = quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from)));
     if let Some(gap) = longest {
-        let (count, length) = (counted(quality.gaps.len(), "gap"), gap.to - gap.from);
+        let (count, line) = (counted(quality.gaps.len(), "gap"), gap.line);
+        let length = gap.to - gap.from;
         warnings.push(Warning::new(
             WarningKind::Gaps,
-            format!("{count} in time, the longest of {length:.3} s before {unit} {}", gap.line),
+            format!("{count} in time, the longest of {length:.3} s before {unit} {line}"),
         ));
     }
     if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
@@ -459,19 +460,18 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         ));
     }
     if let Some(reset) = quality.resets.first() {
-        let (count, jump) = (counted(quality.resets.len(), "position jump"), reset.jump * 1e3);
+        let (count, line) = (counted(quality.resets.len(), "position jump"), reset.line);
+        let jump = reset.jump * 1e3;
         warnings.push(Warning::new(
             WarningKind::Resets,
-            format!("{count}, the first of {jump:.3} mm at {unit} {}", reset.line),
+            format!("{count}, the first of {jump:.3} mm at {unit} {line}"),
         ));
     }
-    for Saturation { count, level, first_line } in &quality.saturated {
+    for Saturation { count, level, first_line: line } in &quality.saturated {
         let hint = "forces beyond the sensor's range are lost; leave these strokes out or use a larger sensor";
         warnings.push(Warning {
             kind: WarningKind::Saturation,
-            message: format!(
-                "force stuck at {level} N in {count} samples, first at {unit} {first_line}"
-            ),
+            message: format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),
             hint: Some(hint.to_owned()),
         });
     }
