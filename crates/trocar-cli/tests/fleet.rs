@@ -187,9 +187,12 @@ fn every_format_that_is_known_is_part_of_a_data_set() {
     for ending in &endings {
         fs::write(place.path(&format!("set/run.{ending}")), "no recording").unwrap();
     }
+    fs::create_dir(place.path("set/bag")).unwrap();
+    fs::write(place.path("set/bag/metadata.yaml"), "no recording").unwrap();
     let ran = place.run("fleet set --out table.csv").ends_with(3);
     assert!(!ran.stderr.contains("left out"), "{ran:#?}");
     let table = fs::read_to_string(place.path("table.csv")).unwrap();
+    assert!(table.contains("\nbag,"), "{table}");
     assert!(endings.iter().all(|ending| table.contains(&format!("\nrun.{ending},"))), "{table}");
     assert!(endings.contains(&"xlsx") && endings.contains(&"npz"));
 }

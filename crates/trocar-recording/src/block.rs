@@ -1,6 +1,6 @@
 //! Blocks of rows in SI units: the output of file readers.
 
-use super::columns::Quantity;
+use super::units::Quantity;
 
 /// Consecutive rows, column by column. All columns that the file has are of equal length, the
 /// others are empty.
@@ -52,7 +52,7 @@ impl Block {
     }
 
     /// Records that the lines from row `row` onwards are numbered consecutively from `line`.
-    pub fn count_from(&mut self, row: usize, line: u64) {
+    pub(crate) fn count_from(&mut self, row: usize, line: u64) {
         if self.lines.last().is_none_or(|&(first, at)| at + (row - first) as u64 != line) {
             self.lines.push((row, line));
         }

@@ -1,8 +1,12 @@
 //! What to read from a file: which columns, from which of its tables, between which times.
 
-use super::columns::{Given, Layout, Quantity};
+use std::io::Read;
+
+use super::columns::{Given, Layout};
 use super::container::{Container, Table};
 use super::header::{Header, Text};
+use super::text::TextReader;
+use super::units::Quantity;
 use super::{RecordingError, columns};
 
 /// Most columns of a table that are read to guess a unit.
@@ -48,15 +52,78 @@ impl Choice {
 
     /// Whether the sign of the force is reversed: by `flip_force`, or by a minus before its column.
     pub fn reverses_force(&self) -> bool {
-        let has_minus = |mapping: &str| match mapping.contains('=') {
-            true => Given::parse(mapping).is_ok_and(|given| {
+        let has_minus = match self.in_order() {
+            None => self.given().is_ok_and(|given| {
                 given.iter().any(|own| own.quantity == Quantity::Force && own.reversed)
             }),
-            false => Layout::from_mapping(mapping, &[]).is_ok_and(|layout| {
+            Some(mapping) => Layout::from_mapping(mapping, &[]).is_ok_and(|layout| {
                 layout.slots.iter().flatten().any(|own| own.is(Quantity::Force) && own.per_si < 0.0)
             }),
         };
-        self.flip_force != self.columns.as_deref().is_some_and(has_minus)
+        self.flip_force != has_minus
+    }
+
+    /// The names of the columns, if they are in order.
+    pub(super) fn in_order(&self) -> Option<&str> {
+        self.columns.as_deref().filter(|mapping| !mapping.contains('='))
+    }
+
+    /// The columns that are given by name.
+    pub(super) fn given(&self) -> Result<Vec<Given>, RecordingError> {
+        self.columns.as_deref().map_or(Ok(Vec::new()), Given::parse)
+    }
+
+    /// The layout of the columns of `header`, in order or by their names.
+    fn layout(&self, header: &Header, needed: &[Quantity]) -> Result<Layout, RecordingError> {
+        let needed = self.needed_columns(needed);
+        let layout = match self.in_order() {
+            Some(mapping) => Layout::from_mapping(mapping, &needed)?,
+            None => header.layout(&self.given()?, &needed)?,
+        };
+        Ok(layout.at_rate(self.rate_hz))
+    }
+
+    /// The same of a table, which has no other columns.
+    fn layout_of_table(
+        &self,
+        header: &Header,
+        needed: &[Quantity],
+    ) -> Result<Layout, RecordingError> {
+        let layout = self.layout(header, needed)?;
+        let Header { file, place, names, .. } = header;
+        if layout.slots.len() != names.len() {
+            let mapping = self.columns.as_deref().unwrap_or_default();
+            let problem = format!(
+                "for {} columns, but {file}{place} has {}",
+                layout.slots.len(),
+                names.len()
+            );
+            return Err(RecordingError::bad_columns(mapping, problem));
+        }
+        Ok(Layout { names: names.to_vec(), ..layout })
+    }
+
+    /// The same of a text: without a header the last comment may have the names.
+    pub(super) fn layout_of_text<R: Read>(
+        &self,
+        reader: &TextReader<R>,
+        needed: &[Quantity],
+    ) -> Result<Layout, RecordingError> {
+        let (line, names) = reader.names().unwrap_or_default();
+        let header = Header {
+            file: reader.file(),
+            place: &format!(" line {line}"),
+            names,
+            units: reader.units(),
+            timestamps: &reader.timestamps(),
+            first_rows: &|| reader.first_rows(names.len()),
+            first_text: &|k| reader.first_text(k),
+        };
+        let layout = self.layout(&header, needed);
+        if reader.has_header() || self.in_order().is_some() {
+            return layout;
+        }
+        layout.ok().filter(|_| !names.is_empty()).ok_or_else(|| reader.no_header())
     }
 
     /// Rejects a rate that is none, or one beside a column of times.
@@ -70,14 +137,9 @@ impl Choice {
         if !(rate.is_finite() && rate > 0.0) {
             return Err(bad(format!("is {rate}, expected a number above 0")));
         }
-        let named = match self.columns.as_deref() {
-            Some(mapping) if !mapping.contains('=') => {
-                Layout::from_mapping(mapping, &[])?.has(Quantity::Time)
-            }
-            mapping => mapping
-                .map_or(Ok(Vec::new()), Given::parse)?
-                .iter()
-                .any(|own| own.quantity == Quantity::Time),
+        let named = match self.in_order() {
+            Some(mapping) => Layout::from_mapping(mapping, &[])?.has(Quantity::Time),
+            None => self.given()?.iter().any(|own| own.quantity == Quantity::Time),
         };
         if named {
             Err(bad("is given although --columns names the time, expected one of them".to_owned()))
@@ -129,24 +191,7 @@ pub(super) fn pick(
             }
         }
     }
-    // A name says more than a unit.
-    if found.iter().any(|(_, layout)| !layout.by_unit) {
-        found.retain(|(_, layout)| !layout.by_unit);
-    }
-    // Columns of the file itself take precedence over those of its groups.
-    if let Some(own) = found
-        .iter()
-        .position(|(table, _)| tables[*table].name.is_empty())
-        .filter(|_| found.len() > 1)
-    {
-        let (table, mut layout) = found.swap_remove(own);
-        let others: Vec<String> =
-            found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
-        layout
-            .notes
-            .push(format!("taken from the file itself, not from {}", columns::listed(&others)));
-        found = vec![(table, layout)];
-    }
+    let mut found = preferred(tables, found);
     if found.len() > 1 {
         let tables: Vec<String> =
             found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
@@ -158,8 +203,7 @@ pub(super) fn pick(
     }
     let Some((table, layout)) = found.pop() else {
         // Columns of which one could not be chosen are named first.
-        let apart = || in_several(file, container, &allowed, choice, needed);
-        if let Some(found) = only_missing.then(apart).flatten() {
+        if only_missing && let Some(found) = in_several(file, container, &allowed, choice, needed) {
             return Err(RecordingError::SeparateTables { file: file.to_owned(), found });
         }
         return Err(refused
@@ -170,6 +214,21 @@ pub(super) fn pick(
     Ok(Picked { table, columns, layout })
 }
 
+/// Of the tables that could be read, those that say most clearly that they should be.
+fn preferred(tables: &[Table], mut found: Vec<(usize, Layout)>) -> Vec<(usize, Layout)> {
+    // A name says more than a unit.
+    if found.iter().any(|(_, layout)| !layout.by_unit) {
+        found.retain(|(_, layout)| !layout.by_unit);
+    }
+    // Columns of the file itself take precedence over those of its groups.
+    let own = found.iter().position(|(table, _)| tables[*table].name.is_empty());
+    let Some(own) = own.filter(|_| found.len() > 1) else { return found };
+    let (table, mut layout) = found.swap_remove(own);
+    let others: Vec<String> = found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
+    layout.notes.push(format!("taken from the file itself, not from {}", columns::listed(&others)));
+    vec![(table, layout)]
+}
+
 /// Where each quantity is, if they are in several of the tables: as a column, or by the table's name.
 fn in_several(
     file: &str,
@@ -178,24 +237,23 @@ fn in_several(
     choice: &Choice,
     needed: &[Quantity],
 ) -> Option<String> {
-    let name = |table: usize| container.tables()[table].name.as_str();
-    let place = |quantity: Quantity| {
-        let has_column =
-            |table: &usize| layout_of(file, container, *table, choice, &[quantity]).is_ok();
-        let is_named = |table: &usize| {
-            let leaf = name(*table).rsplit(['/', '.']).next().unwrap_or_default();
-            columns::quantity_named(leaf) == Some(quantity)
-        };
-        let mut all = tables.iter().copied();
-        all.find(has_column).or_else(|| tables.iter().copied().find(is_named))
-    };
     let mut places = Vec::new();
     for quantity in choice.needed_columns(needed) {
-        places.push((quantity, place(quantity)?));
+        let mut all = tables.iter().copied();
+        let with_column =
+            all.find(|table| layout_of(file, container, *table, choice, &[quantity]).is_ok());
+        let by_name = || {
+            tables.iter().copied().find(|table| {
+                let name = &container.tables()[*table].name;
+                let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
+                columns::quantity_named(leaf) == Some(quantity)
+            })
+        };
+        places.push((quantity, with_column.or_else(by_name)?));
     }
     let is_apart = places.windows(2).any(|pair| pair[0].1 != pair[1].1);
     let words = places.iter().map(|(quantity, table)| {
-        let table = match name(*table) {
+        let table = match &*container.tables()[*table].name {
             "" => "the file itself".to_owned(),
             name => format!("'{name}'"),
         };
@@ -274,54 +332,95 @@ fn layout_of(
     choice: &Choice,
     needed: &[Quantity],
 ) -> Result<Layout, RecordingError> {
-    let needed = &choice.needed_columns(needed)[..];
-    let dates = container.dates(table);
+    let Table { name, columns, .. } = &container.tables()[table];
     let text_of = |k: usize| match container.number_with_unit(table, k) {
         Some(text) => Text::WithUnit(text.to_owned()),
         None => Text::Other,
     };
-    let (table, first_rows) = (&container.tables()[table], || first_rows(container, table));
-    let names: Vec<String> = table.columns.iter().map(|column| column.name.clone()).collect();
-    let place = if table.name.is_empty() { String::new() } else { format!(" {}", table.name) };
-    let layout = match choice.columns.as_deref() {
-        Some(mapping) if !mapping.contains('=') => {
-            let layout = Layout::from_mapping(mapping, needed)?;
-            if layout.slots.len() != names.len() {
-                let problem = format!(
-                    "for {} columns, but {file}{place} has {}",
-                    layout.slots.len(),
-                    names.len()
-                );
-                return Err(RecordingError::bad_columns(mapping, problem));
-            }
-            Layout { names, ..layout }
-        }
-        mapping => {
-            let units: Vec<String> =
-                table.columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect();
-            let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-            let (names, units) = (&names, &units);
-            let header = Header {
-                file,
-                place: &place,
-                names,
-                units,
-                timestamps: &dates,
-                first_rows: &first_rows,
-                first_text: &|k| (!table.columns[k].is_numeric).then(|| text_of(k)),
-            };
-            header.layout(&given, needed)?
-        }
+    let header = Header {
+        file,
+        place: &if name.is_empty() { String::new() } else { format!(" {name}") },
+        names: &columns.iter().map(|column| column.name.clone()).collect::<Vec<_>>(),
+        units: &columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect::<Vec<_>>(),
+        timestamps: &container.dates(table),
+        first_rows: &|| first_rows(container, table),
+        first_text: &|k| (!columns[k].is_numeric).then(|| text_of(k)),
     };
-    let layout = layout.at_rate(choice.rate_hz);
-    let read = table
-        .columns
-        .iter()
-        .zip(&layout.slots)
-        .find(|(column, slot)| slot.is_some() && !column.is_numeric);
-    if let Some((column, _)) = read {
-        let problem = "a column without numbers".to_owned();
-        return Err(RecordingError::bad_columns(&*column.name, problem));
+    let layout = choice.layout_of_table(&header, needed)?;
+    let mut read = columns.iter().zip(&layout.slots).filter(|(_, slot)| slot.is_some());
+    match read.find(|(column, _)| !column.is_numeric) {
+        Some((column, _)) => {
+            let problem = "a column without numbers".to_owned();
+            Err(RecordingError::bad_columns(&*column.name, problem))
+        }
+        None => Ok(layout),
     }
-    Ok(layout)
+}
+
+/// A column of a table that is not a file: its index, from 0, and the number of its units per SI
+/// unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableColumn {
+    /// Index among the names.
+    pub index: usize,
+    /// Divisor for conversion to SI.
+    pub per_si: f64,
+}
+
+/// Which columns of a table are which quantity.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TableColumns {
+    /// Time, position and force, in this order.
+    pub needed: [TableColumn; 3],
+    /// Velocity, if there is one.
+    pub velocity: Option<TableColumn>,
+    /// Assumptions made.
+    pub notes: Vec<String>,
+}
+
+impl TableColumns {
+    /// Finds the columns of `table` by their `names`, with the same rules as for the header of a
+    /// file, or by `mapping` (`time_s,position_mm,-,force_n`) in their order.
+    ///
+    /// # Errors
+    /// [`RecordingError`] if a column or its unit is missing or ambiguous.
+    pub fn find(
+        table: &str,
+        names: &[String],
+        mapping: Option<&str>,
+    ) -> Result<Self, RecordingError> {
+        Self::find_with_units(table, names, &[], &[], mapping)
+    }
+
+    /// The same with the units declared for the names, empty if there are none, and the indices of
+    /// the columns that hold timestamps, which count in s.
+    ///
+    /// # Errors
+    /// As for [`TableColumns::find`].
+    pub fn find_with_units(
+        table: &str,
+        names: &[String],
+        units: &[String],
+        timestamps: &[usize],
+        mapping: Option<&str>,
+    ) -> Result<Self, RecordingError> {
+        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
+        let header = Header {
+            file: table,
+            place: "",
+            names,
+            units,
+            timestamps,
+            first_rows: &Vec::new,
+            first_text: &|_| None,
+        };
+        let choice = Choice { columns: mapping.map(str::to_owned), ..Choice::default() };
+        let layout = choice.layout_of_table(&header, &needed)?;
+        let of = |quantity: Quantity| {
+            let index = layout.column(quantity)?;
+            layout.slots[index].map(|slot| TableColumn { index, per_si: slot.per_si })
+        };
+        let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
+        Ok(Self { needed: found, velocity: of(Quantity::Velocity), notes: layout.notes })
+    }
 }

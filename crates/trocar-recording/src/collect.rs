@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
+use super::RecordingError;
 use super::block::{Block, SampleRow};
-use super::choice::Choice;
-use super::columns::Quantity;
-use super::quality::RowList;
-use super::screen::{self, Columns, Count, Lines};
-use super::{Recording, RecordingError};
+use super::quality::{Quality, RowList};
+use super::samples::{Columns, Count, Lines};
+use super::screen;
+use super::units::Quantity;
 
 /// Rows in an excerpt: a minute at 1 kHz, so several strokes of a slow protocol.
 const EXCERPT: usize = 1 << 16;
@@ -165,10 +165,8 @@ impl Collector {
     pub(super) fn finish(
         self,
         file: &str,
-        name: String,
-        sha256: String,
         sensor_limit: Option<f64>,
-    ) -> Result<Recording, RecordingError> {
+    ) -> Result<(Columns, Quality), RecordingError> {
         let starts: Vec<f64> = match self.excerpts.level {
             0 => Vec::new(),
             _ => self.columns.time.iter().copied().step_by(EXCERPT).skip(1).collect(),
@@ -184,8 +182,6 @@ impl Collector {
         let (columns, mut quality) =
             screen::screen(file, self.columns, self.non_finite, sensor_limit, &starts)?;
         quality.notes.extend(note);
-        let Columns { time, position, force, velocity, .. } = columns;
-        let choice = Choice::default();
-        Ok(Recording { name, sha256, time, position, force, velocity, quality, choice })
+        Ok((columns, quality))
     }
 }

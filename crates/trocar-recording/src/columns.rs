@@ -1,66 +1,10 @@
 //! Column names and units: which column of a file holds which quantity.
 
+use trocar_tables::text::Format;
+
 use super::RecordingError;
-use super::format::Format;
-use super::header::Header;
+pub use super::units::Quantity;
 use super::units::{bracketed, foreign, is_unit, key, lower, units_named, words_of};
-
-/// Quantities that a column can hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Quantity {
-    /// Time, in s.
-    Time,
-    /// Position, in m.
-    Position,
-    /// Force, in N.
-    Force,
-    /// Velocity, in m/s.
-    Velocity,
-}
-
-impl Quantity {
-    /// All quantities; the index of each is its number.
-    pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
-
-    /// Its name in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Position => "position",
-            Self::Force => "force",
-            Self::Velocity => "velocity",
-        }
-    }
-
-    pub(crate) fn words(self) -> &'static [&'static str] {
-        match self {
-            Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
-            Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
-            Self::Force => &["force", "f", "load", "friction"],
-            Self::Velocity => &["velocity", "vel", "v"],
-        }
-    }
-
-    /// Its name with an article, in messages.
-    pub(crate) fn with_article(self) -> &'static str {
-        match self {
-            Self::Time => "a time",
-            Self::Position => "a position",
-            Self::Force => "a force",
-            Self::Velocity => "a velocity",
-        }
-    }
-
-    /// A recognised name, for messages.
-    pub(crate) fn example(self) -> &'static str {
-        match self {
-            Self::Time => "time_s",
-            Self::Position => "position_mm",
-            Self::Force => "force_n",
-            Self::Velocity => "velocity_m_s",
-        }
-    }
-}
 
 /// Interpretation of a single name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -108,8 +52,8 @@ const WEAK_UNITS: [&str; 6] = ["min", "in", "h", "ft", "mil", "foot"];
 pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> {
     let lower = lower(name);
     let words = words_of(&lower);
-    let named = |word: &&str| Quantity::ALL.iter().any(|quantity| quantity.words().contains(word));
-    if is_related(name) || words.iter().any(named) {
+    let mut of_quantities = Quantity::ALL.iter().flat_map(|quantity| quantity.words());
+    if is_related(name) || of_quantities.any(|word| words.contains(word)) {
         return None;
     }
     let unit = match bracketed(&lower) {
@@ -169,17 +113,22 @@ fn recognise(name: &str) -> Option<Reading> {
 /// Interpretation of a name together with its declared unit; the unit in the name takes precedence.
 pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
     let mut own = recognise(name)?;
-    let declared = key(&lower(unit));
-    if declared.is_empty() {
+    if key(&lower(unit)).is_empty() {
         return Some(own);
     }
-    let per_si = own.quantity.unit(&declared).map(|unit| unit.per_si);
+    let per_si = own.quantity.declared(unit);
     if own.per_si.is_none() {
         (own.per_si, own.is_written) = (per_si, true);
     } else if own.per_si != per_si {
         notes.push(format!("column '{name}' is declared in {unit}: the unit in its name is taken"));
     }
     Some(own)
+}
+
+/// The same of a column that may be read: an angle is no position, and a voltage no force, even if nothing
+/// else is.
+pub(crate) fn reading_of(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
+    reading_with(name, unit, notes).filter(|_| foreign(name, unit).is_none())
 }
 
 /// The quantity whose word the name contains; `None` for two different ones.
@@ -204,14 +153,15 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 pub(crate) fn other_axes(names: &[String], index: usize) -> Vec<usize> {
     let lower: Vec<String> = names.iter().map(|name| lower(name)).collect();
     let own = words_of(&lower[index]);
-    let is_other = |k: &usize| {
+    let mut others: Vec<usize> = (0..names.len()).collect();
+    others.retain(|k| {
         let words = words_of(&lower[*k]);
         let mut unlike = words.iter().zip(&own).filter(|(a, b)| a != b);
         let (first, more) = (unlike.next(), unlike.next().is_some());
-        let is_axis = |word: &str| AXES.contains(&word);
-        words.len() == own.len() && !more && first.is_some_and(|(a, b)| is_axis(a) && is_axis(b))
-    };
-    (0..names.len()).filter(is_other).collect()
+        let are_axes = first.is_some_and(|(a, b)| AXES.contains(a) && AXES.contains(b));
+        words.len() == own.len() && !more && are_axes
+    });
+    others
 }
 
 /// The unit at the end of a name behind another word: how many words, and the number per SI unit.
@@ -266,8 +216,12 @@ pub(crate) struct Layout {
 
 impl Layout {
     pub(crate) fn has(&self, quantity: Quantity) -> bool {
-        (quantity == Quantity::Time && self.rate_hz.is_some())
-            || self.slots.iter().flatten().any(|slot| slot.is(quantity))
+        (quantity == Quantity::Time && self.rate_hz.is_some()) || self.column(quantity).is_some()
+    }
+
+    /// Index of the column of a quantity.
+    pub(crate) fn column(&self, quantity: Quantity) -> Option<usize> {
+        self.slots.iter().position(|slot| slot.is_some_and(|slot| slot.is(quantity)))
     }
 
     /// All columns unchanged.
@@ -284,13 +238,20 @@ impl Layout {
 
     /// The column of each quantity, in the syntax of `--columns`.
     pub(crate) fn words(&self) -> Vec<String> {
-        let of = |quantity: Quantity| {
-            let mut own = self.slots.iter().enumerate();
-            let (k, slot) =
-                own.find_map(|(k, slot)| Some((k, slot.filter(|slot| slot.is(quantity))?)))?;
-            entry(quantity, slot.per_si, &numbered(&self.names, k))
-        };
-        Quantity::ALL.into_iter().filter_map(of).collect()
+        self.words_with(|_, per_si| Some(per_si))
+    }
+
+    /// The same with other units; a quantity for which there is none is left out.
+    pub(crate) fn words_with(&self, unit: impl Fn(Quantity, f64) -> Option<f64>) -> Vec<String> {
+        let mut words = Vec::new();
+        for quantity in Quantity::ALL {
+            if let Some(k) = self.column(quantity)
+                && let Some(per_si) = unit(quantity, self.slots[k].map_or(1.0, |slot| slot.per_si))
+            {
+                words.extend(entry(quantity, per_si, &numbered(&self.names, k)));
+            }
+        }
+        words
     }
 
     /// Takes times from the rate, not from a column.
@@ -321,12 +282,9 @@ impl Layout {
             };
             return Some(in_order.split(',').map(turn).collect::<Vec<_>>().join(","));
         }
-        let mut turned = self.clone();
-        let slots = turned.slots.iter_mut().flatten();
-        slots
-            .filter(|slot| slot.is(Quantity::Position))
-            .for_each(|slot| slot.per_si = -slot.per_si);
-        let mut words = turned.words();
+        let mut words = self.words_with(|quantity, per_si| {
+            Some(if quantity == Quantity::Position { -per_si } else { per_si })
+        });
         if given.is_none() {
             words.retain(|word| is_position(&&**word));
         }
@@ -369,86 +327,6 @@ pub(crate) fn entry(quantity: Quantity, per_si: f64, name: &str) -> Option<Strin
 fn quoted(name: &str) -> String {
     let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
     if plain { name.to_owned() } else { format!("\"{name}\"") }
-}
-
-/// A column of a table that is not a file: its index, from 0, and the number of its units per SI
-/// unit.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TableColumn {
-    /// Index among the names.
-    pub index: usize,
-    /// Divisor for conversion to SI.
-    pub per_si: f64,
-}
-
-/// Which columns of a table are which quantity.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TableColumns {
-    /// Time, position and force, in this order.
-    pub needed: [TableColumn; 3],
-    /// Velocity, if there is one.
-    pub velocity: Option<TableColumn>,
-    /// Assumptions made.
-    pub notes: Vec<String>,
-}
-
-impl TableColumns {
-    /// Finds the columns of `table` by their `names`, with the same rules as for the header of a
-    /// file, or by `mapping` (`time_s,position_mm,-,force_n`) in their order.
-    ///
-    /// # Errors
-    /// [`RecordingError`] if a column or its unit is missing or ambiguous.
-    pub fn find(
-        table: &str,
-        names: &[String],
-        mapping: Option<&str>,
-    ) -> Result<Self, RecordingError> {
-        Self::find_with_units(table, names, &[], &[], mapping)
-    }
-
-    /// The same with the units declared for the names, empty if there are none, and the indices of
-    /// the columns that hold timestamps, which count in s.
-    ///
-    /// # Errors
-    /// As for [`TableColumns::find`].
-    pub fn find_with_units(
-        table: &str,
-        names: &[String],
-        units: &[String],
-        timestamps: &[usize],
-        mapping: Option<&str>,
-    ) -> Result<Self, RecordingError> {
-        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-        let layout = match mapping {
-            Some(mapping) if !mapping.contains('=') => Layout::from_mapping(mapping, &needed)?,
-            mapping => {
-                let given = mapping.map_or(Ok(Vec::new()), Given::parse)?;
-                let header = Header {
-                    file: table,
-                    place: "",
-                    names,
-                    units,
-                    timestamps,
-                    first_rows: &Vec::new,
-                    first_text: &|_| None,
-                };
-                header.layout(&given, &needed)?
-            }
-        };
-        if layout.slots.len() != names.len() {
-            let problem =
-                format!("for {} columns, but {table} has {}", layout.slots.len(), names.len());
-            return Err(RecordingError::bad_columns(mapping.unwrap_or_default(), problem));
-        }
-        let of = |quantity: Quantity| {
-            let slots = layout.slots.iter().enumerate();
-            let mut own =
-                slots.filter_map(|(index, slot)| Some((index, slot.filter(|s| s.is(quantity))?)));
-            own.next().map(|(index, slot)| TableColumn { index, per_si: slot.per_si })
-        };
-        let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
-        Ok(Self { needed: found, velocity: of(Quantity::Velocity), notes: layout.notes })
-    }
 }
 
 fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
@@ -619,10 +497,9 @@ impl Given {
         }
     }
 
-    /// Slot with the unit of the entry, otherwise with that of the column.
-    pub(crate) fn slot(&self, own: Option<Reading>) -> Result<Slot, RecordingError> {
-        let declared = own.filter(|own| own.quantity == self.quantity).and_then(|own| own.per_si);
-        let per_si = self.per_si.or(declared).ok_or_else(|| {
+    /// Slot with the unit of the entry, otherwise with that of the column, `own`.
+    pub(crate) fn slot(&self, own: Option<f64>) -> Result<Slot, RecordingError> {
+        let per_si = self.per_si.or(own).ok_or_else(|| {
             let units = self.quantity.unit_list();
             let problem = format!(
                 "{} without a unit, and the column's name has none either, expected one of {units}",

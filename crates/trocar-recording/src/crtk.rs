@@ -6,8 +6,9 @@
 //! never used as measurements. The instrument moves along its insertion joint, which is prismatic:
 //! position in m, effort in N, positive on insertion.
 
-use super::columns::Quantity;
-use super::formats::{HEADER_STAMP, LOG_TIME};
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
+
+use super::units::Quantity;
 
 /// Certainty of an interpretation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

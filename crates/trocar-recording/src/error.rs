@@ -2,6 +2,7 @@
 //! `hint:` line.
 
 use std::fmt;
+use std::path::Path;
 
 /// A position in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -487,7 +488,17 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    /// [`RecordingError::Open`] of what is at `path`.
+    pub(crate) fn cannot_open(path: &Path) -> impl Fn(std::io::Error) -> Self {
+        move |source| Self::Open { file: path.display().to_string(), source }
+    }
+
     /// [`RecordingError::BadColumns`] before the file is known.
+    /// A column of `--columns` that is there twice.
+    pub(crate) fn named_twice(column: &str) -> Self {
+        Self::bad_columns(column, "a column named for two quantities, expected one".to_owned())
+    }
+
     pub(crate) fn bad_columns(entry: impl Into<Box<str>>, problem: String) -> Self {
         let hint = "give a name with its unit per column, '-' to skip one, as in time_s,position_mm,force_n,-, \
                     or say by name which column is which, as in position_mm=x,force_n=-fz";

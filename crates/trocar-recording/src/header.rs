@@ -6,10 +6,10 @@
 use super::RecordingError;
 use super::columns::{
     Given, Layout, Quantity, Reading, Slot, UNIT_IN_CELL, entry, is_related, listed, name_in_front,
-    numbered, other_axes, reading_with, unit_alone,
+    numbered, other_axes, reading_of, reading_with, unit_alone,
 };
 use super::crtk::axis_of_travel;
-use super::plausible::PLAUSIBLE_FORCE;
+use super::statistics::range;
 use super::units::{Foreign, foreign, key, lower, words_of};
 
 /// The names of the columns, and what else tells their meaning.
@@ -56,15 +56,28 @@ struct Proposed {
     guessed: bool,
 }
 
+/// What is known of the columns.
+struct Known {
+    /// What each column may be by its name and unit.
+    readings: Vec<Option<Reading>>,
+    /// The columns taken.
+    slots: Vec<Option<Slot>>,
+    notes: Vec<String>,
+    doubts: Vec<(Quantity, Doubt)>,
+    /// Whether one is taken by its unit alone.
+    by_unit: bool,
+}
+
 /// What is unclear, and what is known beside it.
 struct Unclear<'a> {
     given: &'a [Given],
-    doubts: &'a [(Quantity, Doubt)],
-    readings: &'a [Option<Reading>],
-    slots: &'a [Option<Slot>],
+    known: &'a Known,
     /// Numbers of the first rows by column.
     rows: Vec<Vec<f64>>,
 }
+
+/// Largest force of an instrument in a trocar, N.
+pub(crate) const PLAUSIBLE_FORCE: f64 = 200.0;
 
 /// A rate as an example, for a file without times; it stands for any other.
 pub(crate) const EXAMPLE_RATE: &str = "--rate-hz 1000";
@@ -117,107 +130,106 @@ impl Header<'_> {
         given: &[Given],
         needed: &[Quantity],
     ) -> Result<Layout, RecordingError> {
-        let names = self.names;
-        let mut slots = vec![None; names.len()];
-        let mut notes = Vec::new();
-        let mut readings: Vec<Option<Reading>> = names
-            .iter()
-            .enumerate()
-            .map(|(k, name)| {
-                // A date has the unit of the file's format, whatever its name says.
-                let declared = if self.timestamps.contains(&k) { "" } else { self.unit(k) };
-                reading_with(name, declared, &mut notes)
-            })
-            .collect();
-        // An angle is no position, and a voltage no force, even if nothing else is.
-        for (k, reading) in readings.iter_mut().enumerate() {
-            reading.take_if(|_| self.foreign(k).is_some());
-        }
-        for k in self.timestamps {
-            // The unit of a date is known. A row may have more cells than the header.
-            let own = readings.get_mut(*k).and_then(Option::as_mut);
-            let own = own.filter(|own| own.quantity == Quantity::Time);
-            own.into_iter().for_each(|own| own.per_si = Some(1.0));
-        }
+        let mut known = self.readings();
         for named in given {
-            let index = named.find(names)?;
-            named.check_unit(&names[index], self.unit(index))?;
-            if slots[index].is_some() {
-                let problem = "a column named for two quantities, expected one".to_owned();
-                return Err(RecordingError::bad_columns(&*names[index], problem));
-            }
-            let is_time = named.quantity == Quantity::Time && self.timestamps.contains(&index);
-            let declared = reading_with(named.quantity.name(), self.unit(index), &mut notes);
-            slots[index] = Some(if is_time {
-                Slot::of(Quantity::Time, 1.0)
-            } else {
-                named.slot(readings[index].or(declared))?
-            });
-            readings[index] = None;
+            self.take_given(named, &mut known)?;
         }
-        let mut doubts = self.row_numbers(given)?;
-        let mut by_unit = false;
-        for quantity in
-            Quantity::ALL.into_iter().filter(|q| given.iter().all(|given| given.quantity != *q))
-        {
-            let needed = needed.contains(&quantity);
-            match self.choose(quantity, &readings) {
-                Ok((index, slot, why)) => {
-                    notes.extend(why);
-                    if readings[index].is_some_and(|reading| !reading.exact) {
-                        notes.push(format!(
-                            "column '{}' taken as {}",
-                            names[index],
-                            quantity.name()
-                        ));
-                    }
-                    slots[index] = Some(slot);
-                }
-                Err(Doubt::Missing) if needed => {
-                    match self.by_unit(quantity, &readings, &slots)[..] {
-                        [(index, per_si)] => {
-                            let why = if self.timestamps.contains(&index) {
-                                "timestamps"
-                            } else {
-                                "unit"
-                            };
-                            notes.push(format!(
-                                "column '{}' taken as {}, by its {why}",
-                                names[index],
-                                quantity.name()
-                            ));
-                            slots[index] = Some(Slot::of(quantity, per_si));
-                            by_unit = true;
-                        }
-                        [] => doubts.push((quantity, Doubt::Missing)),
-                        ref several => {
-                            doubts.push((
-                                quantity,
-                                Doubt::Several(several.iter().map(|(index, _)| *index).collect()),
-                            ));
-                        }
-                    }
-                }
-                Err(doubt) if needed => doubts.push((quantity, doubt)),
-                Err(Doubt::Missing) => {}
-                Err(Doubt::Unit(index)) => notes.push(self.not_used(index, quantity)),
-                Err(Doubt::Several(several)) => notes.push(self.not_used(several[0], quantity)),
-                Err(Doubt::RowNumbers(_)) => unreachable!("only of a column that was named"),
+        known.doubts = self.row_numbers(given)?;
+        for quantity in Quantity::ALL {
+            if given.iter().all(|given| given.quantity != quantity) {
+                self.take(quantity, needed.contains(&quantity), &mut known);
             }
         }
-        if !doubts.is_empty() {
+        if !known.doubts.is_empty() {
             let rows = (self.first_rows)();
-            let (readings, slots, doubts) = (&readings[..], &slots[..], &doubts[..]);
-            return Err(self.unclear(&Unclear { given, doubts, readings, slots, rows }));
+            return Err(self.unclear(&Unclear { given, known: &known, rows }));
         }
-        Ok(Layout {
-            names: names.to_vec(),
-            slots,
-            source: "the header",
-            notes,
-            by_unit,
-            ..Layout::default()
-        })
+        let Known { slots, notes, by_unit, .. } = known;
+        let (names, source) = (self.names.to_vec(), "the header");
+        Ok(Layout { names, slots, source, notes, by_unit, ..Layout::default() })
+    }
+
+    /// What the columns may be by their names and units.
+    fn readings(&self) -> Known {
+        let mut notes = Vec::new();
+        let mut readings = Vec::with_capacity(self.names.len());
+        for (k, name) in self.names.iter().enumerate() {
+            // A date has the unit of the file's format, whatever its name says.
+            let own = match self.timestamps.contains(&k) {
+                true => reading_with(name, "", &mut notes).map(|own| match own.quantity {
+                    Quantity::Time => Reading { per_si: Some(1.0), ..own },
+                    _ => own,
+                }),
+                false => reading_of(name, self.unit(k), &mut notes),
+            };
+            readings.push(own);
+        }
+        let slots = vec![None; readings.len()];
+        Known { readings, slots, notes, doubts: Vec::new(), by_unit: false }
+    }
+
+    /// Takes a column that is named.
+    fn take_given(&self, named: &Given, known: &mut Known) -> Result<(), RecordingError> {
+        let index = named.find(self.names)?;
+        let (name, unit) = (&self.names[index], self.unit(index));
+        named.check_unit(name, unit)?;
+        if known.slots[index].is_some() {
+            return Err(RecordingError::named_twice(name));
+        }
+        let is_date = named.quantity == Quantity::Time && self.timestamps.contains(&index);
+        let own = match known.readings[index].take() {
+            Some(own) => own.per_si.filter(|_| own.quantity == named.quantity),
+            None => named.quantity.declared(unit),
+        };
+        known.slots[index] = Some(match is_date {
+            true => Slot::of(Quantity::Time, 1.0),
+            false => named.slot(own)?,
+        });
+        Ok(())
+    }
+
+    /// Takes the column of a quantity that nobody has named, or adds what is unclear.
+    fn take(&self, quantity: Quantity, needed: bool, known: &mut Known) {
+        match self.choose(quantity, &known.readings) {
+            Ok((index, slot, why)) => {
+                known.notes.extend(why);
+                if known.readings[index].is_some_and(|reading| !reading.exact) {
+                    known.notes.push(self.taken(index, quantity));
+                }
+                known.slots[index] = Some(slot);
+            }
+            Err(Doubt::Missing) if needed => self.take_by_unit(quantity, known),
+            Err(doubt) if needed => known.doubts.push((quantity, doubt)),
+            Err(Doubt::Missing) => {}
+            Err(Doubt::Unit(index)) => known.notes.push(self.not_used(index, quantity)),
+            Err(Doubt::Several(several)) => {
+                known.notes.push(self.not_used(several[0], quantity));
+            }
+            Err(Doubt::RowNumbers(_)) => unreachable!("only of a column that was named"),
+        }
+    }
+
+    /// Takes the only column that has a unit of a quantity and no name.
+    fn take_by_unit(&self, quantity: Quantity, known: &mut Known) {
+        let found = self.by_unit(quantity, known);
+        match found[..] {
+            [(index, per_si)] => {
+                let is_date = self.timestamps.contains(&index);
+                let why = if is_date { "timestamps" } else { "unit" };
+                known.notes.push(format!("{}, by its {why}", self.taken(index, quantity)));
+                known.slots[index] = Some(Slot::of(quantity, per_si));
+                known.by_unit = true;
+            }
+            [] => known.doubts.push((quantity, Doubt::Missing)),
+            _ => {
+                let several = found.iter().map(|(index, _)| *index).collect();
+                known.doubts.push((quantity, Doubt::Several(several)));
+            }
+        }
+    }
+
+    fn taken(&self, index: usize, quantity: Quantity) -> String {
+        format!("column '{}' taken as {}", self.names[index], quantity.name())
     }
 
     /// The quantity of a column, by its unit, if it is none of those read.
@@ -231,17 +243,21 @@ impl Header<'_> {
         &self,
         doubts: &[(Quantity, Doubt)],
     ) -> Vec<(Quantity, usize, &'static Foreign)> {
-        let place = |(quantity, doubt): &(Quantity, Doubt)| {
-            let stands = |k: &usize| match name_in_front(&self.names[*k]) {
-                Some(named) => named == *quantity,
-                None => *quantity != Quantity::Time,
-            };
-            let mut all = (0..self.names.len()).filter(stands);
-            let found = all.find_map(|k| Some((*quantity, k, self.foreign(k)?)))?;
-            let is_missing = matches!(doubt, Doubt::Missing);
-            (is_missing && found.2.instead_of.contains(quantity)).then_some(found)
-        };
-        doubts.iter().filter_map(place).collect()
+        let mut found = Vec::new();
+        for quantity in missing(doubts) {
+            let mut stands =
+                (0..self.names.len()).filter(|k| match name_in_front(&self.names[*k]) {
+                    Some(named) => named == quantity,
+                    None => quantity != Quantity::Time,
+                });
+            let first = stands.find_map(|k| Some((k, self.foreign(k)?)));
+            if let Some((k, foreign)) = first
+                && foreign.instead_of.contains(&quantity)
+            {
+                found.push((quantity, k, foreign));
+            }
+        }
+        found
     }
 
     /// A column that is named as the time although it numbers the rows.
@@ -279,15 +295,10 @@ impl Header<'_> {
         quantity: Quantity,
         readings: &[Option<Reading>],
     ) -> Result<(usize, Slot, Option<String>), Doubt> {
-        let of = |exact: bool| {
-            let matching = readings.iter().enumerate().filter(move |(_, reading)| {
-                reading
-                    .is_some_and(|reading| reading.quantity == quantity && reading.exact == exact)
-            });
-            matching.map(|(index, _)| index).collect::<Vec<_>>()
-        };
-        let candidates =
-            Some(of(true)).filter(|exact| !exact.is_empty()).unwrap_or_else(|| of(false));
+        let mut candidates = named(quantity, true, readings);
+        if candidates.is_empty() {
+            candidates = named(quantity, false, readings);
+        }
         let (index, why) = match candidates[..] {
             [] => return Err(Doubt::Missing),
             [first, ..] if quantity == Quantity::Position => self.along(first, candidates)?,
@@ -332,23 +343,24 @@ impl Header<'_> {
 
     /// Columns, with their units per SI unit, whose names denote no quantity but have a unit of
     /// this one.
-    fn by_unit(
-        &self,
-        quantity: Quantity,
-        readings: &[Option<Reading>],
-        slots: &[Option<Slot>],
-    ) -> Vec<(usize, f64)> {
-        let free = (0..self.names.len()).filter(|k| readings[*k].is_none() && slots[*k].is_none());
-        let own = |k: usize| match self.timestamps.contains(&k) {
-            true => Some((Quantity::Time, 1.0)).filter(|_| quantity == Quantity::Time),
-            false => unit_alone(&self.names[k], self.unit(k)).filter(|(of, _)| *of == quantity),
-        };
-        free.filter_map(|k| own(k).map(|(_, per_si)| (k, per_si))).collect()
+    fn by_unit(&self, quantity: Quantity, known: &Known) -> Vec<(usize, f64)> {
+        let mut found = Vec::new();
+        for k in 0..self.names.len() {
+            if known.readings[k].is_some() || known.slots[k].is_some() {
+                continue;
+            }
+            let own = match self.timestamps.contains(&k) {
+                true => Some((Quantity::Time, 1.0)),
+                false => unit_alone(&self.names[k], self.unit(k)),
+            };
+            found.extend(own.filter(|(of, _)| *of == quantity).map(|(_, per_si)| (k, per_si)));
+        }
+        found
     }
 
     /// The error about everything unclear, and the option that settles it.
     fn unclear(&self, unclear: &Unclear) -> RecordingError {
-        let doubts = unclear.doubts;
+        let doubts = &unclear.known.doubts[..];
         let mut problems: Vec<String> = self.missing(doubts).into_iter().collect();
         problems.extend(
             doubts.iter().filter_map(|(quantity, doubt)| self.problem(*quantity, doubt, unclear)),
@@ -359,10 +371,9 @@ impl Header<'_> {
                 format!("expected {} in {}", quantity.with_article(), quantity.unit_list());
             format!("column '{}' is {}, {expected}", self.names[*k], foreign.what)
         }));
-        let is_missing = |(_, doubt): &(Quantity, Doubt)| matches!(doubt, Doubt::Missing);
         RecordingError::UnclearColumns {
             file: self.file.to_owned(),
-            only_missing: doubts.iter().all(is_missing) && in_place.is_empty(),
+            only_missing: missing(doubts).count() == doubts.len() && in_place.is_empty(),
             place: self.place.into(),
             problems: problems.join("; ").into(),
             hint: self.hint(unclear).into(),
@@ -371,20 +382,19 @@ impl Header<'_> {
 
     /// What is unclear about a quantity of which there are columns.
     fn problem(&self, quantity: Quantity, doubt: &Doubt, unclear: &Unclear) -> Option<String> {
-        let name = |k: usize| &self.names[k];
         Some(match doubt {
             Doubt::Missing => return None,
             Doubt::Unit(index) if has_no_numbers(&unclear.rows, *index) => format!(
                 "column '{}' {}, expected {} as numbers{}",
-                name(*index),
+                self.names[*index],
                 self.instead_of_numbers(*index),
                 quantity.name(),
                 if quantity == Quantity::Time { OR_DATES } else { "" }
             ),
             Doubt::Unit(index) => format!(
                 "column '{}' has {} for {}, expected one of {}",
-                name(*index),
-                match unclear.readings[*index].is_some_and(|own| own.is_written) {
+                self.names[*index],
+                match unclear.known.readings[*index].is_some_and(|own| own.is_written) {
                     true => "a unit that is not known",
                     false => "no unit that is understood",
                 },
@@ -397,7 +407,7 @@ impl Header<'_> {
                 format!("{} could be {}, expected one", quantity.name(), either(&names))
             }
             Doubt::RowNumbers(index) => {
-                format!("column '{}' numbers the rows, expected a time", name(*index))
+                format!("column '{}' numbers the rows, expected a time", self.names[*index])
             }
         })
     }
@@ -415,12 +425,9 @@ impl Header<'_> {
 
     /// All missing quantities in one sentence.
     fn missing(&self, doubts: &[(Quantity, Doubt)]) -> Option<String> {
-        let missing = doubts
-            .iter()
-            .filter(|(_, doubt)| matches!(doubt, Doubt::Missing))
-            .map(|(quantity, _)| *quantity);
-        let (names, examples): (Vec<String>, Vec<&str>) =
-            missing.map(|quantity| (quantity.name().to_owned(), quantity.example())).unzip();
+        let (names, examples): (Vec<String>, Vec<&str>) = missing(doubts)
+            .map(|quantity| (quantity.name().to_owned(), quantity.example()))
+            .unzip();
         let expected = if examples.len() == 1 { "a name such as" } else { "names such as" };
         let (found, examples) = (listed(self.names), examples.join(", "));
         (!names.is_empty()).then(|| {
@@ -429,19 +436,19 @@ impl Header<'_> {
     }
 
     fn hint(&self, unclear: &Unclear) -> String {
-        let Unclear { given, doubts, rows, .. } = unclear;
+        let Unclear { given, known: Known { doubts, .. }, rows } = unclear;
         let proposed = self.propose(unclear);
-        let is_doubtful =
-            |own: &&Given| doubts.iter().any(|(quantity, _)| *quantity == own.quantity);
-        let mut entries: Vec<String> =
-            given.iter().filter(|own| !is_doubtful(own)).map(Given::entry).collect();
-        let own = proposed.columns.iter();
-        let own = own.filter_map(|(of, k, per_si)| entry(*of, *per_si, &self.option(*k)));
-        entries.extend(own);
-        let has_no_column =
-            |of: &Quantity| proposed.columns.iter().all(|(quantity, ..)| quantity != of);
-        let left_out: Vec<Quantity> =
-            doubts.iter().map(|(quantity, _)| *quantity).filter(has_no_column).collect();
+        let of_doubts: Vec<Quantity> = doubts.iter().map(|(quantity, _)| *quantity).collect();
+        let mut entries: Vec<String> = given
+            .iter()
+            .filter(|own| !of_doubts.contains(&own.quantity))
+            .map(Given::entry)
+            .collect();
+        for (of, k, per_si) in &proposed.columns {
+            entries.extend(entry(*of, *per_si, &self.option(*k)));
+        }
+        let mut left_out = of_doubts;
+        left_out.retain(|of| proposed.columns.iter().all(|(quantity, ..)| quantity != of));
         let mut sentences = Vec::new();
         // An option that leaves something unclear would fail again; times may follow from a rate.
         if left_out.iter().all(|quantity| *quantity == Quantity::Time) {
@@ -449,15 +456,16 @@ impl Header<'_> {
         }
         let in_place = self.in_place_of(doubts);
         sentences.extend(in_place.iter().map(|(.., foreign)| foreign.remedy.to_owned()));
-        let is_explained = |quantity: &Quantity| {
-            let is_own = |(own, doubt): &(Quantity, Doubt)| {
-                own == quantity && matches!(doubt, Doubt::Unit(_) | Doubt::RowNumbers(_))
-            };
-            doubts.iter().any(is_own) || in_place.iter().any(|(own, ..)| own == quantity)
-        };
+        let mut explained: Vec<Quantity> =
+            in_place.iter().map(|(quantity, ..)| *quantity).collect();
+        for (quantity, doubt) in doubts {
+            if matches!(doubt, Doubt::Unit(_) | Doubt::RowNumbers(_)) {
+                explained.push(*quantity);
+            }
+        }
         let lost: Vec<String> = left_out
             .iter()
-            .filter(|quantity| **quantity != Quantity::Time && !is_explained(quantity))
+            .filter(|quantity| **quantity != Quantity::Time && !explained.contains(quantity))
             .map(|quantity| quantity.name().to_owned())
             .collect();
         if !lost.is_empty() {
@@ -470,11 +478,11 @@ impl Header<'_> {
     /// What to do about units that are not known, or in the cells.
     fn of_units(&self, unclear: &Unclear, left_out: &[Quantity]) -> Vec<String> {
         let mut sentences = Vec::new();
-        let units = unclear.doubts.iter().filter_map(|(quantity, doubt)| match doubt {
-            Doubt::Unit(index) => Some((*quantity, *index)),
-            _ => None,
-        });
-        for (quantity, index) in units.filter(|(quantity, _)| left_out.contains(quantity)) {
+        for (quantity, doubt) in &unclear.known.doubts {
+            let Doubt::Unit(index) = *doubt else { continue };
+            if !left_out.contains(quantity) {
+                continue;
+            }
             if !has_no_numbers(&unclear.rows, index) {
                 let (name, example) = (&self.names[index], quantity.example());
                 sentences.push(format!(
@@ -489,10 +497,10 @@ impl Header<'_> {
 
     /// A column for each doubtful quantity, as far as there is one.
     fn propose(&self, unclear: &Unclear) -> Proposed {
-        let Unclear { doubts, readings, slots, rows, .. } = unclear;
+        let Unclear { known: Known { doubts, readings, slots, .. }, rows, .. } = unclear;
         let mut taken: Vec<usize> = (0..slots.len()).filter(|k| slots[*k].is_some()).collect();
         let mut columns = Vec::new();
-        for (quantity, doubt) in *doubts {
+        for (quantity, doubt) in doubts {
             match doubt {
                 Doubt::Missing => {}
                 Doubt::RowNumbers(index) => taken.push(*index),
@@ -515,11 +523,7 @@ impl Header<'_> {
             }
         }
         taken.extend(columns.iter().map(|(_, index)| *index));
-        let missing = doubts
-            .iter()
-            .filter(|(_, doubt)| matches!(doubt, Doubt::Missing))
-            .map(|(quantity, _)| *quantity);
-        let missing: Vec<Quantity> = missing.collect();
+        let missing: Vec<Quantity> = missing(doubts).collect();
         columns.extend(assign(&missing, &self.free(&taken, readings, rows), self.names, rows));
         columns.sort_by_key(|(quantity, _)| *quantity as usize);
         let mut guessed = false;
@@ -540,9 +544,11 @@ impl Header<'_> {
         unclear: &Unclear,
     ) -> Option<(f64, bool)> {
         let (name, declared) = (&self.names[index], self.unit(index));
-        let own = unclear.readings[index].filter(|reading| reading.quantity == quantity);
-        let alone = || unit_alone(name, declared).filter(|(of, _)| *of == quantity);
-        if let Some(known) = own.and_then(|own| own.per_si).or_else(|| alone().map(|(_, u)| u)) {
+        let own = unclear.known.readings[index].filter(|reading| reading.quantity == quantity);
+        if let Some(known) = own.and_then(|own| own.per_si) {
+            return Some((known, false));
+        }
+        if let Some((_, known)) = unit_alone(name, declared).filter(|(of, _)| *of == quantity) {
             return Some((known, false));
         }
         let numbers = unclear.rows.get(index).map_or(&[][..], Vec::as_slice);
@@ -557,14 +563,26 @@ impl Header<'_> {
 
     /// Columns that can still be proposed: with numbers, if rows are known.
     fn free(&self, taken: &[usize], readings: &[Option<Reading>], rows: &[Vec<f64>]) -> Vec<usize> {
-        let known = rows.iter().any(|column| !column.is_empty());
-        let numeric = |k: usize| !known || rows.get(k).is_some_and(|column| !column.is_empty());
-        let named = |k: usize| !is_related(&self.names[k]);
-        let of_none = |k: usize| readings[k].is_none() && self.foreign(k).is_none();
-        (0..self.names.len())
-            .filter(|k| !taken.contains(k) && of_none(*k) && named(*k) && numeric(*k))
-            .collect()
+        let mut free: Vec<usize> = (0..self.names.len()).collect();
+        free.retain(|k| !taken.contains(k) && !has_no_numbers(rows, *k));
+        free.retain(|k| readings[*k].is_none() && self.foreign(*k).is_none());
+        free.retain(|k| !is_related(&self.names[*k]));
+        free
     }
+}
+
+/// Columns whose names denote the quantity: exactly, or among other words.
+fn named(quantity: Quantity, exact: bool, readings: &[Option<Reading>]) -> Vec<usize> {
+    let readings = readings.iter().enumerate();
+    readings
+        .filter(|(_, own)| own.is_some_and(|own| own.quantity == quantity && own.exact == exact))
+        .map(|(index, _)| index)
+        .collect()
+}
+
+/// Quantities that no column is.
+fn missing(doubts: &[(Quantity, Doubt)]) -> impl Iterator<Item = Quantity> {
+    doubts.iter().filter(|(_, doubt)| matches!(doubt, Doubt::Missing)).map(|(own, _)| *own)
 }
 
 /// The options for a file without names, with its columns in order, guessed from its first rows;
@@ -658,20 +676,20 @@ pub(crate) fn counts_by_one(numbers: &[f64]) -> bool {
 
 /// Range of a column's numbers; 0 without numbers.
 fn width(rows: &[Vec<f64>], column: usize) -> f64 {
-    let (low, high) = super::range(rows.get(column).map_or(&[][..], Vec::as_slice));
+    let (low, high) = range(rows.get(column).map_or(&[][..], Vec::as_slice));
     if high > low { high - low } else { 0.0 }
 }
 
 /// Mean second difference as a fraction of the range.
 fn roughness(numbers: &[f64]) -> f64 {
-    let (low, high) = super::range(numbers);
+    let (low, high) = range(numbers);
     let second: f64 = numbers.windows(3).map(|w| (w[2] - 2.0 * w[1] + w[0]).abs()).sum();
     if high > low { second / (high - low) } else { f64::MAX }
 }
 
 /// Units per SI unit that fit the magnitude of the numbers.
 pub(crate) fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
-    let (low, high) = super::range(numbers);
+    let (low, high) = range(numbers);
     match quantity {
         Quantity::Time => match (high - low) / (numbers.len().max(2) - 1) as f64 {
             1e5.. => 1e9,

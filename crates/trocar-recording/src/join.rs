@@ -22,8 +22,9 @@
 
 use std::collections::BTreeMap;
 
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
+
 use super::container::{BATCH_ROWS, Batches, Container};
-use super::formats::{HEADER_STAMP, LOG_TIME};
 use super::header::in_shell;
 use super::{RecordingError, Table};
 
@@ -55,6 +56,13 @@ pub(crate) struct Pick {
     /// The clock, if it is given.
     pub(crate) clock: Option<usize>,
     pub(crate) values: Vec<usize>,
+}
+
+impl Pick {
+    /// The name of its topic.
+    fn name<'a>(&self, container: &'a dyn Container) -> &'a str {
+        &container.tables()[self.table].name
+    }
 }
 
 /// Topics aligned on one clock: its times, then the values of each pick.
@@ -117,21 +125,24 @@ fn choose(
     if let Some(clocks) = picks.iter().map(|pick| pick.clock).collect::<Option<Vec<usize>>>() {
         return Ok((clocks, Vec::new()));
     }
-    let name = |pick: &Pick| container.tables()[pick.table].name.clone();
-    let kind =
-        |(pick, survey): (&Pick, &Survey)| Some(container.clock(pick.table, survey.stamp_column?));
-    let kinds: Vec<Option<usize>> = picks.iter().zip(surveys).map(kind).collect();
-    let stands = |survey: &Survey| !survey.stamps.as_ref().is_some_and(Pace::advances);
-    let unusable = surveys.iter().position(stands);
+    let kinds: Vec<Option<usize>> = picks
+        .iter()
+        .zip(surveys)
+        .map(|(pick, survey)| Some(container.clock(pick.table, survey.stamp_column?)))
+        .collect();
+    let unusable =
+        surveys.iter().position(|survey| !survey.stamps.as_ref().is_some_and(Pace::advances));
     if unusable.is_none() && kinds.iter().all(|kind| *kind == kinds[0]) {
         let clocks = surveys.iter().filter_map(|survey| survey.stamp_column).collect();
         return Ok((clocks, vec![format!("times are {HEADER_STAMP}")]));
     }
     let why = match unusable {
         Some(place) if surveys[place].stamp_column.is_none() => {
-            format!("{} has no {HEADER_STAMP}", name(&picks[place]))
+            format!("{} has no {HEADER_STAMP}", picks[place].name(container))
         }
-        Some(place) => format!("{HEADER_STAMP} of {} does not advance", name(&picks[place])),
+        Some(place) => {
+            format!("{HEADER_STAMP} of {} does not advance", picks[place].name(container))
+        }
         None => format!("the topics' {HEADER_STAMP} are of different clocks"),
     };
     let mut clocks = Vec::new();
@@ -141,7 +152,7 @@ fn choose(
             None => {
                 let problem = format!(
                     "{} has no times that advance: {why}, and no log times either",
-                    name(pick)
+                    pick.name(container)
                 );
                 return Err(RecordingError::Log { file: container.format().to_owned(), problem });
             }
@@ -159,23 +170,24 @@ fn overlap(
     (clocks, onto): (&[usize], usize),
     given: &[String],
 ) -> Result<(), RecordingError> {
-    let range = |k: usize| surveys[k].pace(clocks[k]).map_or((0.0, 0.0), |pace| pace.range);
-    let log = |k: usize| surveys[k].logs.as_ref().map(|pace| pace.range);
-    let is_apart = |a: (f64, f64), b: (f64, f64)| a.1 < b.0 || b.1 < a.0;
-    let Some(other) = (0..picks.len()).find(|&k| is_apart(range(k), range(onto))) else {
+    let ranges: Vec<(f64, f64)> = surveys
+        .iter()
+        .zip(clocks)
+        .map(|(survey, clock)| survey.pace(*clock).map_or((0.0, 0.0), |pace| pace.range))
+        .collect();
+    let Some(other) = ranges.iter().position(|range| are_apart(*range, ranges[onto])) else {
         return Ok(());
     };
-    let name = |k: usize| &container.tables()[picks[k].table].name;
-    let clock = |k: usize| &container.tables()[picks[k].table].columns[clocks[k]].name;
-    let said = |k: usize| {
-        let (from, to) = range(k);
-        format!("{} from {from:.3} to {to:.3} s", name(k))
-    };
+    let [said, said_of_other] = [onto, other].map(|k| {
+        let (from, to) = ranges[k];
+        format!("{} from {from:.3} to {to:.3} s", picks[k].name(container))
+    });
+    let [log, log_of_other] = [onto, other].map(|k| surveys[k].logs.as_ref().map(|log| log.range));
     let received =
         clocks.iter().zip(surveys).any(|(clock, survey)| Some(*clock) != survey.log_column)
-            && log(other).zip(log(onto)).is_some_and(|(a, b)| !is_apart(a, b));
+            && log.zip(log_of_other).is_some_and(|(a, b)| !are_apart(a, b));
     let hint = if received {
-        let time = format!("time_s={}.{LOG_TIME}", name(onto));
+        let time = format!("time_s={}.{LOG_TIME}", picks[onto].name(container));
         let entries: Vec<&str> =
             std::iter::once(&*time).chain(given.iter().map(String::as_str)).collect();
         format!(
@@ -185,13 +197,15 @@ fn overlap(
     } else {
         "choose topics that were recorded at the same time, or record them again on one clock; `trocar inspect` shows them".to_owned()
     };
+    let clock = &container.tables()[picks[onto].table].columns[clocks[onto]].name;
     let problem = format!(
-        "the topics have no time in common: {}, {} ({})\n\nhint: {hint}",
-        said(onto),
-        said(other),
-        clock(onto)
+        "the topics have no time in common: {said}, {said_of_other} ({clock})\n\nhint: {hint}"
     );
     Err(RecordingError::Log { file: container.format().to_owned(), problem })
+}
+
+fn are_apart(a: (f64, f64), b: (f64, f64)) -> bool {
+    a.1 < b.0 || b.1 < a.0
 }
 
 /// Stamps whose distance from the log's time differs between topics by more than its scatter.
@@ -204,14 +218,13 @@ fn shifts(container: &dyn Container, picks: &[Pick], surveys: &[Survey]) -> Vec<
             };
             let apart = (first.median - second.median).abs();
             if apart > CLEARLY * first.width.max(second.width) && apart > SMALLEST_SHIFT {
-                let name = |k: usize| &container.tables()[picks[k].table].name;
                 warnings.push(format!(
                     "{HEADER_STAMP} lies {:.6} s after the log's time in {} (90 % within {:.6} s) and {:.6} s in {} ({:.6} s): the clocks of the two, or the delays of their messages, differ by {apart:.6} s",
                     first.median,
-                    name(a),
+                    picks[a].name(container),
                     first.width,
                     second.median,
-                    name(b),
+                    picks[b].name(container),
                     second.width,
                 ));
             }
@@ -243,10 +256,9 @@ impl Survey {
 
 fn survey(container: &dyn Container, pick: &Pick) -> Result<Survey, RecordingError> {
     let table: &Table = &container.tables()[pick.table];
-    let find = |name: &str| {
+    let [stamp_column, log_column] = [HEADER_STAMP, LOG_TIME].map(|name| {
         table.columns.iter().position(|column| column.name == name && column.is_numeric)
-    };
-    let (stamp_column, log_column) = (find(HEADER_STAMP), find(LOG_TIME));
+    });
     let own_column =
         pick.clock.filter(|clock| Some(*clock) != stamp_column && Some(*clock) != log_column);
     let columns: Vec<usize> =
@@ -267,8 +279,8 @@ fn survey(container: &dyn Container, pick: &Pick) -> Result<Survey, RecordingErr
         }
     }
     let mut paces = paces.into_iter();
-    let mut take = |column: Option<usize>| column.and_then(|_| paces.next());
-    let (stamps, logs, own) = (take(stamp_column), take(log_column), take(own_column));
+    let [stamps, logs, own] =
+        [stamp_column, log_column, own_column].map(|column| column.and_then(|_| paces.next()));
     Ok(Survey { stamp_column, log_column, own_column, stamps, logs, own, lag })
 }
 

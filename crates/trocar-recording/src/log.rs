@@ -1,15 +1,15 @@
 //! Selects the topics of a robot log that are position, velocity and force, and aligns them on one
 //! clock.
 
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
+
 use super::RecordingError;
 use super::choice::{Choice, allowed};
-use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_with};
+use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_of};
 use super::container::{Batches, Container, Table};
 use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, estimate, meaning};
-use super::formats::{HEADER_STAMP, LOG_TIME};
 use super::header::{in_shell, likely_unit};
 use super::join::{Pick, join};
-use super::units::foreign;
 
 /// Aligned topics, and the assumptions made.
 pub(super) struct Chosen {
@@ -39,8 +39,8 @@ type Rank = (Certainty, bool, f64);
 
 /// Whether tables are topics of a log: they have log times.
 pub(super) fn is_log(tables: &[Table]) -> bool {
-    let is_clock = |name: &str| name == HEADER_STAMP || name == LOG_TIME;
-    tables.iter().any(|table| table.columns.iter().any(|column| is_clock(&column.name)))
+    let mut columns = tables.iter().flat_map(|table| &table.columns);
+    columns.any(|column| column.name == HEADER_STAMP || column.name == LOG_TIME)
 }
 
 /// Finds the quantities in the topics of `container` and aligns them to the times of the position.
@@ -61,10 +61,10 @@ pub(super) fn choose(
     }
     let topics =
         Topics { file, container, allowed: allowed(file, container.tables(), &choice.topics)? };
-    let given = match choice.columns.as_deref() {
-        Some(mapping) if !mapping.contains('=') => return Err(topics.in_order(mapping)),
-        mapping => mapping.map_or(Ok(Vec::new()), Given::parse)?,
-    };
+    if let Some(mapping) = choice.in_order() {
+        return Err(topics.in_order(mapping));
+    }
+    let given = choice.given()?;
     let (mut taken, mut unclear) = (Vec::new(), Vec::new());
     for quantity in [Quantity::Position, Quantity::Force, Quantity::Velocity] {
         let own = given.iter().find(|given| given.quantity == quantity);
@@ -82,8 +82,7 @@ pub(super) fn choose(
     }
     for (k, own) in taken.iter().enumerate() {
         if taken[..k].iter().any(|other| (other.table, other.column) == (own.table, own.column)) {
-            let problem = "a column named for two quantities, expected one".to_owned();
-            return Err(RecordingError::bad_columns(topics.name(own.table, own.column), problem));
+            return Err(RecordingError::named_twice(&topics.name(own.table, own.column)));
         }
     }
     let clock = given
@@ -113,45 +112,38 @@ impl Topics<'_> {
 
     /// All numeric columns of the topics to search.
     fn columns(&self) -> impl Iterator<Item = (usize, usize)> {
-        let tables = self.container.tables();
-        let of = move |table: &usize| {
-            let table = *table;
-            (0..tables[table].columns.len()).map(move |column| (table, column))
-        };
-        self.allowed
-            .iter()
-            .flat_map(of)
-            .filter(move |(table, column)| tables[*table].columns[*column].is_numeric)
+        self.allowed.iter().flat_map(|&table| {
+            let columns = self.container.tables()[table].columns.iter().enumerate();
+            columns.filter(|(_, own)| own.is_numeric).map(move |(column, _)| (table, column))
+        })
+    }
+
+    /// The names of these columns.
+    fn names(&self) -> Vec<String> {
+        self.columns().map(|(table, column)| self.name(table, column)).collect()
     }
 
     /// The column that `--columns` names: by topic and field, or by the field alone if only one
     /// topic has it.
     fn named(&self, given: &Given) -> Result<Taken, RecordingError> {
-        let field =
-            |(table, column): (usize, usize)| &self.container.tables()[table].columns[column].name;
-        let whole =
-            self.columns().find(|&(table, column)| self.name(table, column) == given.column);
-        let mut alone = self.columns().filter(|place| *field(*place) == given.column);
-        let found = whole.or_else(|| alone.next().filter(|_| alone.next().is_none()));
-        let Some((table, column)) = found else {
-            let names: Vec<String> =
-                self.columns().map(|(table, column)| self.name(table, column)).collect();
-            let problem = format!(
-                "not the name of one column of one topic, expected one of {}",
-                columns::listed(&names)
-            );
-            return Err(RecordingError::bad_columns(&*given.column, problem));
+        let tables = self.container.tables();
+        let places: Vec<(usize, usize)> = self.columns().collect();
+        let mut alone = (0..places.len()).filter(|k| {
+            let (table, column) = places[*k];
+            tables[table].columns[column].name == given.column
+        });
+        let index = match (given.find(&self.names()), alone.next(), alone.next()) {
+            (Err(_), Some(index), None) => index,
+            (found, ..) => found?,
         };
+        let (table, column) = places[index];
         let quantity = given.quantity;
         let topic = &self.container.tables()[table].columns[column];
         let declared = topic.unit.as_deref().unwrap_or_default();
         given.check_unit(&topic.name, declared)?;
-        let per_si = self.candidate(table, column).filter(|own| own.quantity == quantity);
-        let mut own = reading_with(quantity.name(), declared, &mut Vec::new());
-        if let (Some(candidate), Some(own)) = (per_si, &mut own) {
-            own.per_si = candidate.per_si.or(own.per_si);
-        }
-        Ok(Taken { quantity, table, column, slot: given.slot(own)?, why: None })
+        let own = self.candidate(table, column).filter(|own| own.quantity == quantity);
+        let per_si = own.and_then(|own| own.per_si).or(quantity.declared(declared));
+        Ok(Taken { quantity, table, column, slot: given.slot(per_si)?, why: None })
     }
 
     /// Meaning of a column according to names and types.
@@ -175,9 +167,10 @@ impl Topics<'_> {
 
     /// All columns that may be a quantity.
     fn candidates(&self, quantity: Quantity) -> Vec<Place> {
-        let of =
-            |(table, column): (usize, usize)| Some((table, column, self.candidate(table, column)?));
-        self.columns().filter_map(of).filter(|(.., own)| own.quantity == quantity).collect()
+        self.columns()
+            .filter_map(|(table, column)| Some((table, column, self.candidate(table, column)?)))
+            .filter(|(.., own)| own.quantity == quantity)
+            .collect()
     }
 
     /// The column that is clearly a quantity, or else all that may be. Velocity is taken only from
@@ -196,15 +189,13 @@ impl Topics<'_> {
             _ => {}
         }
         let best = candidates.iter().map(|(.., own)| own.certainty).max();
-        let is_best = |own: &Certainty| match quantity {
-            // One sensor is as good as another, whatever it is called.
-            Quantity::Force => *own >= best.min(Some(Certainty::Likely)).unwrap_or(*own),
-            _ => Some(*own) == best,
-        };
-        let is_usable = |own: &Certainty| {
-            !matches!(own, Certainty::Unclear | Certainty::Called) && is_best(own)
-        };
-        let mut clear = candidates.iter().filter(|(.., own)| is_usable(&own.certainty));
+        // One sensor is as good as another, whatever it is called.
+        let least =
+            if quantity == Quantity::Force { best.min(Some(Certainty::Likely)) } else { best };
+        let mut clear = candidates.iter().filter(|(.., own)| {
+            Some(own.certainty) >= least
+                && !matches!(own.certainty, Certainty::Unclear | Certainty::Called)
+        });
         let (Some((table, column, own)), None) = (clear.next(), clear.next()) else {
             return Ok(Err(candidates));
         };
@@ -308,10 +299,8 @@ impl Topics<'_> {
                 .iter()
                 .map(|(t, c, candidate)| format!("{} ({})", self.name(*t, *c), candidate.why))
                 .collect();
-            let names: Vec<String> =
-                self.columns().map(|(table, column)| self.name(table, column)).collect();
             let found = match could_be.is_empty() {
-                true => format!("nothing says so among {}", columns::listed(&names)),
+                true => format!("nothing says so among {}", columns::listed(&self.names())),
                 false => format!("it could be {}", could_be.join(" or ")),
             };
             problems.push(format!("no topic is clearly the {}: {found}", quantity.name()));
@@ -358,10 +347,6 @@ impl Topics<'_> {
             return Ok(Some(own));
         }
         let tables = self.container.tables();
-        let declared = |(table, column): (usize, usize)| {
-            let unit = tables[table].columns[column].unit.as_deref()?;
-            reading_with(quantity.name(), unit, &mut Vec::new())?.per_si
-        };
         let is_free = |place: &(usize, usize)| {
             let (topic, name) = (&tables[place.0], &tables[place.0].columns[place.1].name);
             let is_clock = name.ends_with("_time_s") || name == HEADER_STAMP;
@@ -369,7 +354,10 @@ impl Topics<'_> {
             !is_clock && !is_nothing && !used.contains(place)
         };
         let free: Vec<(usize, usize)> = self.columns().filter(is_free).collect();
-        let mut of_unit = free.iter().filter_map(|place| Some((*place, declared(*place)?)));
+        let mut of_unit = free.iter().filter_map(|&(table, column)| {
+            let unit = tables[table].columns[column].unit.as_deref()?;
+            Some(((table, column), quantity.declared(unit)?))
+        });
         if let (Some(only), None) = (of_unit.next(), of_unit.next()) {
             return Ok(Some(only));
         }
@@ -458,8 +446,8 @@ fn by_name(topic: &Table, column: usize) -> Option<Candidate> {
         own => (own, "its field"),
     };
     let declared = field.unit.as_deref().unwrap_or_default();
-    let reading = reading_with(name, declared, &mut Vec::new())?;
-    if reading.quantity == Quantity::Time || foreign(name, declared).is_some() {
+    let reading = reading_of(name, declared, &mut Vec::new())?;
+    if reading.quantity == Quantity::Time {
         return None;
     }
     let (certainty, unit) = match reading.per_si {
@@ -498,7 +486,6 @@ fn widths(limits: &[[f64; 2]]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Column;
-    use crate::formats::LOG_TIME;
 
     const JOINTS: &str = "sensor_msgs/msg/JointState";
     const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";
@@ -603,6 +590,20 @@ mod tests {
             notes.contains("the arm's own estimate from the currents of its motors"),
             "{notes}"
         );
+    }
+
+    #[test]
+    fn a_column_is_named_by_topic_and_field_or_by_the_only_field() {
+        let log = log(&[ARM, OF_ARM, SENSOR]);
+        let by =
+            |force: &str| chosen(&log, Some(&format!("position_m=position[insertion],{force}")));
+        for name in ["/ati/wrench.wrench.force.z", "/ATI/Wrench.wrench.force.z"] {
+            let (words, _) = by(&format!("force_n={name}")).unwrap();
+            assert_eq!(words[2], "force_n=/ati/wrench.wrench.force.z");
+        }
+        let message = by("force_n=wrench.force.z").unwrap_err();
+        assert!(message.contains("a name that no column has, expected one of"), "{message}");
+        assert!(message.contains("/PSM1/measured_cf.wrench.force.z"), "{message}");
     }
 
     #[test]

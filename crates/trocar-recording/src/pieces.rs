@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::block::SampleRow;
 use super::collect::Collector;
-use super::columns::Quantity;
 use super::rows::Rows;
+use super::units::Quantity;
 use super::{
     Choice, MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
 };
@@ -96,16 +96,20 @@ impl Pieces {
         }
         let is_last = self.ahead.is_empty();
         let layout = self.rows.layout();
-        let mut piece = collector
-            .finish(&self.file, self.name.clone(), String::new(), self.sensor_limit)
+        let collected = collector
+            .finish(&self.file, self.sensor_limit)
             .map_err(|error| plausible::ask_stroke(&self.choice, layout, error))?;
         if first {
-            plausible::ask(&self.file, &self.choice, layout, &piece, is_last)?;
+            plausible::ask(&self.file, &self.choice, layout, &collected, is_last)?;
+        }
+        let mut piece = Recording::of(self.name.clone(), String::new(), collected);
+        if first {
             piece.quality.notes.extend(self.rows.notes());
         }
         if is_last {
-            let of_the_file = |message| Warning { kind: WarningKind::Source, message, hint: None };
-            piece.quality.warnings.extend(self.rows.warnings().into_iter().map(of_the_file));
+            for message in self.rows.warnings() {
+                piece.quality.warnings.push(Warning::new(WarningKind::Source, message));
+            }
         }
         Ok(Some(piece))
     }

@@ -4,10 +4,11 @@
 use std::ops::RangeInclusive;
 
 use super::choice::Choice;
-use super::columns::{Given, Layout, Quantity, entry, numbered};
-use super::header::{EXAMPLE_RATE, PUT_IN_RATE, counts_by_one, in_shell};
-use super::screen::{median, range};
-use super::{Recording, RecordingError, Warning, WarningKind};
+use super::columns::{Layout, Quantity};
+use super::header::{EXAMPLE_RATE, PLAUSIBLE_FORCE, PUT_IN_RATE, counts_by_one, in_shell};
+use super::samples::Columns;
+use super::statistics::{median, range};
+use super::{Quality, RecordingError, Warning, WarningKind};
 
 /// Intervals between samples, s. At less than 20 Hz a hand moves by more than the deformation of a
 /// seal from one sample to the next; no logger is faster than 10 MHz.
@@ -27,7 +28,6 @@ const SPEEDS: RangeInclusive<f64> = 1e-4..=5.0;
 /// Range of the forces and largest force, N: less than any seal, more than any instrument or axis
 /// of a robot (the benchmark EMPS reaches 152 N).
 const FORCES: RangeInclusive<f64> = 5e-3..=PLAUSIBLE_FORCE;
-pub(crate) const PLAUSIBLE_FORCE: f64 = 200.0;
 
 /// An unmodelled mass, kg, above which times or forces are probably in another unit: the heaviest
 /// axis of the benchmarks has 95 kg.
@@ -103,8 +103,8 @@ fn speeds(time: &[f64], position: &[f64]) -> (f64, f64) {
         .map(|k| ((position[k] - position[k - over]) / (time[k] - time[k - over])).abs())
         .collect();
     all.sort_unstable_by(f64::total_cmp);
-    let at = |share: usize| all.get(all.len().saturating_sub(1) * share / 100).copied();
-    (at(95).unwrap_or_default(), at(100).unwrap_or_default())
+    let last = all.len().saturating_sub(1);
+    (all.get(last * 95 / 100).copied().unwrap_or_default(), all.last().copied().unwrap_or_default())
 }
 
 /// Refuses what is implausible and has a likely way out, unless the caller has named the column of
@@ -114,15 +114,15 @@ pub(crate) fn ask(
     file: &str,
     choice: &Choice,
     layout: &Layout,
-    recording: &Recording,
+    collected: &(Columns, Quality),
     whole: bool,
 ) -> Result<(), RecordingError> {
-    let Recording { time, position, force, quality, .. } = recording;
+    let (Columns { time, position, force, .. }, quality) = collected;
     let mut doubts = doubts(time, position, force, quality.median_interval);
     doubts.retain(|own| {
         (whole || own.quantity == Quantity::Time) && !is_explicit(own.quantity, choice, layout)
     });
-    if doubts.is_empty() { Ok(()) } else { question(file, layout, recording, &doubts) }
+    if doubts.is_empty() { Ok(()) } else { question(file, layout, [time, position], &doubts) }
 }
 
 /// The question about a stroke that is too long, unless the unit was named.
@@ -137,8 +137,13 @@ pub(crate) fn ask_stroke(
     }
     let message = format!("the position covers {stroke} m, expected at most {limit} m");
     let doubt = Doubt { quantity: Quantity::Position, size: stroke, message };
-    let likely = |doubt: &Doubt, per_si: f64| likely_unit(doubt, per_si, |_| true);
-    implausible(&file, layout, &[doubt], &likely, false)
+    implausible(
+        &file,
+        layout,
+        &[doubt],
+        &|doubt, per_si| likely_unit(doubt, per_si, |_| true),
+        false,
+    )
 }
 
 /// Whether the caller has said which column, in which unit, is the quantity; times of a log and
@@ -146,26 +151,21 @@ pub(crate) fn ask_stroke(
 fn is_explicit(quantity: Quantity, choice: &Choice, layout: &Layout) -> bool {
     let is_time = quantity == Quantity::Time;
     let is_certain = choice.rate_hz.is_some() || layout.origin.is_some() || layout.is_log;
-    let named = || match choice.columns.as_deref() {
-        Some(mapping) if !mapping.contains('=') => true,
-        mapping => mapping
-            .and_then(|mapping| Given::parse(mapping).ok())
-            .is_some_and(|given| given.iter().any(|own| own.quantity == quantity)),
-    };
-    (is_time && is_certain) || named()
+    (is_time && is_certain)
+        || choice.in_order().is_some()
+        || choice.given().is_ok_and(|given| given.iter().any(|own| own.quantity == quantity))
 }
 
 fn question(
     file: &str,
     layout: &Layout,
-    recording: &Recording,
+    [time, position]: [&[f64]; 2],
     doubts: &[Doubt],
 ) -> Result<(), RecordingError> {
-    let (typical, fastest) = speeds(&recording.time, &recording.position);
+    let (typical, fastest) = speeds(time, position);
     let per_time = per_si(layout, Quantity::Time).unwrap_or(1.0);
-    let own: Vec<f64> =
-        recording.time.iter().take(1 << 12).map(|time| (time * per_time).round()).collect();
-    let steps: Vec<f64> = recording.time.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let own: Vec<f64> = time.iter().take(1 << 12).map(|time| (time * per_time).round()).collect();
+    let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let is_one = median(steps).is_some_and(|step| (step * per_time - 1.0).abs() < 1e-6);
     let is_doubtful = doubts.iter().any(|doubt| doubt.quantity == Quantity::Time);
     let numbers_rows = is_doubtful && is_one && counts_by_one(&own);
@@ -174,10 +174,10 @@ fn question(
     let likely = |doubt: &Doubt, per_si: f64| {
         likely_unit(doubt, per_si, |factor| doubt.quantity != Quantity::Time || is_paced(factor))
     };
-    let has_way = |own: &Doubt| {
+    let has_way = doubts.iter().any(|own| {
         per_si(layout, own.quantity).is_some_and(|per_si| likely(own, per_si).is_some())
-    };
-    if !numbers_rows && !doubts.iter().any(has_way) {
+    });
+    if !numbers_rows && !has_way {
         return Ok(());
     }
     Err(implausible(file, layout, doubts, &likely, numbers_rows))
@@ -216,20 +216,12 @@ fn implausible(
     likely: &dyn Fn(&Doubt, f64) -> Option<f64>,
     numbers_rows: bool,
 ) -> RecordingError {
-    let columns = |change: &dyn Fn(Quantity, f64) -> Option<f64>| {
-        let own = Quantity::ALL.into_iter().filter_map(|quantity| {
-            let (k, slot) = layout.slots.iter().enumerate().find_map(|(k, slot)| {
-                slot.filter(|slot| slot.is(quantity)).map(|slot| (k, slot))
-            })?;
-            entry(quantity, change(quantity, slot.per_si)?, &numbered(&layout.names, k))
-        });
-        in_shell(&own.collect::<Vec<_>>().join(","))
-    };
     let mut units = Vec::new();
-    let better = columns(&|quantity, per_si| {
+    let better = layout.words_with(|quantity, per_si| {
         let doubt = doubts.iter().find(|own| own.quantity == quantity);
         Some(doubt.and_then(|own| likely(own, per_si)).map_or(per_si, |own| own.copysign(per_si)))
     });
+    let better = in_shell(&better.join(","));
     for doubt in doubts {
         let unit = per_si(layout, doubt.quantity).and_then(|per_si| likely(doubt, per_si));
         let all = doubt.quantity.units();
@@ -241,12 +233,14 @@ fn implausible(
         ways.push(format!("--columns {better} if {}", units.join(" and ")));
     }
     if numbers_rows {
-        let untimed = columns(&|quantity, per_si| (quantity != Quantity::Time).then_some(per_si));
+        let untimed =
+            layout.words_with(|quantity, per_si| (quantity != Quantity::Time).then_some(per_si));
+        let untimed = in_shell(&untimed.join(","));
         ways.push(format!(
             "--columns {untimed} {EXAMPLE_RATE} ({PUT_IN_RATE}) if the column of times numbers the rows"
         ));
     }
-    let as_read = columns(&|_, per_si| Some(per_si));
+    let as_read = in_shell(&layout.words().join(","));
     ways.push(format!("--columns {as_read} if the numbers are right"));
     let problems: Vec<&str> = doubts.iter().map(|doubt| &*doubt.message).collect();
     RecordingError::Implausible {

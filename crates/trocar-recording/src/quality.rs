@@ -171,6 +171,13 @@ pub struct Warning {
     pub hint: Option<String>,
 }
 
+impl Warning {
+    /// A finding without a remedy.
+    pub(crate) fn new(kind: WarningKind, message: String) -> Self {
+        Self { kind, message, hint: None }
+    }
+}
+
 /// Quality of a recording. Values are in SI units; keys in JSON include the unit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Quality {

@@ -8,16 +8,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 
 use sha2::{Digest, Sha256};
+use trocar_tables::text::{Head, TextInput};
 
 use super::block::{Block, SampleRow};
 use super::choice::{Choice, Picked, check_topics, pick};
-use super::columns::{Layout, Quantity};
+use super::columns::Layout;
 use super::container::{Batches, Container};
-use super::decompress::{Head, TextInput};
 use super::header::in_shell;
 use super::registry;
-use super::screen::Count;
-use super::text::{TextReader, Wanted, hex};
+use super::samples::Count;
+use super::text::{TextReader, hex};
+use super::units::Quantity;
 use super::{Location, RecordingError, log};
 
 /// Note on a file for which [`Rows::is_by_own_header`].
@@ -65,13 +66,14 @@ impl Rows<'static> {
             return Self::open_with(path, choice, needed, hash)
                 .or_else(|_| Self::open_with(path, &own, needed, hash).map(Self::by_own_header));
         }
-        let (name, head) = (path.display().to_string(), Head::new(TextInput::open(path)?.text));
-        let open =
-            |choice| Self::from_text(&name, Box::new(head.clone()), false, choice, needed, hash);
-        let opened = open(choice).or_else(|_| {
-            head.rewind();
-            open(&own).map(Self::by_own_header)
-        });
+        let input = TextInput::open(path).map_err(RecordingError::cannot_open(path))?;
+        let (name, head) = (path.display().to_string(), Head::new(input.text));
+        let text = Box::new(head.clone());
+        let opened =
+            Self::from_text(&name, text.clone(), false, choice, needed, hash).or_else(|_| {
+                head.rewind();
+                Self::from_text(&name, text, false, &own, needed, hash).map(Self::by_own_header)
+            });
         head.forget();
         opened
     }
@@ -123,7 +125,7 @@ impl Rows<'static> {
             table.hash = hash.then(|| hash_of(path));
             return Ok(Self::new(Source::Table(Box::new(table)), None, choice));
         }
-        let input = TextInput::open(path)?;
+        let input = TextInput::open(path).map_err(RecordingError::cannot_open(path))?;
         let mut rows =
             Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
         rows.text_file = input.file;
@@ -146,8 +148,9 @@ impl<'a> Rows<'a> {
         hash: bool,
     ) -> Result<Self, RecordingError> {
         choice.check_rate(file)?;
-        let reader =
-            TextReader::open(file, input, Wanted::Quantities(choice, needed), is_file, hash)?;
+        let reader = TextReader::open(file, input, choice.skip_rows, is_file, hash)?;
+        let layout = choice.layout_of_text(&reader, needed)?;
+        let reader = reader.start(layout)?;
         check_topics(file, choice)?;
         Ok(Self::new(Source::Text(Box::new(reader)), None, choice))
     }
@@ -352,7 +355,7 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
     std::thread::spawn(move || {
         let mut hash = Sha256::new();
         let all = hash_files(&path, &mut hash);
-        all.map_err(|source| RecordingError::Open { file: path.display().to_string(), source })?;
+        all.map_err(RecordingError::cannot_open(&path))?;
         Ok(hex(&hash.finalize()))
     })
 }
@@ -363,13 +366,12 @@ fn hash_of(path: &Path) -> JoinHandle<Result<String, RecordingError>> {
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened or read.
 pub fn digest_of(path: &Path) -> Result<String, RecordingError> {
-    let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
     let mut hash = Sha256::new();
     let hashed = match registry::open(path, 0)? {
         Some(_) => hash_files(path, &mut hash),
-        None => hash_stream(TextInput::open(path)?.text, &mut hash),
+        None => TextInput::open(path).and_then(|input| hash_stream(input.text, &mut hash)),
     };
-    hashed.map_err(failed)?;
+    hashed.map_err(RecordingError::cannot_open(path))?;
     Ok(hex(&hash.finalize()))
 }
 

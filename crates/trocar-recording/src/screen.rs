@@ -3,9 +3,14 @@
 
 use std::ops::Range;
 
+use super::RecordingError;
 use super::plausible::{self, LONGEST_STROKE};
 use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-use super::{Location, MIN_SAMPLES, RecordingError};
+use super::samples::{Columns, Lines};
+use super::statistics::{median, range};
+
+/// Fewest samples of a recording.
+pub const MIN_SAMPLES: usize = 8;
 
 /// Ratio of a gap to the 95th percentile of the intervals: two lost samples still count as jitter.
 const GAP_FACTOR: f64 = 3.0;
@@ -46,89 +51,6 @@ const NOISE_LIMIT: f64 = 5.0;
 
 /// Ratio of a Gaussian's standard deviation to its median absolute value.
 const MEDIAN_TO_SD: f64 = 1.0 / 0.674_489_75;
-
-/// The columns of a recording with the line of every sample.
-#[derive(Debug, Default)]
-pub(super) struct Columns {
-    pub(super) time: Vec<f64>,
-    pub(super) position: Vec<f64>,
-    pub(super) force: Vec<f64>,
-    pub(super) velocity: Option<Vec<f64>>,
-    pub(super) lines: Lines,
-}
-
-/// Unit in which positions are counted.
-#[derive(Debug, Default, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Count {
-    /// Lines of a text, from 1.
-    #[default]
-    Lines,
-    /// Rows of a table, from 1.
-    Rows,
-    /// Samples without a file, from 0.
-    Samples,
-}
-
-impl Count {
-    pub(crate) fn place(self, number: u64) -> Location {
-        match self {
-            Self::Lines => Location::Line(number),
-            Self::Rows => Location::Row(number),
-            Self::Samples => Location::Sample(number as usize),
-        }
-    }
-
-    fn unit(self) -> &'static str {
-        match self {
-            Self::Lines => "line",
-            Self::Rows => "row",
-            Self::Samples => "sample",
-        }
-    }
-}
-
-/// Line numbers, stored only where they are not consecutive.
-#[derive(Debug, Default)]
-pub(super) struct Lines {
-    count: Count,
-    /// Sample and its line, wherever lines were omitted before it.
-    jumps: Vec<(usize, u64)>,
-}
-
-impl Lines {
-    pub(super) fn counting(count: Count) -> Self {
-        Self { count, jumps: Vec::new() }
-    }
-
-    pub(super) fn push(&mut self, index: usize, line: u64) {
-        if self.of(index) != line {
-            self.jumps.push((index, line));
-        }
-    }
-
-    pub(super) fn of(&self, index: usize) -> u64 {
-        let at = self.jumps.partition_point(|&(first, _)| first <= index);
-        let (first, line) = at.checked_sub(1).map_or((0, 0), |at| self.jumps[at]);
-        line + (index - first) as u64
-    }
-
-    /// The line numbers of the samples in `kept`, which become contiguous.
-    pub(super) fn keep(&mut self, kept: &[Range<usize>]) {
-        let old = std::mem::take(&mut self.jumps);
-        let old = Self { count: self.count, jumps: old };
-        let mut next = 0;
-        for range in kept {
-            let inside = old.jumps.iter().filter(|(first, _)| range.contains(first));
-            let starts = std::iter::once(range.start).chain(inside.map(|(first, _)| *first));
-            starts.for_each(|sample| self.push(next + sample - range.start, old.of(sample)));
-            next += range.len();
-        }
-    }
-
-    fn place(&self, index: usize) -> Location {
-        self.count.place(self.of(index))
-    }
-}
 
 /// Drops redundant rows and describes the rest. `excerpts` are the times, s, at which another
 /// excerpt begins: the interval before them is not a gap.
@@ -304,19 +226,6 @@ fn describe_values(columns: &Columns, quality: &mut Quality) {
     quality.force_resolution = resolution(&columns.force);
     quality.position_noise = noise(&columns.time, &columns.position, quality.position_resolution);
     quality.force_noise = noise(&columns.time, &columns.force, quality.force_resolution);
-}
-
-/// Least and greatest of `values`.
-pub fn range(values: &[f64]) -> (f64, f64) {
-    values
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &x| (low.min(x), high.max(x)))
-}
-
-/// The median; `None` without values.
-pub fn median(mut values: Vec<f64>) -> Option<f64> {
-    let middle = values.len().checked_sub(1)? / 2;
-    Some(*values.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// Standard deviation about the straight line through the two neighbours, which removes slow
@@ -533,10 +442,53 @@ impl Moments {
 
 /// Warnings about everything lost or doubtful. `unit` is the unit of positions: `line` or `sample`.
 fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
+    let mut warnings = warnings_of_rows(quality, unit);
+    let longest = quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from)));
+    if let Some(gap) = longest {
+        let (count, line) = (counted(quality.gaps.len(), "gap"), gap.line);
+        let length = gap.to - gap.from;
+        warnings.push(Warning::new(
+            WarningKind::Gaps,
+            format!("{count} in time, the longest of {length:.3} s before {unit} {line}"),
+        ));
+    }
+    if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
+        let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
+        warnings.push(Warning::new(
+            WarningKind::Jitter,
+            format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"),
+        ));
+    }
+    if let Some(reset) = quality.resets.first() {
+        let (count, line) = (counted(quality.resets.len(), "position jump"), reset.line);
+        let jump = reset.jump * 1e3;
+        warnings.push(Warning::new(
+            WarningKind::Resets,
+            format!("{count}, the first of {jump:.3} mm at {unit} {line}"),
+        ));
+    }
+    for Saturation { count, level, first_line: line } in &quality.saturated {
+        let hint = "forces beyond the sensor's range are lost; leave these strokes out or use a larger sensor";
+        warnings.push(Warning {
+            kind: WarningKind::Saturation,
+            message: format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),
+            hint: Some(hint.to_owned()),
+        });
+    }
+    if quality.force_opposes_motion {
+        let message = "the force opposes the motion: lower on insertion than on withdrawal";
+        warnings.push(Warning {
+            kind: WarningKind::ForceSign,
+            message: message.to_owned(),
+            hint: Some(OPPOSED.to_owned()),
+        });
+    }
+    warnings
+}
+
+/// Warnings about rows that are left out, or kept with a doubt.
+fn warnings_of_rows(quality: &Quality, unit: &str) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    let mut warn = |kind, message: String, hint: Option<&str>| {
-        warnings.push(Warning { kind, message, hint: hint.map(str::to_owned) });
-    };
     for (kind, rows, what) in [
         (
             WarningKind::NonFiniteRows,
@@ -556,57 +508,9 @@ fn warnings(quality: &Quality, unit: &str) -> Vec<Warning> {
         ),
     ] {
         if rows.count > 0 {
-            warn(
-                kind,
-                format!("{} {what}: {}", counted(rows.count, "row"), rows.places(unit)),
-                None,
-            );
+            let message = format!("{} {what}: {}", counted(rows.count, "row"), rows.places(unit));
+            warnings.push(Warning::new(kind, message));
         }
-    }
-    if let Some(gap) =
-        quality.gaps.iter().max_by(|a, b| (a.to - a.from).total_cmp(&(b.to - b.from)))
-    {
-        let (count, length, line) =
-            (counted(quality.gaps.len(), "gap"), gap.to - gap.from, gap.line);
-        warn(
-            WarningKind::Gaps,
-            format!("{count} in time, the longest of {length:.3} s before {unit} {line}"),
-            None,
-        );
-    }
-    if quality.jitter > DOUBTFUL_JITTER * quality.median_interval {
-        let (jitter, interval) = (quality.jitter * 1e3, quality.median_interval * 1e3);
-        warn(
-            WarningKind::Jitter,
-            format!("intervals of {interval:.3} ms scatter by {jitter:.3} ms"),
-            None,
-        );
-    }
-    if let Some(reset) = quality.resets.first() {
-        let (count, jump, line) =
-            (counted(quality.resets.len(), "position jump"), reset.jump * 1e3, reset.line);
-        warn(
-            WarningKind::Resets,
-            format!("{count}, the first of {jump:.3} mm at {unit} {line}"),
-            None,
-        );
-    }
-    for end in &quality.saturated {
-        let (count, level, line) = (end.count, end.level, end.first_line);
-        let hint = "forces beyond the sensor's range are lost; leave these strokes out or use a larger sensor";
-        warn(
-            WarningKind::Saturation,
-            format!("force stuck at {level} N in {count} samples, first at {unit} {line}"),
-            Some(hint),
-        );
-    }
-    if quality.force_opposes_motion {
-        let hint = OPPOSED;
-        warn(
-            WarningKind::ForceSign,
-            "the force opposes the motion: lower on insertion than on withdrawal".into(),
-            Some(hint),
-        );
     }
     warnings
 }

@@ -5,22 +5,22 @@
 //! decimal commas and all faults use the general one. A piece ends before an invalid line; the
 //! reader formulates the error once all earlier rows have been returned.
 
-use std::borrow::Cow;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
+use trocar_tables::text::{
+    Format, Marks, Separator, Splitter, TextInput, comment_text, is_comment, text_of, timestamp,
+};
 
 use super::block::Block;
-use super::choice::Choice;
-use super::columns::{Given, Layout, Quantity, Slot, UNIT_IN_CELL, has_unit, is_unit_row};
+use super::columns::{Layout, Slot, UNIT_IN_CELL, has_unit, is_unit_row};
 use super::container::{Batches, Column, Container, Table};
-use super::decompress::TextInput;
-use super::format::{Format, Marks, Separator, comment_text, is_comment, whitespace_cells};
-use super::header::{Header, Text, in_order};
+use super::header::{Text, in_order};
 use super::quality::{LONGEST_FOOTER, RowList, warn_of_footer, warn_of_repeated};
-use super::{RecordingError, columns, timestamp};
+use super::units::Quantity;
+use super::{RecordingError, columns};
 
 /// Bytes read at a time from a file, and from a real-time stream; the second is also the longest
 /// line accepted.
@@ -42,15 +42,6 @@ const GUESSED_ROWS: usize = 20_000;
 
 /// Characters of a file quoted in a message.
 const QUOTED: usize = 60;
-
-/// Columns requested from the reader.
-#[derive(Clone, Copy)]
-pub(crate) enum Wanted<'a> {
-    /// Quantities, as chosen or by the names in the header; these must be there.
-    Quantities(&'a Choice, &'a [Quantity]),
-    /// All columns, unchanged, of the text after this many lines.
-    All(u64),
-}
 
 /// Reads rows from any byte stream.
 pub(crate) struct TextReader<R> {
@@ -76,8 +67,12 @@ pub(crate) struct TextReader<R> {
     layout: Layout,
     /// Line of the first row.
     first_row: u64,
-    /// Cells of the header, and of the line of units below it.
+    /// Cells of the header, and of the line of units below it; none without a header.
     header: Vec<Vec<String>>,
+    /// Line of the header.
+    header_line: u64,
+    /// The last comment before the numbers and its line, if it has as many cells as they.
+    comment: Option<(u64, Vec<String>)>,
     /// What was skipped before it.
     notes_of_text: Vec<String>,
     /// Lines that repeat them.
@@ -89,11 +84,12 @@ pub(crate) struct TextReader<R> {
 }
 
 impl<R: Read> TextReader<R> {
-    /// Reads up to the first row of numbers.
+    /// Reads up to the first row of numbers, from behind `skip_rows` lines. What the columns are is told to
+    /// [`TextReader::start`].
     pub(crate) fn open(
         file: &str,
         input: R,
-        wanted: Wanted,
+        skip_rows: u64,
         greedy: bool,
         hash: bool,
     ) -> Result<Self, RecordingError> {
@@ -114,6 +110,8 @@ impl<R: Read> TextReader<R> {
             layout: Layout::default(),
             first_row: 0,
             header: Vec::new(),
+            header_line: 0,
+            comment: None,
             notes_of_text: Vec::new(),
             repeated: RowList::default(),
             footer: RowList::default(),
@@ -121,15 +119,50 @@ impl<R: Read> TextReader<R> {
         };
         reader.refill()?;
         reader.check_text()?;
-        reader.skip_rows(wanted)?;
-        reader.find_columns(wanted)?;
-        reader.find_origin();
-        reader.first_row = reader.line;
-        reader.layout.notes.append(&mut reader.notes_of_text);
+        reader.skip_rows(skip_rows)?;
+        reader.find_header()?;
         let bytes = &reader.buffer[reader.start..reader.complete];
         let lines = bytes.iter().filter(|&&b| b == b'\n').count().max(1);
         reader.bytes_per_line = bytes.len() as f64 / lines as f64;
         Ok(reader)
+    }
+
+    /// Reads the columns of `layout` from now on.
+    pub(crate) fn start(mut self, layout: Layout) -> Result<Self, RecordingError> {
+        if self.has_header() && self.peek_line(0).is_none() {
+            return Err(RecordingError::HeaderOnly { file: self.file, line: self.header_line });
+        }
+        self.layout = layout;
+        self.find_origin();
+        self.first_row = self.line;
+        self.layout.notes.append(&mut self.notes_of_text);
+        Ok(self)
+    }
+
+    /// Reads all columns, unchanged.
+    fn start_all(self) -> Result<Self, RecordingError> {
+        let layout = self.all_columns();
+        self.start(layout)
+    }
+
+    pub(crate) fn file(&self) -> &str {
+        &self.file
+    }
+
+    /// Whether the names of the columns are a line of the text.
+    pub(crate) fn has_header(&self) -> bool {
+        !self.header.is_empty()
+    }
+
+    /// The names of the columns and their line: the header, or else a comment that may be one.
+    pub(crate) fn names(&self) -> Option<(u64, &[String])> {
+        let commented = self.comment.as_ref().map(|(line, names)| (*line, &names[..]));
+        self.header.first().map(|names| (self.header_line, &names[..])).or(commented)
+    }
+
+    /// The units below the names, one each; none without such a line.
+    pub(crate) fn units(&self) -> &[String] {
+        self.header.get(1).map_or(&[], Vec::as_slice)
     }
 
     pub(crate) fn layout(&self) -> &Layout {
@@ -186,13 +219,12 @@ impl<R: Read> TextReader<R> {
         } else {
             let fresh = &self.buffer[self.unhashed..self.filled];
             let hash = &mut self.hash;
-            let take_hash = move || {
-                if let Some(hash) = hash {
-                    hash.update(fresh);
-                }
-            };
             self.unhashed = self.filled;
-            rayon::join(take_hash, || pieces.par_iter().map(parse).collect()).1
+            rayon::join(
+                move || hash.iter_mut().for_each(|hash| hash.update(fresh)),
+                || pieces.par_iter().map(parse).collect(),
+            )
+            .1
         };
         for piece in parsed {
             block.append(&piece.rows, self.line);
@@ -287,15 +319,8 @@ impl<R: Read> TextReader<R> {
         Ok(())
     }
 
-    /// Finds format and columns and leaves `start` at the first row of numbers.
-    fn find_columns(&mut self, wanted: Wanted) -> Result<(), RecordingError> {
-        if let Wanted::Quantities(choice, needed) = wanted
-            && let Some(mapping) =
-                choice.columns.as_deref().filter(|mapping| !mapping.contains('='))
-        {
-            self.layout = Layout::from_mapping(mapping, &choice.needed_columns(needed))?
-                .at_rate(choice.rate_hz);
-        }
+    /// Finds format and header and leaves `start` at the first row of numbers.
+    fn find_header(&mut self) -> Result<(), RecordingError> {
         let mut comment = self.skip_blank()?;
         if let Some(lines) = preamble(&self.buffer[self.start..self.complete]) {
             (0..lines).for_each(|_| self.skip_line());
@@ -314,29 +339,23 @@ impl<R: Read> TextReader<R> {
         self.settle_marks();
         let names = self.cells(&first);
         if self.is_header(&names) {
-            return self.take_header(names, wanted);
-        }
-        if !self.layout.slots.is_empty() {
-            return Ok(());
+            return self.take_header(names);
         }
         // Some tools write the names as the last comment before the numbers.
-        let commented = comment.map(|(line, text)| (line, self.cells(&text)));
-        if let Some((line, names)) = commented.filter(|(_, cells)| cells.len() == names.len())
-            && let Ok(layout) = self.layout_of(line, names, &[], wanted)
-        {
-            self.layout = layout;
-            return Ok(());
-        }
-        if let Wanted::All(_) = wanted {
-            let numbered = (1..=names.len()).map(|k| format!("column {k}")).collect();
-            self.layout = self.layout_of(self.line, numbered, &[], wanted)?;
-            return Ok(());
-        }
-        Err(RecordingError::NoHeader {
+        self.comment = comment
+            .map(|(line, text)| (line, self.cells(&text)))
+            .filter(|(_, cells)| cells.len() == names.len());
+        Ok(())
+    }
+
+    /// The error of a text without names of its columns.
+    pub(crate) fn no_header(&self) -> RecordingError {
+        let first = self.peek_line(0).unwrap_or_default();
+        RecordingError::NoHeader {
             file: self.file.clone(),
             line: self.line,
-            found: quoted(&first),
-            hint: in_order(&self.first_rows(names.len())).map_or_else(
+            found: quoted(first),
+            hint: in_order(&self.first_rows(self.cells(first).len())).map_or_else(
                 || "a recording needs columns of position and force".to_owned(),
                 |option| {
                     format!(
@@ -344,7 +363,7 @@ impl<R: Read> TextReader<R> {
                     )
                 },
             ),
-        })
+        }
     }
 
     /// Finds what points and commas mean in the rows of the buffer.
@@ -374,18 +393,14 @@ impl<R: Read> TextReader<R> {
 
     /// Names need not be recognised (`--columns` may define them), but they are not numbers.
     fn is_header(&self, cells: &[String]) -> bool {
-        let numeric =
-            |cell: &&String| !cell.is_empty() && self.format.number(cell.as_bytes()).is_some();
         cells.iter().any(|cell| columns::is_recognised(cell))
-            || cells.iter().filter(numeric).count() == 0
+            || cells
+                .iter()
+                .all(|cell| cell.is_empty() || self.format.number(cell.as_bytes()).is_none())
     }
 
-    fn take_header(
-        &mut self,
-        mut names: Vec<String>,
-        wanted: Wanted,
-    ) -> Result<(), RecordingError> {
-        let line = self.line;
+    fn take_header(&mut self, mut names: Vec<String>) -> Result<(), RecordingError> {
+        self.header_line = self.line;
         self.skip_line();
         self.skip_blank()?;
         let second = self.peek_line(0).map(<[u8]>::to_vec);
@@ -402,64 +417,28 @@ impl<R: Read> TextReader<R> {
         {
             names.pop();
         }
-        self.header =
-            [names.clone(), units.clone()].into_iter().filter(|cells| !cells.is_empty()).collect();
-        if self.layout.slots.is_empty() {
-            self.layout = self.layout_of(line, names, &units, wanted)?;
-        }
-        if self.peek_line(0).is_none() {
-            return Err(RecordingError::HeaderOnly { file: self.file.clone(), line });
-        }
+        self.header = [names, units].into_iter().filter(|cells| !cells.is_empty()).collect();
         Ok(())
     }
 
-    /// Layout from the names; if all columns are read, those whose next cell is text are skipped.
-    fn layout_of(
-        &self,
-        line: u64,
-        names: Vec<String>,
-        units: &[String],
-        wanted: Wanted,
-    ) -> Result<Layout, RecordingError> {
-        match wanted {
-            Wanted::Quantities(choice, needed) => {
-                let given = choice.columns.as_deref().map_or(Ok(Vec::new()), Given::parse)?;
-                let (file, place) = (&self.file, &format!(" line {line}"));
-                let first_rows = || self.first_rows(names.len());
-                let (names, timestamps) = (&names, &self.timestamps());
-                let header = Header {
-                    file,
-                    place,
-                    names,
-                    units,
-                    timestamps,
-                    first_rows: &first_rows,
-                    first_text: &|k| self.first_text(k),
-                };
-                Ok(header.layout(&given, &choice.needed_columns(needed))?.at_rate(choice.rate_hz))
-            }
-            Wanted::All(_) => {
-                let mut layout = Layout::all(names);
-                for (k, name) in layout.names.iter_mut().enumerate() {
-                    name.extend(units.get(k).map(|unit| format!(" {unit}")));
-                }
-                let cells = self.peek_line(0).map(|line| self.cells(line)).unwrap_or_default();
-                let is_text = |k: usize| {
-                    cells.get(k).is_some_and(|cell| self.format.number(cell.as_bytes()).is_none())
-                };
-                let slots = layout.slots.iter_mut().enumerate();
-                slots.filter(|(k, _)| is_text(*k)).for_each(|(_, slot)| *slot = None);
-                Ok(layout)
-            }
+    /// The layout of all columns but those whose next cell is text.
+    fn all_columns(&self) -> Layout {
+        let cells = self.peek_line(0).map(|line| self.cells(line)).unwrap_or_default();
+        let mut layout = Layout::all(match self.names() {
+            Some((_, names)) => names.to_vec(),
+            None => (1..=cells.len()).map(|k| format!("column {k}")).collect(),
+        });
+        for (name, unit) in layout.names.iter_mut().zip(self.units()) {
+            name.push_str(&format!(" {unit}"));
         }
+        for (slot, cell) in layout.slots.iter_mut().zip(&cells) {
+            slot.take_if(|_| self.format.number(cell.as_bytes()).is_none());
+        }
+        layout
     }
 
     /// Skips the lines that the caller wants to be skipped.
-    fn skip_rows(&mut self, wanted: Wanted) -> Result<(), RecordingError> {
-        let rows = match wanted {
-            Wanted::Quantities(choice, _) => choice.skip_rows,
-            Wanted::All(rows) => rows,
-        };
+    fn skip_rows(&mut self, rows: u64) -> Result<(), RecordingError> {
         for _ in 0..rows {
             if self.start == self.complete && !self.refill()? {
                 let problem = format!("{rows} leaves no line of {}", self.line - 1);
@@ -475,26 +454,21 @@ impl<R: Read> TextReader<R> {
     }
 
     /// Columns of dates in the current line.
-    fn timestamps(&self) -> Vec<usize> {
+    pub(crate) fn timestamps(&self) -> Vec<usize> {
         let cells = self.peek_line(0).map(|line| self.cells(line)).unwrap_or_default();
         (0..cells.len()).filter(|k| timestamp::parse(cells[*k].as_bytes()).is_some()).collect()
     }
 
     /// If times are dates, they count from the first in the buffer.
     fn find_origin(&mut self) {
-        let is_time =
-            |slot: &Option<Slot>| slot.is_some_and(|slot| slot.output == Quantity::Time as usize);
-        let Some(column) =
-            self.layout.slots.iter().position(is_time).filter(|_| !self.layout.tolerates_text())
-        else {
-            return;
-        };
+        let column = self.layout.column(Quantity::Time).filter(|_| !self.layout.tolerates_text());
+        let Some(column) = column else { return };
         let mut lines = (0..SNIFFED_LINES).map_while(|k| self.peek_line(k));
         let first =
             lines.find_map(|line| timestamp::parse(self.cells(line).get(column)?.as_bytes()));
         if first.is_some() {
             self.layout.origin = first;
-            self.layout.slots[column] = Some(Slot { output: Quantity::Time as usize, per_si: 1.0 });
+            self.layout.slots[column] = Some(Slot::of(Quantity::Time, 1.0));
         }
     }
 
@@ -533,24 +507,23 @@ impl<R: Read> TextReader<R> {
     /// Whether all lines of the buffer, a few, are without a time.
     fn may_be_footer(&self) -> bool {
         let rest = &self.buffer[self.start..self.complete];
-        let is_time = |slot: &Option<Slot>| slot.is_some_and(|slot| slot.is(Quantity::Time));
         // Without a column of times, any that is used.
-        let slots = &self.layout.slots;
-        let time = slots.iter().position(is_time);
-        let time = time.or_else(|| slots.iter().position(Option::is_some)).unwrap_or(0);
-        let is_text = |line: &[u8]| {
-            let cells = self.cells(line);
-            let time = cells.get(time).or(cells.first()).map_or(&b""[..], String::as_bytes);
-            let number = self.format.number(time);
-            number.is_none_or(f64::is_nan) && timestamp::parse(time).is_none()
-        };
-        let lines = rest.split_inclusive(|&b| b == b'\n').map(<[u8]>::trim_ascii);
+        let time = self.layout.column(Quantity::Time);
+        let time = time.or_else(|| self.layout.slots.iter().position(Option::is_some));
+        let mut lines = rest.split_inclusive(|&b| b == b'\n').map(<[u8]>::trim_ascii);
         let few = rest.len() < LONGEST_LINE / 2 && lines.clone().count() <= LONGEST_FOOTER;
-        few && lines.into_iter().all(|line| is_nothing(line) || is_text(line))
+        few && lines.all(|line| is_nothing(line) || self.has_no_value(line, time.unwrap_or(0)))
+    }
+
+    /// Whether neither a number nor a date is in a column of a line.
+    fn has_no_value(&self, line: &[u8], column: usize) -> bool {
+        let cells = self.cells(line);
+        let cell = cells.get(column).or(cells.first()).map_or(&b""[..], String::as_bytes);
+        self.format.number(cell).is_none_or(f64::is_nan) && timestamp::parse(cell).is_none()
     }
 
     /// Numbers of the rows in the buffer, by column; none for a column with text.
-    fn first_rows(&self, columns: usize) -> Vec<Vec<f64>> {
+    pub(crate) fn first_rows(&self, columns: usize) -> Vec<Vec<f64>> {
         let mut rows = vec![Vec::new(); columns];
         let mut is_text = vec![false; columns];
         let mut splitter = Splitter::new(self.format.separator);
@@ -575,16 +548,17 @@ impl<R: Read> TextReader<R> {
     }
 
     /// The first cell with text in a column of the rows in the buffer.
-    fn first_text(&self, column: usize) -> Option<Text> {
+    pub(crate) fn first_text(&self, column: usize) -> Option<Text> {
         let lines = self.buffer[self.start..self.complete].split(|&b| b == b'\n');
         let mut splitter = Splitter::new(self.format.separator);
         lines.take(GUESSED_ROWS).filter(|line| !is_nothing(line)).find_map(|line| {
             let cell = (splitter.split(line) > column).then(|| splitter.cell(column))?;
-            let quoted = || quoted(cell.trim_ascii());
-            self.format.number(cell).is_none().then(|| match has_unit(&quoted(), self.format) {
-                true => Text::WithUnit(quoted()),
-                false => Text::Other,
-            })
+            if self.format.number(cell).is_some() {
+                return None;
+            }
+            let text = quoted(cell.trim_ascii());
+            let has_unit = has_unit(&text, self.format);
+            Some(if has_unit { Text::WithUnit(text) } else { Text::Other })
         })
     }
 
@@ -622,9 +596,7 @@ impl<R: Read> TextReader<R> {
 
     /// The cells of a header line.
     fn cells(&self, line: &[u8]) -> Vec<String> {
-        let mut splitter = Splitter::new(self.format.separator);
-        let cells = splitter.split(line);
-        (0..cells).map(|k| text_of(splitter.cell(k)).trim().to_owned()).collect()
+        cells_of(&mut Splitter::new(self.format.separator), line)
     }
 
     /// Formulates the error of the current line; fails if it cannot be read whether this is the
@@ -652,11 +624,11 @@ impl<R: Read> TextReader<R> {
     /// Remedy if nothing can be read below what looks like the header: the lines before the next
     /// one that names columns, or those so far.
     fn header_below(&self) -> String {
-        let is_header = |k: &usize| {
-            let cells = self.peek_line(*k).map(|line| self.cells(line)).unwrap_or_default();
-            cells.iter().filter(|cell| columns::is_recognised(cell)).count() > 1
-        };
-        let before = (0..LONGEST_PREAMBLE).find(is_header).unwrap_or(1) as u64 + self.line - 1;
+        let mut lines = (0..LONGEST_PREAMBLE).map_while(|k| self.peek_line(k));
+        let header = lines.position(|line| {
+            self.cells(line).iter().filter(|cell| columns::is_recognised(cell)).count() > 1
+        });
+        let before = header.unwrap_or(1) as u64 + self.line - 1;
         format!(
             "\n\nhint: if the header is further below, skip the lines before it, for example --skip-rows {before}"
         )
@@ -702,7 +674,7 @@ pub(super) struct Head {
 /// The head of a table whose first lines are given as text.
 #[cfg(feature = "xlsx")]
 pub(super) fn head_of(file: &str, text: &[u8]) -> Result<Head, RecordingError> {
-    let reader = TextReader::open(file, text, Wanted::All(0), true, false)?;
+    let reader = TextReader::open(file, text, 0, true, false)?.start_all()?;
     let mut header = reader.header.into_iter();
     let names = header.next().unwrap_or(reader.layout.names);
     let (units, lines) = (header.next().unwrap_or_default(), (reader.first_row - 1) as usize);
@@ -720,14 +692,9 @@ pub(super) struct TextTable {
 impl TextTable {
     /// Opens the text after `skip_rows` lines.
     pub(super) fn open(path: &Path, skip_rows: u64) -> Result<Self, RecordingError> {
-        let input = TextInput::open(path)?.text;
-        let reader = TextReader::open(
-            &path.display().to_string(),
-            input,
-            Wanted::All(skip_rows),
-            false,
-            false,
-        )?;
+        let input = TextInput::open(path).map_err(RecordingError::cannot_open(path))?;
+        let file = path.display().to_string();
+        let reader = TextReader::open(&file, input.text, skip_rows, false, false)?.start_all()?;
         let described = reader.layout.names.iter().zip(&reader.layout.slots);
         let columns = described
             .map(|(name, slot)| Column {
@@ -761,15 +728,11 @@ impl Container for TextTable {
     }
 
     fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let input = TextInput::open(&self.path)?;
+        let input = TextInput::open(&self.path).map_err(RecordingError::cannot_open(&self.path))?;
         let file = self.path.display().to_string();
-        let mut reader = TextReader::open(
-            &file,
-            input.text,
-            Wanted::All(self.skip_rows),
-            input.file.is_some(),
-            false,
-        )?;
+        let is_file = input.file.is_some();
+        let reader = TextReader::open(&file, input.text, self.skip_rows, is_file, false)?;
+        let mut reader = reader.start_all()?;
         reader.layout.slots.fill(None);
         for (output, column) in columns.iter().enumerate().rev() {
             if let Some(slot) = reader.layout.slots.get_mut(*column) {
@@ -886,9 +849,11 @@ impl Piece {
 
 /// Whether the line just split is one of those of the header.
 fn is_again(header: &[Vec<String>], splitter: &Splitter) -> bool {
-    let is_cell = |k: usize, cell: &String| text_of(splitter.cell(k)).trim() == cell.as_str();
-    let is_line = |cells: &Vec<String>| cells.iter().enumerate().all(|(k, cell)| is_cell(k, cell));
-    header.iter().any(|cells| cells.len() == splitter.count && is_line(cells))
+    let mut same = header.iter().filter(|cells| cells.len() == splitter.count());
+    same.any(|cells| {
+        let mut cells = cells.iter().enumerate();
+        cells.all(|(k, cell)| text_of(splitter.cell(k)).trim() == cell.as_str())
+    })
 }
 
 /// Whether a line holds no cells.
@@ -917,53 +882,62 @@ fn preamble(bytes: &[u8]) -> Option<usize> {
     lines.first()?;
     let format = Format::sniff(&lines[lines.len().saturating_sub(SNIFFED_LINES)..]);
     let mut splitter = Splitter::new(format.separator);
-    let mut cells = |line: &[u8]| {
-        let count = splitter.split(line);
-        (0..count).map(|k| text_of(splitter.cell(k)).trim().to_owned()).collect::<Vec<_>>()
-    };
-    let columns = cells(lines.iter().rfind(|line| !is_nothing(line))?).len();
-    let mut is_row = |line: &[u8]| {
-        let own = cells(line);
-        let is_value = |cell: &&String| {
-            !cell.is_empty()
-                && (format.number(cell.as_bytes()).is_some()
-                    || timestamp::parse(cell.as_bytes()).is_some())
-        };
-        // A key is text.
-        own.len() == columns
-            && own.first().is_some_and(|first| is_value(&first))
-            && own.iter().filter(is_value).count() > 1
-    };
-    let first_row = lines
+    // None of a comment, and of a blank line.
+    let cells: Vec<Option<Vec<String>>> = lines
         .iter()
-        .rposition(|line| !is_nothing(line) && !is_row(line))
-        .map_or(0, |last| last + 1);
-    let rows = lines[first_row..].iter().filter(|line| !is_nothing(line)).count();
-    if rows < ROWS_AFTER_PREAMBLE
-        || lines[..first_row].iter().any(|line| !is_nothing(line) && is_row(line))
+        .map(|line| (!is_nothing(line)).then(|| cells_of(&mut splitter, line)))
+        .collect();
+    let columns = cells.iter().flatten().next_back()?.len();
+    let are_rows: Vec<bool> = cells
+        .iter()
+        .map(|own| own.as_ref().is_some_and(|own| is_row(own, columns, format)))
+        .collect();
+    let last_other = (0..cells.len()).rfind(|k| cells[*k].is_some() && !are_rows[*k]);
+    let first_row = last_other.map_or(0, |last| last + 1);
+    if cells[first_row..].iter().flatten().count() < ROWS_AFTER_PREAMBLE
+        || are_rows[..first_row].contains(&true)
     {
         return None;
     }
     // From the first row up: units, names, and what is above them.
-    let mut above = (0..first_row).rev().filter(|k| !is_nothing(lines[*k]));
-    let mut header = above.next()?;
-    let mut names = cells(lines[header]);
-    if is_unit_row(&names)
+    let mut above = (0..first_row).rev().filter_map(|k| Some((k, cells[k].as_ref()?)));
+    let (mut header, mut names) = above.next()?;
+    if is_unit_row(names)
         && let Some(next) = above.next()
     {
-        (header, names) = (next, cells(lines[next]));
+        (header, names) = next;
     }
     let fits = names.len() == columns || names.len() == columns + 1;
-    let first = cells(lines[0]);
-    let is_text = |name: &String| !name.is_empty() && format.number(name.as_bytes()).is_none();
+    let first = cells[0].as_deref().unwrap_or_default();
     // Keys and values are two; as many names as columns are a header.
     let is_header = first.len() == columns
         && (first.iter().any(|name| columns::is_recognised(name))
-            || (columns > 2 && first.iter().all(is_text)));
+            || (columns > 2
+                && first
+                    .iter()
+                    .all(|name| !name.is_empty() && format.number(name.as_bytes()).is_none())));
     if header == 0 || is_header {
         return None;
     }
     Some(if fits { header } else { first_row })
+}
+
+/// The cells of a line of a header, or of one that may be.
+fn cells_of(splitter: &mut Splitter, line: &[u8]) -> Vec<String> {
+    let count = splitter.split(line);
+    (0..count).map(|k| text_of(splitter.cell(k)).trim().to_owned()).collect()
+}
+
+/// Whether cells are a row: a value comes first, and not alone. A key is text.
+fn is_row(cells: &[String], columns: usize, format: Format) -> bool {
+    let values = cells.iter().map(|cell| {
+        !cell.is_empty()
+            && (format.number(cell.as_bytes()).is_some()
+                || timestamp::parse(cell.as_bytes()).is_some())
+    });
+    cells.len() == columns
+        && values.clone().next() == Some(true)
+        && values.filter(|is_value| *is_value).count() > 1
 }
 
 /// Parses one plain line into `columns`: numbers, single separators, no quotes. `None` leaves the
@@ -1032,77 +1006,6 @@ fn general_line(
         columns[*output].push(number / per_si);
     }
     Ok(true)
-}
-
-/// Splits a line into cells and removes quotes.
-struct Splitter {
-    separator: Separator,
-    reader: csv_core::Reader,
-    text: Vec<u8>,
-    ends: Vec<usize>,
-    /// Cells of the last line.
-    count: usize,
-}
-
-impl Splitter {
-    fn new(separator: Separator) -> Self {
-        let delimiter = match separator {
-            Separator::Byte(byte) => byte,
-            Separator::Whitespace => b' ',
-        };
-        let reader = csv_core::ReaderBuilder::new()
-            .delimiter(delimiter)
-            .terminator(csv_core::Terminator::Any(b'\n'))
-            .build();
-        Self { separator, reader, text: Vec::new(), ends: Vec::new(), count: 0 }
-    }
-
-    /// Returns the number of cells.
-    fn split(&mut self, line: &[u8]) -> usize {
-        self.count = self.cut(line);
-        self.count
-    }
-
-    fn cut(&mut self, line: &[u8]) -> usize {
-        self.ends.clear();
-        self.text.clear();
-        if self.separator == Separator::Whitespace {
-            let mut before: &[u8] = &[];
-            for cell in whitespace_cells(line) {
-                if timestamp::belong_together(before, cell) {
-                    self.text.push(b' ');
-                    self.ends.pop();
-                }
-                self.text.extend_from_slice(cell);
-                self.ends.push(self.text.len());
-                before = cell;
-            }
-            return self.ends.len();
-        }
-        self.reader.reset();
-        self.text.resize(line.len() + 1, 0);
-        self.ends.resize(line.len() + 2, 0);
-        let (_, read, written, ends) =
-            self.reader.read_record(line, &mut self.text, &mut self.ends);
-        // The end of input closes the last cell, even one with an unclosed quote.
-        let rest = self.reader.read_record(
-            &line[read..],
-            &mut self.text[written..],
-            &mut self.ends[ends..],
-        );
-        rest.3 + ends
-    }
-
-    fn cell(&self, k: usize) -> &[u8] {
-        let from = if k == 0 { 0 } else { self.ends[k - 1] };
-        &self.text[from..self.ends[k]]
-    }
-}
-
-/// Text in UTF-8, or else in Latin-1, in which older programs write the unit µm.
-fn text_of(bytes: &[u8]) -> Cow<'_, str> {
-    std::str::from_utf8(bytes)
-        .map_or_else(|_| bytes.iter().map(|byte| char::from(*byte)).collect(), Cow::Borrowed)
 }
 
 /// A part of a file in a form suitable for messages.

@@ -1,7 +1,62 @@
 //! The one table of units: those that each quantity is read in, and those of other quantities,
 //! with what to do about a column of them.
 
-use super::columns::Quantity;
+/// Quantities that a column can hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Quantity {
+    /// Time, in s.
+    Time,
+    /// Position, in m.
+    Position,
+    /// Force, in N.
+    Force,
+    /// Velocity, in m/s.
+    Velocity,
+}
+
+impl Quantity {
+    /// All quantities; the index of each is its number.
+    pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
+
+    /// Its name in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Time => "time",
+            Self::Position => "position",
+            Self::Force => "force",
+            Self::Velocity => "velocity",
+        }
+    }
+
+    pub(crate) fn words(self) -> &'static [&'static str] {
+        match self {
+            Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
+            Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
+            Self::Force => &["force", "f", "load", "friction"],
+            Self::Velocity => &["velocity", "vel", "v"],
+        }
+    }
+
+    /// Its name with an article, in messages.
+    pub(crate) fn with_article(self) -> &'static str {
+        match self {
+            Self::Time => "a time",
+            Self::Position => "a position",
+            Self::Force => "a force",
+            Self::Velocity => "a velocity",
+        }
+    }
+
+    /// A recognised name, for messages.
+    pub(crate) fn example(self) -> &'static str {
+        match self {
+            Self::Time => "time_s",
+            Self::Position => "position_mm",
+            Self::Force => "force_n",
+            Self::Velocity => "velocity_m_s",
+        }
+    }
+}
 
 /// A unit of a quantity.
 pub(crate) struct Unit {
@@ -90,6 +145,11 @@ impl Quantity {
     /// The unit of this name, as by [`key`].
     pub(crate) fn unit(self, name: &str) -> Option<&'static Unit> {
         self.units().iter().find(|unit| unit.names.contains(&name))
+    }
+
+    /// Units per SI unit of a unit that is declared, if it is one of this quantity.
+    pub(crate) fn declared(self, unit: &str) -> Option<f64> {
+        self.unit(&key(&lower(unit))).map(|unit| unit.per_si)
     }
 
     /// All units, for messages.

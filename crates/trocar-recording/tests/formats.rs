@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 
+use trocar_recording::registry::{FORMATS, endings, in_words};
 use trocar_recording::{Choice, ReadOptions, Recording, Table, read, read_columns, tables};
 
 /// Rows of every file.
@@ -704,6 +705,19 @@ fn formats_that_are_not_read_are_named_with_the_way_out() {
         assert!(essentials.iter().all(|own| error.contains(own)), "{error}");
         assert!(error.contains("hint: "), "{error}");
         let ending = name.split_once('.').unwrap().1;
-        assert!(trocar_recording::registry::endings().any(|own| own == ending), "{name}");
+        assert!(endings().any(|own| own == ending), "{name}");
+    }
+}
+
+/// The page for users has every format of the list, by its endings.
+#[test]
+fn every_format_is_on_the_page() {
+    let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/formats.md");
+    let page = std::fs::read_to_string(page).unwrap();
+    for format in FORMATS.iter().filter(|format| format.is_read()) {
+        let missing: Vec<_> =
+            format.endings.iter().filter(|own| !page.contains(&format!("`.{own}`"))).collect();
+        assert!(missing.is_empty(), "{}: {missing:?}", format.name);
+        assert!(in_words().contains(format.name), "{}", in_words());
     }
 }

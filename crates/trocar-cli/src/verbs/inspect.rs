@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use trocar::inspect::{Clock, ColumnView, Inspection, RecordingPreview, TableView, inspect};
+use trocar::recording::registry;
 
 use crate::Completion;
 use crate::console::{self, Console};
@@ -19,12 +20,8 @@ const SHOWN: usize = 40;
 
 /// Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be
 /// identified from it
-///
-/// Reads CSV and TSV (plain, gzip, zstd, xz), Parquet, Arrow, MATLAB .mat, HDF5, Excel, NumPy, JSON
-/// lines, MCAP, ROS 2 and ROS 1 bags. Prints which columns would be used as time, position, velocity and force, as options
-/// --columns and --topic. Exit code 3: the file cannot be read as a recording without further
-/// options.
 #[derive(clap::Args)]
+#[command(long_about = help())]
 pub(crate) struct Args {
     /// File or bag folder
     file: PathBuf,
@@ -33,6 +30,15 @@ pub(crate) struct Args {
     json: bool,
     #[command(flatten)]
     choosing: Choosing,
+}
+
+fn help() -> String {
+    format!(
+        "Show what is in a file: tables, topics, columns, units, rates, gaps, and what could be identified from it\n\n\
+         Reads {}. Prints which columns would be used as time, position, velocity and force, as options --columns and --topic. \
+         Exit code 3: the file cannot be read as a recording without further options.",
+        registry::in_words()
+    )
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {

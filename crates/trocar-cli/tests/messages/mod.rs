@@ -103,7 +103,7 @@ const NAMES: [(&str, &[&str]); 21] = [
         "trocar-cli/src/verbs/teleop.rs",
         &["text", "z_width_text", "advice_text", "step_text", "tried", "partly_stable", "map_text"],
     ),
-    ("trocar-cli/src/verbs/inspect.rs", &["rows_in_words", "column_in_words"]),
+    ("trocar-cli/src/verbs/inspect.rs", &["help", "rows_in_words", "column_in_words"]),
     ("trocar-cli/src/verbs/analyze.rs", &["text", "element_text", "branch_text", "steady_table"]),
     ("trocar-simulate/src/bench/published.rs", &["name", "words"]),
     ("trocar-lab/src/compare/mod.rs", &["title"]),
@@ -118,7 +118,7 @@ const NAMES: [(&str, &[&str]); 21] = [
         "trocar-recording/src/formats/rosbag.rs",
         &["list", "definitions", "counts", "first", "page", "connect"],
     ),
-    ("trocar-recording/src/formats/rosmsg.rs", &["STANDARD"]),
+    ("trocar-tables/src/ros/definition.rs", &["STANDARD"]),
     ("trocar-fmu/src/package/mod.rs", &["LICENCES"]),
     ("trocar-py/src/errors.rs", &["in_python"]),
 ];

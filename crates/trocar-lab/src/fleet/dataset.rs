@@ -127,8 +127,9 @@ impl Dataset {
                 .join("/")
         };
         files.sort_by_key(|path| name(path));
-        let (taken, left_out): (Vec<_>, Vec<_>) =
-            files.into_iter().partition(|path| ends_in(path, registry::endings()) || is_bag(path));
+        let (taken, left_out): (Vec<_>, Vec<_>) = files
+            .into_iter()
+            .partition(|path| ends_in(path, registry::endings()) || registry::is_folder(path));
         if taken.is_empty() {
             return Err(DatasetError::Empty { path: root.to_owned() });
         }
@@ -194,11 +195,6 @@ fn file_name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
-/// Whether a folder is a ROS 2 bag.
-fn is_bag(folder: &Path) -> bool {
-    folder.join("metadata.yaml").is_file()
-}
-
 /// All files below `folder` except hidden ones; a bag folder counts as one. A folder that is
 /// reached twice, through a link, counts once.
 fn walk(
@@ -215,7 +211,7 @@ fn walk(
         if file_name(&path).starts_with(['.', '_']) {
             continue;
         }
-        match path.is_dir() && !is_bag(&path) {
+        match path.is_dir() && !registry::is_folder(&path) {
             true => walk(&path, files, seen)?,
             false => files.push(path),
         }

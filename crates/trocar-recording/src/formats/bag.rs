@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::message::{self, Epochs, Extractor, Topic};
+use trocar_tables::ros::{self, Epochs, Extractor, Topic};
+
 use super::ordered::{Blocks, Ordered};
 use crate::container::{Batches, Container};
 use crate::{RecordingError, Table};
@@ -38,7 +39,7 @@ impl Log {
         warnings: Vec<String>,
         messages: Box<dyn Messages>,
     ) -> Self {
-        let epochs = message::epochs(topics.iter(), start.unwrap_or(0) as i64);
+        let epochs = ros::epochs(topics.iter(), start.unwrap_or(0) as i64);
         Self {
             path: path.to_owned(),
             format,
@@ -46,7 +47,7 @@ impl Log {
             start,
             epochs,
             tables: topics.iter().map(|topic| topic.table.clone()).collect(),
-            notes: message::epoch_notes(topics.iter(), epochs),
+            notes: ros::epoch_notes(topics.iter(), epochs),
             topics,
             warnings,
             messages,
@@ -77,10 +78,27 @@ impl Container for Log {
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let Table { name, rows, .. } = &self.tables[table];
-        message::check(&self.path, self.format, &self.tables[table], columns)?;
+        check(&self.path, self.format, &self.tables[table], columns)?;
         let extractor = self.topics[table].extractor(columns, self.epochs);
         let blocks = self.messages.blocks(table, extractor)?;
         let file = self.path.display().to_string();
         Ok(Box::new(Ordered::new(&file, name, blocks, columns.len(), *rows)))
+    }
+}
+
+/// Rejects columns that are not numeric.
+pub(super) fn check(
+    path: &Path,
+    format: &'static str,
+    table: &Table,
+    columns: &[usize],
+) -> Result<(), RecordingError> {
+    match columns.iter().map(|&column| &table.columns[column]).find(|column| !column.is_numeric) {
+        None => Ok(()),
+        Some(column) => {
+            let (file, column) =
+                (path.display().to_string(), format!("{} of {}", column.name, table.name));
+            Err(RecordingError::NotNumeric { file, format, column })
+        }
     }
 }

@@ -7,10 +7,10 @@ use std::marker::PhantomData;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
+use trocar_tables::ros::{Block, Description, Extractor, Topic};
 
 use super::bag::{Log, Messages};
-use super::message::{Description, Extractor, Topic};
-use super::ordered::{Block, Blocks};
+use super::ordered::Blocks;
 use crate::RecordingError;
 
 /// Bytes of messages without chunks that are decoded at a time.
@@ -28,9 +28,8 @@ pub(super) struct Input {
 
 impl Input {
     pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
-        let failed = |source| RecordingError::Open { file: path.display().to_string(), source };
-        let file = File::open(path).map_err(failed)?;
-        let size = file.metadata().map_err(failed)?.len();
+        let file = File::open(path).map_err(RecordingError::cannot_open(path))?;
+        let size = file.metadata().map_err(RecordingError::cannot_open(path))?.len();
         Ok(Self { file, size })
     }
 }

@@ -90,8 +90,7 @@ struct Lines {
 
 impl Lines {
     fn open(path: &Path, source: &Source) -> Result<Self, RecordingError> {
-        let failed = |error| RecordingError::Open { file: source.file.clone(), source: error };
-        let file = BufReader::new(File::open(path).map_err(failed)?);
+        let file = BufReader::new(File::open(path).map_err(RecordingError::cannot_open(path))?);
         Ok(Self { source: source.clone(), file, line: Vec::new(), count: 0 })
     }
 

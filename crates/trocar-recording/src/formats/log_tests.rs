@@ -4,11 +4,13 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME};
+
 use crate::container::Container;
 use crate::join::{self, Joined, Pick};
 use crate::{RecordingError, Table};
 
-use super::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME, mcap, ros1, rosbag};
+use super::{mcap, ros1, rosbag};
 
 /// Difference allowed between a value read and the one written, in its own unit: the last bits of a
 /// sine.

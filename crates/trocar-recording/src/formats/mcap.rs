@@ -10,10 +10,10 @@ use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use mcap::records::{self, Record, op};
+use trocar_tables::ros::Description;
 
 use super::bag::Log;
 use super::chunks::{Buffers, Chunked, Contents, Input, Message, Piece, RUN};
-use super::message::Description;
 use super::read_exact_at;
 use crate::RecordingError;
 
@@ -49,12 +49,11 @@ struct Schema {
 /// [`RecordingError`] when it cannot be opened, is not an MCAP file, or does not contain a complete
 /// message.
 pub(crate) fn open(path: &Path) -> Result<Log, RecordingError> {
-    let file = || path.display().to_string();
     let mut input = Input::open(path)?;
     let mut magic = [0; MAGIC.len()];
     if read_exact_at(&input.file, &mut magic, 0).is_err() || magic != MAGIC {
         let problem = "does not begin as an MCAP file does".into();
-        return Err(RecordingError::Log { file: file(), problem });
+        return Err(RecordingError::Log { file: path.display().to_string(), problem });
     }
     let index = match read_index(&input) {
         Ok(Some(index)) => Ok(index),
@@ -62,7 +61,7 @@ pub(crate) fn open(path: &Path) -> Result<Log, RecordingError> {
         Err(error) => Err(error),
     };
     let Index { schemas, channels, mut contents } =
-        index.map_err(|source| RecordingError::Open { file: file(), source })?;
+        index.map_err(RecordingError::cannot_open(path))?;
     let ids = channels.keys().map(|id| u32::from(*id));
     contents.complete::<Mcap>(path, &input, ids)?;
     let topics = channels.iter().map(|(&id, channel)| {

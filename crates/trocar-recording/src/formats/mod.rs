@@ -13,8 +13,6 @@ use super::RecordingError;
 pub(super) mod arrow;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod bag;
-#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
-mod cdr;
 #[cfg(any(feature = "mcap", feature = "ros1"))]
 mod chunks;
 #[cfg(feature = "hdf5")]
@@ -25,8 +23,6 @@ pub(super) mod lengths;
 pub(super) mod mat5;
 #[cfg(feature = "mcap")]
 pub(super) mod mcap;
-#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
-mod message;
 pub(super) mod numpy;
 #[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
 mod ordered;
@@ -36,18 +32,10 @@ pub(super) mod parquet;
 pub(super) mod ros1;
 #[cfg(feature = "rosbag")]
 pub(super) mod rosbag;
-#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
-mod rosmsg;
 #[cfg(feature = "xlsx")]
 pub(super) mod xlsx;
 #[cfg(any(feature = "xlsx", feature = "npz"))]
 mod zipped;
-
-/// Columns of a robot log's own times, and of the times in its messages.
-pub(super) const LOG_TIME: &str = "log_time_s";
-#[cfg(any(feature = "mcap", feature = "rosbag", feature = "ros1"))]
-const PUBLISH_TIME: &str = "publish_time_s";
-pub(super) const HEADER_STAMP: &str = "header.stamp_s";
 
 /// A file and its detected format, for messages.
 #[derive(Debug, Clone)]

@@ -6,6 +6,8 @@
 //! time keep the order of the file. Rows that are further out of order are rejected instead of
 //! being sorted wrongly.
 
+use trocar_tables::ros::Block;
+
 use crate::RecordingError;
 use crate::container::{BATCH_ROWS, Batches};
 
@@ -14,25 +16,6 @@ const WINDOW: usize = 1 << 16;
 
 /// Most rows that may wait for overlapping chunks.
 const MOST_WAITING: usize = 1 << 22;
-
-/// Rows of one topic, as stored in a part of a file.
-#[derive(Debug, Default)]
-pub(crate) struct Block {
-    /// Log time of each, ns.
-    pub(crate) log: Vec<u64>,
-    /// The requested columns.
-    pub(crate) columns: Vec<Vec<f64>>,
-    /// Messages that ended before the requested fields.
-    pub(crate) undecoded: u64,
-    /// No row of a later block has a log time before this, if that is known.
-    pub(crate) settled: Option<u64>,
-}
-
-impl Block {
-    pub(crate) fn new(width: usize) -> Self {
-        Self { columns: vec![Vec::new(); width], ..Self::default() }
-    }
-}
 
 /// Consecutive parts of a file.
 pub(crate) trait Blocks: Send {

@@ -12,9 +12,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::Path;
 
+use trocar_tables::ros::Description;
+
 use super::bag::Log;
 use super::chunks::{Buffers, Chunked, Contents, Input, Message, Piece, RUN};
-use super::message::Description;
 use super::read_exact_at;
 use crate::RecordingError;
 

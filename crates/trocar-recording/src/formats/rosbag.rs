@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use rusqlite::{Connection, OpenFlags, params};
+use trocar_tables::ros::{self, Block, Description, Epochs, Extractor, Topic};
 
-use super::bag::{Log, Messages};
-use super::message::{self, Description, Epochs, Extractor, Topic};
-use super::ordered::{Block, Blocks, Ordered};
+use super::bag::{self, Log, Messages};
+use super::ordered::{Blocks, Ordered};
 use crate::container::{Batches, Container};
 use crate::{RecordingError, Table};
 
@@ -83,9 +83,7 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
 fn open_db3(path: &Path) -> Result<Log, RecordingError> {
     use std::io::Read;
     let mut magic = [0; MAGIC.len()];
-    let file = path.display().to_string();
-    let mut input =
-        std::fs::File::open(path).map_err(|source| RecordingError::Open { file, source })?;
+    let mut input = std::fs::File::open(path).map_err(RecordingError::cannot_open(path))?;
     if input.read_exact(&mut magic).is_err() || magic != *MAGIC {
         return Err(problem(path, "does not begin as a SQLite file does"));
     }
@@ -269,14 +267,12 @@ struct Folder {
 
 impl Folder {
     fn open(path: &Path) -> Result<Self, RecordingError> {
-        let file = || path.display().to_string();
         let metadata = match std::fs::read_to_string(path.join(METADATA)) {
             Ok(metadata) => Some(metadata),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
-            Err(source) => return Err(RecordingError::Open { file: file(), source }),
+            Err(source) => return Err(RecordingError::cannot_open(path)(source)),
         };
-        let entries = std::fs::read_dir(path)
-            .map_err(|source| RecordingError::Open { file: file(), source })?;
+        let entries = std::fs::read_dir(path).map_err(RecordingError::cannot_open(path))?;
         let mut paths: Vec<PathBuf> =
             entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
         paths.retain(|path| {
@@ -321,7 +317,7 @@ impl Folder {
         self.parts.sort_by_key(|part| part.start);
         let start = self.parts.iter().filter_map(|part| part.start).min().unwrap_or(0);
         let topics = || self.parts.iter().flat_map(|part| &part.topics);
-        self.epochs = message::epochs(topics(), start as i64);
+        self.epochs = ros::epochs(topics(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
         for table in topics().map(|topic| &topic.table) {
             match tables
@@ -338,7 +334,7 @@ impl Folder {
                 None => tables.push(table.clone()),
             }
         }
-        let notes = message::epoch_notes(topics(), self.epochs);
+        let notes = ros::epoch_notes(topics(), self.epochs);
         self.tables = tables;
         self.notes.extend(notes);
         self.notes.push(format!("{} files in the order of their first times", self.parts.len()));
@@ -377,7 +373,7 @@ impl Container for Folder {
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
         let table = &self.tables[table];
-        message::check(&self.path, self.format(), table, columns)?;
+        bag::check(&self.path, self.format(), table, columns)?;
         let mut blocks = Vec::new();
         for part in &self.parts {
             let same =

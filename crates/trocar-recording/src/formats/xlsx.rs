@@ -15,14 +15,14 @@ use std::io::{BufReader, Read as _};
 use std::path::{Path, PathBuf};
 
 use calamine::{CellErrorType, DataRef, Reader as _, SheetType, XlsxError, open_workbook};
+use trocar_tables::text::{Format, timestamp};
 
 use super::{Source, zipped};
+use crate::RecordingError;
 use crate::columns::{UNIT_IN_CELL, has_unit, is_recognised, time_unit};
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
-use crate::format::Format;
 use crate::quality::{Footer, RowList, warn_of_repeated};
-use crate::text::{head_of, quoted};
-use crate::{RecordingError, timestamp};
+use crate::text::{Head, head_of, quoted};
 
 /// Rows in which the header is sought.
 const FIRST_ROWS: usize = 300;
@@ -244,34 +244,43 @@ impl Xlsx {
             columns: Vec::new(),
         };
         for column in left..=right {
-            let at = (column - left) as usize;
-            let title = head.names.get(at).cloned().unwrap_or_default();
-            let unit = head.units.get(at).filter(|unit| !unit.is_empty()).cloned();
             let cells = rows[head.lines..].iter().flat_map(|(_, cells)| cells);
             let cells: Vec<&Cell> =
                 cells.filter(|(own, _)| *own == column).map(|(_, cell)| cell).collect();
-            let kinds: Vec<Kind> = cells.iter().filter_map(|cell| cell.kind(head.format)).collect();
-            let kind = match () {
-                () if kinds.is_empty() && title.is_empty() => continue,
-                () if kinds.contains(&Kind::Number) => Kind::Number,
-                () => kinds.first().copied().unwrap_or(Kind::Number),
-            };
-            let is_other =
-                kind == Kind::Date && is_recognised(&title) && time_unit(&title, None).is_none();
-            let is_numeric = kind != Kind::Text && !is_other;
-            let unit = if kind == Kind::Date { Some("s".to_owned()) } else { unit };
-            table.columns.push(Column { name: title, unit, is_numeric });
+            let at = (column - left) as usize;
+            let Some((own, kind, text)) = described(&head, at, &cells) else { continue };
+            table.columns.push(own);
             sheet.columns.push((column, kind));
-            sheet.texts.push(cells.into_iter().find_map(|cell| match cell {
-                Cell::Text(text) if kind == Kind::Text => Some(quoted(text.as_bytes())),
-                _ => None,
-            }));
+            sheet.texts.push(text);
         }
         self.notes.extend(head.notes.iter().map(|note| format!("sheet '{}': {note}", sheet.name)));
         self.tables.push(table);
         self.sheets.push(sheet);
         Ok(())
     }
+}
+
+/// A column by its first cells, what it holds, and its first text if that is all; `None` if it is empty and
+/// has no name.
+fn described(head: &Head, at: usize, cells: &[&Cell]) -> Option<(Column, Kind, Option<String>)> {
+    let name = head.names.get(at).cloned().unwrap_or_default();
+    let kinds: Vec<Kind> = cells.iter().filter_map(|cell| cell.kind(head.format)).collect();
+    let kind = match () {
+        () if kinds.is_empty() && name.is_empty() => return None,
+        () if kinds.contains(&Kind::Number) => Kind::Number,
+        () => kinds.first().copied().unwrap_or(Kind::Number),
+    };
+    let is_other = kind == Kind::Date && is_recognised(&name) && time_unit(&name, None).is_none();
+    let is_numeric = kind != Kind::Text && !is_other;
+    let unit = match kind {
+        Kind::Date => Some("s".to_owned()),
+        _ => head.units.get(at).filter(|unit| !unit.is_empty()).cloned(),
+    };
+    let text = cells.iter().find_map(|cell| match cell {
+        Cell::Text(text) if kind == Kind::Text => Some(quoted(text.as_bytes())),
+        _ => None,
+    });
+    Some((Column { name, unit, is_numeric }, kind, text))
 }
 
 /// The rows as lines of text. Keys with their values, above a header, end where their cells do; all

@@ -3,7 +3,7 @@
 
 /// Nanoseconds since 1970 of a date with a time of day, in UTC if it has no zone; of a time of day
 /// alone since midnight; `None` for other text.
-pub(crate) fn parse(cell: &[u8]) -> Option<i64> {
+pub fn parse(cell: &[u8]) -> Option<i64> {
     let mut rest = cell.trim_ascii();
     let (year, month, day) = match date(&mut rest) {
         Some(date) => {
@@ -59,7 +59,7 @@ fn date(rest: &mut &[u8]) -> Option<(i64, i64, i64)> {
 }
 
 /// Whether two cells of a text separated by blanks are one date with its time of day.
-pub(crate) fn belong_together(before: &[u8], time: &[u8]) -> bool {
+pub(super) fn belong_together(before: &[u8], time: &[u8]) -> bool {
     let is_date = date(&mut &*before).is_some() && before.len() == 10;
     is_date && time.get(2) == Some(&b':') && parse(&[before, b" ", time].concat()).is_some()
 }

@@ -7,7 +7,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::RecordingError;
 use super::utf16::{BIG_ENDIAN, Decoder, LITTLE_ENDIAN};
 
 /// First bytes of gzip members, of zstd frames and of xz streams.
@@ -24,37 +23,37 @@ const XZ_MEMORY: u64 = 100 << 20;
 const PIECE: usize = 1 << 16;
 
 /// The text in a file or from standard input.
-pub(super) struct TextInput {
-    pub(super) text: Box<dyn Read + Send>,
+pub struct TextInput {
+    /// The text in UTF-8.
+    pub text: Box<dyn Read + Send>,
     /// Size of the file, compressed or not, and number of bytes read; `None` for a stream.
-    pub(super) file: Option<(u64, Arc<AtomicU64>)>,
+    pub file: Option<(u64, Arc<AtomicU64>)>,
 }
 
 impl TextInput {
     /// Opens the file at `path`, or standard input for `-`.
-    pub(super) fn open(path: &Path) -> Result<Self, RecordingError> {
-        let name = path.display().to_string();
-        let failed = |source| RecordingError::Open { file: name.clone(), source };
-        if name == "-" {
-            let text =
-                decoded(decompressed(Box::new(io::stdin())).map_err(failed)?).map_err(failed)?;
-            return Ok(Self { text, file: None });
+    ///
+    /// # Errors
+    /// The error of the operating system, or that this build lacks the file's compression.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        if path == Path::new("-") {
+            return Ok(Self { text: decoded(decompressed(Box::new(io::stdin()))?)?, file: None });
         }
-        let file = File::open(path).map_err(failed)?;
-        let metadata = file.metadata().map_err(failed)?;
+        let file = File::open(path)?;
+        let metadata = file.metadata()?;
         if metadata.is_dir() {
-            return Err(failed(io::ErrorKind::IsADirectory.into()));
+            return Err(io::ErrorKind::IsADirectory.into());
         }
         let read = Arc::new(AtomicU64::new(0));
         let counted = Counted { inner: file, read: read.clone() };
-        let text = decoded(decompressed(Box::new(counted)).map_err(failed)?).map_err(failed)?;
+        let text = decoded(decompressed(Box::new(counted))?)?;
         Ok(Self { text, file: metadata.is_file().then_some((metadata.len(), read)) })
     }
 }
 
 /// A stream whose head can be read a second time, with another choice of columns. Clones share it.
 #[derive(Clone)]
-pub(super) struct Head(Arc<Mutex<Kept>>);
+pub struct Head(Arc<Mutex<Kept>>);
 
 struct Kept {
     input: Box<dyn Read + Send>,
@@ -66,17 +65,18 @@ struct Kept {
 }
 
 impl Head {
-    pub(super) fn new(input: Box<dyn Read + Send>) -> Self {
+    /// Keeps what is read of `input`.
+    pub fn new(input: Box<dyn Read + Send>) -> Self {
         Self(Arc::new(Mutex::new(Kept { input, bytes: Vec::new(), passed: 0, keeps: true })))
     }
 
     /// Starts again at the first byte.
-    pub(super) fn rewind(&self) {
+    pub fn rewind(&self) {
         self.kept().passed = 0;
     }
 
     /// Keeps no further bytes.
-    pub(super) fn forget(&self) {
+    pub fn forget(&self) {
         self.kept().keeps = false;
     }
 
@@ -127,19 +127,13 @@ impl<R: Read> Read for Counted<R> {
 fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> {
     let mut head = Vec::with_capacity(XZ.len());
     (&mut input).take(XZ.len() as u64).read_to_end(&mut head)?;
-    let is = |magic: &[u8]| head.starts_with(magic);
-    let (gzip, zstd, xz) = (is(&GZIP), is(&ZSTD), is(&XZ));
-    let whole = Cursor::new(head).chain(input);
-    if gzip {
-        return gzip_text(whole);
+    let whole = Cursor::new(head.clone()).chain(input);
+    match () {
+        () if head.starts_with(&GZIP) => gzip_text(whole),
+        () if head.starts_with(&ZSTD) => zstd_text(whole),
+        () if head.starts_with(&XZ) => xz_text(whole),
+        () => Ok(Box::new(whole)),
     }
-    if zstd {
-        return zstd_text(whole);
-    }
-    if xz {
-        return xz_text(whole);
-    }
-    Ok(Box::new(whole))
 }
 
 /// The same text in UTF-8 if a byte order mark says that it is in UTF-16.

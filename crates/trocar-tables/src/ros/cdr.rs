@@ -9,7 +9,7 @@
 //! A [`Plan`] is made once from a definition and the requested fields. It steps through a message
 //! up to the last of them, by arithmetic where sizes are fixed, and reads only these fields.
 
-use super::rosmsg::{Arity, Field, Kind, Primitive, Struct};
+use super::definition::{Arity, Field, Kind, Primitive, Struct};
 
 /// Serialisation of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -9,15 +9,12 @@
 //! been subtracted. Stamps of a separate clock, further than [`SAME_CLOCK`] from the log's time,
 //! count from the first of them.
 
-use std::path::Path;
-
 use serde_json::Value;
 
+use super::Block;
 use super::cdr::{self, Cursor, Layout, Names, Plan, Step, Visitor};
-use super::ordered::Block;
-use super::rosmsg::{self, Field, Kind, Struct};
-use super::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME};
-use crate::{Column, RecordingError, Table};
+use super::definition::{self, Field, Kind, Struct};
+use crate::content::{Column, HEADER_STAMP, LOG_TIME, PUBLISH_TIME, Table};
 
 /// Largest distance of stamps of the log's clock from its first time, ns: 11 days, within which
 /// seconds resolve 0.1 ns.
@@ -29,17 +26,18 @@ const MOST_COLUMNS: usize = 1000;
 
 /// Origins of the stamps, in ns.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct Epochs {
+pub struct Epochs {
     /// The log's first time.
-    pub(crate) log: i64,
+    pub log: i64,
     /// The first stamp of a clock that is not the log's.
-    pub(crate) other: i64,
+    pub other: i64,
 }
 
 /// A topic of a log.
 #[derive(Debug, Clone)]
-pub(crate) struct Topic {
-    pub(crate) table: Table,
+pub struct Topic {
+    /// Its columns; its name and the type of its messages.
+    pub table: Table,
     codec: Codec,
     sources: Vec<Source>,
     /// First `header.stamp`, ns.
@@ -70,23 +68,27 @@ enum Key {
 }
 
 /// Description of a topic in a log.
-pub(crate) struct Description<'a> {
-    pub(crate) name: &'a str,
+pub struct Description<'a> {
+    /// Its name.
+    pub name: &'a str,
     /// Type of its messages.
-    pub(crate) kind: &'a str,
+    pub kind: &'a str,
     /// Encoding of messages: `cdr`, `ros1`, `json`.
-    pub(crate) encoding: &'a str,
+    pub encoding: &'a str,
     /// Language of the definition: `ros2msg`, `ros1msg`, or empty.
-    pub(crate) schema_encoding: &'a str,
-    pub(crate) definition: &'a str,
-    pub(crate) rows: Option<u64>,
-    pub(crate) has_publish_time: bool,
+    pub schema_encoding: &'a str,
+    /// The definition of the type.
+    pub definition: &'a str,
+    /// Number of messages, if the log states it.
+    pub rows: Option<u64>,
+    /// Whether messages have a time at which they were published.
+    pub has_publish_time: bool,
 }
 
 impl Topic {
     /// The topic according to `description` and its first message, and the reason if it cannot be
     /// read.
-    pub(crate) fn new(description: &Description, first: Option<&[u8]>) -> (Self, Option<String>) {
+    pub fn new(description: &Description, first: Option<&[u8]>) -> (Self, Option<String>) {
         let mut topic = Self {
             table: Table {
                 name: description.name.to_owned(),
@@ -197,24 +199,24 @@ impl Topic {
     }
 
     /// Whether `header.stamp` follows the log's clock.
-    pub(crate) fn stamps_are_of_log(&self, log: i64) -> bool {
+    fn stamps_are_of_log(&self, log: i64) -> bool {
         self.stamp.is_none_or(|stamp| stamp.abs_diff(log) <= SAME_CLOCK)
     }
 
     /// 1 for stamps of a clock other than the log's, otherwise 0.
-    pub(crate) fn clock(&self, column: usize, epochs: Epochs) -> usize {
+    pub fn clock(&self, column: usize, epochs: Epochs) -> usize {
         let is_logged = matches!(self.sources.get(column), Some(Source::Log | Source::Publish));
         usize::from(!is_logged && !self.stamps_are_of_log(epochs.log))
     }
 
     /// Extracts the numbers of `columns` from messages.
-    pub(crate) fn extractor(&self, columns: &[usize], epochs: Epochs) -> Extractor {
+    pub fn extractor(&self, columns: &[usize], epochs: Epochs) -> Extractor {
         let columns: Vec<Option<usize>> = columns.iter().copied().map(Some).collect();
         self.extractor_of(&columns, epochs)
     }
 
     /// The same with columns that this topic lacks, which are NaN.
-    pub(crate) fn extractor_of(&self, columns: &[Option<usize>], epochs: Epochs) -> Extractor {
+    pub fn extractor_of(&self, columns: &[Option<usize>], epochs: Epochs) -> Extractor {
         let stamps = if self.stamps_are_of_log(epochs.log) { epochs.log } else { epochs.other };
         let mut outputs = Vec::new();
         let mut ros = Vec::new();
@@ -250,17 +252,14 @@ impl Topic {
 
 /// Origins of the stamps of `topics`: the log's first time, and the first stamp of any clock other
 /// than the log's.
-pub(crate) fn epochs<'a>(topics: impl Iterator<Item = &'a Topic>, log: i64) -> Epochs {
+pub fn epochs<'a>(topics: impl Iterator<Item = &'a Topic>, log: i64) -> Epochs {
     let others =
         topics.filter(|topic| !topic.stamps_are_of_log(log)).filter_map(|topic| topic.stamp);
     Epochs { log, other: others.min().unwrap_or(log) }
 }
 
 /// Notes about the origins of the stamps.
-pub(crate) fn epoch_notes<'a>(
-    topics: impl Iterator<Item = &'a Topic>,
-    epochs: Epochs,
-) -> Vec<String> {
+pub fn epoch_notes<'a>(topics: impl Iterator<Item = &'a Topic>, epochs: Epochs) -> Vec<String> {
     let mut notes = vec![format!("times count from {} ns, the first time of the log", epochs.log)];
     let others: Vec<&str> = topics
         .filter(|topic| !topic.stamps_are_of_log(epochs.log))
@@ -273,23 +272,6 @@ pub(crate) fn epoch_notes<'a>(
         ));
     }
     notes
-}
-
-/// Rejects columns that are not numeric.
-pub(crate) fn check(
-    path: &Path,
-    format: &'static str,
-    table: &Table,
-    columns: &[usize],
-) -> Result<(), RecordingError> {
-    match columns.iter().map(|&column| &table.columns[column]).find(|column| !column.is_numeric) {
-        None => Ok(()),
-        Some(column) => {
-            let (file, column) =
-                (path.display().to_string(), format!("{} of {}", column.name, table.name));
-            Err(RecordingError::NotNumeric { file, format, column })
-        }
-    }
 }
 
 fn column(name: &str, unit: Option<&str>) -> Column {
@@ -310,7 +292,7 @@ fn codec(description: &Description) -> Result<Codec, String> {
     };
     // The standard messages of ROS 2 differ from those of ROS 1 in their headers.
     if layout == Layout::Ros1 && description.definition.trim().is_empty() {
-        return match rosmsg::parse(description.kind, "") {
+        return match definition::parse(description.kind, "") {
             Ok(_) => Err("the file carries no definition of its type".to_owned()),
             Err(_) => Ok(Codec::Ros(
                 layout,
@@ -319,8 +301,8 @@ fn codec(description: &Description) -> Result<Codec, String> {
         };
     }
     match description.schema_encoding {
-        "ros2msg" | "ros1msg" | "" => rosmsg::parse(description.kind, description.definition),
-        other => rosmsg::parse(description.kind, "")
+        "ros2msg" | "ros1msg" | "" => definition::parse(description.kind, description.definition),
+        other => definition::parse(description.kind, "")
             .map_err(|_| format!("its definition is written in {other}, which is not read")),
     }
     .map(|message| Codec::Ros(layout, message))
@@ -328,7 +310,7 @@ fn codec(description: &Description) -> Result<Codec, String> {
 
 /// Extracts numbers from the messages of one topic.
 #[derive(Clone)]
-pub(crate) struct Extractor {
+pub struct Extractor {
     outputs: Vec<Output>,
     decoder: Decoder,
     row: Vec<f64>,
@@ -352,12 +334,12 @@ enum Decoder {
 
 impl Extractor {
     /// Number of its columns.
-    pub(crate) fn width(&self) -> usize {
+    pub fn width(&self) -> usize {
         self.outputs.len()
     }
 
     /// Adds one message to `block`; values missing from it are NaN.
-    pub(crate) fn add(&mut self, log: u64, publish: u64, payload: &[u8], block: &mut Block) {
+    pub fn add(&mut self, log: u64, publish: u64, payload: &[u8], block: &mut Block) {
         self.row.fill(f64::NAN);
         let whole = match &mut self.decoder {
             Decoder::None => true,

@@ -2,18 +2,22 @@
 
 /// Separator between two cells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Separator {
+pub enum Separator {
+    /// This sign.
     Byte(u8),
     /// Any run of spaces and tabs.
     Whitespace,
 }
 
+/// How the cells of a text are separated, and its numbers written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Format {
-    pub(crate) separator: Separator,
-    pub(crate) decimal_comma: bool,
+pub struct Format {
+    /// Between two cells.
+    pub separator: Separator,
+    /// Whether the decimal mark is a comma.
+    pub decimal_comma: bool,
     /// Whether the mark that is not the decimal one groups thousands.
-    pub(crate) grouped: bool,
+    pub grouped: bool,
 }
 
 impl Default for Format {
@@ -32,13 +36,13 @@ impl Separator {
 const MISSING: [&[u8]; 8] = [b"NA", b"N/A", b"#N/A", b"<NA>", b"null", b"None", b"-", b"--"];
 
 /// Whether a line is a comment: the signs of Python, of MATLAB and of C.
-pub(crate) fn is_comment(line: &[u8]) -> bool {
+pub fn is_comment(line: &[u8]) -> bool {
     let line = line.trim_ascii_start();
     COMMENT_SIGNS.iter().any(|sign| line.starts_with(sign))
 }
 
 /// The text of a comment line. A single slash is a part of it, such as that of a topic's name.
-pub(crate) fn comment_text(line: &[u8]) -> &[u8] {
+pub fn comment_text(line: &[u8]) -> &[u8] {
     let mut text = line.trim_ascii();
     while let Some(rest) = COMMENT_SIGNS.iter().find_map(|sign| text.strip_prefix(*sign)) {
         text = rest;
@@ -63,7 +67,7 @@ const CANDIDATES: [Format; 9] = [
 
 impl Format {
     /// The format under which most cells of `lines` are numbers. The first line may be a header.
-    pub(crate) fn sniff(lines: &[&[u8]]) -> Self {
+    pub fn sniff(lines: &[&[u8]]) -> Self {
         let rows = if lines.len() > 1 { &lines[1..] } else { lines };
         let by_numbers = best(|format| score(format, rows));
         by_numbers
@@ -90,7 +94,7 @@ impl Format {
     }
 
     /// A number, or NaN for a missing one; `None` for text.
-    pub(crate) fn number(self, cell: &[u8]) -> Option<f64> {
+    pub fn number(self, cell: &[u8]) -> Option<f64> {
         let cell = cell.trim_ascii();
         if cell.is_empty() || MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word)) {
             return Some(f64::NAN);
@@ -110,7 +114,7 @@ impl Format {
 
 /// What points and commas mean in many cells: a decimal mark, or thousands.
 #[derive(Default)]
-pub(crate) struct Marks {
+pub struct Marks {
     /// Evidence on the point and on the comma.
     of: [Mark; 2],
     /// By column, on the point and on the comma.
@@ -135,7 +139,7 @@ const MARKS: [u8; 2] = [b'.', b','];
 
 impl Marks {
     /// Takes in a cell; text does not count.
-    pub(crate) fn add(&mut self, column: usize, cell: &[u8]) {
+    pub fn add(&mut self, column: usize, cell: &[u8]) {
         let cell = cell.trim_ascii();
         let is_of_number = |b: &u8| b.is_ascii_digit() || b"+-.,eE".contains(b);
         if !cell.first().is_some_and(|b| b.is_ascii_digit() || b"+-.,".contains(b))
@@ -161,12 +165,12 @@ impl Marks {
     }
 
     /// Whether a number was seen in which `mark` may group thousands.
-    pub(crate) fn may_group(&self, mark: char) -> bool {
+    pub fn may_group(&self, mark: char) -> bool {
         MARKS.iter().zip(self.of).any(|(own, seen)| char::from(*own) == mark && seen.may_group)
     }
 
     /// The format with the decimal mark that the cells prove.
-    pub(crate) fn settle(&self, format: Format) -> Format {
+    pub fn settle(&self, format: Format) -> Format {
         let is_group = |k: usize| {
             let proves = |own: &[Mark; 2]| own[k].ends_in_zero && own[k].has_small;
             !self.of[k].is_decimal && (self.of[k].is_group || self.columns.iter().any(proves))
@@ -197,7 +201,7 @@ fn is_grouped(cell: &[u8], mark: u8) -> bool {
     starts && decimals && groups.all(|group| group.len() == 3 && is_number(group))
 }
 
-pub(crate) fn whitespace_cells(line: &[u8]) -> impl Iterator<Item = &[u8]> {
+pub(super) fn whitespace_cells(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(|&b| b == b' ' || b == b'\t').filter(|cell| !cell.is_empty())
 }
 

@@ -1,0 +1,233 @@
+//! A recording: samples of one motion in SI units, with their quality.
+
+use std::ops::Range;
+
+use sha2::{Digest, Sha256};
+
+use super::RecordingError;
+use super::block::SampleRow;
+use super::choice::Choice;
+use super::collect::Collector;
+use super::quality::{Quality, Saturation, Warning, WarningKind};
+use super::samples::{Columns, Count};
+use super::statistics::range;
+use super::text::hex;
+
+/// Moving mass, kg, above which its unit is doubtful.
+const PLAUSIBLE_MASS: f64 = 5.0;
+
+/// Range of a force, as a fraction of its largest value, that is rounding.
+const CONSTANT_FORCE: f64 = 1e-9;
+
+/// One recording in SI units; all columns have the same length and time is strictly increasing.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// File name without its folder.
+    pub name: String,
+    /// SHA-256 of the file's bytes (of its text in UTF-8 if it is compressed by gzip or zstd, or in
+    /// UTF-16), or of the columns when there is no file; lower-case hexadecimal.
+    pub sha256: String,
+    /// Time in s.
+    pub time: Vec<f64>,
+    /// Position in m, increasing on insertion.
+    pub position: Vec<f64>,
+    /// Force in N, of the device on the seal.
+    pub force: Vec<f64>,
+    /// Velocity in m/s, if the file has it.
+    pub velocity: Option<Vec<f64>>,
+    /// Quality of the data.
+    pub quality: Quality,
+    /// How it was read from its file.
+    pub choice: Choice,
+}
+
+/// Columns that do not come from a file, in SI units.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Readings {
+    /// Time in s.
+    pub time: Vec<f64>,
+    /// Position in m, increasing on insertion.
+    pub position: Vec<f64>,
+    /// Force in N, of the device on the seal.
+    pub force: Vec<f64>,
+    /// Velocity in m/s, if there is one.
+    pub velocity: Option<Vec<f64>>,
+}
+
+impl Readings {
+    /// SHA-256 of the columns; lower-case hexadecimal.
+    pub fn sha256(&self) -> String {
+        let Self { time, position, force, velocity } = self;
+        let mut hash = Sha256::new();
+        for column in
+            [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten()
+        {
+            column.iter().for_each(|value| hash.update(value.to_le_bytes()));
+        }
+        hex(&hash.finalize())
+    }
+}
+
+/// Options for reading a file.
+#[derive(Debug, Clone, Default)]
+pub struct ReadOptions {
+    /// What to read from the file.
+    pub choice: Choice,
+    /// Largest force the sensor can read, in N; readings there count as saturated.
+    pub sensor_limit: Option<f64>,
+    /// Most samples to keep; of a longer recording, excerpts spread over its whole length are kept,
+    /// and a note reports this.
+    pub most_samples: Option<usize>,
+    /// Most memory the columns may take, in bytes.
+    pub memory_limit: Option<u64>,
+}
+
+impl Recording {
+    pub(crate) fn of(name: String, sha256: String, collected: (Columns, Quality)) -> Self {
+        let (Columns { time, position, force, velocity, .. }, quality) = collected;
+        let choice = Choice::default();
+        Self { name, sha256, time, position, force, velocity, quality, choice }
+    }
+
+    /// A recording from columns in SI units, checked like one from a file.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when the columns differ in length or the data are invalid, as for
+    /// [`read`].
+    pub fn from_columns(
+        name: impl Into<String>,
+        time: Vec<f64>,
+        position: Vec<f64>,
+        force: Vec<f64>,
+    ) -> Result<Self, RecordingError> {
+        Self::from_readings(name, &Readings { time, position, force, velocity: None }, None)
+    }
+
+    /// The same with a velocity column, and with `sensor_limit`, N, as in [`ReadOptions`].
+    ///
+    /// # Errors
+    /// As for [`Recording::from_columns`].
+    pub fn from_readings(
+        name: impl Into<String>,
+        readings: &Readings,
+        sensor_limit: Option<f64>,
+    ) -> Result<Self, RecordingError> {
+        let name = name.into();
+        let Readings { time, position, force, velocity } = readings;
+        let given =
+            [("position", Some(position)), ("force", Some(force)), ("velocity", velocity.as_ref())];
+        for (column, values) in
+            given.into_iter().filter_map(|(column, values)| Some((column, values?)))
+        {
+            if values.len() != time.len() {
+                let (file, found, expected) = (name, values.len(), time.len());
+                return Err(RecordingError::Lengths { file, column, found, expected });
+            }
+        }
+        let mut collector =
+            Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
+        for k in 0..time.len() {
+            let values =
+                [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
+            collector.add(SampleRow { line: k as u64, values });
+        }
+        let collected = collector.finish(&name, sensor_limit)?;
+        Ok(Self::of(name, readings.sha256(), collected))
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are no samples; never true for a recording that was read.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+
+    /// Time from the first to the last sample, in s.
+    pub fn duration(&self) -> f64 {
+        self.time.last().unwrap_or(&0.0) - self.time.first().unwrap_or(&0.0)
+    }
+
+    /// Whether sample `i` is at the limit of the sensor's range, as found in
+    /// [`Quality::saturated`].
+    pub fn is_clipped(&self, i: usize) -> bool {
+        let force = self.force[i];
+        self.quality
+            .saturated
+            .iter()
+            .any(|s| if s.level < 0.0 { force <= s.level } else { force >= s.level })
+    }
+
+    /// Ranges of samples without a gap or reset; no conclusion may be drawn across their ends.
+    pub fn unbroken(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let starts = std::iter::once(0).chain(self.quality.breaks.iter().copied());
+        let ends = self.quality.breaks.iter().copied().chain(std::iter::once(self.len()));
+        starts.zip(ends).map(|(from, to)| from..to)
+    }
+
+    /// The samples in `range` as a separate recording, with `what` appended to its name. It keeps
+    /// the notes, and the readings that are saturated in the whole recording are so in the part.
+    ///
+    /// # Errors
+    /// As for [`Recording::from_columns`].
+    pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
+        let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
+        let (time, position, force) = (cut(&self.time), cut(&self.position), cut(&self.force));
+        let readings =
+            Readings { time, position, force, velocity: self.velocity.as_ref().map(cut) };
+        let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, None)?;
+        part.choice = self.choice.clone();
+        part.quality.notes.extend(self.quality.notes.iter().cloned());
+        for Saturation { level, .. } in self.quality.saturated.iter().copied() {
+            let is_stuck =
+                |force: &&f64| if level < 0.0 { **force <= level } else { **force >= level };
+            let count = part.force.iter().filter(is_stuck).count();
+            let is_known = part.quality.saturated.iter().any(|found| found.level == level);
+            if let (Some(first), false) =
+                (part.force.iter().position(|force| is_stuck(&force)), is_known)
+            {
+                part.quality.saturated.push(Saturation { count, level, first_line: first as u64 });
+                part.quality.notes.push(format!(
+                    "{count} readings at the limit of {level} N that the whole recording has"
+                ));
+            }
+        }
+        Ok(part)
+    }
+
+    /// The recording with the inertia and weight of a moving mass removed from the force:
+    /// `force - mass * (acceleration + gravity)`.
+    ///
+    /// `mass` in kg sits between sensor and seal; `gravity` in m/s^2 is its component along the
+    /// insertion axis (0 when the axis is horizontal; a constant weight may as well stay in the
+    /// offset). The acceleration is [`Recording::acceleration_of`]. A force that never changes is
+    /// not that of a sensor which feels the mass: it stays as it is.
+    ///
+    /// # Errors
+    /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
+    pub fn without_moving_mass(mut self, mass: f64, gravity: f64) -> Result<Self, RecordingError> {
+        if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
+            return Err(RecordingError::MovingMass { found: mass });
+        }
+        if mass > PLAUSIBLE_MASS {
+            let message = format!(
+                "a moving mass of {mass} kg is heavier than an instrument: in grams it would be {} kg",
+                1e-3 * mass
+            );
+            self.quality.warnings.push(Warning::new(WarningKind::Units, message));
+        }
+        let (low, high) = range(&self.force);
+        if high - low <= CONSTANT_FORCE * low.abs().max(high.abs()) {
+            self.quality
+                .notes
+                .push(format!("the force is constant: inertia of {mass} kg not taken out"));
+            return Ok(self);
+        }
+        self.force = self.force_without_inertia(mass);
+        self.force.iter_mut().for_each(|force| *force -= mass * gravity);
+        self.quality.notes.push(format!("inertia of {mass} kg subtracted"));
+        Ok(self)
+    }
+}
