@@ -67,22 +67,22 @@ fn dahl(text: &mut String, model: &Dahl, filling: &mut Filling) -> &'static str 
 }
 
 fn lugre(text: &mut String, model: &LuGre, filling: &mut Filling) -> &'static str {
-    let (params, known) = (model.params(), model.constants());
+    let params = model.params();
     filling.need(&["lugre", "direction", "within", "decay", "bits"]);
     filling.set("rational", params.curve == StribeckCurve::Rational);
-    filling.set("fading", known.inverse_damping_velocity != 0.0);
+    filling.set("fading", model.inverse_damping_velocity() != 0.0);
     sliding(text, &params.sliding, filling);
     constant(text, "trocar_stiffness_n_m", params.stiffness);
     constant(text, "trocar_micro_damping_n_s_m", params.micro_damping);
-    constant(text, "trocar_greatest_deflection_m", known.greatest_deflection);
+    constant(text, "trocar_greatest_deflection_m", model.greatest_deflection());
     if filling.has("fading") {
-        constant(text, "trocar_inverse_damping_velocity_s_m", known.inverse_damping_velocity);
+        constant(text, "trocar_inverse_damping_velocity_s_m", model.inverse_damping_velocity());
     }
     include_str!("lugre.c")
 }
 
 fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static str {
-    let (params, known) = (model.params(), model.constants());
+    let params = model.params();
     filling.need(&["leuven", "direction", "least", "decay", "bits", "logarithm", "one_plus"]);
     filling.set("micro_damping", params.micro_damping > 0.0);
     filling.set("n_is_one", params.exponent == 1.0);
@@ -94,8 +94,8 @@ fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static 
         constant(text, "trocar_exponent", params.exponent);
     }
     bank(text, model.elements(), filling);
-    constant(text, "trocar_limit_n", known.limit);
-    constant(text, "trocar_damping_n_s_m", known.damping);
+    constant(text, "trocar_limit_n", model.limit_force());
+    constant(text, "trocar_damping_n_s_m", model.damping());
     if filling.has("micro_damping") {
         constant(text, "trocar_micro_damping_n_s_m", params.micro_damping);
     }
@@ -123,7 +123,7 @@ fn count(text: &mut String, elements: usize, filling: &mut Filling) {
 }
 
 fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
-    let (elements, known) = (model.elements(), model.constants());
+    let elements = model.elements();
     filling.need(&["gms", "direction", "decay", "bits"]);
     filling.set("limited", model.slip_rate() == SlipRate::Limited);
     sliding(text, model.sliding(), filling);
@@ -138,9 +138,9 @@ fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
         "trocar_element_damping_n_s_m",
         &elements.iter().map(|element| element.damping).collect::<Vec<f64>>(),
     );
-    table(text, "trocar_scale_m_n", &known.scales[..elements.len()]);
-    table(text, "trocar_rate_n_s", &known.rates[..elements.len()]);
-    constant(text, "trocar_damping_n_s_m", known.damping);
-    constant(text, "trocar_slip_bound_n", known.slip_bound);
+    table(text, "trocar_scale_m_n", model.scales());
+    table(text, "trocar_rate_n_s", model.rates());
+    constant(text, "trocar_damping_n_s_m", model.damping());
+    constant(text, "trocar_slip_bound_n", model.slip_bound());
     include_str!("gms.c")
 }

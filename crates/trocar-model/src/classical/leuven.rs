@@ -4,10 +4,11 @@ use crate::error::{ParamError, check_fields, finite};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
 use crate::friction::{Friction, sign, velocity};
 use crate::law::{Elements, Law, MAX_ELEMENTS, Visit};
-use crate::maxwell_slip::{Bank, SlipElement};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
 use crate::sliding::SlidingFriction;
+
+use super::maxwell_slip::{Bank, SlipElement};
 
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.
 const LIMIT_TOLERANCE: f64 = 1e-9;
@@ -99,10 +100,10 @@ impl LeuvenState {
 /// - **Errors**: [`ParamError`] from [`Leuven::new`]; never later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leuven {
-    pub(crate) bank: Bank,
+    bank: Bank,
     params: LeuvenParams,
     /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
-    pub(crate) damping: f64,
+    damping: f64,
 }
 
 /// The bank as it lies ahead of z in one direction.
@@ -145,6 +146,16 @@ impl Leuven {
     /// The elements of the bank.
     pub fn elements(&self) -> &[SlipElement] {
         self.bank.elements()
+    }
+
+    /// ΣF_i, N.
+    pub fn limit_force(&self) -> f64 {
+        self.bank.limit()
+    }
+
+    /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
+    pub fn damping(&self) -> f64 {
+        self.damping
     }
 
     /// State at rest without any force.
