@@ -5,6 +5,7 @@ use crate::friction::Friction;
 use crate::law::{self, Law, Visit};
 use crate::row::{FlatError, Numbers, Reader, Row};
 
+mod chord;
 mod dahl;
 mod gms;
 mod leuven;

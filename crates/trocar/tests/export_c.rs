@@ -679,7 +679,7 @@ const PORTS: [(&str, &[&str], u64); 11] = [
     ("static.c", &["classical/stribeck.rs"], 0xa6c1_583a_fed6_5d78),
     ("dahl.c", &["classical/dahl.rs"], 0x2af4_c068_0f9c_707b),
     ("lugre.c", &["classical/lugre.rs"], 0x491d_7828_4fa4_bbb2),
-    ("leuven.c", &["classical/leuven.rs"], 0x7744_adbb_4539_3b97),
+    ("leuven.c", &["classical/leuven.rs", "classical/chord.rs"], 0x97b1_dfc4_3bea_9def),
     ("maxwell_slip.c", &["classical/maxwell_slip.rs"], 0x5b26_715f_4fab_5c0d),
     ("gms.c", &["classical/gms.rs"], 0xc575_fa40_2fe0_af9f),
     ("public.c", &["seal.rs", "profile.rs"], 0x95f5_49ef_fe0d_d6fc),

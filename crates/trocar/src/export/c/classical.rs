@@ -8,15 +8,15 @@ use trocar_model::{
 };
 
 use super::template::{Filling, number};
-use super::{constant, stribeck_shapes, table};
+use super::{Parts, constant, stribeck_shapes, table};
 
-/// Types, constants and code of `model`; enters its requirements in `filling`.
-pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, String, String) {
+/// Parts of the files of `model`; enters its requirements in `filling`.
+pub(super) fn parts(model: &Classical, filling: &mut Filling) -> Parts {
     filling.need(&["holds"]);
     let mut text = String::new();
-    let code = match model {
+    let template = match model {
         Classical::Static(model) => {
-            filling.need(&["static", "direction", "least"]);
+            filling.need(&["direction", "least"]);
             sliding(&mut text, model.params(), filling);
             include_str!("static.c")
         }
@@ -28,7 +28,9 @@ pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, 
     };
     text.push('\n');
     let types = if filling.has("level") { include_str!("sliding_types.c") } else { "" };
-    (types, text, code.to_owned())
+    let (state, code) = template.split_once("//@code\n").unwrap_or(("", template));
+    let state = state.trim_start_matches("//@state\n");
+    Parts { state, types, constants: text, code: code.to_owned() }
 }
 
 /// g and β, EMS (11).
@@ -55,7 +57,7 @@ fn sliding(text: &mut String, sliding: &SlidingFriction, filling: &mut Filling) 
 
 fn dahl(text: &mut String, model: &Dahl, filling: &mut Filling) -> &'static str {
     let params = model.params();
-    filling.need(&["dahl", "direction", "decay", "bits"]);
+    filling.need(&["direction", "decay", "bits"]);
     constant(text, "trocar_stiffness_n_m", params.stiffness);
     constant(text, "trocar_coulomb_force_n", params.coulomb_force);
     constant(text, "trocar_viscous_damping_n_s_m", params.viscous_damping);
@@ -68,7 +70,7 @@ fn dahl(text: &mut String, model: &Dahl, filling: &mut Filling) -> &'static str 
 
 fn lugre(text: &mut String, model: &LuGre, filling: &mut Filling) -> &'static str {
     let params = model.params();
-    filling.need(&["lugre", "direction", "within", "decay", "bits"]);
+    filling.need(&["direction", "within", "decay", "bits"]);
     filling.set("rational", params.curve == StribeckCurve::Rational);
     filling.set("fading", model.inverse_damping_velocity() != 0.0);
     sliding(text, &params.sliding, filling);
@@ -83,7 +85,7 @@ fn lugre(text: &mut String, model: &LuGre, filling: &mut Filling) -> &'static st
 
 fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static str {
     let params = model.params();
-    filling.need(&["leuven", "direction", "least", "decay", "bits", "logarithm", "one_plus"]);
+    filling.need(&["direction", "least", "chord", "decay", "bits", "logarithm", "one_plus"]);
     filling.set("micro_damping", params.micro_damping > 0.0);
     filling.set("n_is_one", params.exponent == 1.0);
     filling.set("n_is_two", params.exponent == 2.0);
@@ -103,7 +105,7 @@ fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static 
 }
 
 fn maxwell_slip(text: &mut String, model: &MaxwellSlip, filling: &mut Filling) -> &'static str {
-    filling.need(&["maxwell", "within"]);
+    filling.need(&["within"]);
     constant(text, "trocar_viscous_damping_n_s_m", model.viscous_damping());
     bank(text, model.elements(), filling);
     constant(text, "trocar_limit_n", model.limit_force());
@@ -124,7 +126,7 @@ fn count(text: &mut String, elements: usize, filling: &mut Filling) {
 
 fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
     let elements = model.elements();
-    filling.need(&["gms", "direction", "decay", "bits"]);
+    filling.need(&["direction", "decay", "bits"]);
     filling.set("limited", model.slip_rate() == SlipRate::Limited);
     sliding(text, model.sliding(), filling);
     count(text, elements.len(), filling);
