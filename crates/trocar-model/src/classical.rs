@@ -5,6 +5,7 @@ use crate::friction::Friction;
 use crate::law::{self, Law, Visit};
 use crate::row::{FlatError, Numbers, Reader, Row};
 
+mod bouc_wen;
 mod chord;
 mod dahl;
 mod gms;
@@ -164,4 +165,6 @@ models! {
     MaxwellSlip(maxwell_slip::MaxwellSlip) = "maxwell-slip";
     /// Generalized Maxwell-Slip, EMS (5)-(7).
     Gms(gms::Gms) = "gms";
+    /// Bouc–Wen.
+    BoucWen(bouc_wen::BoucWen) = "bouc-wen";
 }

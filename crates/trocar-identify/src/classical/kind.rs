@@ -4,8 +4,8 @@
 use std::fmt;
 
 use trocar_model::{
-    Classical, Dahl, DahlParams, LuGre, LuGreParams, ParamError, Quantity as Q, SlidingFriction,
-    StaticFriction, StribeckCurve,
+    BoucWen, BoucWenParams, Classical, Dahl, DahlParams, LuGre, LuGreParams, ParamError,
+    Quantity as Q, SlidingFriction, StaticFriction, StribeckCurve,
 };
 
 use super::banks::{GMS, LEUVEN, MAXWELL_SLIP};
@@ -108,6 +108,8 @@ kinds! {
         Stribeck = STRIBECK;
         /// Dahl with exponent, and a viscous part.
         Dahl = DAHL;
+        /// Bouc–Wen, and a viscous part.
+        BoucWen = BOUC_WEN;
         /// LuGre with the exponential Stribeck curve of EMS (6).
         LuGre = LUGRE;
         /// LuGre with the rational Stribeck curve.
@@ -278,6 +280,39 @@ const DAHL: Family = Family {
         data.scales.stiffnesses().map(|k| vec![k, force, 1.0, viscous]).to_vec()
     },
     bank: None,
+};
+
+const BOUC_WEN: Family = Family {
+    name: "bouc-wen",
+    title: "Bouc–Wen",
+    free: |scales, _| {
+        vec![
+            scales.stiffness(Q::Stiffness),
+            scales.coulomb(),
+            Coordinate::log(Q::Exponent, [0.2, 20.0]),
+            Coordinate::linear(Q::UnloadingShape, [0.5, 10.0], 1e-3),
+            scales.damping(Q::ViscousDamping),
+        ]
+    },
+    build: |_, p| {
+        Ok(Classical::BoucWen(BoucWen::new(BoucWenParams {
+            stiffness: p[0],
+            coulomb_force: p[1],
+            exponent: p[2],
+            unloading_shape: p[3],
+            viscous_damping: p[4],
+        })?))
+    },
+    starts: |_, data, _| {
+        let Scales { force, viscous, .. } = data.scales;
+        let shapes = [[1.0, 1.0], [2.0, 0.7]];
+        data.scales
+            .stiffnesses()
+            .into_iter()
+            .flat_map(|k| shapes.map(|[n, shape]| vec![k, force, n, shape, viscous]))
+            .collect()
+    },
+    ..DAHL
 };
 
 const LUGRE: Family = Family {

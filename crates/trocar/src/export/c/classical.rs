@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use trocar_model::{
-    Classical, Dahl, Gms, Leuven, LuGre, MaxwellSlip, SlidingFriction, SlipElement, SlipRate,
-    StribeckCurve,
+    BoucWen, Classical, Dahl, Gms, Leuven, LuGre, MaxwellSlip, SlidingFriction, SlipElement,
+    SlipRate, StribeckCurve,
 };
 
 use super::template::{Filling, number};
@@ -25,6 +25,7 @@ pub(super) fn parts(model: &Classical, filling: &mut Filling) -> Parts {
         Classical::Leuven(model) => leuven(&mut text, model, filling),
         Classical::MaxwellSlip(model) => maxwell_slip(&mut text, model, filling),
         Classical::Gms(model) => gms(&mut text, model, filling),
+        Classical::BoucWen(model) => bouc_wen(&mut text, model, filling),
     };
     text.push('\n');
     let types = if filling.has("level") { include_str!("sliding_types.c") } else { "" };
@@ -145,4 +146,21 @@ fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
     constant(text, "trocar_damping_n_s_m", model.damping());
     constant(text, "trocar_slip_bound_n", model.slip_bound());
     include_str!("gms.c")
+}
+
+fn bouc_wen(text: &mut String, model: &BoucWen, filling: &mut Filling) -> &'static str {
+    let params = model.params();
+    filling.need(&["direction", "least", "chord", "decay", "bits", "logarithm", "one_plus"]);
+    filling.set("n_is_one", params.exponent == 1.0);
+    filling.set("n_is_two", params.exponent == 2.0);
+    constant(text, "trocar_stiffness_n_m", params.stiffness);
+    constant(text, "trocar_coulomb_force_n", params.coulomb_force);
+    constant(text, "trocar_unloading", model.unloading());
+    constant(text, "trocar_viscous_damping_n_s_m", params.viscous_damping);
+    if !filling.has("n_is_one") {
+        filling.need(&["most"]);
+        filling.set("power", !filling.has("n_is_two"));
+        constant(text, "trocar_exponent", params.exponent);
+    }
+    include_str!("bouc_wen.c")
 }
