@@ -9,10 +9,9 @@ use trocar_model::{
 
 use crate::nnls::non_negative;
 
-use super::coordinate::{Coordinate, Scales};
+use super::coordinate::{Bank, Coordinate, Scales};
 use super::data::ClassicalData;
-use super::fit::{ClassicalFit, RelatedFits, fit};
-use super::kind::{Bank, Family, Kind, stribeck};
+use super::family::{Family, Related, stribeck};
 
 /// Limits tried for the elements of a bank.
 const GRID: usize = 24;
@@ -120,27 +119,27 @@ fn build_gms(p: &[f64]) -> Result<Classical, ParamError> {
 
 /// Starts with the same forces as the fitted special cases, which the fit can only improve; the
 /// sensor offset first.
-pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
-    let grown = kin.smaller.zip(kind.bank()).map(|(fit, bank)| doubled(&fit.numbers, bank));
-    let generalised = kin.special.map(|fit| generalised(fit, data));
+pub(super) fn from_kin(bank: Option<Bank>, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
+    let grown = kin.smaller.zip(bank).map(|(numbers, bank)| doubled(numbers, bank));
+    let generalised = kin.special.map(|numbers| generalised(numbers, data));
     grown.into_iter().chain(generalised).collect()
 }
 
 /// GMS with the forces of a fitted Maxwell-Slip model.
-fn generalised(fit: &ClassicalFit, data: &ClassicalData) -> Vec<f64> {
+fn generalised(numbers: &[f64], data: &ClassicalData) -> Vec<f64> {
     let Scales { force, speeds: [slowest, _], .. } = data.scales;
-    let head = fit.numbers[..2].iter().copied().chain([0.0, slowest, 50.0 * force]);
-    head.chain(undamped(fit)).collect()
+    let head = numbers[..2].iter().copied().chain([0.0, slowest, 50.0 * force]);
+    head.chain(undamped(numbers)).collect()
 }
 
 /// The elements of a fitted Maxwell-Slip model as those of GMS.
-fn undamped(fit: &ClassicalFit) -> impl Iterator<Item = f64> {
-    fit.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0])
+fn undamped(numbers: &[f64]) -> impl Iterator<Item = f64> {
+    numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0])
 }
 
 /// From LuGre, which is the Leuven model with one element and n = 1, and from Maxwell-Slip, which
 /// it approaches for large n.
-fn leuven(n: usize, data: &ClassicalData, _: RelatedFits) -> Vec<Vec<f64>> {
+fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, half_width, speeds: [slowest, _], .. } = data.scales;
     let of = |head: [f64; 6], bank: &[[f64; 2]]| {
         let mut numbers = head.to_vec();
@@ -149,10 +148,7 @@ fn leuven(n: usize, data: &ClassicalData, _: RelatedFits) -> Vec<Vec<f64>> {
         numbers
     };
     let mut all = Vec::new();
-    if let Ok(lugre) = fit(Kind::LuGre, data, RelatedFits::default()) {
-        let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else {
-            return all;
-        };
+    if let Some(&[_, stiffness, micro, coulomb, rise, velocity, beta]) = kin.similar {
         for (exponent, softer, inner) in
             [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)]
         {
@@ -170,7 +166,7 @@ fn leuven(n: usize, data: &ClassicalData, _: RelatedFits) -> Vec<Vec<f64>> {
     all
 }
 
-fn gms(n: usize, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
+fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
     let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
@@ -184,12 +180,12 @@ fn gms(n: usize, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
         of(0.2, middle, 5.0, 0.0),
         of(0.3, slowest, 50.0, damping),
     ];
-    if let (Some(fit), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
-        all.push([fit.numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
+    if let (Some(numbers), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
+        all.push([numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
     }
-    if let Some(fit) = kin.special {
-        let head = [fit.numbers[1], 0.02 * force, slowest, 50.0 * force];
-        all.push(head.into_iter().chain(undamped(fit)).collect());
+    if let Some(numbers) = kin.special {
+        let head = [numbers[1], 0.02 * force, slowest, 50.0 * force];
+        all.push(head.into_iter().chain(undamped(numbers)).collect());
     }
     all
 }
@@ -214,10 +210,9 @@ fn flattened(bank: &[[f64; 2]], damping: Option<f64>) -> Vec<f64> {
 }
 
 /// The bank of the smaller model with its strongest element split into a shorter and a longer one.
-fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
-    let numbers = &smaller?.numbers;
+fn divided(smaller: Option<&[f64]>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
     let mut bank: Vec<[f64; 2]> =
-        numbers[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
+        smaller?[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
     let strength = |[k, limit]: &[f64; 2]| k * limit;
     let strongest =
         (0..bank.len()).max_by(|a, b| strength(&bank[*a]).total_cmp(&strength(&bank[*b])))?;

@@ -2,8 +2,6 @@
 
 use trocar_model::{ParameterId, Quantity as Q};
 
-use super::kind::{Bank, Kind};
-
 /// Scales of the data, determined before any classical model is fitted.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scales {
@@ -76,8 +74,24 @@ impl Scales {
         (slowest * fastest).sqrt()
     }
 
-    fn offset(&self) -> Coordinate {
+    pub(super) fn offset(&self) -> Coordinate {
         Coordinate::linear(Q::Offset, [f64::NEG_INFINITY, f64::INFINITY], 1e-4 * self.force)
+    }
+}
+
+/// Elements among the free parameters: stiffness, limit deflection and what else each has.
+#[derive(Clone, Copy)]
+pub(super) struct Bank {
+    /// Place of the first, the sensor offset counted.
+    pub(super) first: usize,
+    /// Parameters of each.
+    pub(super) stride: usize,
+}
+
+impl Bank {
+    /// Σ k_i·Δ_i, N.
+    pub(super) fn force(self, numbers: &[f64]) -> f64 {
+        numbers[self.first..].chunks_exact(self.stride).map(|own| own[0] * own[1]).sum()
     }
 }
 
@@ -121,11 +135,6 @@ impl Coordinate {
     }
 }
 
-/// The free parameters of a kind, the sensor offset first.
-pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
-    std::iter::once(scales.offset()).chain(kind.free(scales)).collect()
-}
-
 /// A quantity as a function of the free parameters.
 type Formula = Box<dyn Fn(&[f64]) -> f64>;
 
@@ -152,9 +161,8 @@ impl Reported {
     }
 }
 
-/// The reported parameters of a kind: its free parameters, some replaced by the customary ones.
-pub(super) fn reported(kind: Kind, coordinates: &[Coordinate]) -> Vec<Reported> {
-    let bank = kind.bank();
+/// The reported parameters of a model: its free parameters, some replaced by the customary ones.
+pub(super) fn reported(bank: Option<Bank>, coordinates: &[Coordinate]) -> Vec<Reported> {
     let sum = bank.map(|bank| Reported {
         id: Q::CoulombForce.id(),
         log: true,

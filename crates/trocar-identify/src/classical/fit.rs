@@ -11,8 +11,9 @@ use crate::spread::{Reported, Spread};
 use trocar_model::Classical;
 
 use super::banks::from_kin;
-use super::coordinate::{self, Coordinate, coordinates, reported};
+use super::coordinate::{self, Coordinate, reported};
 use super::data::ClassicalData;
+use super::family::Related;
 use super::kind::Kind;
 
 /// Stopping criteria of the short fits from every start, and of the final fit.
@@ -46,7 +47,13 @@ pub struct ClassicalFit {
     /// Warnings about the result.
     pub warnings: Vec<Warning>,
     /// The free parameters, the offset first: a start for a larger model of the family.
-    pub(super) numbers: Vec<f64>,
+    numbers: Vec<f64>,
+}
+
+impl ClassicalFit {
+    fn numbers(&self) -> &[f64] {
+        &self.numbers
+    }
 }
 
 /// A classical model under trial; logarithms where the fit uses them.
@@ -144,17 +151,25 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
         (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
         _ => None,
     };
-    let kin = RelatedFits { special: kin.special.or(special.as_ref()), ..kin };
-    let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
+    let similar = kind.similar().and_then(|other| fit(other, data, RelatedFits::default()).ok());
+    let related = Related {
+        smaller: kin.smaller.map(ClassicalFit::numbers),
+        special: kin.special.or(special.as_ref()).map(ClassicalFit::numbers),
+        similar: similar.as_ref().map(ClassicalFit::numbers),
+    };
+    let coordinates: Arc<[Coordinate]> = kind.coordinates(&data.scales).into();
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
         starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()
     };
-    let fresh = trials(kind.starts(data, kin));
+    let fresh = trials(kind.starts(data, related));
     let mut short: Vec<Fitted<ClassicalTrial>> =
         fresh.iter().filter_map(|trial| likelihood::fit(&data.training, trial, SHORT)).collect();
     short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-    let finalists =
-        short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(from_kin(kind, data, kin)));
+    let finalists = short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(from_kin(
+        kind.bank(),
+        data,
+        related,
+    )));
     let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
     let found = long
         .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
@@ -200,7 +215,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
         };
         Parameter::new(q.id, estimate)
     };
-    reported(best.kind, &best.coordinates).into_iter().map(estimate).collect()
+    reported(best.kind.bank(), &best.coordinates).into_iter().map(estimate).collect()
 }
 
 /// Warnings about a fit: lack of convergence, and parameters that the data do not determine.

@@ -9,45 +9,9 @@ use trocar_model::{
 };
 
 use super::banks::{GMS, LEUVEN, MAXWELL_SLIP};
-use super::coordinate::{Coordinate, Scales};
+use super::coordinate::{Bank, Coordinate, Scales};
 use super::data::ClassicalData;
-use super::fit::RelatedFits;
-
-/// What is to be known of a family of models.
-pub(super) struct Family {
-    /// In files and options.
-    pub(super) name: &'static str,
-    /// In texts.
-    pub(super) title: &'static str,
-    /// Title of the panel in which a figure shows it.
-    pub(super) panel: &'static str,
-    /// Least and largest number of elements that are compared unless others are asked for.
-    pub(super) elements: [usize; 2],
-    /// The free parameters of a model with this many elements, without the sensor offset.
-    pub(super) free: fn(&Scales, usize) -> Vec<Coordinate>,
-    /// The model with these values of them.
-    pub(super) build: fn(usize, &[f64]) -> Result<Classical, ParamError>,
-    /// Their values where fits start.
-    pub(super) starts: fn(usize, &ClassicalData, RelatedFits) -> Vec<Vec<f64>>,
-    /// Where the elements lie among them, if the Coulomb force is the sum of theirs.
-    pub(super) bank: Option<Bank>,
-}
-
-/// Elements among the free parameters: stiffness, limit deflection and what else each has.
-#[derive(Clone, Copy)]
-pub(super) struct Bank {
-    /// Place of the first, the sensor offset counted.
-    pub(super) first: usize,
-    /// Parameters of each.
-    pub(super) stride: usize,
-}
-
-impl Bank {
-    /// Σ k_i·Δ_i, N.
-    pub(super) fn force(self, numbers: &[f64]) -> f64 {
-        numbers[self.first..].chunks_exact(self.stride).map(|own| own[0] * own[1]).sum()
-    }
-}
+use super::family::{Family, Related, stribeck};
 
 macro_rules! kinds {
     (
@@ -168,7 +132,7 @@ impl Kind {
     }
 
     /// The free parameters, without the sensor offset.
-    pub(super) fn free(self, scales: &Scales) -> Vec<Coordinate> {
+    fn free(self, scales: &Scales) -> Vec<Coordinate> {
         (self.declared().free)(scales, self.elements())
     }
 
@@ -181,8 +145,18 @@ impl Kind {
         self.declared().bank
     }
 
+    /// The model of another family whose fit is a start of this one.
+    pub(super) fn similar(self) -> Option<Self> {
+        matches!(self, Self::Leuven(_)).then_some(Self::LuGre)
+    }
+
+    /// The free parameters, the sensor offset first.
+    pub(super) fn coordinates(self, scales: &Scales) -> Vec<Coordinate> {
+        std::iter::once(scales.offset()).chain(self.free(scales)).collect()
+    }
+
     /// Several starts derived from the data, each with the sensor offset first.
-    pub(super) fn starts(self, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
+    pub(super) fn starts(self, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
         let after_offset = (self.declared().starts)(self.elements(), data, kin);
         after_offset.into_iter().map(|p| [vec![data.scales.offset], p].concat()).collect()
     }
@@ -192,20 +166,6 @@ impl fmt::Display for Kind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.family())?;
         if self.is_bank() { write!(f, ":{}", self.elements()) } else { Ok(()) }
-    }
-}
-
-/// g and β.
-pub(super) fn stribeck(
-    [coulomb_force, rise, stribeck_velocity, stribeck_exponent, viscous_damping]: [f64; 5],
-) -> SlidingFriction {
-    let static_force = coulomb_force + rise;
-    SlidingFriction {
-        coulomb_force,
-        static_force,
-        stribeck_velocity,
-        stribeck_exponent,
-        viscous_damping,
     }
 }
 
