@@ -261,7 +261,7 @@ def compare(
     Without ``validate`` the last third of each recording is held out from the fits and used for scoring.
 
     :param models: names, separated by commas or in a list: ems, ems-output-error, coulomb, coulomb-viscous, stribeck, dahl,
-        lugre, lugre-rational, leuven, maxwell-slip, gms. The last three accept a number or range of elements, as in gms:4-10
+        bouc-wen, lugre, lugre-rational, leuven, maxwell-slip, gms. The last three accept a number or range of elements, as in gms:4-10
     :param timing: measure the time of a step and of each fit; the results then differ from run to run
     :param progress: as for ``identify``
     :raises NotConverged: if the fit of a model did not converge from any initial value

@@ -155,7 +155,7 @@ class Model {
     }
 #endif
 
-    /** "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip" or "gms"; "" once moved from. */
+    /** "ems", "static", "dahl", "lugre", "leuven", "maxwell-slip", "gms" or "bouc-wen"; "" once moved from. */
     std::string_view kind() const noexcept {
         const char *kind = trocar_model_kind(get());
         return kind != nullptr ? kind : "";

@@ -223,9 +223,12 @@ pub unsafe extern "C" fn trocar_state_init_at_force(
     position_m: f64,
     force_n: f64,
 ) -> Status {
-    let start = |model: &Content| Some(model.trocar.rest_at_force(position_m, force_n));
     // SAFETY: by the rule of the crate.
-    unsafe { begin(model, state, &[position_m, force_n], start) }
+    unsafe {
+        begin(model, state, &[position_m, force_n], |model| {
+            Some(model.trocar.rest_at_force(position_m, force_n))
+        })
+    }
 }
 
 /// The same with A seal deformed by deflection_m (m, positive with insertion).
@@ -238,9 +241,12 @@ pub unsafe extern "C" fn trocar_state_init_at_deflection(
     position_m: f64,
     deflection_m: f64,
 ) -> Status {
-    let start = |model: &Content| model.trocar.rest_at_deflection(position_m, deflection_m);
     // SAFETY: by the rule of the crate.
-    unsafe { begin(model, state, &[position_m, deflection_m], start) }
+    unsafe {
+        begin(model, state, &[position_m, deflection_m], |model| {
+            model.trocar.rest_at_deflection(position_m, deflection_m)
+        })
+    }
 }
 
 /// Where the instrument is after the last step, m.

@@ -31,6 +31,15 @@ impl Motion {
     }
 }
 
+/// What a call asks for.
+#[derive(Clone, Copy)]
+enum Way {
+    /// m
+    By(f64),
+    /// m
+    To(f64),
+}
+
 /// One step for C.
 ///
 /// # Safety
@@ -38,9 +47,9 @@ impl Motion {
 unsafe fn step(
     model: *const Model,
     state: *mut State,
+    way: Way,
+    duration: f64,
     force_n: *mut f64,
-    motion: impl FnOnce(&TrocarState) -> Motion,
-    advance: impl FnOnce(&Trocar<Vec<f64>>, &mut TrocarState) -> f64,
 ) -> Status {
     guarded(|| {
         // SAFETY: by the rule of the crate.
@@ -54,8 +63,15 @@ unsafe fn step(
         let taken = words.taken(model)?;
         let mut state = model.rest;
         taken.read_into(&mut state)?;
-        motion(&state).check()?;
-        let force = advance(&model.trocar, &mut state);
+        let (position, displacement) = match way {
+            Way::By(displacement) => (state.position() + displacement, displacement),
+            Way::To(position) => (position, position - state.position()),
+        };
+        Motion { position, displacement, duration }.check()?;
+        let force = match way {
+            Way::By(displacement) => model.trocar.step(&mut state, displacement, duration),
+            Way::To(position) => model.trocar.step_to(&mut state, position, duration),
+        };
         if !force.is_finite() {
             return Err(Status::NotAState);
         }
@@ -79,17 +95,8 @@ pub unsafe extern "C" fn trocar_step(
     duration_s: f64,
     force_n: *mut f64,
 ) -> Status {
-    let motion = |state: &TrocarState| Motion {
-        position: state.position() + displacement_m,
-        displacement: displacement_m,
-        duration: duration_s,
-    };
     // SAFETY: by the rule of the crate.
-    unsafe {
-        step(model, state, force_n, motion, |trocar, state| {
-            trocar.step(state, displacement_m, duration_s)
-        })
-    }
+    unsafe { step(model, state, Way::By(displacement_m), duration_s, force_n) }
 }
 
 /// The same to position_m (m) instead of by a displacement: the one to use with an encoder, for its errors do not add up.
@@ -101,17 +108,8 @@ pub unsafe extern "C" fn trocar_step_to(
     duration_s: f64,
     force_n: *mut f64,
 ) -> Status {
-    let motion = |state: &TrocarState| Motion {
-        position: position_m,
-        displacement: position_m - state.position(),
-        duration: duration_s,
-    };
     // SAFETY: by the rule of the crate.
-    unsafe {
-        step(model, state, force_n, motion, |trocar, state| {
-            trocar.step_to(state, position_m, duration_s)
-        })
-    }
+    unsafe { step(model, state, Way::To(position_m), duration_s, force_n) }
 }
 
 /// The same at velocity_m_s (m/s, positive is insertion) for duration_s.
@@ -123,16 +121,9 @@ pub unsafe extern "C" fn trocar_step_velocity(
     duration_s: f64,
     force_n: *mut f64,
 ) -> Status {
-    let motion = |state: &TrocarState| Motion {
-        position: state.position() + velocity_m_s * duration_s,
-        displacement: velocity_m_s * duration_s,
-        duration: duration_s,
-    };
-    let advance = |trocar: &Trocar<Vec<f64>>, state: &mut TrocarState| {
-        trocar.step_velocity(state, velocity_m_s, duration_s)
-    };
+    let way = Way::By(velocity_m_s * duration_s);
     // SAFETY: by the rule of the crate.
-    unsafe { step(model, state, force_n, motion, advance) }
+    unsafe { step(model, state, way, duration_s, force_n) }
 }
 
 /// Many steps: from start_time_s (s), where state stands, to each of count positions position_m (m) at its time time_s

@@ -13,6 +13,7 @@ use std::hint::black_box;
 use std::ptr::{null, null_mut};
 use std::time::Instant;
 
+use trocar_fmu::fmi::*;
 use trocar_fmu::fmi3::*;
 use trocar_fmu::{Input, token};
 use trocar_model::{Element, ElementParams, Trocar};

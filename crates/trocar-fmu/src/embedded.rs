@@ -31,10 +31,6 @@ impl Embedded {
     pub fn binaries(&self, platforms: Option<&[Platform]>) -> Result<Vec<Binary>, PackageError> {
         let carried = self.platforms()?;
         let wanted = platforms.unwrap_or(&carried);
-        let binary = |platform: &Platform| {
-            let found = carried.iter().position(|other| other == platform)?;
-            Some(Binary { platform: *platform, bytes: self.libraries[found].1.to_vec() })
-        };
         let missing = |platform: Option<Platform>| PackageError::NotCarried {
             platform,
             carried: carried.clone(),
@@ -43,7 +39,12 @@ impl Embedded {
         if wanted.is_empty() {
             return Err(missing(None));
         }
-        wanted.iter().map(|name| binary(name).ok_or_else(|| missing(Some(*name)))).collect()
+        let binaries = wanted.iter().map(|platform| {
+            let found = carried.iter().position(|other| other == platform);
+            let found = found.ok_or_else(|| missing(Some(*platform)))?;
+            Ok(Binary { platform: *platform, bytes: self.libraries[found].1.to_vec() })
+        });
+        binaries.collect()
     }
 }
 

@@ -6,7 +6,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::FmuError;
-use crate::instance::{Instance, Remark};
+use crate::instance::Instance;
 use crate::snapshot::Snapshot;
 
 /// `fmi2Status` and `fmi3Status`, which have the same values.
@@ -22,6 +22,9 @@ pub(crate) enum Status {
 /// Log categories, as in the description.
 pub(crate) const ERRORS: &CStr = c"logStatusError";
 pub(crate) const WARNINGS: &CStr = c"logStatusWarning";
+
+const REFERENCES: &str = "value references";
+const VALUES: &str = "values";
 
 /// Logger of FMI 2.0: environment, instance, status, category, format, arguments.
 pub type Logger2 =
@@ -77,9 +80,11 @@ pub(crate) struct Component {
 }
 
 impl Component {
-    pub(crate) fn remark(&self, function: &str, remark: Remark) -> Status {
+    /// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
+    pub(crate) fn exit_initialization(&mut self, function: &str) -> Result<Status, FmuError> {
+        let Some(remark) = self.instance.exit_initialization()? else { return Ok(Status::Ok) };
         self.logger.log(Status::Warning, &format!("{function}: {remark}"));
-        Status::Warning
+        Ok(Status::Warning)
     }
 }
 
@@ -227,7 +232,7 @@ pub(crate) unsafe fn none_of(
     kind: &'static str,
 ) -> Result<Status, FmuError> {
     // SAFETY: by the contract of this function.
-    match unsafe { values(references, count, "value references") }?.first() {
+    match unsafe { values(references, count, REFERENCES) }?.first() {
         None => Ok(Status::Ok),
         Some(reference) => Err(FmuError::Unknown { reference: *reference, kind }),
     }
@@ -356,20 +361,121 @@ pub(crate) unsafe fn deserialise(
     unsafe { put_state(state, slot) }
 }
 
-/// Declares functions of FMI that this FMU does not support: they fail with a message that gives
-/// the reason.
-macro_rules! unsupported {
-    ($($name:ident($($argument:ty),*): $why:expr;)*) => { $(
-        #[doc = concat!("`", stringify!($name), "`: refused, ", $why, ".")]
+/// Reads real variables; `kind` names their type in messages.
+///
+/// # Safety
+/// `references` as for [`values`], `out` as for [`Room::new`]; so for the next three.
+pub(crate) unsafe fn get_reals(
+    component: &mut Component,
+    references: *const u32,
+    count: usize,
+    out: *mut f64,
+    kind: &'static str,
+) -> Result<Status, FmuError> {
+    // SAFETY: by the contract of this function.
+    let (references, mut room) =
+        unsafe { (values(references, count, REFERENCES)?, Room::new(out, count, VALUES)?) };
+    component.instance.get_reals(references, kind, |place, value| room.put(place, value))?;
+    Ok(Status::Ok)
+}
+
+/// Reads integer and enumeration variables: the mode.
+///
+/// # Safety
+/// As for [`get_reals`].
+pub(crate) unsafe fn get_integers<T>(
+    component: &mut Component,
+    references: *const u32,
+    count: usize,
+    (out, to_own): (*mut T, fn(i64) -> T),
+    kind: &'static str,
+) -> Result<Status, FmuError> {
+    // SAFETY: by the contract of this function.
+    let (references, mut room) =
+        unsafe { (values(references, count, REFERENCES)?, Room::new(out, count, VALUES)?) };
+    component
+        .instance
+        .get_integers(references, kind, |place, value| room.put(place, to_own(value)))?;
+    Ok(Status::Ok)
+}
+
+/// Sets all given real variables or none.
+///
+/// # Safety
+/// As for [`get_reals`].
+pub(crate) unsafe fn set_reals(
+    component: &mut Component,
+    references: *const u32,
+    count: usize,
+    new: *const f64,
+    kind: &'static str,
+) -> Result<Status, FmuError> {
+    // SAFETY: by the contract of this function.
+    let (references, new) =
+        unsafe { (values(references, count, REFERENCES)?, values(new, count, VALUES)?) };
+    component.instance.set_reals(references, new, kind)?;
+    Ok(Status::Ok)
+}
+
+/// Rejects integer and enumeration variables, none of which can be set.
+///
+/// # Safety
+/// As for [`get_reals`].
+pub(crate) unsafe fn set_integers(
+    component: &mut Component,
+    references: *const u32,
+    count: usize,
+    kind: &'static str,
+) -> Result<Status, FmuError> {
+    // SAFETY: by the contract of this function.
+    component.instance.set_integers(unsafe { values(references, count, REFERENCES) }?, kind)?;
+    Ok(Status::Ok)
+}
+
+/// Declares functions of FMI over an instance, each under the names that it has in the versions of
+/// FMI.
+macro_rules! functions {
+    ($(#[$doc:meta] $($name:ident),+ = $arguments:tt |$component:pat_param| $body:block)*) => { $($(
+        $crate::ffi::function! { #[$doc] $name $arguments |$component| $body }
+    )+)* };
+}
+
+/// One function of FMI.
+macro_rules! function {
+    (#[$doc:meta] $name:ident($($argument:tt: $type:ty),*) |$component:pat_param| $body:block) => {
+        #[$doc]
         #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(handle: *mut c_void $(, _: $argument)*) -> c_int {
-            // SAFETY: the handle is as FMI requires.
-            unsafe { $crate::ffi::call(handle, stringify!($name), |_| Err($crate::error::FmuError::Unsupported { why: $why })) }
+        pub unsafe extern "C" fn $name(handle: *mut c_void $(, $argument: $type)*) -> c_int {
+            // SAFETY: handle and pointers are as FMI requires.
+            unsafe { $crate::ffi::call(handle, stringify!($name), |$component| $body) }
+        }
+    };
+}
+
+/// Declares access to types that no variable has.
+macro_rules! no_variables {
+    ($($name:ident($($argument:ty),*): $kind:expr;)*) => { $(
+        $crate::ffi::function! {
+            #[doc = concat!("There are no variables of type ", $kind, ".")]
+            $name(vr: *const u32, count: usize $(, _: $argument)*)
+            |_| { $crate::ffi::none_of(vr, count, $kind) }
         }
     )* };
 }
 
-pub(crate) use unsupported;
+/// Declares functions of FMI that this FMU does not support: they fail with a message that gives
+/// the reason.
+macro_rules! unsupported {
+    ($($name:ident($($argument:ty),*): $why:expr;)*) => { $(
+        $crate::ffi::function! {
+            #[doc = concat!("`", stringify!($name), "`: refused, ", $why, ".")]
+            $name($(_: $argument),*)
+            |_| { Err($crate::error::FmuError::Unsupported { why: $why }) }
+        }
+    )* };
+}
+
+pub(crate) use {function, functions, no_variables, unsupported};
 
 #[cfg(test)]
 mod tests {

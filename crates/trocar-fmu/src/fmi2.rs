@@ -6,7 +6,7 @@
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 
 use crate::error::FmuError;
-use crate::ffi::{self, Logger, Logger2, Room, Status, call, unsupported, values};
+use crate::ffi::{self, Logger, Logger2, Room, Status, functions, no_variables, unsupported};
 use crate::instance::Instance;
 use crate::resource::folder_of_uri;
 
@@ -34,8 +34,6 @@ const CO_SIMULATION: c_int = 1;
 const LAST_TIME: c_int = 2;
 /// `fmi2Terminated`.
 const TERMINATED: c_int = 3;
-const REFERENCES: &str = "value references";
-const VALUES: &str = "values";
 
 /// Name of the platform types.
 #[unsafe(no_mangle)]
@@ -47,18 +45,6 @@ pub extern "C" fn fmi2GetTypesPlatform() -> *const c_char {
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi2GetVersion() -> *const c_char {
     c"2.0".as_ptr()
-}
-
-/// Checks the categories; errors and warnings are always logged.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetDebugLogging(
-    handle: *mut c_void,
-    _on: c_int,
-    count: usize,
-    names: *const *const c_char,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
 /// Creates an instance; null and a message if that fails.
@@ -95,302 +81,72 @@ pub unsafe extern "C" fn fmi2Instantiate(
     })
 }
 
-/// Frees an instance; null is ignored.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2FreeInstance(handle: *mut c_void) {
-    // SAFETY: handle as FMI requires.
-    unsafe { ffi::free(handle) }
-}
-
-/// Sets start and stop time, s; the tolerance is not used.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetupExperiment(
-    handle: *mut c_void,
-    _has_tolerance: c_int,
-    _tolerance: f64,
-    start: f64,
-    has_stop: c_int,
-    stop: f64,
-) -> c_int {
-    let stop = (has_stop != 0).then_some(stop);
-    // SAFETY: handle as FMI requires.
-    unsafe {
-        call(handle, "fmi2SetupExperiment", |c| {
-            c.instance.set_time(start, stop).map(|()| Status::Ok)
-        })
+functions! {
+    /// Sets start and stop time, s; the tolerance is not used.
+    fmi2SetupExperiment = (_: c_int, _: f64, start: f64, has_stop: c_int, stop: f64) |c| {
+        c.instance.set_time(start, (has_stop != 0).then_some(stop)).map(|()| Status::Ok)
     }
-}
 
-/// Enters initialization mode.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2EnterInitializationMode(handle: *mut c_void) -> c_int {
-    const NAME: &str = "fmi2EnterInitializationMode";
-    // SAFETY: handle as FMI requires.
-    unsafe { call(handle, NAME, |c| c.instance.enter_initialization().map(|()| Status::Ok)) }
-}
+    /// Enters initialization mode.
+    fmi2EnterInitializationMode = () |c| { c.instance.enter_initialization().map(|()| Status::Ok) }
 
-/// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2ExitInitializationMode(handle: *mut c_void) -> c_int {
-    const NAME: &str = "fmi2ExitInitializationMode";
-    // SAFETY: handle as FMI requires.
-    unsafe {
-        call(handle, NAME, |c| {
-            let remark = c.instance.exit_initialization()?;
-            Ok(remark.map_or(Status::Ok, |remark| c.remark(NAME, remark)))
-        })
+    /// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
+    fmi2ExitInitializationMode = () |c| { c.exit_initialization("fmi2ExitInitializationMode") }
+
+    /// Checks the categories; errors and warnings are always logged.
+    fmi2SetDebugLogging = (_: c_int, count: usize, names: *const *const c_char) |_| {
+        ffi::categories(names, count)
     }
-}
 
-/// Ends the simulation.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2Terminate(handle: *mut c_void) -> c_int {
-    // SAFETY: handle as FMI requires.
-    unsafe { call(handle, "fmi2Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
-}
+    /// Reads real variables.
+    fmi2GetReal = (vr: *const u32, count: usize, out: *mut f64) |c| {
+        ffi::get_reals(c, vr, count, out, REAL)
+    }
 
-/// Returns to instantiation.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2Reset(handle: *mut c_void) -> c_int {
-    let reset = |c: &mut ffi::Component| {
-        c.instance.reset();
+    /// Reads integer and enumeration variables: the mode.
+    fmi2GetInteger = (vr: *const u32, count: usize, out: *mut c_int) |c| {
+        ffi::get_integers(c, vr, count, (out, |value| value as c_int), INTEGER)
+    }
+
+    /// Sets all given real variables or none.
+    fmi2SetReal = (vr: *const u32, count: usize, new: *const f64) |c| {
+        ffi::set_reals(c, vr, count, new, REAL)
+    }
+
+    /// No integer or enumeration variable can be set.
+    fmi2SetInteger = (vr: *const u32, count: usize, _: *const c_int) |c| {
+        ffi::set_integers(c, vr, count, INTEGER)
+    }
+
+    /// Advances by one communication step, s.
+    fmi2DoStep = (point: f64, size: f64, _: c_int) |c| {
+        c.instance.step(point, size).map(|()| Status::Ok)
+    }
+
+    /// The time of the last step; no other status of this type exists.
+    fmi2GetRealStatus = (kind: c_int, out: *mut f64) |c| {
+        if kind != LAST_TIME {
+            return Err(FmuError::Unsupported { why: "the only real status is fmi2LastSuccessfulTime" });
+        }
+        Room::new(out, 1, "the status")?.put(0, c.instance.time());
         Ok(Status::Ok)
-    };
-    // SAFETY: handle as FMI requires.
-    unsafe { call(handle, "fmi2Reset", reset) }
-}
+    }
 
-/// Reads real variables.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetReal(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    out: *mut f64,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2GetReal", |c| {
-            let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance
-                .get_reals(vr, REAL, |place, value| room.put(place, value))
-                .map(|()| Status::Ok)
-        })
+    /// Whether the FMU requests the end of the simulation: never. No other status of this type exists.
+    fmi2GetBooleanStatus = (kind: c_int, out: *mut c_int) |_| {
+        if kind != TERMINATED {
+            return Err(FmuError::Unsupported { why: "the only boolean status is fmi2Terminated" });
+        }
+        Room::new(out, 1, "the status")?.put(0, 0);
+        Ok(Status::Ok)
     }
 }
 
-/// Reads integer and enumeration variables: the mode.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetInteger(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    out: *mut c_int,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2GetInteger", |c| {
-            let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance
-                .get_integers(vr, INTEGER, |place, value| room.put(place, value as c_int))
-                .map(|()| Status::Ok)
-        })
-    }
-}
-
-/// There are no boolean variables.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetBoolean(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    _: *mut c_int,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2GetBoolean", |_| ffi::none_of(vr, count, "Boolean")) }
-}
-
-/// There are no string variables.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetString(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    _: *mut *const c_char,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2GetString", |_| ffi::none_of(vr, count, "String")) }
-}
-
-/// Sets all given real variables or none.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetReal(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    new: *const f64,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2SetReal", |c| {
-            let (vr, new) = (values(vr, count, REFERENCES)?, values(new, count, VALUES)?);
-            c.instance.set_reals(vr, new, REAL).map(|()| Status::Ok)
-        })
-    }
-}
-
-/// No integer or enumeration variable can be set.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetInteger(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    _: *const c_int,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2SetInteger", |c| {
-            c.instance.set_integers(values(vr, count, REFERENCES)?, INTEGER).map(|()| Status::Ok)
-        })
-    }
-}
-
-/// There are no boolean variables.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetBoolean(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    _: *const c_int,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2SetBoolean", |_| ffi::none_of(vr, count, "Boolean")) }
-}
-
-/// There are no string variables.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetString(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    _: *const *const c_char,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2SetString", |_| ffi::none_of(vr, count, "String")) }
-}
-
-/// Stores the present state.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetFMUstate(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2GetFMUstate", |c| ffi::get_state(c, slot)) }
-}
-
-/// Restores a state.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SetFMUstate(handle: *mut c_void, state: *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2SetFMUstate", |c| {
-            c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)
-        })
-    }
-}
-
-/// Frees a state; null is ignored.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2FreeFMUstate(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2FreeFMUstate", |_| ffi::free_state(slot)) }
-}
-
-/// Size of a serialized state in bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializedFMUstateSize(
-    handle: *mut c_void,
-    state: *mut c_void,
-    size: *mut usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2SerializedFMUstateSize", |c| ffi::state_size(c, state, size)) }
-}
-
-/// Serializes a state.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2SerializeFMUstate(
-    handle: *mut c_void,
-    state: *mut c_void,
-    bytes: *mut u8,
-    size: usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2SerializeFMUstate", |_| ffi::serialise(state, bytes, size)) }
-}
-
-/// Restores a state from its bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2DeSerializeFMUstate(
-    handle: *mut c_void,
-    bytes: *const u8,
-    size: usize,
-    slot: *mut *mut c_void,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi2DeSerializeFMUstate", |c| ffi::deserialise(c, bytes, size, slot)) }
-}
-
-/// Advances by one communication step, s.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2DoStep(
-    handle: *mut c_void,
-    point: f64,
-    size: f64,
-    _keeps_past: c_int,
-) -> c_int {
-    // SAFETY: handle as FMI requires.
-    unsafe { call(handle, "fmi2DoStep", |c| c.instance.step(point, size).map(|()| Status::Ok)) }
-}
-
-/// The time of the last step; no other status of this type exists.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetRealStatus(
-    handle: *mut c_void,
-    kind: c_int,
-    out: *mut f64,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2GetRealStatus", |c| {
-            if kind != LAST_TIME {
-                return Err(FmuError::Unsupported {
-                    why: "the only real status is fmi2LastSuccessfulTime",
-                });
-            }
-            Room::new(out, 1, "the status")?.put(0, c.instance.time());
-            Ok(Status::Ok)
-        })
-    }
-}
-
-/// Whether the FMU requests the end of the simulation: never. No other status of this type exists.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi2GetBooleanStatus(
-    handle: *mut c_void,
-    kind: c_int,
-    out: *mut c_int,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi2GetBooleanStatus", |_| {
-            if kind != TERMINATED {
-                return Err(FmuError::Unsupported {
-                    why: "the only boolean status is fmi2Terminated",
-                });
-            }
-            Room::new(out, 1, "the status")?.put(0, 0);
-            Ok(Status::Ok)
-        })
-    }
+no_variables! {
+    fmi2GetBoolean(*mut c_int): "Boolean";
+    fmi2GetString(*mut *const c_char): "String";
+    fmi2SetBoolean(*const c_int): "Boolean";
+    fmi2SetString(*const *const c_char): "String";
 }
 
 unsupported! {

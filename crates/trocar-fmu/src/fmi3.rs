@@ -9,30 +9,18 @@ use std::ffi::{c_char, c_int, c_void};
 use std::path::Path;
 
 use crate::error::FmuError;
-use crate::ffi::{self, Logger, Logger3, Room, Status, call, paired, unsupported, values};
+use crate::ffi::{
+    self, Logger, Logger3, Room, Status, functions, no_variables, paired, unsupported,
+};
 use crate::instance::Instance;
 
 const FLOAT: &str = "Float64";
 const ENUMERATION: &str = "Int64 or Enumeration";
-const REFERENCES: &str = "value references";
-const VALUES: &str = "values";
 
 /// Version of FMI.
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
-}
-
-/// Checks the categories; errors and warnings are always logged.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetDebugLogging(
-    handle: *mut c_void,
-    _on: u8,
-    count: usize,
-    names: *const *const c_char,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3SetDebugLogging", |_| ffi::categories(names, count)) }
 }
 
 /// Creates an instance; null and a message if that fails.
@@ -104,155 +92,58 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     )
 }
 
-/// Frees an instance; null is ignored.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3FreeInstance(handle: *mut c_void) {
-    // SAFETY: handle as FMI requires.
-    unsafe { ffi::free(handle) }
-}
-
-/// Sets start and stop time (s) and enters initialization mode; the tolerance is not used.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3EnterInitializationMode(
-    handle: *mut c_void,
-    _has_tolerance: u8,
-    _tolerance: f64,
-    start: f64,
-    has_stop: u8,
-    stop: f64,
-) -> c_int {
-    let stop = (has_stop != 0).then_some(stop);
-    // SAFETY: handle as FMI requires.
-    unsafe {
-        call(handle, "fmi3EnterInitializationMode", |c| {
-            c.instance.set_time(start, stop)?;
-            c.instance.enter_initialization().map(|()| Status::Ok)
-        })
+functions! {
+    /// Sets start and stop time (s) and enters initialization mode; the tolerance is not used.
+    fmi3EnterInitializationMode = (_: u8, _: f64, start: f64, has_stop: u8, stop: f64) |c| {
+        c.instance.set_time(start, (has_stop != 0).then_some(stop))?;
+        c.instance.enter_initialization().map(|()| Status::Ok)
     }
-}
 
-/// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3ExitInitializationMode(handle: *mut c_void) -> c_int {
-    const NAME: &str = "fmi3ExitInitializationMode";
-    // SAFETY: handle as FMI requires.
-    unsafe {
-        call(handle, NAME, |c| {
-            let remark = c.instance.exit_initialization()?;
-            Ok(remark.map_or(Status::Ok, |remark| c.remark(NAME, remark)))
-        })
+    /// Leaves initialization mode; warns if the seal cannot hold the requested force or deflection.
+    fmi3ExitInitializationMode = () |c| { c.exit_initialization("fmi3ExitInitializationMode") }
+
+    /// Checks the categories; errors and warnings are always logged.
+    fmi3SetDebugLogging = (_: u8, count: usize, names: *const *const c_char) |_| {
+        ffi::categories(names, count)
     }
-}
 
-/// Ends the simulation.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3Terminate(handle: *mut c_void) -> c_int {
-    // SAFETY: handle as FMI requires.
-    unsafe { call(handle, "fmi3Terminate", |c| c.instance.terminate().map(|()| Status::Ok)) }
-}
-
-/// Returns to instantiation.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3Reset(handle: *mut c_void) -> c_int {
-    let reset = |c: &mut ffi::Component| {
-        c.instance.reset();
-        Ok(Status::Ok)
-    };
-    // SAFETY: handle as FMI requires.
-    unsafe { call(handle, "fmi3Reset", reset) }
-}
-
-/// Reads real variables.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFloat64(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    out: *mut f64,
-    out_count: usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi3GetFloat64", |c| {
-            paired(count, out_count)?;
-            let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance
-                .get_reals(vr, FLOAT, |place, value| room.put(place, value))
-                .map(|()| Status::Ok)
-        })
+    /// Reads real variables.
+    fmi3GetFloat64 = (vr: *const u32, count: usize, out: *mut f64, out_count: usize) |c| {
+        paired(count, out_count)?;
+        ffi::get_reals(c, vr, count, out, FLOAT)
     }
-}
 
-/// Reads enumeration variables: the mode.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetInt64(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    out: *mut i64,
-    out_count: usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi3GetInt64", |c| {
-            paired(count, out_count)?;
-            let (vr, mut room) = (values(vr, count, REFERENCES)?, Room::new(out, count, VALUES)?);
-            c.instance
-                .get_integers(vr, ENUMERATION, |place, value| room.put(place, value))
-                .map(|()| Status::Ok)
-        })
+    /// Reads enumeration variables: the mode.
+    fmi3GetInt64 = (vr: *const u32, count: usize, out: *mut i64, out_count: usize) |c| {
+        paired(count, out_count)?;
+        ffi::get_integers(c, vr, count, (out, |value| value), ENUMERATION)
     }
-}
 
-/// Sets all given real variables or none.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetFloat64(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    new: *const f64,
-    new_count: usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi3SetFloat64", |c| {
-            paired(count, new_count)?;
-            let (vr, new) = (values(vr, count, REFERENCES)?, values(new, count, VALUES)?);
-            c.instance.set_reals(vr, new, FLOAT).map(|()| Status::Ok)
-        })
+    /// Sets all given real variables or none.
+    fmi3SetFloat64 = (vr: *const u32, count: usize, new: *const f64, new_count: usize) |c| {
+        paired(count, new_count)?;
+        ffi::set_reals(c, vr, count, new, FLOAT)
     }
-}
 
-/// No enumeration variable can be set.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetInt64(
-    handle: *mut c_void,
-    vr: *const u32,
-    count: usize,
-    _: *const i64,
-    new_count: usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi3SetInt64", |c| {
-            paired(count, new_count)?;
-            c.instance
-                .set_integers(values(vr, count, REFERENCES)?, ENUMERATION)
-                .map(|()| Status::Ok)
-        })
+    /// No enumeration variable can be set.
+    fmi3SetInt64 = (vr: *const u32, count: usize, _: *const i64, new_count: usize) |c| {
+        paired(count, new_count)?;
+        ffi::set_integers(c, vr, count, ENUMERATION)
     }
-}
 
-/// Declares access to types that no variable has.
-macro_rules! no_variables {
-    ($($name:ident($($argument:ty),*): $kind:expr;)*) => { $(
-        #[doc = concat!("There are no variables of type ", $kind, ".")]
-        #[unsafe(no_mangle)]
-        pub unsafe extern "C" fn $name(handle: *mut c_void, vr: *const u32, count: usize $(, _: $argument)*) -> c_int {
-            // SAFETY: pointers as FMI requires.
-            unsafe { call(handle, stringify!($name), |_| ffi::none_of(vr, count, $kind)) }
-        }
-    )* };
+    /// Advances by one communication step, s.
+    fmi3DoStep = (
+        point: f64, size: f64, _: u8, event: *mut bool, terminate: *mut bool, early: *mut bool, last_time: *mut f64
+    ) |c| {
+        let name = "a result";
+        let flags =
+            [Room::new(event, 1, name)?, Room::new(terminate, 1, name)?, Room::new(early, 1, name)?];
+        let mut time = Room::new(last_time, 1, name)?;
+        let outcome = c.instance.step(point, size);
+        flags.into_iter().for_each(|mut flag| flag.put(0, false));
+        time.put(0, c.instance.time());
+        outcome.map(|()| Status::Ok)
+    }
 }
 
 no_variables! {
@@ -288,96 +179,6 @@ no_variables! {
     fmi3SetIntervalFraction(*const u64, *const u64): "Clock";
     fmi3SetShiftDecimal(*const f64): "Clock";
     fmi3SetShiftFraction(*const u64, *const u64): "Clock";
-}
-
-/// Stores the present state.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3GetFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3GetFMUState", |c| ffi::get_state(c, slot)) }
-}
-
-/// Restores a state.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SetFMUState(handle: *mut c_void, state: *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi3SetFMUState", |c| {
-            c.instance.set_state(ffi::state_at(state)?).map(|()| Status::Ok)
-        })
-    }
-}
-
-/// Frees a state; null is ignored.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3FreeFMUState(handle: *mut c_void, slot: *mut *mut c_void) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3FreeFMUState", |_| ffi::free_state(slot)) }
-}
-
-/// Size of a serialized state in bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializedFMUStateSize(
-    handle: *mut c_void,
-    state: *mut c_void,
-    size: *mut usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3SerializedFMUStateSize", |c| ffi::state_size(c, state, size)) }
-}
-
-/// Serializes a state.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3SerializeFMUState(
-    handle: *mut c_void,
-    state: *mut c_void,
-    bytes: *mut u8,
-    size: usize,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3SerializeFMUState", |_| ffi::serialise(state, bytes, size)) }
-}
-
-/// Restores a state from its bytes.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3DeserializeFMUState(
-    handle: *mut c_void,
-    bytes: *const u8,
-    size: usize,
-    slot: *mut *mut c_void,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe { call(handle, "fmi3DeserializeFMUState", |c| ffi::deserialise(c, bytes, size, slot)) }
-}
-
-/// Advances by one communication step, s.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn fmi3DoStep(
-    handle: *mut c_void,
-    point: f64,
-    size: f64,
-    _keeps_past: u8,
-    event: *mut bool,
-    terminate: *mut bool,
-    early: *mut bool,
-    last_time: *mut f64,
-) -> c_int {
-    // SAFETY: pointers as FMI requires.
-    unsafe {
-        call(handle, "fmi3DoStep", |c| {
-            let name = "a result";
-            let flags = [
-                Room::new(event, 1, name)?,
-                Room::new(terminate, 1, name)?,
-                Room::new(early, 1, name)?,
-            ];
-            let mut time = Room::new(last_time, 1, name)?;
-            let outcome = c.instance.step(point, size);
-            flags.into_iter().for_each(|mut flag| flag.put(0, false));
-            time.put(0, c.instance.time());
-            outcome.map(|()| Status::Ok)
-        })
-    }
 }
 
 unsupported! {

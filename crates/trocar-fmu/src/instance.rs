@@ -61,8 +61,7 @@ impl Instance {
 
     pub(crate) fn from_resource(resource: Resource, wanted: &str) -> Result<Self, FmuError> {
         let Resource { row, trocar } = resource;
-        let is_wanted = |input: &Input| token(&row, *input) == wanted;
-        let input = Input::ALL.into_iter().find(is_wanted);
+        let input = Input::ALL.into_iter().find(|input| token(&row, *input) == wanted);
         let input = input.ok_or_else(|| FmuError::Token { given: wanted.to_owned() })?;
         let applied: Vec<f64> = trocar.seal().tunables().map(|tunable| tunable.value).collect();
         let live = Snapshot::new(identity(&row, input), applied.clone(), trocar.rest(0.0));
@@ -137,10 +136,9 @@ impl Instance {
             ("initial_force_n", initial_force, self.live.state.force()),
             ("initial_deflection_m", initial_deflection, deflection),
         ];
-        let is_off = |asked: f64, given: f64| {
-            asked != 0.0 && (given - asked).abs() > START_TOLERANCE * asked.abs()
-        };
-        let off = starts.into_iter().find(|(_, asked, given)| is_off(*asked, *given));
+        let off = starts.into_iter().find(|(_, asked, given)| {
+            *asked != 0.0 && (given - asked).abs() > START_TOLERANCE * asked.abs()
+        });
         Ok(off.map(|(name, asked, given)| Remark { name, asked, given }))
     }
 
@@ -328,11 +326,10 @@ impl Instance {
         values: &[f64],
         kind: &'static str,
     ) -> Result<(), FmuError> {
-        let pairs = || references.iter().zip(values);
-        for (reference, value) in pairs() {
+        for (reference, value) in references.iter().zip(values) {
             self.check(self.real(*reference, kind)?, *value)?;
         }
-        for (reference, value) in pairs() {
+        for (reference, value) in references.iter().zip(values) {
             let role = self.real(*reference, kind)?.role;
             self.put(role, *value);
         }

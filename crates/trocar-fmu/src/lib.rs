@@ -17,6 +17,7 @@ mod embedded;
 pub mod error;
 #[allow(unsafe_code)]
 mod ffi;
+pub mod fmi;
 pub mod fmi2;
 pub mod fmi3;
 mod hash;

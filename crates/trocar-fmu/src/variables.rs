@@ -170,8 +170,8 @@ fn input_variable(input: Input) -> Variable {
 }
 
 fn parameters(seal: &Seal) -> impl Iterator<Item = Variable> {
-    let finite = |(_, tunable): &(usize, Tunable)| tunable.value.is_finite();
-    seal.tunables().enumerate().filter(finite).map(|(place, Tunable { id, value })| {
+    let finite = seal.tunables().enumerate().filter(|(_, tunable)| tunable.value.is_finite());
+    finite.map(|(place, Tunable { id, value })| {
         let Declaration { unit, range, .. } = id.declaration();
         let above = if range.excludes_least() {
             format!("; above {}", range.least())

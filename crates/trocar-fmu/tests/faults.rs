@@ -12,6 +12,7 @@ use std::fs;
 use std::path::Path;
 use std::ptr::{null, null_mut};
 
+use trocar_fmu::fmi::*;
 use trocar_fmu::fmi2::*;
 use trocar_fmu::fmi3::*;
 use trocar_fmu::{Input, Logger2, token};

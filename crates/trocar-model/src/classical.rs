@@ -4,12 +4,22 @@ use crate::error::ParamError;
 use crate::friction::Friction;
 use crate::law::{self, Law, Visit};
 use crate::row::{FlatError, Numbers, Reader, Row};
-use crate::{Dahl, Gms, Leuven, LuGre, MaxwellSlip, StaticFriction};
+
+mod bouc_wen;
+mod chord;
+mod dahl;
+mod gms;
+mod leuven;
+mod lugre;
+mod maxwell_slip;
+mod stribeck;
 
 /// Declares the models, each with its kind in files. The order is that of the numbers of the kinds
 /// in rows: a new model is added at the end.
 macro_rules! models {
-    ($($(#[$doc:meta])* $name:ident($law:ty) = $kind:literal;)*) => {
+    ($($(#[$doc:meta])* $name:ident($module:ident::$law:ident) = $kind:literal;)*) => {
+        $(pub use self::$module::*;)*
+
         /// Any of the models that EMS compares itself with.
         #[derive(Debug, Clone, Copy, PartialEq)]
         #[allow(clippy::large_enum_variant)] // few, and never moved in a loop
@@ -144,15 +154,17 @@ macro_rules! models {
 
 models! {
     /// Coulomb, Coulomb and viscous, or Stribeck.
-    Static(StaticFriction) = "static";
+    Static(stribeck::StaticFriction) = "static";
     /// Dahl.
-    Dahl(Dahl) = "dahl";
+    Dahl(dahl::Dahl) = "dahl";
     /// LuGre.
-    LuGre(LuGre) = "lugre";
+    LuGre(lugre::LuGre) = "lugre";
     /// Modified Leuven.
-    Leuven(Leuven) = "leuven";
+    Leuven(leuven::Leuven) = "leuven";
     /// Maxwell-Slip, EMS (1)-(4).
-    MaxwellSlip(MaxwellSlip) = "maxwell-slip";
+    MaxwellSlip(maxwell_slip::MaxwellSlip) = "maxwell-slip";
     /// Generalized Maxwell-Slip, EMS (5)-(7).
-    Gms(Gms) = "gms";
+    Gms(gms::Gms) = "gms";
+    /// Bouc–Wen.
+    BoucWen(bouc_wen::BoucWen) = "bouc-wen";
 }

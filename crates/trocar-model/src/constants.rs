@@ -6,11 +6,6 @@
 
 use crate::elastic::{COUNT, Span};
 use crate::ems::{Contact, Element, VelocityWeakening};
-use crate::gms::Gms;
-use crate::law::MAX_ELEMENTS;
-use crate::leuven::Leuven;
-use crate::lugre::LuGre;
-use crate::maxwell_slip::MaxwellSlip;
 
 /// M and h over one span between neighbouring joins, as power series of t = (z -
 /// `mid`)·`inverse_half` in [-1, 1].
@@ -67,37 +62,6 @@ pub struct ElementConstants {
     pub contacts: [ContactConstants; 2],
 }
 
-/// What the step of a [`Gms`] knows beside its parameters; past the elements the places are 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GmsConstants {
-    /// ν_i = α_i/k_i, m/N.
-    pub scales: [f64; MAX_ELEMENTS],
-    /// C_i/ν_i, N/s.
-    pub rates: [f64; MAX_ELEMENTS],
-    /// β + Σσ_i, N·s/m.
-    pub damping: f64,
-    /// Bound of |F| without what grows with the velocity, N.
-    pub slip_bound: f64,
-}
-
-/// What the step of a [`LuGre`] model knows beside its parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LuGreConstants {
-    /// F_s/σ_0, m.
-    pub greatest_deflection: f64,
-    /// 1/v_d, s/m; 0 for constant damping.
-    pub inverse_damping_velocity: f64,
-}
-
-/// What the step of a [`Leuven`] model knows beside its parameters.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LeuvenConstants {
-    /// ΣF_i, N.
-    pub limit: f64,
-    /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
-    pub damping: f64,
-}
-
 impl From<&Span> for SpanConstants {
     fn from(span: &Span) -> Self {
         let Span { mid, inverse_half, force, slope } = *span;
@@ -145,39 +109,5 @@ impl Element {
             end_stiffness: deformation.end_stiffness,
             contacts: [(&self.withdrawal).into(), (&self.insertion).into()],
         }
-    }
-}
-
-impl Gms {
-    /// What the step knows beside the parameters.
-    pub fn constants(&self) -> GmsConstants {
-        GmsConstants {
-            scales: self.scales,
-            rates: self.rates,
-            damping: self.damping,
-            slip_bound: self.slip_bound,
-        }
-    }
-}
-
-impl LuGre {
-    /// What the step knows beside the parameters.
-    pub fn constants(&self) -> LuGreConstants {
-        let Self { greatest_deflection, inverse_damping_velocity, .. } = *self;
-        LuGreConstants { greatest_deflection, inverse_damping_velocity }
-    }
-}
-
-impl Leuven {
-    /// What the step knows beside the parameters.
-    pub fn constants(&self) -> LeuvenConstants {
-        LeuvenConstants { limit: self.bank.limit(), damping: self.damping }
-    }
-}
-
-impl MaxwellSlip {
-    /// ΣF_i, N: summed in the order of the elements.
-    pub fn limit_force(&self) -> f64 {
-        self.bank.limit()
     }
 }

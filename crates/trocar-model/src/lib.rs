@@ -35,8 +35,7 @@
 //!
 //! # Other models
 //!
-//! [`StaticFriction`] (Coulomb, viscous, Stribeck), [`Dahl`], [`LuGre`], [`Leuven`] (modified),
-//! [`MaxwellSlip`] and [`Gms`] have the same shape: parameters checked once, small state, `step` by
+//! Those of [`Classical`] have the same shape: parameters checked once, small state, `step` by
 //! displacement. [`Friction`] is what all have in common.
 //!
 //! # Conventions
@@ -85,7 +84,6 @@ mod block;
 pub mod classical;
 pub mod constants;
 pub mod creep;
-pub mod dahl;
 pub mod damping;
 mod direction;
 pub mod elastic;
@@ -94,11 +92,7 @@ pub mod error;
 mod exponential;
 pub mod flat;
 pub mod friction;
-pub mod gms;
 pub mod law;
-pub mod leuven;
-pub mod lugre;
-pub mod maxwell_slip;
 pub mod parallel;
 pub mod parameter;
 pub mod partial;
@@ -110,23 +104,17 @@ mod run;
 pub mod seal;
 pub mod sliding;
 mod slip;
-pub mod stribeck;
 pub mod tuning;
 
 pub use backlash::{BacklashFilter, BacklashState, Reversal};
-pub use classical::{Classical, ClassicalState};
-pub use dahl::{Dahl, DahlParams, DahlState};
+pub use classical::*;
 pub use damping::SealDamping;
 pub use direction::Direction;
 pub use elastic::{Branch, DeformationForce, MAX_DEGREE, Piece};
 pub use ems::{Element, ElementParams, Mode, State, VelocityWeakening};
 pub use error::ParamError;
 pub use friction::Friction;
-pub use gms::{Gms, GmsElement, GmsState, SlipRate};
 pub use law::{Choice, Elements, MAX_ELEMENTS, Visit};
-pub use leuven::{Leuven, LeuvenParams, LeuvenState};
-pub use lugre::{LuGre, LuGreParams, LuGreState, Passivity, StribeckCurve};
-pub use maxwell_slip::{MaxwellSlip, MaxwellSlipState, SlipElement};
 pub use parallel::{Beside, MAX_STAGES, Stages, StagesState, rest_states, step_parallel};
 pub use parameter::{Blank, Declaration, Field, ParameterId, Parameters, Quantity, Range, Unit};
 pub use partial::PartialReversals;
@@ -135,5 +123,4 @@ pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
 pub use slip::beside::Ordinate;
-pub use stribeck::{StaticFriction, StaticState};
 pub use tuning::Tunable;

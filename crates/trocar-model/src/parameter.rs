@@ -186,6 +186,7 @@ quantities! {
     DampingVelocity: "damping_velocity_m_s", "v_d", METRE_PER_SECOND, AboveZeroOrInfinite,
         "velocity over which that damping ends";
     Exponent: "exponent", "n", ONE, AboveZero, "exponent of the transition to sliding";
+    UnloadingShape: "unloading_shape", "σ", ONE, Range::AtLeast(0.5), "shape of the unloading";
     LimitForce: "limit_force_n", "F", NEWTON, AboveZero, "limit force";
     Share: "share", "α", ONE, AboveZero, "share of the sliding force";
     Attraction: "attraction_m_s", "C", METRE_PER_SECOND, AboveZero, "attraction of a slipping element";

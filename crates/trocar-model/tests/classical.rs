@@ -4,8 +4,8 @@
 use proptest::prelude::*;
 use proptest::test_runner::TestCaseError;
 use trocar_model::{
-    Dahl, DahlParams, Friction, LuGre, LuGreParams, ParamError, Passivity, SlidingFriction,
-    StaticFriction, StribeckCurve,
+    BoucWen, BoucWenParams, Dahl, DahlParams, Friction, LuGre, LuGreParams, ParamError, Passivity,
+    SlidingFriction, StaticFriction, StribeckCurve,
 };
 
 /// Rounding of a few hundred steps, as a fraction of the forces at work.
@@ -71,6 +71,20 @@ pub(crate) fn dahls() -> impl Strategy<Value = DahlParams> {
     )
 }
 
+pub(crate) fn bouc_wens() -> impl Strategy<Value = BoucWenParams> {
+    let exponent = prop_oneof![Just(1.0), Just(2.0), 0.5..8.0_f64];
+    let shape = prop_oneof![Just(0.5), Just(1.0), 0.5..4.0_f64];
+    (scales(100.0, 1e6), 0.25..8.0_f64, exponent, shape, 0.0..20.0_f64).prop_map(
+        |(stiffness, coulomb_force, exponent, unloading_shape, viscous_damping)| BoucWenParams {
+            stiffness,
+            coulomb_force,
+            exponent,
+            unloading_shape,
+            viscous_damping,
+        },
+    )
+}
+
 pub(crate) fn lugres() -> impl Strategy<Value = LuGreParams> {
     let damping_velocity = prop_oneof![Just(f64::INFINITY), scales(1e-3, 1.0)];
     let curve = prop_oneof![Just(StribeckCurve::Exponential), Just(StribeckCurve::Rational)];
@@ -87,6 +101,15 @@ pub(crate) fn lugres() -> impl Strategy<Value = LuGreParams> {
 
 fn dahl(params: DahlParams) -> Dahl {
     Dahl::new(params).unwrap()
+}
+
+fn bouc_wen(params: BoucWenParams) -> BoucWen {
+    BoucWen::new(params).unwrap()
+}
+
+/// F_c/k, m.
+fn bouc_wen_length(params: &BoucWenParams) -> f64 {
+    params.coulomb_force / params.stiffness
 }
 
 fn lugre(params: LuGreParams) -> LuGre {
@@ -188,6 +211,70 @@ proptest! {
         model.step(&mut state, sign * travel * length, travel * length / speed);
         let settled = sign * (params.coulomb_force + params.viscous_damping * speed);
         prop_assert!((state.force() - settled).abs() < ROUNDING * settled.abs(), "{} {settled}", state.force());
+    }
+
+    #[test]
+    fn bouc_wen_settles_within_its_bounds(
+        params in bouc_wens(), motion in motions(), stiffness in scales(1e-3, 1e12), start in -20.0..20.0_f64, back: bool,
+    ) {
+        let params = BoucWenParams { stiffness, ..params };
+        let model = bouc_wen(params);
+        let mut state = model.rest_at_force(start);
+        for s in scaled(&motion, 1e-3) {
+            model.step(&mut state, s.displacement, s.duration);
+            prop_assert!(state.hysteresis_force().abs() <= params.coulomb_force);
+        }
+        let sign = if back { -1.0 } else { 1.0 };
+        // e^-50 for n = 0.5, whose last part is the slowest.
+        let travel = 100.0 * bouc_wen_length(&params);
+        model.step(&mut state, sign * travel, 1e3 * travel);
+        let settled = sign * (params.coulomb_force + 1e-3 * params.viscous_damping);
+        prop_assert!((state.force() - settled).abs() < ROUNDING * settled.abs(), "{} {settled}", state.force());
+    }
+
+    #[test]
+    fn bouc_wen_is_odd_and_ignores_bad_input(params in bouc_wens(), motion in motions()) {
+        is_odd(&bouc_wen(params), &scaled(&motion, bouc_wen_length(&params)))?;
+        ignores_bad_input(&bouc_wen(params))?;
+    }
+
+    /// No step gives less work than the storage f²/(2·k) gains, whatever its size.
+    #[test]
+    fn bouc_wen_is_passive_step_by_step(params in bouc_wens(), motion in motions()) {
+        let model = bouc_wen(params);
+        let mut state = model.rest_state();
+        let storage = |f: f64| 0.5 * f * f / params.stiffness;
+        for s in scaled(&motion, bouc_wen_length(&params)) {
+            let before = storage(state.hysteresis_force());
+            let work = model.step(&mut state, s.displacement, s.duration) * s.displacement;
+            let gain = storage(state.hysteresis_force()) - before;
+            prop_assert!(work >= gain - ROUNDING * storage(params.coulomb_force), "{work} {gain}");
+        }
+    }
+
+    /// Without viscous damping only the path counts, not its speed.
+    #[test]
+    fn bouc_wen_is_rate_independent(params in bouc_wens(), motion in motions(), slowness in scales(1e-3, 1e3)) {
+        let model = bouc_wen(BoucWenParams { viscous_damping: 0.0, ..params });
+        let (mut fast, mut slow) = (model.rest_state(), model.rest_state());
+        for s in scaled(&motion, bouc_wen_length(&params)) {
+            let force = model.step(&mut fast, s.displacement, s.duration);
+            prop_assert_eq!(model.step(&mut slow, s.displacement, slowness * s.duration), force);
+        }
+    }
+
+    /// With n = 1 and β_W alone it is Dahl with exponent 1.
+    #[test]
+    fn bouc_wen_contains_dahl(params in bouc_wens(), motion in motions()) {
+        let BoucWenParams { stiffness, coulomb_force, viscous_damping, .. } = params;
+        let model = bouc_wen(BoucWenParams { exponent: 1.0, unloading_shape: 1.0, ..params });
+        let other = dahl(DahlParams { stiffness, coulomb_force, exponent: 1.0, viscous_damping });
+        let (mut own, mut theirs) = (model.rest_state(), other.rest_state());
+        for s in scaled(&motion, bouc_wen_length(&params)) {
+            let apart = model.step(&mut own, s.displacement, s.duration)
+                - other.step(&mut theirs, s.displacement, s.duration);
+            prop_assert!(apart.abs() < ROUNDING * (coulomb_force + theirs.force().abs()), "{apart}");
+        }
     }
 
     #[test]

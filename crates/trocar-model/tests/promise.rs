@@ -4,7 +4,7 @@
 //!
 //! `TROCAR_PROMISE_STEPS` sets the number of steps (1e8 take a minute with `--release`).
 
-use crate::classical::{dahls, lugres, slidings};
+use crate::classical::{bouc_wens, dahls, lugres, slidings};
 use crate::common::promise::{Limits, Motion, Past};
 use crate::common::seals;
 use crate::maxwell::{banks, gms_elements, leuvens, slip_rates};
@@ -13,7 +13,7 @@ use proptest::strategy::ValueTree as _;
 use proptest::test_runner::TestRunner;
 use trocar_model::batch::{Batch, Forces, LANES, Lanes, blocks};
 use trocar_model::{
-    Classical, Dahl, Direction, Element, ElementParams, Friction, Gms, LuGre, MaxwellSlip,
+    BoucWen, Classical, Dahl, Direction, Element, ElementParams, Friction, Gms, LuGre, MaxwellSlip,
     Relaxation, RelaxationArm, Seal, SealDamping, SealState, SlidingFriction, Stages, State,
     StaticFriction,
 };
@@ -74,6 +74,7 @@ fn models() -> impl Strategy<Value = Seal> {
         12 => stages,
         1 => slidings().prop_map(|s| Classical::Static(StaticFriction::new(s).unwrap()).into()),
         1 => dahls().prop_map(|p| Classical::Dahl(Dahl::new(p).unwrap()).into()),
+        1 => bouc_wens().prop_map(|p| Classical::BoucWen(BoucWen::new(p).unwrap()).into()),
         1 => lugres().prop_map(|p| Classical::LuGre(LuGre::new(p).unwrap()).into()),
         1 => leuvens().prop_map(|model| Classical::Leuven(model).into()),
         1 => (banks(), 0.0..20.0_f64)

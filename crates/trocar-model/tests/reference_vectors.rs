@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 use trocar_model::{
-    Dahl, DahlParams, Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StribeckCurve,
+    BoucWen, BoucWenParams, Dahl, DahlParams, Friction, Gms, GmsElement, Leuven, LeuvenParams,
+    LuGre, LuGreParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StribeckCurve,
 };
 
 /// N: exact steps on both sides, rounding in forces of a few newtons.
@@ -22,6 +22,13 @@ const LEUVEN_TOLERANCE: f64 = 6e-3;
 
 /// N: the same with every interval in 512 parts.
 const LEUVEN_FINE_TOLERANCE: f64 = 5e-6;
+
+/// N: the step of the Bouc–Wen model for n other than 1 is of second order in the change of f/F_c, at
+/// most 1/16.
+const BOUC_WEN_TOLERANCE: f64 = 2e-3;
+
+/// N: the same with every interval in 512 parts.
+const BOUC_WEN_FINE_TOLERANCE: f64 = 2e-6;
 
 fn folder() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../reference/vectors")
@@ -179,6 +186,44 @@ fn dahl_agrees_with_mujoco_and_with_an_integration() {
         .unwrap();
         let worst = largest_difference(&name, &model, model.rest_state(), Dahl::output, 1);
         assert!(worst < EXACT_TOLERANCE, "{name}: {worst:e} N");
+    }
+}
+
+fn bouc_wen(set: &Value) -> BoucWen {
+    BoucWen::new(BoucWenParams {
+        stiffness: number(set, "stiffness_n_m"),
+        coulomb_force: number(set, "coulomb_force_n"),
+        exponent: number(set, "exponent"),
+        unloading_shape: number(set, "unloading_shape"),
+        viscous_damping: 0.0,
+    })
+    .unwrap()
+}
+
+#[test]
+fn bouc_wen_agrees_with_an_integration_of_wens_equation() {
+    for (name, set) in sets("bouc_wen", 5) {
+        let model = bouc_wen(&set);
+        let worst = largest_difference(&name, &model, model.rest_state(), BoucWen::output, 1);
+        let tolerance =
+            if model.params().exponent == 1.0 { EXACT_TOLERANCE } else { BOUC_WEN_TOLERANCE };
+        assert!(worst < tolerance, "{name}: {worst:e} N");
+    }
+}
+
+#[test]
+fn bouc_wen_converges_to_the_integration() {
+    let curved = |(_, set): &(String, Value)| number(set, "exponent") != 1.0;
+    for (name, set) in sets("bouc_wen", 5).into_iter().filter(curved) {
+        let model = bouc_wen(&set);
+        let worst =
+            |parts| largest_difference(&name, &model, model.rest_state(), BoucWen::output, parts);
+        let (coarse, fine) = (worst(64), worst(512));
+        // Second order would be 1/64.
+        assert!(
+            fine < coarse / 50.0 && fine < BOUC_WEN_FINE_TOLERANCE,
+            "{name}: {coarse:e} N, then {fine:e} N"
+        );
     }
 }
 

@@ -2,10 +2,10 @@
 
 use proptest::prelude::*;
 use trocar_model::{
-    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams,
-    LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal,
-    SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
-    TrocarState,
+    BoucWen, BoucWenParams, Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement,
+    Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation,
+    RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction,
+    StribeckCurve, Trocar, TrocarState,
 };
 
 const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
@@ -45,10 +45,18 @@ fn seals() -> Vec<Seal> {
     let gms = GmsElement { stiffness: 200.0, share: 0.5, attraction: 0.1, damping: 0.5 };
     let dahl =
         DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+    let bouc_wen = BoucWenParams {
+        stiffness: 500.0,
+        coulomb_force: 2.0,
+        exponent: 1.3,
+        unloading_shape: 0.8,
+        viscous_damping: 1.0,
+    };
     let leuven = LeuvenParams { sliding: sliding(2.0), exponent: 0.9, micro_damping: 1.0 };
     let others = [
         Classical::Static(StaticFriction::new(sliding(2.0)).unwrap()),
         Classical::Dahl(Dahl::new(dahl).unwrap()),
+        Classical::BoucWen(BoucWen::new(bouc_wen).unwrap()),
         Classical::Leuven(Leuven::new(&bank(16), leuven).unwrap()),
         Classical::Gms(Gms::new(&[gms, gms], sliding(1.0), SlipRate::Limited).unwrap()),
     ];

@@ -4,10 +4,10 @@
 use proptest::prelude::*;
 use trocar_model::flat::{FlatError, SEAL_NUMBERS, STATE_NUMBERS};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Direction, Element, ElementParams, Friction, Gms, GmsElement,
-    Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError, PositionProfile, Quantity,
-    Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement, SlipRate, Stages,
-    StaticFriction, StribeckCurve, Trocar,
+    BoucWen, BoucWenParams, Classical, Dahl, DahlParams, Direction, Element, ElementParams,
+    Friction, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParamError,
+    PositionProfile, Quantity, Relaxation, RelaxationArm, Seal, SlidingFriction, SlipElement,
+    SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
 };
 
 const OFFSET: [f64; 3] = [0.1, -0.2, 0.05];
@@ -38,11 +38,19 @@ fn seals() -> Result<Vec<Seal>, ParamError> {
     };
     let dahl =
         DahlParams { stiffness: 500.0, coulomb_force: 2.0, exponent: 1.3, viscous_damping: 1.0 };
+    let bouc_wen = BoucWenParams {
+        stiffness: 500.0,
+        coulomb_force: 2.0,
+        exponent: 1.3,
+        unloading_shape: 0.8,
+        viscous_damping: 1.0,
+    };
     Ok(vec![
         Element::new(plausible)?.into(),
         Seal::Ems(Stages::new(&two).expect("two")),
         Classical::Static(StaticFriction::new(sliding)?).into(),
         Classical::Dahl(Dahl::new(dahl)?).into(),
+        Classical::BoucWen(BoucWen::new(bouc_wen)?).into(),
         Classical::LuGre(LuGre::new(lugre)?).into(),
         Classical::Leuven(Leuven::new(
             &bank,

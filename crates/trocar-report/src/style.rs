@@ -57,8 +57,9 @@ const SOLID: &[f64] = &[];
 const DASHED: &[f64] = &[8.0, 6.0];
 const DOTTED: &[f64] = &[2.0, 4.0];
 
-/// Kinds of friction models: EMS, then the classical ones in the order of their declaration.
-const KINDS: usize = 1 + Classical::KINDS.len();
+/// Kinds of friction models that have a colour of their own: EMS, then the classical ones in the
+/// order of their declaration.
+const KINDS: usize = 8;
 
 /// Colours of the kinds, light and dark, and darker ones for their dashed variants, so that dashes
 /// are visible on a coincident solid line.
@@ -76,6 +77,8 @@ const ORANGE: [&str; 2] = ["#c04a00", "#ff9a55"];
 const ORANGE_DEEP: [&str; 2] = ["#4d1d00", "#ffe0c8"];
 const RED: [&str; 2] = ["#a32020", "#ff7a70"];
 const RED_DEEP: [&str; 2] = ["#3d0505", "#ffd9d5"];
+const OLIVE: [&str; 2] = ["#4d6b00", "#a9cf4a"];
+const OLIVE_DEEP: [&str; 2] = ["#1f2b00", "#e6f7b8"];
 
 /// Classes of a map's values.
 const LEVELS: usize = 7;
@@ -125,6 +128,9 @@ const STYLES: [Style; 16 + 3 * KINDS + 1 + LEVELS] = [
     style("friction-6-0", RED, 1.6, SOLID, Marker::Circle),
     style("friction-6-1", RED_DEEP, 1.6, DASHED, Marker::Circle),
     style("friction-6-2", RED_DEEP, 1.6, DOTTED, Marker::Circle),
+    style("friction-7-0", OLIVE, 1.6, DASHED, Marker::Diamond),
+    style("friction-7-1", OLIVE_DEEP, 1.6, DOTTED, Marker::Diamond),
+    style("friction-7-2", OLIVE_DEEP, 1.6, SOLID, Marker::Diamond),
     style("backdrop", ["#a9afb5", "#6f777f"], 3.2, SOLID, Marker::Circle),
     level("level-0", "#440154"),
     level("level-1", "#443983"),
@@ -140,9 +146,10 @@ pub(super) const fn all() -> &'static [Style] {
     &STYLES
 }
 
-/// Place of a kind of friction models among the styles; EMS is the first.
+/// Place of a kind of friction models among the styles; EMS is the first, and after the last colour
+/// they begin anew.
 pub(super) fn place(kind: &str) -> usize {
-    Classical::KINDS.iter().position(|own| *own == kind).map_or(0, |at| at + 1)
+    Classical::KINDS.iter().position(|own| *own == kind).map_or(0, |at| at + 1) % KINDS
 }
 
 /// CSS custom properties that hold a colour of each of `styles`.

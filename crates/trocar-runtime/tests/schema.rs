@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 
 use serde_json::{Value, json};
 use trocar_model::{
-    DahlParams, ElementParams, GmsElement, LeuvenParams, LuGreParams, Parameters, Range,
-    RelaxationArm, SealDamping, SlidingFriction, SlipElement,
+    BoucWenParams, DahlParams, ElementParams, GmsElement, LeuvenParams, LuGreParams, Parameters,
+    Range, RelaxationArm, SealDamping, SlidingFriction, SlipElement,
 };
 
 const SCHEMA: &str = include_str!("../../../schema/model.schema.json");
@@ -60,6 +60,7 @@ fn the_schema_lists_the_declared_parameters() {
     lists::<SealDamping>(&schema, "/$defs/seal_damping", true);
     lists::<SlidingFriction>(&schema, "/$defs/sliding", true);
     lists::<DahlParams>(&schema, "/$defs/dahl", true);
+    lists::<BoucWenParams>(&schema, "/$defs/bouc_wen", true);
     lists::<LuGreParams>(&schema, "/$defs/lugre", true);
     lists::<LeuvenParams>(&schema, "/$defs/leuven", true);
     lists::<SlipElement>(&schema, "/$defs/slip_elements/items", true);

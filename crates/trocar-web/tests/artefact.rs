@@ -15,10 +15,10 @@ mod module;
 mod skipped;
 
 /// Largest module that a report may carry, bytes: a tenth of a report, before compression. The declarations of all parameters, which
-/// turning them checks, took it from 61 to 73 kB.
-const LARGEST: u64 = 76_000;
+/// turning them checks, took it from 61 to 73 kB, the Bouc–Wen model to 79.
+const LARGEST: u64 = 83_000;
 /// Fewest models to compare on: one of every kind.
-const KINDS: usize = 14;
+const KINDS: usize = 15;
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

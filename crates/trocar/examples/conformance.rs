@@ -16,9 +16,10 @@ use rand::distr::{Distribution, Uniform};
 use rand_chacha::ChaCha8Rng;
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar_model::{
-    Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams,
-    LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation, RelaxationArm, Seal, SealDamping,
-    SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve, Trocar,
+    BoucWen, BoucWenParams, Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement,
+    Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation,
+    RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
+    StaticFriction, StribeckCurve, Trocar,
 };
 
 /// Rows of the motion.
@@ -71,6 +72,16 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
                 stiffness: 700.0,
                 coulomb_force: 2.0,
                 exponent: 1.4,
+                viscous_damping: 5.0,
+            })?),
+        ),
+        (
+            "bouc_wen",
+            Classical::BoucWen(BoucWen::new(BoucWenParams {
+                stiffness: 700.0,
+                coulomb_force: 2.0,
+                exponent: 1.7,
+                unloading_shape: 0.8,
                 viscous_damping: 5.0,
             })?),
         ),

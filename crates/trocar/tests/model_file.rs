@@ -9,10 +9,10 @@ use trocar::model_file::{
 };
 use trocar_model::Classical;
 use trocar_model::{
-    Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre,
-    LuGreParams, MAX_ELEMENTS, MaxwellSlip, PositionProfile, Relaxation, RelaxationArm,
-    SealDamping, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction, StribeckCurve,
-    Trocar,
+    BoucWen, BoucWenParams, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement, Leuven,
+    LeuvenParams, LuGre, LuGreParams, MAX_ELEMENTS, MaxwellSlip, PositionProfile, Relaxation,
+    RelaxationArm, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages, StaticFriction,
+    StribeckCurve, Trocar,
 };
 
 fn schema() -> jsonschema::Validator {
@@ -176,6 +176,14 @@ fn classical_models() -> Vec<Classical> {
         viscous_damping: 0.0,
     };
     models.push(Classical::Dahl(Dahl::new(dahl).unwrap()));
+    let bouc_wen = BoucWenParams {
+        stiffness: 1e4 / 3.0,
+        coulomb_force: 2.9,
+        exponent: 1.1,
+        unloading_shape: 0.7,
+        viscous_damping: 0.0,
+    };
+    models.push(Classical::BoucWen(BoucWen::new(bouc_wen).unwrap()));
     for (curve, damping_velocity) in
         [(StribeckCurve::Exponential, f64::INFINITY), (StribeckCurve::Rational, 0.07)]
     {
@@ -298,6 +306,7 @@ fn every_number_says_its_unit() {
             "seed",
             "stribeck_exponent",
             "exponent",
+            "unloading_shape",
             "share",
             "value",
             "ci95",
@@ -434,7 +443,7 @@ fn classical_models_of_another_form_are_refused_by_reader_and_schema() {
     let elements = value(&complete().to_json())["elements"].clone();
     let many = json!(vec![json!({"stiffness_n_m": 1.0, "limit_force_n": 1.0}); MAX_ELEMENTS + 1]);
     let number = "friction.sliding.coulomb_force_n: must be a number in N, got \"3 N\"";
-    let kinds = "friction.kind: must be one of static, dahl, lugre, leuven, maxwell-slip, gms, got";
+    let kinds = "friction.kind: must be one of static, dahl, lugre, leuven, maxwell-slip, gms, bouc-wen, got";
     let cases = [
         (
             "static",

@@ -12,8 +12,9 @@ use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::Classical;
 use trocar_model::friction::Friction;
 use trocar_model::{
-    Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip,
-    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    BoucWen, BoucWenParams, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre,
+    LuGreParams, MaxwellSlip, SlidingFriction, SlipElement, SlipRate, StaticFriction,
+    StribeckCurve,
 };
 
 /// Number of benches of each model, and required coverage over all its parameters together. With
@@ -211,6 +212,28 @@ fn truth(kind: Kind, draw: &mut Draw) -> Truth {
             let numbers = named.map(|(name, value)| (name.to_owned(), value)).to_vec();
             Truth { model: Classical::Dahl(Dahl::new(params).expect("in range")), numbers }
         }
+        Kind::BoucWen => {
+            let coulomb_force = draw.between(1.5, 3.0);
+            let stiffness = coulomb_force / draw.between(0.8e-3, 2e-3);
+            let (exponent, unloading_shape) = (draw.between(1.2, 2.2), draw.between(0.6, 1.2));
+            let viscous_damping = draw.between(2.0, 6.0);
+            let params = BoucWenParams {
+                stiffness,
+                coulomb_force,
+                exponent,
+                unloading_shape,
+                viscous_damping,
+            };
+            let named = [
+                ("stiffness_n_m", stiffness),
+                ("coulomb_force_n", coulomb_force),
+                ("exponent", exponent),
+                ("unloading_shape", unloading_shape),
+                ("viscous_damping_n_s_m", viscous_damping),
+            ];
+            let numbers = named.map(|(name, value)| (name.to_owned(), value)).to_vec();
+            Truth { model: Classical::BoucWen(BoucWen::new(params).expect("in range")), numbers }
+        }
         _ => bank_truth(kind, draw),
     }
 }
@@ -356,6 +379,11 @@ fn stribeck_is_recovered() {
 #[test]
 fn dahl_is_recovered() {
     recovered(Kind::Dahl);
+}
+
+#[test]
+fn bouc_wen_is_recovered() {
+    recovered(Kind::BoucWen);
 }
 
 #[test]

@@ -23,9 +23,8 @@ const MOST_NAMES: usize = 8;
 
 /// Compare friction models: fit them all to the same recordings, score them on the same others
 ///
-/// The EMS element and the models that its paper names: Coulomb, Stribeck, Dahl, LuGre, Leuven,
-/// Maxwell-Slip and Generalized Maxwell-Slip. Fits each to the training recordings and simulates it
-/// along the validation recordings. Prints the best model of each family, least error first, and by
+/// The EMS element and the classical models that --models lists. Fits each to the training
+/// recordings and simulates it along the validation recordings. Prints the best model of each family, least error first, and by
 /// how many standard errors over the strokes it wins; --all prints everything, and --out writes
 /// every model to a file. All models are scored on the samples at which the state of the EMS
 /// element is known. Exit code 3: a recording lost data, or the seal never slides in a validation
@@ -63,14 +62,14 @@ pub(crate) struct Args {
 }
 
 fn models_help() -> String {
-    let families = Kind::FAMILIES.map(|kind| match kind.is_bank() {
+    let families = Kind::FAMILIES.iter().map(|kind| match kind.is_bank() {
         true => format!("{}[:N]", kind.family()),
         false => kind.family().to_owned(),
     });
     format!(
         "Models, separated by commas: ems, ems-output-error (EMS fitted by the criterion of the others), {}. [:N] is a number or a \
          range of elements, as in leuven:4 or maxwell-slip:4-10 [default: 4 for leuven, 1 to 12 for the others]",
-        families.join(", ")
+        families.collect::<Vec<_>>().join(", ")
     )
 }
 

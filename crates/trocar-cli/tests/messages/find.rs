@@ -58,6 +58,7 @@ impl Finder<'_> {
         let mut before = String::new();
         for token in tokens {
             match token {
+                TokenTree::Group(group) if before == "#" && is_documentation(&group) => {}
                 // A method inside of a macro speaks to nobody, too: `.expect("…")`.
                 TokenTree::Group(group) => {
                     self.within(&before.clone(), |own| own.tokens(group.stream()))
@@ -70,6 +71,7 @@ impl Finder<'_> {
                 TokenTree::Ident(name) => before = name.to_string(),
                 // Between the name of a macro and what it holds.
                 TokenTree::Punct(mark) if mark.as_char() == '!' => {}
+                TokenTree::Punct(mark) if mark.as_char() == '#' => before = "#".to_owned(),
                 TokenTree::Punct(_) => before.clear(),
             }
         }
@@ -88,6 +90,12 @@ impl Finder<'_> {
         inner(self);
         self.silent -= silent;
     }
+}
+
+/// A doc comment inside of a macro, which is an attribute there.
+fn is_documentation(group: &proc_macro2::Group) -> bool {
+    let first = group.stream().into_iter().next();
+    matches!(first, Some(TokenTree::Ident(name)) if name == "doc")
 }
 
 fn is_test(attributes: &[syn::Attribute]) -> bool {
@@ -324,6 +332,10 @@ fn messages_are_found_wherever_they_stand_and_texts_for_nobody_are_not() {
             console.warn(&format!("a {} b {}", "that one inside", name.expect("never seen by users")));
             assert!(x, "neither is this one");
         }
+        declared! {
+            /// Nor this one, inside of a macro.
+            name = "but this one is";
+        }
         #[cfg(test)]
         mod tests { fn g() { h("this is a test") } }
     "#;
@@ -333,7 +345,8 @@ fn messages_are_found_wherever_they_stand_and_texts_for_nobody_are_not() {
             "{…}: cannot open: {source} hint: look",
             "{x} N is too much",
             "this is too little",
-            "that one inside"
+            "that one inside",
+            "but this one is"
         ]
     );
     let source = "\"\"\"Not this, it is documentation.\"\"\"\nraise E(f\"{name!r} must be {', '.join(all)} here\")  # nor this one\n";

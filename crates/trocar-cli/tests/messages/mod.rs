@@ -110,7 +110,7 @@ const NAMES: [(&str, &[&str]); 21] = [
     ("trocar-identify/src/prior.rs", &["words", "weak_priors"]),
     ("trocar-identify/src/terms.rs", &["words"]),
     ("trocar-identify/src/options.rs", &["in_words"]),
-    ("trocar-identify/src/classical/kind.rs", &["title", "panel"]),
+    ("trocar-identify/src/classical/kind.rs", &["COULOMB_VISCOUS", "DAHL"]),
     ("trocar-lab/src/plan/goal.rs", &["fmt"]),
     ("trocar-lab/src/plan/blocks.rs", &["fmt"]),
     ("trocar-lab/src/teleop/merit.rs", &["rows"]),

@@ -206,13 +206,13 @@ impl Description<'_> {
             .collect();
         match version {
             Version::V2 => {
-                let list = |lines: &mut Lines, rest: &str| {
-                    outputs
-                        .iter()
-                        .for_each(|output| lines.put(&format!("<Unknown{output}{rest}/>")));
-                };
-                lines.within("Outputs", "", |lines| list(lines, " dependencies=\"\""));
-                lines.within("InitialUnknowns", "", |lines| list(lines, ""));
+                for (name, rest) in [("Outputs", " dependencies=\"\""), ("InitialUnknowns", "")] {
+                    lines.within(name, "", |lines| {
+                        outputs
+                            .iter()
+                            .for_each(|output| lines.put(&format!("<Unknown{output}{rest}/>")));
+                    });
+                }
             }
             Version::V3 => {
                 outputs
@@ -261,23 +261,22 @@ fn units(lines: &mut Lines) {
 }
 
 fn mode_type(lines: &mut Lines, version: Version) {
-    let items = |lines: &mut Lines| {
-        for (name, value, is) in [
-            ("Deforming", "1", "the seal deforms with the instrument"),
-            ("Sliding", "2", "the instrument slides through the seal"),
-        ] {
-            lines.put(&format!(
-                "<Item{}/>",
-                attributes(&[("name", name), ("value", value), ("description", is)])
-            ));
-        }
-    };
     let name = attribute("name", "Mode");
     match version {
         Version::V2 => {
-            lines.within("SimpleType", &name, |lines| lines.within("Enumeration", "", items))
+            lines.within("SimpleType", &name, |lines| lines.within("Enumeration", "", modes))
         }
-        Version::V3 => lines.within("EnumerationType", &name, items),
+        Version::V3 => lines.within("EnumerationType", &name, modes),
+    }
+}
+
+fn modes(lines: &mut Lines) {
+    for (name, value, is) in [
+        ("Deforming", "1", "the seal deforms with the instrument"),
+        ("Sliding", "2", "the instrument slides through the seal"),
+    ] {
+        let item = attributes(&[("name", name), ("value", value), ("description", is)]);
+        lines.put(&format!("<Item{item}/>"));
     }
 }
 

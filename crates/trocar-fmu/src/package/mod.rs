@@ -242,8 +242,9 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
     let mut variables = variables(&trocar, input);
     let mut token = token(&row, input);
     if form == Form::Source {
-        let is_start = |role| matches!(role, Role::InitialForce | Role::InitialDeflection);
-        variables.retain(|variable| !is_start(variable.role));
+        variables.retain(|variable| {
+            !matches!(variable.role, Role::InitialForce | Role::InitialDeflection)
+        });
         token = token.replace('}', "-source}");
     }
     let has_mode = variables.iter().any(|variable| variable.role == Role::Mode);

@@ -34,8 +34,8 @@ fn prefix(version: Version) -> &'static str {
 /// The model identifier of an FMU with source code, which C names begin with: `name` with `_` for
 /// each character that they cannot contain.
 pub(super) fn identifier(name: &str) -> String {
-    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
-    ["trocar_", &name.chars().map(plain).collect::<String>()].concat()
+    let plain = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' });
+    "trocar_".chars().chain(plain).collect()
 }
 
 /// `variables.h`: what the functions of FMI know of the model.

@@ -11,7 +11,7 @@ use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
 use trocar_simulate::segment::SteadySegment;
 
-use super::kind::Scales;
+use super::coordinate::Scales;
 
 /// Most clusters of cycles. This is fewer than for the EMS element: without a steady state of its
 /// own, the fit must not treat neighbouring cycles as independent.

@@ -10,9 +10,11 @@ use crate::likelihood::{self, Column, Fitted, Free, Stop, Trial};
 use crate::spread::{Reported, Spread};
 use trocar_model::Classical;
 
+use super::banks::from_kin;
+use super::coordinate::{self, Coordinate, reported};
 use super::data::ClassicalData;
-use super::kind::{self, Coordinate, Kind, build, coordinates, reported};
-use super::starts;
+use super::family::Related;
+use super::kind::Kind;
 
 /// Stopping criteria of the short fits from every start, and of the final fit.
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
@@ -45,7 +47,13 @@ pub struct ClassicalFit {
     /// Warnings about the result.
     pub warnings: Vec<Warning>,
     /// The free parameters, the offset first: a start for a larger model of the family.
-    pub(super) numbers: Vec<f64>,
+    numbers: Vec<f64>,
+}
+
+impl ClassicalFit {
+    fn numbers(&self) -> &[f64] {
+        &self.numbers
+    }
 }
 
 /// A classical model under trial; logarithms where the fit uses them.
@@ -84,7 +92,7 @@ impl Trial for ClassicalTrial {
     type Model = Classical;
 
     fn model(&self) -> Option<Classical> {
-        build(self.kind, &self.numbers()[1..]).ok()
+        self.kind.build(&self.numbers()[1..]).ok()
     }
 
     fn free(&self) -> Vec<Free> {
@@ -143,20 +151,25 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
         (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
         _ => None,
     };
-    let kin = RelatedFits { special: kin.special.or(special.as_ref()), ..kin };
-    let coordinates: Arc<[Coordinate]> = coordinates(kind, &data.scales).into();
+    let similar = kind.similar().and_then(|other| fit(other, data, RelatedFits::default()).ok());
+    let related = Related {
+        smaller: kin.smaller.map(ClassicalFit::numbers),
+        special: kin.special.or(special.as_ref()).map(ClassicalFit::numbers),
+        similar: similar.as_ref().map(ClassicalFit::numbers),
+    };
+    let coordinates: Arc<[Coordinate]> = kind.coordinates(&data.scales).into();
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
         starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()
     };
-    let fresh = trials(starts::fresh(kind, data, kin));
+    let fresh = trials(kind.starts(data, related));
     let mut short: Vec<Fitted<ClassicalTrial>> =
         fresh.iter().filter_map(|trial| likelihood::fit(&data.training, trial, SHORT)).collect();
     short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-    let finalists = short
-        .into_iter()
-        .take(FINALISTS)
-        .map(|s| s.best)
-        .chain(trials(starts::from_kin(kind, data, kin)));
+    let finalists = short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(from_kin(
+        kind.bank(),
+        data,
+        related,
+    )));
     let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
     let found = long
         .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
@@ -182,7 +195,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let best = &found.best;
     let spread = Spread::new(found);
     let scale_of = |j: &usize| SCALE * best.coordinates[*j].step;
-    let estimate = |q: kind::Reported| {
+    let estimate = |q: coordinate::Reported| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
         let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
         let how = Reported {
@@ -202,7 +215,7 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
         };
         Parameter::new(q.id, estimate)
     };
-    reported(best.kind, &best.coordinates).into_iter().map(estimate).collect()
+    reported(best.kind.bank(), &best.coordinates).into_iter().map(estimate).collect()
 }
 
 /// Warnings about a fit: lack of convergence, and parameters that the data do not determine.

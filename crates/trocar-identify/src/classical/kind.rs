@@ -1,125 +1,116 @@
-//! Classical friction models, their free parameters, and their construction from these.
+//! Classical friction models: which there are, what is free in each, how it is built from that, and
+//! where its fit starts.
 
 use std::fmt;
 
-use trocar_model::Quantity as Q;
 use trocar_model::{
-    Classical, Dahl, DahlParams, Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams,
-    MaxwellSlip, ParamError, ParameterId, SlidingFriction, SlipElement, SlipRate, StaticFriction,
-    StribeckCurve,
+    BoucWen, BoucWenParams, Classical, Dahl, DahlParams, LuGre, LuGreParams, ParamError,
+    Quantity as Q, SlidingFriction, StaticFriction, StribeckCurve,
 };
 
-/// A classical friction model, with its number of elements where that is variable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Kind {
-    /// F_c·sgn v.
-    Coulomb,
-    /// Coulomb and viscous, EMS (23).
-    CoulombViscous,
-    /// Stribeck with shape exponent, EMS (11).
-    Stribeck,
-    /// Dahl with exponent, and a viscous part.
-    Dahl,
-    /// LuGre with the exponential Stribeck curve of EMS (6).
-    LuGre,
-    /// LuGre with the rational Stribeck curve.
-    LuGreRational,
-    /// Modified Leuven with this many hysteresis elements.
-    Leuven(usize),
-    /// Maxwell-Slip with this many elements, EMS (1)-(4).
-    MaxwellSlip(usize),
-    /// Generalized Maxwell-Slip with this many elements, EMS (5)-(7).
-    Gms(usize),
+use super::banks::{GMS, LEUVEN, MAXWELL_SLIP};
+use super::coordinate::{Bank, Coordinate, Scales};
+use super::data::ClassicalData;
+use super::family::{Family, Related, stribeck};
+
+macro_rules! kinds {
+    (
+        fixed { $($(#[$doc:meta])* $fixed:ident = $of_fixed:ident;)* }
+        banks { $($(#[$bank_doc:meta])* $bank:ident = $of_bank:ident;)* }
+    ) => {
+        /// A classical friction model, with its number of elements where that is variable.
+        #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Kind {
+            $($(#[$doc])* $fixed,)*
+            $($(#[$bank_doc])* $bank(usize),)*
+        }
+
+        impl Kind {
+            /// One of each family, in the order of tables, with the number of elements that is
+            /// compared unless another is asked for; where that is a range, its end.
+            pub const FAMILIES: &[Self] =
+                &[$(Self::$fixed,)* $(Self::$bank($of_bank.elements[1]),)*];
+
+            /// Whether the number of elements can be chosen.
+            pub fn is_bank(self) -> bool {
+                matches!(self, $(Self::$bank(_))|*)
+            }
+
+            /// Number of elements; 1 for models with a fixed structure.
+            pub fn elements(self) -> usize {
+                match self {
+                    $(Self::$bank(count))|* => count,
+                    _ => 1,
+                }
+            }
+
+            /// The same family with `count` elements; unchanged for models with a fixed structure.
+            pub fn with_elements(self, count: usize) -> Self {
+                match self {
+                    $(Self::$bank(_) => Self::$bank(count),)*
+                    fixed => fixed,
+                }
+            }
+
+            const fn declared(self) -> &'static Family {
+                match self {
+                    $(Self::$fixed => &$of_fixed,)*
+                    $(Self::$bank(_) => &$of_bank,)*
+                }
+            }
+        }
+    };
+}
+
+kinds! {
+    fixed {
+        /// F_c·sgn v.
+        Coulomb = COULOMB;
+        /// Coulomb and viscous, EMS (23).
+        CoulombViscous = COULOMB_VISCOUS;
+        /// Stribeck with shape exponent, EMS (11).
+        Stribeck = STRIBECK;
+        /// Dahl with exponent, and a viscous part.
+        Dahl = DAHL;
+        /// Bouc–Wen, and a viscous part.
+        BoucWen = BOUC_WEN;
+        /// LuGre with the exponential Stribeck curve of EMS (6).
+        LuGre = LUGRE;
+        /// LuGre with the rational Stribeck curve.
+        LuGreRational = LUGRE_RATIONAL;
+    }
+    banks {
+        /// Modified Leuven with this many hysteresis elements.
+        Leuven = LEUVEN;
+        /// Maxwell-Slip with this many elements, EMS (1)-(4).
+        MaxwellSlip = MAXWELL_SLIP;
+        /// Generalized Maxwell-Slip with this many elements, EMS (5)-(7).
+        Gms = GMS;
+    }
 }
 
 impl Kind {
-    /// One of each family, in the order of tables, with the number of elements that is compared
-    /// unless another is asked for; where that is a range, its end.
-    pub const FAMILIES: [Self; 9] = [
-        Self::Coulomb,
-        Self::CoulombViscous,
-        Self::Stribeck,
-        Self::Dahl,
-        Self::LuGre,
-        Self::LuGreRational,
-        Self::Leuven(4),
-        Self::MaxwellSlip(12),
-        Self::Gms(12),
-    ];
-
     /// All that are compared unless others are asked for.
     pub fn compared() -> impl Iterator<Item = Self> {
-        Self::FAMILIES.into_iter().flat_map(|family| {
-            let least = match family {
-                Self::MaxwellSlip(_) | Self::Gms(_) => 1,
-                other => other.elements(),
-            };
-            (least..=family.elements()).map(move |count| family.with_elements(count))
+        Self::FAMILIES.iter().flat_map(|family| {
+            let [least, most] = family.declared().elements;
+            (least..=most).map(|count| family.with_elements(count))
         })
-    }
-
-    /// Whether the number of elements can be chosen.
-    pub fn is_bank(self) -> bool {
-        matches!(self, Self::Leuven(_) | Self::MaxwellSlip(_) | Self::Gms(_))
     }
 
     /// Title of the panel in which a figure shows the family.
     pub fn panel(self) -> &'static str {
-        match self {
-            Self::Coulomb | Self::CoulombViscous | Self::Stribeck => "Static",
-            Self::Dahl | Self::LuGre | Self::LuGreRational => "Dahl and LuGre",
-            Self::Leuven(_) => "Leuven",
-            Self::MaxwellSlip(_) => "Maxwell-Slip",
-            Self::Gms(_) => "Generalized Maxwell-Slip",
-        }
+        self.declared().panel
     }
 
     /// Name of the family, without the number of elements.
     pub fn family(self) -> &'static str {
-        match self {
-            Self::Coulomb => "coulomb",
-            Self::CoulombViscous => "coulomb-viscous",
-            Self::Stribeck => "stribeck",
-            Self::Dahl => "dahl",
-            Self::LuGre => "lugre",
-            Self::LuGreRational => "lugre-rational",
-            Self::Leuven(_) => "leuven",
-            Self::MaxwellSlip(_) => "maxwell-slip",
-            Self::Gms(_) => "gms",
-        }
+        self.declared().name
     }
 
     /// Name of the family in texts.
     pub fn title(self) -> &'static str {
-        match self {
-            Self::Coulomb => "Coulomb",
-            Self::CoulombViscous => "Coulomb and viscous",
-            Self::Stribeck => "Stribeck",
-            Self::Dahl => "Dahl",
-            Self::LuGre => "LuGre",
-            Self::LuGreRational => "LuGre, rational",
-            Self::Leuven(_) => "Leuven",
-            Self::MaxwellSlip(_) => "Maxwell-Slip",
-            Self::Gms(_) => "GMS",
-        }
-    }
-
-    /// Number of elements; 1 for models with a fixed structure.
-    pub fn elements(self) -> usize {
-        match self {
-            Self::Leuven(n) | Self::MaxwellSlip(n) | Self::Gms(n) => n,
-            _ => 1,
-        }
-    }
-
-    /// The same family with `count` elements; unchanged for models with a fixed structure.
-    pub fn with_elements(self, count: usize) -> Self {
-        match self {
-            Self::Leuven(_) => Self::Leuven(count),
-            Self::MaxwellSlip(_) => Self::MaxwellSlip(count),
-            Self::Gms(_) => Self::Gms(count),
-            other => other,
-        }
+        self.declared().title
     }
 
     /// The same family with one element less.
@@ -137,16 +128,37 @@ impl Kind {
 
     /// Number of free parameters, without the sensor offset.
     pub fn parameters(self) -> usize {
-        match self {
-            Self::Coulomb => 1,
-            Self::CoulombViscous => 2,
-            Self::Stribeck => 5,
-            Self::Dahl => 4,
-            Self::LuGre | Self::LuGreRational => 6,
-            Self::Leuven(n) => 5 + 2 * n,
-            Self::MaxwellSlip(n) => 1 + 2 * n,
-            Self::Gms(n) => 4 + 3 * n,
-        }
+        self.free(&Scales::NONE).len()
+    }
+
+    /// The free parameters, without the sensor offset.
+    fn free(self, scales: &Scales) -> Vec<Coordinate> {
+        (self.declared().free)(scales, self.elements())
+    }
+
+    /// The model with the parameters `p`, which start after the sensor offset.
+    pub(super) fn build(self, p: &[f64]) -> Result<Classical, ParamError> {
+        (self.declared().build)(self.elements(), p)
+    }
+
+    pub(super) fn bank(self) -> Option<Bank> {
+        self.declared().bank
+    }
+
+    /// The model of another family whose fit is a start of this one.
+    pub(super) fn similar(self) -> Option<Self> {
+        matches!(self, Self::Leuven(_)).then_some(Self::LuGre)
+    }
+
+    /// The free parameters, the sensor offset first.
+    pub(super) fn coordinates(self, scales: &Scales) -> Vec<Coordinate> {
+        std::iter::once(scales.offset()).chain(self.free(scales)).collect()
+    }
+
+    /// Several starts derived from the data, each with the sensor offset first.
+    pub(super) fn starts(self, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
+        let after_offset = (self.declared().starts)(self.elements(), data, kin);
+        after_offset.into_iter().map(|p| [vec![data.scales.offset], p].concat()).collect()
     }
 }
 
@@ -157,272 +169,156 @@ impl fmt::Display for Kind {
     }
 }
 
-/// Scales of the data, determined before any classical model is fitted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Scales {
-    /// F_0, N.
-    pub(crate) offset: f64,
-    /// F_c, N.
-    pub(crate) force: f64,
-    /// β, N s/m.
-    pub(crate) viscous: f64,
-    /// Half of the travel between sliding in one direction and sliding in the other, m.
-    pub(crate) half_width: f64,
-    /// Longest stroke, m.
-    pub(crate) stroke: f64,
-    /// Slowest and fastest steady sliding, m/s.
-    pub(crate) speeds: [f64; 2],
-}
+const COULOMB: Family = Family {
+    name: "coulomb",
+    title: "Coulomb",
+    panel: "Static",
+    elements: [1, 1],
+    free: |scales, _| vec![scales.coulomb()],
+    build: |_, p| Ok(Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], 0.0))?)),
+    starts: |_, data, _| vec![vec![data.scales.force]],
+    bank: None,
+};
 
-/// What a free parameter is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Number {
-    /// A parameter that is reported as it is.
-    Reported(ParameterId),
-    /// F_s − F_c, N.
-    Rise,
-    /// Deflection at which the element of this id slips, m; the free parameter before it is the
-    /// stiffness.
-    LimitDeflection(ParameterId),
-}
+const COULOMB_VISCOUS: Family = Family {
+    name: "coulomb-viscous",
+    title: "Coulomb and viscous",
+    free: |scales, _| vec![scales.coulomb(), scales.damping(Q::ViscousDamping)],
+    build: |_, p| Ok(Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], p[1]))?)),
+    starts: |_, data, _| vec![vec![data.scales.force, data.scales.viscous]],
+    ..COULOMB
+};
 
-impl<T: Into<ParameterId>> From<T> for Number {
-    fn from(id: T) -> Self {
-        Self::Reported(id.into())
-    }
-}
+const STRIBECK: Family = Family {
+    name: "stribeck",
+    title: "Stribeck",
+    free: |scales, _| {
+        vec![
+            scales.coulomb(),
+            scales.rise(),
+            scales.stribeck_velocity(),
+            Coordinate::log(Q::StribeckExponent, [0.2, 8.0]),
+            scales.damping(Q::ViscousDamping),
+        ]
+    },
+    build: |_, p| {
+        let sliding = stribeck([p[0], p[1], p[2], p[3], p[4]]);
+        Ok(Classical::Static(StaticFriction::new(sliding)?))
+    },
+    starts: |_, data, _| {
+        let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
+        [0.3 * slowest, slowest, data.scales.middle_speed(), 0.7 * fastest]
+            .map(|velocity| vec![force, 0.2 * force, velocity, 2.0, viscous])
+            .to_vec()
+    },
+    ..COULOMB
+};
 
-/// One free parameter.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Coordinate {
-    pub(super) number: Number,
-    /// Whether the fit uses the logarithm.
-    pub(super) log: bool,
-    /// Range of the parameter itself.
-    pub(super) range: [f64; 2],
-    /// Step of the difference quotient, in the parameter or its logarithm.
-    pub(super) step: f64,
-}
-
-impl Coordinate {
-    fn log(number: impl Into<Number>, range: [f64; 2]) -> Self {
-        Self { number: number.into(), log: true, range, step: 1e-4 }
-    }
-
-    fn linear(number: impl Into<Number>, range: [f64; 2], step: f64) -> Self {
-        Self { number: number.into(), log: false, range, step }
-    }
-}
-
-/// The free parameters of a kind, the sensor offset first, in the order that [`build`] expects.
-pub(super) fn coordinates(kind: Kind, scales: &Scales) -> Vec<Coordinate> {
-    let Scales { force, stroke, half_width, speeds: [slowest, fastest], .. } = *scales;
-    let most = 1e3 * force / fastest;
-    let coulomb = || Coordinate::log(Q::CoulombForce, [1e-2 * force, 1e2 * force]);
-    let rise = || Coordinate::linear(Number::Rise, [0.0, 20.0 * force], 1e-4 * force);
-    let velocity = || Coordinate::log(Q::StribeckVelocity, [0.1 * slowest, 3.0 * fastest]);
-    let damping = |id: ParameterId| Coordinate::linear(id, [0.0, most], 1e-3 * force / fastest);
-    let [viscous, micro] = [Q::ViscousDamping, Q::MicroDamping].map(|q| move || damping(q.id()));
-    let stiffness =
-        |id: ParameterId| Coordinate::log(id, [1e-4 * force / stroke, 1e4 * force / half_width]);
-    let limit = |i: usize| {
-        let id = Q::LimitForce.id().of_element(i);
-        Coordinate::log(Number::LimitDeflection(id), [1e-3 * half_width, 0.5 * stroke])
-    };
-    let element = |i: usize| [stiffness(Q::Stiffness.id().of_element(i)), limit(i)];
-    let mut all =
-        vec![Coordinate::linear(Q::Offset, [f64::NEG_INFINITY, f64::INFINITY], 1e-4 * force)];
-    match kind {
-        Kind::Coulomb => all.push(coulomb()),
-        Kind::CoulombViscous => all.extend([coulomb(), viscous()]),
-        Kind::Stribeck => {
-            let exponent = Coordinate::log(Q::StribeckExponent, [0.2, 8.0]);
-            all.extend([coulomb(), rise(), velocity(), exponent, viscous()]);
-        }
-        Kind::Dahl => {
-            let exponent = Coordinate::log(Q::Exponent, [0.05, 8.0]);
-            all.extend([stiffness(Q::Stiffness.id()), coulomb(), exponent, viscous()]);
-        }
-        Kind::LuGre | Kind::LuGreRational => {
-            all.extend([
-                stiffness(Q::Stiffness.id()),
-                micro(),
-                coulomb(),
-                rise(),
-                velocity(),
-                viscous(),
-            ]);
-        }
-        Kind::Leuven(n) => {
-            let exponent = Coordinate::log(Q::Exponent, [0.1, 20.0]);
-            all.extend([coulomb(), rise(), velocity(), exponent, micro(), viscous()]);
-            all.extend((0..n - 1).flat_map(element));
-            all.push(stiffness(Q::Stiffness.id().of_element(n - 1)));
-        }
-        Kind::MaxwellSlip(n) => {
-            all.push(viscous());
-            all.extend((0..n).flat_map(element));
-        }
-        Kind::Gms(n) => {
-            let attraction = Coordinate::log(Q::AttractionRate, [1e-3 * force, 1e4 * force]);
-            all.extend([viscous(), rise(), velocity(), attraction]);
-            for i in 0..n {
-                all.extend(element(i));
-                all.push(damping(Q::Damping.id().of_element(i)));
-            }
-        }
-    }
-    all
-}
-
-fn stribeck(
-    [coulomb_force, rise, stribeck_velocity, stribeck_exponent, viscous_damping]: [f64; 5],
-) -> SlidingFriction {
-    let static_force = coulomb_force + rise;
-    SlidingFriction {
-        coulomb_force,
-        static_force,
-        stribeck_velocity,
-        stribeck_exponent,
-        viscous_damping,
-    }
-}
-
-/// The model with the parameters `p`, which start after the sensor offset.
-pub(super) fn build(kind: Kind, p: &[f64]) -> Result<Classical, ParamError> {
-    Ok(match kind {
-        Kind::Coulomb => {
-            Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], 0.0))?)
-        }
-        Kind::CoulombViscous => {
-            Classical::Static(StaticFriction::new(SlidingFriction::coulomb(p[0], p[1]))?)
-        }
-        Kind::Stribeck => {
-            Classical::Static(StaticFriction::new(stribeck([p[0], p[1], p[2], p[3], p[4]]))?)
-        }
-        Kind::Dahl => Classical::Dahl(Dahl::new(DahlParams {
+const DAHL: Family = Family {
+    name: "dahl",
+    title: "Dahl",
+    panel: "Dahl and LuGre",
+    elements: [1, 1],
+    free: |scales, _| {
+        vec![
+            scales.stiffness(Q::Stiffness),
+            scales.coulomb(),
+            Coordinate::log(Q::Exponent, [0.05, 8.0]),
+            scales.damping(Q::ViscousDamping),
+        ]
+    },
+    build: |_, p| {
+        Ok(Classical::Dahl(Dahl::new(DahlParams {
             stiffness: p[0],
             coulomb_force: p[1],
             exponent: p[2],
             viscous_damping: p[3],
-        })?),
-        Kind::LuGre | Kind::LuGreRational => Classical::LuGre(LuGre::new(LuGreParams {
+        })?))
+    },
+    starts: |_, data, _| {
+        let Scales { force, viscous, .. } = data.scales;
+        data.scales.stiffnesses().map(|k| vec![k, force, 1.0, viscous]).to_vec()
+    },
+    bank: None,
+};
+
+const BOUC_WEN: Family = Family {
+    name: "bouc-wen",
+    title: "Bouc–Wen",
+    free: |scales, _| {
+        vec![
+            scales.stiffness(Q::Stiffness),
+            scales.coulomb(),
+            Coordinate::log(Q::Exponent, [0.2, 20.0]),
+            Coordinate::linear(Q::UnloadingShape, [0.5, 10.0], 1e-3),
+            scales.damping(Q::ViscousDamping),
+        ]
+    },
+    build: |_, p| {
+        Ok(Classical::BoucWen(BoucWen::new(BoucWenParams {
             stiffness: p[0],
-            micro_damping: p[1],
-            damping_velocity: f64::INFINITY,
-            sliding: stribeck([p[2], p[3], p[4], 2.0, p[5]]),
-            curve: if kind == Kind::LuGre {
-                StribeckCurve::Exponential
-            } else {
-                StribeckCurve::Rational
-            },
-        })?),
-        Kind::Leuven(n) => {
-            let sliding = stribeck([p[0], p[1], p[2], 2.0, p[5]]);
-            Classical::Leuven(Leuven::new(
-                &leuven_elements(n, p),
-                LeuvenParams { sliding, exponent: p[3], micro_damping: p[4] },
-            )?)
+            coulomb_force: p[1],
+            exponent: p[2],
+            unloading_shape: p[3],
+            viscous_damping: p[4],
+        })?))
+    },
+    starts: |_, data, _| {
+        let Scales { force, viscous, .. } = data.scales;
+        let shapes = [[1.0, 1.0], [2.0, 0.7]];
+        data.scales
+            .stiffnesses()
+            .into_iter()
+            .flat_map(|k| shapes.map(|[n, shape]| vec![k, force, n, shape, viscous]))
+            .collect()
+    },
+    ..DAHL
+};
+
+const LUGRE: Family = Family {
+    name: "lugre",
+    title: "LuGre",
+    free: |scales, _| {
+        vec![
+            scales.stiffness(Q::Stiffness),
+            scales.damping(Q::MicroDamping),
+            scales.coulomb(),
+            scales.rise(),
+            scales.stribeck_velocity(),
+            scales.damping(Q::ViscousDamping),
+        ]
+    },
+    build: |_, p| lugre(p, StribeckCurve::Exponential),
+    starts: |_, data, _| {
+        let Scales { force, viscous, speeds: [slowest, _], .. } = data.scales;
+        let middle = data.scales.middle_speed();
+        let mut all = Vec::new();
+        for stiffness in data.scales.stiffnesses() {
+            for rise in [0.05 * force, 0.3 * force] {
+                for velocity in [slowest, middle] {
+                    let coulomb = force - 0.5 * rise;
+                    all.push(vec![stiffness, 0.1 * viscous, coulomb, rise, velocity, viscous]);
+                }
+            }
         }
-        Kind::MaxwellSlip(n) => {
-            let element = |i: usize| SlipElement {
-                stiffness: p[1 + 2 * i],
-                limit_force: p[1 + 2 * i] * p[2 + 2 * i],
-            };
-            Classical::MaxwellSlip(MaxwellSlip::new(
-                &(0..n).map(element).collect::<Vec<_>>(),
-                p[0],
-            )?)
-        }
-        Kind::Gms(n) => {
-            let sliding = stribeck([gms_coulomb_force(n, p), p[1], p[2], 2.0, p[0]]);
-            Classical::Gms(Gms::new(&gms_elements(n, p), sliding, SlipRate::Free)?)
-        }
-    })
-}
+        all
+    },
+    ..DAHL
+};
 
-/// The last element carries the whole static force, so the bank can hold every sliding force.
-fn leuven_elements(n: usize, p: &[f64]) -> Vec<SlipElement> {
-    let inner = (0..n - 1)
-        .map(|i| SlipElement { stiffness: p[6 + 2 * i], limit_force: p[6 + 2 * i] * p[7 + 2 * i] });
-    let last = SlipElement { stiffness: p[4 + 2 * n], limit_force: p[0] + p[1] };
-    inner.chain([last]).collect()
-}
+const LUGRE_RATIONAL: Family = Family {
+    name: "lugre-rational",
+    title: "LuGre, rational",
+    build: |_, p| lugre(p, StribeckCurve::Rational),
+    ..LUGRE
+};
 
-/// F_c = Σ k_i·Δ_i, N: the force of the elements at Coulomb friction.
-fn gms_coulomb_force(n: usize, p: &[f64]) -> f64 {
-    (0..n).map(|i| p[4 + 3 * i] * p[5 + 3 * i]).sum()
-}
-
-/// One attraction coefficient C, N/s, for all: C_i = C·ν_i with ν_i = α_i/k_i (GMS in its force
-/// form, SOURCES.md).
-fn gms_elements(n: usize, p: &[f64]) -> Vec<GmsElement> {
-    let coulomb = gms_coulomb_force(n, p);
-    let element = |i: usize| {
-        let [stiffness, limit, damping] = [p[4 + 3 * i], p[5 + 3 * i], p[6 + 3 * i]];
-        let share = stiffness * limit / coulomb;
-        GmsElement { stiffness, share, attraction: p[3] * share / stiffness, damping }
-    };
-    (0..n).map(element).collect()
-}
-
-/// A quantity as a function of the free parameters.
-type Formula = Box<dyn Fn(&[f64]) -> f64>;
-
-/// A reported quantity as a function of the free parameters, the offset first.
-pub(super) struct Reported {
-    pub(super) id: ParameterId,
-    /// Whether its interval is taken on the logarithm.
-    pub(super) log: bool,
-    pub(super) of: Formula,
-    /// Free parameters that it represents. It is not determined if one of them is held at a bound.
-    pub(super) from: Vec<usize>,
-}
-
-impl Reported {
-    /// Least meaningful value: the value at the lower bound of the parameter that it represents.
-    pub(super) fn least(&self, numbers: &[f64]) -> f64 {
-        let [only] = self.from[..] else { return f64::NEG_INFINITY };
-        if self.log || only == 0 {
-            return f64::NEG_INFINITY;
-        }
-        let mut lowest = numbers.to_vec();
-        lowest[only] = 0.0;
-        (self.of)(&lowest)
-    }
-}
-
-/// The reported parameters of a kind: its free parameters, some replaced by the customary ones.
-pub(super) fn reported(kind: Kind, coordinates: &[Coordinate]) -> Vec<Reported> {
-    let usual = |(j, c): (usize, &Coordinate)| match c.number {
-        Number::LimitDeflection(id) => {
-            Reported { id, log: true, of: Box::new(move |p| p[j - 1] * p[j]), from: vec![j - 1, j] }
-        }
-        Number::Rise => static_force(kind, j),
-        Number::Reported(id) => {
-            Reported { id, log: c.log, of: Box::new(move |p| p[j]), from: vec![j] }
-        }
-    };
-    let sum = match kind {
-        Kind::MaxwellSlip(n) => Some(bank_force(n, 2, 2)),
-        Kind::Gms(n) => Some(bank_force(n, 5, 3)),
-        _ => None,
-    };
-    sum.into_iter().chain(coordinates.iter().enumerate().map(usual)).collect()
-}
-
-/// Σ k_i·Δ_i, N, of a bank whose elements start at parameter `first`, with `stride` parameters
-/// each.
-fn bank_force(n: usize, first: usize, stride: usize) -> Reported {
-    let of =
-        move |p: &[f64]| (0..n).map(|i| p[first + stride * i] * p[first + stride * i + 1]).sum();
-    Reported { id: Q::CoulombForce.id(), log: true, of: Box::new(of), from: Vec::new() }
-}
-
-fn static_force(kind: Kind, rise: usize) -> Reported {
-    let of: Formula = match kind {
-        Kind::Gms(n) => Box::new(move |p| gms_coulomb_force(n, &p[1..]) + p[rise]),
-        _ => Box::new(move |p| p[rise - 1] + p[rise]),
-    };
-    Reported { id: Q::StaticForce.id(), log: false, of, from: vec![rise] }
+fn lugre(p: &[f64], curve: StribeckCurve) -> Result<Classical, ParamError> {
+    Ok(Classical::LuGre(LuGre::new(LuGreParams {
+        stiffness: p[0],
+        micro_damping: p[1],
+        damping_velocity: f64::INFINITY,
+        sliding: stribeck([p[2], p[3], p[4], 2.0, p[5]]),
+        curve,
+    })?))
 }

@@ -7,10 +7,12 @@
 //! stiffnesses of Maxwell-Slip start from a convex problem (non-negative least squares for given
 //! limits, RIZOS).
 
+mod banks;
+mod coordinate;
 mod data;
+mod family;
 mod fit;
 mod kind;
-mod starts;
 
 pub use data::ClassicalData;
 pub use fit::ClassicalFit;

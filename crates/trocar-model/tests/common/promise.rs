@@ -239,6 +239,10 @@ fn of_classical(model: &Classical, past: &Past) -> Bounds {
             let p = m.params();
             (p.coulomb_force, p.stiffness * 2.0_f64.powf(p.exponent), 0.0)
         }
+        Classical::BoucWen(m) => {
+            let p = m.params();
+            (p.coulomb_force, p.stiffness * (2.0 * p.unloading_shape), 0.0)
+        }
         Classical::LuGre(m) => {
             let p = m.params();
             let over = 1.0 + p.sliding.static_force / p.sliding.coulomb_force;

@@ -4,9 +4,9 @@ use std::error::Error;
 
 use trocar::report::Role;
 use trocar_model::{
-    Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams, Gms, GmsElement, Leuven,
-    LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParameterId, Quantity, Relaxation,
-    RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
+    BoucWen, BoucWenParams, Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams,
+    Gms, GmsElement, Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, ParameterId, Quantity,
+    Relaxation, RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
     StaticFriction, StribeckCurve, Trocar,
 };
 
@@ -199,6 +199,15 @@ fn classical() -> Outcome<Vec<Shown>> {
             viscous_damping,
         })
     };
+    let bouc_wen = |exponent, unloading_shape| {
+        BoucWen::new(BoucWenParams {
+            stiffness: STIFFNESS,
+            coulomb_force: 3.0,
+            exponent,
+            unloading_shape,
+            viscous_damping: 5.0,
+        })
+    };
     let lugre = |static_force| {
         LuGre::new(LuGreParams {
             stiffness: STIFFNESS,
@@ -238,6 +247,15 @@ fn classical() -> Outcome<Vec<Shown>> {
             vec![
                 line("i = 2", "dahl", 1, Classical::Dahl(dahl(2.0)?)),
                 line("i = 1", "dahl", 0, Classical::Dahl(dahl(1.0)?)),
+            ],
+        ),
+        page(
+            "bouc-wen",
+            "Bouc–Wen",
+            "Loading bends into the Coulomb force as sharply as the exponent says; unloading has a slope of its own, but no plateau.",
+            vec![
+                line("n = 1, σ = 1", "bouc-wen", 1, Classical::BoucWen(bouc_wen(1.0, 1.0)?)),
+                line("n = 2, σ = 0.5", "bouc-wen", 0, Classical::BoucWen(bouc_wen(2.0, 0.5)?)),
             ],
         ),
         page(

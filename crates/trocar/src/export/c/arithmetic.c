@@ -186,3 +186,24 @@ static double trocar_power(double x, double p)
 }
 
 //@end
+//@if chord
+/* Travel of the instrument for far of a state while its rate goes from start to end in a straight line. */
+static double trocar_chord_travel(double far, double start, double end)
+{
+    const double fall = (start - end) / start;
+    return fall > 0.0 ? far / start * (-trocar_logarithm_of_one_plus(-fall) / fall) : far / start;
+}
+
+/* (1 - exp(-x))/x for x >= 0. */
+static double trocar_filled(double x)
+{
+//@if single
+    const double small = 0.1;
+//@else
+    const double small = 1e-3;
+//@end
+    return x < small ? 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))
+                     : (1.0 - trocar_decay(x)) / x;
+}
+
+//@end

@@ -3,20 +3,20 @@
 use std::fmt::Write as _;
 
 use trocar_model::{
-    Classical, Dahl, Gms, Leuven, LuGre, MaxwellSlip, SlidingFriction, SlipElement, SlipRate,
-    StribeckCurve,
+    BoucWen, Classical, Dahl, Gms, Leuven, LuGre, MaxwellSlip, SlidingFriction, SlipElement,
+    SlipRate, StribeckCurve,
 };
 
 use super::template::{Filling, number};
-use super::{constant, stribeck_shapes, table};
+use super::{Parts, constant, stribeck_shapes, table};
 
-/// Types, constants and code of `model`; enters its requirements in `filling`.
-pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, String, String) {
+/// Parts of the files of `model`; enters its requirements in `filling`.
+pub(super) fn parts(model: &Classical, filling: &mut Filling) -> Parts {
     filling.need(&["holds"]);
     let mut text = String::new();
-    let code = match model {
+    let template = match model {
         Classical::Static(model) => {
-            filling.need(&["static", "direction", "least"]);
+            filling.need(&["direction", "least"]);
             sliding(&mut text, model.params(), filling);
             include_str!("static.c")
         }
@@ -25,10 +25,13 @@ pub(super) fn parts(model: &Classical, filling: &mut Filling) -> (&'static str, 
         Classical::Leuven(model) => leuven(&mut text, model, filling),
         Classical::MaxwellSlip(model) => maxwell_slip(&mut text, model, filling),
         Classical::Gms(model) => gms(&mut text, model, filling),
+        Classical::BoucWen(model) => bouc_wen(&mut text, model, filling),
     };
     text.push('\n');
     let types = if filling.has("level") { include_str!("sliding_types.c") } else { "" };
-    (types, text, code.to_owned())
+    let (state, code) = template.split_once("//@code\n").unwrap_or(("", template));
+    let state = state.trim_start_matches("//@state\n");
+    Parts { state, types, constants: text, code: code.to_owned() }
 }
 
 /// g and β, EMS (11).
@@ -55,7 +58,7 @@ fn sliding(text: &mut String, sliding: &SlidingFriction, filling: &mut Filling) 
 
 fn dahl(text: &mut String, model: &Dahl, filling: &mut Filling) -> &'static str {
     let params = model.params();
-    filling.need(&["dahl", "direction", "decay", "bits"]);
+    filling.need(&["direction", "decay", "bits"]);
     constant(text, "trocar_stiffness_n_m", params.stiffness);
     constant(text, "trocar_coulomb_force_n", params.coulomb_force);
     constant(text, "trocar_viscous_damping_n_s_m", params.viscous_damping);
@@ -67,23 +70,23 @@ fn dahl(text: &mut String, model: &Dahl, filling: &mut Filling) -> &'static str 
 }
 
 fn lugre(text: &mut String, model: &LuGre, filling: &mut Filling) -> &'static str {
-    let (params, known) = (model.params(), model.constants());
-    filling.need(&["lugre", "direction", "within", "decay", "bits"]);
+    let params = model.params();
+    filling.need(&["direction", "within", "decay", "bits"]);
     filling.set("rational", params.curve == StribeckCurve::Rational);
-    filling.set("fading", known.inverse_damping_velocity != 0.0);
+    filling.set("fading", model.inverse_damping_velocity() != 0.0);
     sliding(text, &params.sliding, filling);
     constant(text, "trocar_stiffness_n_m", params.stiffness);
     constant(text, "trocar_micro_damping_n_s_m", params.micro_damping);
-    constant(text, "trocar_greatest_deflection_m", known.greatest_deflection);
+    constant(text, "trocar_greatest_deflection_m", model.greatest_deflection());
     if filling.has("fading") {
-        constant(text, "trocar_inverse_damping_velocity_s_m", known.inverse_damping_velocity);
+        constant(text, "trocar_inverse_damping_velocity_s_m", model.inverse_damping_velocity());
     }
     include_str!("lugre.c")
 }
 
 fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static str {
-    let (params, known) = (model.params(), model.constants());
-    filling.need(&["leuven", "direction", "least", "decay", "bits", "logarithm", "one_plus"]);
+    let params = model.params();
+    filling.need(&["direction", "least", "chord", "decay", "bits", "logarithm", "one_plus"]);
     filling.set("micro_damping", params.micro_damping > 0.0);
     filling.set("n_is_one", params.exponent == 1.0);
     filling.set("n_is_two", params.exponent == 2.0);
@@ -94,8 +97,8 @@ fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static 
         constant(text, "trocar_exponent", params.exponent);
     }
     bank(text, model.elements(), filling);
-    constant(text, "trocar_limit_n", known.limit);
-    constant(text, "trocar_damping_n_s_m", known.damping);
+    constant(text, "trocar_limit_n", model.limit_force());
+    constant(text, "trocar_damping_n_s_m", model.damping());
     if filling.has("micro_damping") {
         constant(text, "trocar_micro_damping_n_s_m", params.micro_damping);
     }
@@ -103,7 +106,7 @@ fn leuven(text: &mut String, model: &Leuven, filling: &mut Filling) -> &'static 
 }
 
 fn maxwell_slip(text: &mut String, model: &MaxwellSlip, filling: &mut Filling) -> &'static str {
-    filling.need(&["maxwell", "within"]);
+    filling.need(&["within"]);
     constant(text, "trocar_viscous_damping_n_s_m", model.viscous_damping());
     bank(text, model.elements(), filling);
     constant(text, "trocar_limit_n", model.limit_force());
@@ -123,8 +126,8 @@ fn count(text: &mut String, elements: usize, filling: &mut Filling) {
 }
 
 fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
-    let (elements, known) = (model.elements(), model.constants());
-    filling.need(&["gms", "direction", "decay", "bits"]);
+    let elements = model.elements();
+    filling.need(&["direction", "decay", "bits"]);
     filling.set("limited", model.slip_rate() == SlipRate::Limited);
     sliding(text, model.sliding(), filling);
     count(text, elements.len(), filling);
@@ -138,9 +141,26 @@ fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
         "trocar_element_damping_n_s_m",
         &elements.iter().map(|element| element.damping).collect::<Vec<f64>>(),
     );
-    table(text, "trocar_scale_m_n", &known.scales[..elements.len()]);
-    table(text, "trocar_rate_n_s", &known.rates[..elements.len()]);
-    constant(text, "trocar_damping_n_s_m", known.damping);
-    constant(text, "trocar_slip_bound_n", known.slip_bound);
+    table(text, "trocar_scale_m_n", model.scales());
+    table(text, "trocar_rate_n_s", model.rates());
+    constant(text, "trocar_damping_n_s_m", model.damping());
+    constant(text, "trocar_slip_bound_n", model.slip_bound());
     include_str!("gms.c")
+}
+
+fn bouc_wen(text: &mut String, model: &BoucWen, filling: &mut Filling) -> &'static str {
+    let params = model.params();
+    filling.need(&["direction", "least", "chord", "decay", "bits", "logarithm", "one_plus"]);
+    filling.set("n_is_one", params.exponent == 1.0);
+    filling.set("n_is_two", params.exponent == 2.0);
+    constant(text, "trocar_stiffness_n_m", params.stiffness);
+    constant(text, "trocar_coulomb_force_n", params.coulomb_force);
+    constant(text, "trocar_unloading", model.unloading());
+    constant(text, "trocar_viscous_damping_n_s_m", params.viscous_damping);
+    if !filling.has("n_is_one") {
+        filling.need(&["most"]);
+        filling.set("power", !filling.has("n_is_two"));
+        constant(text, "trocar_exponent", params.exponent);
+    }
+    include_str!("bouc_wen.c")
 }

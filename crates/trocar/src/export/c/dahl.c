@@ -1,3 +1,12 @@
+//@state
+    double hysteresis_force_n; /* f, without the viscous part, |f| <= F_c */
+    double seal_force_n;       /* of the seal alone */
+    double direction;          /* of the last motion: 1, 0, -1 */
+    double remainder;          /* y = 1 - s*f/F_c */
+//@if inverse_power
+    double inverse_power; /* y^(1 - i) */
+//@end
+//@code
 static void trocar_rest_with(trocar_state *state, double force)
 {
     state->hysteresis_force_n = trocar_held(force, trocar_coulomb_force_n);

@@ -6,7 +6,7 @@ use trocar_model::constants::{ContactConstants, ElementConstants, SpanConstants}
 use trocar_model::{Element, ElementParams, SlidingFriction};
 
 use super::template::{Filling, number};
-use super::{pairs, stribeck_shapes};
+use super::{Parts, pairs, stribeck_shapes};
 
 /// Types, constants and code of `elements` in parallel, and of `stiff` ones of which a second table
 /// is needed; enters their requirements in `filling`.
@@ -15,7 +15,7 @@ pub(super) fn parts(
     stiff: &[Element],
     filling: &mut Filling,
     prefix: &str,
-) -> (&'static str, String, String) {
+) -> Parts {
     let all = [elements, stiff].concat();
     let constants: Vec<ElementConstants> = all.iter().map(Element::constants).collect();
     find_features(&all, &constants, filling);
@@ -38,7 +38,7 @@ pub(super) fn parts(
         code.push_str(include_str!("ems_general.c"));
     }
     code.push_str(include_str!("ems.c"));
-    (include_str!("ems_types.c"), text, code)
+    Parts { state: "", types: include_str!("ems_types.c"), constants: text, code }
 }
 
 fn find_features(elements: &[Element], constants: &[ElementConstants], filling: &mut Filling) {

@@ -1,3 +1,9 @@
+//@state
+    double element_deflection_m[@ELEMENTS@]; /* z_i */
+    int element_slips[@ELEMENTS@];
+    double direction;    /* sgn(v) of the last step */
+    double seal_force_n; /* of the seal alone */
+//@code
 static void trocar_rest_with(trocar_state *state, double force)
 {
     const double held = trocar_held(force, trocar_sliding.static_force_n);

@@ -49,38 +49,7 @@ typedef struct {
 //@if ems
     trocar_element_state element[@ELEMENTS@];
 //@end
-//@if static
-    double held_force_n; /* without the viscous part */
-    double seal_force_n; /* of the seal alone */
-//@end
-//@if dahl
-    double hysteresis_force_n; /* f, without the viscous part, |f| <= F_c */
-    double seal_force_n;       /* of the seal alone */
-    double direction;          /* of the last motion: 1, 0, -1 */
-    double remainder;          /* y = 1 - s*f/F_c */
-//@if inverse_power
-    double inverse_power; /* y^(1 - i) */
-//@end
-//@end
-//@if lugre
-    double deflection_m; /* z of the bristles */
-    double seal_force_n; /* of the seal alone */
-//@end
-//@if leuven
-    double deflection_m;                 /* z of the bank */
-    double element_force_n[@ELEMENTS@]; /* f_i, |f_i| <= F_i */
-    double seal_force_n;                 /* of the seal alone */
-//@end
-//@if maxwell
-    double element_force_n[@ELEMENTS@]; /* f_i, |f_i| <= F_i */
-    double seal_force_n;                 /* of the seal alone */
-//@end
-//@if gms
-    double element_deflection_m[@ELEMENTS@]; /* z_i */
-    int element_slips[@ELEMENTS@];
-    double direction;    /* sgn(v) of the last step */
-    double seal_force_n; /* of the seal alone */
-//@end
+//@state
 } trocar_state;
 
 /* An undeformed seal at rest on an instrument at position_m; one that is not finite counts as 0. */

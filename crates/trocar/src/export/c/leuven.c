@@ -1,3 +1,8 @@
+//@state
+    double deflection_m;                 /* z of the bank */
+    double element_force_n[@ELEMENTS@]; /* f_i, |f_i| <= F_i */
+    double seal_force_n;                 /* of the seal alone */
+//@code
 /* F_h, the sum of f_i, N. */
 static double trocar_bank_force(const trocar_state *state)
 {
@@ -85,25 +90,6 @@ static double trocar_stride(double ratio)
     const double bend = trocar_most(0.5 * fabs(1.0 - ratio), 0.25 / trocar_most(trocar_exponent, 1.0));
     return trocar_least(0.125 * trocar_most(fabs(ratio), 1.0), bend);
 //@end
-}
-
-/* Travel (m) of the instrument for far (m) of z while dz/d|x| goes from start to end in a straight line. */
-static double trocar_chord_travel(double far, double start, double end)
-{
-    const double fall = (start - end) / start;
-    return fall > 0.0 ? far / start * (-trocar_logarithm_of_one_plus(-fall) / fall) : far / start;
-}
-
-/* (1 - exp(-x))/x for x >= 0. */
-static double trocar_filled(double x)
-{
-//@if single
-    const double small = 0.1;
-//@else
-    const double small = 1e-3;
-//@end
-    return x < small ? 1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))
-                     : (1.0 - trocar_decay(x)) / x;
 }
 
 /* Moves the bank while the instrument travels by left (m) towards s; returns F_h, N. At most 57 parts. */

@@ -1,3 +1,7 @@
+//@state
+    double deflection_m; /* z of the bristles */
+    double seal_force_n; /* of the seal alone */
+//@code
 static void trocar_rest_with(trocar_state *state, double force)
 {
     state->deflection_m = trocar_held(force, trocar_sliding.static_force_n) / trocar_stiffness_n_m;

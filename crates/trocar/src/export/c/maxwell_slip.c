@@ -1,3 +1,7 @@
+//@state
+    double element_force_n[@ELEMENTS@]; /* f_i, |f_i| <= F_i */
+    double seal_force_n;                 /* of the seal alone */
+//@code
 static void trocar_rest_with(trocar_state *state, double force)
 {
     const double held = trocar_held(force, trocar_limit_n);

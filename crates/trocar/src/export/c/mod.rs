@@ -112,6 +112,15 @@ impl COptions<'_> {
     };
 }
 
+/// What a kind of models puts into the files; all are templates.
+struct Parts {
+    /// Members of the state, for the header.
+    state: &'static str,
+    types: &'static str,
+    constants: String,
+    code: String,
+}
+
 /// The model file at `path` in C.
 ///
 /// # Errors
@@ -156,7 +165,7 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
     let observed =
         known.map_or_else(String::new, |known| compensator::constants(&known, &mut filling));
     let stiff = known.and_then(|known| known.stiff?.stages()).map_or(&[][..], Stages::elements);
-    let (types, constants, code) = match trocar.seal() {
+    let Parts { state, types, constants, code } = match trocar.seal() {
         Seal::Ems(stages) => element::parts(stages.elements(), stiff, &mut filling, prefix),
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
@@ -181,8 +190,9 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
         include_str!("public.c"),
         if known.is_some() { include_str!("compensator.c") } else { "" },
     ];
+    let with_state = include_str!("header.h").replace("//@state\n", state);
     let header = [
-        include_str!("header.h"),
+        with_state.as_str(),
         if known.is_some() { include_str!("compensator.h") } else { "" },
         include_str!("header_end.h"),
     ];

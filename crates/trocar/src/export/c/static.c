@@ -1,3 +1,7 @@
+//@state
+    double held_force_n; /* without the viscous part */
+    double seal_force_n; /* of the seal alone */
+//@code
 static void trocar_rest_with(trocar_state *state, double force)
 {
     state->held_force_n = trocar_held(force, trocar_sliding.static_force_n);

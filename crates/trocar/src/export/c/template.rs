@@ -1,7 +1,8 @@
 //! Templates of the C file: readable C whose lines are included conditionally.
 //!
 //! `//@if NAME`, `//@else` and `//@end` are on lines of their own and may be nested; `@NAME@` is a
-//! value; the prefix `trocar_` of all names is replaced.
+//! value; the prefix `trocar_` of all names is replaced. A classical model's file has the members of
+//! its state after `//@state`, for the header, and the rest after `//@code`.
 
 use std::collections::BTreeSet;
 

@@ -86,9 +86,9 @@ pub enum Passivity {
 pub struct LuGre {
     params: LuGreParams,
     /// F_s/σ_0, m.
-    pub(crate) greatest_deflection: f64,
+    greatest_deflection: f64,
     /// 1/v_d, s/m; 0 for constant damping.
-    pub(crate) inverse_damping_velocity: f64,
+    inverse_damping_velocity: f64,
 }
 
 /// Everything that changes while a LuGre model runs.
@@ -174,6 +174,16 @@ impl LuGre {
                 sliding.coulomb_force + excess / (1.0 + sliding.exponent(speed.abs()))
             }
         }
+    }
+
+    /// F_s/σ_0, m.
+    pub fn greatest_deflection(&self) -> f64 {
+        self.greatest_deflection
+    }
+
+    /// 1/v_d, s/m; 0 for constant damping.
+    pub fn inverse_damping_velocity(&self) -> f64 {
+        self.inverse_damping_velocity
     }
 
     /// State at rest without force.

@@ -113,16 +113,16 @@ impl GmsState {
 pub struct Gms {
     elements: [GmsElement; MAX_ELEMENTS],
     /// ν_i, m/N.
-    pub(crate) scales: [f64; MAX_ELEMENTS],
+    scales: [f64; MAX_ELEMENTS],
     /// C_i/ν_i, N/s.
-    pub(crate) rates: [f64; MAX_ELEMENTS],
+    rates: [f64; MAX_ELEMENTS],
     count: usize,
     sliding: SlidingFriction,
     slip_rate: SlipRate,
     /// β + Σσ_i, N·s/m.
-    pub(crate) damping: f64,
+    damping: f64,
     /// Bound of |F| without what grows with the velocity, N.
-    pub(crate) slip_bound: f64,
+    slip_bound: f64,
 }
 
 /// The motion of one step, as all elements see it.
@@ -191,6 +191,26 @@ impl Gms {
     /// g and β.
     pub fn sliding(&self) -> &SlidingFriction {
         &self.sliding
+    }
+
+    /// ν_i = α_i/k_i of each element, m/N.
+    pub fn scales(&self) -> &[f64] {
+        &self.scales[..self.elements().len()]
+    }
+
+    /// C_i/ν_i of each element, N/s.
+    pub fn rates(&self) -> &[f64] {
+        &self.rates[..self.elements().len()]
+    }
+
+    /// β + Σσ_i, N·s/m.
+    pub fn damping(&self) -> f64 {
+        self.damping
+    }
+
+    /// Bound of |F| without what grows with the velocity, N.
+    pub fn slip_bound(&self) -> f64 {
+        self.slip_bound
     }
 
     /// How fast a slipping element may change.

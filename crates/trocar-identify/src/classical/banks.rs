@@ -1,80 +1,145 @@
-//! Starting points of the fits of the classical models, derived from the data.
+//! Models of elements in parallel: their free parameters, and starts of their fits derived from the
+//! data.
 
 use nalgebra::{DMatrix, DVector};
+use trocar_model::{
+    Classical, Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, ParamError, Quantity as Q,
+    SlipElement, SlipRate,
+};
 
 use crate::nnls::non_negative;
 
+use super::coordinate::{Bank, Coordinate, Scales};
 use super::data::ClassicalData;
-use super::fit::{ClassicalFit, RelatedFits, fit};
-use super::kind::{Kind, Scales};
+use super::family::{Family, Related, stribeck};
 
 /// Limits tried for the elements of a bank.
 const GRID: usize = 24;
 /// Widths of the two elements into which an element is split, relative to its own.
 const DIVIDED: [f64; 2] = [0.7, 1.3];
 
+pub(super) const LEUVEN: Family = Family {
+    name: "leuven",
+    title: "Leuven",
+    panel: "Leuven",
+    elements: [4, 4],
+    free: |scales, n| {
+        let head = [
+            scales.coulomb(),
+            scales.rise(),
+            scales.stribeck_velocity(),
+            Coordinate::log(Q::Exponent, [0.1, 20.0]),
+            scales.damping(Q::MicroDamping),
+            scales.damping(Q::ViscousDamping),
+        ];
+        let inner = (0..n - 1).flat_map(|i| scales.element(i));
+        let last = scales.stiffness(Q::Stiffness.id().of_element(n - 1));
+        head.into_iter().chain(inner).chain([last]).collect()
+    },
+    build: |n, p| {
+        let sliding = stribeck([p[0], p[1], p[2], 2.0, p[5]]);
+        let params = LeuvenParams { sliding, exponent: p[3], micro_damping: p[4] };
+        Ok(Classical::Leuven(Leuven::new(&leuven_elements(n, p), params)?))
+    },
+    starts: leuven,
+    bank: None,
+};
+
+pub(super) const MAXWELL_SLIP: Family = Family {
+    name: "maxwell-slip",
+    title: "Maxwell-Slip",
+    panel: "Maxwell-Slip",
+    elements: [1, 12],
+    free: |scales, n| {
+        let elements = (0..n).flat_map(|i| scales.element(i));
+        [scales.damping(Q::ViscousDamping)].into_iter().chain(elements).collect()
+    },
+    build: |_, p| {
+        let elements: Vec<SlipElement> = p[1..].chunks_exact(2).map(slip_element).collect();
+        Ok(Classical::MaxwellSlip(MaxwellSlip::new(&elements, p[0])?))
+    },
+    starts: |n, data, kin| {
+        let banks = [Some(convex_bank(n, data)), divided(kin.smaller, 2, 2)].into_iter().flatten();
+        banks.map(|bank| [vec![data.scales.viscous], flattened(&bank, None)].concat()).collect()
+    },
+    bank: Some(Bank { first: 2, stride: 2 }),
+};
+
+pub(super) const GMS: Family = Family {
+    name: "gms",
+    title: "GMS",
+    panel: "Generalized Maxwell-Slip",
+    elements: [1, 12],
+    free: |scales, n| {
+        let head = [
+            scales.damping(Q::ViscousDamping),
+            scales.rise(),
+            scales.stribeck_velocity(),
+            Coordinate::log(Q::AttractionRate, [1e-3 * scales.force, 1e4 * scales.force]),
+        ];
+        let elements = (0..n).flat_map(|i| {
+            let [stiffness, limit] = scales.element(i);
+            [stiffness, limit, scales.damping(Q::Damping.id().of_element(i))]
+        });
+        head.into_iter().chain(elements).collect()
+    },
+    build: |_, p| build_gms(p),
+    starts: gms,
+    bank: Some(Bank { first: 5, stride: 3 }),
+};
+
+/// Of a stiffness and a limit deflection.
+fn slip_element(p: &[f64]) -> SlipElement {
+    SlipElement { stiffness: p[0], limit_force: p[0] * p[1] }
+}
+
+/// The last element carries the whole static force, so the bank can hold every sliding force.
+fn leuven_elements(n: usize, p: &[f64]) -> Vec<SlipElement> {
+    let inner = p[6..4 + 2 * n].chunks_exact(2).map(slip_element);
+    let last = SlipElement { stiffness: p[4 + 2 * n], limit_force: p[0] + p[1] };
+    inner.chain([last]).collect()
+}
+
+/// F_c = Σ k_i·Δ_i. One attraction coefficient C, N/s, for all: C_i = C·ν_i with ν_i = α_i/k_i (GMS
+/// in its force form, SOURCES.md).
+fn build_gms(p: &[f64]) -> Result<Classical, ParamError> {
+    let [viscous, rise, velocity, attraction] = [p[0], p[1], p[2], p[3]];
+    let elements = p[4..].chunks_exact(3);
+    let coulomb: f64 = elements.clone().map(|own| own[0] * own[1]).sum();
+    let elements: Vec<GmsElement> = elements
+        .map(|own| {
+            let [stiffness, limit, damping] = [own[0], own[1], own[2]];
+            let share = stiffness * limit / coulomb;
+            GmsElement { stiffness, share, attraction: attraction * share / stiffness, damping }
+        })
+        .collect();
+    let sliding = stribeck([coulomb, rise, velocity, 2.0, viscous]);
+    Ok(Classical::Gms(Gms::new(&elements, sliding, SlipRate::Free)?))
+}
+
 /// Starts with the same forces as the fitted special cases, which the fit can only improve; the
 /// sensor offset first.
-pub(super) fn from_kin(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
-    let Scales { force, speeds: [slowest, _], .. } = data.scales;
-    let grown = kin.smaller.and_then(|fit| match kind {
-        Kind::MaxwellSlip(_) => Some(doubled(&fit.numbers, 2, 2)),
-        Kind::Gms(_) => Some(doubled(&fit.numbers, 5, 3)),
-        _ => None,
-    });
-    let generalised = kin.special.map(|fit| {
-        let elements =
-            fit.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
-        fit.numbers[..2]
-            .iter()
-            .copied()
-            .chain([0.0, slowest, 50.0 * force])
-            .chain(elements)
-            .collect()
-    });
+pub(super) fn from_kin(bank: Option<Bank>, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
+    let grown = kin.smaller.zip(bank).map(|(numbers, bank)| doubled(numbers, bank));
+    let generalised = kin.special.map(|numbers| generalised(numbers, data));
     grown.into_iter().chain(generalised).collect()
 }
 
-/// Several starts derived from the data, each with the sensor offset first.
-pub(super) fn fresh(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
-    let Scales { offset, force, viscous, half_width, speeds: [slowest, fastest], .. } = data.scales;
-    let stiffnesses = [0.5, 2.0, 8.0].map(|factor| factor * force / half_width);
-    let middle = (slowest * fastest).sqrt();
-    let small_rise = 0.05 * force;
-    let after_offset: Vec<Vec<f64>> = match kind {
-        Kind::Coulomb => vec![vec![force]],
-        Kind::CoulombViscous => vec![vec![force, viscous]],
-        Kind::Stribeck => {
-            let of = |v: f64| vec![force, 0.2 * force, v, 2.0, viscous];
-            [0.3 * slowest, slowest, middle, 0.7 * fastest].map(of).to_vec()
-        }
-        Kind::Dahl => stiffnesses.map(|k| vec![k, force, 1.0, viscous]).to_vec(),
-        Kind::LuGre | Kind::LuGreRational => {
-            let of = |k: f64, rise: f64, v: f64| {
-                vec![k, 0.1 * viscous, force - 0.5 * rise, rise, v, viscous]
-            };
-            let heads = [
-                (small_rise, slowest),
-                (small_rise, middle),
-                (0.3 * force, slowest),
-                (0.3 * force, middle),
-            ];
-            stiffnesses.iter().flat_map(|k| heads.map(|(rise, v)| of(*k, rise, v))).collect()
-        }
-        Kind::Leuven(n) => leuven(n, data),
-        Kind::MaxwellSlip(n) => {
-            let banks =
-                [Some(convex_bank(n, data)), divided(kin.smaller, 2, 2)].into_iter().flatten();
-            banks.map(|bank| [vec![viscous], flattened(&bank, None)].concat()).collect()
-        }
-        Kind::Gms(n) => gms(n, data, kin),
-    };
-    after_offset.into_iter().map(|numbers| [vec![offset], numbers].concat()).collect()
+/// GMS with the forces of a fitted Maxwell-Slip model.
+fn generalised(numbers: &[f64], data: &ClassicalData) -> Vec<f64> {
+    let Scales { force, speeds: [slowest, _], .. } = data.scales;
+    let head = numbers[..2].iter().copied().chain([0.0, slowest, 50.0 * force]);
+    head.chain(undamped(numbers)).collect()
+}
+
+/// The elements of a fitted Maxwell-Slip model as those of GMS.
+fn undamped(numbers: &[f64]) -> impl Iterator<Item = f64> {
+    numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0])
 }
 
 /// From LuGre, which is the Leuven model with one element and n = 1, and from Maxwell-Slip, which
 /// it approaches for large n.
-fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
+fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, half_width, speeds: [slowest, _], .. } = data.scales;
     let of = |head: [f64; 6], bank: &[[f64; 2]]| {
         let mut numbers = head.to_vec();
@@ -83,10 +148,7 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
         numbers
     };
     let mut all = Vec::new();
-    if let Ok(lugre) = fit(Kind::LuGre, data, RelatedFits::default()) {
-        let [_, stiffness, micro, coulomb, rise, velocity, beta] = lugre.numbers[..] else {
-            return all;
-        };
+    if let Some(&[_, stiffness, micro, coulomb, rise, velocity, beta]) = kin.similar {
         for (exponent, softer, inner) in
             [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)]
         {
@@ -104,39 +166,33 @@ fn leuven(n: usize, data: &ClassicalData) -> Vec<Vec<f64>> {
     all
 }
 
-fn gms(n: usize, data: &ClassicalData, kin: RelatedFits) -> Vec<Vec<f64>> {
+fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
     let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
         [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(damping))]
             .concat()
     };
-    let middle = (slowest * fastest).sqrt();
+    let middle = data.scales.middle_speed();
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
     let mut all = vec![
         of(0.02, slowest, 50.0, 0.0),
         of(0.2, middle, 5.0, 0.0),
         of(0.3, slowest, 50.0, damping),
     ];
-    if let (Some(fit), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
-        all.push([fit.numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
+    if let (Some(numbers), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
+        all.push([numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
     }
-    if let Some(bank) = kin.special {
-        let elements =
-            bank.numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0]);
-        all.push(
-            vec![bank.numbers[1], 0.02 * force, slowest, 50.0 * force]
-                .into_iter()
-                .chain(elements)
-                .collect(),
-        );
+    if let Some(numbers) = kin.special {
+        let head = [numbers[1], 0.02 * force, slowest, 50.0 * force];
+        all.push(head.into_iter().chain(undamped(numbers)).collect());
     }
     all
 }
 
 /// The parameters of the smaller model with its first element duplicated, each half as stiff: the
 /// same forces.
-fn doubled(numbers: &[f64], first: usize, stride: usize) -> Vec<f64> {
+fn doubled(numbers: &[f64], Bank { first, stride }: Bank) -> Vec<f64> {
     let mut element = numbers[first..first + stride].to_vec();
     element.iter_mut().enumerate().filter(|(i, _)| *i != 1).for_each(|(_, x)| *x *= 0.5);
     let mut second = element.clone();
@@ -154,10 +210,9 @@ fn flattened(bank: &[[f64; 2]], damping: Option<f64>) -> Vec<f64> {
 }
 
 /// The bank of the smaller model with its strongest element split into a shorter and a longer one.
-fn divided(smaller: Option<&ClassicalFit>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
-    let numbers = &smaller?.numbers;
+fn divided(smaller: Option<&[f64]>, first: usize, stride: usize) -> Option<Vec<[f64; 2]>> {
     let mut bank: Vec<[f64; 2]> =
-        numbers[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
+        smaller?[first..].chunks_exact(stride).map(|element| [element[0], element[1]]).collect();
     let strength = |[k, limit]: &[f64; 2]| k * limit;
     let strongest =
         (0..bank.len()).max_by(|a, b| strength(&bank[*a]).total_cmp(&strength(&bank[*b])))?;

@@ -113,7 +113,7 @@ impl MaxwellSlipState {
 /// - **Errors**: [`ParamError`] from [`MaxwellSlip::new`]; never later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MaxwellSlip {
-    pub(crate) bank: Bank,
+    bank: Bank,
     viscous_damping: f64,
 }
 
@@ -135,6 +135,11 @@ impl MaxwellSlip {
     /// β, N·s/m.
     pub fn viscous_damping(&self) -> f64 {
         self.viscous_damping
+    }
+
+    /// ΣF_i, N: summed in the order of the elements.
+    pub fn limit_force(&self) -> f64 {
+        self.bank.limit
     }
 
     /// State at rest without any force.

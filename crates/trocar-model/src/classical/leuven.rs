@@ -1,13 +1,15 @@
 //! The modified Leuven model: a LuGre-like sliding law over a hysteresis bank with nonlocal memory.
 
 use crate::error::{ParamError, check_fields, finite};
-use crate::exponential::{decay, logarithm_of_one_plus, power};
+use crate::exponential::power;
 use crate::friction::{Friction, sign, velocity};
 use crate::law::{Elements, Law, MAX_ELEMENTS, Visit};
-use crate::maxwell_slip::{Bank, SlipElement};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
 use crate::sliding::SlidingFriction;
+
+use super::chord::{chord_travel, filled};
+use super::maxwell_slip::{Bank, SlipElement};
 
 /// ΣF_i may miss F_s by this fraction: rounding of a bank made from shares of F_s.
 const LIMIT_TOLERANCE: f64 = 1e-9;
@@ -99,10 +101,10 @@ impl LeuvenState {
 /// - **Errors**: [`ParamError`] from [`Leuven::new`]; never later.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leuven {
-    pub(crate) bank: Bank,
+    bank: Bank,
     params: LeuvenParams,
     /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
-    pub(crate) damping: f64,
+    damping: f64,
 }
 
 /// The bank as it lies ahead of z in one direction.
@@ -145,6 +147,16 @@ impl Leuven {
     /// The elements of the bank.
     pub fn elements(&self) -> &[SlipElement] {
         self.bank.elements()
+    }
+
+    /// ΣF_i, N.
+    pub fn limit_force(&self) -> f64 {
+        self.bank.limit()
+    }
+
+    /// Bound of the force that grows with the velocity, over the velocity, N·s/m.
+    pub fn damping(&self) -> f64 {
+        self.damping
     }
 
     /// State at rest without any force.
@@ -364,22 +376,6 @@ impl Friction for Leuven {
 
     fn force(state: &LeuvenState) -> f64 {
         state.force
-    }
-}
-
-/// Travel (m) of the instrument for `far` (m) of z while dz/d|x| goes from `start` to `end` <=
-/// `start` in a straight line.
-fn chord_travel(far: f64, start: f64, end: f64) -> f64 {
-    let fall = (start - end) / start;
-    if fall > 0.0 { far / start * (-logarithm_of_one_plus(-fall) / fall) } else { far / start }
-}
-
-/// (1 - exp(-x))/x for x >= 0.
-fn filled(x: f64) -> f64 {
-    if x < 1e-3 {
-        1.0 - x / 2.0 * (1.0 - x / 3.0 * (1.0 - x / 4.0 * (1.0 - x / 5.0)))
-    } else {
-        (1.0 - decay(x)) / x
     }
 }
 
