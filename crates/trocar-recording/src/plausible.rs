@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use super::choice::Choice;
 use super::columns::{Given, Layout, Quantity, entry, numbered};
-use super::header::{EXAMPLE_RATE, PUT_IN_RATE, counts_by_one, in_shell};
+use super::header::{EXAMPLE_RATE, PUT_IN_RATE, counts_by_one};
 use super::screen::{median, range};
 use super::{Recording, RecordingError, Warning, WarningKind};
 
@@ -223,7 +223,7 @@ fn implausible(
             })?;
             entry(quantity, change(quantity, slot.per_si)?, &numbered(&layout.names, k))
         });
-        in_shell(&own.collect::<Vec<_>>().join(","))
+        own.collect::<Vec<_>>().join(",")
     };
     let mut units = Vec::new();
     let better = columns(&|quantity, per_si| {
@@ -238,16 +238,16 @@ fn implausible(
     }
     let mut ways = Vec::new();
     if !units.is_empty() {
-        ways.push(format!("--columns {better} if {}", units.join(" and ")));
+        ways.push(format!("‹columns='{better}'› if {}", units.join(" and ")));
     }
     if numbers_rows {
         let untimed = columns(&|quantity, per_si| (quantity != Quantity::Time).then_some(per_si));
         ways.push(format!(
-            "--columns {untimed} {EXAMPLE_RATE} ({PUT_IN_RATE}) if the column of times numbers the rows"
+            "‹columns='{untimed}'› {EXAMPLE_RATE} ({PUT_IN_RATE}) if the column of times numbers the rows"
         ));
     }
     let as_read = columns(&|_, per_si| Some(per_si));
-    ways.push(format!("--columns {as_read} if the numbers are right"));
+    ways.push(format!("‹columns='{as_read}'› if the numbers are right"));
     let problems: Vec<&str> = doubts.iter().map(|doubt| &*doubt.message).collect();
     RecordingError::Implausible {
         file: file.to_owned(),

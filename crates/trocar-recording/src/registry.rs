@@ -45,7 +45,7 @@ pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Box<dyn Container>>, R
     let metadata = std::fs::metadata(path).map_err(refused)?;
     let cannot_skip = |format: &str| RecordingError::BadOption {
         file: name.clone(),
-        option: "--skip-rows",
+        option: "‹skip_rows›",
         problem: format!("is for text and spreadsheets, and this is a file of the format {format}"),
     };
     if metadata.is_dir() {

@@ -3,5 +3,6 @@
 
 pub mod error;
 pub mod line;
+pub mod option;
 pub mod output;
 pub mod table;
