@@ -281,3 +281,15 @@ fn origin(provenance: &[(String, String)]) -> String {
     });
     lines.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_written_as_on_the_command_line() {
+        let written = "use --moving-mass-kg 0.1, or F<sub>c</sub> &lt; 1";
+        assert_eq!(typeset("use ‹moving_mass_kg=0.1›, or F_c < 1"), written);
+        assert_eq!(escape("‹flip_force=True›"), "--flip-force");
+    }
+}
