@@ -270,7 +270,7 @@ def test_adaptation_takes_the_error_of_the_model(found: trocar.Identification, m
     [
         ({"tissue": {"stifness_n_m": 1}}, trocar.TeleopError, "tissue.stifness_n_m: unknown field `stifness_n_m`, expected one of"),
         ({"tisue": {"stiffness_n_m": 1}}, trocar.TeleopError, "tisue.stiffness_n_m: unknown field `tisue`"),
-        ({"tisue": {}}, trocar.TeleopError, "hint: trocar.teleop_config() gives a loop with every key"),
+        ({"tisue": {}}, trocar.TeleopError, "hint: `trocar.teleop_config()` prints a loop with every key"),
         ({"tissue": {"stiffness_n_m": "stiff"}}, trocar.TeleopError, "tissue.stiffness_n_m: invalid type: string"),
         ({"tissue": {"stiffness_n_m": None}}, trocar.TeleopError, "tissue.stiffness_n_m: invalid type: null"),
         ({"tissue": {"stiffness_n_m": np.nan}}, trocar.TeleopError, "tissue.stiffness_n_m must be finite, got nan"),
@@ -305,7 +305,7 @@ def test_what_is_no_loop_is_named_with_its_key(config: Any, kind: type, words: s
         ({"least_friction": 0.5}, trocar.ParameterError, "least_friction changes nothing without advise=True"),
         ({"advise": True, "least_friction": 0.0}, trocar.ParameterError, "least_friction must be from 0.01 to 1"),
         ({"advise": True, "draws": 5}, trocar.TeleopError, "draws needs a model with 95 % intervals"),
-        ({"advise": True, "draws": 1001}, trocar.ParameterError, "draws must be from 0 to 1000, got 1001"),
+        ({"advise": True, "draws": 1001}, trocar.ParameterError, "draws must be from 1 to 1000, got 1001"),
         ({"advise": True, "draws": -1}, trocar.ParameterError, "draws must be a whole number from 0 on"),
         ({"draws": 5}, trocar.ParameterError, "draws changes nothing without advise=True"),
         ({"compensator_draws": 5}, trocar.ParameterError, "compensator_draws changes nothing without advise=True"),

@@ -243,9 +243,7 @@ class Compensator:
     @staticmethod
     def _restore(
         model: Model,
-        options: tuple[
-            float | None, bool | None, float | None, float, float | None, float | None, bool
-        ],
+        options: str,
         state: npt.ArrayLike,
         time_s: float | None,
         posterior: Posterior | _Path | None,
@@ -288,6 +286,7 @@ class Compared:
 @final
 class Studied:
     def summary_json(self) -> str: ...
+    def warnings(self) -> list[str]: ...
     def course(self) -> list[tuple[str, _Array]] | None: ...
     def hybrid(self) -> list[tuple[str, _Array]] | None: ...
     def report(self, path: _Path) -> None: ...
@@ -390,18 +389,10 @@ def teleop(
     text: str | None,
     name: str | None,
     changes: str,
-    advise: bool,
-    draws: int,
     posterior: Posterior | _Path | None,
-    compensator_draws: int,
-    least_friction: float,
-    map: bool,
-    delays_s: Sequence[float] | None,
-    fractions: Sequence[float] | None,
-    hybrid: bool,
-    frequencies_hz: Sequence[float] | None,
     threads: int,
     progress: Callable[[str, float], object] | None,
+    **options: object,
 ) -> Studied: ...
 def plan(
     *,
@@ -473,12 +464,6 @@ def compensate(
     position_m: npt.ArrayLike,
     force_n: npt.ArrayLike,
     *,
-    offset_n: float | None,
-    flip_force: bool | None,
-    moving_mass_kg: float | None,
-    gravity_m_s2: float,
-    sensor_limit_n: float | None,
-    force_error_n: float | None,
-    adaptation: bool,
     posterior: Posterior | _Path | None,
+    **options: object,
 ) -> tuple[_Said, tuple[float, float, float, float]]: ...

@@ -28,11 +28,6 @@ _Array = npt.NDArray[np.float64]
 #: Smallest and greatest value of each range.
 _Ranges = tuple[tuple[float, float], ...]
 
-#: Most draws of trocars, as on the command line.
-_MOST_DRAWS = 1000
-#: Posterior draws that are tried where their number is not given, as on the command line.
-_POSTERIOR_DRAWS = 20
-
 
 def teleop(
     model: Model,
@@ -91,22 +86,17 @@ def teleop(
     :raises TeleopError: if the loop cannot run: an unknown key, a value out of its range. A loop that is unstable is a
         result
     """
-    for name, number in (("draws", draws), ("compensator_draws", compensator_draws)):
-        if count(name, number) > _MOST_DRAWS:
-            raise ParameterError(f"{name} must be from 0 to {_MOST_DRAWS}, got {number}")
-    if not 0.01 <= least_friction <= 1.0:
-        raise ParameterError(f"least_friction must be from 0.01 to 1, got {least_friction}")
-    for name, is_given, option, is_on in (
-        ("draws", draws > 0, "advise", advise),
-        ("posterior", posterior is not None, "advise", advise),
-        ("compensator_draws", compensator_draws > 0, "advise", advise),
-        ("least_friction", least_friction < 1.0, "advise", advise),
-        ("delays_s", delays_s is not None, "map", map),
-        ("fractions", fractions is not None, "map", map),
-        ("frequencies_hz", frequencies_hz is not None, "hybrid", hybrid),
-    ):
-        if is_given and not is_on:
-            raise ParameterError(f"{name} changes nothing without {option}=True")
+    options = {
+        "advise": advise,
+        "draws": count("draws", draws) or None,
+        "compensator_draws": count("compensator_draws", compensator_draws) or None,
+        "least_friction": None if least_friction == 1.0 else least_friction,
+        "map": map,
+        "delays_s": _numbers("delays_s", delays_s),
+        "fractions": _numbers("fractions", fractions),
+        "hybrid": hybrid,
+        "frequencies_hz": _numbers("frequencies_hz", frequencies_hz),
+    }
     text, file, keys = document(config, dict(_core.teleop_presets()))
     work = partial(
         _core.teleop,
@@ -115,18 +105,10 @@ def teleop(
         text=text,
         name=file,
         changes=as_json(merged(keys, changes), TeleopError),
-        advise=advise,
-        draws=draws or (_POSTERIOR_DRAWS if posterior is not None else 0),
         posterior=posterior,
-        compensator_draws=compensator_draws,
-        least_friction=float(least_friction),
-        map=map,
-        delays_s=_numbers("delays_s", delays_s),
-        fractions=_numbers("fractions", fractions),
-        hybrid=hybrid,
-        frequencies_hz=_numbers("frequencies_hz", frequencies_hz),
         threads=count("threads", threads),
         progress=None,
+        **options,
     )
     with watched(progress) as watching:
         done = work(progress=watching)
@@ -144,12 +126,7 @@ def teleop_config(device: Optional[str] = None) -> str:
 
 
 def _numbers(name: str, values: Optional[ArrayLike]) -> Optional[list[float]]:
-    if values is None:
-        return None
-    found = column(name, values)
-    if not len(found):
-        raise ParameterError(f"{name} must hold at least one number")
-    return [float(number) for number in found]
+    return None if values is None else [float(number) for number in column(name, values)]
 
 
 @dataclass(frozen=True)
@@ -458,6 +435,7 @@ class Teleoperation(_Repeatable[_core.Studied]):
     summary: Mapping[str, Any] = field(repr=False)
     _work: partial[_core.Studied] = field(repr=False)
     _course: Optional[dict[str, _Array]] = field(repr=False)
+    _warnings: tuple[str, ...] = field(repr=False)
 
     @classmethod
     def _of(cls, done: _core.Studied, work: partial[_core.Studied]) -> Teleoperation:
@@ -477,6 +455,7 @@ class Teleoperation(_Repeatable[_core.Studied]):
             summary=summary,
             _work=work,
             _course=None if course is None else dict(course),
+            _warnings=tuple(done.warnings()),
         )
         return result._with(done)  # type: ignore[no-any-return]
 
@@ -493,23 +472,8 @@ class Teleoperation(_Repeatable[_core.Studied]):
     @property
     def warnings(self) -> tuple[str, ...]:
         """What makes the result doubtful, as sentences."""
-        found = []
-        if self.unstable_after_s is not None:
-            found.append(f"the loop is unstable: it diverged after {self.unstable_after_s:.4g} s")
-        elif self.unsettled_by is not None:
-            found.append(f"the loop is unstable: it does not come to rest after a {self.unsettled_by.replace('_', ' ')}")
-        has_tissue = self.config["tissue"]["kind"] != "none"
-        if self.figures is not None and has_tissue and self.figures.true_stiffness_n_m is None:
-            found.append("the tip does not reach the tissue: the figures are those of free motion")
-        if self.advice is not None and self.advice.fraction is None:
-            found.append(self.advice.refusal)
-        error = self.summary["step_error"]
-        if error is not None and error["figure"] is None:
-            found.append("halving the step of the plant changes whether the loop is stable: increase substeps")
-        elif error is not None:
-            change = f"the {error['figure']} by {100 * error['relative']:.0f} %"
-            found.append(f"halving the step of the plant changes {change}: increase substeps")
-        return tuple(found)
+        refusals = [self.advice.refusal] if self.advice is not None and self.advice.fraction is None else []
+        return (*self._warnings, *refusals)
 
     def columns(self) -> dict[str, _Array]:
         """The course of the loop, a row for each sample, as the table of the command line has it.

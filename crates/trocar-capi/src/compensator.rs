@@ -246,10 +246,14 @@ fn refused(error: CompensateError) -> Failure {
         | CompensateError::GravityWithoutMass { .. } => Failure::new(Status::OutOfRange, error),
         CompensateError::NoForceError => {
             let text = "the model does not state the error of its force (force_error): identify it again with \
-                        --validate, or set force_error_n";
+                        validate, or set force_error_n";
             Failure::new(Status::Unsupported, text)
         }
-        CompensateError::SignUnknown => Failure::new(Status::Unsupported, error),
+        CompensateError::SignUnknown => {
+            let text = "some recordings of the model were read with the sign of the force reversed and some without: \
+                        set flip_force";
+            Failure::new(Status::Unsupported, text)
+        }
         error => Failure::new(Status::ModelInvalid, error),
     }
 }

@@ -7,9 +7,11 @@ use std::process::ExitCode;
 use std::sync::{Mutex, PoisonError};
 
 use clap::builder::styling::AnsiColor;
+use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 use trocar::compare::CompareError;
 use trocar::identify::IdentifyError;
+use trocar::option::{Interface, spelt};
 use trocar::output::OutputError;
 use trocar::recording::RecordingError;
 use trocar::simulate::SimulateError;
@@ -61,8 +63,9 @@ const WAY_OUT: Label = ("hint", AnsiColor::Green);
 
 /// Prints text and its hint, each on lines of its own, with coloured labels on a terminal.
 fn print_labelled(label: Label, text: &str) {
+    let text = spelt(text, Interface::CommandLine);
     let (what, hint) =
-        text.split_once(HINT).map_or((text, None), |(what, hint)| (what, Some(hint)));
+        text.split_once(HINT).map_or((&*text, None), |(what, hint)| (what, Some(hint)));
     let hint = hint.map(|hint| (WAY_OUT, hint));
     for ((label, colour), text) in std::iter::once((label, what)).chain(hint) {
         let style = colour.on_default().bold();
@@ -98,14 +101,20 @@ pub(crate) fn say_farewell() {
 
 /// Ignores errors: they cannot be reported if standard error is closed.
 fn to_stderr(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{}", wrapped(text));
+    let _ = writeln!(io::stderr().lock(), "{}", wrapped(&spelt(text, Interface::CommandLine)));
 }
 
 /// Prints data to standard output, nothing else.
 pub(crate) fn print(text: &str) -> io::Result<()> {
     let mut stdout = io::stdout().lock();
-    stdout.write_all(text.as_bytes())?;
+    stdout.write_all(spelt(text, Interface::CommandLine).as_bytes())?;
     stdout.flush()
+}
+
+/// Prints data as JSON.
+pub(crate) fn print_json(data: &impl Serialize) -> anyhow::Result<()> {
+    let text = serde_json::to_string_pretty(data)? + "\n";
+    Ok(print(&spelt(&text, Interface::Json))?)
 }
 
 /// Reports the error and returns the exit code.

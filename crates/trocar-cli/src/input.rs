@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::Context;
 use trocar::compensate::CompensateOptions;
 use trocar::model_file::ModelFile;
 use trocar::recording::rows::BY_OWN_HEADER;
@@ -248,6 +249,18 @@ fn available_memory() -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(1024 * kib)
+}
+
+/// The `what` that a file of TOML describes.
+pub(crate) fn toml<T, E: std::error::Error + Send + Sync + 'static>(
+    path: &Path,
+    what: &str,
+    parse: fn(&str) -> Result<T, E>,
+) -> anyhow::Result<T> {
+    let name = path.display();
+    let text =
+        std::fs::read_to_string(path).with_context(|| format!("{name}: cannot read the {what}"))?;
+    parse(&text).with_context(|| name.to_string())
 }
 
 /// A finite number.

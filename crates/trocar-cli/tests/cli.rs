@@ -168,6 +168,9 @@ fn a_sensor_mounted_the_other_way_round_is_noticed_and_can_be_turned() {
     let ran = place.run("identify flipped.csv --out result");
     ran.says(&["warning: flipped.csv", "opposes the motion", "hint:", "--flip-force"]);
     assert_ne!(ran.code, Some(0));
+    let json = place.run("inspect flipped.csv --json").stdout;
+    serde_json::from_str::<serde_json::Value>(&json).unwrap();
+    assert!(json.contains("use --flip-force if") && !json.contains('‹'), "{json}");
     let turned = place.run("identify flipped.csv --flip-force --out result");
     assert!(!turned.stderr.contains("opposes"), "{turned:#?}");
     turned.says(&["sign of the force reversed"]);

@@ -232,7 +232,7 @@ fn conditional(all: &mut [Parameter], is_free: bool, own_slopes: bool) {
                 p.estimate.value,
                 "N",
                 "the directions slide differently, so an offset cannot be distinguished from a difference of their Coulomb forces: give the \
-                 sensor's reading without load (--offset-n)",
+                 sensor's reading without load (‹offset_n›)",
             ),
             false => p.estimate.clone().with_note("if both directions have the same Coulomb force"),
         };
@@ -305,13 +305,13 @@ fn of_mass(input: &Input, model: &Candidate) -> Warning {
         let message = format!(
             "the readings follow the acceleration, as from an unmodelled mass of {mass:.3} kg between sensor and seal, \
              whose inertia of {inertia:.2} N exceeds the Coulomb force of {friction:.2} N: all numbers may be off; \
-             declare the mass with --moving-mass-kg, or reverse with less acceleration"
+             declare the mass with ‹moving_mass_kg›, or reverse with less acceleration"
         );
         return Warning::doubt(Quantity::UnmodelledMass, message);
     }
     let message = format!(
         "the readings follow the acceleration, as from an unmodelled mass of {mass:.3} kg between sensor and seal; if \
-         there is one, declare it with --moving-mass-kg"
+         there is one, declare it with ‹moving_mass_kg›"
     );
     Warning::remark(Quantity::UnmodelledMass, message)
 }
@@ -384,7 +384,7 @@ fn left_unexplained(input: &Input, fit: &ElementFit) -> Vec<Warning> {
     if let Some(mass) = fit.left.mass.filter(|_| is_coarse) {
         let message = format!(
             "the readings follow the acceleration, as from an unmodelled mass of some {mass:.2} kg, and the sampling is too coarse to subtract \
-             it: declare it with --moving-mass-kg, or record at 200 Hz or faster"
+             it: declare it with ‹moving_mass_kg›, or record at 200 Hz or faster"
         );
         all.push(Warning::doubt(Quantity::UnmodelledMass, message));
     }

@@ -22,7 +22,7 @@ pub enum IdentifyError {
          after the deformation and free of clipped readings; and no model could be fitted to the motion as a whole, {motion}\n\nhint: record strokes \
          at constant velocity (within 2 %, longer than 50 ms) that are longer than the seal's deformation, in both directions and at \
          several speeds, or half a minute of motion with many reversals in which the tip touches nothing; a part of a recording is taken by, \
-         for example, --from-s 10 --to-s 60"
+         for example, ‹from_s=10› ‹to_s=60›"
     )]
     NoSteadySliding {
         /// Strokes found.

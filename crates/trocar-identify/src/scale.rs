@@ -107,7 +107,7 @@ impl FrictionScale {
         if let Some(jump) = self.jumps.first() {
             return Some(format!(
                 "friction changed by {:+.0} % at {:.0} s of {}: one model cannot hold before and after; identify the two parts separately \
-                 (--from-s, --to-s)",
+                 (‹from_s›, ‹to_s›)",
                 1e2 * (jump.ratio - 1.0),
                 jump.time_s,
                 names.get(jump.recording).unwrap_or(&"the recording")

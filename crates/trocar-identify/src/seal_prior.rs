@@ -250,7 +250,7 @@ impl Contradiction {
         let unit = parameter.unit().si;
         format!(
             "{estimate:.3e} {unit} is outside the range of the prior, {low:.3e} to {high:.3e} {unit}: the strokes contradict it, and no \
-             interval holds; identify without --prior from more strokes, or give a larger --prior-spread"
+             interval holds; identify without ‹prior› from more strokes, or give a larger ‹prior_spread›"
         )
     }
 }

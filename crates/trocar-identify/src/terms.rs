@@ -16,6 +16,8 @@
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
 //! removed again if the fit without it is not significantly worse (the same F test).
 
+use std::str::FromStr;
+
 use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
@@ -55,6 +57,19 @@ pub enum Term {
     /// A second element in parallel: a separate seal, or the part of a lip that slides while the
     /// rest still sticks.
     SecondStage,
+}
+
+/// A text that names no term.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("expected one of {}", Term::ALL.map(Term::name).join(", "))]
+pub struct UnknownTerm;
+
+impl FromStr for Term {
+    type Err = UnknownTerm;
+
+    fn from_str(name: &str) -> Result<Self, UnknownTerm> {
+        Self::ALL.into_iter().find(|term| term.name() == name.trim()).ok_or(UnknownTerm)
+    }
 }
 
 impl Term {

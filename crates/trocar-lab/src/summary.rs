@@ -19,6 +19,7 @@ use trocar_recording::{Choice, Quality, Recording};
 use trocar_runtime::model_file::{
     ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo,
 };
+use trocar_tables::option::{Interface, spelt};
 
 /// Value of the key `program`.
 pub const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
@@ -304,9 +305,8 @@ impl Summary<'_> {
     /// The text of `summary.json`: equal results give equal text. An infinite or undefined number
     /// is `null`.
     pub fn to_json(&self) -> String {
-        let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
-        text.push('\n');
-        text
+        let text = serde_json::to_string_pretty(self).expect("every key is a string") + "\n";
+        spelt(&text, Interface::Json)
     }
 }
 

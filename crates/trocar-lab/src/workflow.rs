@@ -11,6 +11,7 @@ use trocar_identify::simpler;
 use trocar_identify::validate::{Validation, validate};
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use trocar_recording::{Recording, RecordingError};
+use trocar_runtime::model_file::{ModelFile, SensorInfo};
 
 /// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
@@ -66,6 +67,38 @@ impl MovingMass {
         unmodelled: f64,
     ) -> Result<Vec<Recording>, RecordingError> {
         all.into_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
+    }
+}
+
+/// What is taken out of recordings before a model is validated on them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Correction {
+    /// Reading at rest without any force of the seal, N.
+    pub offset_n: f64,
+    /// Mass between sensor and seal whose inertia is subtracted, kg. Its weight is part of the offset.
+    pub moving_mass_kg: f64,
+    /// Delay of the positions, s.
+    position_delay_s: f64,
+}
+
+impl Correction {
+    /// As given, or else that of the sensor of `model`.
+    pub fn of(model: &ModelFile, offset_n: Option<f64>, moving_mass_kg: Option<f64>) -> Self {
+        let own = |part: fn(SensorInfo) -> f64| model.sensor.map_or(0.0, part);
+        Self {
+            offset_n: offset_n.unwrap_or(own(|sensor| sensor.offset_n)),
+            moving_mass_kg: moving_mass_kg.unwrap_or(own(|sensor| sensor.moving_mass_kg)),
+            position_delay_s: own(|sensor| sensor.position_delay_s),
+        }
+    }
+
+    /// `recording` without the inertia of the mass and the delay.
+    ///
+    /// # Errors
+    /// As for [`Recording::without_moving_mass`], and a delay longer than the recording.
+    pub fn taken_out_of(self, recording: Recording) -> Result<Recording, RecordingError> {
+        let mass = MovingMass { mass: self.moving_mass_kg, gravity: 0.0 };
+        mass.subtracted_from(recording, 0.0)?.with_position_delay(self.position_delay_s)
     }
 }
 

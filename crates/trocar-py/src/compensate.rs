@@ -4,14 +4,15 @@ use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict};
+use serde_json::json;
 use trocar::compensate::{
     CompensateOptions, Compensator as Observer, Drift, Estimate, Fault, MOST_DRAWS,
 };
 use trocar::many::evenly;
 
 use crate::arrays::column;
-use crate::errors::number;
-use crate::errors::{ArrayError, MotionError, Raise};
+use crate::errors::{ArrayError, MotionError, ParameterError, Raise, number};
+use crate::keys::{changed, given};
 use crate::model::Model;
 use crate::posterior::Draws;
 
@@ -97,58 +98,19 @@ pub(crate) struct Compensator {
     time: Option<f64>,
 }
 
-/// Options in the order of [`options`].
-type OptionsRow = (Option<f64>, Option<bool>, Option<f64>, f64, Option<f64>, Option<f64>, bool);
-
-/// Options of both.
-fn options(
-    offset_n: Option<f64>,
-    flip_force: Option<bool>,
-    moving_mass_kg: Option<f64>,
-    gravity_m_s2: f64,
-    sensor_limit_n: Option<f64>,
-    force_error_n: Option<f64>,
-    adaptation: bool,
-) -> CompensateOptions {
-    CompensateOptions {
-        offset_n,
-        flip_force,
-        moving_mass_kg,
-        gravity_m_s2,
-        sensor_limit_n,
-        force_error_n,
-        adaptation,
-    }
-}
-
 #[pymethods]
 impl Compensator {
     #[new]
-    #[pyo3(signature = (model, *, offset_n=None, flip_force=None, moving_mass_kg=None, gravity_m_s2=0.0,
-        sensor_limit_n=None, force_error_n=None, adaptation=true, posterior=None))]
-    #[allow(clippy::too_many_arguments)] // keywords in Python
+    #[pyo3(signature = (model, *, posterior=None, **options), text_signature = "(model, *, offset_n=None, \
+        flip_force=None, moving_mass_kg=None, gravity_m_s2=0.0, sensor_limit_n=None, force_error_n=None, adaptation=True, \
+        posterior=None)")]
     fn new(
         model: &Bound<'_, Model>,
-        offset_n: Option<f64>,
-        flip_force: Option<bool>,
-        moving_mass_kg: Option<f64>,
-        gravity_m_s2: f64,
-        sensor_limit_n: Option<f64>,
-        force_error_n: Option<f64>,
-        adaptation: bool,
         posterior: Option<&Bound<'_, PyAny>>,
+        options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let options = options(
-            offset_n,
-            flip_force,
-            moving_mass_kg,
-            gravity_m_s2,
-            sensor_limit_n,
-            force_error_n,
-            adaptation,
-        );
-        let (observer, posterior) = observer(model.get(), &options, posterior)?;
-        Ok(Self { model: model.clone().unbind(), options, posterior, observer, time: None })
+        let options = options.map(given).transpose()?.unwrap_or_default();
+        Self::of(model, options, posterior)
     }
 
     /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its
@@ -232,24 +194,7 @@ impl Compensator {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let py = slf.py();
         let own = slf.borrow();
-        let CompensateOptions {
-            offset_n,
-            flip_force,
-            moving_mass_kg,
-            gravity_m_s2,
-            sensor_limit_n,
-            force_error_n,
-            adaptation,
-        } = own.options;
-        let options = (
-            offset_n,
-            flip_force,
-            moving_mass_kg,
-            gravity_m_s2,
-            sensor_limit_n,
-            force_error_n,
-            adaptation,
-        );
+        let options = json!(own.options).to_string();
         let numbers = PyArray1::from_vec(py, own.observer.state());
         let posterior = own.posterior.as_ref().map(|posterior| posterior.clone_ref(py));
         let state = (own.model(py), options, numbers, own.time, posterior);
@@ -261,14 +206,13 @@ impl Compensator {
     #[staticmethod]
     fn _restore(
         model: &Bound<'_, Model>,
-        options: OptionsRow,
+        options: &str,
         state: &Bound<'_, PyAny>,
         time_s: Option<f64>,
         posterior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let (offset, flip, mass, gravity, limit, error, adaptation) = options;
-        let mut own =
-            Self::new(model, offset, flip, mass, gravity, limit, error, adaptation, posterior)?;
+        let options = changed(CompensateOptions::default(), options, ParameterError::new_err)?;
+        let mut own = Self::of(model, options, posterior)?;
         own.observer.set_state(column("state", state)?.as_slice()?).map_err(Raise::raise)?;
         own.time = time_s;
         Ok(own)
@@ -279,6 +223,17 @@ impl Compensator {
         format!(
             "<trocar.Compensator: friction {level:.3}, viscosity {viscosity:.3} of the model's>"
         )
+    }
+}
+
+impl Compensator {
+    fn of(
+        model: &Bound<'_, Model>,
+        options: CompensateOptions,
+        posterior: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (observer, posterior) = observer(model.get(), &options, posterior)?;
+        Ok(Self { model: model.clone().unbind(), options, posterior, observer, time: None })
     }
 }
 
@@ -313,33 +268,17 @@ pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
 
 /// Takes the force of the trocar out of a whole recording; `trocar.compensate` wraps it.
 #[pyfunction]
-#[pyo3(signature = (model, time_s, position_m, force_n, *, offset_n, flip_force, moving_mass_kg, gravity_m_s2,
-    sensor_limit_n, force_error_n, adaptation, posterior))]
-#[allow(clippy::too_many_arguments)] // keywords in Python
+#[pyo3(signature = (model, time_s, position_m, force_n, *, posterior, **options))]
 pub(crate) fn compensate<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
     time_s: &Bound<'py, PyAny>,
     position_m: &Bound<'py, PyAny>,
     force_n: &Bound<'py, PyAny>,
-    offset_n: Option<f64>,
-    flip_force: Option<bool>,
-    moving_mass_kg: Option<f64>,
-    gravity_m_s2: f64,
-    sensor_limit_n: Option<f64>,
-    force_error_n: Option<f64>,
-    adaptation: bool,
     posterior: Option<&Bound<'py, PyAny>>,
+    options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<(Estimates<'py>, (f64, f64, f64, f64))> {
-    let options = options(
-        offset_n,
-        flip_force,
-        moving_mass_kg,
-        gravity_m_s2,
-        sensor_limit_n,
-        force_error_n,
-        adaptation,
-    );
+    let options = options.map(given).transpose()?.unwrap_or_default();
     let (mut observer, _) = observer(model.get(), &options, posterior)?;
     let columns =
         [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];

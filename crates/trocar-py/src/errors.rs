@@ -1,6 +1,7 @@
 //! Errors of the library as Python exceptions, with their messages as they are but for the names of
 //! options.
 
+use std::fmt::Display;
 use std::io;
 
 use pyo3::PyErr;
@@ -9,6 +10,7 @@ use pyo3::exceptions::{
     PyFileNotFoundError, PyIsADirectoryError, PyNotADirectoryError, PyOSError, PyPermissionError,
     PyRuntimeError, PyValueError,
 };
+use trocar::option::{Interface, spelt};
 
 create_exception!(
     trocar,
@@ -58,7 +60,7 @@ pub(crate) trait Raise {
 impl Raise for trocar::recording::RecordingError {
     fn raise(self) -> PyErr {
         use trocar::recording::RecordingError as E;
-        let text = in_python(&self.to_string());
+        let text = in_python(&self);
         match self {
             E::Open { source, .. } | E::Read { source, .. } => os_error(&source, text),
             _ => RecordingError::new_err(text),
@@ -79,7 +81,7 @@ impl Raise for trocar::model_file::ModelFileError {
                 _ => None,
             }
         }
-        let text = in_python(&self.to_string());
+        let text = in_python(&self);
         match unreadable(&self) {
             Some(source) => os_error(source, text),
             None => ModelFileError::new_err(text),
@@ -101,7 +103,7 @@ impl Raise for trocar::export::c::CError {
 impl Raise for trocar::identify::IdentifyError {
     fn raise(self) -> PyErr {
         use trocar::identify::IdentifyError as E;
-        let text = in_python(&self.to_string());
+        let text = in_python(&self);
         match self {
             E::Degree(_) => ParameterError::new_err(text),
             _ => IdentifyError::new_err(text),
@@ -115,8 +117,8 @@ impl Raise for trocar::compare::CompareError {
         match self {
             E::Identify(error) => error.raise(),
             E::Recording(error) => error.raise(),
-            E::NoFit { .. } => NotConverged::new_err(in_python(&self.to_string())),
-            _ => CompareError::new_err(in_python(&self.to_string())),
+            E::NoFit { .. } => NotConverged::new_err(in_python(&self)),
+            _ => CompareError::new_err(in_python(&self)),
         }
     }
 }
@@ -127,7 +129,7 @@ impl Raise for trocar::compensate::CompensateError {
         match self {
             E::Model(error) => error.raise(),
             error @ E::NotAState { .. } => ArrayError::new_err(error.to_string()),
-            other => ParameterError::new_err(in_python(&other.to_string())),
+            other => ParameterError::new_err(in_python(&other)),
         }
     }
 }
@@ -146,25 +148,36 @@ impl Raise for trocar::bench::ConfigError {
 
 impl Raise for trocar::teleop::ConfigError {
     fn raise(self) -> PyErr {
-        TeleopError::new_err(in_python(&self.to_string()))
+        TeleopError::new_err(in_python(&self))
     }
 }
 
 impl Raise for trocar::teleop::StudyError {
     fn raise(self) -> PyErr {
-        TeleopError::new_err(in_python(&self.to_string()))
+        TeleopError::new_err(in_python(&self))
+    }
+}
+
+impl Raise for trocar::teleop::OptionError {
+    fn raise(self) -> PyErr {
+        use trocar::teleop::OptionError as E;
+        let text = in_python(&self);
+        match self {
+            E::OutOfRange { .. } | E::Empty(_) | E::InVain(..) => ParameterError::new_err(text),
+            _ => TeleopError::new_err(text),
+        }
     }
 }
 
 impl Raise for trocar::plan::ConfigError {
     fn raise(self) -> PyErr {
-        PlanError::new_err(in_python(&self.to_string()))
+        PlanError::new_err(in_python(&self))
     }
 }
 
 impl Raise for trocar::plan::PlanError {
     fn raise(self) -> PyErr {
-        PlanError::new_err(in_python(&self.to_string()))
+        PlanError::new_err(in_python(&self))
     }
 }
 
@@ -177,7 +190,7 @@ impl Raise for trocar_model::ParamError {
 impl Raise for trocar::output::OutputError {
     fn raise(self) -> PyErr {
         use trocar::output::OutputError as E;
-        let text = in_python(&self.to_string());
+        let text = in_python(&self);
         match &self {
             E::Create { source, .. } | E::Write { source, .. } => os_error(source, text),
             _ => PyOSError::new_err(text),
@@ -205,41 +218,9 @@ pub(crate) fn os_error(source: &io::Error, text: String) -> PyErr {
     }
 }
 
-/// Options as they are called in Python: `--flip-force` is `flip_force=True`, `--columns a,b` is
-/// `columns="a,b"`.
-pub(crate) fn in_python(text: &str) -> String {
-    let text = text
-        .replace("`trocar bench --print-config` prints", "trocar.bench_config() gives")
-        .replace("`trocar plan --print-config` prints", "trocar.plan_config() gives")
-        .replace("`trocar teleop --print-config` prints", "trocar.teleop_config() gives");
-    let mut words = text.split(' ').peekable();
-    let mut out: Vec<String> = Vec::new();
-    while let Some(word) = words.next() {
-        match word {
-            "--flip-force" => out.push("flip_force=True".to_owned()),
-            "--validate," => out.push("validate=...,".to_owned()),
-            "--validate" => out.push("validate=...".to_owned()),
-            "--force-error-n" => out.push("force_error_n".to_owned()),
-            "--out" => out.push("another path".to_owned()),
-            "--rate-hz" => out.push(format!("rate_hz={}", words.next().unwrap_or("..."))),
-            "--columns" => match words.next_if(|next| next.contains(',') || next.starts_with('\''))
-            {
-                Some(first) if first.starts_with('\'') => {
-                    let mut names = format!("columns={first}");
-                    while !names.trim_end_matches([';', ',']).ends_with('\'')
-                        && let Some(next) = words.next()
-                    {
-                        names = format!("{names} {next}");
-                    }
-                    out.push(names);
-                }
-                Some(names) => out.push(format!("columns=\"{names}\"")),
-                None => out.push("columns".to_owned()),
-            },
-            other => out.push(other.to_owned()),
-        }
-    }
-    out.join(" ")
+/// The message with its options as Python writes them.
+pub(crate) fn in_python(message: &impl Display) -> String {
+    spelt(&message.to_string(), Interface::Python)
 }
 
 /// A number in a message: as a power of ten where it would fill the line with zeros.

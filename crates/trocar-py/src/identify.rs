@@ -71,19 +71,16 @@ pub(crate) fn identify(
         seed,
         degrees,
         free_motion,
-        without: without.iter().map(|name| term(name)).collect::<PyResult<_>>()?,
+        without: without.iter().map(term).collect::<PyResult<_>>()?,
         offset: offset_n,
         paper,
         ..IdentifyOptions::default()
     };
     let (recordings, held_out) = (records(&recordings), records(&held_out));
-    let task = move |report: &crate::work::Report| {
-        Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
-            report.tell(stage, part)
-        })
-    };
-    let job = run(py, How { progress, threads }, task)?.map_err(Raise::raise)?;
-    Ok(Identified(Arc::new(job)))
+    let job = run(py, How { progress, threads }, move |progress| {
+        Workflow::run(recordings, held_out, moving_mass, options, progress)
+    })?;
+    Ok(Identified(Arc::new(job.map_err(Raise::raise)?)))
 }
 
 fn unknown(name: &str) -> PyErr {
@@ -106,12 +103,8 @@ fn seal_prior(model: &Model, spread: f64) -> PyResult<SealPrior> {
     SealPrior::new(model.file(), "model", spread).map_err(Raise::raise)
 }
 
-fn term(name: &str) -> PyResult<Term> {
-    let names = || Term::ALL.map(Term::name).join(", ");
-    let found = Term::ALL.into_iter().find(|term| term.name() == name);
-    found.ok_or_else(|| {
-        ParameterError::new_err(format!("without {name:?}: expected one of {}", names()))
-    })
+fn term(name: &String) -> PyResult<Term> {
+    name.parse().map_err(|error| ParameterError::new_err(format!("without {name:?}: {error}")))
 }
 
 fn page(done: &Workflow) -> Document {

@@ -3,13 +3,11 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
-use trocar::many::evenly;
 use trocar::plan::config::EXAMPLE_TOML;
 use trocar::plan::{ConfigError, Goal, Plan, PlanConfig};
-use trocar_model::{ElementParams, Stages};
 
-use crate::errors::{PlanError, Raise, in_python};
-use crate::keys::changed;
+use crate::errors::{PlanError, Raise};
+use crate::keys::{changed, document};
 use crate::model::Model;
 use crate::posterior::Draws;
 use crate::recording::Recording;
@@ -43,60 +41,30 @@ pub(crate) fn plan<'py>(
     let goal: Goal = goal.parse().map_err(|error| PlanError::new_err(format!("{error}")))?;
     let after: Vec<_> = after.iter().map(|recording| recording.record().clone()).collect();
     let config = match (text, after.first()) {
-        (Some(text), _) => document(text, name)?,
+        (Some(text), _) => document(text, name, PlanConfig::from_toml, PlanError::new_err)?,
         (None, Some(pilot)) => PlanConfig::default().on_the_rig_of(pilot).map_err(Raise::raise)?,
         (None, None) => PlanConfig::default(),
     };
     let config = changed(config, changes, ConfigError::Syntax).map_err(Raise::raise)?;
-    let seals = match (posterior, model) {
-        (Some(posterior), _) => {
-            let draws = evenly(&Draws::of(posterior)?.models, config.draws as usize);
-            draws.iter().map(element).collect::<PyResult<_>>()?
-        }
-        (None, Some(model)) => vec![element(model.get().file().stages().map_err(Raise::raise)?)?],
+    let draws = match (posterior, model) {
+        (Some(posterior), _) => Draws::of(posterior)?.models,
+        (None, Some(model)) => vec![*model.get().file().stages().map_err(Raise::raise)?],
         (None, None) => Vec::new(),
     };
-    let work = move |report: &crate::work::Report| {
-        let tell = |stage: &str, part: f64| report.tell(stage, part);
-        let planned = trocar::plan::plan(&config, &goal, &seals, &after, &tell)?;
+    let seals = config.seals_of(&draws).map_err(Raise::raise)?;
+    let done = run(py, How { progress, threads }, move |progress| {
+        let planned = trocar::plan::plan(&config, &goal, &seals, &after, progress)?;
         Ok((summary(&config, &goal, &planned), planned.course))
-    };
-    let done = run(py, How { progress, threads }, work)?;
+    })?;
     let (summary, course) = done.map_err(|error: trocar::plan::PlanError| error.raise())?;
     let columns = [course.time, course.position].map(|column| PyArray1::from_vec(py, column));
     Ok((summary.to_string(), columns))
 }
 
-fn document(text: &str, name: Option<&str>) -> PyResult<PlanConfig> {
-    PlanConfig::from_toml(text).map_err(|error| match name {
-        Some(name) => PlanError::new_err(in_python(&format!("{name}: {error}"))),
-        None => error.raise(),
-    })
-}
-
-/// The one element of a model.
-fn element(stages: &Stages) -> PyResult<ElementParams> {
-    match stages.elements() {
-        [one] => Ok(*one.params()),
-        several => Err(PlanError::new_err(format!(
-            "a model of {} elements; a motion is planned for one element\n\nhint: identify the pilot with \
-             without=[\"second_stage\"]",
-            several.len()
-        ))),
-    }
-}
-
-/// With the keys of `trocar plan --json`, the order of the cycles and the rig.
+/// What `trocar plan --json` prints, with the order of the cycles and the rig.
 fn summary(config: &PlanConfig, goal: &Goal, plan: &Plan) -> Value {
-    json!({
-        "goal": goal.to_string(),
-        "duration_s": plan.duration_s(),
-        "needed_s": plan.needed_s,
-        "motion": plan.shares,
-        "expected": plan.expected,
-        "paper_duration_s": plan.paper.as_ref().map(|paper| paper.0),
-        "paper_expected": plan.paper.as_ref().map(|paper| &paper.1),
-        "segments": plan.segments,
-        "config": config,
-    })
+    let mut summary = json!(plan.summary(goal));
+    summary["segments"] = json!(plan.segments);
+    summary["config"] = json!(config);
+    summary
 }

@@ -24,7 +24,7 @@ pub(crate) struct PosteriorTable {
 
 impl Raise for DrawsError {
     fn raise(self) -> PyErr {
-        let text = in_python(&self.to_string());
+        let text = in_python(&self);
         match &self {
             Self::Table(TableError::Open { source, .. }) => os_error(source, text),
             _ => ParameterError::new_err(text),

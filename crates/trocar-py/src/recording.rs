@@ -10,6 +10,7 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyAny, PySlice, PyTuple, PyType};
+use trocar::option::{Interface, spelt};
 use trocar::output::AtomicFile;
 use trocar::recording::{
     self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns,
@@ -17,8 +18,7 @@ use trocar::recording::{
 use trocar::report::recording::document;
 
 use crate::arrays::column;
-use crate::errors::number;
-use crate::errors::{ArrayError, InternalError, ParameterError, Raise};
+use crate::errors::{ArrayError, InternalError, ParameterError, Raise, in_python, number};
 use crate::shared::{Picture, figures, finite};
 use crate::work::{How, run};
 
@@ -271,22 +271,20 @@ impl Recording {
     /// Everything lost or doubtful about the data.
     #[getter]
     fn warnings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(
-            py,
-            self.record.quality.warnings.iter().map(|w| crate::errors::in_python(&w.to_string())),
-        )
+        PyTuple::new(py, self.record.quality.warnings.iter().map(in_python))
     }
 
     /// What was assumed, such as which columns were taken.
     #[getter]
     fn notes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, &self.record.quality.notes)
+        PyTuple::new(py, self.record.quality.notes.iter().map(in_python))
     }
 
     /// What was found about the data: sampling, resolution, noise, gaps, as in summary.json.
     #[getter]
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        py.import("json")?.call_method1("loads", (quality_json(&self.record.quality)?,))
+        let text = spelt(&quality_json(&self.record.quality)?, Interface::Json);
+        py.import("json")?.call_method1("loads", (text,))
     }
 
     /// The samples from `from_s` on and before `to_s`, s after the first sample, as a recording of

@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use trocar::identify::Progress;
+use trocar::option::{Interface, spelt};
 use trocar::recording::{Recording as Record, RecordingError};
 use trocar::replay::{Replay, replay};
 use trocar::report::validation::document;
 use trocar::validate::Validation;
-use trocar::workflow::MovingMass;
+use trocar::workflow::Correction;
 
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
@@ -50,19 +52,14 @@ pub(crate) fn validate(
         return Err(ParameterError::new_err("no recording to validate on"));
     }
     let file = model.get().file().clone();
-    let mass = moving_mass_kg.unwrap_or(file.sensor.map_or(0.0, |sensor| sensor.moving_mass_kg));
-    let offset = offset_n.unwrap_or(file.sensor.map_or(0.0, |sensor| sensor.offset_n));
-    let lag = file.sensor.map_or(0.0, |sensor| sensor.position_delay_s);
+    let correction = Correction::of(&file, offset_n, moving_mass_kg);
+    let Correction { offset_n: offset, moving_mass_kg: mass, .. } = correction;
     not_negative("moving_mass_kg", mass, "kg")?;
     finite("offset_n", offset, "N")?;
     let recordings = records(&recordings);
-    let task = move |_: &crate::work::Report| {
-        // The weight of the mass is part of the offset.
-        let taken_out = MovingMass { mass, gravity: 0.0 };
-        let prepared =
-            |recording| taken_out.subtracted_from(recording, 0.0)?.with_position_delay(lag);
-        let recordings: Vec<Record> =
-            recordings.into_iter().map(prepared).collect::<Result<_, RecordingError>>()?;
+    let task = move |_: Progress<'_>| {
+        let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));
+        let recordings: Vec<Record> = prepared.collect::<Result<_, RecordingError>>()?;
         let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
         let runs =
             recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
@@ -75,8 +72,9 @@ pub(crate) fn validate(
 impl Validated {
     /// The text that `trocar validate --json` prints.
     fn summary_json(&self) -> PyResult<String> {
-        serde_json::to_string(&self.0.validation)
-            .map_err(|error| InternalError::new_err(error.to_string()))
+        let text = serde_json::to_string(&self.0.validation)
+            .map_err(|error| InternalError::new_err(error.to_string()))?;
+        Ok(spelt(&text, Interface::Json))
     }
 
     /// Sensor offset and moving mass that were subtracted.

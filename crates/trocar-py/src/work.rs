@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 use trocar::cancel::{Cancel, Stopped};
+use trocar::identify::Progress;
 
 use crate::errors::InternalError;
 
@@ -27,26 +28,20 @@ pub(crate) struct How {
     pub(crate) threads: usize,
 }
 
-/// How far the work is: for the library's `progress`.
-pub(crate) struct Report(News);
-
-impl Report {
-    pub(crate) fn tell(&self, stage: &str, part: f64) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some((stage.to_owned(), part));
-    }
-}
-
-/// Does `work` without the interpreter's lock.
+/// Does `work` without the interpreter's lock; it reports how far it is.
 ///
 /// An exception of a signal handler (`KeyboardInterrupt`) or of `progress` ends the wait at once;
 /// the work itself is cancelled and ends soon after, by itself.
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     how: How,
-    work: impl FnOnce(&Report) -> T + Send + 'static,
+    work: impl FnOnce(Progress<'_>) -> T + Send + 'static,
 ) -> PyResult<T> {
     let news = News::default();
-    let (cancel, report) = (Cancel::default(), Report(news.clone()));
+    let (cancel, latest) = (Cancel::default(), news.clone());
+    let report = move |stage: &str, part: f64| {
+        *latest.lock().unwrap_or_else(PoisonError::into_inner) = Some((stage.to_owned(), part));
+    };
     let (sender, receiver) = mpsc::channel();
     let (flag, threads) = (cancel.clone(), how.threads);
     let task = move || {

@@ -131,7 +131,7 @@ impl Choice {
         let Some(rate) = self.rate_hz else { return Ok(()) };
         let bad = |problem: String| RecordingError::BadOption {
             file: file.to_owned(),
-            option: "--rate-hz",
+            option: "‹rate_hz›",
             problem,
         };
         if !(rate.is_finite() && rate > 0.0) {
@@ -142,7 +142,7 @@ impl Choice {
             None => self.given()?.iter().any(|own| own.quantity == Quantity::Time),
         };
         if named {
-            Err(bad("is given although --columns names the time, expected one of them".to_owned()))
+            Err(bad("is given although ‹columns› names the time, expected one of them".to_owned()))
         } else {
             Ok(())
         }

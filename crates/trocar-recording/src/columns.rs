@@ -302,7 +302,7 @@ impl Layout {
     pub(crate) fn from_mapping(mapping: &str, needed: &[Quantity]) -> Result<Self, RecordingError> {
         let names: Vec<String> = mapping.split(',').map(|name| name.trim().to_owned()).collect();
         let slots = names.iter().map(|name| mapped_slot(name)).collect::<Result<Vec<_>, _>>()?;
-        let layout = Self { names, slots, source: "--columns", ..Self::default() };
+        let layout = Self { names, slots, source: "‹columns›", ..Self::default() };
         for quantity in Quantity::ALL {
             let mut taken = layout.slots.iter().flatten().filter(|slot| slot.is(quantity));
             let count = taken.by_ref().count();

@@ -131,7 +131,7 @@ pub enum RecordingError {
     },
     /// Several tables of a file contain the required quantities.
     #[error(
-        "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example --topic '{example}'; `trocar inspect` shows them"
+        "{file}: time, position and force could come from {found}, expected one\n\nhint: say which, for example ‹topic='{example}'›; `trocar inspect` shows them"
     )]
     AmbiguousTable {
         /// File name as given by the caller.
@@ -166,7 +166,7 @@ pub enum RecordingError {
         expected: String,
     },
     /// The `--columns` mapping itself is invalid.
-    #[error("--columns entry '{entry}' is {problem}\n\nhint: {hint}")]
+    #[error("‹columns› entry '{entry}' is {problem}\n\nhint: {hint}")]
     BadColumns {
         /// The entry concerned.
         entry: Box<str>,
@@ -353,7 +353,7 @@ pub enum RecordingError {
     },
     /// The recording does not fit into the allowed memory.
     #[error(
-        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: identify from excerpts, for example --most-samples 200000, or from a part, for example --from-s 0 --to-s 60; simulate and validate need no such memory"
+        "{file}: about {rows} rows need {needed_mb} MB of memory, expected at most {limit_mb} MB\n\nhint: identify from excerpts, for example ‹most_samples=200000›, or from a part, for example ‹from_s=0› ‹to_s=60›; simulate and validate need no such memory"
     )]
     TooLarge {
         /// File name as given by the caller.

@@ -80,7 +80,7 @@ struct Unclear<'a> {
 pub(crate) const PLAUSIBLE_FORCE: f64 = 200.0;
 
 /// A rate as an example, for a file without times; it stands for any other.
-pub(crate) const EXAMPLE_RATE: &str = "--rate-hz 1000";
+pub(crate) const EXAMPLE_RATE: &str = "‹rate_hz=1000›";
 pub(crate) const PUT_IN_RATE: &str = "replace it by your sample rate";
 
 /// What a column of times may also hold.
@@ -603,7 +603,7 @@ pub(crate) fn in_order(rows: &[Vec<f64>]) -> Option<String> {
     let caution = if is_timed { "" } else { "replace it by your sample rate; " };
     (has(Quantity::Position) && has(Quantity::Force)).then(|| {
         let words = words.join(",");
-        format!("--columns {words}{rate} ({caution}guessed from the first rows: check the units)")
+        format!("‹columns={words}›{rate} ({caution}guessed from the first rows: check the units)")
     })
 }
 
@@ -722,8 +722,7 @@ fn option(
     proposed: &Proposed,
     rows: &[Vec<f64>],
 ) -> Option<String> {
-    let columns =
-        (!entries.is_empty()).then(|| format!("--columns {}", in_shell(&entries.join(","))));
+    let columns = (!entries.is_empty()).then(|| format!("‹columns='{}'›", entries.join(",")));
     let rate = needs_rate.then(|| EXAMPLE_RATE.to_owned());
     let what = match (&columns, needs_rate) {
         (None, false) => return None,
@@ -751,9 +750,4 @@ fn either(names: &[String]) -> String {
         [front @ .., last] if !front.is_empty() => format!("{} or {last}", front.join(", ")),
         _ => names.join(""),
     }
-}
-
-/// An argument as a shell takes it.
-pub(crate) fn in_shell(argument: &str) -> String {
-    format!("'{}'", argument.replace('\'', r"'\''"))
 }

@@ -25,7 +25,6 @@ use std::collections::BTreeMap;
 use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
 
 use super::container::{BATCH_ROWS, Batches, Container};
-use super::header::in_shell;
 use super::{RecordingError, Table};
 
 /// Longest interval across which values are interpolated, in 95th percentiles of a topic's
@@ -191,8 +190,8 @@ fn overlap(
         let entries: Vec<&str> =
             std::iter::once(&*time).chain(given.iter().map(String::as_str)).collect();
         format!(
-            "their stamps are of different clocks, but they were received at the same time: align them by {LOG_TIME}, with --columns {}",
-            in_shell(&entries.join(","))
+            "their stamps are of different clocks, but they were received at the same time: align them by {LOG_TIME}, with ‹columns='{}'›",
+            entries.join(",")
         )
     } else {
         "choose topics that were recorded at the same time, or record them again on one clock; `trocar inspect` shows them".to_owned()
@@ -798,7 +797,7 @@ mod tests {
         for essential in [
             "/rows from 0.010 to 0.500 s",
             "/other from 100.010 to 100.500 s (header.stamp_s)",
-            "--columns 'time_s=/rows.log_time_s'",
+            "‹columns='time_s=/rows.log_time_s'›",
         ] {
             assert!(clocks.contains(essential), "{clocks}");
         }

@@ -99,17 +99,19 @@ pub fn read_in_words(
     recording.quality.notes.extend(reader.notes());
     // The file's own names make an option that can be pasted.
     let given = options.choice.columns.as_deref();
-    let flip =
-        if options.choice.flip_force { "leave out --flip-force" } else { "use --flip-force" };
+    let flip = if options.choice.flip_force {
+        "leave out ‹flip_force=True›"
+    } else {
+        "use ‹flip_force=True›"
+    };
     let opposed = recording
         .quality
         .warnings
         .iter_mut()
         .find(|warning| warning.kind == WarningKind::ForceSign);
     if let Some((warning, turned)) = opposed.zip(reader.layout().reversed_position(given)) {
-        let turned = turned.replace('\'', r"'\''");
         warning.hint = Some(format!(
-            "{flip} if the sensor is mounted the other way round, or use --columns '{turned}' if the encoder counts the other way round"
+            "{flip} if the sensor is mounted the other way round, or use ‹columns='{turned}'› if the encoder counts the other way round"
         ));
     }
     for message in reader.warnings() {

@@ -8,7 +8,7 @@ use super::choice::{Choice, allowed};
 use super::columns::{self, Given, Layout, Quantity, Slot, entry, reading_of};
 use super::container::{Batches, Container, Table};
 use super::crtk::{Candidate, Certainty, Meaning, axis_of_travel, estimate, meaning};
-use super::header::{in_shell, likely_unit};
+use super::header::likely_unit;
 use super::join::{Pick, join};
 
 /// Aligned topics, and the assumptions made.
@@ -55,7 +55,7 @@ pub(super) fn choose(
             "is for a table without times, and this is a log with times of its own".to_owned();
         return Err(RecordingError::BadOption {
             file: file.to_owned(),
-            option: "--rate-hz",
+            option: "‹rate_hz›",
             problem,
         });
     }
@@ -221,8 +221,8 @@ impl Topics<'_> {
         let words: Vec<String> = others
             .filter_map(|(t, c, own)| {
                 let name = self.name(*t, *c);
-                let option = in_shell(&entry(own.quantity, own.per_si.unwrap_or(1.0), &name)?);
-                Some(format!("{name}, which --columns {option} would take"))
+                let option = entry(own.quantity, own.per_si.unwrap_or(1.0), &name)?;
+                Some(format!("{name}, which ‹columns='{option}'› would take"))
             })
             .collect();
         if words.is_empty() {
@@ -311,7 +311,7 @@ impl Topics<'_> {
         }
         let is_whole = entries.len() == given.len() + unclear.len();
         let option = is_whole.then(|| {
-            format!("say which, for example --columns {} (a guess); ", in_shell(&entries.join(",")))
+            format!("say which, for example ‹columns='{}'› (a guess); ", entries.join(","))
         });
         Ok(RecordingError::UnclearTopic {
             file: self.file.to_owned(),
@@ -431,7 +431,7 @@ impl Topics<'_> {
             }));
         }
         notes.extend(joined.notes);
-        let source = "--columns";
+        let source = "‹columns›";
         let layout = Layout { names, slots, source, notes, is_log: true, ..Layout::default() };
         Ok(Chosen { layout, batches: joined.batches, warnings: joined.warnings })
     }
@@ -551,7 +551,7 @@ mod tests {
 
     /// The option of a message is taken as it is.
     fn follow(log: &Log, message: &str) -> Vec<String> {
-        let option = message.split("--columns '").nth(1).unwrap_or_else(|| panic!("{message}"));
+        let option = message.split("‹columns='").nth(1).unwrap_or_else(|| panic!("{message}"));
         let option = option.split('\'').next().unwrap();
         chosen(log, Some(option)).unwrap_or_else(|error| panic!("{message}\n{error}")).0
     }
@@ -575,8 +575,8 @@ mod tests {
             let (words, notes) = chosen(&log(&topics), None).unwrap();
             assert_eq!(words[2], "force_n=/ati/wrench.wrench.force.z");
             for essential in [
-                "preferred to /PSM1/measured_js.effort[insertion], which --columns",
-                "/PSM1/measured_cf.wrench.force.z, which --columns 'force_n=/PSM1/measured_cf.wrench.force.z' would take",
+                "preferred to /PSM1/measured_js.effort[insertion], which ‹columns='force_n=",
+                "/PSM1/measured_cf.wrench.force.z, which ‹columns='force_n=/PSM1/measured_cf.wrench.force.z'› would take",
                 "(range 6.000 N; x 0.200 N, y 0.400 N)",
             ] {
                 let is_there = notes.contains(essential)
@@ -658,7 +658,7 @@ mod tests {
         let without = log(&[("/PSM1/measured_js", JOINTS, &[("position[insertion]", 0.05)])]);
         for log in [without, none] {
             let found = chosen(&log, None);
-            assert!(!found.is_err_and(|message| message.contains("--columns")));
+            assert!(!found.is_err_and(|message| message.contains("‹columns")));
         }
     }
 }

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use super::choice::Choice;
 use super::columns::{Layout, Quantity};
-use super::header::{EXAMPLE_RATE, PLAUSIBLE_FORCE, PUT_IN_RATE, counts_by_one, in_shell};
+use super::header::{EXAMPLE_RATE, PLAUSIBLE_FORCE, PUT_IN_RATE, counts_by_one};
 use super::samples::Columns;
 use super::statistics::{median, range};
 use super::{Quality, RecordingError, Warning, WarningKind};
@@ -221,7 +221,7 @@ fn implausible(
         let doubt = doubts.iter().find(|own| own.quantity == quantity);
         Some(doubt.and_then(|own| likely(own, per_si)).map_or(per_si, |own| own.copysign(per_si)))
     });
-    let better = in_shell(&better.join(","));
+    let better = better.join(",");
     for doubt in doubts {
         let unit = per_si(layout, doubt.quantity).and_then(|per_si| likely(doubt, per_si));
         let all = doubt.quantity.units();
@@ -230,18 +230,18 @@ fn implausible(
     }
     let mut ways = Vec::new();
     if !units.is_empty() {
-        ways.push(format!("--columns {better} if {}", units.join(" and ")));
+        ways.push(format!("‹columns='{better}'› if {}", units.join(" and ")));
     }
     if numbers_rows {
         let untimed =
             layout.words_with(|quantity, per_si| (quantity != Quantity::Time).then_some(per_si));
-        let untimed = in_shell(&untimed.join(","));
+        let untimed = untimed.join(",");
         ways.push(format!(
-            "--columns {untimed} {EXAMPLE_RATE} ({PUT_IN_RATE}) if the column of times numbers the rows"
+            "‹columns='{untimed}'› {EXAMPLE_RATE} ({PUT_IN_RATE}) if the column of times numbers the rows"
         ));
     }
-    let as_read = in_shell(&layout.words().join(","));
-    ways.push(format!("--columns {as_read} if the numbers are right"));
+    let as_read = layout.words().join(",");
+    ways.push(format!("‹columns='{as_read}'› if the numbers are right"));
     let problems: Vec<&str> = doubts.iter().map(|doubt| &*doubt.message).collect();
     RecordingError::Implausible {
         file: file.to_owned(),

@@ -279,7 +279,7 @@ pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Box<dyn Container>>, R
     if skip_rows > 0 && !matches!(reader, Reader::Text) && *name != WORKBOOK {
         let problem =
             format!("is for text and spreadsheets, and this is a file of the format {name}");
-        return Err(RecordingError::BadOption { file, option: "--skip-rows", problem });
+        return Err(RecordingError::BadOption { file, option: "‹skip_rows›", problem });
     }
     let source = Source { file, format: name };
     match reader {

@@ -14,7 +14,6 @@ use super::block::{Block, SampleRow};
 use super::choice::{Choice, Picked, check_topics, pick};
 use super::columns::Layout;
 use super::container::{Batches, Container};
-use super::header::in_shell;
 use super::registry;
 use super::samples::Count;
 use super::text::{TextReader, hex};
@@ -99,8 +98,8 @@ impl Rows<'static> {
         let hint = match Self::open_as_chosen(path, &plain, needed, false) {
             _ if !(path.is_file() || path.is_dir()) => hint,
             Ok(rows) => {
-                let own = in_shell(&rows.layout().words().join(","));
-                format!("by its own header the file is read as --columns {own}").into()
+                let own = rows.layout().words().join(",");
+                format!("by its own header the file is read as ‹columns='{own}'›").into()
             }
             Err(RecordingError::UnclearColumns { hint, .. }) => hint,
             Err(RecordingError::NoHeader { hint, .. }) => hint.into(),

@@ -517,7 +517,7 @@ fn warnings_of_rows(quality: &Quality, unit: &str) -> Vec<Warning> {
 
 /// The ways out where the force opposes the motion. A sensor and an encoder that are mounted the
 /// other way round give the same sign of the work, so the data do not tell which of them it is.
-pub const OPPOSED: &str = "use --flip-force if the sensor is mounted the other way round; if the encoder counts the other way round, \
+pub const OPPOSED: &str = "use ‹flip_force=True› if the sensor is mounted the other way round; if the encoder counts the other way round, \
      reverse the position, with a minus before the name of its column";
 
 /// `1 gap`, `3 gaps`.

@@ -444,7 +444,7 @@ impl<R: Read> TextReader<R> {
                 let problem = format!("{rows} leaves no line of {}", self.line - 1);
                 return Err(RecordingError::BadOption {
                     file: self.file.clone(),
-                    option: "--skip-rows",
+                    option: "‹skip_rows›",
                     problem,
                 });
             }
@@ -630,7 +630,7 @@ impl<R: Read> TextReader<R> {
         });
         let before = header.unwrap_or(1) as u64 + self.line - 1;
         format!(
-            "\n\nhint: if the header is further below, skip the lines before it, for example --skip-rows {before}"
+            "\n\nhint: if the header is further below, skip the lines before it, for example ‹skip_rows={before}›"
         )
     }
 
@@ -644,7 +644,7 @@ impl<R: Read> TextReader<R> {
                     .to_owned()
             }
             "the header" if line == self.first_row => below,
-            "--columns" => "\n\nhint: name every column in order, '-' skips one".to_owned(),
+            "‹columns›" => "\n\nhint: name every column in order, '-' skips one".to_owned(),
             _ => String::new(),
         };
         let (file, expected) = (self.file.clone(), self.layout.slots.len());

@@ -343,11 +343,11 @@ fn rows_of_a_sheet_that_are_no_readings_are_left_out_and_counted() {
     assert!(units.contains("column 'Force' holds numbers with their unit, such as '"), "{units}");
     assert!(units.contains("write the numbers alone into the cells and the unit"), "{units}");
     let too_many = odd_sheet("Again", 5000).unwrap_err();
-    assert!(too_many.contains("--skip-rows 5000 leaves no rows of numbers"), "{too_many}");
+    assert!(too_many.contains("‹skip_rows› 5000 leaves no rows of numbers"), "{too_many}");
     let choice = Choice { skip_rows: 2, ..Choice::default() };
     let options = ReadOptions { choice, ..ReadOptions::default() };
     let refused = read(&fixture("polars.parquet"), &options).unwrap_err().to_string();
-    assert!(refused.contains("--skip-rows is for text and spreadsheets"), "{refused}");
+    assert!(refused.contains("‹skip_rows› is for text and spreadsheets"), "{refused}");
 }
 
 /// A date is in seconds, also in a column that is named otherwise or declared in other units.
@@ -391,7 +391,7 @@ fn a_sheet_becomes_a_recording_as_a_text_file_does() {
     }
     let error = read(&fixture("openpyxl.xlsx"), &ReadOptions::default()).unwrap_err().to_string();
     assert!(
-        error.contains("could come from Data, Fault") && error.contains("--topic 'Data'"),
+        error.contains("could come from Data, Fault") && error.contains("‹topic='Data'›"),
         "{error}"
     );
 }

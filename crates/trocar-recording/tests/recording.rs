@@ -9,6 +9,7 @@ use trocar_recording::{
     Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity,
     read, write,
 };
+use trocar_tables::option::{Interface, spelt};
 
 #[path = "../../trocar-model/tests/common/skipped.rs"]
 mod skipped;
@@ -64,11 +65,18 @@ fn message(contents: impl AsRef<[u8]>) -> String {
 }
 
 fn message_with(contents: impl AsRef<[u8]>, options: &ReadOptions) -> String {
-    read(&Scratch::new().file(contents), options).expect_err("must be refused").to_string()
+    let error = read(&Scratch::new().file(contents), options).expect_err("must be refused");
+    spelt(&error.to_string(), Interface::CommandLine)
 }
 
 fn columns(mapping: &str) -> ReadOptions {
     ReadOptions { choice: Choice::columns(mapping), ..ReadOptions::default() }
+}
+
+/// The hint of its first warning.
+fn way_out(recording: &Recording) -> String {
+    let hint = recording.quality.warnings[0].hint.as_deref().unwrap();
+    spelt(hint, Interface::CommandLine)
 }
 
 #[track_caller]
@@ -939,10 +947,10 @@ fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
     let recording = read_text(&flipped);
     assert_eq!(kinds(&recording), [WarningKind::ForceSign]);
     let (time, position) = (&recording.time, &recording.position);
-    let hint = recording.quality.warnings[0].hint.as_deref().unwrap();
+    let hint = way_out(&recording);
     // A reversed sensor and a reversed encoder look the same: both ways are offered, and both help.
     assert_says(
-        hint,
+        &hint,
         &[
             "use --flip-force if the sensor",
             "or use --columns 'position_m=-position_m' if the encoder",
@@ -960,7 +968,7 @@ fn a_flipped_force_is_noticed_and_can_be_flipped_back() {
         &ReadOptions::default(),
     )
     .unwrap();
-    let hint = own.quality.warnings[0].hint.clone().unwrap();
+    let hint = way_out(&own);
     let option =
         hint.split("--columns '").nth(1).and_then(|rest| rest.split("' if").next()).unwrap();
     assert_eq!(option, "position_mm=-\"Weg, [mm]\"");

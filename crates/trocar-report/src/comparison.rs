@@ -26,7 +26,7 @@ const CLAIM: &str = "EMS section II-C argues that a GMS model needs about ten el
 /// Equal input gives equal documents, except for times. Figures are numbered in order of
 /// appearance. If its data are missing, a figure is replaced by a sentence with the reason.
 pub fn document(outcome: &Outcome, title: &str) -> Document {
-    let comparison = outcome.comparison;
+    let comparison = &outcome.comparison;
     Document {
         title: title.to_owned(),
         subtitle: subtitle(outcome),
@@ -55,7 +55,7 @@ pub fn write(outcome: &Outcome, staged: &StagedFolder) -> Result<(), ReportError
 }
 
 fn subtitle(outcome: &Outcome) -> String {
-    let Comparison { entries, training, validation, .. } = outcome.comparison;
+    let Comparison { entries, training, validation, .. } = &outcome.comparison;
     let models =
         if entries.len() == 1 { "1 model".to_owned() } else { format!("{} models", entries.len()) };
     format!("{models} fitted to {}; scored on {}", names(training), names(validation))
@@ -95,7 +95,7 @@ fn least_by(comparison: &Comparison, of: impl Fn(&Entry) -> f64) -> Option<&Entr
 
 /// Limits of the whole comparison; a table lists the warnings of each fit.
 fn warnings(outcome: &Outcome) -> Vec<String> {
-    let comparison = outcome.comparison;
+    let comparison = &outcome.comparison;
     let mut lines = Vec::new();
     for recording in comparison.training.iter().chain(&comparison.validation) {
         let warnings = recording.quality.warnings.iter();
@@ -113,7 +113,7 @@ fn notes(outcome: &Outcome) -> Vec<String> {
 }
 
 fn sections(outcome: &Outcome) -> Vec<Section> {
-    let comparison = outcome.comparison;
+    let comparison = &outcome.comparison;
     let shown = figures::shown(comparison);
     let mut errors = Section::new("Errors")
         .paragraph(
@@ -220,6 +220,6 @@ fn provenance(outcome: &Outcome) -> Vec<(String, String)> {
         origin("Seed", outcome.seed.to_string()),
         origin("EMS", PAPER),
     ];
-    all.extend(hashes(recordings(outcome.comparison)));
+    all.extend(hashes(recordings(&outcome.comparison)));
     all
 }

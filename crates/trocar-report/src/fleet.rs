@@ -113,7 +113,7 @@ fn drift(types: &ByType, roles: &Roles) -> Section {
     let section = Section::new("Drift with use");
     let Some(usage) = &roles.usage else {
         return section.paragraph(
-            "No column of the data set counts uses (insertion_count, or another named with --use).",
+            "No column of the data set counts uses (insertion_count, or another named with ‹use›).",
         );
     };
     match figures::drift(types, usage, roles.specimen.as_deref()) {

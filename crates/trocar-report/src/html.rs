@@ -9,6 +9,8 @@ use super::document::{Cell, Document, Figure, Section, Table, Tile};
 use super::live::Embedded;
 use super::number::{decimals_for, fixed, significant};
 use super::style;
+use trocar_tables::option::{Interface, spelt};
+
 use super::view::printable;
 
 const UPLOT_SCRIPT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
@@ -94,8 +96,9 @@ fn elements(name: &str, texts: &[String]) -> String {
 
 /// Escapes `text` and sets the indices of symbols low: `F_c`, `θ_12`, but not `force_n`.
 fn typeset(text: &str) -> String {
+    let text = spelt(text, Interface::CommandLine);
     let mut out = String::with_capacity(text.len());
-    let mut rest = text;
+    let mut rest = &*text;
     while let Some(at) = rest.find('_') {
         let (before, after) = (&rest[..at], &rest[at + 1..]);
         let mut letters = before.chars().rev();
@@ -277,4 +280,16 @@ fn origin(provenance: &[(String, String)]) -> String {
         format!("<div><dt>{}</dt><dd>{}</dd></div>\n", escape(label), escape(value))
     });
     lines.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn options_are_written_as_on_the_command_line() {
+        let written = "use --moving-mass-kg 0.1, or F<sub>c</sub> &lt; 1";
+        assert_eq!(typeset("use ‹moving_mass_kg=0.1›, or F_c < 1"), written);
+        assert_eq!(escape("‹flip_force=True›"), "--flip-force");
+    }
 }

@@ -234,7 +234,7 @@ fn felt(input: &TeleopReport) -> Section {
 fn advised(input: &TeleopReport) -> Section {
     let section = Section::new("How much to take out");
     let Some(advice) = &input.study.advice else {
-        return section.paragraph("Not computed: --advise tries fractions from 0 to 150 %.");
+        return section.paragraph("Not computed: ‹advise=True› tries fractions from 0 to 150 %.");
     };
     let words = match advice.fraction {
         Some(fraction) => format!(
@@ -292,8 +292,9 @@ fn map(input: &TeleopReport) -> Section {
         Some(map) => {
             section.figure(figures::map(input.config(), map)).table(figures::map_table(map))
         }
-        None => section
-            .paragraph("Not computed: --map finds the stiffest tissue over delay and fraction."),
+        None => section.paragraph(
+            "Not computed: ‹map=True› finds the stiffest tissue over delay and fraction.",
+        ),
     }
 }
 

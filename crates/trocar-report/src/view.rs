@@ -1,5 +1,7 @@
 //! Common parts of the printed and the interactive panel: limits of the axes and the legend.
 
+use trocar_tables::option::{Interface, spelt};
+
 use super::document::{Axis, Dimension, Figure, Kind, Panel, Role, Series};
 
 /// Limits of a panel's axes, finite and of positive width, with a margin around the data.
@@ -173,5 +175,6 @@ pub(super) fn axis_label(label: &str, unit: &str) -> String {
 /// `text` without characters that XML forbids (such as control characters in a file name).
 pub(super) fn printable(text: &str) -> String {
     let forbidden = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
+    let text = spelt(text, Interface::CommandLine);
     text.chars().map(|c| if forbidden(c) { '\u{fffd}' } else { c }).collect()
 }

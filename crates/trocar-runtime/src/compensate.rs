@@ -49,6 +49,7 @@
 //! - **Limits**: a tissue force that reverses with the motion and has the same magnitude in both
 //!   directions cannot be distinguished from friction by a sensor outside the body.
 
+use serde::{Deserialize, Serialize};
 use trocar_model::{
     Deformation, DeformationForce, Element, Friction, Mode, ParameterId, PartialReversals,
     PositionProfile, Quantity, Seal, SealState, Stages, Trocar,
@@ -103,7 +104,8 @@ const STATE_FORMAT: f64 = 2.0;
 const NORMAL_95: f64 = 1.96;
 
 /// Options of a compensator; all that are `None` come from the model file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct CompensateOptions {
     /// Reading without any force, N, with the sign of the readings.
     pub offset_n: Option<f64>,
@@ -147,14 +149,14 @@ pub enum CompensateError {
     Model(#[from] ModelFileError),
     /// The error of the model's force is not stated.
     #[error(
-        "the model does not state the error of its force (force_error)\n\nhint: identify it again with --validate, or state the \
-         standard deviation with --force-error-n"
+        "the model does not state the error of its force (force_error)\n\nhint: identify it again with ‹validate=...›, or state the \
+         standard deviation with ‹force_error_n›"
     )]
     NoForceError,
     /// The model does not tell which sign the readings have.
     #[error(
         "some recordings of the model were read with the sign of the force reversed and some without: the sign of a reading is \
-         unknown\n\nhint: state whether readings are reversed with --flip-force"
+         unknown\n\nhint: state whether readings are reversed with ‹flip_force›"
     )]
     SignUnknown,
     /// Draws for a model that is no EMS element.

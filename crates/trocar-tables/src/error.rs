@@ -8,7 +8,7 @@ use std::path::PathBuf;
 #[non_exhaustive]
 pub enum OutputError {
     /// The file or its temporary file cannot be created.
-    #[error("{}: cannot create: {source}\n\nhint: the folder must exist and be writable; choose another with --out", path.display())]
+    #[error("{}: cannot create: {source}\n\nhint: the folder must exist and be writable; choose another with ‹out›", path.display())]
     Create {
         /// Destination of the output.
         path: PathBuf,
@@ -16,7 +16,7 @@ pub enum OutputError {
         source: std::io::Error,
     },
     /// Writing failed, for example on a full disk; nothing remains.
-    #[error("{}: cannot write: {source}\n\nhint: nothing was written there; free some space or choose another place with --out", path.display())]
+    #[error("{}: cannot write: {source}\n\nhint: nothing was written there; free some space or choose another place with ‹out›", path.display())]
     Write {
         /// Destination of the output.
         path: PathBuf,

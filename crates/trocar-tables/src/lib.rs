@@ -4,6 +4,7 @@
 pub mod content;
 pub mod error;
 pub mod line;
+pub mod option;
 pub mod output;
 #[cfg(feature = "ros")]
 pub mod ros;

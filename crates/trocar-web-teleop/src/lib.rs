@@ -27,6 +27,7 @@ mod exports;
 
 use std::fmt::Display;
 
+use trocar::option::{Interface, spelt};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::Disturbance;
 use trocar::teleop::{Config, Loop, Sample};
@@ -195,5 +196,5 @@ fn begin(
 }
 
 fn in_words(error: impl Display) -> String {
-    error.to_string()
+    spelt(&error.to_string(), Interface::CommandLine)
 }

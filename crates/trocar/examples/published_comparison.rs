@@ -109,7 +109,7 @@ fn of_lip_seal(folder: &Path) -> Result<Comparison, Box<dyn Error>> {
 pub(crate) fn drawings(folder: &Path) -> Result<Vec<(String, String)>, Box<dyn Error>> {
     let comparison = of_lip_seal(folder)?;
     let moving_mass = MovingMass::default();
-    let outcome = Outcome { comparison: &comparison, seed: 0, held_out: false, moving_mass };
+    let outcome = Outcome { comparison, seed: 0, held_out: false, moving_mass };
     let mut drawings = vectors(&document(&outcome, ""))?;
     drawings.retain(|(name, _)| DRAWN.contains(&name.as_str()));
     Ok(drawings)

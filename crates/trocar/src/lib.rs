@@ -22,7 +22,7 @@ pub use trocar_runtime::model_file;
 #[cfg(feature = "bench")]
 pub use trocar_simulate::bench;
 pub use trocar_simulate::{cancel, many, replay, segment, simulate};
-pub use trocar_tables::{output, table};
+pub use trocar_tables::{option, output, table};
 
 /// Errors of all code that reads or writes files: what failed, where, what was found, what was
 /// expected, and a remedy on a `hint:` line.

@@ -274,7 +274,7 @@ fn names_alone_choose_the_insertion_joint_and_the_wrench() {
         "times are header.stamp_s",
         "/psm1/measured_cf has no value at 22 rows in gaps",
         "rows before the first sample of /psm1/measured_cf or after its last are left out",
-        "preferred to /psm1/measured_js.effort[insertion], which --columns 'force_n=/psm1/measured_js.effort[insertion]' would take",
+        "preferred to /psm1/measured_js.effort[insertion], which ‹columns='force_n=/psm1/measured_js.effort[insertion]'› would take",
     ] {
         assert!(notes.contains(essential), "'{essential}' not in {notes}");
     }

@@ -74,6 +74,25 @@ fn only_the_command_line_prints_or_exits() {
 }
 
 #[test]
+fn libraries_name_no_flags() {
+    // The program, Cargo at work, and how flags are written.
+    let allowed = ["trocar-cli/", "trocar-fmu/src/library.rs", "trocar-tables/src/option.rs"];
+    let with_flags = sources().into_iter().filter(|(_, text)| names_a_flag(text));
+    let (own, others): (Vec<String>, Vec<String>) = with_flags
+        .map(|(name, _)| name)
+        .partition(|name| allowed.iter().any(|start| name.starts_with(start)));
+    assert_eq!(others, Vec::<String>::new(), "mark options as in trocar-tables/src/option.rs");
+    assert!(own.len() > 10, "the test looks for the wrong thing: {own:?}");
+}
+
+fn names_a_flag(text: &str) -> bool {
+    // Flags of Cargo and of h5repack.
+    let others = ["--features {", "--high=V110", "--filter=GZIP"];
+    let own = others.iter().fold(text.to_owned(), |text, other| text.replace(other, ""));
+    own.as_bytes().windows(3).any(|three| three.starts_with(b"--") && three[2].is_ascii_lowercase())
+}
+
+#[test]
 fn only_the_reader_knows_formats() {
     only_in(&["formats::"], &["trocar-recording/"]);
 }

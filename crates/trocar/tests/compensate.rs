@@ -810,7 +810,7 @@ fn what_cannot_compensate_is_refused() {
     let none = Compensator::new(&plausible, &CompensateOptions::default()).unwrap_err();
     assert!(
         matches!(none, CompensateError::NoForceError)
-            && none.to_string().contains("--force-error-n")
+            && none.to_string().contains("‹force_error_n›")
     );
     plausible.force_error = Some(ForceError::everywhere(0.1));
     for (options, expected) in [

@@ -265,7 +265,7 @@ fn what_too_little_motion_held_is_stated() {
     assert!((motion.longest_stroke - 0.04).abs() < 1e-4, "{motion:?}");
     let message = error.to_string();
     for essential in
-        ["4.0 s of motion with 3 reversals", "0.4 s with a force", "40.0 mm", "--from-s"]
+        ["4.0 s of motion with 3 reversals", "0.4 s with a force", "40.0 mm", "‹from_s=10›"]
     {
         assert!(message.contains(essential), "{message}");
     }

@@ -173,7 +173,10 @@ fn a_file_that_holds_no_draws_is_refused() {
     writer.write(&[trocar::table::Column::Number(vec![1.0])]).unwrap();
     writer.commit().unwrap();
     let error = read(&path).unwrap_err().to_string();
-    assert!(error.contains("no column chain") && error.contains("--posterior"), "{error}");
+    assert!(
+        error.contains("no column chain") && error.contains("‹identify(posterior=N)›"),
+        "{error}"
+    );
     assert!(read(&folder.path().join("none.parquet")).is_err());
 }
 
@@ -266,7 +269,7 @@ fn a_seal_that_contradicts_the_prior_is_named_and_has_no_narrow_interval() {
         let expected = if force == 1.0 { Quantity::HalfWidth } else { Quantity::CoulombForce };
         assert_eq!(contradiction.parameter, expected.id(), "{force} {width}");
         let is_named = |w: &trocar::identify::Warning| {
-            w.doubtful && w.message.contains("contradict") && w.message.contains("--prior-spread")
+            w.doubtful && w.message.contains("contradict") && w.message.contains("‹prior_spread›")
         };
         assert!(found.warnings.iter().any(is_named), "{:?}", found.warnings);
         for (name, _) in truths {

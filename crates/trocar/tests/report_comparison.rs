@@ -53,7 +53,8 @@ fn compared(models: Vec<Choice>, training: &[Recording], validation: &[Recording
 }
 
 fn report(comparison: &Comparison, held_out: bool) -> Document {
-    let outcome = Outcome { comparison, seed: 1, held_out, moving_mass: MovingMass::default() };
+    let (comparison, moving_mass) = (comparison.clone(), MovingMass::default());
+    let outcome = Outcome { comparison, seed: 1, held_out, moving_mass };
     document(&outcome, "Models of a seal")
 }
 

@@ -129,7 +129,7 @@ fn a_headerless_motion_needs_its_columns_named() {
     let scratch = Scratch::new();
     let text = "0.0 0.1 7\n0.1 0.2 7\n";
     let message = run(&scratch, text, None).unwrap_err();
-    assert!(message.contains("motion.csv line 1") && message.contains("--columns"), "{message}");
+    assert!(message.contains("motion.csv line 1") && message.contains("‹columns"), "{message}");
     assert_eq!(run(&scratch, text, Some("time_s,position_m,-")).unwrap().lines().count(), 3);
 }
 

@@ -568,7 +568,7 @@ fn what_is_no_loop_is_refused_with_its_key() {
         ("[channel]\ndelay_s = -1.0", ["channel.delay_s", "got -1"]),
         ("[channel]\nloss = 1.0", ["channel.loss", "below 1"]),
         ("substeps = 0", ["substeps", "from 1"]),
-        ("[slave]\nmas_kg = 1.0", ["mas_kg", "--print-config"]),
+        ("[slave]\nmas_kg = 1.0", ["mas_kg", "‹teleop_config()›"]),
         ("sample_time_s = 0.0", ["sample_time_s", "from 1e-6"]),
         ("[motion]\nduration_s = 1e9", ["motion.duration_s", "samples"]),
     ] {

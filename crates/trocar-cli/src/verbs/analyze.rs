@@ -30,9 +30,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let model = ModelFile::read(&args.model)?;
     let stages = model.stages().map_err(|error| error.in_file(&args.model))?;
     let analysis = analyze(stages);
-    let text =
-        if args.json { serde_json::to_string_pretty(&analysis)? + "\n" } else { text(&analysis) };
-    console::print(&text)?;
+    if args.json {
+        console::print_json(&analysis)?;
+    } else {
+        console::print(&text(&analysis))?;
+    }
     let given_off = model.trocar.profile().is_some_and(|profile| {
         let length = stages.elements().iter().map(storage_length).fold(0.0, f64::max);
         let passive = is_passive(profile, length);

@@ -13,7 +13,7 @@ use trocar_model::{Element, ElementParams};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
-use crate::input::Choosing;
+use crate::input::{Choosing, toml};
 use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::number;
@@ -72,7 +72,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         let text = "options for reading recordings need --motion: an experiment reads no recording";
         return Err(BadArgument(text.to_owned()).into());
     }
-    let config = args.rig.as_deref().map(read_config).transpose()?;
+    let config =
+        args.rig.as_deref().map(|path| toml(path, "rig", BenchConfig::from_toml)).transpose()?;
     let (false, Some(out)) = (args.print_config, &args.out) else {
         console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
         return Ok(Completion::Clean);
@@ -127,13 +128,6 @@ fn read_motion(path: &Path, choice: &Choice) -> anyhow::Result<Course> {
         }
     }
     Ok(course)
-}
-
-fn read_config(path: &Path) -> anyhow::Result<BenchConfig> {
-    let name = || path.display().to_string();
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{}: cannot read the rig", name()))?;
-    BenchConfig::from_toml(&text).with_context(name)
 }
 
 fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> {

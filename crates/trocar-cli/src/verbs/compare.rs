@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use trocar::compare::{CompareOptions, Comparison, Divided, Entry, Outcome, best_of, compare};
+use trocar::compare::{CompareOptions, Comparison, Divided, Entry, best_of};
 use trocar::identify::classical::Kind;
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
@@ -79,26 +79,20 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let mut recordings = args.reading.recordings(console, &paths)?;
     let lost = recordings.iter().any(|r| !r.quality.warnings.is_empty());
     let validation = recordings.split_off(args.recordings.len());
-    let Divided { training, validation, held_out } =
-        Divided::of(recordings, validation, moving_mass)?;
-    if held_out {
+    let divided = Divided::of(recordings, validation, moving_mass)?;
+    if divided.held_out {
         console.remark("no recordings to score on: the last third of each is held out from the fits and scored on");
     }
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
-    let identify = IdentifyOptions {
-        seed: args.seed,
-        inertia_removed: moving_mass.mass > 0.0,
-        ..Default::default()
-    };
-    print_survey(console, &Survey::new(&training, &identify.segment));
+    let identify = IdentifyOptions { seed: args.seed, ..Default::default() };
+    print_survey(console, &Survey::new(&divided.training, &identify.segment));
     let options =
         CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
     let progress = Progress::new(console);
-    let comparison =
-        compare(&training, &validation, &options, &|stage, part| progress.report(stage, part))?;
+    let outcome = divided.compared(options, &|stage, part| progress.report(stage, part))?;
     drop(progress);
-    let outcome = Outcome { comparison: &comparison, seed: args.seed, held_out, moving_mass };
+    let comparison = &outcome.comparison;
     if let Some(staged) = staged {
         report::comparison::write(&outcome, &staged)?;
         staged.commit()?;
@@ -107,8 +101,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     unknown.iter().for_each(|warning| console.warn(warning));
     console::print(&match args {
         Args { json: true, .. } => outcome.summary().to_json(),
-        Args { all: true, .. } => format!("{}\n{}", answer(&comparison), text(&comparison)),
-        _ => answer(&comparison),
+        Args { all: true, .. } => format!("{}\n{}", answer(comparison), text(comparison)),
+        _ => answer(comparison),
     })?;
     match &args.out {
         Some(folder) => {

@@ -81,11 +81,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             files(dataset.left_out.len())
         ));
     }
-    let threads = if args.threads > 0 {
-        args.threads.min(most_threads())
-    } else {
-        std::thread::available_parallelism().map_or(1, usize::from)
-    };
+    let threads = threads(args.threads);
     let config = Config {
         reading: args.reading.for_each_of(threads),
         depth: match args.depth {
@@ -125,6 +121,14 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     say(console, &fleet, started.elapsed().as_secs_f64());
     console.remark(&format!("table: {}\nreport: {}", args.out.display(), report.display()));
     Ok(Completion::doubtful_if(fleet.tally.failed > 0))
+}
+
+/// Recordings at a time; 0 is one for each processor.
+fn threads(wanted: usize) -> usize {
+    match wanted {
+        0 => std::thread::available_parallelism().map_or(1, usize::from),
+        wanted => wanted.min(most_threads()),
+    }
 }
 
 fn report_beside(table: &Path) -> PathBuf {

@@ -57,7 +57,7 @@ pub(crate) struct Args {
     no_free_motion: bool,
     /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
     /// second_relaxation, unmodelled_mass, asymmetry, second_stage
-    #[arg(long, value_name = "NAME", value_delimiter = ',', value_parser = term)]
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
     without: Vec<Term>,
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
@@ -120,14 +120,6 @@ fn positive(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|number| *number > 0.0)
         .ok_or_else(|| "expected a number above 0".to_owned())
-}
-
-fn term(text: &str) -> Result<Term, String> {
-    let names = || Term::ALL.map(Term::name).join(", ");
-    Term::ALL
-        .into_iter()
-        .find(|term| term.name() == text.trim())
-        .ok_or_else(|| format!("expected one of {}", names()))
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {

@@ -46,12 +46,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     if let Err(reason) = &found.recording {
         console.warn(reason);
     }
-    let text = if args.json {
-        serde_json::to_string_pretty(&found)? + "\n"
+    if args.json {
+        console::print_json(&found)?;
     } else {
-        in_words(&found, &args.choosing)
-    };
-    console::print(&text)?;
+        console::print(&in_words(&found, &args.choosing))?;
+    }
     Ok(Completion::doubtful_if(
         found.recording.is_err() || found.tables.iter().any(|table| table.damage.is_some()),
     ))

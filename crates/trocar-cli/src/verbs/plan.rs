@@ -3,20 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use serde::Serialize;
 use trocar::bench::Course;
-use trocar::many::evenly;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
-use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Share, plan};
+use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Summary, plan};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::plan::{self as plan_report, PRECISION, PlanReport};
 use trocar::table::{Column, Field, TableWriter};
-use trocar_model::{ElementParams, Quantity, Stages, Unit};
+use trocar_model::{ElementParams, Unit};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
-use crate::input::Choosing;
+use crate::input::{Choosing, toml};
 use crate::models::{read_draws, read_model};
 use crate::output::Output;
 use crate::page::{self, model_source, source};
@@ -75,17 +73,6 @@ pub(crate) struct Args {
     choosing: Choosing,
 }
 
-#[derive(Serialize)]
-struct Answer<'a> {
-    goal: String,
-    duration_s: f64,
-    needed_s: Option<f64>,
-    motion: &'a [Share],
-    expected: &'a [Prediction],
-    paper_duration_s: Option<f64>,
-    paper_expected: Option<&'a [Prediction]>,
-}
-
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let (Some(out), false) = (&args.out, args.print_config) else {
         console::print(EXAMPLE_TOML)?;
@@ -110,30 +97,17 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let planned = plan(&config, &args.goal, &seals, &before, &report)?;
     drop(progress);
     write_motion(&planned.course, out)?;
-    if !to_stdout {
-        console::print(&answer(args, &planned, out)?)?;
+    let summary = planned.summary(&args.goal);
+    if args.json {
+        console::print_json(&summary)?;
+    } else if !to_stdout {
+        console::print(&text(&summary, &planned, out))?;
     }
     if let Some(path) = &args.report {
         write_report(args, &config, &planned, model.as_ref(), path)?;
         console.remark(&format!("report: {}", path.display()));
     }
     Ok(Completion::doubtful_if(warn_of_the_undetermined(console, &planned)))
-}
-
-fn answer(args: &Args, planned: &Plan, out: &Path) -> anyhow::Result<String> {
-    let answer = Answer {
-        goal: args.goal.to_string(),
-        duration_s: planned.duration_s(),
-        needed_s: planned.needed_s,
-        motion: &planned.shares,
-        expected: &planned.expected,
-        paper_duration_s: planned.paper.as_ref().map(|paper| paper.0),
-        paper_expected: planned.paper.as_ref().map(|paper| paper.1.as_slice()),
-    };
-    if args.json {
-        return Ok(serde_json::to_string_pretty(&answer)? + "\n");
-    }
-    Ok(text(&answer, planned, out))
 }
 
 fn write_report(
@@ -158,8 +132,7 @@ fn write_report(
 
 /// Whether there is a parameter that the motion will not determine.
 fn warn_of_the_undetermined(console: &Console, planned: &Plan) -> bool {
-    let lost = planned.expected.iter().filter(|p| !p.determined && !is_coefficient(p));
-    let lost: Vec<String> = lost.map(|p| in_words(p.id)).collect();
+    let lost: Vec<String> = planned.undetermined().map(|p| in_words(p.id)).collect();
     if !lost.is_empty() {
         console.warn(&format!(
             "this motion will not determine {}\n\nhint: allow more time (--duration-s), a longer travel, or a finer \
@@ -173,7 +146,7 @@ fn warn_of_the_undetermined(console: &Console, planned: &Plan) -> bool {
 /// The rig: that of the file, of the pilot, or the default.
 fn config(args: &Args, pilot: Option<&Recording>) -> anyhow::Result<PlanConfig> {
     let mut config = match (&args.config, pilot) {
-        (Some(path), _) => read_config(path)?,
+        (Some(path), _) => toml(path, "rig", PlanConfig::from_toml)?,
         (None, Some(pilot)) => PlanConfig::default()
             .on_the_rig_of(pilot)
             .with_context(|| format!("{}: the rig that made it", pilot.name))?,
@@ -185,13 +158,6 @@ fn config(args: &Args, pilot: Option<&Recording>) -> anyhow::Result<PlanConfig> 
     }
     config.duration_s = args.duration_s.unwrap_or(config.duration_s);
     Ok(config)
-}
-
-fn read_config(path: &Path) -> anyhow::Result<PlanConfig> {
-    let name = || path.display().to_string();
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{}: cannot read the rig", name()))?;
-    PlanConfig::from_toml(&text).with_context(name)
 }
 
 fn recordings(
@@ -211,30 +177,12 @@ fn seals(
     config: &PlanConfig,
     (model, path): (&ModelFile, &Path),
 ) -> anyhow::Result<Vec<ElementParams>> {
-    match &args.posterior {
-        None => {
-            let stages = model.stages().map_err(|error| error.in_file(path))?;
-            Ok(vec![element(stages, path)?])
-        }
-        Some(file) => {
-            let draws = evenly(&read_draws(file, (model, path))?, config.draws as usize);
-            draws.iter().map(|draw| element(draw, file)).collect()
-        }
-    }
-}
-
-/// The one element of a model.
-fn element(stages: &Stages, path: &Path) -> anyhow::Result<ElementParams> {
-    match stages.elements() {
-        [one] => Ok(*one.params()),
-        several => Err(BadArgument(format!(
-            "{}: a model of {} elements; a motion is planned for one element\n\nhint: identify the pilot with \
-             --without second_stage",
-            path.display(),
-            several.len()
-        ))
-        .into()),
-    }
+    let (from, draws) = match &args.posterior {
+        None => (path, vec![*model.stages().map_err(|error| error.in_file(path))?]),
+        Some(file) => (&**file, read_draws(file, (model, path))?),
+    };
+    let seals = config.seals_of(&draws);
+    seals.map_err(|error| BadArgument(format!("{}: {error}", from.display())).into())
 }
 
 fn write_motion(course: &Course, out: &Path) -> anyhow::Result<()> {
@@ -245,7 +193,7 @@ fn write_motion(course: &Course, out: &Path) -> anyhow::Result<()> {
     Ok(writer.commit()?)
 }
 
-fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
+fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
     let mut text = format!(
         "for {}: {} s, {} cycles -> {}\n",
         answer.goal,
@@ -270,7 +218,7 @@ fn text(answer: &Answer, planned: &Plan, out: &Path) -> String {
     let paper = answer.paper_duration_s.map(|s| format!("paper's protocol, {s:.0} s"));
     let heads = ["parameter", "value", "this motion", "of the value"];
     let mut table = Table::headed(heads.into_iter().chain(paper.as_deref()).chain(["unit"]));
-    for (k, p) in answer.expected.iter().enumerate().filter(|(_, p)| !is_coefficient(p)) {
+    for (k, p) in answer.expected.iter().enumerate().filter(|(_, p)| !p.is_coefficient()) {
         let Unit { scale, shown, .. } = p.id.unit();
         let value = |value: f64| number(scale * value);
         let mut row = vec![in_words(p.id), value(p.value), value(p.half_width)];
@@ -303,15 +251,11 @@ fn more_time(planned: &Plan) -> String {
         let more = planned.time_for(p, PRECISION)? - planned.duration_s();
         (more > 0.0).then(|| format!("{} {} s", p.id.symbol(), number(more.ceil())))
     };
-    let main = planned.expected.iter().filter(|p| !is_coefficient(p));
+    let main = planned.expected.iter().filter(|p| !p.is_coefficient());
     match main.filter_map(more).collect::<Vec<_>>() {
         none if none.is_empty() => String::new(),
         all => {
             format!("\nmore seconds like these for ±{} %: {}\n", 1e2 * PRECISION, all.join(", "))
         }
     }
-}
-
-fn is_coefficient(p: &Prediction) -> bool {
-    matches!(p.id.quantity, Quantity::Coefficient { .. })
 }

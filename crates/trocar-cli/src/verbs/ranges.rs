@@ -51,13 +51,15 @@ impl Listed {
 }
 
 pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
-    let text = match (&args.key, args.json) {
-        (None, false) => table(published::studies()),
-        (None, true) => json(&published::studies().iter().map(Listed::new).collect::<Vec<_>>())?,
-        (Some(key), false) => details(study(key)?),
-        (Some(key), true) => json(&Listed::new(study(key)?))?,
-    };
-    console::print(&text)?;
+    match (&args.key, args.json) {
+        (None, false) => console::print(&table(published::studies()))?,
+        (None, true) => {
+            let all: Vec<Listed> = published::studies().iter().map(Listed::new).collect();
+            console::print_json(&all)?;
+        }
+        (Some(key), false) => console::print(&details(study(key)?))?,
+        (Some(key), true) => console::print_json(&Listed::new(study(key)?))?,
+    }
     Ok(Completion::Clean)
 }
 
@@ -72,10 +74,6 @@ pub(crate) fn seals_like(key: &str) -> Result<PlausibleSeals, BadArgument> {
 
 fn bad(error: PublishedError) -> BadArgument {
     BadArgument(error.to_string())
-}
-
-fn json<T: Serialize>(value: &T) -> anyhow::Result<String> {
-    Ok(serde_json::to_string_pretty(value)? + "\n")
 }
 
 fn table(studies: &[Study]) -> String {

@@ -6,27 +6,20 @@ use anyhow::Context;
 use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::report::teleop::{COURSE, Sources, TeleopReport};
-use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried, map_delays, map_fractions};
-use trocar::teleop::config::{Architecture, TissueKind, shipped};
-use trocar::teleop::hybrid::frequencies;
+use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried};
+use trocar::teleop::config::shipped;
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::ZWidth;
-use trocar::teleop::{Candidates, Config, Questions, Study};
+use trocar::teleop::{Config, Options, Study};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
+use crate::input::toml;
 use crate::models;
 use crate::output::Output;
 use crate::page::{model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
-
-/// Least amplitude of the strokes of a hybrid matrix, m.
-const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
-/// Posterior draws that are tried without --draws.
-const POSTERIOR_DRAWS: usize = 20;
-/// Longest delay of a map, in samples.
-const LONGEST_MAPPED: f64 = 1e4;
 
 /// What the folder of results holds.
 const FILES: [&str; 5] =
@@ -56,19 +49,19 @@ pub(crate) struct Args {
     advise: bool,
     /// With --advise: besides the model and both ends of its intervals, try N trocars drawn from them (seed of
     /// the loop)
-    #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
-    draws: Option<u16>,
+    #[arg(long, value_name = "N")]
+    draws: Option<usize>,
     /// With --advise: in place of the ends of the intervals and of draws from them, try draws of the
     /// model's parameters that `identify --posterior` wrote: --draws of them, or 20
-    #[arg(long, value_name = "FILE", requires = "advise")]
+    #[arg(long, value_name = "FILE")]
     posterior: Option<PathBuf>,
     /// With --advise: also try both ends of the intervals of the compensator's model and N models drawn from
     /// them, with the trocar as its model describes it
-    #[arg(long, value_name = "N", requires = "advise", value_parser = clap::value_parser!(u16).range(1..=1000))]
-    compensator_draws: Option<u16>,
+    #[arg(long, value_name = "N")]
+    compensator_draws: Option<usize>,
     /// With --advise: include trocars whose friction is down to this multiple of the model's, as that of a
     /// wetted seal, which loses 15 to 45 %
-    #[arg(long, value_name = "SCALE", requires = "advise", value_parser = friction_scale)]
+    #[arg(long, value_name = "SCALE")]
     least_friction: Option<f64>,
     /// Find the ranges of the tissue's stiffness with which the loop is stable, over fractions up to 1.425 and
     /// delays of one direction up to this one, s (without it, 19 samples)
@@ -93,15 +86,24 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         return Ok(Completion::Clean);
     }
     let Some(model) = &args.model else { return Ok(Completion::Clean) };
-    let config = args.config.as_deref().map(read).transpose()?.unwrap_or_default();
-    check(args, &config)?;
+    let config = args
+        .config
+        .as_deref()
+        .map(|path| toml(path, "loop", Config::from_toml))
+        .transpose()?
+        .unwrap_or_default();
+    needs_a_folder(args.out.as_deref())?;
     let file = model_of(model)?;
     let compensator = args.compensator.as_deref().map(model_of).transpose()?;
     let files = [compensator.as_ref().unwrap_or(&file), &file];
-    check_intervals(console, args, files)?;
+    let draws = args.posterior.as_deref();
+    let draws = draws.map(|path| models::read_draws(path, (&file, model))).transpose()?;
+    let has_draws = draws.is_some();
+    let questions = options(args, &config).questions(&config, files, draws);
+    let questions = questions.map_err(|error| BadArgument(error.to_string()))?;
+    remark_on_certainty(console, args, !has_draws && file.intervals.is_empty());
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
-    let questions = questions(args, &config, (&file, model))?;
     let progress = Progress::new(console);
     let report = |stage: &str, part: f64| progress.report(stage, part);
     let study = Study::new(config, files, &questions, &report)?;
@@ -123,40 +125,25 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     if let Some(folder) = &args.out {
         console.remark(&format!("report: {}", folder.join("report.html").display()));
     }
-    Ok(Completion::doubtful_if(warn(console, args, &study)))
+    warn(console, args, &study);
+    Ok(Completion::doubtful_if(study.is_doubtful()))
 }
 
-/// What the options ask for.
-fn questions(args: &Args, config: &Config, of: (&ModelFile, &Path)) -> anyhow::Result<Questions> {
-    let count = |draws: Option<u16>| draws.map_or(0, usize::from);
-    let posterior =
-        args.posterior.as_deref().map(|path| models::read_draws(path, of)).transpose()?;
-    let wanted = Candidates {
-        draws: match &posterior {
-            Some(_) => args.draws.map_or(POSTERIOR_DRAWS, usize::from),
-            None => count(args.draws),
-        },
-        posterior,
-        compensator_draws: count(args.compensator_draws),
-        seed: config.seed,
-        least_friction_scale: args.least_friction.unwrap_or(1.0),
-    };
-    let has_strokes = config.motion.amplitude_m.abs() >= SMALLEST_AMPLITUDE_M;
-    Ok(Questions {
-        advice: args.advise.then_some(wanted),
-        map: args.map.map(|longest| [map_delays(config, longest), map_fractions()]),
-        hybrid_hz: (args.out.is_some() && has_strokes).then(frequencies),
-    })
+fn options(args: &Args, config: &Config) -> Options {
+    Options {
+        advise: args.advise,
+        draws: args.draws,
+        compensator_draws: args.compensator_draws,
+        least_friction: args.least_friction,
+        map: args.map.is_some(),
+        longest_delay_s: args.map.flatten(),
+        hybrid: args.out.is_some() && config.has_strokes(),
+        ..Options::default()
+    }
 }
 
-/// Prints what makes the result doubtful; whether anything does.
-fn warn(console: &Console, args: &Args, study: &Study) -> bool {
-    let unstable = match &study.outcome.course {
-        Err(diverged) => Some(diverged.to_string()),
-        Ok(_) => study.outcome.unsettled_by.map(|by| {
-            format!("the loop is unstable: it does not come to rest after {}", by.in_words())
-        }),
-    };
+/// Prints what makes the result doubtful.
+fn warn(console: &Console, args: &Args, study: &Study) {
     let course = args.out.as_ref().map(|folder| folder.join(COURSE));
     if let (Some(course), true) = (course, study.unstable_after_s().is_some())
         && course.exists()
@@ -164,103 +151,16 @@ fn warn(console: &Console, args: &Args, study: &Study) -> bool {
         let course = course.display();
         console.warn(&format!("{course} is that of an earlier run: a loop that diverged has none"));
     }
-    if let Some(why) = &unstable {
-        console.warn(&format!("{why}\n\nhint: try {}", remedies(&study.config, args).join(", ")));
-    }
-    if let Some(error) = study.step_error {
-        let more = 4 * study.config.substeps;
-        console.warn(&format!(
-            "{error}\n\nhint: try substeps = {more}; where passivity control, losses or an encoder keep switching a force, more steps \
-             may not help"
-        ));
-    }
-    let advised = study.advice.as_ref().is_none_or(|advice| advice.fraction.is_some());
-    let no_contact = warn_of_no_contact(console, study);
-    unstable.is_some() || !advised || no_contact || study.step_error.is_some()
+    study.warnings().iter().for_each(|warning| console.warn(warning));
 }
 
-/// Changes that may make an unstable loop stable.
-fn remedies(config: &Config, args: &Args) -> Vec<&'static str> {
-    let control = &config.control;
-    let four_channels = control.architecture == Architecture::FourChannel;
-    let reflects = control.architecture == Architecture::PositionForce;
-    let all = [
-        (
-            config.uses_compensation() && !args.advise,
-            "--advise, which finds the fractions of the trocar's force with which it is stable",
-        ),
-        (reflects && control.force_gain > 0.0, "a lower control.force_gain"),
-        (config.channel.delay_s > 0.0, "a shorter channel.delay_s"),
-        (!control.passivity, "control.passivity = true"),
-        (
-            four_channels && config.operator.mass_kg == 0.0,
-            "operator.mass_kg above 0, without which sampled four channels are unstable",
-        ),
-        (true, "a lower control.stiffness_n_m or another control.damping_n_s_m"),
-    ];
-    all.into_iter().filter(|(helps, _)| *helps).map(|(_, what)| what).collect()
-}
-
-/// Whether the figures tell nothing about the tissue.
-fn warn_of_no_contact(console: &Console, study: &Study) -> bool {
-    let begins_inside = study.config.has_tissue() && study.config.begins_in_the_tissue();
-    if begins_inside {
-        console.warn(
-            "the motion begins in the tissue: no stiffness displayed\n\nhint: begin before tissue.surface_m, see [motion]",
-        );
+fn needs_a_folder(out: Option<&Path>) -> Result<(), BadArgument> {
+    match out == Some(Path::new("-")) {
+        true => Err(BadArgument(
+            "--out - : the results are a folder\n\nhint: --json prints summary.json".to_owned(),
+        )),
+        false => Ok(()),
     }
-    if study.is_out_of_reach() {
-        console.warn(
-            "the tip does not reach the tissue: the figures are those of free motion\n\nhint: let the hand go further, \
-             or longer than the channel delays, see [motion]; hand and control need a stiffness; with passivity = true give the \
-             control a passivity_reserve_j",
-        );
-    }
-    begins_inside || study.is_out_of_reach()
-}
-
-fn friction_scale(text: &str) -> Result<f64, String> {
-    let scale = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (0.01..=1.0).contains(&scale) { Ok(scale) } else { Err("must be from 0.01 to 1".into()) }
-}
-
-/// Refuses options that cannot have a result.
-fn check(args: &Args, config: &Config) -> anyhow::Result<()> {
-    if args.out.as_deref() == Some(Path::new("-")) {
-        let text = "--out - : the results are a folder\n\nhint: --json prints summary.json";
-        return Err(BadArgument(text.to_owned()).into());
-    }
-    if let Some(Some(longest)) = args.map
-        && !(config.sample_time_s..=LONGEST_MAPPED * config.sample_time_s).contains(&longest)
-    {
-        let text = format!(
-            "--map: the longest delay must be from the sample time, {} s, to 10 000 times that, got {longest} s",
-            config.sample_time_s
-        );
-        return Err(BadArgument(text).into());
-    }
-    if args.map.is_some() && config.tissue.kind == TissueKind::None {
-        let text =
-            "--map: there is no tissue whose stiffness could be found\n\nhint: give tissue.kind";
-        return Err(BadArgument(text.to_owned()).into());
-    }
-    if args.advise && !config.has_tissue() {
-        let text = "--advise: there is no tissue that could be felt\n\nhint: give tissue.kind and tissue.stiffness_n_m";
-        return Err(BadArgument(text.to_owned()).into());
-    }
-    if (args.advise || args.map.is_some()) && !config.uses_compensation() {
-        let text = "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
-                    sensor at the tip reads none of it\n\nhint: leave out --advise and --map";
-        return Err(BadArgument(text.to_owned()).into());
-    }
-    Ok(())
-}
-
-fn read(path: &Path) -> anyhow::Result<Config> {
-    let name = || path.display().to_string();
-    let text = std::fs::read_to_string(path)
-        .with_context(|| format!("{}: cannot read the loop", name()))?;
-    Config::from_toml(&text).with_context(name)
 }
 
 fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
@@ -270,33 +170,19 @@ fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
     }
 }
 
-/// Refuses draws from a model without intervals.
-fn check_intervals(
-    console: &Console,
-    args: &Args,
-    [compensator, plant]: [&ModelFile; 2],
-) -> anyhow::Result<()> {
-    for (option, is_given, file) in [
-        ("--draws", args.draws.is_some() && args.posterior.is_none(), plant),
-        ("--compensator-draws", args.compensator_draws.is_some(), compensator),
-    ] {
-        if is_given && file.intervals.is_empty() {
-            let text = format!("{option} needs a model with 95 % intervals, as identify writes it");
-            return Err(BadArgument(text).into());
-        }
+/// Prints what the advice does not cover.
+fn remark_on_certainty(console: &Console, args: &Args, is_certain: bool) {
+    if !args.advise || args.least_friction.is_some() {
+        return;
     }
-    let is_certain = plant.intervals.is_empty() && args.posterior.is_none();
-    if args.advise && is_certain && args.least_friction.is_none() {
+    if is_certain {
         console.remark(
             "the model has no 95 % intervals: the advice is for a trocar that equals the model",
         );
     }
-    if args.advise && args.least_friction.is_none() {
-        console.remark(
-            "the advice covers the model's uncertainty only: --least-friction 0.55 adds wetted seals",
-        );
-    }
-    Ok(())
+    console.remark(
+        "the advice covers the model's uncertainty only: --least-friction 0.55 adds wetted seals",
+    );
 }
 
 fn text(study: &Study) -> String {

@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
-use trocar::model_file::SensorInfo;
 use trocar::validate::{PhaseError, Phases, Scored, Validation, validate_one};
-use trocar::workflow::MovingMass;
+use trocar::workflow::Correction;
 
 use crate::Completion;
 use crate::console::{self, Console};
@@ -45,17 +44,11 @@ pub(crate) struct Args {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = read_model(&args.model, &args.recordings)?;
     let choice = args.reading.choosing.choice_for(console, &model);
-    let sensor = model.sensor.unwrap_or(SensorInfo {
-        offset_n: 0.0,
-        moving_mass_kg: 0.0,
-        position_delay_s: 0.0,
-    });
-    let mass = args.moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
-    let offset = args.offset_n.unwrap_or(sensor.offset_n);
+    let correction = Correction::of(&model, args.offset_n, args.moving_mass_kg);
     console.remark(&format!(
         "offset {} N and moving mass {} kg subtracted from the readings",
-        number(offset),
-        number(mass)
+        number(correction.offset_n),
+        number(correction.moving_mass_kg)
     ));
     let mut lost = false;
     let mut scored = Vec::with_capacity(args.recordings.len());
@@ -63,11 +56,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         let mut all: Option<Scored> = None;
         args.reading.pieces(console, path, &choice, |piece| {
             lost |= !piece.quality.warnings.is_empty();
-            // The weight of the mass is part of the offset.
-            let piece = MovingMass { mass, gravity: 0.0 }
-                .subtracted_from(piece, 0.0)?
-                .with_position_delay(sensor.position_delay_s)?;
-            let one = validate_one(&model.trocar, &piece, offset);
+            let piece = correction.taken_out_of(piece)?;
+            let one = validate_one(&model.trocar, &piece, correction.offset_n);
             all = Some(match all.take() {
                 Some(before) => before.plus(one),
                 None => one,
@@ -88,12 +78,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             console.remark(&format!("{}: {}", result.path, strokes.words()));
         }
     }
-    let text = if args.json {
-        serde_json::to_string_pretty(&validation)? + "\n"
+    if args.json {
+        console::print_json(&validation)?;
     } else {
-        table(&validation)
-    };
-    console::print(&text)?;
+        console::print(&table(&validation))?;
+    }
     Ok(Completion::doubtful_if(lost || validation.is_doubtful()))
 }
 

@@ -2,6 +2,7 @@
 
 use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
+use trocar::option::{Interface, spelt};
 
 /// Words that make a text a message, outside of `#[error]`.
 const FEWEST_WORDS: usize = 3;
@@ -50,7 +51,7 @@ impl Finder<'_> {
         let long =
             words(text) >= FEWEST_WORDS && self.whole && self.silent == 0 && !text.starts_with('<');
         if self.is_error || long {
-            self.found.push(as_read(text));
+            self.found.push(spelt(&as_read(text), Interface::CommandLine));
         }
     }
 

@@ -93,7 +93,7 @@ const ELSEWHERE: [(&str, &str); 17] = [
 ];
 
 /// Functions and constants whose texts are names of things or parts of tables, by source.
-const NAMES: [(&str, &[&str]); 21] = [
+const NAMES: [(&str, &[&str]); 20] = [
     ("trocar-cli/src/table.rs", &["interval"]),
     ("trocar-cli/src/progress.rs", &["new", "left"]),
     ("trocar-cli/src/verbs/ranges.rs", &["details", "drawn", "span"]),
@@ -120,7 +120,6 @@ const NAMES: [(&str, &[&str]); 21] = [
     ),
     ("trocar-tables/src/ros/definition.rs", &["STANDARD"]),
     ("trocar-fmu/src/package/mod.rs", &["LICENCES"]),
-    ("trocar-py/src/errors.rs", &["in_python"]),
 ];
 
 fn root() -> PathBuf {

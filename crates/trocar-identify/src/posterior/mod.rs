@@ -231,7 +231,7 @@ impl Posterior {
         if !(r_hat <= LARGEST_R_HAT && ess >= SMALLEST_ESS) {
             let message = format!(
                 "the draws did not converge: R-hat {r_hat:.3} (at most {LARGEST_R_HAT}), effective sample size {ess:.0} (at least \
-                 {SMALLEST_ESS}): draw more (--posterior)"
+                 {SMALLEST_ESS}): draw more (‹posterior›)"
             );
             all.push(Warning::doubt("posterior", message));
         }

@@ -33,7 +33,7 @@ pub enum DrawsError {
     #[error(transparent)]
     Table(#[from] TableError),
     /// Other columns, or no rows.
-    #[error("{}: {found}, expected draws\n\nhint: trocar identify --posterior N writes them into its folder, as {FILE_NAME}", path.display())]
+    #[error("{}: {found}, expected draws\n\nhint: ‹identify(posterior=N)› writes them into its folder, as {FILE_NAME}", path.display())]
     NoDraws {
         /// The file.
         path: PathBuf,

@@ -321,25 +321,8 @@ pub fn compare(
     let alone = IdentifyOptions { along: false, ..options.identify.clone() };
     let ems = identify(training, &alone, &|stage, part| progress(stage, EMS_PART * part))?;
     let ems_s = clock.elapsed().as_secs_f64();
-    let without_unmodelled_mass =
-        |r: &Recording| r.clone().without_moving_mass(ems.model.unmodelled_mass, 0.0);
-    let prepared = |recordings: &[Recording]| {
-        ems.without_delay(recordings.iter().map(without_unmodelled_mass).collect::<Result<_, _>>()?)
-    };
-    let (training, validation) = (prepared(training)?, prepared(validation)?);
-    let data = ClassicalData::new(&training, &ems, &options.identify);
-    let fits = fit_all(&options.models, &data, progress)?;
-    progress("scoring", 0.97);
-    let mut models: Vec<Fitted> = fits.into_iter().map(Fitted::from).collect();
-    if options.models.contains(&Choice::Ems) {
-        models.push(Fitted::of_ems(&ems, ems_s));
-    }
-    if options.models.contains(&Choice::EmsOutputError) {
-        let clock = Instant::now();
-        let fit = refit(&data, &ems, options.identify.degrees)
-            .map_err(|why| CompareError::NoFit { model: "ems-output-error".to_owned(), why })?;
-        models.push(Fitted::of_refit(fit, clock.elapsed().as_secs_f64()));
-    }
+    let (training, validation) = (corrected(training, &ems)?, corrected(validation, &ems)?);
+    let models = fit_models(options, &training, (&ems, ems_s), progress)?;
     let reversal_travel = reversal_travel(&ems, &training);
     let grounds = score::Grounds::new(&ems, &training, &validation, reversal_travel);
     let raw: Vec<score::Raw> =
@@ -376,6 +359,39 @@ pub fn compare(
         effective_samples,
         reversal_travel,
     })
+}
+
+/// `recordings` without the unmodelled mass and the delay that `ems` found.
+fn corrected(
+    recordings: &[Recording],
+    ems: &Identification,
+) -> Result<Vec<Recording>, RecordingError> {
+    let mass = ems.model.unmodelled_mass;
+    let all = recordings.iter().map(|recording| recording.clone().without_moving_mass(mass, 0.0));
+    ems.without_delay(all.collect::<Result<_, _>>()?)
+}
+
+/// All models that `options` name; `ems_s` is the time that `ems` took, s.
+fn fit_models(
+    options: &CompareOptions,
+    training: &[Recording],
+    (ems, ems_s): (&Identification, f64),
+    progress: Progress,
+) -> Result<Vec<Fitted>, CompareError> {
+    let data = ClassicalData::new(training, ems, &options.identify);
+    let fits = fit_all(&options.models, &data, progress)?;
+    progress("scoring", 0.97);
+    let mut models: Vec<Fitted> = fits.into_iter().map(Fitted::from).collect();
+    if options.models.contains(&Choice::Ems) {
+        models.push(Fitted::of_ems(ems, ems_s));
+    }
+    if options.models.contains(&Choice::EmsOutputError) {
+        let clock = Instant::now();
+        let fit = refit(&data, ems, options.identify.degrees)
+            .map_err(|why| CompareError::NoFit { model: "ems-output-error".to_owned(), why })?;
+        models.push(Fitted::of_refit(fit, clock.elapsed().as_secs_f64()));
+    }
+    Ok(models)
 }
 
 /// Three half widths: the deformation of 2c and the beginning of sliding. If the deformation is not

@@ -1,8 +1,9 @@
 //! Recordings divided into a part for the fit and a part for scoring, when no validation recording
 //! is given.
 
-use super::CompareError;
+use super::{CompareError, CompareOptions, Outcome, compare};
 use crate::workflow::MovingMass;
+use trocar_identify::Progress;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
@@ -18,6 +19,8 @@ pub struct Divided {
     pub validation: Vec<Recording>,
     /// Whether these are the last thirds of the recordings ([`split`]), because no others were given.
     pub held_out: bool,
+    /// The mass.
+    pub moving_mass: MovingMass,
 }
 
 impl Divided {
@@ -42,7 +45,22 @@ impl Divided {
         let held_out = validation.is_empty();
         let (training, validation) =
             if held_out { split(&recordings)? } else { (recordings, validation) };
-        Ok(Self { training, validation, held_out })
+        Ok(Self { training, validation, held_out, moving_mass })
+    }
+
+    /// Fits all models and scores them.
+    ///
+    /// # Errors
+    /// [`CompareError`]; a doubtful fit is not an error but part of the result.
+    pub fn compared(
+        self,
+        mut options: CompareOptions,
+        progress: Progress,
+    ) -> Result<Outcome, CompareError> {
+        let Self { training, validation, held_out, moving_mass } = self;
+        options.identify.inertia_removed = moving_mass.mass > 0.0;
+        let comparison = compare(&training, &validation, &options, progress)?;
+        Ok(Outcome { comparison, seed: options.identify.seed, held_out, moving_mass })
     }
 }
 

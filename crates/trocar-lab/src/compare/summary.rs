@@ -16,6 +16,7 @@ use trocar_identify::validate::{Phases, RecordingValidation, validate};
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
 use trocar_runtime::model_file::{ModelFile, Origin};
+use trocar_tables::option::{Interface, spelt};
 
 use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 
@@ -23,10 +24,10 @@ use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 const BANKS: [&str; 2] = ["maxwell-slip", "gms"];
 
 /// A comparison and its inputs.
-#[derive(Debug, Clone, Copy)]
-pub struct Outcome<'a> {
+#[derive(Debug, Clone)]
+pub struct Outcome {
     /// The result.
-    pub comparison: &'a Comparison,
+    pub comparison: Comparison,
     /// Seed of all random numbers.
     pub seed: u64,
     /// Whether the validation recordings are the last thirds of the training recordings
@@ -150,7 +151,7 @@ impl Comparison {
     }
 }
 
-impl<'a> Outcome<'a> {
+impl Outcome {
     /// Limits of the scores due to an unknown state: validation recordings in which the seal never
     /// slides all round.
     pub fn unknown_states(&self) -> Vec<String> {
@@ -165,9 +166,9 @@ impl<'a> Outcome<'a> {
     /// Every model as a file, by its path in the results folder: `models/lugre.json`,
     /// `models/gms-4.json`.
     pub fn model_files(&self) -> Vec<(String, ModelFile)> {
-        let Self { comparison, seed, moving_mass, .. } = *self;
+        let Self { comparison, seed, moving_mass, .. } = self;
         let file = |entry: &Entry| {
-            let origin = Origin::identified(seed, comparison.training.iter().map(origin_of));
+            let origin = Origin::identified(*seed, comparison.training.iter().map(origin_of));
             let mut model = ModelFile::new(*entry.trocar.seal(), origin);
             if entry.choice == Choice::Ems {
                 model.origin.note = comparison.ems.deformation_note();
@@ -182,26 +183,24 @@ impl<'a> Outcome<'a> {
     }
 
     /// The contents of `compare.json`.
-    pub fn summary(&self) -> Summary<'a> {
-        let Self { comparison, seed, held_out, moving_mass } = *self;
+    pub fn summary(&self) -> Summary<'_> {
+        let Self { comparison, .. } = self;
         let claim = |result: ReversalMatch| ClaimSummary { sentence: result.sentence(), result };
-        let recordings =
-            |used_for, all: &'a [Recording]| all.iter().map(move |r| recording(r, used_for));
+        let training = comparison.training.iter().map(|own| recording(own, "training"));
+        let validation = comparison.validation.iter().map(|own| recording(own, "validation"));
         Summary {
             program: PROGRAM,
-            seed,
-            held_out,
+            seed: self.seed,
+            held_out: self.held_out,
             samples: comparison.samples,
             effective_samples: comparison.effective_samples,
             reversal_travel_m: comparison.reversal_travel,
-            moving_mass,
+            moving_mass: self.moving_mass,
             unmodelled_mass_kg: comparison.ems.model.unmodelled_mass,
             verdict: comparison.verdict(),
             models: comparison.entries.iter().map(|entry| model(entry, comparison)).collect(),
             reversal_claim: comparison.claims().into_iter().map(claim).collect(),
-            recordings: recordings("training", &comparison.training)
-                .chain(recordings("validation", &comparison.validation))
-                .collect(),
+            recordings: training.chain(validation).collect(),
         }
     }
 }
@@ -210,9 +209,8 @@ impl Summary<'_> {
     /// The text of `compare.json`: equal results give equal text. An infinite or undefined number
     /// is `null`.
     pub fn to_json(&self) -> String {
-        let mut text = serde_json::to_string_pretty(self).expect("every key is a string");
-        text.push('\n');
-        text
+        let text = serde_json::to_string_pretty(self).expect("every key is a string") + "\n";
+        spelt(&text, Interface::Json)
     }
 }
 

@@ -179,7 +179,7 @@ pub fn identify_one(input: &Input, config: &Config) -> FleetRow {
 fn fail(row: &mut FleetRow, kind: &str, reason: &str) {
     row.set("status", FleetCell::text("failed"));
     row.set("reason_kind", FleetCell::text(kind));
-    row.set("reason", FleetCell::text(reason));
+    row.set("reason", FleetCell::message(reason));
 }
 
 /// The row of a recording that no worker could finish.
@@ -314,7 +314,7 @@ fn warnings(row: &mut FleetRow, all: Vec<String>) {
     row.set("warning_count", FleetCell::count(all.len()));
     row.set(
         "warnings",
-        if all.is_empty() { FleetCell::Empty } else { FleetCell::text(all.join("\n")) },
+        if all.is_empty() { FleetCell::Empty } else { FleetCell::message(&all.join("\n")) },
     );
 }
 
@@ -367,7 +367,7 @@ fn quality_of_fit(row: &mut FleetRow, found: &Identification) {
     }
     match &found.deformation {
         Ok(fit) => row.set("full_reversals", FleetCell::count(fit.full_reversals.len())),
-        Err(why) => row.set("deformation_missing", FleetCell::text(why)),
+        Err(why) => row.set("deformation_missing", FleetCell::message(why)),
     }
     row.set("friction_scatter", FleetCell::number(found.friction_scale.scatter));
     row.set("friction_drift", FleetCell::number(found.friction_scale.drift));

@@ -4,6 +4,7 @@
 use serde::{Deserialize, Serialize};
 use trocar_model::ParameterId;
 
+use trocar_tables::option::{Interface, spelt};
 use trocar_tables::table::{Field, Kind};
 
 /// A cell; empty without a value.
@@ -39,6 +40,11 @@ impl FleetCell {
     /// Text.
     pub fn text(value: impl Into<String>) -> Self {
         Self::Text(value.into())
+    }
+
+    /// An error or warning; options that it names are written as on the command line.
+    pub(super) fn message(text: &str) -> Self {
+        Self::Text(spelt(text, Interface::CommandLine))
     }
 
     /// The number in the cell, if any.

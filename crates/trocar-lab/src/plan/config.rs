@@ -160,7 +160,7 @@ impl Rig {
 #[non_exhaustive]
 pub enum ConfigError {
     /// The document is not valid TOML, or has unknown keys or wrong types of values.
-    #[error("{0}\n\nhint: `trocar plan --print-config` prints a rig with every key")]
+    #[error("{0}\n\nhint: `‹plan_config()›` prints a rig with every key")]
     Syntax(String),
     /// Two ranges of F_c.
     #[error("prior.like and prior.coulomb_force_n both give F_c\n\nhint: leave out one of them")]

@@ -17,22 +17,25 @@ pub mod config;
 mod course;
 mod goal;
 mod moves;
+mod summary;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 use serde::Serialize;
-use trocar_model::{ElementParams, ParamError, ParameterId, Quantity, Unit};
+use trocar_model::{ElementParams, ParamError, ParameterId, Quantity, Stages, Unit};
 
 use trocar_identify::{Expected, Motion, Progress, Rows};
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::bench::Course;
 use trocar_simulate::cancel;
+use trocar_simulate::many::evenly;
 
 pub use blocks::{Block, Interruption};
 pub use config::{ConfigError, PlanConfig, State};
 pub use course::Segment;
 pub use goal::{Goal, UnknownGoal};
+pub use summary::Summary;
 
 use choose::Search;
 
@@ -76,6 +79,11 @@ pub enum PlanError {
         /// Least travel, m.
         least_m: f64,
     },
+    /// A seal of more than one element.
+    #[error(
+        "a model of {0} elements; a motion is planned for one element\n\nhint: identify the pilot with ‹without=second_stage›"
+    )]
+    SeveralElements(usize),
     /// The goal is no parameter of the model.
     #[error("{0} is no parameter that the model has: {1}")]
     NotThere(String, String),
@@ -162,6 +170,20 @@ impl Plan {
     pub fn time_for(&self, prediction: &Prediction, wanted: f64) -> Option<f64> {
         let whole = self.before_s + self.duration_s();
         Some(whole * (prediction.relative_half_width? / wanted).powi(2) - self.before_s)
+    }
+}
+
+impl PlanConfig {
+    /// The elements of the seals `draws`, as many of them as the configuration says.
+    ///
+    /// # Errors
+    /// A seal of more than one element.
+    pub fn seals_of(&self, draws: &[Stages]) -> Result<Vec<ElementParams>, PlanError> {
+        let element = |seal: &Stages| match seal.elements() {
+            [one] => Ok(*one.params()),
+            several => Err(PlanError::SeveralElements(several.len())),
+        };
+        evenly(draws, self.draws as usize).iter().map(element).collect()
     }
 }
 

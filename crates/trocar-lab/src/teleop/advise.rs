@@ -283,7 +283,7 @@ pub fn map_delays(config: &Config, longest: Option<f64>) -> Vec<f64> {
 }
 
 /// Fractions of a map: 20 from 0 to 1.425.
-pub fn map_fractions() -> Vec<f64> {
+pub(super) fn map_fractions() -> Vec<f64> {
     (0..CELLS).map(|k| f64::from(FRACTIONS_APART * k) / 1000.0).collect()
 }
 

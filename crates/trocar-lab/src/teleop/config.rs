@@ -365,7 +365,7 @@ impl Default for Tissue {
 #[non_exhaustive]
 pub enum ConfigError {
     /// The document is not valid TOML, or has unknown keys or wrong types of values.
-    #[error("{0}\n\nhint: `trocar teleop --print-config` prints a loop with every key")]
+    #[error("{0}\n\nhint: `‹teleop_config()›` prints a loop with every key")]
     Syntax(String),
     /// A value out of its range.
     #[error("{name} must be {allowed}, got {found}")]
@@ -396,7 +396,7 @@ pub enum ConfigError {
     #[error(
         "adaptation needs the error of the model's force, which the model does not state \
          (force_error)\n\nhint: state the standard deviation as compensation.force_error_n, or identify the model \
-         again with --validate"
+         again with ‹validate=...›"
     )]
     NoForceError,
     /// The compensator cannot be made.
@@ -418,6 +418,8 @@ pub enum ConfigError {
 const MOST_SAMPLES: f64 = 1e6;
 /// Most steps of the plant in an experiment.
 const MOST_STEPS: f64 = 1e7;
+/// Least amplitude of the strokes of a hybrid matrix, m.
+const SMALLEST_AMPLITUDE_M: f64 = 1e-9;
 /// Least duration of a trial of stability, s.
 const TRIAL_S: f64 = 2.0;
 /// Greatest seed, 2^53: whole numbers up to there are numbers of any program.
@@ -428,7 +430,7 @@ const LONGEST_DELAY: f64 = 1e4;
 impl Config {
     /// Whether the fraction of the trocar's force that is taken out changes anything: an outside sensor,
     /// whose force is sent.
-    pub fn uses_compensation(&self) -> bool {
+    pub(crate) fn uses_compensation(&self) -> bool {
         let sends = [Architecture::PositionForce, Architecture::FourChannel]
             .contains(&self.control.architecture);
         sends && self.sensor.place == Place::Outside
@@ -439,8 +441,13 @@ impl Config {
         self.tissue.kind != TissueKind::None && self.tissue.stiffness_n_m > 0.0
     }
 
+    /// Whether the motion has strokes, with which a hybrid matrix can be computed.
+    pub fn has_strokes(&self) -> bool {
+        self.motion.amplitude_m.abs() >= SMALLEST_AMPLITUDE_M
+    }
+
     /// Whether the intended motion begins in the tissue, by more than a micrometre.
-    pub fn begins_in_the_tissue(&self) -> bool {
+    pub(crate) fn begins_in_the_tissue(&self) -> bool {
         self.motion.start_m() > self.tissue.surface_m + 1e-6
     }
 

@@ -170,25 +170,35 @@ impl Hybrid {
                 }
             }
             Architecture::FourChannel => {
-                // e = 1 + C_5, f = 1 + C_6, with `beside` as what the estimate holds beside F_e per v_s:
-                // (Z_s + C)·(v_s − D·v_m) = e·(D·F_h − F_e) − (seal + C_5·beside)·v_s and
-                // (Z_m + C)·(v_m − D·v_s) = f·(F_h − D·F_e − D·beside·v_s)
-                let (a, b) = (slave + follow, master + follow);
-                let [e, f] = [control.slave_force_feedback, control.master_force_feedback]
-                    .map(|local| one * (1.0 + local));
-                // −e·D·F_h + p·v_s = a·D·v_m − e·F_e and f·F_h + q·v_s = b·v_m + f·D·F_e
-                let p = a + seal + beside * control.slave_force_feedback;
-                let q = delay * (b - f * beside);
-                let all = e * delay * q + f * p;
-                let way = delay * delay - one;
-                Self {
-                    h11: (b * p - a * delay * q) / all,
-                    h12: (f * delay * p + e * q) / all,
-                    h21: -(f * a + e * b) * delay / all,
-                    h22: -e * f * way / all,
-                }
+                Self::of_four_channels(&control, [seal, beside], delay, [master, slave, follow])
             }
             Architecture::Wave => Self::of_waves(config, seal, delay, [master, slave, follow]),
+        }
+    }
+
+    /// Four channels; e = 1 + C_5, f = 1 + C_6, with `beside` as what the estimate holds beside F_e per v_s:
+    /// (Z_s + C)·(v_s − D·v_m) = e·(D·F_h − F_e) − (seal + C_5·beside)·v_s and
+    /// (Z_m + C)·(v_m − D·v_s) = f·(F_h − D·F_e − D·beside·v_s)
+    fn of_four_channels(
+        control: &Control,
+        [seal, beside]: [Complex<f64>; 2],
+        delay: Complex<f64>,
+        [master, slave, follow]: [Complex<f64>; 3],
+    ) -> Self {
+        let one = Complex::new(1.0, 0.0);
+        let (a, b) = (slave + follow, master + follow);
+        let [e, f] = [control.slave_force_feedback, control.master_force_feedback]
+            .map(|local| one * (1.0 + local));
+        // −e·D·F_h + p·v_s = a·D·v_m − e·F_e and f·F_h + q·v_s = b·v_m + f·D·F_e
+        let p = a + seal + beside * control.slave_force_feedback;
+        let q = delay * (b - f * beside);
+        let all = e * delay * q + f * p;
+        let way = delay * delay - one;
+        Self {
+            h11: (b * p - a * delay * q) / all,
+            h12: (f * delay * p + e * q) / all,
+            h21: -(f * a + e * b) * delay / all,
+            h22: -e * f * way / all,
         }
     }
 

@@ -28,6 +28,7 @@ mod estimate;
 pub mod hybrid;
 pub mod merit;
 mod model;
+mod options;
 mod outcome;
 mod passivity;
 mod plant;
@@ -38,6 +39,7 @@ mod table;
 
 pub use config::{Config, ConfigError};
 pub use model::{Candidates, candidates, scaled};
+pub use options::{OptionError, Options};
 pub use outcome::Outcome;
 pub use simulation::{Diverged, Loop, Sample};
 pub use study::{Questions, StepError, Study, StudyError, Summary};

@@ -7,13 +7,14 @@ use thiserror::Error;
 use trocar_model::{ParamError, Trocar};
 
 use super::advise::{Advice, FRACTIONS, Map, advise, map};
-use super::config::{Config, ConfigError};
+use super::config::{Architecture, Config, ConfigError};
 use super::hybrid::{Response, response};
 use super::merit::Merit;
 use super::model::{Candidates, candidates};
 use super::outcome::Outcome;
 use super::stability::{Disturbance, ZWidth};
 use trocar_runtime::model_file::ModelFile;
+use trocar_tables::option::{Interface, spelt};
 
 /// What to compute besides the course, its figures and the stiffnesses with which the loop is stable.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -140,9 +141,71 @@ impl Study {
     }
 
     /// Whether there is tissue that the tip does not reach: the figures are then those of free motion.
-    pub fn is_out_of_reach(&self) -> bool {
+    fn is_out_of_reach(&self) -> bool {
         let is_free = |merit: &Merit| !merit.reaches(&self.config);
         self.config.has_tissue() && self.outcome.figures.as_ref().is_some_and(is_free)
+    }
+
+    /// Whether the result is doubtful: there are [warnings](Self::warnings), or nothing can be advised.
+    pub fn is_doubtful(&self) -> bool {
+        let is_refused = self.advice.as_ref().is_some_and(|advice| advice.fraction.is_none());
+        is_refused || !self.warnings().is_empty()
+    }
+
+    /// What makes the result doubtful, with what may help.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut all = Vec::new();
+        let unstable = match &self.outcome.course {
+            Err(diverged) => Some(diverged.to_string()),
+            Ok(_) => self.outcome.unsettled_by.map(|by| {
+                format!("the loop is unstable: it does not come to rest after {}", by.in_words())
+            }),
+        };
+        all.extend(
+            unstable.map(|why| format!("{why}\n\nhint: try {}", self.remedies().join(", "))),
+        );
+        all.extend(self.step_error.map(|error| {
+            let more = 4 * self.config.substeps;
+            format!(
+                "{error}\n\nhint: try substeps = {more}; where passivity control, losses or an encoder keep switching a force, more steps \
+                 may not help"
+            )
+        }));
+        if self.config.has_tissue() && self.config.begins_in_the_tissue() {
+            all.push(
+                "the motion begins in the tissue: no stiffness displayed\n\nhint: begin before tissue.surface_m, see [motion]".to_owned(),
+            );
+        }
+        if self.is_out_of_reach() {
+            all.push(
+                "the tip does not reach the tissue: the figures are those of free motion\n\nhint: let the hand go further, \
+                 or longer than the channel delays, see [motion]; hand and control need a stiffness; with passivity = true give the \
+                 control a passivity_reserve_j".to_owned(),
+            );
+        }
+        all
+    }
+
+    /// Changes that may make an unstable loop stable.
+    fn remedies(&self) -> Vec<&'static str> {
+        let Config { control, channel, operator, .. } = &self.config;
+        let four_channels = control.architecture == Architecture::FourChannel;
+        let reflects = control.architecture == Architecture::PositionForce;
+        let all = [
+            (
+                self.config.uses_compensation() && self.advice.is_none(),
+                "‹advise=True›, which finds the fractions of the trocar's force with which it is stable",
+            ),
+            (reflects && control.force_gain > 0.0, "a lower control.force_gain"),
+            (channel.delay_s > 0.0, "a shorter channel.delay_s"),
+            (!control.passivity, "control.passivity = true"),
+            (
+                four_channels && operator.mass_kg == 0.0,
+                "operator.mass_kg above 0, without which sampled four channels are unstable",
+            ),
+            (true, "a lower control.stiffness_n_m or another control.damping_n_s_m"),
+        ];
+        all.into_iter().filter(|(helps, _)| *helps).map(|(_, what)| what).collect()
     }
 
     /// The contents of summary.json.
@@ -231,6 +294,7 @@ impl std::fmt::Display for StepError {
 impl Summary<'_> {
     /// As the text of a file.
     pub fn to_json(&self) -> String {
-        serde_json::to_string_pretty(self).expect("numbers, names and lists") + "\n"
+        let text = serde_json::to_string_pretty(self).expect("numbers, names and lists") + "\n";
+        spelt(&text, Interface::Json)
     }
 }

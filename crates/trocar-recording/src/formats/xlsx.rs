@@ -192,7 +192,7 @@ impl Xlsx {
         if found.tables.is_empty() && skip_rows > 0 {
             return Err(RecordingError::BadOption {
                 file: source.file,
-                option: "--skip-rows",
+                option: "‹skip_rows›",
                 problem: format!("{skip_rows} leaves no rows of numbers in any sheet"),
             });
         }

@@ -172,12 +172,7 @@ pub(crate) fn compared() -> Outcome<Vec<Figure>> {
     let identify = IdentifyOptions { inertia_removed: true, ..options() };
     let options = CompareOptions { models: models(), identify, timing: false };
     let comparison = compare(&training, &validation, &options, &|_, _| {})?;
-    let outcome = compare::Outcome {
-        comparison: &comparison,
-        seed: SEED,
-        held_out: false,
-        moving_mass: mass,
-    };
+    let outcome = compare::Outcome { comparison, seed: SEED, held_out: false, moving_mass: mass };
     let names = [("one-reversal", COMPARED[0]), (COMPARED[1], COMPARED[1])];
     chosen(comparison::document(&outcome, ""), &names)
 }
