@@ -16,7 +16,15 @@ use find::{of_javascript, of_python, of_rust};
 
 /// Sections of the page, and the sources whose messages they hold. The longest prefix takes a source.
 const SECTIONS: [(&str, &[&str]); 17] = [
-    ("Reading recordings", &["trocar-recording/src/formats", "trocar-recording/src"]),
+    (
+        "Reading recordings",
+        &[
+            "trocar-recording/src/formats",
+            "trocar-recording/src",
+            "trocar-tables/src/ros",
+            "trocar-tables/src/text",
+        ],
+    ),
     (
         "Model files and parameters",
         &["trocar-runtime/src/model_file", "trocar-runtime/src/profile", "trocar-model/src"],
