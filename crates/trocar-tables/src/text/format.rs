@@ -94,6 +94,7 @@ impl Format {
     }
 
     /// A number, or NaN for a missing one; `None` for text.
+    #[inline]
     pub fn number(self, cell: &[u8]) -> Option<f64> {
         let cell = cell.trim_ascii();
         if cell.is_empty() || MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word)) {

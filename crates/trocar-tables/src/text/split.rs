@@ -30,6 +30,7 @@ impl Splitter {
     }
 
     /// Splits a line; returns the number of its cells.
+    #[inline]
     pub fn split(&mut self, line: &[u8]) -> usize {
         self.count = self.cut(line);
         self.count
@@ -71,6 +72,7 @@ impl Splitter {
     }
 
     /// A cell of the last line.
+    #[inline]
     pub fn cell(&self, k: usize) -> &[u8] {
         let from = if k == 0 { 0 } else { self.ends[k - 1] };
         &self.text[from..self.ends[k]]
