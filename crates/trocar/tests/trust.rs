@@ -70,6 +70,15 @@ fn easy_benches_are_right() {
     assert!(share < 0.15, "{share}");
 }
 
+/// A few of the benches that `--example trust -- --kind drawn` draws by the hundred.
+#[test]
+fn seals_and_rigs_that_nobody_chose_are_told_rightly() {
+    let outcomes = outcomes(&["drawn_strokes"], 6);
+    assert!(outcomes.iter().all(|o| o.refused.is_none()), "all have strokes enough");
+    let share = confidently_wrong(&outcomes);
+    assert!(share < 0.15, "{share}");
+}
+
 /// A mass is estimated through accelerations; their noise made it a fifth too small with an encoder
 /// as coarse as here.
 #[test]

@@ -12,6 +12,8 @@ use trocar_model::{
     SlidingFriction,
 };
 
+use super::random::random;
+
 pub(crate) type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 /// Lowest and highest value that count as true; they differ if the parameter changes during the
@@ -41,10 +43,10 @@ pub(crate) struct Bench {
 }
 
 /// Protocols of the paper's two steps.
-const TWO_STEPS: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
+pub(super) const TWO_STEPS: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const STEADY: [Protocol; 1] = [Protocol::Steady];
 const VALIDATION: [Protocol; 1] = [Protocol::Validation];
-const HAND: [Protocol; 1] = [Protocol::Surgeon];
+pub(super) const HAND: [Protocol; 1] = [Protocol::Surgeon];
 /// Length of hand-like motion, s: half of the bench's default, which also halves the time of the
 /// identification.
 const HAND_S: f64 = 30.0;
@@ -76,7 +78,16 @@ fn seal(
     insertion: SlidingFriction,
     withdrawal: SlidingFriction,
 ) -> Result<ElementParams, AnyError> {
-    let model = ElementParams::plausible_10_5_mm()?;
+    scaled(&ElementParams::plausible_10_5_mm()?, half_width, insertion, withdrawal)
+}
+
+/// The shape of `model`, scaled alike.
+pub(super) fn scaled(
+    model: &ElementParams,
+    half_width: f64,
+    insertion: SlidingFriction,
+    withdrawal: SlidingFriction,
+) -> Result<ElementParams, AnyError> {
     let width = half_width / model.deformation.half_width();
     let force =
         0.5 * (insertion.static_force + withdrawal.static_force) / model.insertion.static_force;
@@ -90,7 +101,7 @@ fn seal(
     let old = &model.deformation;
     let deformation =
         DeformationForce::new(branch(old.insertion())?, branch(old.withdrawal())?, None)?;
-    Ok(ElementParams { deformation, insertion, withdrawal, ..model })
+    Ok(ElementParams { deformation, insertion, withdrawal, ..*model })
 }
 
 fn symmetric(half_width: f64, friction: SlidingFriction) -> Result<Bench, AnyError> {
@@ -130,7 +141,7 @@ fn wetted(onset: f64, spread: f64) -> Result<Bench, AnyError> {
 }
 
 /// A rod of `mass` (kg) that is or is not declared.
-fn rod(bench: Bench, mass: f64, declared: bool) -> Result<Bench, AnyError> {
+pub(super) fn rod(bench: Bench, mass: f64, declared: bool) -> Result<Bench, AnyError> {
     let bench = bench.with(|config| config.rod.mass_kg = mass)?;
     Ok(Bench { mass_declared: declared, ..bench })
 }
@@ -198,7 +209,7 @@ fn offset(config: &BenchConfig) -> f64 {
 }
 
 impl Bench {
-    fn of(seal: Vec<ElementParams>) -> Self {
+    pub(super) fn of(seal: Vec<ElementParams>) -> Self {
         let mut config = BenchConfig::default();
         config.protocol.surgeon.duration_s = HAND_S;
         Self {
@@ -211,12 +222,12 @@ impl Bench {
         }
     }
 
-    fn with(mut self, change: impl FnOnce(&mut BenchConfig)) -> Result<Self, AnyError> {
+    pub(super) fn with(mut self, change: impl FnOnce(&mut BenchConfig)) -> Result<Self, AnyError> {
         change(&mut self.config);
         Ok(self)
     }
 
-    fn under(mut self, protocols: &[Protocol]) -> Self {
+    pub(super) fn under(mut self, protocols: &[Protocol]) -> Self {
         self.protocols = protocols.to_vec();
         self
     }
@@ -563,11 +574,11 @@ fn motions() -> Vec<Kind> {
     ]
 }
 
-fn kind(name: &'static str, make: impl Fn(u64) -> Result<Bench, AnyError> + 'static) -> Kind {
+pub(super) fn kind(name: &'static str, make: impl Fn(u64) -> Result<Bench, AnyError> + 'static) -> Kind {
     Kind { name, make: Box::new(make) }
 }
 
 /// All kinds.
 pub(crate) fn kinds() -> Vec<Kind> {
-    [seals(), changes(), rigs(), motions()].into_iter().flatten().collect()
+    [seals(), changes(), rigs(), motions(), random()].into_iter().flatten().collect()
 }

@@ -5,3 +5,4 @@
 
 pub(crate) mod judge;
 pub(crate) mod kinds;
+mod random;

@@ -1,0 +1,117 @@
+//! Seals, rigs and motions drawn at random over wide ranges: nothing in them is extreme, and nobody
+//! has chosen them.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use trocar::bench::config::SpeedOrder;
+use trocar::bench::{Protocol, random_plausible_seal};
+use trocar_model::{Relaxation, SlidingFriction};
+
+use super::kinds::{AnyError, Bench, HAND, Kind, TWO_STEPS, kind, rod, scaled};
+
+/// F_c, N, and c, m.
+const COULOMB_FORCE: [f64; 2] = [0.3, 8.0];
+const HALF_WIDTH: [f64; 2] = [1.5e-3, 12e-3];
+/// β/F_c, s/m, and its ratio by direction.
+const VISCOUS: [f64; 2] = [0.3, 4.0];
+const SLOPE_RATIO: [f64; 2] = [0.5, 2.0];
+/// F_s/F_c and v_s, m/s.
+const STATIC_RATIO: [f64; 2] = [1.05, 1.4];
+const STRIBECK_VELOCITY: [f64; 2] = [5e-3, 60e-3];
+/// v_c, m/s.
+const CREEP_VELOCITY: [f64; 2] = [1e-4, 1e-3];
+/// E·c/F_c, and τ, s.
+const RELAXATION: [f64; 2] = [0.1, 0.5];
+const RELAXATION_TIME: [f64; 2] = [0.05, 2.0];
+/// Samples per second, and of one sample in the simulation.
+const SAMPLE_RATE: [f64; 2] = [250.0, 2000.0];
+const INNER_RATE: f64 = 10e3;
+/// Step of the encoder, m; rms of the force readings, N; unmodelled or declared mass, kg.
+const ENCODER: [f64; 2] = [4e-6, 50e-6];
+const NOISE: [f64; 2] = [5e-3, 50e-3];
+const MASS: [f64; 2] = [0.02, 0.4];
+/// Scatter from stroke to stroke, and drift.
+const SCATTER: f64 = 0.03;
+const DRIFT: f64 = 0.05;
+
+/// How often a seal has what the default one lacks.
+const HAS_STRIBECK: f64 = 0.4;
+const HAS_CREEP: f64 = 0.25;
+const HAS_RELAXATION: f64 = 0.25;
+const HAS_OWN_SLOPES: f64 = 0.15;
+const IS_DECLARED: f64 = 0.5;
+
+/// Draws of one bench.
+struct Drawn(ChaCha8Rng);
+
+impl Drawn {
+    fn between(&mut self, [low, high]: [f64; 2]) -> f64 {
+        low + (high - low) * self.0.random::<f64>()
+    }
+
+    fn on_a_logarithm(&mut self, range: [f64; 2]) -> f64 {
+        self.between(range.map(f64::ln)).exp()
+    }
+
+    fn happens(&mut self, probability: f64) -> bool {
+        self.0.random::<f64>() < probability
+    }
+
+    fn friction(&mut self) -> SlidingFriction {
+        let coulomb_force = self.on_a_logarithm(COULOMB_FORCE);
+        let viscous_damping = coulomb_force * self.on_a_logarithm(VISCOUS);
+        let mut friction = SlidingFriction::coulomb(coulomb_force, viscous_damping);
+        if self.happens(HAS_STRIBECK) {
+            friction.static_force = coulomb_force * self.between(STATIC_RATIO);
+            friction.stribeck_velocity = self.on_a_logarithm(STRIBECK_VELOCITY);
+        }
+        friction
+    }
+
+    /// A bench under `protocols`.
+    fn bench(&mut self, seed: u64, protocols: &[Protocol]) -> Result<Bench, AnyError> {
+        let insertion = self.friction();
+        let mut withdrawal = insertion;
+        if self.happens(HAS_OWN_SLOPES) {
+            withdrawal.viscous_damping *= self.on_a_logarithm(SLOPE_RATIO);
+        }
+        let half_width = self.on_a_logarithm(HALF_WIDTH);
+        let mut seal = scaled(&random_plausible_seal(seed), half_width, insertion, withdrawal)?;
+        if self.happens(HAS_CREEP) {
+            seal.creep_velocity = self.on_a_logarithm(CREEP_VELOCITY);
+        }
+        if self.happens(HAS_RELAXATION) {
+            let stiffness = self.between(RELAXATION) * insertion.coulomb_force / half_width;
+            seal.relaxation = Relaxation::single(stiffness, self.on_a_logarithm(RELAXATION_TIME));
+        }
+        let rate = self.on_a_logarithm(SAMPLE_RATE).round();
+        let (encoder, noise) = (self.on_a_logarithm(ENCODER), self.on_a_logarithm(NOISE));
+        let (scatter, drift) = (self.between([0.0, SCATTER]), self.between([-DRIFT, DRIFT]));
+        let bench = Bench::of(vec![seal]).under(protocols).with(|config| {
+            config.rig.sample_rate_hz = rate;
+            config.rig.substeps = (INNER_RATE / rate).ceil() as u32;
+            config.encoder.resolution_m = encoder;
+            config.force_sensor.noise_n = noise;
+            config.fluctuation.stroke_fraction = scatter;
+            config.fluctuation.drift_fraction = drift;
+            // As the book recommends: in ascending order a drift looks like viscous friction.
+            config.protocol.steady.order = SpeedOrder::Shuffled;
+        })?;
+        let (mass, is_declared) = (self.on_a_logarithm(MASS), self.happens(IS_DECLARED));
+        rod(bench, mass, is_declared)
+    }
+}
+
+/// Benches drawn by their seed.
+pub(super) fn random() -> Vec<Kind> {
+    let of = |name: &'static str, protocols: Vec<Protocol>| {
+        kind(name, move |seed| {
+            Drawn(ChaCha8Rng::seed_from_u64(seed)).bench(seed, &protocols)
+        })
+    };
+    vec![
+        of("drawn_strokes", TWO_STEPS.to_vec()),
+        of("drawn_strokes_and_hand", [&TWO_STEPS[..], &HAND[..]].concat()),
+        of("drawn_hand", HAND.to_vec()),
+    ]
+}
