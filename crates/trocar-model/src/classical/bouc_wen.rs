@@ -54,7 +54,7 @@ pub struct BoucWenParams {
 ///
 /// - **Step**: along the travel df/d|x| is a function of f alone. For n = 1 the step is the exact solution; otherwise it
 ///   is cut into parts of at most 1/16 of F_c, each with the exponential of the chord: second order, never past F_c,
-///   stable for any stiffness and length, and at most [`STRIDES`] + 2 parts.
+///   stable for any stiffness and length, and at most 50 parts.
 /// - **Invariants**: |f| <= F_c, to the last bit; F(-x) = -F(x); for β = 0 independent of rate; passive with the storage
 ///   f²/(2·k), for which σ >= 0.5 is needed.
 /// - **Special cases**: n = 1 with σ = 1 is [`Dahl`](crate::Dahl) with exponent 1. Large n with σ = 0.5 is a

@@ -145,7 +145,7 @@ impl Element {
 }
 
 /// One ordinate of the deformation force, and how the state of an element differs in which it is
-/// higher by [`Ordinate::UNIT`].
+/// a little higher.
 #[derive(Clone, Copy, Debug)]
 pub struct Ordinate {
     place: OrdinatePlace,
