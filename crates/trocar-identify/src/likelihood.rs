@@ -1135,8 +1135,6 @@ pub(crate) struct OneStep {
     pub(crate) degrees: f64,
     /// Fraction of C that it removes.
     pub(crate) gain: f64,
-    /// The step of all columns.
-    pub(crate) step: DVector<f64>,
 }
 
 impl Normal {
@@ -1186,7 +1184,6 @@ impl Normal {
             standard_error: moderated.sqrt(),
             degrees: degrees + MODEL_DEGREES,
             gain: (with.dot(&score) - before.dot(&score)) / self.cost().max(f64::MIN_POSITIVE),
-            step: with,
         })
     }
 }

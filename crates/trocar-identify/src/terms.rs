@@ -263,28 +263,19 @@ impl Term {
 
     /// How much of the term a candidate has; 0 without it. `None` for a second stage, without which
     /// the first would be another one.
-    fn amplitude(self, candidate: &mut Candidate) -> Option<Amplitude<'_>> {
-        let (free, without) = match self {
-            Self::Stribeck => {
-                (&mut candidate.insertion.static_force, candidate.insertion.coulomb_force)
-            }
-            Self::SealDamping => (&mut candidate.seal_damping, 0.0),
-            Self::MinorLoops => (&mut candidate.yield_ratio, Candidate::DEFAULT_YIELD_RATIO),
-            Self::Creep => (&mut candidate.creep_velocity, 0.0),
-            Self::Relaxation => (&mut candidate.relaxation.arms[0].stiffness, 0.0),
-            Self::SecondRelaxation => (&mut candidate.relaxation.arms[1].stiffness, 0.0),
-            Self::UnmodelledMass => (&mut candidate.unmodelled_mass, 0.0),
-            Self::Asymmetry => {
-                (&mut candidate.withdrawal.viscous_damping, candidate.insertion.viscous_damping)
-            }
+    fn amplitude(self, candidate: &Candidate) -> Option<f64> {
+        let Candidate { insertion, withdrawal, relaxation, .. } = candidate;
+        Some(match self {
+            Self::Stribeck => insertion.static_force - insertion.coulomb_force,
+            Self::SealDamping => candidate.seal_damping,
+            Self::MinorLoops => candidate.yield_ratio - Candidate::DEFAULT_YIELD_RATIO,
+            Self::Creep => candidate.creep_velocity,
+            Self::Relaxation => relaxation.arms[0].stiffness,
+            Self::SecondRelaxation => relaxation.arms[1].stiffness,
+            Self::UnmodelledMass => candidate.unmodelled_mass,
+            Self::Asymmetry => withdrawal.viscous_damping - insertion.viscous_damping,
             Self::SecondStage => return None,
-        };
-        Some(Amplitude { free, without })
-    }
-
-    /// Whether the force is nearly linear in the amplitude.
-    fn is_linear(self) -> bool {
-        !matches!(self, Self::Creep | Self::SecondStage)
+        })
     }
 
     /// Whether only one sign of the amplitude makes sense.
@@ -305,18 +296,6 @@ impl Term {
             _ => true,
         };
         has_place && !self.is_in(layout)
-    }
-}
-
-/// The number of a candidate that tells how much of a term it has, and that without the term.
-struct Amplitude<'a> {
-    free: &'a mut f64,
-    without: f64,
-}
-
-impl Amplitude<'_> {
-    fn value(&self) -> f64 {
-        *self.free - self.without
     }
 }
 
@@ -384,17 +363,7 @@ struct Score {
     term: Term,
     p_value: f64,
     gain: f64,
-    /// With the term as it was tried, and where its linear step leads.
-    starts: [EmsTrial; 2],
-}
-
-impl Score {
-    /// A fit with the term; a linear step may lead too far.
-    fn fit(&self, training: &Training, stop: Stop) -> Option<Fitted<EmsTrial>> {
-        let cost = |start: &&EmsTrial| likelihood::cost(training, *start);
-        let start = self.starts.iter().min_by(|a, b| cost(a).total_cmp(&cost(b)))?;
-        likelihood::fit(training, start, stop)
-    }
+    start: EmsTrial,
 }
 
 /// Parts of the work of an identification after which the terms are tried, and after which they
@@ -480,7 +449,7 @@ impl Chosen {
                 if is_determined { Ok(l) } else { Err(UNDETERMINED) }
             };
             // A few steps tell that a term is needed; that it is not, only convergence.
-            let begun = best.fit(training, BEGIN);
+            let begun = likelihood::fit(training, &best.start, BEGIN);
             let larger = begun.ok_or(NO_BETTER).and_then(|begun| {
                 let from = begun.best.clone();
                 judged(begun).or_else(|_| {
@@ -539,10 +508,7 @@ const SURELY: f64 = 8.0;
 
 /// p value and gain of a term whose amplitude is far from 0, to first order.
 fn is_surely_needed(fitted: &Fitted<EmsTrial>, term: Term) -> Option<(f64, f64)> {
-    let of = |trial: &EmsTrial| {
-        let mut candidate = trial.candidate.clone();
-        term.amplitude(&mut candidate).map_or(0.0, |amplitude| amplitude.value())
-    };
+    let of = |trial: &EmsTrial| term.amplitude(&trial.candidate).unwrap_or(0.0);
     let spread = Spread::new(fitted);
     let t = of(&fitted.best) / spread.deviation(&of).max(f64::MIN_POSITIVE);
     let growth = t * t * spread.variance();
@@ -571,11 +537,10 @@ fn scores(
 ) -> Option<(Vec<Score>, f64)> {
     let best = &fitted.best;
     let open = Term::ALL.into_iter().filter(|t| t.can_join(&best.layout) && !excluded.contains(t));
-    let mut columns: Vec<Tried> = Vec::new();
+    let mut columns: Vec<(Term, EmsTrial)> = Vec::new();
     for term in open {
-        let variants = term.variants(best, speeds).into_iter().enumerate();
-        let all = variants.map(|(variant, start)| Tried { term, variant, start });
-        columns.extend(all.filter(|tried| tried.start.model().is_some()));
+        let variants = term.variants(best, speeds).into_iter();
+        columns.extend(variants.filter(|t| t.model().is_some()).map(|start| (term, start)));
     }
     if columns.is_empty() {
         return None;
@@ -585,7 +550,7 @@ fn scores(
     let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Acceleration];
     let own = fitted.held.len();
     let [delay, acceleration] = [own, own + 1];
-    let place = |Tried { term, start, .. }: &Tried| match term {
+    let place = |(term, start): &(Term, EmsTrial)| match term {
         Term::UnmodelledMass => acceleration,
         _ => {
             extra.push(Extra::Secant(start.clone()));
@@ -595,21 +560,21 @@ fn scores(
     let places: Vec<usize> = columns.iter().map(place).collect();
     let normal = fitted.with_columns(training, &extra)?;
     let damping =
-        columns.iter().position(|tried| tried.term == Term::SealDamping).map(|k| places[k]);
-    let terms = columns.chunk_by(|a, b| a.term == b.term).count();
+        columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
+    let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
     let count = 0.5 * (terms + columns.len()) as f64;
     let sigma2 = variance(fitted);
     let tested: Vec<Option<Score>> = columns
         .into_par_iter()
         .zip(places)
-        .map(|(tried, place)| {
-            let beside: Vec<usize> = match tried.term {
+        .map(|((term, start), place)| {
+            let beside: Vec<usize> = match term {
                 Term::UnmodelledMass => [Some(delay), damping].into_iter().flatten().collect(),
                 term if term.may_be_inertia() && !best.layout.unmodelled_mass => vec![acceleration],
                 _ => Vec::new(),
             };
             let step = normal.one_step(&fitted.held, &beside, place, sigma2)?;
-            tried.scored(best, speeds, &step)
+            score(term, start, &step)
         })
         .collect();
     let mut scores: Vec<Score> = Vec::new();
@@ -623,48 +588,19 @@ fn scores(
     Some((scores, count))
 }
 
-/// A term at one shape.
-struct Tried {
-    term: Term,
-    /// Number of the shape, and the trial with it.
-    variant: usize,
-    start: EmsTrial,
-}
-
-impl Tried {
-    fn scored(self, best: &EmsTrial, speeds: [f64; 2], step: &OneStep) -> Option<Score> {
-        let (term, mut start) = (self.term, self.start.clone());
-        if !step.standard_error.is_finite() || step.standard_error <= 0.0 {
-            return None;
-        }
-        let t = step.amplitude / step.standard_error;
-        let two_sided = t_p_value(t, step.degrees);
-        let p_value = match term.is_one_sided() {
-            true if t > 0.0 => 0.5 * two_sided,
-            true => 1.0 - 0.5 * two_sided,
-            false => two_sided,
-        };
-        if term == Term::UnmodelledMass {
-            start.candidate.unmodelled_mass = step.amplitude.max(0.0);
-        }
-        let stepped = self.stepped(best, speeds, step).unwrap_or_else(|| start.clone());
-        Some(Score { term, p_value, gain: step.gain, starts: [start, stepped] })
+fn score(term: Term, mut start: EmsTrial, step: &OneStep) -> Option<Score> {
+    if !step.standard_error.is_finite() || step.standard_error <= 0.0 {
+        return None;
     }
-
-    /// The trial to which the linear step leads.
-    fn stepped(&self, best: &EmsTrial, speeds: [f64; 2], step: &OneStep) -> Option<EmsTrial> {
-        let own = best.free();
-        let values: Vec<f64> =
-            own.iter().zip(step.step.iter()).map(|(free, step)| free.value + step).collect();
-        let moved = best.with(&values);
-        let mut stepped = self.term.variants(&moved, speeds).into_iter().nth(self.variant)?;
-        if self.term == Term::UnmodelledMass {
-            stepped.candidate.unmodelled_mass = step.amplitude;
-        } else if self.term.is_linear() {
-            let amplitude = self.term.amplitude(&mut stepped.candidate)?;
-            *amplitude.free = amplitude.without + step.amplitude * amplitude.value();
-        }
-        let inside: Vec<f64> = stepped.free().iter().map(|free| free.value).collect();
-        Some(stepped.with(&inside))
+    let t = step.amplitude / step.standard_error;
+    let two_sided = t_p_value(t, step.degrees);
+    let p_value = match term.is_one_sided() {
+        true if t > 0.0 => 0.5 * two_sided,
+        true => 1.0 - 0.5 * two_sided,
+        false => two_sided,
+    };
+    if term == Term::UnmodelledMass {
+        start.candidate.unmodelled_mass = step.amplitude.max(0.0);
     }
+    Some(Score { term, p_value, gain: step.gain, start })
 }

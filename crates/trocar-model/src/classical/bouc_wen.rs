@@ -2,7 +2,7 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::power;
-use crate::friction::{Friction, held, sign, velocity};
+use crate::friction::{Friction, held, sign, velocity, within};
 use crate::law::{Law, Visit};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -138,8 +138,9 @@ impl BoucWen {
         let mut hysteresis_force = state.hysteresis_force;
         if s != 0.0 {
             let travel = stiffness * displacement.abs() / coulomb_force;
-            hysteresis_force =
-                s * coulomb_force * self.load(s * hysteresis_force / coulomb_force, travel);
+            // A state of a model with a greater F_c, such as before a change of it.
+            let part = within(s * hysteresis_force / coulomb_force, 1.0);
+            hysteresis_force = s * coulomb_force * self.load(part, travel);
         }
         let force = hysteresis_force + viscous_damping * velocity;
         if force.abs() <= f64::MAX {
@@ -280,6 +281,19 @@ mod tests {
             let mut state = model.rest_at_force(-3.0);
             let force = model.step(&mut state, 1e-3, 1.0);
             assert!((force + 1.0).abs() < 1e-14, "{exponent}: {force}");
+        }
+    }
+
+    /// As where F_c is turned down while the model runs.
+    #[test]
+    fn a_state_beyond_the_coulomb_force_comes_back_to_it() {
+        for exponent in [0.7, 1.0, 2.5] {
+            let model = bouc_wen(exponent, 0.8);
+            for force in [-4.0, 4.0] {
+                let mut state = BoucWenState { hysteresis_force: force, force };
+                model.step(&mut state, 1e-6, 1e-3);
+                assert!(state.force().abs() <= 3.0, "{exponent}: {state:?}");
+            }
         }
     }
 

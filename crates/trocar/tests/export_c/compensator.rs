@@ -306,7 +306,7 @@ fn a_model_that_does_not_state_its_error_is_refused() {
     let options = COptions { compensator: Some(&observing), ..options("seal") };
     let refused = write(&model, "a test", options).unwrap_err();
     assert!(matches!(refused, CError::Compensate(_)), "{refused}");
-    assert!(refused.to_string().contains("force-error"), "{refused}");
+    assert!(refused.to_string().contains("‹force_error_n›"), "{refused}");
 }
 
 /// Recordings of the virtual bench with a seal that is wetted, and tissue.

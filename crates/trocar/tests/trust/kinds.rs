@@ -574,7 +574,10 @@ fn motions() -> Vec<Kind> {
     ]
 }
 
-pub(super) fn kind(name: &'static str, make: impl Fn(u64) -> Result<Bench, AnyError> + 'static) -> Kind {
+pub(super) fn kind(
+    name: &'static str,
+    make: impl Fn(u64) -> Result<Bench, AnyError> + 'static,
+) -> Kind {
     Kind { name, make: Box::new(make) }
 }
 

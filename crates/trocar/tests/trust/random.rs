@@ -105,9 +105,7 @@ impl Drawn {
 /// Benches drawn by their seed.
 pub(super) fn random() -> Vec<Kind> {
     let of = |name: &'static str, protocols: Vec<Protocol>| {
-        kind(name, move |seed| {
-            Drawn(ChaCha8Rng::seed_from_u64(seed)).bench(seed, &protocols)
-        })
+        kind(name, move |seed| Drawn(ChaCha8Rng::seed_from_u64(seed)).bench(seed, &protocols))
     };
     vec![
         of("drawn_strokes", TWO_STEPS.to_vec()),

@@ -67,7 +67,9 @@ static void trocar_step_seal(trocar_state *state, double velocity, double displa
     (void)duration;
     if (s != 0.0) {
         const double travel = trocar_stiffness_n_m * fabs(displacement) / trocar_coulomb_force_n;
-        hysteresis = s * trocar_coulomb_force_n * trocar_load(s * hysteresis / trocar_coulomb_force_n, travel);
+        /* A state of a model with a greater F_c, such as before a change of it. */
+        const double part = trocar_within(s * hysteresis / trocar_coulomb_force_n, 1.0);
+        hysteresis = s * trocar_coulomb_force_n * trocar_load(part, travel);
     }
     force = hysteresis + trocar_viscous_damping_n_s_m * velocity;
     if (fabs(force) <= trocar_greatest) {
