@@ -278,7 +278,7 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
     let fitted = restarted(input, &training, fitted);
     progress("last fit", terms::TERMS_TO);
     let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
-    Some(scaled(input, training, without_drift, NEXT)?.with(input, trials, paper_rms))
+    Some(scaled(input, training, without_drift, LAST)?.with(input, trials, paper_rms))
 }
 
 impl Scaled {

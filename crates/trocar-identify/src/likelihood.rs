@@ -169,8 +169,6 @@ pub(crate) struct Fitted<T> {
     pub(crate) rms: [f64; 2],
     pub(crate) iterations: usize,
     pub(crate) converged: bool,
-    /// Damping with which the last step was tried.
-    pub(crate) damping: f64,
     /// Free parameters held at a bound.
     pub(crate) held: Vec<bool>,
     /// Whether the fit had a prior of the seal's parameters.
@@ -944,9 +942,6 @@ fn step_within(
     }
 }
 
-/// Largest damping of the step that counts as remaining: what is known to a thirtieth of what it is
-/// without the other numbers is not damped.
-const MOST_REMAINING: f64 = 1e-3;
 /// Damping above which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
 
@@ -995,18 +990,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     let has_prior = !training.prior.is_empty();
     let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
     let score_variance = ripple.and_then(|ripple| ripple.score_variance(training, &best));
-    let damping = lambda;
-    Some(Fitted {
-        best,
-        rms,
-        iterations,
-        converged,
-        damping,
-        held,
-        has_prior,
-        score_variance,
-        normal,
-    })
+    Some(Fitted { best, rms, iterations, converged, held, has_prior, score_variance, normal })
 }
 
 /// Fraction of C that an undamped step would remove if the model were linear.
@@ -1057,12 +1041,10 @@ impl<T: Trial> Fitted<T> {
         (hessian, score)
     }
 
-    /// The remaining step: the distance to the minimum, to first order. It is damped as the last one
-    /// was: along flat directions, where only less was true, the undamped one leads nowhere.
+    /// The remaining undamped step: the distance to the minimum, to first order.
     pub(crate) fn remaining(&self) -> DVector<f64> {
         let (hessian, score) = self.sums();
-        let damping = self.damping.clamp(1e-6, MOST_REMAINING);
-        damped_step(&hessian, &score, damping, &self.held)
+        damped_step(&hessian, &score, 1e-6, &self.held)
             .unwrap_or_else(|| DVector::zeros(score.len()))
     }
 
@@ -1075,11 +1057,10 @@ impl<T: Trial> Fitted<T> {
     /// Changes of the free parameters with one cluster left out each, and their covariance if all
     /// samples were independent. Both use a weak prior of `widths` (standard deviations), so
     /// parameters that the data do not determine stay finite. A parameter held at a bound does not
-    /// change. Where a kink of the cost keeps the fit from its minimum, what is left of the whole
-    /// score is no error of the clusters: it counts once, in [`Fitted::remaining`].
+    /// change.
     pub(crate) fn departures(&self, widths: &[f64]) -> (Vec<DVector<f64>>, DMatrix<f64>) {
-        let (mut hessian, _) = self.sums();
-        let p = hessian.nrows();
+        let (mut hessian, score) = self.sums();
+        let p = score.len();
         let variance = self.normal.data_cost() / self.normal.steps.max(f64::MIN_POSITIVE);
         widths
             .iter()
@@ -1093,7 +1074,8 @@ impl<T: Trial> Fitted<T> {
             .filter(|(h, _)| h.diagonal().sum() > 0.0);
         // What a prior knows may lie on both sides of a bound.
         let held: Vec<bool> = self.held.iter().map(|held| *held && !self.has_prior).collect();
-        let left_out = used.filter_map(|(h, s)| damped_step(&(&hessian - h), &-s, 1e-12, &held));
+        let left_out =
+            used.filter_map(|(h, s)| damped_step(&(&hessian - h), &(&score - s), 1e-12, &held));
         let unit = |j: usize| DVector::from_fn(p, |i, _| if i == j { variance } else { 0.0 });
         let column = |j: usize| {
             damped_step(&hessian, &unit(j), 1e-12, &held).unwrap_or_else(|| DVector::zeros(p))

@@ -23,11 +23,11 @@ use serde::Serialize;
 use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
-use super::estimate::{MANY_DEGREES, f_p_value, t_p_value};
+use super::estimate::{f_p_value, t_p_value};
 use super::findings::Progress;
-use super::likelihood::{self, Extra, Fitted, OneStep, Stop, Trial};
+use super::likelihood::{self, Extra, Fitted, Normal, Stop};
 use super::numbers;
-use super::spread::{Spread, variance};
+use super::spread::variance;
 use super::training::Training;
 
 /// Error rate of the selection over all columns of a run.
@@ -261,23 +261,6 @@ impl Term {
         Some(smaller)
     }
 
-    /// How much of the term a candidate has; 0 without it. `None` for a second stage, without which
-    /// the first would be another one.
-    fn amplitude(self, candidate: &Candidate) -> Option<f64> {
-        let Candidate { insertion, withdrawal, relaxation, .. } = candidate;
-        Some(match self {
-            Self::Stribeck => insertion.static_force - insertion.coulomb_force,
-            Self::SealDamping => candidate.seal_damping,
-            Self::MinorLoops => candidate.yield_ratio - Candidate::DEFAULT_YIELD_RATIO,
-            Self::Creep => candidate.creep_velocity,
-            Self::Relaxation => relaxation.arms[0].stiffness,
-            Self::SecondRelaxation => relaxation.arms[1].stiffness,
-            Self::UnmodelledMass => candidate.unmodelled_mass,
-            Self::Asymmetry => withdrawal.viscous_damping - insertion.viscous_damping,
-            Self::SecondStage => return None,
-        })
-    }
-
     /// Whether only one sign of the amplitude makes sense.
     fn is_one_sided(self) -> bool {
         self != Self::Asymmetry
@@ -475,10 +458,6 @@ impl Chosen {
     fn take_out_needless(&mut self, training: &Training) -> Vec<Term> {
         let mut needless = Vec::new();
         for trial in self.trials.iter_mut().filter(|t| t.kept) {
-            if let Some((p_value, gain)) = is_surely_needed(&self.fitted, trial.term) {
-                (trial.p_value, trial.gain) = (p_value, gain);
-                continue;
-            }
             let smaller = trial.term.left_out_of(&self.fitted.best);
             let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST))
             else {
@@ -501,19 +480,6 @@ impl Chosen {
         }
         needless
     }
-}
-
-/// Standard errors of the amplitude of a term beyond which it is needed, without a fit that lacks it.
-const SURELY: f64 = 8.0;
-
-/// p value and gain of a term whose amplitude is far from 0, to first order.
-fn is_surely_needed(fitted: &Fitted<EmsTrial>, term: Term) -> Option<(f64, f64)> {
-    let of = |trial: &EmsTrial| term.amplitude(&trial.candidate).unwrap_or(0.0);
-    let spread = Spread::new(fitted);
-    let t = of(&fitted.best) / spread.deviation(&of).max(f64::MIN_POSITIVE);
-    let growth = t * t * spread.variance();
-    let gain = growth / (fitted.cost() + growth);
-    (t.abs() > SURELY).then(|| (t_p_value(t, MANY_DEGREES), gain))
 }
 
 /// p value of the increase of the squared error from the larger model to the smaller, over the
@@ -539,8 +505,10 @@ fn scores(
     let open = Term::ALL.into_iter().filter(|t| t.can_join(&best.layout) && !excluded.contains(t));
     let mut columns: Vec<(Term, EmsTrial)> = Vec::new();
     for term in open {
-        let variants = term.variants(best, speeds).into_iter();
-        columns.extend(variants.filter(|t| t.model().is_some()).map(|start| (term, start)));
+        let runs = |t: &EmsTrial| likelihood::Trial::model(t).is_some();
+        columns.extend(
+            term.variants(best, speeds).into_iter().filter(runs).map(|start| (term, start)),
+        );
     }
     if columns.is_empty() {
         return None;
@@ -573,8 +541,7 @@ fn scores(
                 term if term.may_be_inertia() && !best.layout.unmodelled_mass => vec![acceleration],
                 _ => Vec::new(),
             };
-            let step = normal.one_step(&fitted.held, &beside, place, sigma2)?;
-            score(term, start, &step)
+            score(&normal, &fitted.held, &beside, place, sigma2, (term, start))
         })
         .collect();
     let mut scores: Vec<Score> = Vec::new();
@@ -588,7 +555,15 @@ fn scores(
     Some((scores, count))
 }
 
-fn score(term: Term, mut start: EmsTrial, step: &OneStep) -> Option<Score> {
+fn score(
+    normal: &Normal,
+    held: &[bool],
+    beside: &[usize],
+    column: usize,
+    sigma2: f64,
+    (term, mut start): (Term, EmsTrial),
+) -> Option<Score> {
+    let step = normal.one_step(held, beside, column, sigma2)?;
     if !step.standard_error.is_finite() || step.standard_error <= 0.0 {
         return None;
     }

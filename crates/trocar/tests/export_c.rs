@@ -689,12 +689,12 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0x9bb9_34a5_d347_6221,
+        0xc3c3_370a_a7c3_1548,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xa6c1_583a_fed6_5d78),
     ("dahl.c", &["classical/dahl.rs"], 0x2af4_c068_0f9c_707b),
-    ("bouc_wen.c", &["classical/bouc_wen.rs", "classical/chord.rs"], 0x6784_21d8_9837_8190),
+    ("bouc_wen.c", &["classical/bouc_wen.rs", "classical/chord.rs"], 0x00f5_d2b3_262d_024d),
     ("lugre.c", &["classical/lugre.rs"], 0x491d_7828_4fa4_bbb2),
     ("leuven.c", &["classical/leuven.rs", "classical/chord.rs"], 0x97b1_dfc4_3bea_9def),
     ("maxwell_slip.c", &["classical/maxwell_slip.rs"], 0x5b26_715f_4fab_5c0d),
@@ -712,7 +712,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "../../trocar-runtime/src/compensate/inertia.rs",
             "../../trocar-runtime/src/compensate/sign.rs",
         ],
-        0x67be_7ac0_ebf5_da06,
+        0x96e5_db49_7b38_e92c,
     ),
 ];
 

@@ -4,7 +4,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::bench::config::SpeedOrder;
-use trocar::bench::{Protocol, random_plausible_seal};
+use trocar::bench::{PlausibleSeals, Protocol, random_seal};
 use trocar_model::{Relaxation, SlidingFriction};
 
 use super::kinds::{AnyError, Bench, HAND, Kind, TWO_STEPS, kind, rod, scaled};
@@ -76,7 +76,9 @@ impl Drawn {
             withdrawal.viscous_damping *= self.on_a_logarithm(SLOPE_RATIO);
         }
         let half_width = self.on_a_logarithm(HALF_WIDTH);
-        let mut seal = scaled(&random_plausible_seal(seed), half_width, insertion, withdrawal)?;
+        // Its friction is replaced.
+        let shapes = PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() };
+        let mut seal = scaled(&random_seal(&shapes, seed), half_width, insertion, withdrawal)?;
         if self.happens(HAS_CREEP) {
             seal.creep_velocity = self.on_a_logarithm(CREEP_VELOCITY);
         }
