@@ -122,7 +122,7 @@ fn every_live_model_moves_in_a_browser() {
     let errors = String::from_utf8_lossy(&output.stderr);
     let seen: Vec<Seen> =
         serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}\n{errors}"));
-    assert_eq!(seen.len(), 10);
+    assert_eq!(seen.len(), 11);
     for (page, Seen { before, after, message }) in pages.iter().zip(seen) {
         assert!(message.is_empty(), "{}: {message}", page.display());
         // Pushed a little: the seal holds back with up to its sliding force.
