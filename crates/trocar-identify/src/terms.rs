@@ -321,9 +321,7 @@ pub(super) struct Chosen {
     pub(super) trials: Vec<TermTrial>,
 }
 
-/// Stopping criteria of the first steps of a fit with one more term, after which it may be clearly
-/// needed, and of all of them.
-const BEGIN: Stop = Stop { iterations: 6, fall: 1e-3, promise: 10.0 * 1e-3 };
+/// Stopping criteria of the fits with one more term.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
 /// Stopping criteria of the first steps of a fit without a term, and the p value below which these
 /// show that the term is needed.
@@ -431,15 +429,7 @@ impl Chosen {
                 }
                 if is_determined { Ok(l) } else { Err(UNDETERMINED) }
             };
-            // A few steps tell that a term is needed; that it is not, only convergence.
-            let begun = likelihood::fit(training, &best.start, BEGIN);
-            let larger = begun.ok_or(NO_BETTER).and_then(|begun| {
-                let from = begun.best.clone();
-                judged(begun).or_else(|_| {
-                    likelihood::fit(training, &from, NEXT).ok_or(NO_BETTER).and_then(&judged)
-                })
-            });
-            match larger {
+            match likelihood::fit(training, &best.start, NEXT).ok_or(NO_BETTER).and_then(judged) {
                 Ok(larger) => {
                     self.fitted = larger;
                     self.trials

@@ -150,7 +150,16 @@ fn gms(text: &mut String, model: &Gms, filling: &mut Filling) -> &'static str {
 
 fn bouc_wen(text: &mut String, model: &BoucWen, filling: &mut Filling) -> &'static str {
     let params = model.params();
-    filling.need(&["direction", "least", "within", "chord", "decay", "bits", "logarithm", "one_plus"]);
+    filling.need(&[
+        "direction",
+        "least",
+        "within",
+        "chord",
+        "decay",
+        "bits",
+        "logarithm",
+        "one_plus",
+    ]);
     filling.set("n_is_one", params.exponent == 1.0);
     filling.set("n_is_two", params.exponent == 2.0);
     constant(text, "trocar_stiffness_n_m", params.stiffness);
