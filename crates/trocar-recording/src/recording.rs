@@ -93,7 +93,7 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError`] when the columns differ in length or the data are invalid, as for
-    /// [`read`].
+    /// [`read`](crate::read).
     pub fn from_columns(
         name: impl Into<String>,
         time: Vec<f64>,
