@@ -30,7 +30,7 @@ const VALUES: &str = "values";
 pub type Logger2 =
     unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 /// Logger of FMI 3.0: environment, status, category, message.
-pub type Logger3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+pub(crate) type Logger3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
 /// The importer's logger.
 pub(crate) enum Logger {

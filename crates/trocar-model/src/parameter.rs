@@ -288,12 +288,12 @@ impl ParameterId {
     }
 
     /// Displays it in words, such as "Coulomb force, insertion, element 2".
-    pub fn words(self) -> Words {
+    pub fn words(self) -> impl fmt::Display {
         Words(self)
     }
 
     /// Displays its symbol, such as "F_c⁺".
-    pub fn symbol(self) -> Symbol {
+    pub fn symbol(self) -> impl fmt::Display {
         Symbol(self)
     }
 }
@@ -353,7 +353,7 @@ impl FromStr for ParameterId {
 
 /// A parameter in words, [`ParameterId::words`].
 #[derive(Clone, Copy, Debug)]
-pub struct Words(ParameterId);
+struct Words(ParameterId);
 
 impl fmt::Display for Words {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -371,7 +371,7 @@ impl fmt::Display for Words {
 
 /// The symbol of a parameter, [`ParameterId::symbol`].
 #[derive(Clone, Copy, Debug)]
-pub struct Symbol(ParameterId);
+struct Symbol(ParameterId);
 
 impl fmt::Display for Symbol {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

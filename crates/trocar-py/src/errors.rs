@@ -63,6 +63,7 @@ impl Raise for trocar::recording::RecordingError {
         let text = in_python(&self);
         match self {
             E::Open { source, .. } | E::Read { source, .. } => os_error(&source, text),
+            E::OutOfRange { .. } | E::GravityWithoutMass { .. } => ParameterError::new_err(text),
             _ => RecordingError::new_err(text),
         }
     }
@@ -95,7 +96,7 @@ impl Raise for trocar::export::c::CError {
             Self::Model(error) => error.raise(),
             Self::Output(error) => error.raise(),
             Self::Compensate(error) => error.raise(),
-            other => ParameterError::new_err(other.to_string()),
+            other => ParameterError::new_err(in_python(&other)),
         }
     }
 }
@@ -136,7 +137,10 @@ impl Raise for trocar::compensate::CompensateError {
 
 impl Raise for trocar::bench::BenchError {
     fn raise(self) -> PyErr {
-        BenchError::new_err(self.to_string())
+        match self {
+            Self::WhichExperiment => ParameterError::new_err(self.to_string()),
+            _ => BenchError::new_err(self.to_string()),
+        }
     }
 }
 

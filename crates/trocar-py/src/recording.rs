@@ -18,7 +18,7 @@ use trocar::recording::{
 use trocar::report::recording::document;
 
 use crate::arrays::column;
-use crate::errors::{ArrayError, InternalError, ParameterError, Raise, in_python, number};
+use crate::errors::{ArrayError, InternalError, ParameterError, Raise, in_python};
 use crate::shared::{Picture, figures, finite};
 use crate::work::{How, run};
 
@@ -74,7 +74,6 @@ fn recording_of(
     sensor_limit_n: Option<f64>,
     choice: Choice,
 ) -> PyResult<Record> {
-    check_limit(sensor_limit_n)?;
     if choice.flip_force {
         readings.force.iter_mut().for_each(|force| *force = -*force);
     }
@@ -94,15 +93,6 @@ fn columns_in_words(columns: &Bound<'_, PyAny>) -> PyResult<String> {
     py.import(intern!(py, "trocar._arrays"))?
         .call_method1(intern!(py, "columns_in_words"), (columns,))?
         .extract()
-}
-
-pub(crate) fn check_limit(limit: Option<f64>) -> PyResult<()> {
-    match limit {
-        Some(limit) if !(limit.is_finite() && limit > 0.0) => Err(ParameterError::new_err(
-            format!("sensor_limit_n must be positive, got {} N", number(limit)),
-        )),
-        _ => Ok(()),
-    }
 }
 
 /// The columns of a data frame in SI units, found by their names or as `columns` says, and what was
@@ -450,7 +440,6 @@ pub(crate) fn read(
     skip_rows: u64,
     rate_hz: Option<f64>,
 ) -> PyResult<Recording> {
-    check_limit(sensor_limit_n)?;
     let columns = columns.map(columns_in_words).transpose()?;
     let choice = Choice {
         columns,

@@ -15,7 +15,7 @@ use trocar::workflow::Correction;
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::{Recording, records};
-use crate::shared::{Picture, figures, finite, not_negative};
+use crate::shared::{Picture, figures};
 use crate::work::{How, run};
 
 /// A finished validation.
@@ -52,10 +52,8 @@ pub(crate) fn validate(
         return Err(ParameterError::new_err("no recording to validate on"));
     }
     let file = model.get().file().clone();
-    let correction = Correction::of(&file, offset_n, moving_mass_kg);
+    let correction = Correction::of(&file, offset_n, moving_mass_kg).map_err(Raise::raise)?;
     let Correction { offset_n: offset, moving_mass_kg: mass, .. } = correction;
-    not_negative("moving_mass_kg", mass, "kg")?;
-    finite("offset_n", offset, "N")?;
     let recordings = records(&recordings);
     let task = move |_: Progress<'_>| {
         let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));

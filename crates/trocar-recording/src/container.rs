@@ -10,7 +10,7 @@ pub use trocar_tables::content::{Column, Table};
 use super::RecordingError;
 
 /// Most rows per batch: bounds the memory of all streaming readers.
-pub const BATCH_ROWS: usize = 1 << 16;
+pub(crate) const BATCH_ROWS: usize = 1 << 16;
 
 /// An opened file whose tables are known.
 pub trait Container {

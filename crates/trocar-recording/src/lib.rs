@@ -21,8 +21,8 @@ pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-pub use recording::{ReadOptions, Readings, Recording};
-pub use screen::{MIN_SAMPLES, OPPOSED};
+pub use recording::{ReadOptions, Readings, Recording, check_sensor_limit};
+pub use screen::OPPOSED;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};
 
@@ -71,6 +71,7 @@ pub fn read_in_words(
     path: &Path,
     options: &ReadOptions,
 ) -> Result<(Recording, Vec<String>), RecordingError> {
+    check_sensor_limit(options.sensor_limit)?;
     let file = path.display().to_string();
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut reader = Rows::open(path, &options.choice, &needed, true)?;

@@ -6,9 +6,10 @@ use std::path::Path;
 use super::block::SampleRow;
 use super::collect::Collector;
 use super::rows::Rows;
+use super::screen::MIN_SAMPLES;
 use super::units::Quantity;
 use super::{
-    Choice, MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
+    Choice, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
 };
 
 /// Reads a recording piece by piece; each is checked separately. No piece holds more samples than
@@ -38,6 +39,7 @@ impl Pieces {
         options: &ReadOptions,
         samples: usize,
     ) -> Result<Self, RecordingError> {
+        crate::check_sensor_limit(options.sensor_limit)?;
         let file = path.display().to_string();
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
         let rows = Rows::open(path, &options.choice, &needed, false)?;

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::{Choice, MIN_SAMPLES, Recording, RecordingError};
+use super::screen::MIN_SAMPLES;
+use super::{Choice, Recording, RecordingError};
 
 /// A glitch deviates from the line through its neighbours by this many times noise and resolution,
 /// at least by [`FLOOR`] ...

@@ -68,6 +68,11 @@ impl Cancel {
     }
 }
 
+/// The number of threads for a number that was asked for, 0: one per processor.
+pub fn threads(wanted: usize) -> usize {
+    if wanted == 0 { processors() } else { wanted.min(most_threads()) }
+}
+
 /// Maximum number of threads, whatever was requested: four per processor, or 64 if that is more.
 /// More threads are not faster, and thousands take longer to start than most work takes.
 pub fn most_threads() -> usize {
@@ -75,7 +80,7 @@ pub fn most_threads() -> usize {
 }
 
 /// Processors available to this process.
-pub fn processors() -> usize {
+fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 

@@ -222,6 +222,16 @@ fn existing(path: &Path) -> Vec<PathBuf> {
     entries.map(|entry| entry.path()).filter(fits).collect()
 }
 
+/// Writes a file that appears whole or not at all.
+///
+/// # Errors
+/// [`OutputError`] where it cannot be written.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes).map_err(|source| file.write_error(source))?;
+    file.commit()
+}
+
 /// Writes files that belong together, each whole; if one of them fails, all are as before.
 ///
 /// # Errors

@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use trocar::bench::Course;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
 use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Summary, plan};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::plan::{self as plan_report, PRECISION, PlanReport};
-use trocar::table::{Column, Field, TableWriter};
 use trocar_model::{ElementParams, Unit};
 
 use crate::Completion;
@@ -96,7 +94,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let report = |stage: &str, part| progress.report(stage, part);
     let planned = plan(&config, &args.goal, &seals, &before, &report)?;
     drop(progress);
-    write_motion(&planned.course, out)?;
+    planned.course.write(out)?;
     let summary = planned.summary(&args.goal);
     if args.json {
         console::print_json(&summary)?;
@@ -183,14 +181,6 @@ fn seals(
     };
     let seals = config.seals_of(&draws);
     seals.map_err(|error| BadArgument(format!("{}: {error}", from.display())).into())
-}
-
-fn write_motion(course: &Course, out: &Path) -> anyhow::Result<()> {
-    let fields = ["time_s", "position_m"].map(|name| Field::number(name.to_owned()));
-    let mut writer = TableWriter::create(out, &fields)?;
-    writer
-        .write(&[Column::Number(course.time.clone()), Column::Number(course.position.clone())])?;
-    Ok(writer.commit()?)
 }
 
 fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {

@@ -141,8 +141,7 @@ pub fn run(
     let mut collector = Collector::open(dataset, config, table)?;
     let orders = collector.unfinished();
     let next = AtomicUsize::new(0);
-    let threads =
-        if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
+    let threads = cancel::threads(threads);
     let worker = |sender: Sender<Finished>| cancel.run(1, || work(&orders, &next, config, &sender));
     std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();

@@ -34,7 +34,7 @@ use trocar_simulate::many::evenly;
 pub use blocks::{Block, Interruption};
 pub use config::{ConfigError, PlanConfig, State};
 pub use course::Segment;
-pub use goal::{Goal, UnknownGoal};
+pub use goal::Goal;
 pub use summary::Summary;
 
 use choose::Search;
