@@ -492,8 +492,9 @@ mod tests {
         let wanted = token(&row, Input::Position);
         let logger = || Logger::Fmi3 { callback: None, environment: std::ptr::null_mut() };
         assert!(instantiate("", logger(), || panic!("on purpose")).is_null());
-        let make = || Instance::from_resource(Resource::from_bytes(&to_bytes(&row), "")?, &wanted);
-        let handle = instantiate("", logger(), make);
+        let handle = instantiate("", logger(), || {
+            Instance::from_resource(Resource::from_bytes(&to_bytes(&row), "")?, &wanted)
+        });
         // SAFETY: a live handle.
         unsafe {
             assert_eq!(call(handle, "", |_| Ok(Status::Ok)), Status::Ok as c_int);

@@ -418,8 +418,8 @@ impl Instance {
     /// # Errors
     /// [`FmuError::StateLength`], [`FmuError::StateForeign`] or [`FmuError::StateDamaged`].
     pub(crate) fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
-        let seal =
-            |values: &[f64]| self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal));
-        Snapshot::from_bytes(bytes, self.identity, self.applied.len(), seal)
+        Snapshot::from_bytes(bytes, self.identity, self.applied.len(), |values| {
+            self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal))
+        })
     }
 }

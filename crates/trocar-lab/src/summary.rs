@@ -359,12 +359,16 @@ pub fn choice_for(model: &ModelFile) -> Option<Choice> {
 
 /// Estimates in the form used in a model file.
 pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> {
-    let bound = |bound: f64| bound.is_finite().then_some(bound);
-    let interval = |parameter: &Parameter| {
-        let Estimate { value, ci95, .. } = parameter.estimate;
-        value
-            .is_finite()
-            .then(|| (parameter.id.to_string(), Interval { value, ci95: ci95.map(bound) }))
-    };
-    parameters.iter().filter_map(interval).collect()
+    parameters
+        .iter()
+        .filter_map(|parameter| {
+            let Estimate { value, ci95, .. } = parameter.estimate;
+            value.is_finite().then(|| {
+                (
+                    parameter.id.to_string(),
+                    Interval { value, ci95: ci95.map(|bound| bound.is_finite().then_some(bound)) },
+                )
+            })
+        })
+        .collect()
 }

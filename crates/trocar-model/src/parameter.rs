@@ -236,13 +236,12 @@ impl Quantity {
         let (piece, rest) = key.strip_prefix("theta")?.split_once('_')?;
         let (power, unit) = rest.split_once('_')?;
         let digit = |text: &str| (text.len() == 1).then(|| text.parse::<u8>().ok()).flatten();
-        let is_it = |quantity: &Self| match *quantity {
+        let found = Self::coefficients([POWERS - 1; 2]).find(|quantity| match *quantity {
             Self::Coefficient { piece: own, power: at } => {
                 digit(piece) == Some(own) && digit(power) == Some(at)
             }
             _ => false,
-        };
-        let found = Self::coefficients([POWERS - 1; 2]).find(is_it)?;
+        })?;
         (found.declaration().unit.ending == unit).then_some(found)
     }
 
@@ -339,10 +338,9 @@ impl FromStr for ParameterId {
                 (Some(number), rest)
             }
         };
-        let toward = |direction: &Direction| {
+        let (direction, key) = match Direction::BOTH.iter().find_map(|direction| {
             rest.strip_prefix(direction.prefix()).map(|key| (*direction, key))
-        };
-        let (direction, key) = match Direction::BOTH.iter().find_map(toward) {
+        }) {
             Some((direction, key)) => (Some(direction), key),
             None => (None, rest),
         };

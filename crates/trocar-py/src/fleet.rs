@@ -77,14 +77,16 @@ pub(crate) fn fleet_frame(
 fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<PyAny>>> {
     let config = config.0.clone();
     let row = run(py, How { progress: None, threads: 1 }, move |_| identify_one(&input, &config))?;
-    let value = |cell: FleetCell| match cell {
-        FleetCell::Empty => Ok(py.None()),
-        FleetCell::Boolean(value) => value.into_py_any(py),
-        FleetCell::Integer(value) => value.into_py_any(py),
-        FleetCell::Float(value) => value.into_py_any(py),
-        FleetCell::Text(value) => value.into_py_any(py),
-    };
-    row.cells.into_iter().map(value).collect()
+    row.cells
+        .into_iter()
+        .map(|cell| match cell {
+            FleetCell::Empty => Ok(py.None()),
+            FleetCell::Boolean(value) => value.into_py_any(py),
+            FleetCell::Integer(value) => value.into_py_any(py),
+            FleetCell::Float(value) => value.into_py_any(py),
+            FleetCell::Text(value) => value.into_py_any(py),
+        })
+        .collect()
 }
 
 /// The row of one source of a data set, as text for [`FleetTable::add`].

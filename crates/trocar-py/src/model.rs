@@ -171,7 +171,7 @@ impl Model {
         precision: &str,
         compensator: bool,
     ) -> PyResult<()> {
-        let export = || {
+        py.detach(|| {
             let observing = CompensateOptions::default();
             let options = COptions {
                 prefix: &prefix,
@@ -181,8 +181,8 @@ impl Model {
                 internal: false,
             };
             from_text(&self.0.to_json(), "model.json", options)?.store(&path)
-        };
-        py.detach(export).map_err(Raise::raise)
+        })
+        .map_err(Raise::raise)
     }
 
     /// Writes the model as a functional mock-up unit (`trocar export fmu`); the file appears whole
@@ -305,10 +305,9 @@ impl Model {
             } else {
                 value.extract().ok()
             };
-            let wrong = || {
+            new[place] = read.ok_or_else(|| {
                 PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)))
-            };
-            new[place] = read.ok_or_else(wrong)?;
+            })?;
             // Writing to a string cannot fail.
             let _ = write!(note, " {name} = {}", number(new[place]));
         }

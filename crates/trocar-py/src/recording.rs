@@ -51,12 +51,13 @@ impl Recording {
 
     /// A column as a read-only array, made when it is asked for first.
     fn column(&self, py: Python<'_>, place: usize, values: &[f64]) -> PyResult<Py<PyArray1<f64>>> {
-        let make = || {
-            let array = PyArray1::from_slice(py, values);
-            array.call_method1(intern!(py, "setflags"), (false,))?;
-            Ok::<_, PyErr>(array.unbind())
-        };
-        Ok(self.columns[place].get_or_try_init(py, make)?.clone_ref(py))
+        Ok(self.columns[place]
+            .get_or_try_init(py, || {
+                let array = PyArray1::from_slice(py, values);
+                array.call_method1(intern!(py, "setflags"), (false,))?;
+                Ok::<_, PyErr>(array.unbind())
+            })?
+            .clone_ref(py))
     }
 }
 
@@ -338,13 +339,13 @@ impl Recording {
     /// Writes the recording as CSV, in SI units; the file appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let Record { time, position, force, velocity, .. } = &*self.record;
-        let write = || {
+        py.detach(|| {
             let mut file = AtomicFile::create(&path)?;
             let outcome = recording::write(&mut file, time, position, velocity.as_deref(), force);
             outcome.map_err(|source| file.write_error(source))?;
             file.commit()
-        };
-        py.detach(write).map_err(Raise::raise)
+        })
+        .map_err(Raise::raise)
     }
 
     fn __len__(&self) -> usize {

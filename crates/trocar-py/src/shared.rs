@@ -17,9 +17,9 @@ pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
 }
 
 pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong =
-        || ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)));
-    value.is_finite().then_some(()).ok_or_else(wrong)
+    value.is_finite().then_some(()).ok_or_else(|| {
+        ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)))
+    })
 }
 
 /// A figure: name, title, caption, SVG.

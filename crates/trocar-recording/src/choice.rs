@@ -248,14 +248,16 @@ fn in_several(
         let mut all = tables.iter().copied();
         let with_column =
             all.find(|table| layout_of(file, container, *table, choice, &[quantity]).is_ok());
-        let by_name = || {
-            tables.iter().copied().find(|table| {
-                let name = &container.tables()[*table].name;
-                let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
-                columns::quantity_named(leaf) == Some(quantity)
-            })
-        };
-        places.push((quantity, with_column.or_else(by_name)?));
+        places.push((
+            quantity,
+            with_column.or_else(|| {
+                tables.iter().copied().find(|table| {
+                    let name = &container.tables()[*table].name;
+                    let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
+                    columns::quantity_named(leaf) == Some(quantity)
+                })
+            })?,
+        ));
     }
     let is_apart = places.windows(2).any(|pair| pair[0].1 != pair[1].1);
     let words = places.iter().map(|(quantity, table)| {

@@ -8,9 +8,7 @@ use super::collect::Collector;
 use super::rows::Rows;
 use super::screen::MIN_SAMPLES;
 use super::units::Quantity;
-use super::{
-    Choice, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
-};
+use super::{Choice, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible};
 
 /// Reads a recording piece by piece; each is checked separately. No piece holds more samples than
 /// requested except the last, which may include the few that would be too few for a separate piece.

@@ -42,7 +42,10 @@ use rayon::prelude::*;
 
 use trocar_tables::output::{OutputError, StagedFolder};
 
-pub use document::{Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, Mark, Panel, Role, Section, Series, Table, Tile, Width};
+pub use document::{
+    Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, Mark, Panel, Role,
+    Section, Series, Table, Tile, Width,
+};
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
 const PNG_SCALE: f32 = 2.5;
@@ -136,7 +139,10 @@ pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportEr
 ///
 /// # Errors
 /// As for [`write_document`].
-pub(crate) fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), ReportError> {
+pub(crate) fn stage_document(
+    folder: &StagedFolder,
+    document: &Document,
+) -> Result<(), ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
     let draw = |figure: &&Figure| {
@@ -240,8 +246,7 @@ fn check_live(document: &Document) -> Result<(), ReportError> {
 fn live_fault(document: &Document) -> Option<&'static str> {
     let models: Vec<&LiveModel> =
         document.sections.iter().filter_map(|s| s.live.as_ref()).collect();
-    let loops: Vec<_> =
-        document.sections.iter().filter_map(|s| s.live_loop.as_ref()).collect();
+    let loops: Vec<_> = document.sections.iter().filter_map(|s| s.live_loop.as_ref()).collect();
     if models.len() + loops.len() > 1 {
         return Some("a document can carry one");
     }

@@ -54,17 +54,17 @@ impl Cancel {
         work: impl FnOnce() -> T + Send,
     ) -> Result<T, Stopped> {
         let flag = self.0.clone();
-        let take_flag = move |_| FLAG.with(|own| drop(own.set(flag.clone())));
         let threads = threads.min(most_threads());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
-            .start_handler(take_flag)
+            .start_handler(move |_| FLAG.with(|own| drop(own.set(flag.clone()))))
             .build()?;
-        let cancelled_or_panic = |why: Box<dyn Any + Send>| match why.downcast::<Unwinding>() {
-            Ok(_) => Stopped::Cancelled,
-            Err(panic) => resume_unwind(panic),
-        };
-        catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(cancelled_or_panic)
+        catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(|why| {
+            match why.downcast::<Unwinding>() {
+                Ok(_) => Stopped::Cancelled,
+                Err(panic) => resume_unwind(panic),
+            }
+        })
     }
 }
 

@@ -105,8 +105,9 @@ fn degrees(text: &str) -> Result<Degrees, String> {
 
 /// Number of posterior draws.
 fn draws(text: &str) -> Result<Draws, String> {
-    let wrong = || format!("expected a multiple of {CHAINS} from {}, such as 2000", Draws::FEWEST);
-    text.trim().parse().ok().and_then(Draws::new).ok_or_else(wrong)
+    text.trim().parse().ok().and_then(Draws::new).ok_or_else(|| {
+        format!("expected a multiple of {CHAINS} from {}, such as 2000", Draws::FEWEST)
+    })
 }
 
 /// A finite number.
@@ -204,8 +205,8 @@ fn command_line(args: &Args) -> String {
 
 /// A word as a shell takes it.
 fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "-_=./,:%@+^".contains(c);
-    match !word.is_empty() && word.chars().all(is_plain) {
+    match !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || "-_=./,:%@+^".contains(c))
+    {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', r"'\''")),
     }
@@ -367,6 +368,5 @@ pub(crate) fn in_words(id: ParameterId) -> String {
 
 /// The parameters of the table: all but forces at the joins and the coefficients of the branches.
 pub(crate) fn main_parameters(found: &Identification) -> impl Iterator<Item = &Parameter> {
-    let is_main = |p: &&Parameter| !p.is_coefficient() && p.id.quantity != Quantity::JoinForce;
-    found.parameters.iter().filter(is_main)
+    found.parameters.iter().filter(|p| !p.is_coefficient() && p.id.quantity != Quantity::JoinForce)
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
-use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Summary, plan};
+use trocar::plan::{Goal, Plan, PlanConfig, Summary, plan};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::plan::{self as plan_report, PRECISION, PlanReport};
 use trocar_model::{ElementParams, Unit};
@@ -237,12 +237,14 @@ fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
 
 /// How much more of a motion like this takes the half widths to 5 % of the values.
 fn more_time(planned: &Plan) -> String {
-    let more = |p: &Prediction| {
-        let more = planned.time_for(p, PRECISION)? - planned.duration_s();
-        (more > 0.0).then(|| format!("{} {} s", p.id.symbol(), number(more.ceil())))
-    };
     let main = planned.expected.iter().filter(|p| !p.is_coefficient());
-    match main.filter_map(more).collect::<Vec<_>>() {
+    match main
+        .filter_map(|p| {
+            let more = planned.time_for(p, PRECISION)? - planned.duration_s();
+            (more > 0.0).then(|| format!("{} {} s", p.id.symbol(), number(more.ceil())))
+        })
+        .collect::<Vec<_>>()
+    {
         none if none.is_empty() => String::new(),
         all => {
             format!("\nmore seconds like these for ±{} %: {}\n", 1e2 * PRECISION, all.join(", "))

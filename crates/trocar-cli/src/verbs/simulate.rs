@@ -66,7 +66,6 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         filter: backlash.map(|(filter, _)| filter),
     };
     let progress = Progress::new(console);
-    let report = |part, rows| progress.report_rows("simulating", part, rows);
     let done = simulate_file(
         &args.motion,
         &choice,
@@ -74,7 +73,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         draws.as_deref(),
         &options,
         &args.out,
-        report,
+        |part, rows| progress.report_rows("simulating", part, rows),
     );
     let done = done.map_err(|error| match error {
         SimulateError::NoDeflection { .. } => {

@@ -213,12 +213,13 @@ fn text(study: &Study) -> String {
 }
 
 fn z_width_text(width: &ZWidth) -> String {
-    let range =
-        |[least, greatest]: &[f64; 2]| format!("{} to {}", number(*least), number(*greatest));
     match width.ranges_n_m.as_slice() {
         [] => "unstable with every tissue that is tried, from 0 to 20 000 N/m\n".to_owned(),
         ranges => {
-            let all: Vec<String> = ranges.iter().map(range).collect();
+            let all: Vec<String> = ranges
+                .iter()
+                .map(|[least, greatest]| format!("{} to {}", number(*least), number(*greatest)))
+                .collect();
             format!("stable with tissue of {} N/m\n", all.join(" and of "))
         }
     }

@@ -12,7 +12,7 @@ use trocar_model::Trocar;
 use crate::summary::{PROGRAM, by_name, intervals, origin_of};
 use crate::workflow::MovingMass;
 use trocar_identify::margin::Margin;
-use trocar_identify::validate::{Phases, RecordingValidation, validate};
+use trocar_identify::validate::{Phases, validate};
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
 use trocar_runtime::model_file::{ModelFile, Origin};
@@ -157,10 +157,11 @@ impl Outcome {
     pub fn unknown_states(&self) -> Vec<String> {
         let Identification { stages, model, .. } = &self.comparison.ems;
         let scores = validate(&Trocar::of_seal(*stages), &self.comparison.validation, model.offset);
-        let of = |r: &RecordingValidation| {
-            r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>()
-        };
-        scores.recordings.iter().flat_map(of).collect()
+        scores
+            .recordings
+            .iter()
+            .flat_map(|r| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>())
+            .collect()
     }
 
     /// Every model as a file, by its path in the results folder: `models/lugre.json`,

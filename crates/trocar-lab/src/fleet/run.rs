@@ -104,8 +104,8 @@ pub static KEPT: LazyLock<Vec<String>> = LazyLock::new(|| {
         "depth",
         "duration_s",
     ];
-    let with_ends = |id: ParameterId| ENDS.map(|(end, _)| format!("{id}{end}"));
-    let parameters = KEPT_PARAMETERS.into_iter().flat_map(with_ends);
+    let parameters =
+        KEPT_PARAMETERS.into_iter().flat_map(|id| ENDS.map(|(end, _)| format!("{id}{end}")));
     plain.into_iter().map(str::to_owned).chain(parameters).collect()
 });
 

@@ -225,8 +225,9 @@ impl PlanConfig {
             return Ok(dry);
         }
         let [low, high] = published::wet_friction();
-        let wet = |seal| Ok(wetted(seal, low + (high - low) * seeds.random::<f64>())?);
-        dry.into_iter().map(wet).collect()
+        dry.into_iter()
+            .map(|seal| Ok(wetted(seal, low + (high - low) * seeds.random::<f64>())?))
+            .collect()
     }
 
     /// The same on the rig that made `pilot`: its travel, its fastest constant velocity (fastest

@@ -179,11 +179,13 @@ impl PlanConfig {
     /// # Errors
     /// A seal of more than one element.
     pub fn seals_of(&self, draws: &[Stages]) -> Result<Vec<ElementParams>, PlanError> {
-        let element = |seal: &Stages| match seal.elements() {
-            [one] => Ok(*one.params()),
-            several => Err(PlanError::SeveralElements(several.len())),
-        };
-        evenly(draws, self.draws as usize).iter().map(element).collect()
+        evenly(draws, self.draws as usize)
+            .iter()
+            .map(|seal| match seal.elements() {
+                [one] => Ok(*one.params()),
+                several => Err(PlanError::SeveralElements(several.len())),
+            })
+            .collect()
     }
 }
 

@@ -141,8 +141,10 @@ pub(super) fn displayed(config: &Config, samples: &[Sample]) -> [Option<f64>; 2]
     }
     let [least, most] = AT_REST_M_S;
     let at_rest = (AT_REST * config.motion.peak_m_s()).clamp(least, most);
-    let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest;
-    let loading: Vec<&Sample> = samples.iter().filter(deepens).collect();
+    let loading: Vec<&Sample> = samples
+        .iter()
+        .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest)
+        .collect();
     let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
     [
         slope(&loading, depth, |sample| config.felt(sample)),

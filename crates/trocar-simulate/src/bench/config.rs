@@ -258,8 +258,10 @@ impl Protocols {
             }
             Protocol::Step => {
                 let speeds = [self.step.insertion_speed_m_s, self.step.withdrawal_speed_m_s];
-                let of = |v| stroke_s(v, self.step.stroke_m, self.step.acceleration_m_s2);
-                speeds.map(of).iter().sum()
+                speeds
+                    .map(|v| stroke_s(v, self.step.stroke_m, self.step.acceleration_m_s2))
+                    .iter()
+                    .sum()
             }
             Protocol::Surgeon => self.surgeon.duration_s,
         }
