@@ -77,6 +77,22 @@ pub trait Batches: Send {
     /// returned earlier.
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError>;
 
+    /// First rows of the last batch and their lines, wherever lines are not consecutive; `None` where rows are
+    /// counted.
+    fn lines(&mut self) -> Option<Vec<(usize, u64)>> {
+        None
+    }
+
+    /// Approximate number of rows, if the table does not state it.
+    fn expected(&self) -> Option<u64> {
+        None
+    }
+
+    /// SHA-256 of what was read, in hexadecimal, if it cannot be read again; empty if it was not asked for.
+    fn digest(&mut self) -> String {
+        String::new()
+    }
+
     /// How the rows were computed, if not simply read; complete at the end.
     fn notes(&self) -> Vec<String> {
         Vec::new()

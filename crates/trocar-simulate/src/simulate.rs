@@ -431,7 +431,7 @@ impl<'a> Positions<'a> {
         input: impl Read + Send + 'a,
         choice: &Choice,
     ) -> Result<Self, RecordingError> {
-        let rows = Rows::from_text(file, Box::new(input), false, choice, &NEEDED, false)?;
+        let rows = Rows::from_text(file, Box::new(input), choice, &NEEDED)?;
         Ok(Self::new(file.to_owned(), rows))
     }
 
