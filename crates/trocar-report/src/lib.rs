@@ -168,8 +168,10 @@ pub(crate) fn stage_document(
 pub fn page(document: &Document) -> Result<String, ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let draw = |figure: &&Figure| for_page(figure, &draw_vector(figure)?);
-    let drawn = figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>()?;
+    let drawn = figures
+        .par_iter()
+        .map(|figure| for_page(figure, &draw_vector(figure)?))
+        .collect::<Result<Vec<_>, ReportError>>()?;
     page_of(document, &drawn)
 }
 
@@ -187,8 +189,10 @@ fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportE
 pub fn vectors(document: &Document) -> Result<Vec<(String, String)>, ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let draw = |figure: &&Figure| Ok((figure.id.clone(), draw_vector(figure)?.file(figure)));
-    figures.par_iter().map(draw).collect()
+    figures
+        .par_iter()
+        .map(|figure| Ok((figure.id.clone(), draw_vector(figure)?.file(figure))))
+        .collect()
 }
 
 fn figures(document: &Document) -> impl Iterator<Item = &Figure> {

@@ -140,12 +140,10 @@ fn in_words(tally: &Tally, seconds: f64) -> String {
 /// Times are printed only to standard error.
 fn say(console: &Console, fleet: &Fleet, seconds: f64) {
     let Tally { done, reused, failed, samples, .. } = fleet.tally;
-    let count =
-        |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
     console.remark(&format!(
         "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {reused} reused from the journal",
-        count("ok"),
-        count("doubtful"),
+        fleet.count("ok"),
+        fleet.count("doubtful"),
     ));
     let mut reasons: Vec<(&str, usize)> = Vec::new();
     for record in fleet.records.iter().filter(|r| r.text("status") == Some("failed")) {

@@ -222,8 +222,9 @@ pub(crate) fn run_workflow(
 ) -> anyhow::Result<Workflow> {
     print_survey(console, &Survey::new(&recordings, &options.segment));
     let progress = Progress::new(console);
-    let report = |stage: &str, part: f64| progress.report(stage, part);
-    let done = Workflow::run(recordings, held_out, moving_mass, options, &report)?;
+    let done = Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
+        progress.report(stage, part)
+    })?;
     drop(progress);
     print_warnings(console, &done);
     Ok(done)

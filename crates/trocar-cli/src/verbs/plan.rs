@@ -91,8 +91,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         _ => Vec::new(),
     };
     let progress = Progress::new(console);
-    let report = |stage: &str, part| progress.report(stage, part);
-    let planned = plan(&config, &args.goal, &seals, &before, &report)?;
+    let planned =
+        plan(&config, &args.goal, &seals, &before, &|stage, part| progress.report(stage, part))?;
     drop(progress);
     planned.course.write(out)?;
     let summary = planned.summary(&args.goal);

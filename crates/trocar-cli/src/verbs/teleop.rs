@@ -105,8 +105,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let progress = Progress::new(console);
-    let report = |stage: &str, part: f64| progress.report(stage, part);
-    let study = Study::new(config, files, &questions, &report)?;
+    let study = Study::new(config, files, &questions, &|stage, part| progress.report(stage, part))?;
     drop(progress);
     if let Some(staged) = staged {
         let sources = Sources {

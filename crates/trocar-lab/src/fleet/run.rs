@@ -63,6 +63,13 @@ pub struct Fleet {
     pub records: Vec<Record>,
 }
 
+impl Fleet {
+    /// Recordings with this status: `ok`, `doubtful` or `failed`.
+    pub fn count(&self, status: &str) -> usize {
+        self.records.iter().filter(|record| record.text("status") == Some(status)).count()
+    }
+}
+
 /// The part of a row that is kept in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
