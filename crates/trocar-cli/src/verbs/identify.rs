@@ -16,7 +16,7 @@ use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{Reading, Rod};
+use crate::input::{Reading, Rod, finite, positive};
 use crate::models::read_model;
 use crate::output::Output;
 use crate::progress::Progress;
@@ -108,19 +108,6 @@ fn draws(text: &str) -> Result<Draws, String> {
     text.trim().parse().ok().and_then(Draws::new).ok_or_else(|| {
         format!("expected a multiple of {CHAINS} from {}, such as 2000", Draws::FEWEST)
     })
-}
-
-/// A finite number.
-fn finite(text: &str) -> Result<f64, String> {
-    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
-    number.ok_or_else(|| "expected a finite number".to_owned())
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    finite(text)
-        .ok()
-        .filter(|number| *number > 0.0)
-        .ok_or_else(|| "expected a number above 0".to_owned())
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
