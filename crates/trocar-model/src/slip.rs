@@ -215,13 +215,11 @@ impl Element {
         let arms_at = |part: f64| {
             self.params.relaxation.within(&state.arms, part * motion.time).forces(moved(part))
         };
-        let part = yield_fraction(
-            |part| {
-                let elastic = self.params.deformation.reach(z, q, z + moved(part)).0;
-                s * (elastic + arms_at(part).iter().sum::<f64>() + damping) - limit
-            },
-            s * trial - limit,
-        );
+        let force_at = |part: f64| {
+            let elastic = self.params.deformation.reach(z, q, z + moved(part)).0;
+            s * (elastic + arms_at(part).iter().sum::<f64>() + damping) - limit
+        };
+        let part = yield_fraction(force_at, s * trial - limit);
         let reached = z + moved(part);
         let yield_force = self.params.deformation.reach(z, q, reached).1;
         let local = self.params.deformation.local(reached);
@@ -358,9 +356,8 @@ impl Element {
         let Onset { z, q, direction, speed, .. } = *onset;
         let slide = Slide::new((z, q), direction, speed, motion, arms, theta);
         let sliding = self.sliding(direction);
-        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, || {
-            if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) }
-        });
+        let before = || if sliding.is_constant() { 1.0 } else { decay(sliding.exponent(speed)) };
+        let lagged = Rise::after(onset.rise, self.params.friction_lag, motion.time, before);
         let mut end = End::NOWHERE;
         let residual = |u: f64| {
             end = self.end(&slide, lagged, u);
