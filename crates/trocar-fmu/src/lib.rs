@@ -2,7 +2,7 @@
 //!
 //! One library works for every model and both versions of FMI (key FMI in SOURCES.md). It exports
 //! the functions of FMI 2.0 and 3.0 for co-simulation and reads the model from the resources of its
-//! FMU. [`package()`] creates the FMU. Only [`mod@variables`] defines its variables, both for the
+//! FMU. [`package()`] creates the FMU. Only `variables.rs` defines its variables, both for the
 //! description and for the functions of the library.
 //!
 //! - A step of the FMU is one step of [`trocar_model::Trocar`], with the same numbers as in all

@@ -69,7 +69,7 @@ pub trait Container {
 
 /// Batches of rows of some columns.
 pub trait Batches: Send {
-    /// Replaces the content of `columns` by the next rows, at most [`BATCH_ROWS`], all columns of
+    /// Replaces the content of `columns` by the next rows, at most 65 536, all columns of
     /// equal length; NaN for a missing cell. `false` at the end, with `columns` empty.
     ///
     /// # Errors

@@ -58,7 +58,7 @@ mod units;
 /// [`RecordingError`], naming file and line, when a cell is not a number, a row has the wrong
 /// number of cells, a column or its unit is missing or ambiguous, time is constant or decreases by
 /// more than an interval, the stroke is longer than that of any instrument, or fewer than
-/// [`MIN_SAMPLES`] samples remain. Less severe findings are recorded in [`Recording::quality`].
+/// 8 samples remain. Less severe findings are recorded in [`Recording::quality`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingError> {
     read_in_words(path, options).map(|(recording, _)| recording)
 }

@@ -28,7 +28,7 @@ pub struct Pieces {
 
 impl Pieces {
     /// Opens the file at `path`, or standard input for `-`, to be read in pieces of `samples`
-    /// samples, at least [`MIN_SAMPLES`].
+    /// samples, at least 8.
     ///
     /// # Errors
     /// As for [`read`](super::read), as far as they are detected before the first row.
