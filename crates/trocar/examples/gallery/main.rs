@@ -195,7 +195,7 @@ pub(crate) fn page(figures: &[Figure]) -> String {
 const COMMAND: &str = "cargo run --release -p trocar --example gallery -- docs";
 
 /// Words of a caption on the page; the picture itself holds all of it.
-const MOST_WORDS: usize = 50;
+const MOST_WORDS: usize = 35;
 
 /// The first sentences of a caption.
 fn beginning(caption: &str) -> &str {
