@@ -200,7 +200,7 @@ const MOST_WORDS: usize = 35;
 /// The first sentences of a caption.
 fn beginning(caption: &str) -> &str {
     let mut end = caption.len();
-    for (at, _) in caption.match_indices(". ").rev() {
+    for (at, _) in caption.rmatch_indices(". ") {
         if caption[..end].split_whitespace().count() > MOST_WORDS {
             end = at + 1;
         }
