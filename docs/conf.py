@@ -30,19 +30,12 @@ html_css_files = ["book.css"]
 html_show_copyright = False
 exclude_patterns = ["figures"]
 
-#: Titles of the pages that a command writes: tables under headings of their own, or none.
-_TITLES = {
-    "explanation/ablation-tables": "Tables of optional terms",
-    "explanation/comparison-tables": "Tables of the comparison",
-    "explanation/coverage-table": "Table of coverage",
-    "explanation/trust-table": "Table of trust",
-}
 #: A link that leads up at least one folder: to another part of the book, or out of it.
 _UP = re.compile(r"\[([^\]]+)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
 
 
 def _beyond_the_book(_app: Any, page: str, source: list[str]) -> None:
-    """A link out of this folder becomes a download of the file; one to a folder, its name. Pages of tables get a title."""
+    """A link out of this folder becomes a download of the file; one to a folder, its name."""
 
     def replaced(link: re.Match[str]) -> str:
         words, path = link[1].strip("`"), (_FOLDER / page).parent.joinpath(link[2]).resolve()
@@ -55,8 +48,6 @@ def _beyond_the_book(_app: Any, page: str, source: list[str]) -> None:
         raise FileNotFoundError(f"{page}: no {link[2]} in the repository")
 
     source[0] = _UP.sub(replaced, source[0])
-    if page in _TITLES:
-        source[0] = f"# {_TITLES[page]}\n\n" + re.sub("^#+", "##", source[0], flags=re.MULTILINE)
 
 
 #: Where a page of a model has it live, by the name of the model.

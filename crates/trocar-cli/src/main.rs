@@ -45,7 +45,7 @@ const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done 
 
 Start with: trocar demo
 \
-                          Read on: docs/index.md (docs/build makes it a book); every message with its way out: \
+                          Read on: docs/index.md (docs/build makes it a book); messages and their ways out: \
                           docs/troubleshooting.md";
 
 #[derive(Subcommand)]

@@ -40,23 +40,42 @@ fn page() -> String {
     let quiet = command.get_arguments().filter(|one| one.get_id() == "quiet");
     text += "\n## Options of all commands\n\n";
     quiet.for_each(|one| text += &entry(one));
-    section_of_inner(&mut text, &command, "");
+    let verbs = leaves(&command, "");
+    let mut entries: Vec<String> = Vec::new();
+    verbs.iter().for_each(|(_, verb)| entries.extend(shown(verb).map(entry)));
+    let is_shared = |own: &&String| entries.iter().filter(|one| one == own).count() >= SEVERAL;
+    let mut shared: Vec<&String> = Vec::new();
+    for own in entries.iter().filter(is_shared) {
+        if !shared.contains(&own) {
+            shared.push(own);
+        }
+    }
+    text += "\n## Options of several commands\n\n";
+    shared.iter().for_each(|own| text += own);
+    verbs.iter().for_each(|(path, verb)| section(&mut text, verb, path, &shared));
     text
 }
 
-/// A section for each command inside `command`, at all depths.
-fn section_of_inner(text: &mut String, command: &Command, path: &str) {
-    for verb in command.get_subcommands().filter(|verb| verb.get_name() != "help") {
+/// So many commands have an option in common that the page describes it once.
+const SEVERAL: usize = 3;
+
+/// The commands inside `command` that have no further ones, at all depths, with their paths.
+fn leaves<'a>(command: &'a Command, path: &str) -> Vec<(String, &'a Command)> {
+    let verbs = command.get_subcommands().filter(|verb| verb.get_name() != "help");
+    let inner = verbs.flat_map(|verb| {
         let path = format!("{path} {}", verb.get_name()).trim().to_owned();
-        if verb.has_subcommands() {
-            section_of_inner(text, verb, &path);
-        } else {
-            section(text, verb, &path);
-        }
-    }
+        if verb.has_subcommands() { leaves(verb, &path) } else { vec![(path, verb)] }
+    });
+    inner.collect()
 }
 
-fn section(text: &mut String, verb: &Command, path: &str) {
+/// Arguments and options of a command that the page shows.
+fn shown(verb: &Command) -> impl Iterator<Item = &Arg> {
+    verb.get_arguments()
+        .filter(|one| !one.is_hide_set() && !["help", "quiet"].contains(&one.get_id().as_str()))
+}
+
+fn section(text: &mut String, verb: &Command, path: &str, shared: &[&String]) {
     // Writing to a String cannot fail, so the results are dropped.
     let _ = writeln!(text, "\n## trocar {path}\n");
     let about = verb.get_long_about().or(verb.get_about()).map(ToString::to_string);
@@ -64,9 +83,18 @@ fn section(text: &mut String, verb: &Command, path: &str) {
     let usage = verb.clone().render_usage().to_string();
     let usage: Vec<&str> = usage.trim_start_matches("Usage:").lines().map(str::trim).collect();
     let _ = writeln!(text, "\n```text\n{}\n```\n", usage.join("\n"));
-    let shown =
-        |one: &&Arg| !one.is_hide_set() && !["help", "quiet"].contains(&one.get_id().as_str());
-    verb.get_arguments().filter(shown).for_each(|one| *text += &entry(one));
+    let (own, with_others): (Vec<&Arg>, Vec<&Arg>) =
+        shown(verb).partition(|one| !shared.contains(&&entry(one)));
+    own.into_iter().for_each(|one| *text += &entry(one));
+    if !with_others.is_empty() {
+        let name = |one: &Arg| format!("`{}`", written(one).split(' ').next().unwrap_or_default());
+        let names: Vec<_> = with_others.into_iter().map(name).collect();
+        let _ = writeln!(
+            text,
+            "- As [for several commands](#options-of-several-commands): {}.",
+            names.join(", ")
+        );
+    }
     let (_, lines) =
         EXAMPLES.iter().find(|(of, _)| *of == path).expect("every command has examples");
     text.push_str("\n```text\n");
@@ -108,21 +136,26 @@ fn word(word: &str) -> String {
     }
 }
 
-/// An argument or option: how it is written, what it means, its default and its values.
-fn entry(one: &Arg) -> String {
+/// How an argument or option is written.
+fn written(one: &Arg) -> String {
     let values = one.get_value_names().unwrap_or_default();
-    let takes_value = one.get_action().takes_values();
     let name = values.iter().map(|name| format!("<{name}>")).collect::<Vec<_>>().join(" ");
-    let written = match (one.get_long(), one.get_short()) {
+    match (one.get_long(), one.get_short()) {
         (Some(long), short) => {
             let short = short.map_or_else(String::new, |short| format!("-{short}, "));
+            let takes_value = one.get_action().takes_values();
             format!(
                 "{short}--{long}{}",
                 if takes_value { format!(" {name}") } else { String::new() }
             )
         }
         (None, _) => name,
-    };
+    }
+}
+
+/// An argument or option: how it is written, what it means, its default and its values.
+fn entry(one: &Arg) -> String {
+    let (written, takes_value) = (written(one), one.get_action().takes_values());
     let help = one.get_long_help().or(one.get_help()).map(ToString::to_string).unwrap_or_default();
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
     let mut text = format!("- **`{written}`**: {}.", marked(help.trim_end_matches('.')));

@@ -2,7 +2,7 @@
 //! not seen.
 //!
 //! ```text
-//! cargo run --release -p trocar --example ablation -- FOLDER > docs/explanation/ablation-tables.md
+//! cargo run --release -p trocar --example ablation -- FOLDER > results/optional-terms.md
 //! ```
 //! FOLDER holds `seal_a` (steady, dynamic, validation, surgeon). Identified from steady, dynamic
 //! and the first half of surgeon; scored on the second half of surgeon and on validation. Takes

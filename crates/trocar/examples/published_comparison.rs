@@ -2,7 +2,7 @@
 //! repository.
 //!
 //! ```text
-//! cargo run --release -p trocar --example published_comparison -- FOLDER > docs/explanation/comparison-tables.md
+//! cargo run --release -p trocar --example published_comparison -- FOLDER > results/comparison.md
 //! cargo run --release -p trocar --example published_comparison -- FOLDER docs
 //! ```
 //! The second writes the drawings `docs/figures/one-reversal.svg` and `error-by-parameters.svg` alone. FOLDER holds `seal_a` (steady, dynamic, validation, surgeon) and `elastomer_seals` (one

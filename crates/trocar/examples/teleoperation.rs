@@ -22,6 +22,8 @@ use trocar_model::{PositionProfile, Trocar};
 
 /// Friction of the seals in sliding, N: what is reported for trocars.
 const FRICTION: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
+/// Those of them in the table.
+const IN_TABLE: [f64; 3] = [0.25, 1.0, 4.0];
 /// Stiffness of the tissues, N/m.
 const TISSUES: [f64; 2] = [50.0, 200.0];
 /// Friction of the plausible seal, N.
@@ -88,7 +90,9 @@ pub(crate) fn table(curves: &[Curve]) -> String {
         "| tissue, N/m | friction, N | contact |{heads}\n|---|---|---|{}\n",
         "---|".repeat(shown.len())
     );
-    for Curve { tissue, friction, tried } in curves {
+    for Curve { tissue, friction, tried } in
+        curves.iter().filter(|curve| IN_TABLE.contains(&curve.friction))
+    {
         for (contact, of) in CONTACTS {
             let cell = |fraction: &f64| {
                 let at = tried.iter().find(|tried| (tried.fraction - fraction).abs() < 1e-9);

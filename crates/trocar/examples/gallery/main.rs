@@ -162,7 +162,7 @@ pub(crate) fn drawn(figures: &[Figure]) -> Outcome<Vec<(String, String)>> {
     Ok(vectors(&Document { sections, ..Document::default() })?)
 }
 
-/// The page: all pictures small, then each with its words and its command.
+/// The page: all pictures small, then each with its words, and its command if that is another one.
 pub(crate) fn page(figures: &[Figure]) -> String {
     let (mut small, mut large) = (String::new(), String::new());
     let mut all = figures.iter();
@@ -170,8 +170,7 @@ pub(crate) fn page(figures: &[Figure]) -> String {
         large += &format!("## {}\n\n", group.heading);
         for figure in all.by_ref().take(group.names.len()) {
             let file = format!("gallery/{}.svg", figure.id);
-            let command = format!("{COMMAND} {}", figure.id);
-            let [thumbnail, entry] = entry([&file, &figure.title, &figure.caption, &command]);
+            let [thumbnail, entry] = entry([&file, &figure.title, beginning(&figure.caption), ""]);
             small += &thumbnail;
             large += &entry;
         }
@@ -182,27 +181,42 @@ pub(crate) fn page(figures: &[Figure]) -> String {
     }
     large += "## Schematics\n\n";
     for Schematic { name, title, caption, .. } in &SCHEMATICS {
-        let [file, command] = [format!("{name}.svg"), format!("{COMMAND} {name}")];
-        let [thumbnail, entry] = entry([&file, title, caption, &command]);
+        let file = format!("{name}.svg");
+        let [thumbnail, entry] = entry([&file, title, caption, ""]);
         small += &thumbnail;
         large += &entry;
     }
     format!(
-        "# Gallery\n\n<!-- made by: {COMMAND} -->\n\nAll pictures come from the models, the virtual bench and the reports of this project. This command makes all \
-         pictures that name it:\n\n```text\n{COMMAND}\n```\n\n::::{{grid}} 2 3 4 4\n:gutter: 2\n:class-container: thumbnails\n\n{small}::::\n\n{large}"
+        "# Gallery\n\n<!-- made by: {COMMAND} -->\n\nAll pictures come from the models, the virtual bench and the reports of this project. This command makes \
+         them, or the one whose file name without its extension follows; other commands are below their pictures:\n\n```text\n{COMMAND}\n```\n\n::::{{grid}} 2 3 4 4\n:gutter: 2\n:class-container: thumbnails\n\n{small}::::\n\n{large}"
     )
 }
 
 const COMMAND: &str = "cargo run --release -p trocar --example gallery -- docs";
 
-/// A picture small, with a link to where it is large, and that place with its command.
+/// Words of a caption on the page; the picture itself holds all of it.
+const MOST_WORDS: usize = 35;
+
+/// The first sentences of a caption.
+fn beginning(caption: &str) -> &str {
+    let mut end = caption.len();
+    for (at, _) in caption.rmatch_indices(". ") {
+        if caption[..end].split_whitespace().count() > MOST_WORDS {
+            end = at + 1;
+        }
+    }
+    &caption[..end]
+}
+
+/// A picture small, with a link to where it is large, and that place.
 fn entry([file, title, caption, command]: [&str; 4]) -> [String; 2] {
     let kept = |c: char| c.is_alphanumeric() || c == ' ' || c == '-';
     let anchor = title.to_lowercase().replace(|c| !kept(c), "").replace(' ', "-");
     let picture = format!("![{title}](../figures/{file})");
+    let command = if command.is_empty() { String::new() } else { format!("`{command}`\n\n") };
     [
         format!(":::{{grid-item}}\n[{picture}](#{anchor})\n:::\n"),
-        format!("### {title}\n\n{picture}\n\n{caption}\n\n`{command}`\n\n"),
+        format!("### {title}\n\n{picture}\n\n{caption}\n\n{command}"),
     ]
 }
 

@@ -1,5 +1,5 @@
 //! Where mode and branch by the sign of v_d (EMS as printed) go wrong, beside the default law; for
-//! `docs/explanation/literal-reading.md`.
+//! `docs/explanation/paper.md`.
 //!
 //! `cargo run --release -p trocar --example literal_reading -- FOLDER` prints the figures quoted
 //! there and writes the drawing to `FOLDER/figures/literal-reading.svg`.
