@@ -294,22 +294,7 @@ class Studied:
 
 @final
 class FleetConfig:
-    def __new__(
-        cls,
-        *,
-        depth: str,
-        seed: int,
-        moving_mass_kg: float,
-        gravity_m_s2: float,
-        columns: str | None,
-        topics: tuple[str, ...],
-        from_s: float | None,
-        to_s: float | None,
-        flip_force: bool,
-        sensor_limit_n: float | None,
-        most_samples: int | None,
-        memory_limit_bytes: int | None,
-    ) -> FleetConfig: ...
+    def __new__(cls, **options: object) -> FleetConfig: ...
     def hash_text(self) -> str: ...
 
 @final

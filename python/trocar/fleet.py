@@ -69,7 +69,9 @@ class Config:
 
 @functools.lru_cache(maxsize=16)
 def _native(config: Config) -> _core.FleetConfig:
-    return _core.FleetConfig(**dataclasses.asdict(config))
+    keys = dataclasses.asdict(config)
+    mass = {"mass_kg": keys.pop("moving_mass_kg"), "gravity_m_s2": keys.pop("gravity_m_s2")}
+    return _core.FleetConfig(moving_mass=mass, **keys)
 
 
 def columns() -> dict[str, str]:

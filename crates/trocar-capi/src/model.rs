@@ -177,8 +177,9 @@ fn path_of(text: &CStr) -> Result<PathBuf, Failure> {
     }
     #[cfg(not(unix))]
     {
-        let not_utf_8 = |_| Failure::new(Status::ModelUnreadable, "the path is not UTF-8");
-        text.to_str().map(|path| Path::new(OsStr::new(path)).to_owned()).map_err(not_utf_8)
+        text.to_str()
+            .map(|path| Path::new(OsStr::new(path)).to_owned())
+            .map_err(|_| Failure::new(Status::ModelUnreadable, "the path is not UTF-8"))
     }
 }
 
@@ -243,13 +244,14 @@ pub unsafe extern "C" fn trocar_model_plausible(model: *mut *mut Model) -> Statu
     // SAFETY: no message is wanted.
     let silent = unsafe { Message::new(std::ptr::null_mut(), 0) };
     silent.report(|| {
-        let made = || {
-            let file = ModelFile::plausible_10_5_mm()
-                .map_err(|error| Failure::new(Status::Internal, error))?;
-            Model::from_file(file)
-        };
         // SAFETY: by the rule of the crate.
-        unsafe { hand_over(model, made) }
+        unsafe {
+            hand_over(model, || {
+                let file = ModelFile::plausible_10_5_mm()
+                    .map_err(|error| Failure::new(Status::Internal, error))?;
+                Model::from_file(file)
+            })
+        }
     })
 }
 

@@ -163,14 +163,18 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
         matches!(
             error,
             RecordingError::BadColumns { .. }
-                | RecordingError::MovingMass { .. }
+                | RecordingError::OutOfRange { .. }
                 | RecordingError::GravityWithoutMass { .. }
         )
     };
     error.chain().any(|cause| {
         cause.is::<BadArgument>()
             || cause.downcast_ref::<RecordingError>().is_some_and(reading)
-            || matches!(cause.downcast_ref(), Some(SimulateError::Motion(error)) if reading(error))
+            || cause.downcast_ref::<SimulateError>().is_some_and(|error| match error {
+                SimulateError::Motion(error) => reading(error),
+                SimulateError::NoDeflection { .. } | SimulateError::NoResolution { .. } => true,
+                _ => false,
+            })
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
             || matches!(cause.downcast_ref(), Some(CompareError::Twice { .. }))
             || matches!(cause.downcast_ref(), Some(OutputError::IsInput { .. }))

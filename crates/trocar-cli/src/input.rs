@@ -100,7 +100,7 @@ pub(crate) struct Reading {
     #[command(flatten)]
     pub(crate) choosing: Choosing,
     /// Largest force the sensor can read, in N; readings there count as saturated
-    #[arg(long, value_name = "N", value_parser = positive)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     sensor_limit_n: Option<f64>,
     /// Most samples of a recording to identify from; of a longer recording, excerpts spread over
     /// the whole are used
@@ -192,12 +192,12 @@ impl Reading {
 #[derive(clap::Args)]
 pub(crate) struct Rod {
     /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings
-    #[arg(long, default_value_t = 0.0, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0, value_name = "KG", allow_negative_numbers = true)]
     moving_mass_kg: f64,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81
     /// for a withdrawal downwards, -9.81 for an insertion downwards); needs --moving-mass-kg; 0
     /// leaves the weight in the offset
-    #[arg(long, default_value_t = 0.0, value_name = "G", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0, value_name = "G", allow_negative_numbers = true)]
     gravity_m_s2: f64,
 }
 

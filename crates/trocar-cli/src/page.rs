@@ -1,11 +1,10 @@
 //! Reports as one HTML page, and the inputs that they name.
 
-use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::Context;
 use trocar::model_file::ModelFile;
-use trocar::output::AtomicFile;
+use trocar::output::write_whole;
 use trocar::report::teleop::Source;
 use trocar::report::{self, Document};
 
@@ -22,10 +21,7 @@ pub(crate) fn needs_a_file(report: Option<&Path>) -> anyhow::Result<()> {
 
 /// Writes `document` as a page that needs nothing else.
 pub(crate) fn write(document: &Document, path: &Path) -> anyhow::Result<()> {
-    let page = report::page(document)?;
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;
-    Ok(file.commit()?)
+    Ok(write_whole(path, report::page(document)?.as_bytes())?)
 }
 
 /// The file at `path`, by its name without its folder.

@@ -63,13 +63,15 @@ fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
 /// Shows the bar if the sender still exists after the delay.
 fn appear_later(bar: ProgressBar) -> (mpsc::Sender<()>, JoinHandle<()>) {
     let (sender, receiver) = mpsc::channel();
-    let appear = move || {
-        if receiver.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
-            bar.set_draw_target(ProgressDrawTarget::stderr());
-            bar.enable_steady_tick(Duration::from_millis(100));
-        }
-    };
-    (sender, std::thread::spawn(appear))
+    (
+        sender,
+        std::thread::spawn(move || {
+            if receiver.recv_timeout(PATIENCE) == Err(RecvTimeoutError::Timeout) {
+                bar.set_draw_target(ProgressDrawTarget::stderr());
+                bar.enable_steady_tick(Duration::from_millis(100));
+            }
+        }),
+    )
 }
 
 impl Drop for Progress {

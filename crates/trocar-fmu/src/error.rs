@@ -7,7 +7,7 @@ use trocar_model::flat::FlatError;
 
 /// Phase of a simulation.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
+pub(crate) enum Phase {
     /// After instantiation or reset.
     Instantiated,
     /// Initialization mode.
@@ -32,7 +32,7 @@ impl fmt::Display for Phase {
 /// Why a call was rejected. A rejected call changes nothing.
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq)]
-pub enum FmuError {
+pub(crate) enum FmuError {
     /// A null pointer where a value is required.
     Null {
         /// What it should point to.

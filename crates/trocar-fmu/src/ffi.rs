@@ -30,7 +30,7 @@ const VALUES: &str = "values";
 pub type Logger2 =
     unsafe extern "C" fn(*mut c_void, *const c_char, c_int, *const c_char, *const c_char, ...);
 /// Logger of FMI 3.0: environment, status, category, message.
-pub type Logger3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+pub(crate) type Logger3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
 
 /// The importer's logger.
 pub(crate) enum Logger {
@@ -492,8 +492,9 @@ mod tests {
         let wanted = token(&row, Input::Position);
         let logger = || Logger::Fmi3 { callback: None, environment: std::ptr::null_mut() };
         assert!(instantiate("", logger(), || panic!("on purpose")).is_null());
-        let make = || Instance::from_resource(Resource::from_bytes(&to_bytes(&row), "")?, &wanted);
-        let handle = instantiate("", logger(), make);
+        let handle = instantiate("", logger(), || {
+            Instance::from_resource(Resource::from_bytes(&to_bytes(&row), "")?, &wanted)
+        });
         // SAFETY: a live handle.
         unsafe {
             assert_eq!(call(handle, "", |_| Ok(Status::Ok)), Status::Ok as c_int);

@@ -19,7 +19,7 @@ const START_TOLERANCE: f64 = 1e-6;
 
 /// An instance.
 #[derive(Debug, Clone)]
-pub struct Instance {
+pub(crate) struct Instance {
     table: Vec<Variable>,
     /// As exported.
     base: Trocar<Vec<f64>>,
@@ -35,11 +35,11 @@ pub struct Instance {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Remark {
     /// Name of the variable.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     /// The requested value.
-    pub asked: f64,
+    pub(crate) asked: f64,
     /// The value that the seal can hold.
-    pub given: f64,
+    pub(crate) given: f64,
 }
 
 impl std::fmt::Display for Remark {
@@ -55,7 +55,7 @@ impl Instance {
     ///
     /// # Errors
     /// [`FmuError`] for missing or corrupted resources or the token of another FMU.
-    pub fn new(resources: &Path, wanted: &str) -> Result<Self, FmuError> {
+    pub(crate) fn new(resources: &Path, wanted: &str) -> Result<Self, FmuError> {
         Self::from_resource(Resource::read(resources)?, wanted)
     }
 
@@ -76,13 +76,8 @@ impl Instance {
         })
     }
 
-    /// Phase of the simulation.
-    pub fn phase(&self) -> Phase {
-        self.live.phase
-    }
-
     /// Time of the simulation, s.
-    pub fn time(&self) -> f64 {
+    pub(crate) fn time(&self) -> f64 {
         self.live.time
     }
 
@@ -146,14 +141,14 @@ impl Instance {
     ///
     /// # Errors
     /// [`FmuError::Phase`] in another phase than [`Phase::Step`].
-    pub fn terminate(&mut self) -> Result<(), FmuError> {
+    pub(crate) fn terminate(&mut self) -> Result<(), FmuError> {
         self.expect(Phase::Step)?;
         self.live.phase = Phase::Terminated;
         Ok(())
     }
 
     /// Returns to instantiation, with all values as exported.
-    pub fn reset(&mut self) {
+    pub(crate) fn reset(&mut self) {
         let values: Vec<f64> = self.base.seal().tunables().map(|tunable| tunable.value).collect();
         self.trocar = self.base.clone();
         self.applied.clone_from(&values);
@@ -200,7 +195,7 @@ impl Instance {
     /// [`FmuError`] in another phase than [`Phase::Step`]; for a step without positive length, from
     /// another time than the present one or beyond the stop time; for a displacement or speed that
     /// is not finite; for inconsistent parameters. The state is then unchanged.
-    pub fn step(&mut self, point: f64, duration: f64) -> Result<(), FmuError> {
+    pub(crate) fn step(&mut self, point: f64, duration: f64) -> Result<(), FmuError> {
         self.expect(Phase::Step)?;
         if !(duration > 0.0 && duration.is_finite()) {
             return Err(FmuError::StepSize { given: duration });
@@ -394,7 +389,7 @@ impl Instance {
     /// # Errors
     /// [`FmuError::Parameter`] if the parameters set before are inconsistent, or
     /// [`FmuError::TwoStarts`].
-    pub fn state(&mut self) -> Result<Snapshot, FmuError> {
+    pub(crate) fn state(&mut self) -> Result<Snapshot, FmuError> {
         self.settle()?;
         Ok(self.live.clone())
     }
@@ -403,7 +398,7 @@ impl Instance {
     ///
     /// # Errors
     /// [`FmuError::StateForeign`] for a state of another model, or [`FmuError::Parameter`].
-    pub fn set_state(&mut self, snapshot: &Snapshot) -> Result<(), FmuError> {
+    pub(crate) fn set_state(&mut self, snapshot: &Snapshot) -> Result<(), FmuError> {
         if snapshot.identity != self.identity {
             return Err(FmuError::StateForeign);
         }
@@ -423,8 +418,8 @@ impl Instance {
     /// # Errors
     /// [`FmuError::StateLength`], [`FmuError::StateForeign`] or [`FmuError::StateDamaged`].
     pub(crate) fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
-        let seal =
-            |values: &[f64]| self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal));
-        Snapshot::from_bytes(bytes, self.identity, self.applied.len(), seal)
+        Snapshot::from_bytes(bytes, self.identity, self.applied.len(), |values| {
+            self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal))
+        })
     }
 }

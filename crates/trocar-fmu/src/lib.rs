@@ -2,7 +2,7 @@
 //!
 //! One library works for every model and both versions of FMI (key FMI in SOURCES.md). It exports
 //! the functions of FMI 2.0 and 3.0 for co-simulation and reads the model from the resources of its
-//! FMU. [`package()`] creates the FMU. Only [`mod@variables`] defines its variables, both for the
+//! FMU. [`package()`] creates the FMU. Only `variables.rs` defines its variables, both for the
 //! description and for the functions of the library.
 //!
 //! - A step of the FMU is one step of [`trocar_model::Trocar`], with the same numbers as in all
@@ -14,23 +14,21 @@
 //! For users: `docs/reference/fmu.md`.
 
 mod embedded;
-pub mod error;
+mod error;
 #[allow(unsafe_code)]
 mod ffi;
 pub mod fmi;
 pub mod fmi2;
 pub mod fmi3;
 mod hash;
-pub mod instance;
+mod instance;
 pub mod library;
 pub mod package;
 mod resource;
-pub mod snapshot;
-pub mod variables;
+mod snapshot;
+mod variables;
 
 pub use embedded::Embedded;
-pub use error::{FmuError, Phase};
-pub use ffi::{Logger2, Logger3};
-pub use instance::Instance;
+pub use ffi::Logger2;
 pub use package::{Binary, Contents, PackageError, Platform, Source, Version, package};
-pub use variables::{Input, Role, Variable, token, variables};
+pub use variables::{Input, token};

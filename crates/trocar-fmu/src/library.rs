@@ -81,8 +81,9 @@ fn finished(folder: &Path) -> Result<Vec<Binary>, String> {
             let read = fs::read(&path).map_err(|error| format!("{}: {error}", path.display()));
             let binary = Binary { platform, bytes: read? };
             let is_library = binary.is_plausible();
-            let error = || format!("{} is not a shared library for {platform}", path.display());
-            is_library.then_some(binary).ok_or_else(error)
+            is_library
+                .then_some(binary)
+                .ok_or_else(|| format!("{} is not a shared library for {platform}", path.display()))
         })
         .collect();
     let binaries = binaries?;

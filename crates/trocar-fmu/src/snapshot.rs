@@ -18,7 +18,7 @@ const OWN: usize = 8;
 
 /// The complete variable state of an instance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Snapshot {
+pub(crate) struct Snapshot {
     pub(crate) identity: u128,
     pub(crate) phase: Phase,
     /// s.
@@ -63,7 +63,7 @@ impl Snapshot {
     }
 
     /// The serialized bytes.
-    pub fn to_bytes(&self) -> Vec<u8> {
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
         let phase = PHASES.iter().position(|phase| *phase == self.phase).unwrap_or(0);
         let own: [f64; OWN] = [
             phase as f64,

@@ -24,7 +24,7 @@ impl Input {
 
 /// Meaning of a variable.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Role {
+pub(crate) enum Role {
     /// Simulated time.
     Time,
     /// The driving input.
@@ -52,7 +52,7 @@ const FIRST_TUNABLE: u32 = 100;
 
 impl Role {
     /// Value reference, the same in every FMU.
-    pub fn reference(self) -> u32 {
+    pub(crate) fn reference(self) -> u32 {
         match self {
             Self::Time => 0,
             Self::Input(_) => 1,
@@ -70,19 +70,19 @@ impl Role {
 
 /// A variable.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Variable {
+pub(crate) struct Variable {
     /// Its meaning.
-    pub role: Role,
+    pub(crate) role: Role,
     /// Name with its unit, unique.
-    pub name: String,
+    pub(crate) name: String,
     /// Unit in SI; empty for the mode, which is an enumeration.
-    pub unit: &'static str,
+    pub(crate) unit: &'static str,
     /// Readable description.
-    pub description: String,
+    pub(crate) description: String,
     /// Initial value; `None` for outputs.
-    pub start: Option<f64>,
+    pub(crate) start: Option<f64>,
     /// Minimum, and whether the minimum itself is excluded.
-    pub least: Option<(f64, bool)>,
+    pub(crate) least: Option<(f64, bool)>,
 }
 
 impl Variable {
@@ -102,7 +102,7 @@ impl Variable {
 ///
 /// An infinite parameter (a disabled law) is omitted, since not every importer can read an infinite
 /// start value.
-pub fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Vec<Variable> {
+pub(crate) fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Vec<Variable> {
     let is_ems = matches!(trocar.seal(), Seal::Ems(_));
     let driven = input == Input::Velocity;
     let mut table =

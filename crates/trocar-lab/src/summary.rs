@@ -41,7 +41,7 @@ impl MovingMass {
 
 /// A recording in the summary.
 #[derive(Debug, Clone, Serialize)]
-pub struct RecordingSummary<'a> {
+pub(crate) struct RecordingSummary<'a> {
     /// File name without its folder.
     pub name: &'a str,
     /// SHA-256 of the file's bytes.
@@ -58,7 +58,7 @@ pub struct RecordingSummary<'a> {
 
 /// One branch of the deformation force in the summary.
 #[derive(Debug, Clone, Serialize)]
-pub struct BranchSummary {
+pub(crate) struct BranchSummary {
     /// Where the two polynomials of EMS (25) meet, m.
     pub join_m: f64,
     /// Root mean square residual, N, of the joined polynomials to the mean curve.
@@ -69,7 +69,7 @@ pub struct BranchSummary {
 
 /// The dynamic step in the summary.
 #[derive(Debug, Clone, Serialize)]
-pub struct DeformationSummary<'a> {
+pub(crate) struct DeformationSummary<'a> {
     /// c of the two-step result.
     pub half_width_m: &'a Estimate,
     /// Standard deviation of c over the full reversals, m: the error of the reconstructed
@@ -88,7 +88,7 @@ pub struct DeformationSummary<'a> {
 
 /// A parameter of the draws in the summary, in the unit of its name.
 #[derive(Debug, Clone, Serialize)]
-pub struct DrawnParameter {
+pub(crate) struct DrawnParameter {
     /// Mean of the draws.
     pub mean: f64,
     /// Their standard deviation.
@@ -103,7 +103,7 @@ pub struct DrawnParameter {
 
 /// The posterior draws in the summary.
 #[derive(Debug, Clone, Serialize)]
-pub struct PosteriorSummary<'a> {
+pub(crate) struct PosteriorSummary<'a> {
     /// Number of draws.
     pub draws: usize,
     /// Chains of each structure.
@@ -162,7 +162,7 @@ pub struct Summary<'a> {
     pub prior: Option<&'a PriorUse>,
     /// Structures, convergence and intervals of the posterior draws; left out without draws.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub posterior: Option<PosteriorSummary<'a>>,
+    pub(crate) posterior: Option<PosteriorSummary<'a>>,
     /// Number of model parameters estimated, without the sensor offset and an unmodelled mass.
     pub free_parameters: usize,
     /// Change of the friction from stroke to stroke.
@@ -184,7 +184,7 @@ pub struct Summary<'a> {
     /// Steady-state step with its data.
     pub steady: &'a SteadyFit,
     /// Dynamic step; `None` if the deformation was not resolved.
-    pub deformation: Option<DeformationSummary<'a>>,
+    pub(crate) deformation: Option<DeformationSummary<'a>>,
     /// Why there is no dynamic step.
     pub deformation_missing: Option<&'a str>,
     /// Test of the influence of the deformation velocity; `None` if it was not possible.
@@ -192,7 +192,7 @@ pub struct Summary<'a> {
     /// Mass that was subtracted from the readings.
     pub moving_mass: MovingMass,
     /// All recordings.
-    pub recordings: Vec<RecordingSummary<'a>>,
+    pub(crate) recordings: Vec<RecordingSummary<'a>>,
     /// Warnings about the result, including its validation.
     pub warnings: Vec<Warning>,
 }
@@ -359,12 +359,16 @@ pub fn choice_for(model: &ModelFile) -> Option<Choice> {
 
 /// Estimates in the form used in a model file.
 pub(crate) fn intervals(parameters: &[Parameter]) -> BTreeMap<String, Interval> {
-    let bound = |bound: f64| bound.is_finite().then_some(bound);
-    let interval = |parameter: &Parameter| {
-        let Estimate { value, ci95, .. } = parameter.estimate;
-        value
-            .is_finite()
-            .then(|| (parameter.id.to_string(), Interval { value, ci95: ci95.map(bound) }))
-    };
-    parameters.iter().filter_map(interval).collect()
+    parameters
+        .iter()
+        .filter_map(|parameter| {
+            let Estimate { value, ci95, .. } = parameter.estimate;
+            value.is_finite().then(|| {
+                (
+                    parameter.id.to_string(),
+                    Interval { value, ci95: ci95.map(|bound| bound.is_finite().then_some(bound)) },
+                )
+            })
+        })
+        .collect()
 }

@@ -4,7 +4,7 @@
 //! recordings ─▶ without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
 //! ```
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use trocar_identify::simpler;
@@ -14,7 +14,8 @@ use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::{ModelFile, SensorInfo};
 
 /// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct MovingMass {
     /// Mass, kg, ≥ 0.
     #[serde(rename = "mass_kg")]
@@ -28,11 +29,13 @@ impl MovingMass {
     /// A mass in kg under `gravity` in m/s².
     ///
     /// # Errors
-    /// [`RecordingError::MovingMass`] for a mass that is negative, or a number that is not finite;
+    /// [`RecordingError::OutOfRange`] for a mass that is negative, or a number that is not finite;
     /// [`RecordingError::GravityWithoutMass`] for gravity where the mass is 0.
     pub fn new(mass: f64, gravity: f64) -> Result<Self, RecordingError> {
-        if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
-            return Err(RecordingError::MovingMass { found: mass });
+        finite("gravity_m_s2", gravity, "m/s^2")?;
+        if !(mass.is_finite() && mass >= 0.0) {
+            let (option, allowed) = ("moving_mass_kg", "finite and not negative");
+            return Err(RecordingError::OutOfRange { option, allowed, found: mass, unit: "kg" });
         }
         if mass == 0.0 && gravity != 0.0 {
             return Err(RecordingError::GravityWithoutMass { gravity });
@@ -70,6 +73,11 @@ impl MovingMass {
     }
 }
 
+fn finite(option: &'static str, found: f64, unit: &'static str) -> Result<(), RecordingError> {
+    let wrong = RecordingError::OutOfRange { option, allowed: "finite", found, unit };
+    if found.is_finite() { Ok(()) } else { Err(wrong) }
+}
+
 /// What is taken out of recordings before a model is validated on them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correction {
@@ -83,13 +91,23 @@ pub struct Correction {
 
 impl Correction {
     /// As given, or else that of the sensor of `model`.
-    pub fn of(model: &ModelFile, offset_n: Option<f64>, moving_mass_kg: Option<f64>) -> Self {
+    ///
+    /// # Errors
+    /// [`RecordingError::OutOfRange`].
+    pub fn of(
+        model: &ModelFile,
+        offset_n: Option<f64>,
+        moving_mass_kg: Option<f64>,
+    ) -> Result<Self, RecordingError> {
         let own = |part: fn(SensorInfo) -> f64| model.sensor.map_or(0.0, part);
-        Self {
-            offset_n: offset_n.unwrap_or(own(|sensor| sensor.offset_n)),
-            moving_mass_kg: moving_mass_kg.unwrap_or(own(|sensor| sensor.moving_mass_kg)),
+        let offset_n = offset_n.unwrap_or(own(|sensor| sensor.offset_n));
+        finite("offset_n", offset_n, "N")?;
+        let mass = moving_mass_kg.unwrap_or(own(|sensor| sensor.moving_mass_kg));
+        Ok(Self {
+            offset_n,
+            moving_mass_kg: MovingMass::new(mass, 0.0)?.mass,
             position_delay_s: own(|sensor| sensor.position_delay_s),
-        }
+        })
     }
 
     /// `recording` without the inertia of the mass and the delay.

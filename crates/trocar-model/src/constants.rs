@@ -71,26 +71,15 @@ impl From<&Span> for SpanConstants {
 
 impl From<&Contact> for ContactConstants {
     fn from(contact: &Contact) -> Self {
-        let Contact {
-            weakening,
-            damping,
-            steepest_fall,
-            free,
-            end_force,
-            end_stiffness,
-            rate,
-            lag,
-        } = *contact;
-        let velocity_weakening = weakening != VelocityWeakening::None;
         Self {
-            velocity_weakening,
-            damping,
-            steepest_fall,
-            free,
-            end_force,
-            end_stiffness,
-            rate,
-            lag,
+            velocity_weakening: contact.weakening != VelocityWeakening::None,
+            damping: contact.damping,
+            steepest_fall: contact.steepest_fall,
+            free: contact.free,
+            end_force: contact.end_force,
+            end_stiffness: contact.end_stiffness,
+            rate: contact.rate,
+            lag: contact.lag,
         }
     }
 }

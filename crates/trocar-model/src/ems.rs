@@ -7,7 +7,7 @@ use crate::direction::Direction;
 use crate::elastic::DeformationForce;
 use crate::error::{ParamError, check_fields};
 use crate::exponential::decay;
-use crate::friction::{Friction, velocity};
+use crate::friction::{friction, velocity};
 use crate::parameter::{Field, Parameters, fields};
 use crate::relaxation::{ArmForces, MAX_ARMS, Relaxation};
 use crate::sliding::SlidingFriction;
@@ -465,21 +465,7 @@ impl Element {
     }
 }
 
-impl Friction for Element {
-    type State = State;
-
-    fn rest_at_force(&self, force: f64) -> State {
-        Element::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
-        Element::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &State) -> f64 {
-        state.force
-    }
-}
+friction!(Element, State);
 
 /// Both branches must end where sliding begins: (-c, -F_s) and (+c, +F_s).
 fn check_end_points(params: &ElementParams) -> Result<(), ParamError> {

@@ -143,6 +143,9 @@ pub enum ParamError {
     },
 }
 
+/// Most coefficients of a piece.
+const MOST: usize = MAX_DEGREE + 1;
+
 impl fmt::Display for ParamError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
@@ -151,27 +154,19 @@ impl fmt::Display for ParamError {
             Self::Negative { name, value } => {
                 write!(f, "{name} must not be negative, got {value} m")
             }
-            Self::StaticBelowCoulomb { static_force, coulomb_force } => {
-                write!(
-                    f,
-                    "static_force_n must be at least coulomb_force_n = {coulomb_force} N, got {static_force} N"
-                )
-            }
+            Self::StaticBelowCoulomb { static_force, coulomb_force } => write!(
+                f,
+                "static_force_n must be at least coulomb_force_n = {coulomb_force} N, got {static_force} N"
+            ),
             Self::LagWithoutCreep { lag } => {
                 write!(f, "friction_lag_s = {lag} s needs a creep_velocity_m_s above 0 m/s")
             }
-            Self::DampingForceFalls { slope } => {
-                write!(
-                    f,
-                    "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m"
-                )
-            }
+            Self::DampingForceFalls { slope } => write!(
+                f,
+                "seal damping force must not fall with deformation speed, its slope reaches {slope} N s/m"
+            ),
             Self::CoefficientCount { count } => {
-                write!(
-                    f,
-                    "a piece needs 1 to {} Legendre coefficients, got {count}",
-                    MAX_DEGREE + 1
-                )
+                write!(f, "a piece needs 1 to {MOST} Legendre coefficients, got {count}")
             }
             Self::EmptyInterval { from, to } => {
                 write!(f, "a piece must end right of its start, got [{from}, {to}] m")
@@ -180,31 +175,23 @@ impl fmt::Display for ParamError {
                 f,
                 "the pieces of a branch must meet, left ends at {left_ends} m, right starts at {right_starts} m"
             ),
-            Self::ForceJump { join, left, right } => {
-                write!(
-                    f,
-                    "a branch must be continuous at its join {join} m, got {left} N and {right} N"
-                )
-            }
-            Self::IntervalNotCentred { from, to, half_width } => {
-                write!(
-                    f,
-                    "a branch must span [{}, {half_width}] m, got [{from}, {to}] m",
-                    -half_width
-                )
-            }
-            Self::EndForcesNotRising { at_left, at_right } => {
-                write!(
-                    f,
-                    "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N"
-                )
-            }
-            Self::EndPointConstraint { deflection, force, expected } => {
-                write!(
-                    f,
-                    "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N"
-                )
-            }
+            Self::ForceJump { join, left, right } => write!(
+                f,
+                "a branch must be continuous at its join {join} m, got {left} N and {right} N"
+            ),
+            Self::IntervalNotCentred { from, to, half_width } => write!(
+                f,
+                "a branch must span [{}, {half_width}] m, got [{from}, {to}] m",
+                -half_width
+            ),
+            Self::EndForcesNotRising { at_left, at_right } => write!(
+                f,
+                "the force of a branch must be higher at its right end, got {at_left} N and {at_right} N"
+            ),
+            Self::EndPointConstraint { deflection, force, expected } => write!(
+                f,
+                "both branches must pass {expected} N (the static force) at {deflection} m, got {force} N"
+            ),
             Self::YieldStiffnessTooLow { given, minimum } => write!(
                 f,
                 "yield_stiffness_n_m must be at least {minimum} N/m, the steepest slope of the half gap, got {given} N/m"
@@ -214,7 +201,7 @@ impl fmt::Display for ParamError {
                 "static_force_n {static_force} N above coulomb_force_n {coulomb_force} N needs viscous_damping_n_s_m or seal damping above zero"
             ),
             Self::ElementCount { count } => {
-                write!(f, "a model needs 1 to {} elements, got {count}", MAX_ELEMENTS)
+                write!(f, "a model needs 1 to {MAX_ELEMENTS} elements, got {count}")
             }
             Self::LimitDeflection { index, rate } => write!(
                 f,

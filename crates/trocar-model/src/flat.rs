@@ -334,9 +334,8 @@ impl Seal {
     /// As for [`Trocar::state_from_numbers`].
     pub fn state_from_numbers(&self, row: &[f64]) -> Result<SealState, FlatError> {
         let row = row.get(..SEAL_STATE_NUMBERS).ok_or(FlatError::Length { found: row.len() })?;
-        let number = |place: usize| row.get(place).copied().unwrap_or(f64::NAN);
         let mut state = self.rest();
-        state.set(&mut Reader::new(finite(number)))?;
+        state.set(&mut Reader::new(finite(|place| row.get(place).copied().unwrap_or(f64::NAN))))?;
         Ok(state)
     }
 }

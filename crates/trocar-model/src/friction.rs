@@ -24,6 +24,28 @@ pub trait Friction {
     fn force(state: &Self::State) -> f64;
 }
 
+/// [`Friction`] by the functions of the same names that the model has itself, so that they need no trait.
+macro_rules! friction {
+    ($model:ty, $state:ty) => {
+        impl $crate::friction::Friction for $model {
+            type State = $state;
+
+            fn rest_at_force(&self, force: f64) -> $state {
+                <$model>::rest_at_force(self, force)
+            }
+
+            fn step(&self, state: &mut $state, displacement: f64, duration: f64) -> f64 {
+                <$model>::step(self, state, displacement, duration)
+            }
+
+            fn force(state: &$state) -> f64 {
+                state.force
+            }
+        }
+    };
+}
+pub(crate) use friction;
+
 /// Velocity of a step, m/s, or `None` where the step must leave the state untouched.
 #[inline(always)]
 pub(crate) fn velocity(displacement: f64, duration: f64) -> Option<f64> {

@@ -115,7 +115,7 @@ pub use ems::{Element, ElementParams, Mode, State, VelocityWeakening};
 pub use error::ParamError;
 pub use friction::Friction;
 pub use law::{Choice, Elements, MAX_ELEMENTS, Visit};
-pub use parallel::{Beside, MAX_STAGES, Stages, StagesState, rest_states, step_parallel};
+pub use parallel::{Beside, MAX_STAGES, Stages, StagesState, step_parallel};
 pub use parameter::{Blank, Declaration, Field, ParameterId, Parameters, Quantity, Range, Unit};
 pub use partial::PartialReversals;
 pub use profile::{PositionProfile, ProfileError};

@@ -260,7 +260,7 @@ impl Friction for Stages {
 
 /// States at rest that together give `force`, N, each element bearing the share of its static
 /// forces.
-pub fn rest_states(elements: &[Element], force: f64) -> impl Iterator<Item = State> + '_ {
+pub(crate) fn rest_states(elements: &[Element], force: f64) -> impl Iterator<Item = State> + '_ {
     let limit =
         |e: &Element| e.params().insertion.static_force + e.params().withdrawal.static_force;
     let total: f64 = elements.iter().map(limit).sum();

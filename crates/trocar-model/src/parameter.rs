@@ -236,13 +236,12 @@ impl Quantity {
         let (piece, rest) = key.strip_prefix("theta")?.split_once('_')?;
         let (power, unit) = rest.split_once('_')?;
         let digit = |text: &str| (text.len() == 1).then(|| text.parse::<u8>().ok()).flatten();
-        let is_it = |quantity: &Self| match *quantity {
+        let found = Self::coefficients([POWERS - 1; 2]).find(|quantity| match *quantity {
             Self::Coefficient { piece: own, power: at } => {
                 digit(piece) == Some(own) && digit(power) == Some(at)
             }
             _ => false,
-        };
-        let found = Self::coefficients([POWERS - 1; 2]).find(is_it)?;
+        })?;
         (found.declaration().unit.ending == unit).then_some(found)
     }
 
@@ -288,12 +287,12 @@ impl ParameterId {
     }
 
     /// Displays it in words, such as "Coulomb force, insertion, element 2".
-    pub fn words(self) -> Words {
+    pub fn words(self) -> impl fmt::Display {
         Words(self)
     }
 
     /// Displays its symbol, such as "F_c⁺".
-    pub fn symbol(self) -> Symbol {
+    pub fn symbol(self) -> impl fmt::Display {
         Symbol(self)
     }
 }
@@ -339,10 +338,9 @@ impl FromStr for ParameterId {
                 (Some(number), rest)
             }
         };
-        let toward = |direction: &Direction| {
+        let (direction, key) = match Direction::BOTH.iter().find_map(|direction| {
             rest.strip_prefix(direction.prefix()).map(|key| (*direction, key))
-        };
-        let (direction, key) = match Direction::BOTH.iter().find_map(toward) {
+        }) {
             Some((direction, key)) => (Some(direction), key),
             None => (None, rest),
         };
@@ -353,7 +351,7 @@ impl FromStr for ParameterId {
 
 /// A parameter in words, [`ParameterId::words`].
 #[derive(Clone, Copy, Debug)]
-pub struct Words(ParameterId);
+struct Words(ParameterId);
 
 impl fmt::Display for Words {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -371,7 +369,7 @@ impl fmt::Display for Words {
 
 /// The symbol of a parameter, [`ParameterId::symbol`].
 #[derive(Clone, Copy, Debug)]
-pub struct Symbol(ParameterId);
+struct Symbol(ParameterId);
 
 impl fmt::Display for Symbol {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -43,13 +43,12 @@ fn tunables_of_element() -> impl Iterator<Item = ParameterId> {
     use Quantity::{
         CoulombForce, HalfWidth, SealDamping, StaticRatio, StribeckVelocity, ViscousDamping,
     };
-    let sliding = |direction| {
-        [CoulombForce, StaticRatio, StribeckVelocity, ViscousDamping].map(|q| q.of(direction))
-    };
     let own = ElementParams::FIELDS.iter().map(|field| field.quantity.id());
     let relaxation = RelaxationArm::FIELDS.iter().map(|field| field.quantity.id());
     let of_parts =
-        core::iter::once(HalfWidth.id()).chain(Direction::BOTH.into_iter().flat_map(sliding));
+        core::iter::once(HalfWidth.id()).chain(Direction::BOTH.into_iter().flat_map(|direction| {
+            [CoulombForce, StaticRatio, StribeckVelocity, ViscousDamping].map(|q| q.of(direction))
+        }));
     of_parts.chain([SealDamping.id()]).chain(own).chain(relaxation)
 }
 

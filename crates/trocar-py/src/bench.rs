@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use trocar::bench::config::DEFAULT_TOML;
-use trocar::bench::{BenchConfig, BenchError, BenchRun, Course, Protocol, UnknownProtocol};
+use trocar::bench::{BenchConfig, BenchError, BenchRun, Course, Experiment, UnknownProtocol};
 use trocar::recording::{Readings, Recording as Record};
 
 use crate::arrays::column;
@@ -10,12 +10,6 @@ use crate::errors::{ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::work::{How, run};
-
-/// What a rig does.
-enum Experiment {
-    Protocol(Protocol),
-    Motion(Course),
-}
 
 /// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors
 /// record it.
@@ -34,15 +28,17 @@ pub(crate) fn bench(
     seed: u64,
     config: Option<&str>,
 ) -> PyResult<Recording> {
-    let unknown = |error: UnknownProtocol| ParameterError::new_err(error.to_string());
-    let what = match (protocol, motion) {
-        (Some(name), None) => Experiment::Protocol(name.parse().map_err(unknown)?),
-        (None, Some((time_s, position_m))) => Experiment::Motion(Course {
+    let protocol = protocol.map(str::parse).transpose();
+    let protocol =
+        protocol.map_err(|error: UnknownProtocol| ParameterError::new_err(error.to_string()))?;
+    let motion = match motion {
+        Some((time_s, position_m)) => Some(Course {
             time: column("time_s", &time_s)?.as_slice()?.to_vec(),
             position: column("position_m", &position_m)?.as_slice()?.to_vec(),
         }),
-        _ => return Err(ParameterError::new_err("give a protocol or a motion, and not both")),
+        None => None,
     };
+    let experiment = Experiment::of(protocol, motion).map_err(Raise::raise)?;
     let config =
         config.map(BenchConfig::from_toml).transpose().map_err(Raise::raise)?.unwrap_or_default();
     let file = match seal {
@@ -51,31 +47,18 @@ pub(crate) fn bench(
     };
     let elements = file.stages().map_err(Raise::raise)?.elements().to_vec();
     let record = run(py, How::default(), move |_| {
-        let (name, run) = match &what {
-            Experiment::Protocol(protocol) => {
-                (protocol.name(), trocar::bench::run(&config, *protocol, &elements, seed)?)
-            }
-            Experiment::Motion(course) => {
-                ("motion", trocar::bench::run_motion(&config, course, &elements, seed)?)
-            }
-        };
+        let run = experiment.run(&config, &elements, seed)?;
         let events = run.events;
         let BenchRun { time, position, velocity, force, .. } = run;
         let readings = Readings { time, position, force, velocity: Some(velocity) };
-        Ok((Record::from_readings(name, &readings, Some(config.force_sensor.range_n)), events))
+        Ok((
+            Record::from_readings(experiment.name(), &readings, Some(config.force_sensor.range_n)),
+            events,
+        ))
     })?;
     let (record, events) = record.map_err(|error: BenchError| error.raise())?;
     let mut record = record.map_err(Raise::raise)?;
-    let notes = &mut record.quality.notes;
-    if events.stop_hits > 0 {
-        notes.push(format!("the carriage ran into a safety stop {} times", events.stop_hits));
-    }
-    if events.motor_limited_steps > 0 {
-        notes.push(format!(
-            "the motor was at its force limit in {} steps",
-            events.motor_limited_steps
-        ));
-    }
+    record.quality.notes.extend(events.warnings().into_iter().chain(events.note()));
     Ok(Recording::new(record))
 }
 

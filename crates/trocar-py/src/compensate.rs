@@ -322,13 +322,15 @@ fn along<'py>(
         });
         py.check_signals()?;
     }
-    let fault = |estimate: &Estimate| estimate.fault.map_or(-1, |fault| fault as i8);
     let arrays = (
         PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.trocar_force)),
         PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.tissue_force)),
         PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.std)),
         PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.adapting)),
-        PyArray1::from_iter(py, estimates.iter().map(fault)),
+        PyArray1::from_iter(
+            py,
+            estimates.iter().map(|estimate| estimate.fault.map_or(-1, |fault| fault as i8)),
+        ),
     );
     Ok((arrays, before))
 }

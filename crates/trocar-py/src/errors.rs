@@ -57,12 +57,33 @@ pub(crate) trait Raise {
     fn raise(self) -> PyErr;
 }
 
+/// Errors that are one exception, whatever they say.
+macro_rules! raise {
+    ($($error:path => $exception:ident,)*) => {$(
+        impl Raise for $error {
+            fn raise(self) -> PyErr {
+                $exception::new_err(in_python(&self))
+            }
+        }
+    )*};
+}
+
+raise! {
+    trocar::bench::ConfigError => BenchError,
+    trocar::teleop::ConfigError => TeleopError,
+    trocar::teleop::StudyError => TeleopError,
+    trocar::plan::ConfigError => PlanError,
+    trocar::plan::PlanError => PlanError,
+    trocar_model::ParamError => ParameterError,
+}
+
 impl Raise for trocar::recording::RecordingError {
     fn raise(self) -> PyErr {
         use trocar::recording::RecordingError as E;
         let text = in_python(&self);
         match self {
             E::Open { source, .. } | E::Read { source, .. } => os_error(&source, text),
+            E::OutOfRange { .. } | E::GravityWithoutMass { .. } => ParameterError::new_err(text),
             _ => RecordingError::new_err(text),
         }
     }
@@ -95,7 +116,7 @@ impl Raise for trocar::export::c::CError {
             Self::Model(error) => error.raise(),
             Self::Output(error) => error.raise(),
             Self::Compensate(error) => error.raise(),
-            other => ParameterError::new_err(other.to_string()),
+            other => ParameterError::new_err(in_python(&other)),
         }
     }
 }
@@ -136,25 +157,10 @@ impl Raise for trocar::compensate::CompensateError {
 
 impl Raise for trocar::bench::BenchError {
     fn raise(self) -> PyErr {
-        BenchError::new_err(self.to_string())
-    }
-}
-
-impl Raise for trocar::bench::ConfigError {
-    fn raise(self) -> PyErr {
-        BenchError::new_err(self.to_string())
-    }
-}
-
-impl Raise for trocar::teleop::ConfigError {
-    fn raise(self) -> PyErr {
-        TeleopError::new_err(in_python(&self))
-    }
-}
-
-impl Raise for trocar::teleop::StudyError {
-    fn raise(self) -> PyErr {
-        TeleopError::new_err(in_python(&self))
+        match self {
+            Self::WhichExperiment => ParameterError::new_err(self.to_string()),
+            _ => BenchError::new_err(self.to_string()),
+        }
     }
 }
 
@@ -166,24 +172,6 @@ impl Raise for trocar::teleop::OptionError {
             E::OutOfRange { .. } | E::Empty(_) | E::InVain(..) => ParameterError::new_err(text),
             _ => TeleopError::new_err(text),
         }
-    }
-}
-
-impl Raise for trocar::plan::ConfigError {
-    fn raise(self) -> PyErr {
-        PlanError::new_err(in_python(&self))
-    }
-}
-
-impl Raise for trocar::plan::PlanError {
-    fn raise(self) -> PyErr {
-        PlanError::new_err(in_python(&self))
-    }
-}
-
-impl Raise for trocar_model::ParamError {
-    fn raise(self) -> PyErr {
-        ParameterError::new_err(self.to_string())
     }
 }
 

@@ -7,16 +7,16 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyOSError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use trocar::fleet::{
-    Collector, Config, Dataset, DatasetError, Depth, FleetCell, FleetError, Input, Tally, columns,
+    Collector, Config, Dataset, DatasetError, FleetCell, FleetError, Input, Tally, columns,
     identify_one, identify_source, journal_path,
 };
-use trocar::recording::{Choice, ReadOptions};
 use trocar::table::Kind;
 
-use crate::errors::{InternalError, ParameterError};
-use crate::recording::{check_limit, readings_of_frame};
-use crate::shared::moving_mass;
+use crate::errors::{InternalError, ParameterError, Raise};
+use crate::keys::given;
+use crate::recording::readings_of_frame;
 use crate::work::{How, run};
 
 /// How to identify each recording.
@@ -26,44 +26,11 @@ pub(crate) struct FleetConfig(Config);
 #[pymethods]
 impl FleetConfig {
     #[new]
-    #[pyo3(signature = (*, depth, seed, moving_mass_kg, gravity_m_s2, columns, topics, from_s, to_s, flip_force,
-        sensor_limit_n, most_samples, memory_limit_bytes))]
-    #[allow(clippy::too_many_arguments)] // keywords in Python
-    fn new(
-        depth: &str,
-        seed: u64,
-        moving_mass_kg: f64,
-        gravity_m_s2: f64,
-        columns: Option<String>,
-        topics: Vec<String>,
-        from_s: Option<f64>,
-        to_s: Option<f64>,
-        flip_force: bool,
-        sensor_limit_n: Option<f64>,
-        most_samples: Option<usize>,
-        memory_limit_bytes: Option<u64>,
-    ) -> PyResult<Self> {
-        let all = [Depth::Quick, Depth::Full];
-        let depth = all.into_iter().find(|known| known.name() == depth).ok_or_else(|| {
-            let names = all.map(Depth::name).join(", ");
-            ParameterError::new_err(format!("depth {depth:?}: expected one of {names}"))
-        })?;
-        check_limit(sensor_limit_n)?;
-        let reading = ReadOptions {
-            choice: Choice {
-                columns,
-                topics,
-                from: from_s,
-                to: to_s,
-                flip_force,
-                ..Choice::default()
-            },
-            sensor_limit: sensor_limit_n,
-            most_samples,
-            memory_limit: memory_limit_bytes,
-        };
-        let moving_mass = moving_mass(moving_mass_kg, gravity_m_s2)?;
-        Ok(Self(Config { reading, depth, seed, moving_mass }))
+    #[pyo3(signature = (**options))]
+    fn new(options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let config: Config = options.map(given).transpose()?.unwrap_or_default();
+        config.check().map_err(Raise::raise)?;
+        Ok(Self(config))
     }
 
     /// What a row depends on beside the recording, in short.
@@ -110,14 +77,16 @@ pub(crate) fn fleet_frame(
 fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<PyAny>>> {
     let config = config.0.clone();
     let row = run(py, How { progress: None, threads: 1 }, move |_| identify_one(&input, &config))?;
-    let value = |cell: FleetCell| match cell {
-        FleetCell::Empty => Ok(py.None()),
-        FleetCell::Boolean(value) => value.into_py_any(py),
-        FleetCell::Integer(value) => value.into_py_any(py),
-        FleetCell::Float(value) => value.into_py_any(py),
-        FleetCell::Text(value) => value.into_py_any(py),
-    };
-    row.cells.into_iter().map(value).collect()
+    row.cells
+        .into_iter()
+        .map(|cell| match cell {
+            FleetCell::Empty => Ok(py.None()),
+            FleetCell::Boolean(value) => value.into_py_any(py),
+            FleetCell::Integer(value) => value.into_py_any(py),
+            FleetCell::Float(value) => value.into_py_any(py),
+            FleetCell::Text(value) => value.into_py_any(py),
+        })
+        .collect()
 }
 
 /// The row of one source of a data set, as text for [`FleetTable::add`].

@@ -74,8 +74,10 @@ pub(crate) fn squared_error_many(
     let mut out = place(out, models.count())?;
     apart(&out, &models.read(&[time, position, force]))?;
     let out = out.as_slice_mut()?;
-    let work = || squared_errors(&models, start, &Motion::new(time, position), force, out);
-    run_borrowing(py, threads, work)?.map_err(|refusal| raise(refusal, adjusted.as_ref()))
+    run_borrowing(py, threads, || {
+        squared_errors(&models, start, &Motion::new(time, position), force, out)
+    })?
+    .map_err(|refusal| raise(refusal, adjusted.as_ref()))
 }
 
 fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
@@ -112,11 +114,10 @@ impl<'a> Models<'a> {
     ) -> PyResult<Self> {
         let Some(adjusted) = adjusted else {
             let models: Vec<&Model> = models.iter().map(Py::get).collect();
-            let cannot = |model: &&Model| {
+            return match models.iter().position(|model| {
                 matches!(start, Start::Deflection(_))
                     && matches!(model.trocar().seal(), Seal::Classical(_))
-            };
-            return match models.iter().position(cannot) {
+            }) {
                 Some(index) => Err(raise(Refusal::NoDeflection { index }, None)),
                 None => Ok(Self::Listed(models)),
             };
@@ -238,11 +239,13 @@ fn raise(refusal: Refusal, adjusted: Option<&Adjusted<'_>>) -> PyErr {
     let columns = adjusted.map_or(&[][..], |adjusted| &adjusted.columns);
     match refusal {
         Refusal::Parameter { index, why } => {
-            let value = |column: &Column<'_>| {
-                let value = column.values.as_slice().ok()?.get(index)?;
-                Some(format!("{} = {}{}", column.law.name, number(*value), column.unit()))
-            };
-            let values: Vec<String> = columns.iter().filter_map(value).collect();
+            let values: Vec<String> = columns
+                .iter()
+                .filter_map(|column| {
+                    let value = column.values.as_slice().ok()?.get(index)?;
+                    Some(format!("{} = {}{}", column.law.name, number(*value), column.unit()))
+                })
+                .collect();
             ParameterError::new_err(format!("model {index} with {}: {why}", values.join(", ")))
         }
         Refusal::NoDeflection { index } => ParameterError::new_err(format!(

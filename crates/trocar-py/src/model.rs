@@ -1,8 +1,7 @@
 //! `Model` and its `Tunable` parameters.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use pyo3::exceptions::PyTypeError;
@@ -10,14 +9,13 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
 use trocar::compensate::CompensateOptions;
-use trocar::export::c::{COptions, DEFAULT_PREFIX, Precision, from_text, stem};
+use trocar::export::c::{COptions, DEFAULT_PREFIX, from_text, stem};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
-use trocar::output::{AtomicFile, OutputError};
+use trocar::output::write_whole;
 use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Source, Version, package};
 use trocar_model::{Declaration, ParameterId, Seal, Trocar};
 
-use crate::errors::number;
-use crate::errors::{InternalError, ParameterError, Raise, TrocarError};
+use crate::errors::{InternalError, ParameterError, Raise, TrocarError, in_python, number};
 
 /// The libraries for FMUs that this package carries.
 const INSIDE: Embedded = include!(concat!(env!("OUT_DIR"), "/fmu.rs"));
@@ -150,7 +148,7 @@ impl Model {
 
     /// Writes a model file; it appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        py.detach(|| store(&path, self.0.to_json().as_bytes())).map_err(Raise::raise)
+        py.detach(|| write_whole(&path, self.0.to_json().as_bytes())).map_err(Raise::raise)
     }
 
     /// Writes the model in C99 (`trocar export c`): `path`, which ends in .c, and beside it a header
@@ -173,27 +171,18 @@ impl Model {
         precision: &str,
         compensator: bool,
     ) -> PyResult<()> {
-        let precision = match precision {
-            "double" => Precision::Double,
-            "single" => Precision::Single,
-            _ => {
-                return Err(ParameterError::new_err(format!(
-                    "precision {precision:?}: expected double or single"
-                )));
-            }
-        };
-        let export = || {
+        py.detach(|| {
             let observing = CompensateOptions::default();
             let options = COptions {
                 prefix: &prefix,
                 stem: stem(&path)?,
-                precision,
+                precision: precision.parse()?,
                 compensator: compensator.then_some(&observing),
                 internal: false,
             };
             from_text(&self.0.to_json(), "model.json", options)?.store(&path)
-        };
-        py.detach(export).map_err(Raise::raise)
+        })
+        .map_err(Raise::raise)
     }
 
     /// Writes the model as a functional mock-up unit (`trocar export fmu`); the file appears whole
@@ -217,24 +206,12 @@ impl Model {
         platforms: Option<Vec<String>>,
         source: bool,
     ) -> PyResult<()> {
-        let version = match fmi {
-            2 => Version::V2,
-            3 => Version::V3,
-            _ => return Err(ParameterError::new_err(format!("fmi must be 2 or 3, got {fmi}"))),
-        };
-        let input = match input {
-            "position" => Input::Position,
-            "velocity" => Input::Velocity,
-            _ => {
-                return Err(ParameterError::new_err(format!(
-                    "input {input:?}: expected position or velocity"
-                )));
-            }
-        };
         let refuse = |error: PackageError| match error {
             PackageError::NotCarried { .. } => TrocarError::new_err(error.to_string()),
-            _ => ParameterError::new_err(error.to_string()),
+            _ => ParameterError::new_err(in_python(&error)),
         };
+        let version: Version = fmi.to_string().parse().map_err(refuse)?;
+        let input: Input = input.parse().map_err(refuse)?;
         let platforms: Option<Result<Vec<Platform>, _>> =
             platforms.map(|names| names.iter().map(|name| name.parse()).collect());
         let platforms = platforms.transpose().map_err(refuse)?;
@@ -260,7 +237,7 @@ impl Model {
                 .map(|files| Source { header: &files.header, code: &files.source }),
         };
         let bytes = package(&contents).map_err(refuse)?;
-        py.detach(|| store(&path, &bytes)).map_err(Raise::raise)
+        py.detach(|| write_whole(&path, &bytes)).map_err(Raise::raise)
     }
 
     /// Kind of the model: "ems", or the kind of a classical model as in its file, such as "lugre".
@@ -328,10 +305,9 @@ impl Model {
             } else {
                 value.extract().ok()
             };
-            let wrong = || {
+            new[place] = read.ok_or_else(|| {
                 PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)))
-            };
-            new[place] = read.ok_or_else(wrong)?;
+            })?;
             // Writing to a string cannot fail.
             let _ = write!(note, " {name} = {}", number(new[place]));
         }
@@ -369,13 +345,6 @@ impl Model {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, (String,))> {
         Ok((slf.get_type().getattr(intern!(slf.py(), "from_json"))?, (slf.get().to_json(),)))
     }
-}
-
-/// Writes a file that appears whole or not at all.
-fn store(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
-    let mut file = AtomicFile::create(path)?;
-    file.write_all(bytes).map_err(|source| file.write_error(source))?;
-    file.commit()
 }
 
 pub(crate) fn unknown(name: &str, known: &[Tunable]) -> PyErr {

@@ -91,10 +91,10 @@ impl PosteriorTable {
 
     /// The model of each draw, without a position profile.
     fn models(&self) -> Vec<Model> {
-        let model = |stages: &Stages| {
-            Model::from(ModelFile::new(*stages, Origin::new(OriginKind::Identified)))
-        };
-        self.models.iter().map(model).collect()
+        self.models
+            .iter()
+            .map(|stages| Model::from(ModelFile::new(*stages, Origin::new(OriginKind::Identified))))
+            .collect()
     }
 
     /// Writes the draws.

@@ -18,7 +18,7 @@ use trocar::recording::{
 use trocar::report::recording::document;
 
 use crate::arrays::column;
-use crate::errors::{ArrayError, InternalError, ParameterError, Raise, in_python, number};
+use crate::errors::{ArrayError, InternalError, ParameterError, Raise, in_python};
 use crate::shared::{Picture, figures, finite};
 use crate::work::{How, run};
 
@@ -51,12 +51,13 @@ impl Recording {
 
     /// A column as a read-only array, made when it is asked for first.
     fn column(&self, py: Python<'_>, place: usize, values: &[f64]) -> PyResult<Py<PyArray1<f64>>> {
-        let make = || {
-            let array = PyArray1::from_slice(py, values);
-            array.call_method1(intern!(py, "setflags"), (false,))?;
-            Ok::<_, PyErr>(array.unbind())
-        };
-        Ok(self.columns[place].get_or_try_init(py, make)?.clone_ref(py))
+        Ok(self.columns[place]
+            .get_or_try_init(py, || {
+                let array = PyArray1::from_slice(py, values);
+                array.call_method1(intern!(py, "setflags"), (false,))?;
+                Ok::<_, PyErr>(array.unbind())
+            })?
+            .clone_ref(py))
     }
 }
 
@@ -74,7 +75,6 @@ fn recording_of(
     sensor_limit_n: Option<f64>,
     choice: Choice,
 ) -> PyResult<Record> {
-    check_limit(sensor_limit_n)?;
     if choice.flip_force {
         readings.force.iter_mut().for_each(|force| *force = -*force);
     }
@@ -94,15 +94,6 @@ fn columns_in_words(columns: &Bound<'_, PyAny>) -> PyResult<String> {
     py.import(intern!(py, "trocar._arrays"))?
         .call_method1(intern!(py, "columns_in_words"), (columns,))?
         .extract()
-}
-
-pub(crate) fn check_limit(limit: Option<f64>) -> PyResult<()> {
-    match limit {
-        Some(limit) if !(limit.is_finite() && limit > 0.0) => Err(ParameterError::new_err(
-            format!("sensor_limit_n must be positive, got {} N", number(limit)),
-        )),
-        _ => Ok(()),
-    }
 }
 
 /// The columns of a data frame in SI units, found by their names or as `columns` says, and what was
@@ -348,13 +339,13 @@ impl Recording {
     /// Writes the recording as CSV, in SI units; the file appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let Record { time, position, force, velocity, .. } = &*self.record;
-        let write = || {
+        py.detach(|| {
             let mut file = AtomicFile::create(&path)?;
             let outcome = recording::write(&mut file, time, position, velocity.as_deref(), force);
             outcome.map_err(|source| file.write_error(source))?;
             file.commit()
-        };
-        py.detach(write).map_err(Raise::raise)
+        })
+        .map_err(Raise::raise)
     }
 
     fn __len__(&self) -> usize {
@@ -450,7 +441,6 @@ pub(crate) fn read(
     skip_rows: u64,
     rate_hz: Option<f64>,
 ) -> PyResult<Recording> {
-    check_limit(sensor_limit_n)?;
     let columns = columns.map(columns_in_words).transpose()?;
     let choice = Choice {
         columns,

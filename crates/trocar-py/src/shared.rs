@@ -1,10 +1,9 @@
 //! What several functions take or give.
 
-use std::io::Write as _;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use trocar::output::AtomicFile;
+use trocar::output::write_whole;
 use trocar::report::{self, Document};
 use trocar::workflow::MovingMass;
 
@@ -14,25 +13,13 @@ use crate::work::{How, run};
 
 /// A declared moving mass.
 pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
-    not_negative("moving_mass_kg", mass, "kg")?;
-    finite("gravity_m_s2", gravity, "m/s^2")?;
-    MovingMass::new(mass, gravity).map_err(|error| ParameterError::new_err(error.to_string()))
+    MovingMass::new(mass, gravity).map_err(Raise::raise)
 }
 
 pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong =
-        || ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)));
-    value.is_finite().then_some(()).ok_or_else(wrong)
-}
-
-pub(crate) fn not_negative(name: &str, value: f64, unit: &str) -> PyResult<()> {
-    let wrong = || {
-        ParameterError::new_err(format!(
-            "{name} must be finite and not negative, got {} {unit}",
-            number(value)
-        ))
-    };
-    (value.is_finite() && value >= 0.0).then_some(()).ok_or_else(wrong)
+    value.is_finite().then_some(()).ok_or_else(|| {
+        ParameterError::new_err(format!("{name} must be finite, got {} {unit}", number(value)))
+    })
 }
 
 /// A figure: name, title, caption, SVG.
@@ -62,12 +49,6 @@ pub(crate) fn write_page(
     path: PathBuf,
     document: impl FnOnce() -> Document + Send + 'static,
 ) -> PyResult<()> {
-    let write = move || {
-        let page = report::page(&document())?;
-        let mut file = AtomicFile::create(&path)?;
-        let outcome = file.write_all(page.as_bytes());
-        outcome.map_err(|source| file.write_error(source))?;
-        Ok(file.commit()?)
-    };
+    let write = move || Ok(write_whole(&path, report::page(&document())?.as_bytes())?);
     run(py, How::default(), move |_| write())?.map_err(|error: report::ReportError| error.raise())
 }

@@ -4,7 +4,6 @@ use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use trocar::identify::Progress;
 use trocar::option::{Interface, spelt};
 use trocar::recording::{Recording as Record, RecordingError};
 use trocar::replay::{Replay, replay};
@@ -15,7 +14,7 @@ use trocar::workflow::Correction;
 use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::{Recording, records};
-use crate::shared::{Picture, figures, finite, not_negative};
+use crate::shared::{Picture, figures};
 use crate::work::{How, run};
 
 /// A finished validation.
@@ -52,20 +51,18 @@ pub(crate) fn validate(
         return Err(ParameterError::new_err("no recording to validate on"));
     }
     let file = model.get().file().clone();
-    let correction = Correction::of(&file, offset_n, moving_mass_kg);
+    let correction = Correction::of(&file, offset_n, moving_mass_kg).map_err(Raise::raise)?;
     let Correction { offset_n: offset, moving_mass_kg: mass, .. } = correction;
-    not_negative("moving_mass_kg", mass, "kg")?;
-    finite("offset_n", offset, "N")?;
     let recordings = records(&recordings);
-    let task = move |_: Progress<'_>| {
+    run(py, How { progress: None, threads }, move |_| {
         let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));
         let recordings: Vec<Record> = prepared.collect::<Result<_, RecordingError>>()?;
         let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
         let runs =
             recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
         Ok(Validated(Arc::new(Job { recordings, runs, validation, offset, mass })))
-    };
-    run(py, How { progress: None, threads }, task)?.map_err(|error: RecordingError| error.raise())
+    })?
+    .map_err(|error: RecordingError| error.raise())
 }
 
 #[pymethods]

@@ -66,10 +66,12 @@ impl Block {
 
     /// A row of quantities.
     pub(crate) fn row(&self, row: usize) -> SampleRow {
-        let value = |quantity: Quantity| {
-            self.columns[quantity as usize].get(row).copied().unwrap_or(f64::NAN)
-        };
-        SampleRow { line: self.line(row), values: Quantity::ALL.map(value) }
+        SampleRow {
+            line: self.line(row),
+            values: Quantity::ALL.map(|quantity| {
+                self.columns[quantity as usize].get(row).copied().unwrap_or(f64::NAN)
+            }),
+        }
     }
 
     /// Appends the rows of `other`, whose lines are counted from `line`.

@@ -2,6 +2,8 @@
 
 use std::io::Read;
 
+use serde::{Deserialize, Serialize};
+
 use super::columns::{Given, Layout};
 use super::container::{Container, Table};
 use super::header::{Header, Text};
@@ -14,7 +16,8 @@ const MOST_GUESSED: usize = 64;
 
 /// What to read from a file. The default finds time, position and force by their names, from the
 /// first row to the last.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Choice {
     /// Names of the columns: in order, `time_s,position_mm,-,force_n`, or by name,
     /// `position_mm=x,force_n=-fz`. A minus reverses the sign, and a name that contains commas is
@@ -23,8 +26,10 @@ pub struct Choice {
     /// Topics, groups or other tables to search; all of them when empty.
     pub topics: Vec<String>,
     /// Rows before this time, s, counted from the first row, are omitted.
+    #[serde(rename = "from_s")]
     pub from: Option<f64>,
     /// Rows from this time on, s, counted from the first row, are omitted.
+    #[serde(rename = "to_s")]
     pub to: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted in the opposite direction.
     pub flip_force: bool,
@@ -34,6 +39,7 @@ pub struct Choice {
     pub rate_hz: Option<f64>,
     /// Whether columns, topics, skipped lines and rate are those of another file of the same
     /// origin: a file that cannot be read with them is read by its own header.
+    #[serde(skip)]
     pub from_another_file: bool,
 }
 
@@ -242,14 +248,16 @@ fn in_several(
         let mut all = tables.iter().copied();
         let with_column =
             all.find(|table| layout_of(file, container, *table, choice, &[quantity]).is_ok());
-        let by_name = || {
-            tables.iter().copied().find(|table| {
-                let name = &container.tables()[*table].name;
-                let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
-                columns::quantity_named(leaf) == Some(quantity)
-            })
-        };
-        places.push((quantity, with_column.or_else(by_name)?));
+        places.push((
+            quantity,
+            with_column.or_else(|| {
+                tables.iter().copied().find(|table| {
+                    let name = &container.tables()[*table].name;
+                    let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
+                    columns::quantity_named(leaf) == Some(quantity)
+                })
+            })?,
+        ));
     }
     let is_apart = places.windows(2).any(|pair| pair[0].1 != pair[1].1);
     let words = places.iter().map(|(quantity, table)| {

@@ -86,10 +86,12 @@ impl Collector {
     pub(super) fn take(&mut self, block: &Block) {
         let wanted = [Quantity::Time, Quantity::Position, Quantity::Force, Quantity::Velocity];
         let columns = &wanted[..if self.columns.velocity.is_some() { 4 } else { 3 }];
-        let is_whole =
-            |quantity: &Quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite());
         let fits = self.excerpts.level == 0 && self.len() + block.len() <= self.excerpts.most;
-        if !fits || !columns.iter().all(is_whole) {
+        if !fits
+            || !columns
+                .iter()
+                .all(|quantity| block.columns[*quantity as usize].iter().all(|x| x.is_finite()))
+        {
             return (0..block.len()).for_each(|row| self.add(block.row(row)));
         }
         let before = self.len();

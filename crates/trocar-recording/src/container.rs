@@ -10,7 +10,7 @@ pub use trocar_tables::content::{Column, Table};
 use super::RecordingError;
 
 /// Most rows per batch: bounds the memory of all streaming readers.
-pub const BATCH_ROWS: usize = 1 << 16;
+pub(crate) const BATCH_ROWS: usize = 1 << 16;
 
 /// An opened file whose tables are known.
 pub trait Container {
@@ -69,13 +69,29 @@ pub trait Container {
 
 /// Batches of rows of some columns.
 pub trait Batches: Send {
-    /// Replaces the content of `columns` by the next rows, at most [`BATCH_ROWS`], all columns of
+    /// Replaces the content of `columns` by the next rows, at most 65 536, all columns of
     /// equal length; NaN for a missing cell. `false` at the end, with `columns` empty.
     ///
     /// # Errors
     /// [`RecordingError`], with the row at which the file is damaged; all rows before it were
     /// returned earlier.
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError>;
+
+    /// First rows of the last batch and their lines, wherever lines are not consecutive; `None` where rows are
+    /// counted.
+    fn lines(&mut self) -> Option<Vec<(usize, u64)>> {
+        None
+    }
+
+    /// Approximate number of rows, if the table does not state it.
+    fn expected(&self) -> Option<u64> {
+        None
+    }
+
+    /// SHA-256 of what was read, in hexadecimal, if it cannot be read again; empty if it was not asked for.
+    fn digest(&mut self) -> String {
+        String::new()
+    }
 
     /// How the rows were computed, if not simply read; complete at the end.
     fn notes(&self) -> Vec<String> {

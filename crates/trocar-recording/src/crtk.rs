@@ -90,14 +90,13 @@ pub(crate) fn estimate<'a>(topic: &str, all: impl IntoIterator<Item = &'a str>) 
         return Some(format!("an estimate by its name ({word}), not a force sensor"));
     }
     let (front, operation) = topic.rsplit_once('/').unwrap_or(("", topic));
-    let is_of_the_arm = |other: &str| {
+    (operation == "measured_cf" && all.into_iter().any(|other| {
         let (arm, own) = other.rsplit_once('/').unwrap_or(("", other));
         let verb = own.split('_').next().unwrap_or(own);
         let has_motion = ["_js", "_jp", "_cp", "_cv"].iter().any(|kind| own.ends_with(kind))
             && (verb == "measured" || COMMANDS.contains(&verb));
         has_motion && (front == arm || (!arm.is_empty() && front.starts_with(&format!("{arm}/"))))
-    };
-    (operation == "measured_cf" && all.into_iter().any(is_of_the_arm)).then(|| {
+    })).then(|| {
         "the arm's own estimate from the currents of its motors, not a force sensor: drive friction and inertia are in it"
             .to_owned()
     })

@@ -470,11 +470,17 @@ pub enum RecordingError {
         /// The problem and its remedy.
         problem: String,
     },
-    /// A moving mass with an invalid value.
-    #[error("moving mass must be finite and not negative, got {found} kg")]
-    MovingMass {
-        /// The given value, in kg.
+    /// An option with an invalid value.
+    #[error("‹{option}› must be {allowed}, got {found} {unit}")]
+    OutOfRange {
+        /// Name of the option.
+        option: &'static str,
+        /// What is allowed.
+        allowed: &'static str,
+        /// The given value.
         found: f64,
+        /// Its unit.
+        unit: &'static str,
     },
     /// Gravity without a moving mass on which it acts.
     #[error(

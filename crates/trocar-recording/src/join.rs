@@ -639,17 +639,19 @@ mod tests {
         /// Topics with stamps, log times and one value each.
         fn new(piece: usize, topics: &[(&str, Vec<[f64; 3]>)]) -> Self {
             let column = |name: &str| Column { name: name.into(), unit: None, is_numeric: true };
-            let table = |(name, _): &(&str, Vec<[f64; 3]>)| Table {
-                name: (*name).into(),
-                kind: String::new(),
-                rows: None,
-                columns: vec![column(HEADER_STAMP), column(LOG_TIME), column("value")],
-            };
             let split = |(_, rows): &(&str, Vec<[f64; 3]>)| {
                 (0..3).map(|k| rows.iter().map(|row| row[k]).collect()).collect::<Vec<Vec<f64>>>()
             };
             Self {
-                tables: topics.iter().map(table).collect(),
+                tables: topics
+                    .iter()
+                    .map(|(name, _)| Table {
+                        name: (*name).into(),
+                        kind: String::new(),
+                        rows: None,
+                        columns: vec![column(HEADER_STAMP), column(LOG_TIME), column("value")],
+                    })
+                    .collect(),
                 columns: topics.iter().map(split).collect(),
                 piece,
             }
@@ -690,8 +692,7 @@ mod tests {
     }
 
     fn picks(log: &Log) -> Vec<Pick> {
-        let pick = |table| Pick { table, clock: None, values: vec![2] };
-        (0..log.tables.len()).map(pick).collect()
+        (0..log.tables.len()).map(|table| Pick { table, clock: None, values: vec![2] }).collect()
     }
 
     fn joined(log: &Log) -> (Vec<Vec<f64>>, Joined) {
@@ -709,11 +710,13 @@ mod tests {
     /// after its stamp.
     fn line(start: f64, intervals: &[f64], late: f64) -> Vec<[f64; 3]> {
         let mut time = start;
-        let row = |interval: &f64| {
-            time += interval;
-            [time, time + 1e-3, 3.0 + 2.0 * (time - late)]
-        };
-        intervals.iter().map(row).collect()
+        intervals
+            .iter()
+            .map(|interval| {
+                time += interval;
+                [time, time + 1e-3, 3.0 + 2.0 * (time - late)]
+            })
+            .collect()
     }
 
     proptest! {

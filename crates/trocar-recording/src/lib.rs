@@ -21,8 +21,8 @@ pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-pub use recording::{ReadOptions, Readings, Recording};
-pub use screen::{MIN_SAMPLES, OPPOSED};
+pub use recording::{ReadOptions, Readings, Recording, check_sensor_limit};
+pub use screen::OPPOSED;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};
 
@@ -58,7 +58,7 @@ mod units;
 /// [`RecordingError`], naming file and line, when a cell is not a number, a row has the wrong
 /// number of cells, a column or its unit is missing or ambiguous, time is constant or decreases by
 /// more than an interval, the stroke is longer than that of any instrument, or fewer than
-/// [`MIN_SAMPLES`] samples remain. Less severe findings are recorded in [`Recording::quality`].
+/// 8 samples remain. Less severe findings are recorded in [`Recording::quality`].
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Recording, RecordingError> {
     read_in_words(path, options).map(|(recording, _)| recording)
 }
@@ -71,6 +71,7 @@ pub fn read_in_words(
     path: &Path,
     options: &ReadOptions,
 ) -> Result<(Recording, Vec<String>), RecordingError> {
+    check_sensor_limit(options.sensor_limit)?;
     let file = path.display().to_string();
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut reader = Rows::open(path, &options.choice, &needed, true)?;

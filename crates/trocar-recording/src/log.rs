@@ -253,12 +253,13 @@ impl Topics<'_> {
         if of_z >= of_x.max(of_y) {
             return Ok(Ok(format!(" (range {of_z:.3} N; x {of_x:.3} N, y {of_y:.3} N)")));
         }
-        let axis = |(column, range): (usize, f64)| {
-            let why = format!("range {range:.3} N");
-            let (quantity, certainty) = (Quantity::Force, Certainty::Unclear);
-            (table, column, Candidate { quantity, per_si: Some(1.0), why, certainty })
-        };
-        Ok(Err([(x, of_x), (y, of_y), (column, of_z)].map(axis).into()))
+        Ok(Err([(x, of_x), (y, of_y), (column, of_z)]
+            .map(|(column, range)| {
+                let why = format!("range {range:.3} N");
+                let (quantity, certainty) = (Quantity::Force, Certainty::Unclear);
+                (table, column, Candidate { quantity, per_si: Some(1.0), why, certainty })
+            })
+            .into()))
     }
 
     /// Of a pose, the axis with nearly all of the travel is likely that of the instrument.
@@ -347,13 +348,15 @@ impl Topics<'_> {
             return Ok(Some(own));
         }
         let tables = self.container.tables();
-        let is_free = |place: &(usize, usize)| {
-            let (topic, name) = (&tables[place.0], &tables[place.0].columns[place.1].name);
-            let is_clock = name.ends_with("_time_s") || name == HEADER_STAMP;
-            let is_nothing = meaning(&topic.name, &topic.kind, name) == Meaning::Nothing;
-            !is_clock && !is_nothing && !used.contains(place)
-        };
-        let free: Vec<(usize, usize)> = self.columns().filter(is_free).collect();
+        let free: Vec<(usize, usize)> = self
+            .columns()
+            .filter(|place| {
+                let (topic, name) = (&tables[place.0], &tables[place.0].columns[place.1].name);
+                let is_clock = name.ends_with("_time_s") || name == HEADER_STAMP;
+                let is_nothing = meaning(&topic.name, &topic.kind, name) == Meaning::Nothing;
+                !is_clock && !is_nothing && !used.contains(place)
+            })
+            .collect();
         let mut of_unit = free.iter().filter_map(|&(table, column)| {
             let unit = tables[table].columns[column].unit.as_deref()?;
             Some(((table, column), quantity.declared(unit)?))

@@ -200,11 +200,12 @@ fn mean_squares(values: &[f64], around: usize) -> Vec<f64> {
         *sum += v * v;
         Some(*sum)
     }));
-    let mean = |k: usize| {
-        let (from, to) = (k.saturating_sub(around), (k + around + 1).min(values.len()));
-        (sums[to] - sums[from]) / (to - from) as f64
-    };
-    (0..values.len()).map(mean).collect()
+    (0..values.len())
+        .map(|k| {
+            let (from, to) = (k.saturating_sub(around), (k + around + 1).min(values.len()));
+            (sums[to] - sums[from]) / (to - from) as f64
+        })
+        .collect()
 }
 
 /// Ratio of a sharper acceleration to a smooth one, where the latter is large.

@@ -6,10 +6,9 @@ use std::path::Path;
 use super::block::SampleRow;
 use super::collect::Collector;
 use super::rows::Rows;
+use super::screen::MIN_SAMPLES;
 use super::units::Quantity;
-use super::{
-    Choice, MIN_SAMPLES, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible,
-};
+use super::{Choice, ReadOptions, Recording, RecordingError, Warning, WarningKind, plausible};
 
 /// Reads a recording piece by piece; each is checked separately. No piece holds more samples than
 /// requested except the last, which may include the few that would be too few for a separate piece.
@@ -29,7 +28,7 @@ pub struct Pieces {
 
 impl Pieces {
     /// Opens the file at `path`, or standard input for `-`, to be read in pieces of `samples`
-    /// samples, at least [`MIN_SAMPLES`].
+    /// samples, at least 8.
     ///
     /// # Errors
     /// As for [`read`](super::read), as far as they are detected before the first row.
@@ -38,6 +37,7 @@ impl Pieces {
         options: &ReadOptions,
         samples: usize,
     ) -> Result<Self, RecordingError> {
+        crate::check_sensor_limit(options.sensor_limit)?;
         let file = path.display().to_string();
         let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
         let rows = Rows::open(path, &options.choice, &needed, false)?;

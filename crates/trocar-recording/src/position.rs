@@ -1,8 +1,7 @@
 //! Errors of a position sensor: single outliers, and a delay of all readings.
 
-use std::ops::Range;
-
-use super::{Choice, MIN_SAMPLES, Recording, RecordingError};
+use super::screen::MIN_SAMPLES;
+use super::{Choice, Recording, RecordingError};
 
 /// A glitch deviates from the line through its neighbours by this many times noise and resolution,
 /// at least by [`FLOOR`] ...
@@ -44,14 +43,15 @@ impl Recording {
             * self.quality.position_noise.max(self.quality.position_resolution))
         .max(FLOOR);
         let (t, x) = (&self.time, &self.position);
-        let is_glitch = |i: &usize| {
-            let (off, neighbours) = off_line(t, x, *i);
-            off > least.max(OVER_NEIGHBOURS * neighbours)
-        };
-        let inside = |range: Range<usize>| {
-            (range.start + NEIGHBOURS..range.end.saturating_sub(NEIGHBOURS)).filter(is_glitch)
-        };
-        let glitches: Vec<usize> = self.unbroken().flat_map(inside).collect();
+        let glitches: Vec<usize> = self
+            .unbroken()
+            .flat_map(|range| {
+                (range.start + NEIGHBOURS..range.end.saturating_sub(NEIGHBOURS)).filter(|i| {
+                    let (off, neighbours) = off_line(t, x, *i);
+                    off > least.max(OVER_NEIGHBOURS * neighbours)
+                })
+            })
+            .collect();
         for run in glitches.clone().chunk_by(|a, b| b - a == 1) {
             let (a, b) = (run[0] - 1, run[run.len() - 1] + 1);
             let slope = (self.position[b] - self.position[a]) / (self.time[b] - self.time[a]);

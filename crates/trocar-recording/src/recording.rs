@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::RecordingError;
@@ -69,17 +70,33 @@ impl Readings {
 }
 
 /// Options for reading a file.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct ReadOptions {
     /// What to read from the file.
+    #[serde(flatten)]
     pub choice: Choice,
     /// Largest force the sensor can read, in N; readings there count as saturated.
+    #[serde(rename = "sensor_limit_n")]
     pub sensor_limit: Option<f64>,
     /// Most samples to keep; of a longer recording, excerpts spread over its whole length are kept,
     /// and a note reports this.
     pub most_samples: Option<usize>,
     /// Most memory the columns may take, in bytes.
+    #[serde(rename = "memory_limit_bytes")]
     pub memory_limit: Option<u64>,
+}
+
+/// Rejects a largest force, N, that no sensor has.
+///
+/// # Errors
+/// [`RecordingError::OutOfRange`].
+pub fn check_sensor_limit(limit: Option<f64>) -> Result<(), RecordingError> {
+    let wrong = limit.filter(|limit| !(limit.is_finite() && *limit > 0.0));
+    wrong.map_or(Ok(()), |found| {
+        let (option, allowed, unit) = ("sensor_limit_n", "positive", "N");
+        Err(RecordingError::OutOfRange { option, allowed, found, unit })
+    })
 }
 
 impl Recording {
@@ -112,6 +129,7 @@ impl Recording {
         readings: &Readings,
         sensor_limit: Option<f64>,
     ) -> Result<Self, RecordingError> {
+        check_sensor_limit(sensor_limit)?;
         let name = name.into();
         let Readings { time, position, force, velocity } = readings;
         let given =
@@ -206,10 +224,11 @@ impl Recording {
     /// not that of a sensor which feels the mass: it stays as it is.
     ///
     /// # Errors
-    /// [`RecordingError::MovingMass`] when the mass is negative or not finite.
+    /// [`RecordingError::OutOfRange`] when the mass is negative or not finite.
     pub fn without_moving_mass(mut self, mass: f64, gravity: f64) -> Result<Self, RecordingError> {
         if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
-            return Err(RecordingError::MovingMass { found: mass });
+            let (option, allowed) = ("moving_mass_kg", "finite and not negative");
+            return Err(RecordingError::OutOfRange { option, allowed, found: mass, unit: "kg" });
         }
         if mass > PLAUSIBLE_MASS {
             let message = format!(

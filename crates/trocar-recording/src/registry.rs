@@ -354,15 +354,15 @@ const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
 /// Whether HDF5 is at the beginning, or follows a block of text as MATLAB writes it: by the definition of
 /// HDF5 any power of two, usually 512 bytes.
 fn is_hdf5(input: &Input) -> bool {
-    let is_further = |at: u64| {
-        let mut bytes = [0; HDF5.len()];
-        input.file().is_ok_and(|file| read_exact_at(&file, &mut bytes, at).is_ok())
-            && bytes == *HDF5
-    };
     let is_of_matlab = input.has(0, b"MATLAB");
     input.has(0, HDF5)
         || input.has(512, HDF5)
-        || (is_of_matlab && [1024, 2048, 4096, 8192].into_iter().any(is_further))
+        || (is_of_matlab
+            && [1024, 2048, 4096, 8192].into_iter().any(|at| {
+                let mut bytes = [0; HDF5.len()];
+                input.file().is_ok_and(|file| read_exact_at(&file, &mut bytes, at).is_ok())
+                    && bytes == *HDF5
+            }))
 }
 
 /// Whether a message marker is followed by what can be the length of a schema, which begins every stream.

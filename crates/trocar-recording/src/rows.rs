@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 use std::thread::JoinHandle;
 
 use sha2::{Digest, Sha256};
@@ -16,7 +16,7 @@ use super::columns::Layout;
 use super::container::{Batches, Container};
 use super::registry;
 use super::samples::Count;
-use super::text::{TextReader, hex};
+use super::text::{TextBatches, TextReader, hex};
 use super::units::Quantity;
 use super::{Location, RecordingError, log};
 
@@ -29,9 +29,17 @@ const HASHED: usize = 1 << 20;
 
 /// Reads rows of a file or stream.
 pub struct Rows<'a> {
-    source: Source<'a>,
-    /// Size of a text file, and number of bytes read; compressed or not.
-    text_file: Option<(u64, Arc<AtomicU64>)>,
+    batches: Box<dyn Batches + 'a>,
+    layout: Layout,
+    /// The last batch, by the columns of the layout.
+    raw: Vec<Vec<f64>>,
+    /// Number of rows, if the file states it.
+    rows: Option<u64>,
+    read: u64,
+    count: Count,
+    warnings: Vec<String>,
+    /// Of a file that is no text.
+    hash: Option<JoinHandle<Result<String, RecordingError>>>,
     crop: Crop,
     /// Whether the columns of a choice from another file were missing.
     is_by_own_header: bool,
@@ -40,11 +48,6 @@ pub struct Rows<'a> {
     block: Block,
     /// Next row of the block.
     next: usize,
-}
-
-enum Source<'a> {
-    Text(Box<TextReader<Box<dyn Read + Send + 'a>>>),
-    Table(Box<TableRows>),
 }
 
 impl Rows<'static> {
@@ -68,17 +71,16 @@ impl Rows<'static> {
         let input = TextInput::open(path).map_err(RecordingError::cannot_open(path))?;
         let (name, head) = (path.display().to_string(), Head::new(input.text));
         let text = Box::new(head.clone());
-        let opened =
-            Self::from_text(&name, text.clone(), false, choice, needed, hash).or_else(|_| {
-                head.rewind();
-                Self::from_text(&name, text, false, &own, needed, hash).map(Self::by_own_header)
-            });
+        let opened = Self::of_text(&name, text.clone(), None, choice, needed, hash).or_else(|_| {
+            head.rewind();
+            Self::of_text(&name, text, None, &own, needed, hash).map(Self::by_own_header)
+        });
         head.forget();
         opened
     }
 
     fn by_own_header(mut self) -> Self {
-        self.layout_mut().notes.push(BY_OWN_HEADER.to_owned());
+        self.layout.notes.push(BY_OWN_HEADER.to_owned());
         self.is_by_own_header = true;
         self
     }
@@ -120,55 +122,89 @@ impl Rows<'static> {
             && let Some(container) = registry::open(path, choice.skip_rows)?
         {
             choice.check_rate(&file)?;
-            let mut table = TableRows::open(&file, container.as_ref(), choice, needed)?;
-            table.hash = hash.then(|| hash_of(path));
-            return Ok(Self::new(Source::Table(Box::new(table)), None, choice));
+            let mut rows = Self::of_table(&file, container.as_ref(), choice, needed)?;
+            rows.hash = hash.then(|| hash_of(path));
+            return Ok(rows);
         }
         let input = TextInput::open(path).map_err(RecordingError::cannot_open(path))?;
-        let mut rows =
-            Self::from_text(&file, input.text, input.file.is_some(), choice, needed, hash)?;
-        rows.text_file = input.file;
-        Ok(rows)
+        Self::of_text(&file, input.text, input.file, choice, needed, hash)
+    }
+
+    fn of_table(
+        file: &str,
+        container: &dyn Container,
+        choice: &Choice,
+        needed: &[Quantity],
+    ) -> Result<Self, RecordingError> {
+        let mut warnings = container.warnings().to_vec();
+        let (mut layout, batches, rows) = if log::is_log(container.tables()) {
+            let chosen = log::choose(file, container, choice, needed)?;
+            warnings.extend(chosen.warnings);
+            (chosen.layout, chosen.batches, None)
+        } else {
+            let Picked { table, columns, layout } = pick(file, container, choice, needed)?;
+            (layout, container.open(table, &columns)?, container.tables()[table].rows)
+        };
+        layout.notes.extend_from_slice(container.notes());
+        Ok(Self { rows, warnings, ..Self::new(batches, layout, Count::Rows, choice) })
     }
 }
 
 impl<'a> Rows<'a> {
-    /// Rows of a text stream; `file` names it in messages; `is_file` if it is not used in real
-    /// time.
+    /// Rows of a text stream that is used in real time; `file` names it in messages.
     ///
     /// # Errors
     /// As for [`Rows::open`].
     pub fn from_text(
         file: &str,
-        input: Box<dyn Read + Send + 'a>,
-        is_file: bool,
+        text: Box<dyn Read + Send + 'a>,
+        choice: &Choice,
+        needed: &[Quantity],
+    ) -> Result<Self, RecordingError> {
+        Self::of_text(file, text, None, choice, needed, false)
+    }
+
+    /// `input`: size of the file and bytes read, as in [`TextInput`].
+    fn of_text(
+        file: &str,
+        text: Box<dyn Read + Send + 'a>,
+        input: Option<(u64, Arc<AtomicU64>)>,
         choice: &Choice,
         needed: &[Quantity],
         hash: bool,
     ) -> Result<Self, RecordingError> {
         choice.check_rate(file)?;
-        let reader = TextReader::open(file, input, choice.skip_rows, is_file, hash)?;
+        let reader = TextReader::open(file, text, choice.skip_rows, input.is_some(), hash)?;
         let layout = choice.layout_of_text(&reader, needed)?;
-        let reader = reader.start(layout)?;
+        let (batches, layout) = TextBatches::start(reader, layout, input)?;
         check_topics(file, choice)?;
-        Ok(Self::new(Source::Text(Box::new(reader)), None, choice))
+        Ok(Self::new(Box::new(batches), layout, Count::Lines, choice))
     }
 
-    fn new(source: Source<'a>, text_file: Option<(u64, Arc<AtomicU64>)>, choice: &Choice) -> Self {
-        let crop = Crop::new(choice);
-        let mut rows = Self {
-            source,
-            text_file,
-            crop,
+    fn new(
+        batches: Box<dyn Batches + 'a>,
+        mut layout: Layout,
+        count: Count,
+        choice: &Choice,
+    ) -> Self {
+        if choice.flip_force {
+            layout.flip_force();
+        }
+        Self {
+            raw: vec![Vec::new(); layout.slots.iter().flatten().count()],
+            batches,
+            layout,
+            rows: None,
+            read: 0,
+            count,
+            warnings: Vec::new(),
+            hash: None,
+            crop: Crop::new(choice),
             is_by_own_header: false,
             numbered: 0,
             block: Block::new(Quantity::ALL.len()),
             next: 0,
-        };
-        if choice.flip_force {
-            rows.layout_mut().flip_force();
         }
-        rows
     }
 
     /// Whether the file lacks the columns of a choice that is [from another
@@ -178,98 +214,56 @@ impl<'a> Rows<'a> {
     }
 
     pub(crate) fn layout(&self) -> &Layout {
-        match &self.source {
-            Source::Text(reader) => reader.layout(),
-            Source::Table(table) => &table.layout,
-        }
-    }
-
-    fn layout_mut(&mut self) -> &mut Layout {
-        match &mut self.source {
-            Source::Text(reader) => reader.layout_mut(),
-            Source::Table(table) => &mut table.layout,
-        }
+        &self.layout
     }
 
     /// Unit in which positions are counted.
     pub(crate) fn count(&self) -> Count {
-        match self.source {
-            Source::Text(_) => Count::Lines,
-            Source::Table(_) => Count::Rows,
-        }
+        self.count
     }
 
     /// Position of a row.
     pub fn place(&self, row: SampleRow) -> Location {
-        self.count().place(row.line)
+        self.count.place(row.line)
     }
 
     /// Approximate number of rows, if known in advance.
     pub(crate) fn expected(&self) -> Option<u64> {
-        match &self.source {
-            Source::Text(reader) => self.text_file.as_ref().map(|(size, read)| {
-                let decompressed =
-                    reader.bytes_read() as f64 / read.load(Ordering::Relaxed).max(1) as f64;
-                (*size as f64 * decompressed / reader.bytes_per_line()) as u64
-            }),
-            Source::Table(table) => table.rows,
-        }
+        self.rows.or_else(|| self.batches.expected())
     }
 
-    /// Fraction of the rows read so far, 0 to 1; 0 if their number is unknown.
+    /// Approximate fraction of the rows read so far, 0 to 1; 0 if their number is unknown.
     pub fn part(&self) -> f64 {
-        let (done, all) = match &self.source {
-            Source::Text(_) => {
-                let file = self.text_file.as_ref();
-                file.map_or((0, None), |(size, read)| (read.load(Ordering::Relaxed), Some(*size)))
-            }
-            Source::Table(table) => (table.read, table.rows),
-        };
-        all.filter(|all| *all > 0).map_or(0.0, |all| done as f64 / all as f64)
+        let all = self.expected().filter(|all| *all > 0);
+        all.map_or(0.0, |all| (self.read as f64 / all as f64).min(1.0))
     }
 
     /// SHA-256 of the file, in hexadecimal; valid after the last row, if requested.
     pub(crate) fn digest(&mut self) -> Result<String, RecordingError> {
-        match &mut self.source {
-            Source::Text(reader) => Ok(reader.digest()),
-            Source::Table(table) => match table.hash.take() {
-                Some(hash) => hash.join().expect("hashing does not panic"),
-                None => Ok(String::new()),
-            },
+        match self.hash.take() {
+            Some(hash) => hash.join().expect("hashing does not panic"),
+            None => Ok(self.batches.digest()),
         }
     }
 
     /// How columns were chosen and rows computed; complete after the last row.
     pub(crate) fn notes(&self) -> Vec<String> {
-        let mut notes = self.layout().notes.clone();
-        if let Source::Table(table) = &self.source {
-            notes.extend(table.batches.notes());
-        }
-        notes
+        self.layout.notes.iter().cloned().chain(self.batches.notes()).collect()
     }
 
     /// Losses and doubts about the file itself; complete after the last row.
     pub(crate) fn warnings(&self) -> Vec<String> {
-        match &self.source {
-            Source::Text(reader) => reader.warnings(),
-            Source::Table(table) => {
-                table.warnings.iter().cloned().chain(table.batches.warnings()).collect()
-            }
-        }
+        self.warnings.iter().cloned().chain(self.batches.warnings()).collect()
     }
 
     /// The next rows, or `None` at the end.
     pub(crate) fn next_block(&mut self) -> Result<Option<&Block>, RecordingError> {
         loop {
-            let more = match &mut self.source {
-                Source::Text(reader) => reader.fill(&mut self.block)?,
-                Source::Table(table) => table.fill(&mut self.block)?,
-            };
             self.next = 0;
-            if !more {
+            if !self.fill()? {
                 return Ok(None);
             }
-            if let Some(rate) = self.layout().rate_hz {
+            if let Some(rate) = self.layout.rate_hz {
                 let first = self.numbered;
                 self.numbered += self.block.len() as u64;
                 self.block.columns[Quantity::Time as usize] =
@@ -282,6 +276,25 @@ impl<'a> Rows<'a> {
         }
     }
 
+    /// Replaces the content of the block by the next batch, in SI units; `false` at the end.
+    fn fill(&mut self) -> Result<bool, RecordingError> {
+        self.block.clear();
+        if !self.batches.next(&mut self.raw)? {
+            return Ok(false);
+        }
+        for (slot, raw) in self.layout.slots.iter().flatten().zip(&mut self.raw) {
+            let column = &mut self.block.columns[slot.output];
+            std::mem::swap(column, raw);
+            if slot.per_si != 1.0 {
+                column.iter_mut().for_each(|x| *x /= slot.per_si);
+            }
+        }
+        // Rows are counted from 1, like lines.
+        self.block.lines = self.batches.lines().unwrap_or_else(|| vec![(0, self.read + 1)]);
+        self.read += self.block.len() as u64;
+        Ok(true)
+    }
+
     /// The next row, or `None` at the end.
     ///
     /// # Errors
@@ -292,58 +305,6 @@ impl<'a> Rows<'a> {
         }
         self.next += 1;
         Ok(Some(self.block.row(self.next - 1)))
-    }
-}
-
-/// Rows of one table of a container.
-struct TableRows {
-    batches: Box<dyn Batches>,
-    layout: Layout,
-    raw: Vec<Vec<f64>>,
-    rows: Option<u64>,
-    read: u64,
-    warnings: Vec<String>,
-    hash: Option<JoinHandle<Result<String, RecordingError>>>,
-}
-
-impl TableRows {
-    fn open(
-        file: &str,
-        container: &dyn Container,
-        choice: &Choice,
-        needed: &[Quantity],
-    ) -> Result<Self, RecordingError> {
-        let mut warnings = container.warnings().to_vec();
-        let (layout, batches, rows) = if log::is_log(container.tables()) {
-            let chosen = log::choose(file, container, choice, needed)?;
-            warnings.extend(chosen.warnings);
-            (chosen.layout, chosen.batches, None)
-        } else {
-            let Picked { table, columns, layout } = pick(file, container, choice, needed)?;
-            (layout, container.open(table, &columns)?, container.tables()[table].rows)
-        };
-        let raw = vec![Vec::new(); layout.slots.iter().flatten().count()];
-        let mut own = Self { batches, layout, raw, rows, read: 0, warnings, hash: None };
-        own.layout.notes.extend_from_slice(container.notes());
-        Ok(own)
-    }
-
-    fn fill(&mut self, block: &mut Block) -> Result<bool, RecordingError> {
-        block.clear();
-        if !self.batches.next(&mut self.raw)? {
-            return Ok(false);
-        }
-        for (slot, raw) in self.layout.slots.iter().flatten().zip(&mut self.raw) {
-            let column = &mut block.columns[slot.output];
-            std::mem::swap(column, raw);
-            if slot.per_si != 1.0 {
-                column.iter_mut().for_each(|x| *x /= slot.per_si);
-            }
-        }
-        // Rows are counted from 1, like lines.
-        block.count_from(0, self.read + 1);
-        self.read += block.len() as u64;
-        Ok(true)
     }
 }
 

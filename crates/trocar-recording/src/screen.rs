@@ -10,7 +10,7 @@ use super::samples::{Columns, Lines};
 use super::statistics::{median, range};
 
 /// Fewest samples of a recording.
-pub const MIN_SAMPLES: usize = 8;
+pub(crate) const MIN_SAMPLES: usize = 8;
 
 /// Ratio of a gap to the 95th percentile of the intervals: two lost samples still count as jitter.
 const GAP_FACTOR: f64 = 3.0;

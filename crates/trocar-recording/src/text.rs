@@ -7,6 +7,8 @@
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
@@ -165,27 +167,10 @@ impl<R: Read> TextReader<R> {
         self.header.get(1).map_or(&[], Vec::as_slice)
     }
 
-    pub(crate) fn layout(&self) -> &Layout {
-        &self.layout
-    }
-
-    pub(crate) fn layout_mut(&mut self) -> &mut Layout {
-        &mut self.layout
-    }
-
     /// SHA-256 of all bytes of the text, decompressed, in hexadecimal; valid after the last row.
     pub(crate) fn digest(&mut self) -> String {
         self.take_hash();
         self.hash.take().map(|hash| hex(&hash.finalize())).unwrap_or_default()
-    }
-
-    pub(crate) fn bytes_read(&self) -> u64 {
-        self.bytes_read
-    }
-
-    /// Average bytes per line of the first buffer.
-    pub(crate) fn bytes_per_line(&self) -> f64 {
-        self.bytes_per_line
     }
 
     /// Replaces the content of `block` by the next rows; `false` at the end.
@@ -732,30 +717,73 @@ impl Container for TextTable {
         let file = self.path.display().to_string();
         let is_file = input.file.is_some();
         let reader = TextReader::open(&file, input.text, self.skip_rows, is_file, false)?;
-        let mut reader = reader.start_all()?;
-        reader.layout.slots.fill(None);
+        let mut layout = reader.all_columns();
+        layout.slots.fill(None);
         for (output, column) in columns.iter().enumerate().rev() {
-            if let Some(slot) = reader.layout.slots.get_mut(*column) {
+            if let Some(slot) = layout.slots.get_mut(*column) {
                 *slot = Some(Slot { output, per_si: 1.0 });
             }
         }
-        Ok(Box::new(TextBatches { reader, block: Block::new(columns.len()) }))
+        Ok(Box::new(TextBatches {
+            reader: reader.start(layout)?,
+            block: Block::new(columns.len()),
+            outputs: (0..columns.len()).collect(),
+            input: input.file,
+        }))
     }
 }
 
-struct TextBatches {
-    reader: TextReader<Box<dyn Read + Send>>,
+/// Rows of a text, as they stand there.
+pub(super) struct TextBatches<R> {
+    reader: TextReader<R>,
     block: Block,
+    /// Place in the block of each column that is asked for.
+    outputs: Vec<usize>,
+    /// Size of the file, compressed or not, and number of bytes read.
+    input: Option<(u64, Arc<AtomicU64>)>,
 }
 
-impl Batches for TextBatches {
+impl<R: Read + Send> TextBatches<R> {
+    /// The columns of `layout`, and what became of it: units are left to the caller.
+    pub(super) fn start(
+        reader: TextReader<R>,
+        layout: Layout,
+        input: Option<(u64, Arc<AtomicU64>)>,
+    ) -> Result<(Self, Layout), RecordingError> {
+        let mut reader = reader.start(layout)?;
+        let layout = reader.layout.clone();
+        reader.layout.slots.iter_mut().flatten().for_each(|slot| slot.per_si = 1.0);
+        let outputs = layout.slots.iter().flatten().map(|slot| slot.output).collect();
+        Ok((Self { reader, block: Block::new(Quantity::ALL.len()), outputs, input }, layout))
+    }
+}
+
+impl<R: Read + Send> Batches for TextBatches<R> {
     fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
         let more = self.reader.fill(&mut self.block)?;
-        columns
-            .iter_mut()
-            .zip(&mut self.block.columns)
-            .for_each(|(own, read)| std::mem::swap(own, read));
+        for (own, output) in columns.iter_mut().zip(&self.outputs) {
+            std::mem::swap(own, &mut self.block.columns[*output]);
+        }
         Ok(more)
+    }
+
+    fn lines(&mut self) -> Option<Vec<(usize, u64)>> {
+        Some(std::mem::take(&mut self.block.lines))
+    }
+
+    fn expected(&self) -> Option<u64> {
+        let (size, read) = self.input.as_ref()?;
+        let read = read.load(Ordering::Relaxed).max(1) as f64;
+        let decompressed = self.reader.bytes_read as f64 / read;
+        Some((*size as f64 * decompressed / self.reader.bytes_per_line) as u64)
+    }
+
+    fn digest(&mut self) -> String {
+        self.reader.digest()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.reader.warnings()
     }
 }
 

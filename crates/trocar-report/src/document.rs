@@ -427,9 +427,11 @@ impl Table {
         items: impl IntoIterator<Item = T>,
         columns: &[Column<'_, T>],
     ) -> Self {
-        let row = |item| columns.iter().map(|(_, cell)| cell(&item)).collect();
         Self {
-            rows: items.into_iter().map(row).collect(),
+            rows: items
+                .into_iter()
+                .map(|item| columns.iter().map(|(_, cell)| cell(&item)).collect())
+                .collect(),
             ..Self::new(caption, columns.iter().map(|(heading, _)| *heading))
         }
     }

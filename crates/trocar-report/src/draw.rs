@@ -484,8 +484,10 @@ impl Sheet {
                     columns,
                     PRINTED_POINTS / 2,
                 );
-                let edges = |i: usize| [frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i])];
-                for run in runs(kept.into_iter().map(edges)) {
+                for run in runs(
+                    kept.into_iter()
+                        .map(|i| [frame.x(series.x[i]), frame.y(low[i]), frame.y(high[i])]),
+                ) {
                     self.area(&run, style.light);
                 }
             }
@@ -810,8 +812,7 @@ mod tests {
         let rows = title_rows(title, 180.0);
         assert!(rows.len() > 1, "{rows:?}");
         assert_eq!(rows.join(" "), title);
-        let is_inside = |row: &String| text_width(row, LABEL_SIZE) <= 150.0;
-        assert!(rows.iter().all(is_inside), "{rows:?}");
+        assert!(rows.iter().all(|row| text_width(row, LABEL_SIZE) <= 150.0), "{rows:?}");
     }
 
     #[test]

@@ -33,19 +33,18 @@ impl Roles {
                 .iter()
                 .any(|r| r.metadata.get(name).is_some_and(|c| *c != FleetCell::Empty))
         };
-        let numeric = |name: &str| {
-            fleet
-                .records
-                .iter()
-                .any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()))
-        };
         let found = |given: &Option<String>, usual: &[&str], fits: &dyn Fn(&str) -> bool| {
             let usual = usual.iter().map(|name| (*name).to_owned());
             given.iter().cloned().chain(usual).find(|name| fits(name))
         };
         Self {
             kind: found(&self.kind, &KINDS, &has),
-            usage: found(&self.usage, &USAGES, &numeric),
+            usage: found(&self.usage, &USAGES, &|name| {
+                fleet
+                    .records
+                    .iter()
+                    .any(|r| r.metadata.get(name).is_some_and(|c| c.as_number().is_some()))
+            }),
             specimen: found(&self.specimen, &SPECIMENS, &has),
         }
     }
@@ -87,11 +86,10 @@ fn subtitle(fleet: &Fleet, config: &Config, roles: &Roles) -> String {
 }
 
 fn tiles(fleet: &Fleet) -> Vec<Tile> {
-    let count =
-        |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
-    let doubtful = format!("{} more with doubts, {} failed", count("doubtful"), count("failed"));
+    let doubtful =
+        format!("{} more with doubts, {} failed", fleet.count("doubtful"), fleet.count("failed"));
     let mut tiles = vec![
-        Tile::new("Identified without doubt", count("ok").to_string(), doubtful),
+        Tile::new("Identified without doubt", fleet.count("ok").to_string(), doubtful),
         Tile::new("Samples", format!("{:.1} million", 1e-6 * fleet.tally.samples as f64), ""),
     ];
     let parameters = [Quantity::CoulombForce, Quantity::HalfWidth]

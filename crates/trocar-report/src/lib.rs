@@ -43,8 +43,8 @@ use rayon::prelude::*;
 use trocar_tables::output::{OutputError, StagedFolder};
 
 pub use document::{
-    Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveLoop, LiveModel, Mark, Panel,
-    Role, Section, Series, Table, Tile, Width,
+    Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, Mark, Panel, Role,
+    Section, Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.
@@ -139,7 +139,10 @@ pub fn write_document(folder: &Path, document: &Document) -> Result<(), ReportEr
 ///
 /// # Errors
 /// As for [`write_document`].
-pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), ReportError> {
+pub(crate) fn stage_document(
+    folder: &StagedFolder,
+    document: &Document,
+) -> Result<(), ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
     let draw = |figure: &&Figure| {
@@ -165,8 +168,10 @@ pub fn stage_document(folder: &StagedFolder, document: &Document) -> Result<(), 
 pub fn page(document: &Document) -> Result<String, ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let draw = |figure: &&Figure| for_page(figure, &draw_vector(figure)?);
-    let drawn = figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>()?;
+    let drawn = figures
+        .par_iter()
+        .map(|figure| for_page(figure, &draw_vector(figure)?))
+        .collect::<Result<Vec<_>, ReportError>>()?;
     page_of(document, &drawn)
 }
 
@@ -184,8 +189,10 @@ fn page_of(document: &Document, drawn: &[html::Drawn]) -> Result<String, ReportE
 pub fn vectors(document: &Document) -> Result<Vec<(String, String)>, ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let draw = |figure: &&Figure| Ok((figure.id.clone(), draw_vector(figure)?.file(figure)));
-    figures.par_iter().map(draw).collect()
+    figures
+        .par_iter()
+        .map(|figure| Ok((figure.id.clone(), draw_vector(figure)?.file(figure))))
+        .collect()
 }
 
 fn figures(document: &Document) -> impl Iterator<Item = &Figure> {
@@ -243,8 +250,7 @@ fn check_live(document: &Document) -> Result<(), ReportError> {
 fn live_fault(document: &Document) -> Option<&'static str> {
     let models: Vec<&LiveModel> =
         document.sections.iter().filter_map(|s| s.live.as_ref()).collect();
-    let loops: Vec<&LiveLoop> =
-        document.sections.iter().filter_map(|s| s.live_loop.as_ref()).collect();
+    let loops: Vec<_> = document.sections.iter().filter_map(|s| s.live_loop.as_ref()).collect();
     if models.len() + loops.len() > 1 {
         return Some("a document can carry one");
     }

@@ -144,11 +144,13 @@ impl<'a> Entry<'a> {
 pub(super) fn legend(panel: &Panel) -> Vec<Entry<'_>> {
     let mut entries: Vec<Entry<'_>> = Vec::new();
     for series in panel.series.iter().filter(|series| !series.name.is_empty()) {
-        let same = |entry: &Entry<'_>| entry.name == series.name && entry.role == series.role;
-        let at = entries.iter().position(same).unwrap_or_else(|| {
-            entries.push(Entry::new(&series.name, series.role));
-            entries.len() - 1
-        });
+        let at = entries
+            .iter()
+            .position(|entry| entry.name == series.name && entry.role == series.role)
+            .unwrap_or_else(|| {
+                entries.push(Entry::new(&series.name, series.role));
+                entries.len() - 1
+            });
         match series.kind {
             Kind::Line => entries[at].line = true,
             Kind::Points | Kind::Labelled { .. } | Kind::ErrorBars { .. } => {

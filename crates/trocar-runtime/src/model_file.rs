@@ -626,8 +626,9 @@ fn impossible(place: &str, what: &str) -> ModelFileError {
 }
 
 fn check_hash(hash: &str, place: &str) -> Result<(), ModelFileError> {
-    let digit = |byte: u8| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte);
-    if hash.len() == 64 && hash.bytes().all(digit) {
+    if hash.len() == 64
+        && hash.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+    {
         return Ok(());
     }
     let what = format!("must be 64 lower-case hexadecimal digits, got {hash:?}");

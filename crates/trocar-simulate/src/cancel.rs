@@ -54,18 +54,23 @@ impl Cancel {
         work: impl FnOnce() -> T + Send,
     ) -> Result<T, Stopped> {
         let flag = self.0.clone();
-        let take_flag = move |_| FLAG.with(|own| drop(own.set(flag.clone())));
         let threads = threads.min(most_threads());
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
-            .start_handler(take_flag)
+            .start_handler(move |_| FLAG.with(|own| drop(own.set(flag.clone()))))
             .build()?;
-        let cancelled_or_panic = |why: Box<dyn Any + Send>| match why.downcast::<Unwinding>() {
-            Ok(_) => Stopped::Cancelled,
-            Err(panic) => resume_unwind(panic),
-        };
-        catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(cancelled_or_panic)
+        catch_unwind(AssertUnwindSafe(|| pool.install(work))).map_err(|why| {
+            match why.downcast::<Unwinding>() {
+                Ok(_) => Stopped::Cancelled,
+                Err(panic) => resume_unwind(panic),
+            }
+        })
     }
+}
+
+/// The number of threads for a number that was asked for, 0: one per processor.
+pub fn threads(wanted: usize) -> usize {
+    if wanted == 0 { processors() } else { wanted.min(most_threads()) }
 }
 
 /// Maximum number of threads, whatever was requested: four per processor, or 64 if that is more.
@@ -75,7 +80,7 @@ pub fn most_threads() -> usize {
 }
 
 /// Processors available to this process.
-pub fn processors() -> usize {
+fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
 

@@ -181,14 +181,15 @@ mod tests {
     /// Dry and viscous elements, and a few that no lane can run.
     fn elements() -> Vec<Element> {
         let plausible = ElementParams::plausible_10_5_mm().expect("made for it");
-        let element = |k: u32| {
-            let viscous_damping = if k.is_multiple_of(3) { 0.0 } else { 0.2 * f64::from(k) };
-            let insertion = SlidingFriction { viscous_damping, ..plausible.insertion };
-            let creep_velocity = if k.is_multiple_of(17) { 1e-4 } else { 0.0 };
-            Element::new(ElementParams { insertion, creep_velocity, ..plausible })
-                .expect("in range")
-        };
-        (0..150).map(element).collect()
+        (0..150)
+            .map(|k: u32| {
+                let viscous_damping = if k.is_multiple_of(3) { 0.0 } else { 0.2 * f64::from(k) };
+                let insertion = SlidingFriction { viscous_damping, ..plausible.insertion };
+                let creep_velocity = if k.is_multiple_of(17) { 1e-4 } else { 0.0 };
+                Element::new(ElementParams { insertion, creep_velocity, ..plausible })
+                    .expect("in range")
+            })
+            .collect()
     }
 
     #[test]

@@ -323,12 +323,14 @@ pub fn after_start(
     steady_segments: &[SteadySegment],
     needed: impl Fn(f64) -> f64,
 ) -> Vec<SteadySegment> {
-    let part = |segment: &SteadySegment| {
-        let needed = needed(segment.velocity.abs());
-        let stroke = &strokes[segment.stroke];
-        let start =
-            (segment.start..segment.end).find(|i| travel(recording, stroke, *i) >= needed)?;
-        Some(SteadySegment { start, ..*segment })
-    };
-    steady_segments.iter().filter_map(part).collect()
+    steady_segments
+        .iter()
+        .filter_map(|segment| {
+            let needed = needed(segment.velocity.abs());
+            let stroke = &strokes[segment.stroke];
+            let start =
+                (segment.start..segment.end).find(|i| travel(recording, stroke, *i) >= needed)?;
+            Some(SteadySegment { start, ..*segment })
+        })
+        .collect()
 }

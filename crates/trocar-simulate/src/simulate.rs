@@ -12,23 +12,75 @@
 
 use std::io::Read;
 use std::path::Path;
+use std::str::FromStr;
 
 use rayon::prelude::*;
 use trocar_model::{
-    BacklashFilter, BacklashState, Deformation, Mode, Seal, Stages, Trocar, TrocarState,
+    BacklashFilter, BacklashState, Deformation, Mode, ParamError, Seal, Stages, Trocar, TrocarState,
 };
 
 use crate::many::evenly;
 use trocar_recording::block::SampleRow;
 use trocar_recording::columns::Quantity;
 use trocar_recording::rows::Rows;
-use trocar_recording::{Choice, LONGEST_STROKE, RecordingError};
+use trocar_recording::{Choice, LONGEST_STROKE, RecordingError, position_resolution};
 use trocar_tables::error::OutputError;
 use trocar_tables::output::refuse_inputs;
 use trocar_tables::table::{Field, Kind, TableCell, TableWriter};
 
 /// Rows between two progress reports.
 const REPORT_EVERY: u64 = 1 << 16;
+
+/// Width of the backlash filter of the positions, as the interfaces take it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Backlash {
+    /// As given, m; 0 for none.
+    Width(f64),
+    /// From the resolution of the positions.
+    Auto,
+}
+
+impl FromStr for Backlash {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let width = text.parse().ok().filter(|width: &f64| width.is_finite() && *width >= 0.0);
+        match (text, width) {
+            ("auto", _) => Ok(Self::Auto),
+            (_, Some(width)) => Ok(Self::Width(width)),
+            _ => Err("expected 0 or more, in metres, or 'auto'".to_owned()),
+        }
+    }
+}
+
+impl Backlash {
+    /// The filter for the file `motion`, and the resolution of its positions, m, if it follows from that.
+    ///
+    /// # Errors
+    /// [`SimulateError::NoResolution`] for a file that cannot be read twice, or has no resolution.
+    pub fn filter(
+        self,
+        motion: &Path,
+        choice: &Choice,
+    ) -> Result<Option<(BacklashFilter, Option<f64>)>, SimulateError> {
+        let refuse =
+            |why| Err(SimulateError::NoResolution { why, motion: motion.display().to_string() });
+        if let Self::Width(width) = self {
+            return Ok((width > 0.0)
+                .then(|| BacklashFilter::new(width))
+                .transpose()?
+                .zip(Some(None)));
+        }
+        let is_stream = std::fs::metadata(motion).is_ok_and(|data| !data.is_file());
+        if motion == Path::new("-") || is_stream {
+            return refuse("which is not known beforehand for a stream");
+        }
+        match position_resolution(motion, choice)? {
+            0.0 => refuse("but they are whole multiples of no step"),
+            step => Ok(Some((BacklashFilter::for_resolution(step)?, Some(step)))),
+        }
+    }
+}
 
 /// Initial state of a simulation and filter of its positions.
 #[derive(Debug, Clone, Copy, Default)]
@@ -115,11 +167,25 @@ pub enum SimulateError {
     #[error(transparent)]
     Output(#[from] OutputError),
     /// An initial deflection for a model without one.
-    #[error("an initial deflection is for EMS elements; a {kind} model has no deflection")]
+    #[error("‹initial_deflection_mm› is for EMS elements; a {kind} model has no deflection")]
     NoDeflection {
         /// Kind of the model.
         kind: &'static str,
     },
+    /// No resolution of the positions to make a filter for.
+    #[error(
+        "‹backlash_m=auto› needs the resolution of the positions, {why}: {motion}\n\nhint: give the width in metres, 1.5 \
+         resolutions of the encoder: ‹backlash_m=6e-6› for 4 um"
+    )]
+    NoResolution {
+        /// Why.
+        why: &'static str,
+        /// Name of the file.
+        motion: String,
+    },
+    /// A filter that cannot be.
+    #[error(transparent)]
+    Filter(#[from] ParamError),
 }
 
 /// Extent of a simulation.
@@ -139,7 +205,8 @@ pub struct Simulated {
 
 /// Simulates `trocar` along the file `motion` and writes `output`; `-` is standard input or output.
 ///
-/// `choice` selects the columns of the motion. The first row is the initial position of the
+/// `choice` selects the columns of the motion. With `draws` of the element the table has their band: of more
+/// than [`MOST_DRAWS`], that of so many evenly spaced ones; all have the position profile of `trocar`. The first row is the initial position of the
 /// instrument and gets the force at rest there. `progress` is called from time to time with the
 /// fraction of the motion read so far, 0 to 1 (0 for a stream), and the number of rows.
 ///
@@ -152,40 +219,21 @@ pub fn simulate_file<K: AsRef<[f64]>>(
     motion: &Path,
     choice: &Choice,
     trocar: &Trocar<K>,
-    options: &SimulateOptions,
-    output: &Path,
-    progress: impl FnMut(f64, u64),
-) -> Result<Simulated, SimulateError> {
-    refuse_inputs([output], &[motion.to_owned()])?;
-    let mut result = TableWriter::create(output, &fields(trocar.seal()))?;
-    let simulated =
-        simulate(Positions::open(motion, choice)?, trocar, options, &mut result, progress)?;
-    result.commit()?;
-    Ok(simulated)
-}
-
-/// The same with the band of `draws` of the element: of more than [`MOST_DRAWS`], so many evenly
-/// spaced ones. All have the position profile of `trocar`.
-///
-/// # Errors
-/// As for [`simulate_file`].
-pub fn simulate_file_with_band<K: AsRef<[f64]>>(
-    motion: &Path,
-    choice: &Choice,
-    (trocar, draws): (&Trocar<K>, &[Stages]),
+    draws: Option<&[Stages]>,
     options: &SimulateOptions,
     output: &Path,
     progress: impl FnMut(f64, u64),
 ) -> Result<Simulated, SimulateError> {
     refuse_inputs([output], &[motion.to_owned()])?;
     let trocar = trocar.borrowed();
-    let draws = evenly(draws, MOST_DRAWS);
-    let drawn: Vec<Trocar<&[f64]>> =
-        draws.into_iter().map(|draw| trocar.with_seal(draw.into())).collect();
     let mut columns = fields(trocar.seal());
-    columns.extend(BAND.map(Field::number));
+    let drawn: Option<Vec<Trocar<&[f64]>>> = draws.map(|draws| {
+        columns.extend(BAND.map(Field::number));
+        let draws = evenly(draws, MOST_DRAWS);
+        draws.into_iter().map(|draw| trocar.with_seal(draw.into())).collect()
+    });
     let mut result = TableWriter::create(output, &columns)?;
-    let band = Some(Band::new(&drawn));
+    let band = drawn.as_deref().map(Band::new);
     let rows = Positions::open(motion, choice)?;
     let simulated = run(rows, &trocar, options, band, &mut result, progress)?;
     result.commit()?;
@@ -383,7 +431,7 @@ impl<'a> Positions<'a> {
         input: impl Read + Send + 'a,
         choice: &Choice,
     ) -> Result<Self, RecordingError> {
-        let rows = Rows::from_text(file, Box::new(input), false, choice, &NEEDED, false)?;
+        let rows = Rows::from_text(file, Box::new(input), choice, &NEEDED)?;
         Ok(Self::new(file.to_owned(), rows))
     }
 

@@ -214,12 +214,24 @@ fn existing(path: &Path) -> Vec<PathBuf> {
     let Some((start, end)) = name.and_then(|name| name.split_once('*')) else {
         return vec![path.to_owned()];
     };
-    let fits = |path: &PathBuf| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end)
-    };
     let entries = fs::read_dir(folder_of(path)).into_iter().flatten().flatten();
-    entries.map(|entry| entry.path()).filter(fits).collect()
+    entries
+        .map(|entry| entry.path())
+        .filter(|path| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.len() >= start.len() + end.len() && name.starts_with(start) && name.ends_with(end)
+        })
+        .collect()
+}
+
+/// Writes a file that appears whole or not at all.
+///
+/// # Errors
+/// [`OutputError`] where it cannot be written.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    let mut file = AtomicFile::create(path)?;
+    file.write_all(bytes).map_err(|source| file.write_error(source))?;
+    file.commit()
 }
 
 /// Writes files that belong together, each whole; if one of them fails, all are as before.

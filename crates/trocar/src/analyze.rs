@@ -142,9 +142,10 @@ pub fn analyze(stages: &Stages) -> Analysis {
     let cycle_work = CycleWork::of(stages);
     let step_error = StepError::of(stages);
     let whole = cycle_work.holds && step_error.holds;
-    let propositions =
-        |e: &ElementAnalysis| e.reaches_sliding.holds && e.steady_state.holds && e.stability.holds;
-    let holds = whole && each.iter().all(propositions);
+    let holds = whole
+        && each
+            .iter()
+            .all(|e| e.reaches_sliding.holds && e.steady_state.holds && e.stability.holds);
     Analysis { elements: each, cycle_work, step_error, holds }
 }
 

@@ -195,11 +195,13 @@ impl Counter {
     }
 
     fn summary(self, observer: &Compensator) -> Compensation {
-        let found = |fault: Fault| {
-            let (first_line, rows) = self.faults[fault as usize]?;
-            Some(FaultCount { fault, first_line, rows })
-        };
-        let faults = Fault::ALL.into_iter().filter_map(found).collect();
+        let faults = Fault::ALL
+            .into_iter()
+            .filter_map(|fault| {
+                let (first_line, rows) = self.faults[fault as usize]?;
+                Some(FaultCount { fault, first_line, rows })
+            })
+            .collect();
         let (drift, departure) = (observer.drift(), observer.departure(self.lowest, self.highest));
         Compensation {
             rows: self.rows,

@@ -57,8 +57,15 @@ impl Scratch {
 fn run(scratch: &Scratch, text: &str, columns: Option<&str>) -> Result<String, String> {
     let output = scratch.path("out.csv");
     let choice = Choice { columns: columns.map(str::to_owned), ..Choice::default() };
-    let outcome =
-        simulate_file(&scratch.motion(text), &choice, &spring(), &OPTIONS, &output, |_, _| ());
+    let outcome = simulate_file(
+        &scratch.motion(text),
+        &choice,
+        &spring(),
+        None,
+        &OPTIONS,
+        &output,
+        |_, _| (),
+    );
     outcome.map(|_| std::fs::read_to_string(&output).unwrap()).map_err(|error| error.to_string())
 }
 
@@ -90,7 +97,7 @@ fn a_classical_model_gives_its_force_alone_and_starts_with_the_first_reading() {
         let output = scratch.path("out.csv");
         let (trocar, choice) = (Trocar::of_seal(Classical::Static(model)), Choice::default());
         let options = SimulateOptions { offset: 0.5, ..OPTIONS };
-        simulate_file(&scratch.motion(text), &choice, &trocar, &options, &output, |_, _| ())
+        simulate_file(&scratch.motion(text), &choice, &trocar, None, &options, &output, |_, _| ())
             .unwrap();
         std::fs::read_to_string(&output).unwrap()
     };
@@ -174,6 +181,7 @@ fn a_full_disk_is_reported_with_the_path() {
         &motion,
         &Choice::default(),
         &spring(),
+        None,
         &OPTIONS,
         Path::new("/dev/full"),
         |_, _| (),
@@ -188,7 +196,7 @@ fn a_place_that_cannot_be_written_is_named() {
     let motion = scratch.motion("time_s,position_m\n0,0\n1,0\n");
     let missing = scratch.path("no/such/out.csv");
     let message =
-        simulate_file(&motion, &Choice::default(), &spring(), &OPTIONS, &missing, |_, _| ());
+        simulate_file(&motion, &Choice::default(), &spring(), None, &OPTIONS, &missing, |_, _| ());
     let message = message.unwrap_err().to_string();
     assert!(
         message.contains("no/such/out.csv: cannot create") && message.contains("hint: "),

@@ -4,11 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use trocar::bench::config::DEFAULT_TOML;
-use trocar::bench::{self, BenchConfig, BenchRun, Course, Protocol};
+use trocar::bench::{self, BenchConfig, Course, Experiment, Protocol};
 use trocar::model_file::ModelFile;
 use trocar::recording::Choice;
 use trocar::simulate::Positions;
-use trocar::table::{Column, Field, TableWriter};
 use trocar_model::{Element, ElementParams};
 
 use crate::Completion;
@@ -21,9 +20,6 @@ use crate::verbs::ranges::seals_like;
 
 /// Columns of the recording and of its true values.
 const BYTES_OF_A_SAMPLE: usize = 13 * size_of::<f64>();
-
-/// Rows per write.
-const PIECE: usize = 1 << 16;
 
 /// Record an experiment on the virtual test bench
 ///
@@ -84,27 +80,29 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     };
     let config = config.unwrap_or_default();
     let progress = Progress::new(console);
-    let run = match (&args.motion, args.protocol) {
-        (Some(path), _) => {
-            let motion = read_motion(path, &choice)?;
-            progress.report("motion", 0.0);
-            bench::run_motion(&config, &motion, &elements, args.seed)
-                .with_context(|| path.display().to_string())?
-        }
-        (None, Some(protocol)) => {
-            say_if_long(console, bench::length(&config, protocol)?);
-            progress.report(protocol.name(), 0.0);
-            bench::run(&config, protocol, &elements, args.seed)?
-        }
-        (None, None) => return Ok(Completion::Clean),
+    let motion = args.motion.as_deref().map(|path| read_motion(path, &choice)).transpose()?;
+    let experiment = Experiment::of(args.protocol, motion)?;
+    if let Experiment::Protocol(protocol) = experiment {
+        say_if_long(console, bench::length(&config, protocol)?);
+    }
+    progress.report(experiment.name(), 0.0);
+    let run = experiment.run(&config, &elements, args.seed);
+    let run = match &args.motion {
+        Some(path) => run.with_context(|| path.display().to_string())?,
+        None => run?,
     };
     drop(progress);
-    write_recording(&run, out)?;
+    run.write(out)?;
     if let Some(path) = &args.truth_out {
-        write_truth(&run, path)?;
+        run.write_truth(path)?;
     }
     console.remark(&format!("{} samples -> {}", run.time.len(), out.display()));
-    Ok(Completion::doubtful_if(warn_of_events(console, &run)))
+    let warnings = run.events.warnings();
+    warnings.iter().for_each(|warning| console.warn(warning));
+    if let Some(note) = run.events.note() {
+        console.remark(&format!("note: {note}"));
+    }
+    Ok(Completion::doubtful_if(!warnings.is_empty()))
 }
 
 /// Says what a long recording will take, before it is made.
@@ -153,78 +151,4 @@ fn seal_like(console: &Console, key: &str, seed: u64) -> anyhow::Result<Element>
         number(1e3 * deformation.half_width())
     ));
     Ok(Element::new(params)?)
-}
-
-pub(crate) fn write_recording(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
-    let columns = [
-        ("time_s", &run.time),
-        ("position_m", &run.position),
-        ("velocity_m_s", &run.velocity),
-        ("force_n", &run.force),
-    ];
-    write_columns(path, columns.into_iter().map(|(name, column)| (name.to_owned(), column)))
-}
-
-/// Writes the true values; each of several elements has its own deflection.
-fn write_truth(run: &BenchRun, path: &Path) -> anyhow::Result<()> {
-    let truth = &run.truth;
-    let columns = [
-        ("time_s", &run.time),
-        ("position_m", &truth.position),
-        ("velocity_m_s", &truth.velocity),
-        ("acceleration_m_s2", &truth.acceleration),
-        ("reference_velocity_m_s", &truth.reference_velocity),
-        ("motor_force_n", &truth.motor_force),
-        ("seal_force_n", &truth.seal_force),
-        ("tissue_force_n", &truth.tissue_force),
-        ("wetting", &truth.wetting),
-    ];
-    let deflections = truth
-        .deflections
-        .iter()
-        .enumerate()
-        .map(|(i, column)| (format!("deflection_{}_m", i + 1), column));
-    write_columns(
-        path,
-        columns.into_iter().map(|(name, column)| (name.to_owned(), column)).chain(deflections),
-    )
-}
-
-/// Writes columns of equal length in the format selected by the extension.
-fn write_columns<'a>(
-    path: &Path,
-    columns: impl Iterator<Item = (String, &'a Vec<f64>)>,
-) -> anyhow::Result<()> {
-    let (names, columns): (Vec<String>, Vec<&Vec<f64>>) = columns.unzip();
-    let fields: Vec<Field> = names.into_iter().map(Field::number).collect();
-    let mut writer = TableWriter::create(path, &fields)?;
-    let rows = columns.first().map_or(0, |column| column.len());
-    for from in (0..rows).step_by(PIECE) {
-        let to = rows.min(from + PIECE);
-        let piece: Vec<Column> =
-            columns.iter().map(|column| Column::Number(column[from..to].to_vec())).collect();
-        writer.write(&piece)?;
-    }
-    Ok(writer.commit()?)
-}
-
-/// Warns about events on the rig; true if the recording lost data.
-fn warn_of_events(console: &Console, run: &BenchRun) -> bool {
-    let events = &run.events;
-    if events.saturated_samples > 0 {
-        console.warn(&format!(
-            "the force sensor was saturated in {} samples",
-            events.saturated_samples
-        ));
-    }
-    if events.stop_hits > 0 {
-        console.warn(&format!("the carriage ran into a safety stop {} times", events.stop_hits));
-    }
-    if events.motor_limited_steps > 0 {
-        console.remark(&format!(
-            "note: the motor was at its force limit in {} steps",
-            events.motor_limited_steps
-        ));
-    }
-    events.saturated_samples > 0 || events.stop_hits > 0
 }

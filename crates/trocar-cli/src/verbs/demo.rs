@@ -19,7 +19,6 @@ use crate::output::Output;
 use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
-use super::bench::write_recording;
 use super::identify;
 
 /// Experiments used for identification; the others are used for validation.
@@ -79,7 +78,7 @@ fn record(
     let recordings = folder.join("recordings");
     std::fs::create_dir_all(&recordings)?;
     let path = recordings.join(format!("{protocol}.csv"));
-    write_recording(&run, &path)?;
+    run.write(&path)?;
     Ok(read(&path, &ReadOptions::default())?)
 }
 

@@ -1,18 +1,17 @@
 //! `trocar fleet`
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use trocar::cancel::{Cancel, most_threads};
+use trocar::cancel::{self, Cancel};
 use trocar::fleet::{Config, Dataset, Depth, Fleet, Tally, journal_path, run as run_fleet};
-use trocar::output::{AtomicFile, refuse_inputs};
+use trocar::output::refuse_inputs;
 use trocar::report::fleet::{self as fleet_report, Roles};
-use trocar::report::page;
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
 use crate::input::{Reading, Rod};
 use crate::output::Output;
+use crate::page;
 use crate::progress::Progress;
 
 /// Identify every recording of a data set separately, on all cores, and write one table
@@ -81,7 +80,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             files(dataset.left_out.len())
         ));
     }
-    let threads = threads(args.threads);
+    let threads = cancel::threads(args.threads);
     let config = Config {
         reading: args.reading.for_each_of(threads),
         depth: match args.depth {
@@ -114,21 +113,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         usage: args.usage.clone(),
         specimen: args.specimen.clone(),
     };
-    let page = page(&fleet_report::document(&fleet, &config, &roles))?;
-    let mut file = AtomicFile::create(&report)?;
-    file.write_all(page.as_bytes()).map_err(|source| file.write_error(source))?;
-    file.commit()?;
+    page::write(&fleet_report::document(&fleet, &config, &roles), &report)?;
     say(console, &fleet, started.elapsed().as_secs_f64());
     console.remark(&format!("table: {}\nreport: {}", args.out.display(), report.display()));
     Ok(Completion::doubtful_if(fleet.tally.failed > 0))
-}
-
-/// Recordings at a time; 0 is one for each processor.
-fn threads(wanted: usize) -> usize {
-    match wanted {
-        0 => std::thread::available_parallelism().map_or(1, usize::from),
-        wanted => wanted.min(most_threads()),
-    }
 }
 
 fn report_beside(table: &Path) -> PathBuf {
@@ -152,12 +140,10 @@ fn in_words(tally: &Tally, seconds: f64) -> String {
 /// Times are printed only to standard error.
 fn say(console: &Console, fleet: &Fleet, seconds: f64) {
     let Tally { done, reused, failed, samples, .. } = fleet.tally;
-    let count =
-        |status: &str| fleet.records.iter().filter(|r| r.text("status") == Some(status)).count();
     console.remark(&format!(
         "{done} recordings, {samples} samples in {seconds:.1} s: {} ok, {} doubtful, {failed} failed; {reused} reused from the journal",
-        count("ok"),
-        count("doubtful"),
+        fleet.count("ok"),
+        fleet.count("doubtful"),
     ));
     let mut reasons: Vec<(&str, usize)> = Vec::new();
     for record in fleet.records.iter().filter(|r| r.text("status") == Some("failed")) {

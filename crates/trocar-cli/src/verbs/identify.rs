@@ -16,7 +16,7 @@ use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{Reading, Rod};
+use crate::input::{Reading, Rod, finite, positive};
 use crate::models::read_model;
 use crate::output::Output;
 use crate::progress::Progress;
@@ -105,21 +105,9 @@ fn degrees(text: &str) -> Result<Degrees, String> {
 
 /// Number of posterior draws.
 fn draws(text: &str) -> Result<Draws, String> {
-    let wrong = || format!("expected a multiple of {CHAINS} from {}, such as 2000", Draws::FEWEST);
-    text.trim().parse().ok().and_then(Draws::new).ok_or_else(wrong)
-}
-
-/// A finite number.
-fn finite(text: &str) -> Result<f64, String> {
-    let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
-    number.ok_or_else(|| "expected a finite number".to_owned())
-}
-
-fn positive(text: &str) -> Result<f64, String> {
-    finite(text)
-        .ok()
-        .filter(|number| *number > 0.0)
-        .ok_or_else(|| "expected a number above 0".to_owned())
+    text.trim().parse().ok().and_then(Draws::new).ok_or_else(|| {
+        format!("expected a multiple of {CHAINS} from {}, such as 2000", Draws::FEWEST)
+    })
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
@@ -204,8 +192,8 @@ fn command_line(args: &Args) -> String {
 
 /// A word as a shell takes it.
 fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_alphanumeric() || "-_=./,:%@+^".contains(c);
-    match !word.is_empty() && word.chars().all(is_plain) {
+    match !word.is_empty() && word.chars().all(|c| c.is_alphanumeric() || "-_=./,:%@+^".contains(c))
+    {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', r"'\''")),
     }
@@ -221,8 +209,9 @@ pub(crate) fn run_workflow(
 ) -> anyhow::Result<Workflow> {
     print_survey(console, &Survey::new(&recordings, &options.segment));
     let progress = Progress::new(console);
-    let report = |stage: &str, part: f64| progress.report(stage, part);
-    let done = Workflow::run(recordings, held_out, moving_mass, options, &report)?;
+    let done = Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
+        progress.report(stage, part)
+    })?;
     drop(progress);
     print_warnings(console, &done);
     Ok(done)
@@ -367,6 +356,5 @@ pub(crate) fn in_words(id: ParameterId) -> String {
 
 /// The parameters of the table: all but forces at the joins and the coefficients of the branches.
 pub(crate) fn main_parameters(found: &Identification) -> impl Iterator<Item = &Parameter> {
-    let is_main = |p: &&Parameter| !p.is_coefficient() && p.id.quantity != Quantity::JoinForce;
-    found.parameters.iter().filter(is_main)
+    found.parameters.iter().filter(|p| !p.is_coefficient() && p.id.quantity != Quantity::JoinForce)
 }

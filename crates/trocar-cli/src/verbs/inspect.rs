@@ -132,16 +132,17 @@ fn sparkline(course: &[f64]) -> String {
     const BARS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
     let lowest = course.iter().copied().fold(f64::INFINITY, f64::min);
     let highest = course.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let bar = |value: f64| {
-        let part = if highest > lowest { (value - lowest) / (highest - lowest) } else { 0.0 };
-        BARS[((8.0 * part) as usize).min(7)]
-    };
     let count = course.len().min(WIDTH);
-    let mean = |k: usize| {
-        let group = &course[k * course.len() / count..(k + 1) * course.len() / count];
-        group.iter().sum::<f64>() / group.len() as f64
-    };
-    let line: String = (0..count).map(mean).map(bar).collect();
+    let line: String = (0..count)
+        .map(|k| {
+            let group = &course[k * course.len() / count..(k + 1) * course.len() / count];
+            group.iter().sum::<f64>() / group.len() as f64
+        })
+        .map(|value| {
+            let part = if highest > lowest { (value - lowest) / (highest - lowest) } else { 0.0 };
+            BARS[((8.0 * part) as usize).min(7)]
+        })
+        .collect();
     format!("{line:<WIDTH$}")
 }
 

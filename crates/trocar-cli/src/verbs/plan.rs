@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use trocar::bench::Course;
 use trocar::model_file::ModelFile;
 use trocar::plan::config::EXAMPLE_TOML;
-use trocar::plan::{Goal, Plan, PlanConfig, Prediction, Summary, plan};
+use trocar::plan::{Goal, Plan, PlanConfig, Summary, plan};
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::plan::{self as plan_report, PRECISION, PlanReport};
-use trocar::table::{Column, Field, TableWriter};
 use trocar_model::{ElementParams, Unit};
 
 use crate::Completion;
@@ -93,10 +91,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         _ => Vec::new(),
     };
     let progress = Progress::new(console);
-    let report = |stage: &str, part| progress.report(stage, part);
-    let planned = plan(&config, &args.goal, &seals, &before, &report)?;
+    let planned =
+        plan(&config, &args.goal, &seals, &before, &|stage, part| progress.report(stage, part))?;
     drop(progress);
-    write_motion(&planned.course, out)?;
+    planned.course.write(out)?;
     let summary = planned.summary(&args.goal);
     if args.json {
         console::print_json(&summary)?;
@@ -185,14 +183,6 @@ fn seals(
     seals.map_err(|error| BadArgument(format!("{}: {error}", from.display())).into())
 }
 
-fn write_motion(course: &Course, out: &Path) -> anyhow::Result<()> {
-    let fields = ["time_s", "position_m"].map(|name| Field::number(name.to_owned()));
-    let mut writer = TableWriter::create(out, &fields)?;
-    writer
-        .write(&[Column::Number(course.time.clone()), Column::Number(course.position.clone())])?;
-    Ok(writer.commit()?)
-}
-
 fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
     let mut text = format!(
         "for {}: {} s, {} cycles -> {}\n",
@@ -247,12 +237,14 @@ fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
 
 /// How much more of a motion like this takes the half widths to 5 % of the values.
 fn more_time(planned: &Plan) -> String {
-    let more = |p: &Prediction| {
-        let more = planned.time_for(p, PRECISION)? - planned.duration_s();
-        (more > 0.0).then(|| format!("{} {} s", p.id.symbol(), number(more.ceil())))
-    };
     let main = planned.expected.iter().filter(|p| !p.is_coefficient());
-    match main.filter_map(more).collect::<Vec<_>>() {
+    match main
+        .filter_map(|p| {
+            let more = planned.time_for(p, PRECISION)? - planned.duration_s();
+            (more > 0.0).then(|| format!("{} {} s", p.id.symbol(), number(more.ceil())))
+        })
+        .collect::<Vec<_>>()
+    {
         none if none.is_empty() => String::new(),
         all => {
             format!("\nmore seconds like these for ±{} %: {}\n", 1e2 * PRECISION, all.join(", "))

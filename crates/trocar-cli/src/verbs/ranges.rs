@@ -41,12 +41,14 @@ struct Drawn {
 
 impl Listed {
     fn new(study: &'static Study) -> Self {
-        let drawn = |seals: PlausibleSeals| Drawn {
-            coulomb_force_n: study.friction_force().unwrap_or(seals.coulomb_force.into()),
-            viscous_damping_n_s_m: seals.viscous_damping.into(),
-            half_width_m: seals.half_width.into(),
-        };
-        Self { study, drawn: study.seals().ok().map(drawn) }
+        Self {
+            study,
+            drawn: study.seals().ok().map(|seals| Drawn {
+                coulomb_force_n: study.friction_force().unwrap_or(seals.coulomb_force.into()),
+                viscous_damping_n_s_m: seals.viscous_damping.into(),
+                half_width_m: seals.half_width.into(),
+            }),
+        }
     }
 }
 
@@ -79,9 +81,11 @@ fn bad(error: PublishedError) -> BadArgument {
 fn table(studies: &[Study]) -> String {
     let mut table = Table::headed(["key", "trocar", "force N", "conditions", "read", "source"]);
     for study in studies {
-        let force = |number: &&Printed| number.quantity == Quantity::FrictionForceN;
-        let conditions =
-            study.numbers.iter().filter(force).map(|number| number.conditions.as_str());
+        let conditions = study
+            .numbers
+            .iter()
+            .filter(|number| number.quantity == Quantity::FrictionForceN)
+            .map(|number| number.conditions.as_str());
         table.row([
             study.key.clone(),
             study.trocar.clone(),

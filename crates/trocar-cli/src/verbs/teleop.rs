@@ -105,8 +105,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let progress = Progress::new(console);
-    let report = |stage: &str, part: f64| progress.report(stage, part);
-    let study = Study::new(config, files, &questions, &report)?;
+    let study = Study::new(config, files, &questions, &|stage, part| progress.report(stage, part))?;
     drop(progress);
     if let Some(staged) = staged {
         let sources = Sources {
@@ -213,12 +212,13 @@ fn text(study: &Study) -> String {
 }
 
 fn z_width_text(width: &ZWidth) -> String {
-    let range =
-        |[least, greatest]: &[f64; 2]| format!("{} to {}", number(*least), number(*greatest));
     match width.ranges_n_m.as_slice() {
         [] => "unstable with every tissue that is tried, from 0 to 20 000 N/m\n".to_owned(),
         ranges => {
-            let all: Vec<String> = ranges.iter().map(range).collect();
+            let all: Vec<String> = ranges
+                .iter()
+                .map(|[least, greatest]| format!("{} to {}", number(*least), number(*greatest)))
+                .collect();
             format!("stable with tissue of {} N/m\n", all.join(" and of "))
         }
     }

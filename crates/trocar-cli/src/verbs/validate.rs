@@ -7,7 +7,7 @@ use trocar::workflow::Correction;
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{Reading, finite, not_negative};
+use crate::input::Reading;
 use crate::models::read_model;
 use crate::table::{Table, number};
 
@@ -29,10 +29,10 @@ pub(crate) struct Args {
     recordings: Vec<PathBuf>,
     /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default:
     /// the model's sensor, or 0]
-    #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
     moving_mass_kg: Option<f64>,
     /// Reading at rest without any force of the seal, in N [default: the model's sensor, or 0]
-    #[arg(long, value_name = "N", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     offset_n: Option<f64>,
     /// Print JSON instead of the table
     #[arg(long)]
@@ -44,7 +44,7 @@ pub(crate) struct Args {
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     let model = read_model(&args.model, &args.recordings)?;
     let choice = args.reading.choosing.choice_for(console, &model);
-    let correction = Correction::of(&model, args.offset_n, args.moving_mass_kg);
+    let correction = Correction::of(&model, args.offset_n, args.moving_mass_kg)?;
     console.remark(&format!(
         "offset {} N and moving mass {} kg subtracted from the readings",
         number(correction.offset_n),

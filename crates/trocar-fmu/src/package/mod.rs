@@ -37,6 +37,31 @@ pub enum Version {
     V3,
 }
 
+impl FromStr for Version {
+    type Err = PackageError;
+
+    /// Parses its number.
+    fn from_str(text: &str) -> Result<Self, PackageError> {
+        match text {
+            "2" | "2.0" => Ok(Self::V2),
+            "3" | "3.0" => Ok(Self::V3),
+            _ => Err(PackageError::Version { found: text.to_owned() }),
+        }
+    }
+}
+
+impl FromStr for Input {
+    type Err = PackageError;
+
+    fn from_str(name: &str) -> Result<Self, PackageError> {
+        match name {
+            "position" => Ok(Self::Position),
+            "velocity" => Ok(Self::Velocity),
+            _ => Err(PackageError::Input { found: name.to_owned() }),
+        }
+    }
+}
+
 /// Whether an FMU holds libraries or source code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Form {
@@ -170,6 +195,16 @@ impl FromStr for Platform {
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum PackageError {
+    /// No version of FMI.
+    Version {
+        /// As given.
+        found: String,
+    },
+    /// No driving input.
+    Input {
+        /// As given.
+        found: String,
+    },
     /// A platform that FMI has no name for.
     Platform {
         /// As given.
@@ -205,6 +240,10 @@ pub enum PackageError {
 impl fmt::Display for PackageError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Version { found } => write!(f, "‹fmi› must be 2 or 3, got {found}"),
+            Self::Input { found } => {
+                write!(f, "‹input› \"{found}\": expected position or velocity")
+            }
             Self::Platform { name } => {
                 let names = PLATFORMS.map(|platform| platform.tuple).join(", ");
                 write!(f, "no platform \"{name}\", must be one of {names}")

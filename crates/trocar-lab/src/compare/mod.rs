@@ -341,13 +341,14 @@ pub fn compare(
         .iter()
         .map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0])))
         .collect();
-    let entry = |(((fitted, raw), force_error), ns): (((Fitted, &score::Raw), _), Option<f64>)| {
-        let scores = grounds.scores(raw, fitted.parameters, effective_samples);
-        let scored = Scored { scores, by_stroke: grounds.by_stroke(raw), force_error };
-        fitted.into_entry(scored, ns, options.timing)
-    };
     let all = models.into_iter().zip(&raw).zip(force_errors).zip(times);
-    let mut entries: Vec<Entry> = all.map(entry).collect();
+    let mut entries: Vec<Entry> = all
+        .map(|(((fitted, raw), force_error), ns)| {
+            let scores = grounds.scores(raw, fitted.parameters, effective_samples);
+            let scored = Scored { scores, by_stroke: grounds.by_stroke(raw), force_error };
+            fitted.into_entry(scored, ns, options.timing)
+        })
+        .collect();
     entries.sort_by(|a, b| a.scores.validate_rms_n.total_cmp(&b.scores.validate_rms_n));
     let samples = grounds.training_samples();
     Ok(Comparison {
@@ -533,12 +534,13 @@ fn chain(kind: Kind) -> &'static str {
 /// Median time of a step, ns, along a recording.
 fn nanoseconds_per_step(trocar: &Trocar, recording: &Recording) -> f64 {
     const REPETITIONS: usize = 7;
-    let once = |_| {
-        let clock = Instant::now();
-        std::hint::black_box(forces(trocar, std::hint::black_box(recording), 0.0));
-        clock.elapsed().as_secs_f64() * 1e9 / recording.len() as f64
-    };
-    let mut times: Vec<f64> = (0..REPETITIONS).map(once).collect();
+    let mut times: Vec<f64> = (0..REPETITIONS)
+        .map(|_| {
+            let clock = Instant::now();
+            std::hint::black_box(forces(trocar, std::hint::black_box(recording), 0.0));
+            clock.elapsed().as_secs_f64() * 1e9 / recording.len() as f64
+        })
+        .collect();
     times.sort_by(f64::total_cmp);
     times[REPETITIONS / 2]
 }

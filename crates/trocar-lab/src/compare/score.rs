@@ -45,13 +45,15 @@ impl<'a> Ground<'a> {
         let reversed = strokes(recording, reversal_threshold(recording))
             .into_iter()
             .filter(|p| p.starts_at_reversal);
-        let behind = |stroke: trocar_simulate::segment::Stroke| {
-            let end = (stroke.start..stroke.end)
-                .find(|i| travel(recording, &stroke, *i) > reversal_travel);
-            let from = scored.partition_point(|i| *i < stroke.start);
-            from..scored.partition_point(|i| *i < end.unwrap_or(stroke.end))
-        };
-        let reversals = reversed.map(behind).filter(|range| range.len() >= FEWEST).collect();
+        let reversals = reversed
+            .map(|stroke| {
+                let end = (stroke.start..stroke.end)
+                    .find(|i| travel(recording, &stroke, *i) > reversal_travel);
+                let from = scored.partition_point(|i| *i < stroke.start);
+                from..scored.partition_point(|i| *i < end.unwrap_or(stroke.end))
+            })
+            .filter(|range| range.len() >= FEWEST)
+            .collect();
         let phases = phases_of(recording, &run, &scored);
         Self { recording, scored, reversals, phases }
     }
@@ -97,11 +99,13 @@ impl<'a> Grounds<'a> {
         let thinned: Vec<f64> = reference.training.iter().step_by(every).copied().collect();
         let n = thinned.len() as f64;
         let power: f64 = thinned.iter().map(|e| e * e).sum();
-        let correlation = |lag: usize| {
-            thinned.iter().zip(&thinned[lag..]).map(|(a, b)| a * b).sum::<f64>() / power.max(1e-300)
-        };
-        let positive: f64 =
-            (1..thinned.len() / 4).map(correlation).take_while(|rho| *rho > 0.0).sum();
+        let positive: f64 = (1..thinned.len() / 4)
+            .map(|lag| {
+                thinned.iter().zip(&thinned[lag..]).map(|(a, b)| a * b).sum::<f64>()
+                    / power.max(1e-300)
+            })
+            .take_while(|rho| *rho > 0.0)
+            .sum();
         n / (1.0 + 2.0 * positive)
     }
 
@@ -113,10 +117,10 @@ impl<'a> Grounds<'a> {
         let own: Vec<Sums> = self.validation.iter().zip(&raw.validation).map(with_force).collect();
         let all = own.iter().fold(Sums::default(), |a, b| a.plus(*b));
         let reversal = |(g, errors): (&'_ Ground, &Vec<f64>)| -> Vec<Sums> {
-            let sums = |range: &std::ops::Range<usize>| {
-                Sums::of(errors[range.clone()].iter().map(|e| (*e, 0.0)))
-            };
-            g.reversals.iter().map(sums).collect()
+            g.reversals
+                .iter()
+                .map(|range| Sums::of(errors[range.clone()].iter().map(|e| (*e, 0.0))))
+                .collect()
         };
         let reversals: Vec<Sums> =
             self.validation.iter().zip(&raw.validation).flat_map(reversal).collect();

@@ -12,7 +12,7 @@ use trocar_model::Trocar;
 use crate::summary::{PROGRAM, by_name, intervals, origin_of};
 use crate::workflow::MovingMass;
 use trocar_identify::margin::Margin;
-use trocar_identify::validate::{Phases, RecordingValidation, validate};
+use trocar_identify::validate::{Phases, validate};
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
 use trocar_runtime::model_file::{ModelFile, Origin};
@@ -59,16 +59,16 @@ pub struct Summary<'a> {
     /// Which model has the least error, and by how much; empty for a single family.
     pub verdict: String,
     /// One entry per model, least validation error first.
-    pub models: Vec<ModelSummary<'a>>,
+    pub(crate) models: Vec<ModelSummary<'a>>,
     /// The claim of EMS section II-C for each family of banks that was compared.
-    pub reversal_claim: Vec<ClaimSummary>,
+    pub(crate) reversal_claim: Vec<ClaimSummary>,
     /// All recordings.
-    pub recordings: Vec<RecordingSummary<'a>>,
+    pub(crate) recordings: Vec<RecordingSummary<'a>>,
 }
 
 /// One model in the summary.
 #[derive(Debug, Clone, Serialize)]
-pub struct ModelSummary<'a> {
+pub(crate) struct ModelSummary<'a> {
     /// Name of the family.
     pub name: &'static str,
     /// Number of elements.
@@ -110,7 +110,7 @@ pub struct ModelSummary<'a> {
 
 /// Error of a model on one recording.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct RecordingError<'a> {
+pub(crate) struct RecordingError<'a> {
     /// File name without its folder.
     pub name: &'a str,
     /// Root mean square error, N.
@@ -119,7 +119,7 @@ pub struct RecordingError<'a> {
 
 /// The test of the claim for one family.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ClaimSummary {
+pub(crate) struct ClaimSummary {
     /// The numbers.
     #[serde(flatten)]
     pub result: ReversalMatch,
@@ -129,7 +129,7 @@ pub struct ClaimSummary {
 
 /// A recording in the summary.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RecordingSummary<'a> {
+pub(crate) struct RecordingSummary<'a> {
     /// File name without its folder.
     pub name: &'a str,
     /// SHA-256 of the file's bytes.
@@ -157,10 +157,11 @@ impl Outcome {
     pub fn unknown_states(&self) -> Vec<String> {
         let Identification { stages, model, .. } = &self.comparison.ems;
         let scores = validate(&Trocar::of_seal(*stages), &self.comparison.validation, model.offset);
-        let of = |r: &RecordingValidation| {
-            r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>()
-        };
-        scores.recordings.iter().flat_map(of).collect()
+        scores
+            .recordings
+            .iter()
+            .flat_map(|r| r.warnings.iter().map(|w| format!("{}: {w}", r.path)).collect::<Vec<_>>())
+            .collect()
     }
 
     /// Every model as a file, by its path in the results folder: `models/lugre.json`,

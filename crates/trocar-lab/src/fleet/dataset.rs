@@ -97,8 +97,10 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`] when there is nothing to identify, or a manifest is invalid.
     pub fn open(path: &Path, without: &[PathBuf]) -> Result<Self, DatasetError> {
-        let failed = |source| DatasetError::Read { path: path.to_owned(), source };
-        if std::fs::metadata(path).map_err(failed)?.is_dir() {
+        if std::fs::metadata(path)
+            .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?
+            .is_dir()
+        {
             return Self::folder(path, without);
         }
         let is_parquet = ends_in(path, PARQUET);
@@ -301,9 +303,10 @@ fn cell(column: &Column, row: usize) -> FleetCell {
 /// Names in the first line of a text file.
 fn header(path: &Path) -> Result<Vec<String>, DatasetError> {
     const LONGEST: u64 = 1 << 16;
-    let failed = |source| DatasetError::Read { path: path.to_owned(), source };
     let mut start = Vec::new();
-    File::open(path).and_then(|file| file.take(LONGEST).read_to_end(&mut start)).map_err(failed)?;
+    File::open(path)
+        .and_then(|file| file.take(LONGEST).read_to_end(&mut start))
+        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
     let line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
     Ok(fields(line).into_iter().next().unwrap_or_default())
 }

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::row::{DEGREES, FleetCell, FleetRow};
@@ -15,14 +15,16 @@ use trocar_identify::{
     Estimate, Identification, IdentifyError, IdentifyOptions, Subject, Warning, identify,
 };
 use trocar_recording::rows::Crop;
-use trocar_recording::{ReadOptions, Readings, Recording, RecordingError, digest_of, read};
+use trocar_recording::{
+    ReadOptions, Readings, Recording, RecordingError, check_sensor_limit, digest_of, read,
+};
 use trocar_simulate::cancel;
 
 /// Peak memory of an identification, in units of the recording's columns.
 const PEAK_TO_COLUMNS: u64 = 5;
 
 /// Extent of the identification of each recording.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Depth {
     /// The fit without the optional terms that only rests and partial reversals reveal.
@@ -44,9 +46,11 @@ impl Depth {
 }
 
 /// Configuration of the identification of each recording.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Config {
     /// Reading options; the memory limit is that of one identification as a whole.
+    #[serde(flatten)]
     pub reading: ReadOptions,
     /// Extent of the identification.
     pub depth: Depth,
@@ -62,26 +66,22 @@ impl Config {
     ///
     /// The memory limit is excluded: it decides whether there is a row, not its content.
     pub fn hash(&self) -> String {
-        let Self { reading, depth, seed, moving_mass } = self;
-        let text = serde_json::json!({
-            "program": PROGRAM,
-            // The journal holds cells by their place.
-            "table": super::row::columns().into_iter().map(|field| field.name).collect::<Vec<String>>(),
-            "columns": reading.choice.columns,
-            "topics": reading.choice.topics,
-            "from_s": reading.choice.from,
-            "to_s": reading.choice.to,
-            "skip_rows": reading.choice.skip_rows,
-            "rate_hz": reading.choice.rate_hz,
-            "flip_force": reading.choice.flip_force,
-            "sensor_limit_n": reading.sensor_limit,
-            "most_samples": reading.most_samples,
-            "depth": depth,
-            "seed": seed,
-            "moving_mass": moving_mass,
-        });
-        let digest = Sha256::digest(text.to_string().as_bytes());
+        let mut all = serde_json::to_value(self).expect("a configuration is plain values");
+        all["program"] = PROGRAM.into();
+        // The journal holds cells by their place.
+        all["table"] = super::row::columns().into_iter().map(|field| field.name).collect();
+        all.as_object_mut().map(|keys| keys.remove("memory_limit_bytes"));
+        let digest = Sha256::digest(all.to_string().as_bytes());
         digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+    }
+
+    /// Rejects a moving mass or a sensor that cannot be.
+    ///
+    /// # Errors
+    /// [`RecordingError::OutOfRange`], or [`RecordingError::GravityWithoutMass`].
+    pub fn check(&self) -> Result<(), RecordingError> {
+        check_sensor_limit(self.reading.sensor_limit)?;
+        MovingMass::new(self.moving_mass.mass, self.moving_mass.gravity).map(drop)
     }
 
     /// Reading options for columns that may use one part in `parts` of the memory.

@@ -63,6 +63,13 @@ pub struct Fleet {
     pub records: Vec<Record>,
 }
 
+impl Fleet {
+    /// Recordings with this status: `ok`, `doubtful` or `failed`.
+    pub fn count(&self, status: &str) -> usize {
+        self.records.iter().filter(|record| record.text("status") == Some(status)).count()
+    }
+}
+
 /// The part of a row that is kept in memory.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
@@ -104,8 +111,8 @@ pub static KEPT: LazyLock<Vec<String>> = LazyLock::new(|| {
         "depth",
         "duration_s",
     ];
-    let with_ends = |id: ParameterId| ENDS.map(|(end, _)| format!("{id}{end}"));
-    let parameters = KEPT_PARAMETERS.into_iter().flat_map(with_ends);
+    let parameters =
+        KEPT_PARAMETERS.into_iter().flat_map(|id| ENDS.map(|(end, _)| format!("{id}{end}")));
     plain.into_iter().map(str::to_owned).chain(parameters).collect()
 });
 
@@ -141,8 +148,7 @@ pub fn run(
     let mut collector = Collector::open(dataset, config, table)?;
     let orders = collector.unfinished();
     let next = AtomicUsize::new(0);
-    let threads =
-        if threads == 0 { cancel::processors() } else { threads.min(cancel::most_threads()) };
+    let threads = cancel::threads(threads);
     let worker = |sender: Sender<Finished>| cancel.run(1, || work(&orders, &next, config, &sender));
     std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();

@@ -111,8 +111,10 @@ impl<'a> Search<'a> {
         let motions: Vec<(Motion, f64)> =
             blocks.par_iter().map(|block| led_into(config, block)).collect::<Result<_, _>>()?;
         let before: Vec<(Motion, f64)> = before.iter().map(|m| (m.clone(), 0.0)).collect();
-        let of = |seal| Known::new(&config.noise, goal, seal, blocks, [&motions, &before]);
-        let found: Vec<Result<Known, PlanError>> = seals.par_iter().map(of).collect();
+        let found: Vec<Result<Known, PlanError>> = seals
+            .par_iter()
+            .map(|seal| Known::new(&config.noise, goal, seal, blocks, [&motions, &before]))
+            .collect();
         // Of posterior draws, those whose structure has the parameter of the goal.
         let has_goal = |k: &Result<Known, PlanError>| !matches!(k, Err(PlanError::NotThere(..)));
         let is_anywhere = found.iter().any(has_goal);
@@ -125,8 +127,8 @@ impl<'a> Search<'a> {
     /// Mean criterion over the seals.
     fn value(&self, counts: &[usize]) -> Result<f64, PlanError> {
         cancel::check();
-        let of = |seal: &Known| seal.criterion(self.goal, &seal.after(counts));
-        let sum: Option<f64> = self.known.iter().map(of).sum();
+        let sum: Option<f64> =
+            self.known.iter().map(|seal| seal.criterion(self.goal, &seal.after(counts))).sum();
         sum.map(|sum| sum / self.known.len() as f64).ok_or(PlanError::Singular)
     }
 
@@ -141,11 +143,13 @@ impl<'a> Search<'a> {
         tried: Vec<(Vec<usize>, f64)>,
         from: f64,
     ) -> Result<Option<(f64, f64, Vec<usize>)>, PlanError> {
-        let of = |(counts, time): (Vec<usize>, f64)| {
-            let value = self.value(&counts)?;
-            Ok(((value - from) / time, value, counts))
-        };
-        let all = tried.into_par_iter().map(of).collect::<Result<Vec<_>, PlanError>>()?;
+        let all = tried
+            .into_par_iter()
+            .map(|(counts, time)| {
+                let value = self.value(&counts)?;
+                Ok(((value - from) / time, value, counts))
+            })
+            .collect::<Result<Vec<_>, PlanError>>()?;
         Ok(all.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)))
     }
 
@@ -157,9 +161,13 @@ impl<'a> Search<'a> {
         loop {
             let used = self.duration(&counts);
             progress("choosing the cycles", 0.3 + 0.2 * (used / time).min(1.0));
-            let fits = |k: &usize| used + self.durations[*k] <= time;
-            let more = |k: usize| (changed(&counts, k, None), self.durations[k]);
-            match self.best_of((0..counts.len()).filter(fits).map(more).collect(), best)? {
+            match self.best_of(
+                (0..counts.len())
+                    .filter(|k| used + self.durations[*k] <= time)
+                    .map(|k| (changed(&counts, k, None), self.durations[k]))
+                    .collect(),
+                best,
+            )? {
                 Some((rate, value, better)) if rate < 0.0 => (counts, best) = (better, value),
                 _ => break,
             }
@@ -178,13 +186,13 @@ impl<'a> Search<'a> {
     /// Counts with a block more and one, beyond the reserve, less, that fit the time left.
     fn exchanged(&self, counts: &[usize], left: f64) -> Vec<(Vec<usize>, f64)> {
         let least = reserve(self.blocks);
-        let fits = |(more, less): &(usize, usize)| {
-            more != less
-                && counts[*less] > least[*less]
-                && self.durations[*more] - self.durations[*less] <= left
-        };
         let n = counts.len();
-        let pairs = (0..n).flat_map(|more| (0..n).map(move |less| (more, less))).filter(fits);
+        let pairs =
+            (0..n).flat_map(|more| (0..n).map(move |less| (more, less))).filter(|(more, less)| {
+                more != less
+                    && counts[*less] > least[*less]
+                    && self.durations[*more] - self.durations[*less] <= left
+            });
         pairs.map(|(more, less)| (changed(counts, more, Some(less)), 1.0)).collect()
     }
 
@@ -216,14 +224,15 @@ impl<'a> Search<'a> {
             self.value(&without).map_or(1.0, |value| 1.0 - (best - value).exp())
         };
         let used = (0..counts.len()).filter(|k| counts[*k] > 0);
-        let share = |k: usize| Share {
-            block: self.blocks[k],
-            count: counts[k],
-            duration_s: counts[k] as f64 * self.durations[k],
-            information: lost(k, counts[k]),
-            information_of_one: lost(k, 1),
-        };
-        Ok(used.map(share).collect())
+        Ok(used
+            .map(|k| Share {
+                block: self.blocks[k],
+                count: counts[k],
+                duration_s: counts[k] as f64 * self.durations[k],
+                information: lost(k, counts[k]),
+                information_of_one: lost(k, 1),
+            })
+            .collect())
     }
 }
 

@@ -162,6 +162,12 @@ pub enum ConfigError {
     /// The document is not valid TOML, or has unknown keys or wrong types of values.
     #[error("{0}\n\nhint: `‹plan_config()›` prints a rig with every key")]
     Syntax(String),
+    /// Text that is no goal.
+    #[error(
+        "unknown goal {0:?}, expected all, compensation, or a parameter, with a precision or without \
+         (viscous_damping_n_s_m, half_width_m:5%)"
+    )]
+    Goal(String),
     /// Two ranges of F_c.
     #[error("prior.like and prior.coulomb_force_n both give F_c\n\nhint: leave out one of them")]
     LikeAlone,
@@ -219,8 +225,9 @@ impl PlanConfig {
             return Ok(dry);
         }
         let [low, high] = published::wet_friction();
-        let wet = |seal| Ok(wetted(seal, low + (high - low) * seeds.random::<f64>())?);
-        dry.into_iter().map(wet).collect()
+        dry.into_iter()
+            .map(|seal| Ok(wetted(seal, low + (high - low) * seeds.random::<f64>())?))
+            .collect()
     }
 
     /// The same on the rig that made `pilot`: its travel, its fastest constant velocity (fastest

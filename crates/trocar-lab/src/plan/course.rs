@@ -62,19 +62,20 @@ fn follows_time(rig: &Rig, order: &[Block]) -> f64 {
     let whole: f64 = durations.iter().sum();
     let speed = |k: usize| order[k].speed_m_s;
     let mean = (0..order.len()).map(speed).sum::<f64>() / order.len() as f64;
-    let correlation = |cosine: usize| {
-        let mut time = 0.0;
-        let (mut product, mut squares) = (0.0, [0.0, 0.0]);
-        for (k, duration) in durations.iter().enumerate() {
-            let slow = (PI * cosine as f64 * (time + 0.5 * duration) / whole).cos();
-            time += duration;
-            product += slow * (speed(k) - mean);
-            squares[0] += slow * slow;
-            squares[1] += (speed(k) - mean).powi(2);
-        }
-        product * product / (squares[0] * squares[1]).max(f64::MIN_POSITIVE)
-    };
-    (1..=COSINES).map(correlation).sum()
+    (1..=COSINES)
+        .map(|cosine| {
+            let mut time = 0.0;
+            let (mut product, mut squares) = (0.0, [0.0, 0.0]);
+            for (k, duration) in durations.iter().enumerate() {
+                let slow = (PI * cosine as f64 * (time + 0.5 * duration) / whole).cos();
+                time += duration;
+                product += slow * (speed(k) - mean);
+                squares[0] += slow * slow;
+                squares[1] += (speed(k) - mean).powi(2);
+            }
+            product * product / (squares[0] * squares[1]).max(f64::MIN_POSITIVE)
+        })
+        .sum()
 }
 
 /// Part of its length by which a cycle may be moved at random, so that strokes do not all turn at

@@ -3,9 +3,9 @@
 use core::fmt;
 use core::str::FromStr;
 
-use thiserror::Error;
 use trocar_model::ParameterId;
 
+use super::config::ConfigError;
 use trocar_identify::reported;
 
 /// What a motion is planned for.
@@ -35,19 +35,11 @@ impl Goal {
     }
 }
 
-/// Text that is no goal.
-#[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error(
-    "unknown goal {0:?}, expected all, compensation, or a parameter, with a precision or without \
-     (viscous_damping_n_s_m, half_width_m:5%)"
-)]
-pub struct UnknownGoal(String);
-
 impl FromStr for Goal {
-    type Err = UnknownGoal;
+    type Err = ConfigError;
 
-    fn from_str(text: &str) -> Result<Self, UnknownGoal> {
-        let unknown = || UnknownGoal(text.to_owned());
+    fn from_str(text: &str) -> Result<Self, ConfigError> {
+        let unknown = || ConfigError::Goal(text.to_owned());
         match text {
             "all" => return Ok(Self::All),
             "compensation" => return Ok(Self::Compensation),

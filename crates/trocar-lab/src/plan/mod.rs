@@ -34,7 +34,7 @@ use trocar_simulate::many::evenly;
 pub use blocks::{Block, Interruption};
 pub use config::{ConfigError, PlanConfig, State};
 pub use course::Segment;
-pub use goal::{Goal, UnknownGoal};
+pub use goal::Goal;
 pub use summary::Summary;
 
 use choose::Search;
@@ -179,11 +179,13 @@ impl PlanConfig {
     /// # Errors
     /// A seal of more than one element.
     pub fn seals_of(&self, draws: &[Stages]) -> Result<Vec<ElementParams>, PlanError> {
-        let element = |seal: &Stages| match seal.elements() {
-            [one] => Ok(*one.params()),
-            several => Err(PlanError::SeveralElements(several.len())),
-        };
-        evenly(draws, self.draws as usize).iter().map(element).collect()
+        evenly(draws, self.draws as usize)
+            .iter()
+            .map(|seal| match seal.elements() {
+                [one] => Ok(*one.params()),
+                several => Err(PlanError::SeveralElements(several.len())),
+            })
+            .collect()
     }
 }
 

@@ -168,8 +168,9 @@ impl Outcomes {
 
 /// γ with which the pair of this number is stable and reaches the tissue with the least force error.
 fn own_best(config: &Config, outcomes: &[Outcomes], pair: usize) -> Option<f64> {
-    let reaches = |merit: Merit| merit.reaches(config);
-    let held = outcomes.iter().filter(|outcome| outcome.merits[pair].is_some_and(reaches));
+    let held = outcomes
+        .iter()
+        .filter(|outcome| outcome.merits[pair].is_some_and(|merit| merit.reaches(config)));
     let best = held.min_by(|a, b| error(a.merits[pair]).total_cmp(&error(b.merits[pair])));
     best.map(|best| best.fraction)
 }
@@ -228,8 +229,9 @@ pub fn noticeable_step<K: AsRef<[f64]> + Clone>(
         if felt(tried(k))? == Felt::Alike {
             continue;
         }
-        let is_alike = |ratio: f64| Ok::<_, ConfigError>(felt(ratio)? == Felt::Alike);
-        let [_, changed] = bisect([tried(k - 1), tried(k)], STEP_ACCURACY, is_alike)?;
+        let [_, changed] = bisect([tried(k - 1), tried(k)], STEP_ACCURACY, |ratio| {
+            Ok::<_, ConfigError>(felt(ratio)? == Felt::Alike)
+        })?;
         let step_n_m = (changed - 1.0) * stiffness;
         return Ok(Some(match felt(changed)? {
             Felt::Unstable => NoticeableStep::Unstable { step_n_m },
@@ -276,8 +278,9 @@ const FRACTIONS_APART: u32 = 75;
 pub fn map_delays(config: &Config, longest: Option<f64>) -> Vec<f64> {
     let last = f64::from(CELLS - 1);
     let samples = longest.map_or(last, |longest| longest / config.sample_time_s);
-    let delay = |k: u32| (samples * f64::from(k) / last).round() * config.sample_time_s;
-    let mut delays: Vec<f64> = (0..CELLS).map(delay).collect();
+    let mut delays: Vec<f64> = (0..CELLS)
+        .map(|k| (samples * f64::from(k) / last).round() * config.sample_time_s)
+        .collect();
     delays.dedup();
     delays
 }

@@ -79,19 +79,21 @@ pub fn response<K: AsRef<[f64]> + Clone>(
         return Err(ConfigError::OutOfRange { name, allowed, found: 0.0 });
     }
     let model = config.compensation.model(model)?;
-    let row = |&frequency_hz: &f64| {
-        cancel::check();
-        positive("frequency_hz", frequency_hz)?;
-        let impedance = |trocar: &Trocar<K>| {
-            seal_impedance(trocar, config.tissue.surface_m, amplitude_m, frequency_hz)
-        };
-        let impedances = [impedance(&model), impedance(plant)];
-        let hybrid = Hybrid::with_compensator(config, impedances, frequency_hz);
-        let tissue = tissue_impedance(config, frequency_hz);
-        let (llewellyn, transmitted) = (hybrid.llewellyn(), hybrid.transmitted(tissue));
-        Ok(Response { frequency_hz, hybrid, llewellyn, tissue, transmitted })
-    };
-    frequencies_hz.iter().map(row).collect()
+    frequencies_hz
+        .iter()
+        .map(|&frequency_hz| {
+            cancel::check();
+            positive("frequency_hz", frequency_hz)?;
+            let impedance = |trocar: &Trocar<K>| {
+                seal_impedance(trocar, config.tissue.surface_m, amplitude_m, frequency_hz)
+            };
+            let impedances = [impedance(&model), impedance(plant)];
+            let hybrid = Hybrid::with_compensator(config, impedances, frequency_hz);
+            let tissue = tissue_impedance(config, frequency_hz);
+            let (llewellyn, transmitted) = (hybrid.llewellyn(), hybrid.transmitted(tissue));
+            Ok(Response { frequency_hz, hybrid, llewellyn, tissue, transmitted })
+        })
+        .collect()
 }
 
 /// Steps of one period for the describing function.

@@ -83,15 +83,15 @@ impl Merit {
             (squares / samples.len().max(1) as f64).sqrt()
         };
         let error = |sample: &Sample| config.felt(sample) - sample.tissue_force;
-        let in_steps =
-            |sample: &Sample| error(sample) / just_noticeable_difference(sample.tissue_force);
         let [master_energy_j, slave_energy_j] =
             samples.last().map_or([0.0; 2], Sample::network_energies);
         let [displayed_stiffness_n_m, true_stiffness_n_m] = displayed(config, samples);
         Self {
             force_error_rms_n: rms(&error),
             force_error_peak_n: samples.iter().map(|s| error(s).abs()).fold(0.0, f64::max),
-            force_error_rms_jnd: rms(&in_steps),
+            force_error_rms_jnd: rms(&|sample| {
+                error(sample) / just_noticeable_difference(sample.tissue_force)
+            }),
             displayed_stiffness_n_m,
             true_stiffness_n_m,
             displayed_from_rest_n_m: None,
@@ -141,8 +141,10 @@ pub(super) fn displayed(config: &Config, samples: &[Sample]) -> [Option<f64>; 2]
     }
     let [least, most] = AT_REST_M_S;
     let at_rest = (AT_REST * config.motion.peak_m_s()).clamp(least, most);
-    let deepens = |sample: &&Sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest;
-    let loading: Vec<&Sample> = samples.iter().filter(deepens).collect();
+    let loading: Vec<&Sample> = samples
+        .iter()
+        .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest)
+        .collect();
     let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
     [
         slope(&loading, depth, |sample| config.felt(sample)),

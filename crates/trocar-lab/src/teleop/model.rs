@@ -156,13 +156,15 @@ pub fn scaled<K: AsRef<[f64]> + Clone>(
 
 /// Seal damping that depends on the speed: of its polynomial only the first coefficient is tunable.
 fn with_damping_at(stages: &Stages, scale: f64) -> Result<Seal, ParamError> {
-    let of = |element: &Element| {
-        let mut params = *element.params();
-        let [s0, s1, s2] = params.damping.coefficients;
-        params.damping.coefficients = [s0, s1 / scale, s2 / (scale * scale)];
-        Element::new(params)
-    };
-    let elements =
-        stages.elements().iter().map(of).collect::<Result<Vec<Element>, ParamError>>()?;
+    let elements = stages
+        .elements()
+        .iter()
+        .map(|element| {
+            let mut params = *element.params();
+            let [s0, s1, s2] = params.damping.coefficients;
+            params.damping.coefficients = [s0, s1 / scale, s2 / (scale * scale)];
+            Element::new(params)
+        })
+        .collect::<Result<Vec<Element>, ParamError>>()?;
     Ok(Seal::Ems(Stages::new(&elements).expect("as many elements as before")))
 }

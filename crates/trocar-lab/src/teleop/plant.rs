@@ -199,10 +199,9 @@ impl<K: AsRef<[f64]>> Slave<K> {
                 let way = motion.position - self.motion.position;
                 // ∫F·v dt of a force and a velocity that are linear in time.
                 let beside = (motion.velocity - self.motion.velocity) * self.duration / 12.0;
-                let work = |before: f64, after: f64| {
+                return self.arrive(motion, met, motor, |before, after| {
                     0.5 * way * (before + after) + beside * (after - before)
-                };
-                return self.arrive(motion, met, motor, work);
+                });
             }
         }
         self.step_stiffly(motor, time);

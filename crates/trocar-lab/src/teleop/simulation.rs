@@ -170,8 +170,8 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         sent.energy = self.ports[0].observe(own_master.position, 0.0);
         let at_slave = self.to_slave.send(sent);
         let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
-        let dissipated = |credit: &mut Credit<K>| credit.advance(own_slave.position, duration);
-        let credit = self.credit.as_mut().map_or(0.0, dissipated);
+        let credit =
+            self.credit.as_mut().map_or(0.0, |credit| credit.advance(own_slave.position, duration));
         back.energy = self.ports[1].observe(own_slave.position, credit);
         self.arrived = self.to_master.send(back);
         let master_force = self.controllers.master(self.arrived, &own_master, operator_force);

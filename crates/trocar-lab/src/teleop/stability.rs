@@ -155,13 +155,12 @@ impl Trial {
         for direction in [first, -first] {
             moves.push((tried.time(), direction * push));
             tried.strike(direction * DISPLACED_STEPS * step, direction * STRUCK_M_S);
-            let hand = |time: f64| {
+            if !self.comes_to_rest(&quiet, &mut tried, |time| {
                 moves.iter().fold((start, 0.0), |(x, v), (begin, way)| {
                     let [moved, rate] = minimum_jerk(time - begin);
                     (x + way * moved, v + way * rate)
                 })
-            };
-            if !self.comes_to_rest(&quiet, &mut tried, hand) {
+            }) {
                 return Ok(Some(direction));
             }
         }
@@ -364,12 +363,13 @@ impl ZWidth {
         let mut tried: Vec<f64> = (0..TRIED).map(|k| between(k).exp()).chain(ends).collect();
         tried.sort_by(f64::total_cmp);
         let (mut config, kind) = (config.clone(), config.tissue.kind);
-        let settles = |stiffness: f64| {
-            config.tissue.stiffness_n_m = stiffness;
-            config.tissue.kind = if stiffness > 0.0 { kind } else { TissueKind::None };
-            Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)
-        };
-        Ok(Some(Self { ranges_n_m: ranges(&tried, settles)? }))
+        Ok(Some(Self {
+            ranges_n_m: ranges(&tried, |stiffness| {
+                config.tissue.stiffness_n_m = stiffness;
+                config.tissue.kind = if stiffness > 0.0 { kind } else { TissueKind::None };
+                Trial::default().is_stable(&config, plant, model, config.tissue.surface_m)
+            })?,
+        }))
     }
 
     /// The softest of the ranges; `None` where there is none.

@@ -142,8 +142,8 @@ impl Study {
 
     /// Whether there is tissue that the tip does not reach: the figures are then those of free motion.
     fn is_out_of_reach(&self) -> bool {
-        let is_free = |merit: &Merit| !merit.reaches(&self.config);
-        self.config.has_tissue() && self.outcome.figures.as_ref().is_some_and(is_free)
+        self.config.has_tissue()
+            && self.outcome.figures.as_ref().is_some_and(|merit| !merit.reaches(&self.config))
     }
 
     /// Whether the result is doubtful: there are [warnings](Self::warnings), or nothing can be advised.

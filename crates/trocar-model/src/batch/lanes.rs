@@ -215,8 +215,9 @@ impl Lanes {
 
     #[cold]
     fn stale(&self, stride: Stride) -> LaneSet {
-        let wanted = |i: &usize| !self.slides(*i, stride) && self.is_stale(*i, stride);
-        (0..LANES).filter(wanted).fold(0, |set, i| set | 1 << i)
+        (0..LANES)
+            .filter(|i| !self.slides(*i, stride) && self.is_stale(*i, stride))
+            .fold(0, |set, i| set | 1 << i)
     }
 
     /// Where the lane goes if it deforms.

@@ -2,7 +2,7 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::power;
-use crate::friction::{Friction, held, sign, velocity, within};
+use crate::friction::{friction, held, sign, velocity, within};
 use crate::law::{Law, Visit};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -237,21 +237,7 @@ impl Law for BoucWen {
     }
 }
 
-impl Friction for BoucWen {
-    type State = BoucWenState;
-
-    fn rest_at_force(&self, force: f64) -> BoucWenState {
-        BoucWen::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut BoucWenState, displacement: f64, duration: f64) -> f64 {
-        BoucWen::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &BoucWenState) -> f64 {
-        state.force
-    }
-}
+friction!(BoucWen, BoucWenState);
 
 #[cfg(test)]
 mod tests {

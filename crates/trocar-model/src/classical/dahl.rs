@@ -3,7 +3,7 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
-use crate::friction::{Friction, held, sign, velocity};
+use crate::friction::{friction, held, sign, velocity};
 use crate::law::{Law, Visit};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -213,21 +213,7 @@ impl Law for Dahl {
     }
 }
 
-impl Friction for Dahl {
-    type State = DahlState;
-
-    fn rest_at_force(&self, force: f64) -> DahlState {
-        Dahl::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut DahlState, displacement: f64, duration: f64) -> f64 {
-        Dahl::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &DahlState) -> f64 {
-        state.force
-    }
-}
+friction!(Dahl, DahlState);
 
 #[cfg(test)]
 mod tests {

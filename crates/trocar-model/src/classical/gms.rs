@@ -3,7 +3,7 @@
 
 use crate::error::{ParamError, check_element, finite};
 use crate::exponential::decay;
-use crate::friction::{Friction, held, sign, velocity};
+use crate::friction::{friction, held, sign, velocity};
 use crate::law::{Choice, Elements, Law, MAX_ELEMENTS, Visit, check_count};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -356,21 +356,7 @@ impl Law for Gms {
     }
 }
 
-impl Friction for Gms {
-    type State = GmsState;
-
-    fn rest_at_force(&self, force: f64) -> GmsState {
-        Gms::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut GmsState, displacement: f64, duration: f64) -> f64 {
-        Gms::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &GmsState) -> f64 {
-        state.force
-    }
-}
+friction!(Gms, GmsState);
 
 /// Moves one element with limit ν·g = `limit` (m) and C/ν = `rate` (N/s); returns dz/dt (m/s) at
 /// the end.

@@ -2,7 +2,7 @@
 
 use crate::error::{ParamError, check_fields, finite};
 use crate::exponential::power;
-use crate::friction::{Friction, sign, velocity};
+use crate::friction::{friction, sign, velocity};
 use crate::law::{Elements, Law, MAX_ELEMENTS, Visit};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -363,21 +363,7 @@ impl Law for Leuven {
     }
 }
 
-impl Friction for Leuven {
-    type State = LeuvenState;
-
-    fn rest_at_force(&self, force: f64) -> LeuvenState {
-        Leuven::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut LeuvenState, displacement: f64, duration: f64) -> f64 {
-        Leuven::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &LeuvenState) -> f64 {
-        state.force
-    }
-}
+friction!(Leuven, LeuvenState);
 
 #[cfg(test)]
 mod tests {

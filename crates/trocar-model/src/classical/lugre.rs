@@ -3,7 +3,7 @@
 use crate::block::{BLOCK, Motion, Samples};
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, decay_inlined};
-use crate::friction::{Friction, held, sign, velocity, within};
+use crate::friction::{friction, held, sign, velocity, within};
 use crate::law::{Choice, Law, Visit};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -384,21 +384,7 @@ impl Law for LuGre {
     }
 }
 
-impl Friction for LuGre {
-    type State = LuGreState;
-
-    fn rest_at_force(&self, force: f64) -> LuGreState {
-        LuGre::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut LuGreState, displacement: f64, duration: f64) -> f64 {
-        LuGre::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &LuGreState) -> f64 {
-        state.force
-    }
-}
+friction!(LuGre, LuGreState);
 
 #[cfg(test)]
 mod tests {

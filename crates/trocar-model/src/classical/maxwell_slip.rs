@@ -2,7 +2,7 @@
 
 use crate::block::{BLOCK, Motion, Samples};
 use crate::error::{ParamError, check_element, in_range};
-use crate::friction::{Friction, held, velocity, within};
+use crate::friction::{friction, held, velocity, within};
 use crate::law::{Elements, Law, MAX_ELEMENTS, Visit, check_count};
 use crate::parameter::{Quantity, parameters};
 use crate::row::row;
@@ -274,21 +274,7 @@ impl Law for MaxwellSlip {
     }
 }
 
-impl Friction for MaxwellSlip {
-    type State = MaxwellSlipState;
-
-    fn rest_at_force(&self, force: f64) -> MaxwellSlipState {
-        MaxwellSlip::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut MaxwellSlipState, displacement: f64, duration: f64) -> f64 {
-        MaxwellSlip::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &MaxwellSlipState) -> f64 {
-        state.force
-    }
-}
+friction!(MaxwellSlip, MaxwellSlipState);
 
 #[cfg(test)]
 mod tests {

@@ -2,7 +2,7 @@
 //! (4), (11), (23).
 
 use crate::error::ParamError;
-use crate::friction::{Friction, held, sign, velocity};
+use crate::friction::{friction, held, sign, velocity};
 use crate::law::{Law, Visit};
 use crate::parameter::Blank;
 use crate::row::row;
@@ -140,21 +140,7 @@ impl Law for StaticFriction {
     }
 }
 
-impl Friction for StaticFriction {
-    type State = StaticState;
-
-    fn rest_at_force(&self, force: f64) -> StaticState {
-        StaticFriction::rest_at_force(self, force)
-    }
-
-    fn step(&self, state: &mut StaticState, displacement: f64, duration: f64) -> f64 {
-        StaticFriction::step(self, state, displacement, duration)
-    }
-
-    fn force(state: &StaticState) -> f64 {
-        state.force
-    }
-}
+friction!(StaticFriction, StaticState);
 
 #[cfg(test)]
 mod tests {

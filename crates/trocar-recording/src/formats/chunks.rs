@@ -132,8 +132,8 @@ impl Contents {
         self.pieces.sort_by_key(|piece| (piece.start, piece.at));
         self.start = self.start.or(self.pieces.first().map(|piece| piece.start));
         let (first, counts) = (&mut self.first, &self.counts);
-        let is_sought = |id: &u32| !first.contains_key(id) && counts.get(id) != Some(&0);
-        let mut missing: BTreeSet<u32> = channels.filter(is_sought).collect();
+        let mut missing: BTreeSet<u32> =
+            channels.filter(|id| !first.contains_key(id) && counts.get(id) != Some(&0)).collect();
         let mut buffers = Buffers::default();
         for piece in &self.pieces {
             if !piece.may_hold(&missing) || missing.is_empty() {
@@ -255,13 +255,15 @@ impl<F: Chunked> Chunks<F> {
             fits
         });
         let to = self.at + few.count();
-        let start = || (Buffers::default(), self.extractor.clone());
         let decoded: Vec<Option<Block>> = self.pieces[self.at..to]
             .par_iter()
-            .map_init(start, |(buffers, extractor), piece| {
-                let records = F::load(&input, piece, buffers)?;
-                Some(block::<F>(records, &self.channels, extractor))
-            })
+            .map_init(
+                || (Buffers::default(), self.extractor.clone()),
+                |(buffers, extractor), piece| {
+                    let records = F::load(&input, piece, buffers)?;
+                    Some(block::<F>(records, &self.channels, extractor))
+                },
+            )
             .collect();
         self.decoded = decoded.into_iter();
         Ok(())

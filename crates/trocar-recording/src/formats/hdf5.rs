@@ -92,7 +92,6 @@ impl Container for Hdf5 {
 
 impl Hdf5 {
     fn array(&self, place: &ColumnLocation) -> Result<Array, RecordingError> {
-        let refused = |error| refused(&self.source, &place.path, &error);
         let dataset = place.dataset.clone();
         // The reader reserves memory for the length that a chunk states.
         let chunks =
@@ -101,7 +100,7 @@ impl Hdf5 {
         {
             return Err(self.source.damaged(&place.path, "a chunk that ends after the file"));
         }
-        Array::open(dataset, place).map_err(refused)
+        Array::open(dataset, place).map_err(|error| refused(&self.source, &place.path, &error))
     }
 }
 

@@ -555,11 +555,13 @@ impl Listing<'_> {
         if width == 0 || width > 64 {
             return Err(invalid("no length of field names"));
         }
-        let until_zero = |name: &[u8]| {
-            let end = name.iter().position(|&byte| byte == 0).unwrap_or(name.len());
-            String::from_utf8_lossy(&name[..end]).into_owned()
-        };
-        let names: Vec<String> = text.chunks(width).map(until_zero).collect();
+        let names: Vec<String> = text
+            .chunks(width)
+            .map(|name| {
+                let end = name.iter().position(|&byte| byte == 0).unwrap_or(name.len());
+                String::from_utf8_lossy(&name[..end]).into_owned()
+            })
+            .collect();
         let count = head.count().ok_or_else(|| invalid("more structs than there can be"))?;
         if count > 1 {
             return self.struct_array(walk, &names, count, position);

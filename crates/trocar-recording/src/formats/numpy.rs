@@ -53,8 +53,7 @@ impl Numpy {
         let mut group = Group { name: String::new(), columns: Vec::new(), refused: Vec::new() };
         for (array, length) in arrays(path, length, &source)? {
             let mut head = Vec::new();
-            let read = |from: &mut dyn Read| from.take(HEADER).read_to_end(&mut head);
-            with_array(path, array.as_deref(), read)
+            with_array(path, array.as_deref(), |from| from.take(HEADER).read_to_end(&mut head))
                 .map_err(|error| source.damaged(place(array.as_deref()), error))?;
             list(&mut group, array.as_deref(), &head, length, &source)?;
         }
@@ -119,8 +118,8 @@ fn list(
     length: u64,
     source: &Source,
 ) -> Result<(), RecordingError> {
-    let no_header = || source.damaged(place(array), "no header of an array");
-    let header = Header::of(head).ok_or_else(no_header)?;
+    let header =
+        Header::of(head).ok_or_else(|| source.damaged(place(array), "no header of an array"))?;
     let shown = array.unwrap_or("value");
     let Some(fields) = header.fields() else {
         group.refused.push(format!("{shown} (of type {}; {SAVE_AGAIN})", header.kind));
@@ -225,11 +224,12 @@ impl Header {
                 .map(|f| vec![f]);
         }
         let fields = self.kind.trim_matches(['[', ']']).split_terminator(')');
-        let field = |text: &str| {
-            let (name, kind) = text.trim_start_matches([',', ' ', '(']).split_once("',")?;
-            Field::of(Some(name.trim_start_matches('\'').to_owned()), kind.trim())
-        };
-        fields.map(field).collect()
+        fields
+            .map(|text| {
+                let (name, kind) = text.trim_start_matches([',', ' ', '(']).split_once("',")?;
+                Field::of(Some(name.trim_start_matches('\'').to_owned()), kind.trim())
+            })
+            .collect()
     }
 }
 

@@ -355,8 +355,9 @@ impl Walker {
 
     /// Adds a part, if it holds messages.
     fn add(&mut self, piece: Option<Piece>) {
-        let holds = |piece: &Piece| piece.channels.as_ref().is_some_and(|held| !held.is_empty());
-        self.index.contents.pieces.extend(piece.filter(holds));
+        self.index.contents.pieces.extend(
+            piece.filter(|piece| piece.channels.as_ref().is_some_and(|held| !held.is_empty())),
+        );
     }
 
     /// A message or connection outside of chunks, from `at` to `end`.

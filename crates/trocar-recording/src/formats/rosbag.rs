@@ -303,10 +303,9 @@ impl Folder {
             }
         }
         if folder.parts.is_empty() {
-            let none = || {
+            return Err(failed.unwrap_or_else(|| {
                 problem(path, format!("holds no bag: expected {METADATA} and .db3 or .mcap files"))
-            };
-            return Err(failed.unwrap_or_else(none));
+            }));
         }
         folder.join();
         Ok(folder)
@@ -366,9 +365,9 @@ impl Container for Folder {
     fn clock(&self, table: usize, column: usize) -> usize {
         let (table, mut topics) =
             (&self.tables[table], self.parts.iter().flat_map(|part| &part.topics));
-        let same =
-            |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
-        topics.find(same).map_or(0, |topic| topic.clock(column, self.epochs))
+        topics
+            .find(|topic| topic.table.name == table.name && topic.table.kind == table.kind)
+            .map_or(0, |topic| topic.clock(column, self.epochs))
     }
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
@@ -380,10 +379,10 @@ impl Container for Folder {
                 |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
             let Some(place) = part.topics.iter().position(|topic| same(&topic)) else { continue };
             let topic = &part.topics[place];
-            let found = |&column: &usize| {
-                topic.table.columns.iter().position(|c| *c == table.columns[column])
-            };
-            let places: Vec<Option<usize>> = columns.iter().map(found).collect();
+            let places: Vec<Option<usize>> = columns
+                .iter()
+                .map(|&column| topic.table.columns.iter().position(|c| *c == table.columns[column]))
+                .collect();
             blocks.push(part.messages.blocks(place, topic.extractor_of(&places, self.epochs))?);
         }
         let chain = Chain { blocks, at: 0 };

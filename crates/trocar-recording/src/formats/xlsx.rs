@@ -564,14 +564,16 @@ impl Sheet {
         of: &FooterColumn,
     ) -> Option<&'a (u32, Cell)> {
         let FooterColumn { column, kind, is_time } = *of;
-        let is_text = |(own, cell): &&(u32, Cell)| {
-            (is_time || *own <= column)
-                && cell.kind(self.format) == Some(Kind::Text)
-                && !self.columns.contains(&(*own, Kind::Text))
-        };
         let own = cells.iter().find(|(own, _)| *own == column).map_or(&Cell::Missing, |(_, c)| c);
         let has_number = number(own, kind, self.format, &mut None).is_some_and(f64::is_finite);
-        cells.iter().find(is_text).filter(|_| !has_number)
+        cells
+            .iter()
+            .find(|(own, cell)| {
+                (is_time || *own <= column)
+                    && cell.kind(self.format) == Some(Kind::Text)
+                    && !self.columns.contains(&(*own, Kind::Text))
+            })
+            .filter(|_| !has_number)
     }
 }
 

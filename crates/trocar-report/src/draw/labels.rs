@@ -68,19 +68,21 @@ pub(super) fn placed<'p>(frame: &Frame<'p>) -> Vec<([f64; 2], &'p str, &'static 
                 continue;
             }
             let half = [text_width(&view::printable(label), TICK_SIZE) / 2.0, HALF_HEIGHT];
-            let cost = |area: &Area| {
-                let count = |all: &[Area]| all.iter().filter(|other| area.overlaps(other)).count();
-                let outside = usize::from(!area.is_inside(frame));
-                let near = Area { half: area.half.map(|half| half + NEAR), ..*area };
-                let strangers =
-                    markers.iter().filter(|m| m.centre != at && near.overlaps(m)).count();
-                1000 * outside
-                    + 100 * count(&texts)
-                    + 20 * count(&markers)
-                    + 4 * strangers
-                    + count(&lines)
-            };
-            let best = candidates(at, half).min_by_key(cost).unwrap_or(Area { centre: at, half });
+            let best = candidates(at, half)
+                .min_by_key(|area| {
+                    let count =
+                        |all: &[Area]| all.iter().filter(|other| area.overlaps(other)).count();
+                    let outside = usize::from(!area.is_inside(frame));
+                    let near = Area { half: area.half.map(|half| half + NEAR), ..*area };
+                    let strangers =
+                        markers.iter().filter(|m| m.centre != at && near.overlaps(m)).count();
+                    1000 * outside
+                        + 100 * count(&texts)
+                        + 20 * count(&markers)
+                        + 4 * strangers
+                        + count(&lines)
+                })
+                .unwrap_or(Area { centre: at, half });
             texts.push(best);
             placed.push((best.centre, label.as_str(), colour));
         }
@@ -153,24 +155,27 @@ mod tests {
                 Axis::new("error", "N").logarithmic(),
             )
         };
-        let point = |panel: Panel, k: usize| {
-            panel.series(Series::labelled(
-                "",
-                Role::Model,
-                vec![x[k]],
-                vec![y[k]],
-                vec![names[k].to_owned()],
-            ))
-        };
-        let figure =
-            Figure::new("cluster", 1, "Cluster").panel((0..names.len()).fold(axes(), point));
+        let figure = Figure::new("cluster", 1, "Cluster").panel((0..names.len()).fold(
+            axes(),
+            |panel, k| {
+                panel.series(Series::labelled(
+                    "",
+                    Role::Model,
+                    vec![x[k]],
+                    vec![y[k]],
+                    vec![names[k].to_owned()],
+                ))
+            },
+        ));
         let layout = Layout::new(&figure);
         let frame = &layout.frames[0];
-        let area = |(centre, text, _): ([f64; 2], &str, &str)| Area {
-            centre,
-            half: [text_width(text, TICK_SIZE) / 2.0, HALF_HEIGHT],
-        };
-        let texts: Vec<Area> = placed(frame).into_iter().map(area).collect();
+        let texts: Vec<Area> = placed(frame)
+            .into_iter()
+            .map(|(centre, text, _)| Area {
+                centre,
+                half: [text_width(text, TICK_SIZE) / 2.0, HALF_HEIGHT],
+            })
+            .collect();
         assert_eq!(texts.len(), names.len());
         let (markers, _) = obstacles(frame);
         for (k, text) in texts.iter().enumerate() {

@@ -191,11 +191,12 @@ fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
         Some(by) => known(records[k], by).unwrap_or_else(|| format!("\0{k}")),
         None => String::new(),
     };
-    let number = |k: usize| {
-        let next = seen.len();
-        *seen.entry(name(k)).or_insert(next)
-    };
-    (0..records.len()).map(number).collect()
+    (0..records.len())
+        .map(|k| {
+            let next = seen.len();
+            *seen.entry(name(k)).or_insert(next)
+        })
+        .collect()
 }
 
 /// Parameters against use, and the table of slopes.
@@ -310,18 +311,19 @@ pub(crate) fn failures(fleet: &Fleet) -> Option<Table> {
     let mut reasons: Vec<(&str, Vec<&Record>)> = reasons.into_iter().collect();
     reasons.sort_by_key(|(_, records)| std::cmp::Reverse(records.len()));
     let table = Table::new("Failed recordings", ["Reason", "Recordings", "First", "Message"]);
-    let row = |table: Table, (kind, records): &(&str, Vec<&Record>)| {
-        let text = |name| records[0].text(name).unwrap_or_default().to_owned();
-        let said = text("reason");
-        let said = said.split("\n\nhint: ").next().unwrap_or_default().to_owned();
-        table.row([
-            kind.replace('_', " ").into(),
-            records.len().to_string().into(),
-            Cell::Code(text("path")),
-            said.into(),
-        ])
-    };
-    (!reasons.is_empty()).then(|| reasons.iter().fold(table, row))
+    (!reasons.is_empty()).then(|| {
+        reasons.iter().fold(table, |table, (kind, records)| {
+            let text = |name| records[0].text(name).unwrap_or_default().to_owned();
+            let said = text("reason");
+            let said = said.split("\n\nhint: ").next().unwrap_or_default().to_owned();
+            table.row([
+                kind.replace('_', " ").into(),
+                records.len().to_string().into(),
+                Cell::Code(text("path")),
+                said.into(),
+            ])
+        })
+    })
 }
 
 /// The name of a record's specimen, if it has one.

@@ -9,7 +9,7 @@ use super::tables::name_of;
 use super::{Scored, excerpt_starts, limits};
 use crate::document::{Excerpt, Knob, LiveModel};
 use crate::number::significant;
-use trocar_identify::{Estimate, Identification};
+use trocar_identify::Identification;
 use trocar_recording::Recording;
 use trocar_simulate::replay::forgotten_after;
 use trocar_simulate::segment::{reversal_threshold, strokes};
@@ -68,22 +68,24 @@ pub(crate) fn row_of<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Result<Vec<f64>, St
 
 fn knobs(seal: &Seal, interval: impl Fn(&Tunable) -> Option<[f64; 2]>) -> Vec<Knob> {
     let tunables: Vec<Tunable> = seal.tunables().collect();
-    let knob = |tunable: &Tunable| {
-        let Tunable { id, value } = *tunable;
-        let Unit { shown, scale, .. } = id.unit();
-        Knob {
-            name: name_of(id),
-            symbol: id.symbol().to_string(),
-            unit: shown.to_owned(),
-            scale,
-            value,
-            range: range(tunable, &tunables),
-            interval: interval(tunable),
-            follows: other_direction(tunable, &tunables),
-            is_main: id.element.is_none_or(|element| element == 1) && is_main(id.quantity),
-        }
-    };
-    tunables.iter().map(knob).collect()
+    tunables
+        .iter()
+        .map(|tunable| {
+            let Tunable { id, value } = *tunable;
+            let Unit { shown, scale, .. } = id.unit();
+            Knob {
+                name: name_of(id),
+                symbol: id.symbol().to_string(),
+                unit: shown.to_owned(),
+                scale,
+                value,
+                range: range(tunable, &tunables),
+                interval: interval(tunable),
+                follows: other_direction(tunable, &tunables),
+                is_main: id.element.is_none_or(|element| element == 1) && is_main(id.quantity),
+            }
+        })
+        .collect()
 }
 
 /// For withdrawal: index of the same parameter on insertion, if it has the same value.
@@ -137,8 +139,10 @@ fn range(tunable: &Tunable, all: &[Tunable]) -> Option<[f64; 2]> {
 fn interval(tunable: &Tunable, found: &Identification) -> Option<[f64; 2]> {
     let Tunable { id, value } = *tunable;
     let ids = [id.quantity.id(), id];
-    let is_same = |e: &&Estimate| (e.value - value).abs() <= SAME * value.abs() && e.determined;
-    let estimate = ids.into_iter().filter_map(|id| found.estimate(id)).find(is_same)?;
+    let estimate = ids
+        .into_iter()
+        .filter_map(|id| found.estimate(id))
+        .find(|e| (e.value - value).abs() <= SAME * value.abs() && e.determined)?;
     estimate.ci95.iter().all(|end| end.is_finite()).then_some(estimate.ci95)
 }
 

@@ -32,14 +32,13 @@ pub(crate) fn motion(plan: &Plan) -> Figure {
         Role::Neutral,
         |s| MM * s.block.speed_m_s,
     ));
-    let of_one = |segment: &Segment| {
-        let share = plan.shares.iter().find(|share| share.block == segment.block);
-        let part = share.map_or(0.0, |share| share.information_of_one.max(0.0));
-        1e2 * part / (segment.to_s - segment.from_s)
-    };
-    let information = over_time(Axis::new("information", "%/s").with_zero())
-        .aspect(0.22)
-        .series(steps(plan, "information of a cycle", Role::Model, of_one));
+    let information = over_time(Axis::new("information", "%/s").with_zero()).aspect(0.22).series(
+        steps(plan, "information of a cycle", Role::Model, |segment| {
+            let share = plan.shares.iter().find(|share| share.block == segment.block);
+            let part = share.map_or(0.0, |share| share.information_of_one.max(0.0));
+            1e2 * part / (segment.to_s - segment.from_s)
+        }),
+    );
     Figure::new("motion", 1, "The motion and what it tells")
         .caption(
             "Position of the instrument, speed of the strokes, and information: the part of the precision about the goal that would be \

@@ -136,7 +136,7 @@ impl Curves<'_> {
         if !(s.is_asymmetric() || determined) {
             return Vec::new();
         }
-        let curve = |(name, role, end): (&str, Role, usize)| {
+        ends.map(|(name, role, end)| {
             let off = |estimate: &Estimate| estimate.ci95[end] - estimate.value;
             let (coulomb, viscous) = (off(&s.coulomb_force_n), off(&s.viscous_damping_n_s_m));
             self.curve(name, role, |v| {
@@ -146,8 +146,8 @@ impl Curves<'_> {
                     self.reading(v) + v.signum() * coulomb + viscous * v
                 }
             })
-        };
-        ends.map(curve).into()
+        })
+        .into()
     }
 
     /// All stages in steady sliding, including the creep of the contact.

@@ -67,8 +67,8 @@ impl Drawn {
 
 /// Mean square of the differences of the draws to `force` (N), N²; 0 without draws.
 pub(super) fn mean_square(draws: &[Drawn], force: f64, viscosity: f64, speed: f64) -> f64 {
-    let square = |drawn: &Drawn| (drawn.force(viscosity, speed) - force).powi(2);
-    draws.iter().map(square).sum::<f64>() / draws.len().max(1) as f64
+    draws.iter().map(|drawn| (drawn.force(viscosity, speed) - force).powi(2)).sum::<f64>()
+        / draws.len().max(1) as f64
 }
 
 /// Mean over both directions of all stages, N.

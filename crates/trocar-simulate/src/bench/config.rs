@@ -105,7 +105,7 @@ pub struct Controller {
 /// Conversion of a position to a whole number of encoder counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Rounding {
+pub(crate) enum Rounding {
     /// To the nearest count.
     Nearest,
     /// To the count below.
@@ -119,7 +119,7 @@ pub struct Encoder {
     /// Length of one count in m, positive.
     pub resolution_m: f64,
     /// Rounding of a position to counts.
-    pub rounding: Rounding,
+    pub(crate) rounding: Rounding,
     /// Noise before rounding in m rms, ≥ 0.
     pub noise_m: f64,
     /// Noise of the drive's speed signal in m/s rms, ≥ 0.
@@ -258,8 +258,10 @@ impl Protocols {
             }
             Protocol::Step => {
                 let speeds = [self.step.insertion_speed_m_s, self.step.withdrawal_speed_m_s];
-                let of = |v| stroke_s(v, self.step.stroke_m, self.step.acceleration_m_s2);
-                speeds.map(of).iter().sum()
+                speeds
+                    .map(|v| stroke_s(v, self.step.stroke_m, self.step.acceleration_m_s2))
+                    .iter()
+                    .sum()
             }
             Protocol::Surgeon => self.surgeon.duration_s,
         }

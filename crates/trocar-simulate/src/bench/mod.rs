@@ -26,6 +26,7 @@
 //! - **Not modelled**: elasticity of rod and frame, heating of the motor, communication delays.
 
 pub mod config;
+mod experiment;
 mod fluctuation;
 mod motion;
 pub mod noise;
@@ -36,6 +37,7 @@ mod sensors;
 pub mod surroundings;
 
 pub use config::{BenchConfig, ConfigError};
+pub use experiment::Experiment;
 pub use random::{PlausibleSeals, random_plausible_seal, random_seal};
 
 use core::fmt;
@@ -199,6 +201,9 @@ pub enum BenchError {
         /// Keys that make it shorter.
         hint: &'static str,
     },
+    /// No experiment, or two.
+    #[error("give a protocol or a motion, and not both")]
+    WhichExperiment,
     /// A motion that the rig cannot make.
     #[error("the motion cannot be run: {0}")]
     Motion(String),

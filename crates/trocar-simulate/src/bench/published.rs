@@ -196,8 +196,10 @@ pub fn studies() -> &'static [Study] {
 /// # Errors
 /// [`PublishedError::Unknown`] with the keys that exist.
 pub fn study(key: &str) -> Result<&'static Study, PublishedError> {
-    let unknown = || PublishedError::Unknown { key: key.to_owned(), known: keys(|_| true) };
-    STUDIES.iter().find(|study| study.key == key).ok_or_else(unknown)
+    STUDIES
+        .iter()
+        .find(|study| study.key == key)
+        .ok_or_else(|| PublishedError::Unknown { key: key.to_owned(), known: keys(|_| true) })
 }
 
 fn keys(wanted: impl Fn(&&Study) -> bool) -> String {

@@ -235,24 +235,26 @@ fn each_part<E: Ensemble>(
     let count = ensemble.count().min(places.len() / width);
     let task = task(count);
     let first_refused = AtomicUsize::new(usize::MAX);
-    let part = |(k, places): (usize, &mut [f64])| {
-        cancel::check();
-        if k > first_refused.load(Ordering::Relaxed) {
-            return None;
-        }
-        match TaskTrocars::of(ensemble, k * task..count.min((k + 1) * task), start, at) {
-            Ok(part) => {
-                work(part, places);
-                None
-            }
-            Err(refusal) => {
-                first_refused.fetch_min(k, Ordering::Relaxed);
-                Some(refusal)
-            }
-        }
-    };
     let parts = places[..count * width].par_chunks_mut(task * width).enumerate();
-    parts.filter_map(part).min_by_key(|refusal| refusal.index()).map_or(Ok(()), Err)
+    parts
+        .filter_map(|(k, places)| {
+            cancel::check();
+            if k > first_refused.load(Ordering::Relaxed) {
+                return None;
+            }
+            match TaskTrocars::of(ensemble, k * task..count.min((k + 1) * task), start, at) {
+                Ok(part) => {
+                    work(part, places);
+                    None
+                }
+                Err(refusal) => {
+                    first_refused.fetch_min(k, Ordering::Relaxed);
+                    Some(refusal)
+                }
+            }
+        })
+        .min_by_key(|refusal| refusal.index())
+        .map_or(Ok(()), Err)
 }
 
 /// Trocars of one task. A small number is spread over the threads: stepping them one by one on a
@@ -298,11 +300,12 @@ impl<'a> TaskTrocars<'a> {
 
     /// Runs along the whole motion.
     fn run(mut self, motion: &Motion, sink: impl Sink) {
-        let single = |(seal, state): (&Seal, &SealState)| {
-            seal.single(state).map(|(element, state)| (*element, *state))
-        };
-        let singles: Option<Vec<(Element, State)>> =
-            self.seals.iter().zip(&self.states).map(single).collect();
+        let singles: Option<Vec<(Element, State)>> = self
+            .seals
+            .iter()
+            .zip(&self.states)
+            .map(|(seal, state)| seal.single(state).map(|(element, state)| (*element, *state)))
+            .collect();
         match singles {
             // A quarter of the memory of seals, which may have four elements.
             Some(singles) => {

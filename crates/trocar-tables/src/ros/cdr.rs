@@ -218,8 +218,9 @@ fn visit_field(
         (Kind::Struct(inner), Arity::One) => return visit(inner, cursor, path, visitor),
         (_, Arity::One) => visitor.leaf(path, field, parent),
         (Kind::Text, _) => {
-            let text = |_| Some(String::from_utf8_lossy(cursor.text()?).into_owned());
-            let names = (0..count).map(text).collect::<Option<_>>()?;
+            let names = (0..count)
+                .map(|_| Some(String::from_utf8_lossy(cursor.text()?).into_owned()))
+                .collect::<Option<_>>()?;
             visitor.names(path, field, names);
         }
         (kind, _) if visitor.array(path, field, count) => {

@@ -186,11 +186,13 @@ impl Resolver<'_> {
             return Err(format!("its definition nests without end, at {name}"));
         }
         let package = name.split('/').next().unwrap_or("");
-        let field = |line: &Line| -> Result<Field, String> {
-            let kind = self.kind(&line.kind, package, depth)?;
-            Ok(Field { name: line.name.clone(), kind, arity: line.arity })
-        };
-        let fields = lines.iter().map(field).collect::<Result<_, _>>()?;
+        let fields = lines
+            .iter()
+            .map(|line: &Line| -> Result<Field, String> {
+                let kind = self.kind(&line.kind, package, depth)?;
+                Ok(Field { name: line.name.clone(), kind, arity: line.arity })
+            })
+            .collect::<Result<_, _>>()?;
         Ok(Struct { name: name.to_owned(), fields })
     }
 

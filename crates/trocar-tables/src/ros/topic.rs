@@ -488,10 +488,11 @@ fn spell(message: &Struct, path: &[Step]) -> (String, Option<String>) {
                     name.push('.');
                 }
                 name.push_str(&field.name);
-                let known = |(kind, of, _): &&(&str, &str, &str)| {
-                    *kind == parent.name && [&*field.name, ""].contains(of)
-                };
-                unit = UNITS.iter().find(known).map(|(_, _, unit)| (*unit).to_owned()).or(unit);
+                unit = UNITS
+                    .iter()
+                    .find(|(kind, of, _)| *kind == parent.name && [&*field.name, ""].contains(of))
+                    .map(|(_, _, unit)| (*unit).to_owned())
+                    .or(unit);
                 at = match &field.kind {
                     Kind::Struct(inner) => Some(inner),
                     _ => None,

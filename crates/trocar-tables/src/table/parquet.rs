@@ -78,18 +78,20 @@ impl Writer {
 }
 
 fn schema(fields: &[Field]) -> Result<TypePtr, ParquetError> {
-    let column = |field: &Field| {
-        let (physical, logical) = match field.kind {
-            Kind::Number => (Physical::DOUBLE, None),
-            Kind::Integer => (Physical::INT64, None),
-            Kind::Boolean => (Physical::BOOLEAN, None),
-            Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
-        };
-        let column = Type::primitive_type_builder(&field.name, physical)
-            .with_repetition(Repetition::OPTIONAL);
-        column.with_logical_type(logical).build().map(Arc::new)
-    };
-    let columns = fields.iter().map(column).collect::<Result<_, _>>()?;
+    let columns = fields
+        .iter()
+        .map(|field| {
+            let (physical, logical) = match field.kind {
+                Kind::Number => (Physical::DOUBLE, None),
+                Kind::Integer => (Physical::INT64, None),
+                Kind::Boolean => (Physical::BOOLEAN, None),
+                Kind::Text => (Physical::BYTE_ARRAY, Some(LogicalType::String)),
+            };
+            let column = Type::primitive_type_builder(&field.name, physical)
+                .with_repetition(Repetition::OPTIONAL);
+            column.with_logical_type(logical).build().map(Arc::new)
+        })
+        .collect::<Result<_, _>>()?;
     Ok(Arc::new(Type::group_type_builder("schema").with_fields(columns).build()?))
 }
 
@@ -170,25 +172,30 @@ fn io_error(error: ParquetError) -> io::Error {
 }
 
 pub(super) fn read(path: &Path) -> Result<Table, TableError> {
-    let failed = |source| TableError::Open { path: path.to_owned(), source };
     let damaged = |error: ParquetError| TableError::Damaged {
         path: path.to_owned(),
         found: error.to_string(),
     };
-    let reader = SerializedFileReader::new(File::open(path).map_err(failed)?).map_err(damaged)?;
+    let reader = SerializedFileReader::new(
+        File::open(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?,
+    )
+    .map_err(damaged)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut table = Table::default();
     for field in schema.root_schema().get_fields() {
-        let unread =
-            || TableError::Unread { path: path.to_owned(), column: field.name().to_owned() };
-        table.columns.push(Column::new(kind(field).ok_or_else(unread)?));
+        table.columns.push(Column::new(kind(field).ok_or_else(|| TableError::Unread {
+            path: path.to_owned(),
+            column: field.name().to_owned(),
+        })?));
         table.fields.push(field.name().to_owned());
     }
     for row in reader.get_row_iter(None).map_err(damaged)? {
         let row = row.map_err(damaged)?;
         for ((name, value), column) in row.get_column_iter().zip(&mut table.columns) {
-            let unread = || TableError::Unread { path: path.to_owned(), column: name.clone() };
-            push(column, value).ok_or_else(unread)?;
+            push(column, value).ok_or_else(|| TableError::Unread {
+                path: path.to_owned(),
+                column: name.clone(),
+            })?;
         }
     }
     Ok(table)
@@ -196,12 +203,10 @@ pub(super) fn read(path: &Path) -> Result<Table, TableError> {
 
 /// Names of the columns of a Parquet file.
 pub(super) fn names(path: &Path) -> Result<Vec<String>, TableError> {
-    let failed = |source| TableError::Open { path: path.to_owned(), source };
-    let damaged = |error: ParquetError| TableError::Damaged {
-        path: path.to_owned(),
-        found: error.to_string(),
-    };
-    let reader = SerializedFileReader::new(File::open(path).map_err(failed)?).map_err(damaged)?;
+    let reader = SerializedFileReader::new(
+        File::open(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?,
+    )
+    .map_err(|error| TableError::Damaged { path: path.to_owned(), found: error.to_string() })?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     Ok(schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect())
 }

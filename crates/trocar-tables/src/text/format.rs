@@ -142,9 +142,8 @@ impl Marks {
     /// Takes in a cell; text does not count.
     pub fn add(&mut self, column: usize, cell: &[u8]) {
         let cell = cell.trim_ascii();
-        let is_of_number = |b: &u8| b.is_ascii_digit() || b"+-.,eE".contains(b);
         if !cell.first().is_some_and(|b| b.is_ascii_digit() || b"+-.,".contains(b))
-            || !cell.iter().all(is_of_number)
+            || !cell.iter().all(|b| b.is_ascii_digit() || b"+-.,eE".contains(b))
         {
             return;
         }
@@ -173,8 +172,9 @@ impl Marks {
     /// The format with the decimal mark that the cells prove.
     pub fn settle(&self, format: Format) -> Format {
         let is_group = |k: usize| {
-            let proves = |own: &[Mark; 2]| own[k].ends_in_zero && own[k].has_small;
-            !self.of[k].is_decimal && (self.of[k].is_group || self.columns.iter().any(proves))
+            !self.of[k].is_decimal
+                && (self.of[k].is_group
+                    || self.columns.iter().any(|own| own[k].ends_in_zero && own[k].has_small))
         };
         match (is_group(0), is_group(1)) {
             (true, false) => Format { decimal_comma: true, grouped: true, ..format },

@@ -2,8 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
-use clap::builder::TypedValueParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use trocar::compensate::CompensateOptions;
 use trocar::export::c::{
     CError, COptions, DEFAULT_PREFIX, Precision, check_prefix, from_file, stem,
@@ -31,8 +30,9 @@ pub(crate) struct Args {
     name: String,
     /// Numbers of the code: double gives the forces of the library, single is for processors that
     /// compute in 32 bits only; docs/reference/exported-c.md lists its error
-    #[arg(long, value_name = "PRECISION", default_value = "double")]
-    precision: Numbers,
+    #[arg(long, value_name = "PRECISION", default_value = "double",
+          value_parser = PossibleValuesParser::new(["double", "single"]).try_map(|text| text.parse::<Precision>()))]
+    precision: Precision,
     /// Also the observer of the tissue force, as 'trocar compensate' runs it, with the following
     /// options
     #[arg(long)]
@@ -43,12 +43,6 @@ pub(crate) struct Args {
     flip_force: Option<bool>,
     #[command(flatten)]
     observing: Observing,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Numbers {
-    Double,
-    Single,
 }
 
 fn prefix(text: &str) -> Result<String, CError> {
@@ -70,10 +64,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let options = COptions {
         prefix: &args.name,
         stem: stem(&args.out)?,
-        precision: match args.precision {
-            Numbers::Double => Precision::Double,
-            Numbers::Single => Precision::Single,
-        },
+        precision: args.precision,
         compensator: args.compensator.then_some(&observing),
         internal: false,
     };

@@ -1,14 +1,13 @@
 //! `trocar export fmu`
 
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use trocar::export::c::{CFiles, COptions, from_file};
 use trocar::model_file::ModelFile;
-use trocar::output::AtomicFile;
+use trocar::output::write_whole;
 use trocar_fmu::{Binary, Contents, Embedded, Input, Platform, Source, Version, package};
 
 use crate::Completion;
@@ -31,12 +30,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FILE.fmu")]
     out: Output,
     /// Version of FMI: 2 is read by most programs
-    #[arg(long, value_name = "VERSION", default_value = "2")]
-    fmi: Fmi,
+    #[arg(long, value_name = "VERSION", default_value = "2", value_parser = version())]
+    fmi: Version,
     /// What drives the model: the velocity during a step, which is what importers set at its beginning,
     /// or the position at its end, which most importers give one step late
-    #[arg(long, value_name = "QUANTITY", default_value = "velocity")]
-    input: Drive,
+    #[arg(long, value_name = "QUANTITY", default_value = "velocity", value_parser = input())]
+    input: Input,
     /// Name of the model in the description [default: name of the model file]. With --source the
     /// model identifier is trocar_NAME; the C functions of the FMU have this prefix
     #[arg(long)]
@@ -55,18 +54,14 @@ pub(crate) struct Args {
     source: bool,
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Fmi {
-    #[value(name = "2", alias = "2.0")]
-    V2,
-    #[value(name = "3", alias = "3.0")]
-    V3,
+fn version() -> impl TypedValueParser<Value = Version> {
+    let versions =
+        [("2", "2.0"), ("3", "3.0")].map(|(name, other)| PossibleValue::new(name).alias(other));
+    PossibleValuesParser::new(versions).try_map(|text| text.parse())
 }
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum Drive {
-    Position,
-    Velocity,
+fn input() -> impl TypedValueParser<Value = Input> {
+    PossibleValuesParser::new(["position", "velocity"]).try_map(|text| text.parse())
 }
 
 fn library(text: &str) -> Result<(Platform, PathBuf), String> {
@@ -86,22 +81,13 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let bytes = package(&Contents {
         name: &name,
         trocar: model.trocar.borrowed(),
-        input: match args.input {
-            Drive::Position => Input::Position,
-            Drive::Velocity => Input::Velocity,
-        },
-        version: match args.fmi {
-            Fmi::V2 => Version::V2,
-            Fmi::V3 => Version::V3,
-        },
+        input: args.input,
+        version: args.fmi,
         text: &model.to_json(),
         binaries: &binaries,
         source: code.as_ref().map(|files| Source { header: &files.header, code: &files.source }),
     })?;
-    let mut file = AtomicFile::create(&args.out)?;
-    let outcome = file.write_all(&bytes);
-    outcome.map_err(|source| file.write_error(source))?;
-    file.commit()?;
+    write_whole(&args.out, &bytes)?;
     let platforms: Vec<String> =
         binaries.iter().map(|binary| binary.platform.to_string()).collect();
     let runs_on =

@@ -102,11 +102,13 @@ impl Collector {
     }
 
     pub(super) fn unfinished(&self) -> Vec<Order> {
-        let order = |source: &Source| Order {
-            source: source.clone(),
-            known: self.before.get(&source.name).map(|place| place.sha256.clone()),
-        };
-        self.sources.iter().map(order).collect()
+        self.sources
+            .iter()
+            .map(|source| Order {
+                source: source.clone(),
+                known: self.before.get(&source.name).map(|place| place.sha256.clone()),
+            })
+            .collect()
     }
 
     /// One order per source, in the order of the table.

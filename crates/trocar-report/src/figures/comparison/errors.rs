@@ -62,11 +62,10 @@ fn coincident<'a>(
 ) -> Vec<Vec<&'a Entry>> {
     let mut groups: Vec<Vec<&Entry>> = Vec::new();
     for entry in entries {
-        let alike = |own: &&mut Vec<&Entry>| {
+        match groups.iter_mut().find(|own| {
             own[0].parameters == entry.parameters
                 && (error(own[0]) / error(entry)).ln().abs() < COINCIDENT
-        };
-        match groups.iter_mut().find(alike) {
+        }) {
             Some(own) => own.push(entry),
             None => groups.push(vec![entry]),
         }

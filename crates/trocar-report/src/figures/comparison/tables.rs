@@ -39,12 +39,13 @@ pub(crate) fn by_recording(comparison: &Comparison) -> Option<Table> {
     let names: Vec<&str> = comparison.validation.iter().map(|r| r.name.as_str()).collect();
     let columns = std::iter::once("Model").chain(names.iter().copied());
     let empty = Table::new("The models of the summary by validation recording (rms in N)", columns);
-    let row = |table: Table, own: Vec<&Entry>| {
-        let best = best_of(&own);
-        let errors = best.scores.by_recording_n.iter().map(|rms| Cell::number(*rms, 3));
-        table.row(std::iter::once(best.title().into()).chain(errors))
-    };
-    (names.len() > 1).then(|| comparison.families().into_iter().fold(empty, row))
+    (names.len() > 1).then(|| {
+        comparison.families().into_iter().fold(empty, |table, own| {
+            let best = best_of(&own);
+            let errors = best.scores.by_recording_n.iter().map(|rms| Cell::number(*rms, 3));
+            table.row(std::iter::once(best.title().into()).chain(errors))
+        })
+    })
 }
 
 /// Every model: errors over the whole validation and by phase.

@@ -9,6 +9,7 @@
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
+use std::str::FromStr;
 
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -57,6 +58,12 @@ pub enum CError {
         /// What was found.
         found: String,
     },
+    /// No precision.
+    #[error("‹precision› {found:?}: expected double or single")]
+    Precision {
+        /// What was found.
+        found: String,
+    },
     /// A constant that a `float` cannot hold.
     #[error(
         "the model cannot be written in single precision: it contains {constant}, and a float holds magnitudes from 1.2e-38 to 3.4e38"
@@ -84,6 +91,18 @@ pub enum Precision {
     Double,
     /// `float`, 32 bits, and no `double` anywhere, for processors that compute in single precision.
     Single,
+}
+
+impl FromStr for Precision {
+    type Err = CError;
+
+    fn from_str(name: &str) -> Result<Self, CError> {
+        match name {
+            "double" => Ok(Self::Double),
+            "single" => Ok(Self::Single),
+            _ => Err(CError::Precision { found: name.to_owned() }),
+        }
+    }
 }
 
 /// How a model is written.
