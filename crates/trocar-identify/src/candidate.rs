@@ -197,13 +197,7 @@ impl Candidate {
         let insertion_branch = self.insertion_branch.branch(self.half_width, end_forces)?;
         let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, end_forces)?;
         let softest = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
-        let deformation = if self.yield_ratio > Self::DEFAULT_YIELD_RATIO {
-            let stiffness =
-                softest.yield_stiffness() * self.yield_ratio / Self::DEFAULT_YIELD_RATIO;
-            DeformationForce::new(insertion_branch, withdrawal_branch, Some(stiffness))?
-        } else {
-            softest
-        };
+        let deformation = yielding(softest, self.yield_ratio)?;
         Ok(ElementParams {
             damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
             creep_velocity: self.creep_velocity,
@@ -224,6 +218,18 @@ impl Candidate {
         let both = [first, Element::new(second.params(&params)?)?];
         Ok(Stages::new(&both).expect("two elements"))
     }
+}
+
+/// The deformation force with κ at `ratio` of its least value, by the smooth form of it: a fit to
+/// partial reversals presses on the steepest slope of the half gap until several deflections share
+/// it, and from there no step to first order leads on.
+pub(super) fn yielding(
+    softest: DeformationForce,
+    ratio: f64,
+) -> Result<DeformationForce, ParamError> {
+    let stiffness = softest.smooth_yield_stiffness() * ratio.max(Candidate::DEFAULT_YIELD_RATIO)
+        / Candidate::DEFAULT_YIELD_RATIO;
+    DeformationForce::new(*softest.insertion(), *softest.withdrawal(), Some(stiffness))
 }
 
 /// Number of cells of a branch between its ordinates.
@@ -429,7 +435,7 @@ impl Layout {
         if self.viscous {
             on(
                 &mut candidate.insertion.viscous_damping,
-                Span::new(Kind::Damping, 100.0 * force, 0.0, f64::INFINITY),
+                Span::new(Kind::Damping, 10.0 * force, 0.0, f64::INFINITY),
             );
         }
         if self.stribeck {
@@ -470,7 +476,7 @@ impl Layout {
             candidate.withdrawal.viscous_damping = other.viscous_damping;
             on(
                 &mut candidate.withdrawal.viscous_damping,
-                Span::new(Kind::Damping, 100.0 * force, 0.0, f64::INFINITY),
+                Span::new(Kind::Damping, 10.0 * force, 0.0, f64::INFINITY),
             );
         }
         for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
@@ -649,6 +655,11 @@ impl Trial for EmsTrial {
 
     fn drift(&self) -> &[f64] {
         &self.drift
+    }
+
+    /// The steps of the free numbers change a force by a thousandth of the static force at most.
+    fn leap(&self) -> f64 {
+        5e-3 * self.candidate.stage_factor() * self.candidate.insertion.static_force.abs()
     }
 
     fn ordinates(&self) -> Vec<Ordinate> {

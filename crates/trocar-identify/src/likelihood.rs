@@ -117,6 +117,11 @@ pub(crate) trait Trial: Clone + Send + Sync {
     fn drift(&self) -> &[f64] {
         &[]
     }
+    /// Change of a force, N, above which that of a free parameter by its step is a leap from one
+    /// motion to another, as where a seal sticks and slips, and no derivative.
+    fn leap(&self) -> f64 {
+        f64::INFINITY
+    }
     /// The ordinates of its branches.
     fn ordinates(&self) -> Vec<Ordinate> {
         Vec::new()
@@ -344,7 +349,7 @@ impl Normal {
     }
 
     /// H and s of all clusters, with the priors.
-    pub(super) fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
+    pub(super) fn sums(&self) -> Sums {
         let p = self.scores[0].len();
         let mut hessian = self.hessians.iter().fold(DMatrix::zeros(p, p), |a, b| a + b);
         let mut score = self.scores.iter().fold(DVector::zeros(p), |a, b| a + b);
@@ -380,6 +385,7 @@ struct Predictor<'a> {
     drift: Vec<f64>,
     offset: f64,
     mass: f64,
+    leap: f64,
 }
 
 impl<'a> Predictor<'a> {
@@ -389,6 +395,7 @@ impl<'a> Predictor<'a> {
             drift: drifts(training, trial),
             offset: trial.offset(),
             mass: trial.unmodelled_mass(),
+            leap: trial.leap(),
         }
     }
 
@@ -427,7 +434,11 @@ impl<'a> Predictor<'a> {
         let basis = &self.training.scale.basis;
         for (slot, source) in row.iter_mut().zip(sources) {
             *slot = match source {
-                Source::Difference { lane, step } => scale * (lanes[*lane][i] - force) / step,
+                Source::Difference { lane, step } => {
+                    let change = lanes[*lane][i] - force;
+                    if change.abs() <= self.leap { scale * change / step } else { 0.0 }
+                }
+                Source::Secant(lane) => scale * (lanes[*lane][i] - force),
                 Source::Offset => 1.0,
                 Source::Acceleration => step.acceleration,
                 Source::Delay => scale * rate,
@@ -496,6 +507,8 @@ enum Source {
         lane: usize,
         step: f64,
     },
+    /// Difference to simulation `lane`.
+    Secant(usize),
     Offset,
     Acceleration,
     Delay,
@@ -542,7 +555,7 @@ impl<T: Trial> Simulations<T> {
             sources.push(match column {
                 Extra::Secant(other) => {
                     trials.push(other.clone());
-                    Source::Difference { lane: trials.len() - 1, step: 1.0 }
+                    Source::Secant(trials.len() - 1)
                 }
                 Extra::Acceleration => Source::Acceleration,
                 Extra::Delay => Source::Delay,
@@ -899,30 +912,43 @@ impl Cluster {
     }
 }
 
-/// Solves (H + λ·diag H)·δ = s with columns scaled to unit diagonal. A parameter that has no
+/// Solves (H + λ·diag H)·δ = s for each column s, scaled to a unit diagonal. A parameter that has no
 /// influence or is held does not change.
+pub(crate) fn damped_steps(
+    hessian: &DMatrix<f64>,
+    scores: &DMatrix<f64>,
+    lambda: f64,
+    held: &[bool],
+) -> Option<DMatrix<f64>> {
+    let p = hessian.nrows();
+    let moves = |j: usize| hessian[(j, j)] > 0.0 && !held[j];
+    let inverse =
+        DVector::from_fn(p, |j, _| if moves(j) { 1.0 / hessian[(j, j)].sqrt() } else { 0.0 });
+    let scaled = DMatrix::from_fn(p, p, |i, j| {
+        if i == j { 1.0 + lambda } else { hessian[(i, j)] * (inverse[i] * inverse[j]) }
+    });
+    let scale = DMatrix::from_diagonal(&inverse);
+    Some(&scale * scaled.cholesky()?.solve(&(&scale * scores)))
+}
+
+/// The same for one s.
 pub(crate) fn damped_step(
     hessian: &DMatrix<f64>,
     score: &DVector<f64>,
     lambda: f64,
     held: &[bool],
 ) -> Option<DVector<f64>> {
-    let p = score.len();
-    let moves = |j: usize| hessian[(j, j)] > 0.0 && !held[j];
-    let scale =
-        DVector::from_fn(p, |j, _| if moves(j) { hessian[(j, j)].sqrt() } else { f64::INFINITY });
-    let scaled = DMatrix::from_fn(p, p, |i, j| {
-        let own = if i == j { 1.0 + lambda } else { 0.0 };
-        if i == j { own } else { hessian[(i, j)] / (scale[i] * scale[j]) }
-    });
-    let solution = scaled.cholesky()?.solve(&score.component_div(&scale));
-    Some(solution.component_div(&scale))
+    let scores = DMatrix::from_column_slice(score.len(), 1, score.as_slice());
+    Some(damped_steps(hessian, &scores, lambda, held)?.column(0).into_owned())
 }
+
+/// H and s.
+type Sums = (DMatrix<f64>, DVector<f64>);
 
 /// The damped step within the ranges: parameters at a bound that would leave it are held, and the
 /// others are solved again.
 fn step_within(
-    normal: &(DMatrix<f64>, DVector<f64>),
+    normal: &Sums,
     free: &[Free],
     lambda: f64,
     held: &mut Vec<bool>,
@@ -944,48 +970,84 @@ fn step_within(
 
 /// Damping above which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
+/// Damping below which a step that fails would hardly change.
+const LEAST_TRIED: f64 = 1e-3;
+/// Range of the damping of a fit at its start and after steps that succeed.
+const FIRST_DAMPING: f64 = 1e-5;
+const LEAST_DAMPING: f64 = 1e-8;
+
+/// Factor on the damping after a step whose cost fell by `part` of what the linear model promises.
+fn relaxed(part: f64, is_first: bool) -> f64 {
+    match part {
+        part if part < 0.25 => 4.0,
+        part if part < 0.75 => 1.0,
+        _ if is_first => 0.05,
+        _ => 0.5,
+    }
+}
+
+/// Fall of C along the step `delta`, damped by `lambda`, if the model were linear.
+fn fall_along((hessian, score): &Sums, delta: &DVector<f64>, lambda: f64) -> f64 {
+    let square = |(j, d): (usize, &f64)| hessian[(j, j)] * d * d;
+    delta.dot(score) + lambda * delta.iter().enumerate().map(square).sum::<f64>()
+}
+
+/// A step that lowers C: its trial, C there, and the damping for the next.
+struct Accepted<T> {
+    trial: T,
+    cost: f64,
+    lambda: f64,
+}
+
+/// The first step from `best` that lowers C below `before`, with the damping increased from
+/// `lambda` until one does.
+fn step_down<T: Trial>(
+    training: &Training,
+    (best, before): (&T, f64),
+    sums: &Sums,
+    mut lambda: f64,
+    held: &mut Vec<bool>,
+) -> Option<Accepted<T>> {
+    let free = best.free();
+    let mut is_first = true;
+    while lambda < HIGHEST_DAMPING {
+        if let Some(delta) = step_within(sums, &free, lambda, held) {
+            let moved: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
+            let trial = best.with(&moved);
+            let cost = cost(training, &trial);
+            if cost < before {
+                let part = (before - cost) / fall_along(sums, &delta, lambda);
+                return Some(Accepted { trial, cost, lambda: lambda * relaxed(part, is_first) });
+            }
+        }
+        (lambda, is_first) = ((10.0 * lambda).max(LEAST_TRIED), false);
+    }
+    None
+}
 
 /// Minimises C from `from`; `None` when `from` is not a valid model.
 pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
     let mut best = from.clone();
     let mut normal = normal_equations(training, &best, &[])?;
     let first = normal.data_cost();
-    let (mut lambda, mut iterations, mut converged) = (1e-5, 0, false);
+    let (mut lambda, mut iterations, mut converged) = (FIRST_DAMPING, 0, false);
     let mut held = vec![false; best.free().len()];
     while iterations < stop.iterations && !converged {
         iterations += 1;
-        let sums = normal.sums();
         let before = normal.cost();
-        let free = best.free();
-        let (mut accepted, mut is_first) = (None, true);
-        while accepted.is_none() && lambda < HIGHEST_DAMPING {
-            let tried = step_within(&sums, &free, lambda, &mut held).map(|delta| {
-                let moved: Vec<f64> =
-                    free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
-                best.with(&moved)
-            });
-            let total = |t: &T| cost(training, t);
-            accepted = tried.map(|t| (total(&t), t)).filter(|(after, _)| *after < before);
-            lambda *= match &accepted {
-                Some(_) if is_first => 0.05,
-                Some(_) => 0.5,
-                None => 10.0,
-            };
-            is_first = false;
-        }
-        let Some((after, better)) = accepted else {
+        let down = step_down(training, (&best, before), &normal.sums(), lambda, &mut held);
+        let Some(Accepted { trial, cost, lambda: next }) = down else {
             converged = true;
             break;
         };
-        best = better;
+        (best, lambda) = (trial, next.max(LEAST_DAMPING));
         normal = normal_equations(training, &best, &[])?;
-        lambda = lambda.max(1e-8);
         // With a scale for each stroke, the common force of all strokes is a flat direction: a
         // small decrease does not indicate convergence.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
-        converged = after > (1.0 - stop.fall) * before && !is_flat();
+        converged = cost > (1.0 - stop.fall) * before && !is_flat();
     }
-    step_within(&normal.sums(), &best.free(), 1e-12, &mut held);
+    step_within(&normal.sums(), &best.free(), LEAST_DAMPING, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
     let has_prior = !training.prior.is_empty();
     let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
@@ -996,16 +1058,8 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
 /// Fraction of C that an undamped step would remove if the model were linear.
 fn promised(normal: &Normal, free: &[Free]) -> f64 {
     let sums = normal.sums();
-    let mut held = Vec::new();
-    let fall = step_within(&sums, free, 1e-12, &mut held).map_or(0.0, |delta| {
-        delta
-            .iter()
-            .zip(sums.1.iter())
-            .zip(&held)
-            .filter(|(_, held)| !**held)
-            .map(|((d, s), _)| d * s)
-            .sum::<f64>()
-    });
+    let fall = step_within(&sums, free, LEAST_DAMPING, &mut Vec::new())
+        .map_or(0.0, |delta| fall_along(&sums, &delta, 0.0));
     fall / normal.cost().max(f64::MIN_POSITIVE)
 }
 
@@ -1031,7 +1085,7 @@ impl<T: Trial> Fitted<T> {
     }
 
     /// Sums of the normal equations, without the gradient of parameters held at a bound.
-    pub(crate) fn sums(&self) -> (DMatrix<f64>, DVector<f64>) {
+    pub(crate) fn sums(&self) -> Sums {
         let (hessian, mut score) = self.normal.sums();
         self.held
             .iter()

@@ -2,6 +2,7 @@
 
 use trocar_model::{DeformationForce, ElementParams, ParamError, SealDamping, SlidingFriction};
 
+use super::candidate::{Candidate, yielding};
 use super::shape::{BranchShape, EndForces};
 use trocar_simulate::segment::Direction;
 
@@ -57,7 +58,8 @@ impl SecondStage {
         let end_forces = self.end_forces(&first.insertion, &first.withdrawal);
         let [insertion_branch, withdrawal_branch] = Direction::BOTH
             .map(|direction| self.branch(direction).branch(self.half_width, end_forces));
-        let deformation = DeformationForce::new(insertion_branch?, withdrawal_branch?, None)?;
+        let softest = DeformationForce::new(insertion_branch?, withdrawal_branch?, None)?;
+        let deformation = yielding(softest, Candidate::DEFAULT_YIELD_RATIO)?;
         let [insertion, withdrawal] =
             [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
         let damping = self.share * first.damping.coefficients[0];
