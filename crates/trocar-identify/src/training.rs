@@ -23,9 +23,11 @@ const LONGEST: f64 = 0.03;
 /// Samples that may be averaged while the seal slides, whatever the sampling rate.
 const COARSE: f64 = 8.0;
 /// Change of the velocity, m/s, within which samples are averaged, since a step has one velocity.
+/// The same as a part of the velocity.
 const STEADY: f64 = 1e-3;
+const STEADY_PART: f64 = 0.05;
 /// Longest travel, as a fraction of the half width, over which samples are averaged.
-const FINEST: f64 = 0.006;
+const FINEST: f64 = 0.01;
 /// The same while the seal slides: this fraction of the half width, or of the longest stroke.
 const SLIDING: f64 = 0.15;
 const SLIDING_STROKE: f64 = 0.02;
@@ -428,7 +430,8 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
         change += a[*i] * (t[*i] - t[*i - 1]);
         // At a low sampling rate the acceleration is all noise.
-        let is_steady = STEADY
+        let speed = (x[*i] - x[at]).abs() / (t[*i] - t[at]);
+        let is_steady = STEADY.max(STEADY_PART * speed)
             >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
         one_way
             && is_steady
