@@ -323,6 +323,12 @@ pub(super) struct Chosen {
 
 /// Stopping criteria of the fits with one more term.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
+/// Times the fall that a step to first order promises, to which a fit that was begun may still
+/// come.
+const HOPE: f64 = 3.0;
+/// The same while further terms may follow: a term that is needed shows before its fit has
+/// converged, and the fit goes on with the next one.
+const BEGIN: Stop = Stop { iterations: 6, fall: 3e-3, promise: 10.0 * 3e-3 };
 /// Stopping criteria of the first steps of a fit without a term, and the p value below which these
 /// show that the term is needed.
 const FIRST: Stop = Stop { iterations: 4, fall: 0.02, promise: 0.1 };
@@ -389,6 +395,7 @@ impl Chosen {
         progress: Progress,
     ) {
         let mut failed: Vec<(Term, &'static str)> = Vec::new();
+        let mut is_rough = false;
         while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
             self.trials.retain(|t| t.kept);
@@ -408,7 +415,15 @@ impl Chosen {
                 .find(|s| is_clear(s))
                 .or(scores.iter().filter(open).find(|s| is_large(s)))
             else {
-                break;
+                if !is_rough {
+                    break;
+                }
+                // A term may only show beside converged others.
+                if let Some(converged) = likelihood::fit(training, &self.fitted.best, NEXT) {
+                    self.fitted = converged;
+                }
+                is_rough = false;
+                continue;
             };
             let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
             let part = decided as f64 / Term::ALL.len() as f64;
@@ -429,8 +444,21 @@ impl Chosen {
                 }
                 if is_determined { Ok(l) } else { Err(UNDETERMINED) }
             };
-            match likelihood::fit(training, &best.start, NEXT).ok_or(NO_BETTER).and_then(judged) {
-                Ok(larger) => {
+            let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER);
+            let decided = begun.and_then(|begun| match judged(begun.clone()) {
+                Ok(larger) => Ok((larger, true)),
+                Err(why) => {
+                    let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
+                    if hoped >= (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost() {
+                        return Err(why);
+                    }
+                    let further = likelihood::fit(training, &begun.best, NEXT).ok_or(NO_BETTER)?;
+                    Ok((judged(further)?, false))
+                }
+            });
+            match decided {
+                Ok((larger, has_begun)) => {
+                    is_rough |= has_begun;
                     self.fitted = larger;
                     self.trials
                         .iter_mut()
