@@ -196,19 +196,6 @@ struct Others {
     information: DMatrix<f64>,
 }
 
-/// The solution of a positive definite system that is scaled to a unit diagonal, on which `ridge`
-/// is added: it holds what the data do not determine.
-fn solved(matrix: &DMatrix<f64>, right: &DMatrix<f64>, ridge: f64) -> Option<DMatrix<f64>> {
-    let n = matrix.nrows();
-    let inverse = DVector::from_fn(n, |i, _| 1.0 / matrix[(i, i)].max(f64::MIN_POSITIVE).sqrt());
-    let scaled = DMatrix::from_fn(n, n, |i, j| {
-        let added = if i == j { ridge } else { 0.0 };
-        matrix[(i, j)] * inverse[i] * inverse[j] + added
-    });
-    let scale = DMatrix::from_diagonal(&inverse);
-    Some(&scale * scaled.cholesky()?.solve(&(&scale * right)))
-}
-
 impl Others {
     /// From normal equations with a column for each ordinate after those of the free numbers.
     fn new(fitted: &Fitted<EmsTrial>, normal: &Normal, sides: &[Side; 2]) -> Option<Self> {
@@ -222,7 +209,8 @@ impl Others {
             .collect();
         let mixed = hessian.select_rows(&places).select_columns(&ordinates);
         let between = hessian.select_rows(&places).select_columns(&places);
-        let by_ordinates = solved(&between, &mixed, DAMPING)?;
+        let by_ordinates =
+            likelihood::damped_steps(&between, &mixed, DAMPING, &vec![false; places.len()])?;
         // At the minimum their own score is 0, but for kinks of the cost, which no step would follow.
         let score = score.select_rows(&ordinates);
         let information = hessian.select_rows(&ordinates).select_columns(&ordinates)
@@ -230,15 +218,20 @@ impl Others {
         Some(Self { places, by_ordinates, score, information })
     }
 
-    fn joined(&self, side: &Side, candidate: &Candidate, join: f64) -> Joined {
+    /// The branch of `side` at each of its joins.
+    fn joined(&self, side: &Side, candidate: &Candidate) -> Vec<Joined> {
         let (own_map, own_fixed) = side.map(candidate, side.own_join);
-        let (map, fixed) = side.map(candidate, join);
         let numbers = DVector::from_vec(candidate.branch(side.direction).numbers());
-        let off = fixed - own_fixed - own_map * numbers;
+        let own = own_fixed + own_map * numbers;
         let of_side = side.ordinates();
         let columns = self.information.columns(of_side.start, of_side.len());
-        let (information_map, information_off) = (columns * &map, columns * &off);
-        Joined { join, map, off, information_map, information_off }
+        let at = |join: f64| {
+            let (map, fixed) = side.map(candidate, join);
+            let off = fixed - &own;
+            let (information_map, information_off) = (columns * &map, columns * &off);
+            Joined { join, map, off, information_map, information_off }
+        };
+        side.joins().into_iter().map(at).collect()
     }
 }
 
@@ -249,10 +242,7 @@ impl<'a> Landscape<'a> {
         let normal = fitted.with_columns(training, &[Extra::Ordinates])?;
         let others = Others::new(fitted, &normal, &sides)?;
         let candidate = &fitted.best.candidate;
-        let joined = [0, 1].map(|k| {
-            let side = &sides[k];
-            side.joins().into_iter().map(|join| others.joined(side, candidate, join)).collect()
-        });
+        let joined = [0, 1].map(|k| others.joined(&sides[k], candidate));
         let costs = DMatrix::zeros(0, 0);
         let mut landscape = Self { fitted, sides, joined, costs, others };
         let [ups, downs] = landscape.joined.each_ref().map(Vec::len);
@@ -262,7 +252,19 @@ impl<'a> Landscape<'a> {
         };
         let all: Vec<f64> = (0..ups * downs).into_par_iter().map(cost).collect();
         landscape.costs = DMatrix::from_vec(ups, downs, all);
-        Some(landscape)
+        // Without that of the fit there is nothing to compare the others with.
+        landscape.own_cost().is_finite().then_some(landscape)
+    }
+
+    /// Place of the join of the fit among those of side `k`.
+    fn own_place(&self, k: usize) -> usize {
+        let own_join = self.sides[k].own_join;
+        self.joined[k].iter().position(|j| j.join == own_join).expect("it is among them")
+    }
+
+    /// C less C_0 at the joins of the fit.
+    fn own_cost(&self) -> f64 {
+        self.costs[(self.own_place(0), self.own_place(1))]
     }
 
     /// C less C_0 for the joins at these places, and the numbers θ of each branch.
@@ -294,7 +296,8 @@ impl<'a> Landscape<'a> {
                 cost += precision * mean * mean;
             }
         }
-        let theta = solved(&matrix, &moment, ROUNDING)?;
+        let theta =
+            likelihood::damped_steps(&matrix, &moment, ROUNDING, &vec![false; first + second])?;
         cost -= theta.dot(&moment);
         let part = |k: usize| theta.column(0).rows(starts[k], counts[k]).into_owned();
         Some((cost, [part(0), part(1)]))
@@ -324,17 +327,13 @@ impl<'a> Landscape<'a> {
 
     /// C_b of side `k`.
     fn points(&self, k: usize) -> Vec<Point> {
-        let own = |k: usize| {
-            let side = &self.sides[k];
-            self.joined[k].iter().position(|j| j.join == side.own_join).expect("it is among them")
-        };
-        let least = self.costs[(own(0), own(1))];
+        let (own, least) = ([0, 1].map(|k| self.own_place(k)), self.own_cost());
         let of = |(i, joined): (usize, &Joined)| {
             let pair = |j: usize| if k == 0 { [i, j] } else { [j, i] };
             let cost = |j: usize| self.costs[(pair(j)[0], pair(j)[1])];
             let count = self.joined[1 - k].len();
             // The fit itself stays where its own join is, unless another pair is better.
-            let at_own = if i == own(k) { vec![own(1 - k)] } else { Vec::new() };
+            let at_own = if i == own[k] { vec![own[1 - k]] } else { Vec::new() };
             let others = at_own.into_iter().chain(0..count);
             let best = others.min_by(|a, b| cost(*a).total_cmp(&cost(*b)))?;
             let excess = (cost(best) - least) / self.sides[k].reach;
@@ -343,30 +342,51 @@ impl<'a> Landscape<'a> {
         self.joined[k].iter().enumerate().filter_map(of).collect()
     }
 
-    /// Fits from the other minima along the joins of side `k` that may be within reach.
-    fn minima(&self, training: &Training, k: usize, points: &[Point]) -> Vec<Point> {
-        let side = &self.sides[k];
-        let is_minimum = |point: &&Point| {
+    /// The other minima along the joins of side `k` that may be within reach, to first order.
+    fn starts<'p>(&self, k: usize, points: &'p [Point]) -> impl Iterator<Item = &'p Point> {
+        let Side { own_join, half_width, .. } = self.sides[k];
+        points.iter().filter(move |point| {
             let beside = points.iter().filter(|p| (p.join - point.join).abs() < APART);
             let is_lowest = beside.min_by(by_excess).is_some_and(|p| p.join == point.join);
-            let from_best = (point.join - side.own_join).abs();
-            is_lowest && point.excess < STARTS_BELOW && from_best > side.half_width
-        };
-        let excess = |fitted: &Fitted<EmsTrial>| (fitted.cost() - self.fitted.cost()) / side.reach;
-        let minimum = |start: &Point| {
-            let mut fitted = likelihood::fit(training, &start.trial, SHORT)?;
-            if excess(&fitted) < FAR {
+            let from_best = (point.join - own_join).abs();
+            is_lowest && point.excess < STARTS_BELOW && from_best > half_width
+        })
+    }
+
+    /// Adds to `known` the fits from the other minima along the joins of both sides. A minimum of
+    /// both sides is one, and from beside a known one a fit would lead to it again.
+    fn fit_minima(&self, training: &Training, points: &[Vec<Point>; 2], known: &mut Vec<Minimum>) {
+        let mut starts: Vec<(&EmsTrial, f64)> = Vec::new();
+        for (k, side) in self.sides.iter().enumerate() {
+            for Point { trial, .. } in self.starts(k, &points[k]) {
+                let seen = known.iter().map(|m| &m.trial).chain(starts.iter().map(|s| s.0));
+                if !seen.into_iter().any(|other| is_beside(trial, other)) {
+                    starts.push((trial, side.reach));
+                }
+            }
+        }
+        let fits = starts.into_par_iter().filter_map(|(start, reach)| {
+            let mut fitted = likelihood::fit(training, start, SHORT)?;
+            if fitted.cost() - self.fitted.cost() < FAR * reach {
                 fitted = likelihood::fit(training, &fitted.best, NEXT)?;
             }
-            let join = fitted.best.candidate.branch(side.direction).join;
-            Some(Point { join, excess: excess(&fitted), trial: fitted.best })
-        };
-        let starts: Vec<&Point> = points.iter().filter(is_minimum).collect();
-        starts.into_par_iter().filter_map(minimum).collect()
+            Some(Minimum { cost: fitted.cost(), trial: fitted.best })
+        });
+        known.extend(fits.collect::<Vec<_>>());
     }
-}
 
-impl Landscape<'_> {
+    /// The minima as points along side `k`, those apart from the fit.
+    fn minima(&self, k: usize, known: &[Minimum]) -> Vec<Point> {
+        let side = &self.sides[k];
+        let point = |found: &Minimum| Point {
+            join: found.trial.candidate.branch(side.direction).join,
+            excess: (found.cost - self.fitted.cost()) / side.reach,
+            trial: found.trial.clone(),
+        };
+        let is_apart = |point: &Point| (point.join - side.own_join).abs() > side.half_width;
+        known.iter().map(point).filter(is_apart).collect()
+    }
+
     /// The trial with the lowest cost of all points of both sides that lie below `excess`.
     fn lowest(&self, points: &[Vec<Point>; 2], excess: f64) -> Option<EmsTrial> {
         let of_side = |(side, points): (&Side, &'_ Vec<Point>)| {
@@ -376,6 +396,19 @@ impl Landscape<'_> {
         let both = self.sides.iter().zip(points).filter_map(of_side);
         both.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, trial)| trial)
     }
+}
+
+/// A minimum of C beside that of the fit.
+struct Minimum {
+    cost: f64,
+    trial: EmsTrial,
+}
+
+/// Whether both joins are those of the other trial, or nearly so.
+fn is_beside(trial: &EmsTrial, other: &EmsTrial) -> bool {
+    let [own, its] =
+        [trial, other].map(|t| Direction::BOTH.map(|direction| t.candidate.branch(direction).join));
+    own.iter().zip(its).all(|(a, b)| (a - b).abs() < APART)
 }
 
 fn by_excess(a: &&Point, b: &&Point) -> std::cmp::Ordering {
@@ -405,17 +438,21 @@ impl Joins {
         mut fitted: Fitted<EmsTrial>,
         stop: Stop,
     ) -> (Fitted<EmsTrial>, Self) {
+        let mut is_rough = false;
         for _ in 0..SEARCHES {
             let better = Self::promising(training, &fitted);
             let again = better.and_then(|from| likelihood::fit(training, &from, NEAR));
             match again.filter(|again| again.cost() < fitted.cost()) {
-                Some(again) => fitted = again,
+                Some(again) => (fitted, is_rough) = (again, true),
                 None => break,
             }
         }
-        fitted = likelihood::fit(training, &fitted.best, stop).unwrap_or(fitted);
+        if is_rough {
+            fitted = likelihood::fit(training, &fitted.best, stop).unwrap_or(fitted);
+        }
+        let mut minima = Vec::new();
         for last in (0..SEARCHES).rev() {
-            let (joins, better) = Self::about(training, &fitted);
+            let (joins, better) = Self::about(training, &fitted, &mut minima);
             let again = better.and_then(|from| likelihood::fit(training, &from, stop));
             match again.filter(|again| last > 0 && again.cost() < fitted.cost()) {
                 Some(again) => fitted = again,
@@ -431,11 +468,16 @@ impl Joins {
         landscape.lowest(&[0, 1].map(|k| landscape.points(k)), -PROMISING)
     }
 
-    /// C_b about a fit, and the lowest trial that is better.
-    fn about(training: &Training, fitted: &Fitted<EmsTrial>) -> (Self, Option<EmsTrial>) {
+    /// C_b about a fit, and the lowest trial that is better; adds to the `known` minima.
+    fn about(
+        training: &Training,
+        fitted: &Fitted<EmsTrial>,
+        known: &mut Vec<Minimum>,
+    ) -> (Self, Option<EmsTrial>) {
         let Some(landscape) = Landscape::about(training, fitted) else { return Default::default() };
         let points = [0, 1].map(|k| landscape.points(k));
-        let minima = [0, 1].map(|k| landscape.minima(training, k, &points[k]));
+        landscape.fit_minima(training, &points, known);
+        let minima = [0, 1].map(|k| landscape.minima(k, known));
         let better = landscape.lowest(&minima, -BETTER);
         let sides = landscape.sides.iter().zip(points).zip(minima);
         let all = sides.map(|((side, points), minima)| Along::new(side, points, minima)).collect();
