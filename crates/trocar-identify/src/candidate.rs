@@ -11,7 +11,7 @@ use trocar_model::{
 use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
-use super::stage::SecondStage;
+use super::stage::{SecondStage, yielding};
 use super::training::Step;
 
 /// An EMS element (key EMS in SOURCES.md, (8)-(14)) and the sensor offset, not yet validated.
@@ -197,7 +197,7 @@ impl Candidate {
         let insertion_branch = self.insertion_branch.branch(self.half_width, end_forces)?;
         let withdrawal_branch = self.withdrawal_branch.branch(self.half_width, end_forces)?;
         let softest = DeformationForce::new(insertion_branch, withdrawal_branch, None)?;
-        let deformation = yielding(softest, self.yield_ratio)?;
+        let deformation = yielding(softest, self.yield_ratio / Self::DEFAULT_YIELD_RATIO)?;
         Ok(ElementParams {
             damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
             creep_velocity: self.creep_velocity,
@@ -218,18 +218,6 @@ impl Candidate {
         let both = [first, Element::new(second.params(&params)?)?];
         Ok(Stages::new(&both).expect("two elements"))
     }
-}
-
-/// The deformation force with κ at `ratio` of its least value, by the smooth form of it: a fit to
-/// partial reversals presses on the steepest slope of the half gap until several deflections share
-/// it, and from there no step to first order leads on.
-pub(super) fn yielding(
-    softest: DeformationForce,
-    ratio: f64,
-) -> Result<DeformationForce, ParamError> {
-    let stiffness = softest.smooth_yield_stiffness() * ratio.max(Candidate::DEFAULT_YIELD_RATIO)
-        / Candidate::DEFAULT_YIELD_RATIO;
-    DeformationForce::new(*softest.insertion(), *softest.withdrawal(), Some(stiffness))
 }
 
 /// Number of cells of a branch between its ordinates.
@@ -659,7 +647,7 @@ impl Trial for EmsTrial {
 
     /// The steps of the free numbers change a force by a thousandth of the static force at most.
     fn leap(&self) -> f64 {
-        5e-3 * self.candidate.stage_factor() * self.candidate.insertion.static_force.abs()
+        1e-2 * self.candidate.stage_factor() * self.candidate.insertion.static_force.abs()
     }
 
     fn ordinates(&self) -> Vec<Ordinate> {

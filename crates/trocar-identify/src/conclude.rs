@@ -58,18 +58,10 @@ pub(super) fn conclude(
     let stages = model.stages()?;
     let scale = fit.as_ref().map_or_else(FrictionScale::default, |f| f.scale.clone());
     let has_shape = fit.as_ref().map_or(!two.is_assumed, |f| f.fitted.best.layout.shape);
-    let judged = adequacy::judge(
-        input,
-        &Model {
-            candidate: &model,
-            trocar: Trocar::new(
-                stages,
-                position_profile.as_ref().map(|t| t.profile.stored_as(|knots| knots)),
-            ),
-            scale: &scale,
-            has_shape,
-        },
-    );
+    let along = position_profile.as_ref().map(|t| t.profile.stored_as(|knots| knots));
+    let trocar = Trocar::new(stages, along);
+    let judged =
+        adequacy::judge(input, &Model { candidate: &model, trocar, scale: &scale, has_shape });
     let prior = prior_use(input, fit.as_ref());
     let mut parameters = match &fit {
         Some(fit) => fitted_parameters(fit, &judged, &scale, prior.as_ref()),

@@ -2,7 +2,6 @@
 
 use trocar_model::{DeformationForce, ElementParams, ParamError, SealDamping, SlidingFriction};
 
-use super::candidate::{Candidate, yielding};
 use super::shape::{BranchShape, EndForces};
 use trocar_simulate::segment::Direction;
 
@@ -59,7 +58,7 @@ impl SecondStage {
         let [insertion_branch, withdrawal_branch] = Direction::BOTH
             .map(|direction| self.branch(direction).branch(self.half_width, end_forces));
         let softest = DeformationForce::new(insertion_branch?, withdrawal_branch?, None)?;
-        let deformation = yielding(softest, Candidate::DEFAULT_YIELD_RATIO)?;
+        let deformation = yielding(softest, 1.0)?;
         let [insertion, withdrawal] =
             [&first.insertion, &first.withdrawal].map(|own| self.sliding(own));
         let damping = self.share * first.damping.coefficients[0];
@@ -70,4 +69,15 @@ impl SecondStage {
             ..ElementParams::new(deformation, insertion, withdrawal)
         })
     }
+}
+
+/// The deformation force with κ at `factor` of its default, by the smooth form of it: a fit to
+/// partial reversals presses on the steepest slope of the half gap until several deflections share
+/// it, and from there no step to first order leads on.
+pub(super) fn yielding(
+    softest: DeformationForce,
+    factor: f64,
+) -> Result<DeformationForce, ParamError> {
+    let stiffness = softest.smooth_yield_stiffness() * factor.max(1.0);
+    DeformationForce::new(*softest.insertion(), *softest.withdrawal(), Some(stiffness))
 }

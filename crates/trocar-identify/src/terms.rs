@@ -353,6 +353,21 @@ struct Score {
     start: EmsTrial,
 }
 
+impl Score {
+    fn is_clear(&self, level: f64) -> bool {
+        self.p_value < level && self.gain > LEAST_GAIN
+    }
+
+    fn is_large(&self) -> bool {
+        self.p_value < SUSPECTED && self.gain > LARGE_GAIN
+    }
+
+    fn left_out(&self, why_not: Option<&'static str>) -> TermTrial {
+        let Self { term, p_value, gain, .. } = *self;
+        TermTrial { term, kept: false, p_value, gain, why_not }
+    }
+}
+
 /// Parts of the work of an identification after which the terms are tried, and after which they
 /// have been: medians over recordings of all kinds.
 pub(super) const TERMS_FROM: f64 = 0.2;
@@ -400,21 +415,11 @@ impl Chosen {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
             self.trials.retain(|t| t.kept);
             let why_not = |term: Term| failed.iter().find(|f| f.0 == term).map(|f| f.1);
-            let left_out = |s: &Score| {
-                let (p_value, gain) = (s.p_value, s.gain);
-                TermTrial { term: s.term, kept: false, p_value, gain, why_not: why_not(s.term) }
-            };
-            self.trials.extend(scores.iter().map(left_out));
+            self.trials.extend(scores.iter().map(|s| s.left_out(why_not(s.term))));
             let level = LEVEL / columns;
-            let is_clear = |s: &Score| s.p_value < level && s.gain > LEAST_GAIN;
-            let is_large = |s: &Score| s.p_value < SUSPECTED && s.gain > LARGE_GAIN;
-            let open = |s: &&Score| why_not(s.term).is_none();
-            let Some(best) = scores
-                .iter()
-                .filter(open)
-                .find(|s| is_clear(s))
-                .or(scores.iter().filter(open).find(|s| is_large(s)))
-            else {
+            let open = || scores.iter().filter(|s| why_not(s.term).is_none());
+            let best = open().find(|s| s.is_clear(level)).or(open().find(|s| s.is_large()));
+            let Some(best) = best else {
                 if !is_rough {
                     break;
                 }
@@ -428,47 +433,66 @@ impl Chosen {
             let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
             let part = decided as f64 / Term::ALL.len() as f64;
             progress(best.term.words(), TERMS_FROM + (TERMS_TO - TERMS_FROM) * part);
-            // The static force of a Stribeck curve is often determined only by later terms; creep
-            // too slow to be measured may be present.
-            let may_be_open = |l: &Fitted<EmsTrial>| match best.term {
-                Term::Stribeck => true,
-                Term::Creep => l.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost(),
-                _ => false,
-            };
-            let judged = |l: Fitted<EmsTrial>| {
-                let is_determined =
-                    may_be_open(&l) || numbers::are_determined(&l, best.term.parameters());
-                let is_sure = is_clear(best) || growth_p_value(training, &self.fitted, &l) < level;
-                if !is_sure || l.cost() >= (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost() {
-                    return Err(NO_BETTER);
-                }
-                if is_determined { Ok(l) } else { Err(UNDETERMINED) }
-            };
-            let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER);
-            let decided = begun.and_then(|begun| match judged(begun.clone()) {
-                Ok(larger) => Ok((larger, true)),
-                Err(why) => {
-                    let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
-                    if hoped >= (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost() {
-                        return Err(why);
-                    }
-                    let further = likelihood::fit(training, &begun.best, NEXT).ok_or(NO_BETTER)?;
-                    Ok((judged(further)?, false))
-                }
-            });
-            match decided {
+            match self.with_term(training, best, level) {
                 Ok((larger, has_begun)) => {
                     is_rough |= has_begun;
                     self.fitted = larger;
-                    self.trials
-                        .iter_mut()
-                        .filter(|t| t.term == best.term)
-                        .for_each(|t| t.kept = true);
+                    let own = self.trials.iter_mut().filter(|t| t.term == best.term);
+                    own.for_each(|t| t.kept = true);
                     // Together with the new term they may fit better.
                     failed.clear();
                 }
                 Err(why) => failed.push((best.term, why)),
             }
+        }
+    }
+
+    /// The fit with a term that the data support at `level`, and whether it has only begun; or why
+    /// they do not.
+    fn with_term(
+        &self,
+        training: &Training,
+        best: &Score,
+        level: f64,
+    ) -> Result<(Fitted<EmsTrial>, bool), &'static str> {
+        let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER)?;
+        let Err(why) = self.judge(training, best, level, &begun) else { return Ok((begun, true)) };
+        let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
+        if hoped >= self.cost_to_beat() {
+            return Err(why);
+        }
+        let further = likelihood::fit(training, &begun.best, NEXT).ok_or(NO_BETTER)?;
+        self.judge(training, best, level, &further)?;
+        Ok((further, false))
+    }
+
+    fn cost_to_beat(&self) -> f64 {
+        (1.0 - 0.3 * LEAST_GAIN) * self.fitted.cost()
+    }
+
+    /// Why the fit `larger` with a term is not taken.
+    fn judge(
+        &self,
+        training: &Training,
+        best: &Score,
+        level: f64,
+        larger: &Fitted<EmsTrial>,
+    ) -> Result<(), &'static str> {
+        let is_sure =
+            best.is_clear(level) || growth_p_value(training, &self.fitted, larger) < level;
+        if !is_sure || larger.cost() >= self.cost_to_beat() {
+            return Err(NO_BETTER);
+        }
+        // The static force of a Stribeck curve is often determined only by later terms; creep too
+        // slow to be measured may be present.
+        let may_be_open = match best.term {
+            Term::Stribeck => true,
+            Term::Creep => larger.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost(),
+            _ => false,
+        };
+        match may_be_open || numbers::are_determined(larger, best.term.parameters()) {
+            true => Ok(()),
+            false => Err(UNDETERMINED),
         }
     }
 
