@@ -689,7 +689,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0xeed4_9bf0_c93c_ffe0,
+        0x78e7_378d_cb68_30fa,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xaabe_e034_6a0a_2ae6),
