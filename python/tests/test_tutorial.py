@@ -57,4 +57,4 @@ def test_the_notebook_of_teleoperation_concludes_what_it_shows(teleoperation: li
     assert all(abs(float(ratio) - 1) < 0.01 for *_, ratio in near)
     assert all(without == "unstable" for _, without, *_ in far)
     least = [int(percent) for _, _, percent, _ in far]
-    assert (min(least), max(least)) == (20, 50)
+    assert (min(least), max(least)) == (10, 50)
