@@ -323,12 +323,11 @@ pub(super) struct Chosen {
 
 /// Stopping criteria of the fits with one more term.
 const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
-/// Times the fall that a step to first order promises, to which a fit that was begun may still
-/// come.
-const HOPE: f64 = 3.0;
 /// The same while further terms may follow: a term that is needed shows before its fit has
 /// converged, and the fit goes on with the next one.
 const BEGIN: Stop = Stop { iterations: 6, fall: 3e-3, promise: 10.0 * 3e-3 };
+/// Most that a fit that was begun may still fall, in units of what a step to first order promises.
+const HOPE: f64 = 3.0;
 /// Stopping criteria of the first steps of a fit without a term, and the p value below which these
 /// show that the term is needed.
 const FIRST: Stop = Stop { iterations: 4, fall: 0.02, promise: 0.1 };

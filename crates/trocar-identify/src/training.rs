@@ -23,8 +23,8 @@ const LONGEST: f64 = 0.03;
 /// Samples that may be averaged while the seal slides, whatever the sampling rate.
 const COARSE: f64 = 8.0;
 /// Change of the velocity, m/s, within which samples are averaged, since a step has one velocity.
-/// The same as a part of the velocity.
 const STEADY: f64 = 1e-3;
+/// The same as a part of the velocity, where that is more.
 const STEADY_PART: f64 = 0.05;
 /// Longest travel, as a fraction of the half width, over which samples are averaged.
 const FINEST: f64 = 0.01;
