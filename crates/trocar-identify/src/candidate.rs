@@ -1,14 +1,14 @@
 //! A candidate model as a vector of free parameters, for the fit of the simulated force.
 
+use nalgebra::DMatrix;
 use rand::{Rng, RngExt};
-use rayon::prelude::*;
 use trocar_model::{
-    Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction, MAX_ARMS,
-    Ordinate, ParamError, ParameterId, Parameters, Quantity, Relaxation, SealDamping,
+    BESIDE, Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction,
+    MAX_ARMS, Ordinate, ParamError, ParameterId, Parameters, Quantity, Relaxation, SealDamping,
     SlidingFriction, Stages, StagesState,
 };
 
-use super::likelihood::{Column, Free, Lanes, Trial, each_alone};
+use super::likelihood::{Column, Free, Trial, each_alone};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
 use super::stage::{SecondStage, yielding};
@@ -659,63 +659,77 @@ impl Trial for EmsTrial {
         state: &mut StagesState,
         ordinates: &mut [Ordinate],
         steps: &[Step],
-    ) -> Vec<Vec<f64>> {
-        let mut rates = vec![Vec::with_capacity(steps.len()); ordinates.len()];
-        for step in steps {
+    ) -> DMatrix<f64> {
+        let mut rates = DMatrix::zeros(ordinates.len(), steps.len());
+        for (step, mut rates) in steps.iter().zip(rates.column_iter_mut()) {
             let before: Vec<f64> = ordinates.iter().map(Ordinate::derivative).collect();
             model.step_beside_ordinates(state, ordinates, step.displacement, step.duration);
-            for ((rates, before), ordinate) in rates.iter_mut().zip(before).zip(&*ordinates) {
-                rates.push(step.at_centre(before, ordinate.derivative()));
+            for ((rate, before), ordinate) in rates.iter_mut().zip(before).zip(&*ordinates) {
+                *rate = step.at_centre(before, ordinate.derivative());
             }
         }
         rates
     }
 
-    /// The first model comes first in each part.
     fn forces(
         models: &[Stages],
         states: &mut [StagesState],
-        lanes: Lanes,
+        close: usize,
         steps: &[Step],
-    ) -> Vec<Vec<f64>> {
-        let Lanes { close, parts } = lanes;
-        let (models, alone) = models.split_at(close);
-        let (states, own_of_alone) = states.split_at_mut(close);
-        let (leading, others) = models.split_first().expect("the trial's own");
-        let (state, own) = states.split_first_mut().expect("one for each model");
-        let together = others.len().div_ceil(parts).max(1);
-        let mut parts: Vec<(&[Stages], &mut [StagesState])> =
-            others.chunks(together).zip(own.chunks_mut(together)).collect();
-        if parts.is_empty() {
-            parts.push((&[], &mut []));
-        }
-        let start = *state;
-        let run = |(others, own): (&[Stages], &mut [StagesState])| {
-            let mut led = start;
-            let mut beside: Vec<Beside> =
-                others.iter().zip(own.iter()).map(|(o, s)| leading.beside(&led, o, *s)).collect();
-            let mut forces = vec![Vec::with_capacity(steps.len()); 1 + others.len()];
-            let mut before: Vec<f64> = std::iter::once(Stages::force(&led))
-                .chain(beside.iter().map(Beside::force))
-                .collect();
-            for step in steps {
-                let first =
-                    leading.step_beside(&mut led, &mut beside, step.displacement, step.duration);
-                let after = std::iter::once(first).chain(beside.iter().map(Beside::force));
-                for ((forces, before), after) in forces.iter_mut().zip(&mut before).zip(after) {
-                    forces.push(step.at_centre(*before, after));
-                    *before = after;
-                }
-            }
-            own.iter_mut().zip(&beside).for_each(|(own, beside)| *own = beside.state(&led));
-            (led, forces)
-        };
-        let mut forces = Vec::with_capacity(models.len());
-        for (led, mut part) in parts.into_par_iter().map(run).collect::<Vec<_>>() {
-            *state = led;
-            forces.extend(part.drain(usize::from(!forces.is_empty())..));
-        }
-        forces.extend(each_alone(alone, own_of_alone, steps));
+    ) -> DMatrix<f64> {
+        let (near, alone) = models.split_at(close);
+        let (of_near, of_alone) = states.split_at_mut(close);
+        let mut forces = DMatrix::zeros(models.len(), steps.len());
+        forces.rows_mut(0, close).copy_from(&led(near, of_near, steps));
+        forces.rows_mut(close, alone.len()).copy_from(&each_alone(alone, of_alone, steps));
         forces
     }
+}
+
+/// The models that differ in a stage from the first, and their places.
+fn companies<'a>(models: &'a [Stages], states: &[StagesState]) -> Vec<(Beside<'a>, Vec<usize>)> {
+    let (leading, state) = (&models[0], &states[0]);
+    let mut all = Vec::new();
+    for stage in 0..leading.elements().len() {
+        let is_different = |k: &usize| {
+            models[*k].elements().get(stage) != leading.elements().get(stage)
+                || states[*k].states().get(stage) != state.states().get(stage)
+        };
+        let different: Vec<usize> = (1..models.len()).filter(is_different).collect();
+        for places in different.chunks(BESIDE) {
+            let own: Vec<_> = places.iter().map(|k| (&models[*k], states[*k])).collect();
+            let beside = leading.beside(state, stage, &own).expect("models of equal stages");
+            all.push((beside, places.to_vec()));
+        }
+    }
+    all
+}
+
+/// Forces of models that differ little from the first, which leads, N: a row for each.
+fn led(models: &[Stages], states: &mut [StagesState], steps: &[Step]) -> DMatrix<f64> {
+    let mut forces = DMatrix::zeros(models.len(), steps.len());
+    let (mut beside, places): (Vec<Beside>, Vec<Vec<usize>>) =
+        companies(models, states).into_iter().unzip();
+    let mut led = states[0];
+    let mut before: Vec<f64> = states.iter().map(Stages::force).collect();
+    let mut after = before.clone();
+    for (step, mut forces) in steps.iter().zip(forces.column_iter_mut()) {
+        let first = models[0].step_beside(&mut led, &mut beside, step.displacement, step.duration);
+        after.fill(first);
+        for (beside, places) in beside.iter().zip(&places) {
+            places.iter().zip(beside.forces()).for_each(|(k, more)| after[*k] += more);
+        }
+        for ((force, before), after) in forces.iter_mut().zip(&mut before).zip(&after) {
+            *force = step.at_centre(*before, *after);
+            *before = *after;
+        }
+    }
+    for state in &mut states[1..] {
+        *state = led;
+    }
+    for (beside, places) in beside.iter().zip(&places) {
+        places.iter().enumerate().for_each(|(i, k)| beside.put_state(i, &led, &mut states[*k]));
+    }
+    states[0] = led;
+    forces
 }

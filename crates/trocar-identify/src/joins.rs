@@ -438,19 +438,20 @@ impl Joins {
         mut fitted: Fitted<EmsTrial>,
         stop: Stop,
     ) -> (Fitted<EmsTrial>, Self) {
-        let mut is_rough = false;
+        let (mut minima, mut is_rough) = (Vec::new(), false);
         for _ in 0..SEARCHES {
             let better = Self::promising(training, &fitted);
             let again = better.and_then(|from| likelihood::fit(training, &from, NEAR));
-            match again.filter(|again| again.cost() < fitted.cost()) {
-                Some(again) => (fitted, is_rough) = (again, true),
-                None => break,
+            let Some(again) = again else { break };
+            if again.cost() >= fitted.cost() {
+                minima.push(Minimum { cost: again.cost(), trial: again.best });
+                break;
             }
+            (fitted, is_rough) = (again, true);
         }
         if is_rough {
             fitted = likelihood::fit(training, &fitted.best, stop).unwrap_or(fitted);
         }
-        let mut minima = Vec::new();
         for last in (0..SEARCHES).rev() {
             let (joins, better) = Self::about(training, &fitted, &mut minima);
             let again = better.and_then(|from| likelihood::fit(training, &from, stop));

@@ -132,39 +132,38 @@ pub(crate) trait Trial: Clone + Send + Sync {
         _state: &mut StateOf<Self>,
         _ordinates: &mut [Ordinate],
         _steps: &[Step],
-    ) -> Vec<Vec<f64>> {
-        Vec::new()
+    ) -> DMatrix<f64> {
+        DMatrix::zeros(0, 0)
     }
-    /// Force of each model at the centres of the steps, N, starting from its state.
+    /// Forces at the centres of the steps, N, a row for each model, starting from its state. The
+    /// first `close` models differ little.
     fn forces(
         models: &[Self::Model],
         states: &mut [StateOf<Self>],
-        _lanes: Lanes,
+        _close: usize,
         steps: &[Step],
-    ) -> Vec<Vec<f64>> {
+    ) -> DMatrix<f64> {
         each_alone(models, states, steps)
     }
 }
 
 /// The forces of models, each stepped on its own.
-pub(super) fn each_alone<M>(models: &[M], states: &mut [M::State], steps: &[Step]) -> Vec<Vec<f64>>
+pub(super) fn each_alone<M>(models: &[M], states: &mut [M::State], steps: &[Step]) -> DMatrix<f64>
 where
     M: Friction<State: Send + Sync> + Send + Sync,
 {
     let of = |(model, state): (&M, &mut M::State)| {
-        steps.iter().map(|step| seal_force(model, state, step)).collect()
+        steps.iter().map(|step| seal_force(model, state, step)).collect::<Vec<_>>()
     };
-    models.par_iter().zip(states).map(of).collect()
+    let rows: Vec<Vec<f64>> = models.par_iter().zip(states).map(of).collect();
+    DMatrix::from_fn(models.len(), steps.len(), |k, i| rows[k][i])
 }
 
 /// State of a trial's model.
 pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
 
-/// Simulations of one part at least: each part steps the leading model anew.
-const TOGETHER: usize = 10;
-
-/// Steps simulated at a time.
-const BLOCK: usize = 2048;
+/// Steps simulated at a time: their forces stay in the cache of a core.
+const BLOCK: usize = 512;
 
 /// Result of a fit.
 #[derive(Debug, Clone)]
@@ -423,27 +422,27 @@ impl<'a> Predictor<'a> {
         &self,
         block: &[Step],
         i: usize,
-        lanes: &[Vec<f64>],
+        lanes: &DMatrix<f64>,
         sources: &[Source],
         before: f64,
         row: &mut [f64],
     ) -> (f64, [f64; 2]) {
-        let (step, force) = (&block[i], lanes[0][i]);
-        let rate = (force - if i > 0 { lanes[0][i - 1] } else { before }) / step.duration;
+        let (step, force) = (&block[i], lanes[(0, i)]);
+        let rate = (force - if i > 0 { lanes[(0, i - 1)] } else { before }) / step.duration;
         let (residual, scale, z) = self.residual(step, force);
         let basis = &self.training.scale.basis;
         for (slot, source) in row.iter_mut().zip(sources) {
             *slot = match source {
                 Source::Difference { lane, step } => {
-                    let change = lanes[*lane][i] - force;
+                    let change = lanes[(*lane, i)] - force;
                     if change.abs() <= self.leap { scale * change / step } else { 0.0 }
                 }
-                Source::Secant(lane) => scale * (lanes[*lane][i] - force),
+                Source::Secant(lane) => scale * (lanes[(*lane, i)] - force),
                 Source::Offset => 1.0,
                 Source::Acceleration => step.acceleration,
                 Source::Delay => scale * rate,
                 Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
-                Source::Ordinate(lane) => scale * lanes[*lane][i],
+                Source::Ordinate(lane) => scale * lanes[(*lane, i)],
             };
         }
         (residual, z)
@@ -600,7 +599,6 @@ fn normal_equations<T: Trial>(
     let predictor = Predictor::new(training, trial);
     let mut clusters: Vec<ClusterSums> =
         training.cluster_strokes().map(|strokes| ClusterSums::new(strokes, p)).collect();
-    let total: usize = training.runs.iter().map(|run| run.steps.len()).sum();
     let mut rest = clusters.as_mut_slice();
     let mut runs: Vec<(&Run, &mut [ClusterSums])> = Vec::with_capacity(training.runs.len());
     for run in &training.runs {
@@ -610,37 +608,36 @@ fn normal_equations<T: Trial>(
         rest = others;
     }
     runs.into_par_iter().for_each(|(run, clusters)| {
-        let share = run.steps.len() as f64 / total as f64;
-        sum_over(&predictor, &simulations, run, share, clusters);
+        sum_over(&predictor, &simulations, run, clusters);
     });
     let mut prior = prior(training, trial);
     prior.resize(p, (0.0, 0.0));
     Some(training.eliminated(clusters, &predictor.drift, prior))
 }
 
-/// Adds the steps of a run, `share` of all, to the sums of its clusters.
+/// Adds the steps of a run to the sums of its clusters.
 fn sum_over<T: Trial>(
     predictor: &Predictor,
     simulations: &Simulations<T>,
     run: &Run,
-    share: f64,
     clusters: &mut [ClusterSums],
 ) {
     let Simulations { trials, models, close, ordinates, sources } = simulations;
-    let parts = (rayon::current_num_threads() as f64 * share).round().max(1.0) as usize;
-    let lanes = Lanes { close: *close, parts: parts.min(close.div_ceil(TOGETHER)) };
     let mut states: Vec<StateOf<T>> =
         models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
     let (mut ordinates, mut of_ordinates) = (ordinates.clone(), states[0]);
     let mut before = 0.0;
     for block in run.steps.chunks(BLOCK) {
         cancel::check();
-        let mut forces = T::forces(models, &mut states, lanes, block);
+        let mut forces = T::forces(models, &mut states, *close, block);
         if !ordinates.is_empty() {
-            forces.extend(T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block));
+            let rates = T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block);
+            let own = forces.nrows();
+            forces = forces.insert_rows(own, rates.nrows(), 0.0);
+            forces.rows_mut(own, rates.nrows()).copy_from(&rates);
         }
         accumulate(predictor, block, &forces, sources, before, clusters);
-        before = *forces[0].last().expect("a block has steps");
+        before = forces[(0, block.len() - 1)];
     }
 }
 
@@ -681,7 +678,7 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
         cancel::check();
         let mut states: Vec<StateOf<T>> =
             models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
-        let lanes = T::forces(&models, &mut states, Lanes { close, parts: 1 }, &run.steps);
+        let lanes = T::forces(&models, &mut states, close, &run.steps);
         let mut ends = vec![0.0; run.steps.len()];
         let mut time = 0.0;
         for (end, step) in ends.iter_mut().zip(&run.steps) {
@@ -691,12 +688,12 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
         let of_step = |i: usize| {
             let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
             let (residual, scale) =
-                predictor.row(&run.steps, i, &lanes, &sources, lanes[0][0], &mut derivatives);
+                predictor.row(&run.steps, i, &lanes, &sources, lanes[(0, 0)], &mut derivatives);
             Row {
                 derivatives,
                 residual,
                 scale,
-                force: lanes[0][i],
+                force: lanes[(0, i)],
                 weight: step.weight,
                 stroke: step.stroke,
                 run: number,
@@ -710,20 +707,12 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
     Some(training.runs.iter().enumerate().flat_map(of_run).collect())
 }
 
-/// The models of a run that are stepped together: the first `close` differ little and are divided
-/// into `parts`.
-#[derive(Clone, Copy)]
-pub(crate) struct Lanes {
-    pub(crate) close: usize,
-    pub(crate) parts: usize,
-}
-
 /// Adds the steps of a block to the sums of its clusters, among those of a run; `before` is the
 /// force simulated before it.
 fn accumulate(
     predictor: &Predictor,
     block: &[Step],
-    lanes: &[Vec<f64>],
+    lanes: &DMatrix<f64>,
     sources: &[Source],
     before: f64,
     clusters: &mut [ClusterSums],
@@ -737,38 +726,60 @@ fn accumulate(
     });
 }
 
+/// Steps whose products are summed at a time: the sums are read and written once for all of them.
+const AT_ONCE: usize = 4;
+
 /// The steps `range` of a block, all within one cluster.
 fn accumulate_cluster(
     predictor: &Predictor,
     block: &[Step],
     range: Range<usize>,
-    lanes: &[Vec<f64>],
+    lanes: &DMatrix<f64>,
     sources: &[Source],
     before: f64,
     cluster: &mut ClusterSums,
 ) {
     let p = sources.len();
-    let mut row = vec![0.0; p];
-    for i in range {
-        let step = &block[i];
-        if step.weight == 0.0 {
+    let mut rows = vec![0.0; AT_ONCE * p];
+    let mut weights = [0.0; AT_ONCE];
+    let counted: Vec<usize> = range.filter(|i| block[*i].weight > 0.0).collect();
+    for all in counted.chunks(AT_ONCE) {
+        weights.fill(0.0);
+        for ((i, row), own) in all.iter().zip(rows.chunks_mut(p)).zip(&mut weights) {
+            let step = &block[*i];
+            let (residual, z) = predictor.row(block, *i, lanes, sources, before, row);
+            let weight = step.weight;
+            *own = weight;
+            cluster.steps += step.independent;
+            cluster.cost += weight * residual * residual;
+            let stroke = &mut cluster.strokes[step.stroke - cluster.first];
+            stroke.scale.add(weight, residual, z);
+            let [with_own, with_before] = &mut stroke.cross;
+            for (values, by) in
+                [(&mut cluster.score, residual), (with_own, z[0]), (with_before, z[1])]
+            {
+                let scaled = weight * by;
+                values.iter_mut().zip(&*row).for_each(|(sum, a)| *sum += scaled * a);
+            }
+        }
+        add_products(cluster.hessian.as_mut_slice(), &rows, weights);
+    }
+}
+
+/// Adds Σ w·x·x' of [`AT_ONCE`] rows x to the lower triangle, column by column.
+fn add_products(hessian: &mut [f64], rows: &[f64], weights: [f64; AT_ONCE]) {
+    let p = rows.len() / AT_ONCE;
+    let [a, b, c, d]: [&[f64]; AT_ONCE] = std::array::from_fn(|k| &rows[k * p..(k + 1) * p]);
+    for j in 0..p {
+        let [wa, wb, wc, wd] =
+            [weights[0] * a[j], weights[1] * b[j], weights[2] * c[j], weights[3] * d[j]];
+        if [wa, wb, wc, wd] == [0.0; AT_ONCE] {
             continue;
         }
-        let (residual, z) = predictor.row(block, i, lanes, sources, before, &mut row);
-        let weight = step.weight;
-        cluster.steps += step.independent;
-        cluster.cost += weight * residual * residual;
-        let stroke = &mut cluster.strokes[step.stroke - cluster.first];
-        stroke.scale.add(weight, residual, z);
-        let hessian = cluster.hessian.as_mut_slice();
-        for (j, a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
-            let scaled = weight * a;
-            cluster.score[j] += scaled * residual;
-            stroke.cross[0][j] += scaled * z[0];
-            stroke.cross[1][j] += scaled * z[1];
-            // Lower triangle, column by column.
-            let column = &mut hessian[j * p + j..(j + 1) * p];
-            column.iter_mut().zip(&row[j..]).for_each(|(h, b)| *h += scaled * b);
+        let column = &mut hessian[j * p + j..(j + 1) * p];
+        let others = a[j..].iter().zip(&b[j..]).zip(c[j..].iter().zip(&d[j..]));
+        for (sum, ((a, b), (c, d))) in column.iter_mut().zip(others) {
+            *sum += (wa * a + wb * b) + (wc * c + wd * d);
         }
     }
 }
@@ -970,11 +981,13 @@ fn step_within(
 
 /// Damping above which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
-/// Damping below which a step that fails would hardly change.
-const LEAST_TRIED: f64 = 1e-3;
-/// Range of the damping of a fit at its start and after steps that succeed.
-const FIRST_DAMPING: f64 = 1e-5;
-const LEAST_DAMPING: f64 = 1e-8;
+/// Damping at the start of a fit, and the least: below it a step that fails would hardly change.
+const FIRST_DAMPING: f64 = 1e-3;
+const LEAST_DAMPING: f64 = 1e-4;
+/// Part of the fall at which a fit has converged that a step must promise to be tried.
+const NEGLIGIBLE: f64 = 0.1;
+/// Damping of a step that only counts: for rounding.
+const UNDAMPED: f64 = 1e-8;
 
 /// Factor on the damping after a step whose cost fell by `part` of what the linear model promises.
 fn relaxed(part: f64, is_first: bool) -> f64 {
@@ -1000,27 +1013,31 @@ struct Accepted<T> {
 }
 
 /// The first step from `best` that lowers C below `before`, with the damping increased from
-/// `lambda` until one does.
+/// `lambda` until one does; `None` where none promises a fall above `least`.
 fn step_down<T: Trial>(
     training: &Training,
     (best, before): (&T, f64),
     sums: &Sums,
-    mut lambda: f64,
+    (mut lambda, least): (f64, f64),
     held: &mut Vec<bool>,
 ) -> Option<Accepted<T>> {
     let free = best.free();
     let mut is_first = true;
     while lambda < HIGHEST_DAMPING {
         if let Some(delta) = step_within(sums, &free, lambda, held) {
+            let promised = fall_along(sums, &delta, lambda);
+            if promised < least {
+                return None;
+            }
             let moved: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
             let trial = best.with(&moved);
             let cost = cost(training, &trial);
             if cost < before {
-                let part = (before - cost) / fall_along(sums, &delta, lambda);
-                return Some(Accepted { trial, cost, lambda: lambda * relaxed(part, is_first) });
+                let relaxed = relaxed((before - cost) / promised, is_first);
+                return Some(Accepted { trial, cost, lambda: lambda * relaxed });
             }
         }
-        (lambda, is_first) = ((10.0 * lambda).max(LEAST_TRIED), false);
+        (lambda, is_first) = (10.0 * lambda, false);
     }
     None
 }
@@ -1035,7 +1052,8 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
     while iterations < stop.iterations && !converged {
         iterations += 1;
         let before = normal.cost();
-        let down = step_down(training, (&best, before), &normal.sums(), lambda, &mut held);
+        let limits = (lambda, NEGLIGIBLE * stop.fall * before);
+        let down = step_down(training, (&best, before), &normal.sums(), limits, &mut held);
         let Some(Accepted { trial, cost, lambda: next }) = down else {
             converged = true;
             break;
@@ -1047,7 +1065,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         converged = cost > (1.0 - stop.fall) * before && !is_flat();
     }
-    step_within(&normal.sums(), &best.free(), LEAST_DAMPING, &mut held);
+    step_within(&normal.sums(), &best.free(), UNDAMPED, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
     let has_prior = !training.prior.is_empty();
     let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
@@ -1058,7 +1076,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
 /// Fraction of C that an undamped step would remove if the model were linear.
 fn promised(normal: &Normal, free: &[Free]) -> f64 {
     let sums = normal.sums();
-    let fall = step_within(&sums, free, LEAST_DAMPING, &mut Vec::new())
+    let fall = step_within(&sums, free, UNDAMPED, &mut Vec::new())
         .map_or(0.0, |delta| fall_along(&sums, &delta, 0.0));
     fall / normal.cost().max(f64::MIN_POSITIVE)
 }

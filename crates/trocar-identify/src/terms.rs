@@ -390,26 +390,27 @@ pub(super) fn choose(
     let mut chosen = Chosen { fitted, trials };
     chosen.take_out_needless(training);
     let mut excluded = excluded.to_vec();
-    loop {
-        chosen.add_needed(training, &excluded, speeds, progress);
+    while chosen.add_needed(training, &excluded, speeds, progress) {
         let needless = chosen.take_out_needless(training);
         if needless.is_empty() {
-            return chosen;
+            break;
         }
         excluded.extend(needless);
     }
+    chosen
 }
 
 impl Chosen {
+    /// Adds each term that the data support; whether there was one.
     fn add_needed(
         &mut self,
         training: &Training,
         excluded: &[Term],
         speeds: [f64; 2],
         progress: Progress,
-    ) {
+    ) -> bool {
         let mut failed: Vec<(Term, &'static str)> = Vec::new();
-        let mut is_rough = false;
+        let (mut is_rough, mut has_grown) = (false, false);
         while let Some((mut scores, columns)) = scores(training, &self.fitted, excluded, speeds) {
             scores.sort_by(|a, b| b.gain.total_cmp(&a.gain));
             self.trials.retain(|t| t.kept);
@@ -418,23 +419,23 @@ impl Chosen {
             let level = LEVEL / columns;
             let open = || scores.iter().filter(|s| why_not(s.term).is_none());
             let best = open().find(|s| s.is_clear(level)).or(open().find(|s| s.is_large()));
-            let Some(best) = best else {
-                if !is_rough {
-                    break;
-                }
-                // A term may only show beside converged others.
+            // A term may only show beside converged others, and what these would gain by
+            // converging is not its own.
+            if is_rough && best.is_none_or(|best| best.gain < self.fitted.promised_fall()) {
                 if let Some(converged) = likelihood::fit(training, &self.fitted.best, NEXT) {
                     self.fitted = converged;
                 }
                 is_rough = false;
                 continue;
-            };
+            }
+            let Some(best) = best else { break };
             let decided = failed.len() + self.trials.iter().filter(|t| t.kept).count();
             let part = decided as f64 / Term::ALL.len() as f64;
             progress(best.term.words(), TERMS_FROM + (TERMS_TO - TERMS_FROM) * part);
             match self.with_term(training, best, level) {
                 Ok((larger, has_begun)) => {
-                    is_rough |= has_begun;
+                    is_rough = has_begun;
+                    has_grown = true;
                     self.fitted = larger;
                     let own = self.trials.iter_mut().filter(|t| t.term == best.term);
                     own.for_each(|t| t.kept = true);
@@ -444,6 +445,7 @@ impl Chosen {
                 Err(why) => failed.push((best.term, why)),
             }
         }
+        has_grown
     }
 
     /// The fit with a term that the data support at `level`, and whether it has only begun; or why
@@ -457,7 +459,10 @@ impl Chosen {
         let begun = likelihood::fit(training, &best.start, BEGIN).ok_or(NO_BETTER)?;
         let Err(why) = self.judge(training, best, level, &begun) else { return Ok((begun, true)) };
         let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
-        if hoped >= self.cost_to_beat() {
+        let growth = self.fitted.cost() - hoped;
+        if hoped >= self.cost_to_beat()
+            || growth_p_value(training, &self.fitted, &begun, growth) >= LEVEL
+        {
             return Err(why);
         }
         let further = likelihood::fit(training, &begun.best, NEXT).ok_or(NO_BETTER)?;
@@ -478,7 +483,7 @@ impl Chosen {
         larger: &Fitted<EmsTrial>,
     ) -> Result<(), &'static str> {
         let is_sure =
-            best.is_clear(level) || growth_p_value(training, &self.fitted, larger) < level;
+            best.is_clear(level) || improvement_p_value(training, &self.fitted, larger) < level;
         if !is_sure || larger.cost() >= self.cost_to_beat() {
             return Err(NO_BETTER);
         }
@@ -495,22 +500,23 @@ impl Chosen {
         }
     }
 
-    /// Removes each term without which the squared error is not significantly larger; returns them.
+    /// Removes each term without which the squared error is not significantly larger, the last one
+    /// added first; returns them.
     fn take_out_needless(&mut self, training: &Training) -> Vec<Term> {
         let mut needless = Vec::new();
-        for trial in self.trials.iter_mut().filter(|t| t.kept) {
+        for trial in self.trials.iter_mut().rev().filter(|t| t.kept) {
             let smaller = trial.term.left_out_of(&self.fitted.best);
             let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST))
             else {
                 continue;
             };
-            trial.p_value = growth_p_value(training, &without, &self.fitted);
+            trial.p_value = improvement_p_value(training, &without, &self.fitted);
             if trial.p_value >= CLEARLY_NEEDED {
                 let Some(further) = likelihood::fit(training, &without.best, NEXT) else {
                     continue;
                 };
                 without = further;
-                trial.p_value = growth_p_value(training, &without, &self.fitted);
+                trial.p_value = improvement_p_value(training, &without, &self.fitted);
             }
             trial.gain = 1.0 - self.fitted.cost() / without.cost();
             if trial.p_value >= LEVEL {
@@ -525,13 +531,22 @@ impl Chosen {
 
 /// p value of the increase of the squared error from the larger model to the smaller, over the
 /// clusters of strokes.
-fn growth_p_value(
+fn improvement_p_value(
     training: &Training,
     smaller: &Fitted<EmsTrial>,
     larger: &Fitted<EmsTrial>,
 ) -> f64 {
+    growth_p_value(training, smaller, larger, smaller.cost() - larger.cost())
+}
+
+/// The same if the increase were `growth`.
+fn growth_p_value(
+    training: &Training,
+    smaller: &Fitted<EmsTrial>,
+    larger: &Fitted<EmsTrial>,
+    growth: f64,
+) -> f64 {
     let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
-    let growth = smaller.cost() - larger.cost();
     f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
 }
 

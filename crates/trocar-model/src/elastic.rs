@@ -584,16 +584,16 @@ impl DeformationForce {
     }
 }
 
-/// By how much M and h of one deformation force exceed those of another at the same deflection, to
+/// By how much M and h of N deformation forces exceed those of another at the same deflection, to
 /// first order: each polynomial piece is continued beyond its joins.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct ShapeDifference {
-    /// [M, h] over the spans of the other.
-    spans: [[[f64; 2]; COUNT]; 3],
-    end_force: [f64; 2],
-    end_stiffness: [f64; 2],
-    half_width: f64,
-    pub(crate) yield_stiffness: f64,
+pub(crate) struct ShapeDifference<const N: usize> {
+    /// [M, h] over the spans of the other, by powers.
+    spans: [[[[f64; N]; 2]; COUNT]; 3],
+    end_force: [[f64; N]; 2],
+    end_stiffness: [[f64; N]; 2],
+    half_width: [f64; N],
+    pub(crate) yield_stiffness: [f64; N],
 }
 
 /// Where a deflection lies: beyond an end by so much (m), or in a span at t; and whether h is
@@ -604,39 +604,44 @@ pub(crate) enum DeflectionLocation {
     Within { span: usize, t: f64, clipped: bool },
 }
 
-impl DeformationForce {
-    /// What `other` has more.
-    pub(crate) fn difference(&self, other: &Self) -> ShapeDifference {
-        let of = |k: usize| {
-            let Span { mid, inverse_half, force, .. } = &self.spans[k];
-            let mut more = [[0.0; 2]; COUNT];
-            if *inverse_half > 0.0 {
-                let [up, down] =
-                    [(&self.insertion, &other.insertion), (&self.withdrawal, &other.withdrawal)]
-                        .map(|(own, its)| {
-                            let is_left = k == 0 || (k == 1 && *mid < own.join());
-                            restrict(
-                                if is_left { &its.left } else { &its.right },
-                                *mid,
-                                1.0 / inverse_half,
-                            )
-                        });
-                for (((more, u), d), own) in more.iter_mut().zip(&up).zip(&down).zip(force) {
-                    *more = [0.5 * (u + d) - own[0], 0.5 * (u - d) - own[1]];
-                }
-            }
-            more
-        };
-        let minus = |a: [f64; 2], b: [f64; 2]| [a[0] - b[0], a[1] - b[1]];
-        ShapeDifference {
-            spans: [of(0), of(1), of(2)],
-            end_force: minus(other.end_force, self.end_force),
-            end_stiffness: minus(other.end_stiffness, self.end_stiffness),
-            half_width: other.half_width - self.half_width,
-            yield_stiffness: other.yield_stiffness - self.yield_stiffness,
-        }
-    }
+impl<const N: usize> ShapeDifference<N> {
+    pub(crate) const NONE: Self = Self {
+        spans: [[[[0.0; N]; 2]; COUNT]; 3],
+        end_force: [[0.0; N]; 2],
+        end_stiffness: [[0.0; N]; 2],
+        half_width: [0.0; N],
+        yield_stiffness: [0.0; N],
+    };
 
+    /// What `other` has more than `own`.
+    pub(crate) fn set(&mut self, i: usize, own: &DeformationForce, other: &DeformationForce) {
+        for (k, (span, all)) in own.spans.iter().zip(&mut self.spans).enumerate() {
+            let Span { mid, inverse_half, force, .. } = span;
+            if *inverse_half <= 0.0 {
+                continue;
+            }
+            let [up, down] =
+                [(&own.insertion, &other.insertion), (&own.withdrawal, &other.withdrawal)].map(
+                    |(own, its)| {
+                        let is_left = k == 0 || (k == 1 && *mid < own.join());
+                        let piece = if is_left { &its.left } else { &its.right };
+                        restrict(piece, *mid, 1.0 / inverse_half)
+                    },
+                );
+            for ((([mid, gap], u), d), own) in all.iter_mut().zip(&up).zip(&down).zip(force) {
+                (mid[i], gap[i]) = (0.5 * (u + d) - own[0], 0.5 * (u - d) - own[1]);
+            }
+        }
+        for k in 0..2 {
+            self.end_force[k][i] = other.end_force[k] - own.end_force[k];
+            self.end_stiffness[k][i] = other.end_stiffness[k] - own.end_stiffness[k];
+        }
+        self.half_width[i] = other.half_width - own.half_width;
+        self.yield_stiffness[i] = other.yield_stiffness - own.yield_stiffness;
+    }
+}
+
+impl DeformationForce {
     /// Where `z`, m, lies.
     pub(crate) fn locate(&self, z: f64) -> DeflectionLocation {
         if z.abs() > self.half_width {
@@ -653,21 +658,25 @@ impl DeformationForce {
 
     /// `difference` of M and h at `location`, N.
     #[inline(always)]
-    pub(crate) fn more_at(
+    pub(crate) fn more_at<const N: usize>(
         &self,
-        difference: &ShapeDifference,
+        difference: &ShapeDifference<N>,
         location: &DeflectionLocation,
-    ) -> (f64, f64) {
+    ) -> [[f64; N]; 2] {
         match *location {
             DeflectionLocation::Within { span, t, clipped } => {
-                let [mid, gap] = estrin(&difference.spans[span], t);
-                (mid, if clipped { 0.0 } else { gap })
+                let [mid, gap] = series(&difference.spans[span], t);
+                [mid, if clipped { [0.0; N] } else { gap }]
             }
             DeflectionLocation::Beyond { upper, excess } => {
                 let (k, outwards) = if upper { (1, 1.0) } else { (0, -1.0) };
-                let change = difference.end_stiffness[k] * excess
-                    - self.end_stiffness[k] * difference.half_width;
-                (difference.end_force[k] + outwards * change, 0.0)
+                let own = self.end_stiffness[k];
+                let mid = core::array::from_fn(|i| {
+                    let change =
+                        difference.end_stiffness[k][i] * excess - own * difference.half_width[i];
+                    difference.end_force[k][i] + outwards * change
+                });
+                [mid, [0.0; N]]
             }
         }
     }
@@ -803,6 +812,18 @@ fn estrin(a: &[[f64; 2]; COUNT], t: f64) -> [f64; 2] {
         low + high * t4
     };
     [lane(0), lane(1)]
+}
+
+/// Two times N power series by Horner's scheme: N chains hide each other's waiting.
+#[inline(always)]
+fn series<const N: usize>(a: &[[[f64; N]; 2]; COUNT], t: f64) -> [[f64; N]; 2] {
+    let mut sum = a[COUNT - 1];
+    for more in a[..COUNT - 1].iter().rev() {
+        for (sum, more) in sum.iter_mut().zip(more) {
+            *sum = core::array::from_fn(|i| sum[i] * t + more[i]);
+        }
+    }
+    sum
 }
 
 /// The edge of a region between a point `inside` and a point `outside`, by bisection.

@@ -3,7 +3,7 @@
 use crate::ems::{Element, State};
 use crate::friction::Friction;
 use crate::relaxation::MAX_ARMS;
-use crate::slip::beside::{Apart, Different, Ordinate};
+use crate::slip::beside::{Beside, Ordinate};
 
 /// Advances every element by the same `displacement` (m) within `duration` (s); returns the sum of
 /// the forces (N).
@@ -89,58 +89,22 @@ impl From<Element> for Stages {
     }
 }
 
-/// A model that differs little from another, and how its state differs from the other's; see
-/// [`Stages::step_beside`].
-#[derive(Debug)]
-pub struct Beside<'a> {
-    stages: &'a Stages,
-    /// `None` where the elements are the same in the same state.
-    different: [Option<Different>; MAX_STAGES],
-    apart: [Apart; MAX_STAGES],
-    /// States of elements beyond those of the other model.
-    own: StagesState,
-    force: f64,
-}
-
-impl Beside<'_> {
-    /// State of the model, where the other is in `led`; to first order.
-    pub fn state(&self, led: &StagesState) -> StagesState {
-        let mut state = self.own;
-        for ((own, apart), led) in state.states.iter_mut().zip(&self.apart).zip(led.states()) {
-            *own = apart.state_beside(led);
-        }
-        state
-    }
-
-    /// Force of the model, N.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
-}
-
 impl Stages {
-    /// `other`, in `own` state, beside this model in `state`.
+    /// Element `stage` of up to [`BESIDE`](crate::BESIDE) models in their states, beside that of
+    /// this model in `state`; `None` where one of them has no such element, or without any.
     pub fn beside<'a>(
         &self,
         state: &StagesState,
-        other: &'a Stages,
-        own: StagesState,
-    ) -> Beside<'a> {
-        let mut beside = Beside {
-            stages: other,
-            different: [None; MAX_STAGES],
-            apart: [Apart::default(); MAX_STAGES],
-            own,
-            force: Self::force(&own),
-        };
-        for k in 0..self.count.min(other.count) {
-            let (element, its) = (&self.elements[k], &other.elements[k]);
-            if element != its || state.states[k] != own.states[k] {
-                beside.different[k] = Some(element.difference(its));
-                beside.apart[k] = element.apart(&state.states[k], its, &own.states[k]);
-            }
+        stage: usize,
+        others: &[(&'a Stages, StagesState)],
+    ) -> Option<Beside<'a>> {
+        let leader = (self.elements().get(stage)?, state.states().get(stage)?);
+        if others.iter().any(|(model, own)| stage >= model.count.min(own.count)) {
+            return None;
         }
-        beside
+        let elements =
+            others.iter().map(|(model, own)| (&model.elements[stage], own.states[stage]));
+        Beside::new(stage, leader, elements)
     }
 
     /// As [`Friction::step`], and beside it the same step of models that differ little, to first
@@ -157,9 +121,9 @@ impl Stages {
     /// let model = Stages::from(Element::new(params)?);
     /// let other = Stages::from(Element::new(ElementParams { creep_velocity: 1.001e-4, ..params })?);
     /// let (mut state, own) = (model.rest_state(0.0), other.rest_state(0.0));
-    /// let mut beside = [model.beside(&state, &other, own)];
-    /// let force = model.step_beside(&mut state, &mut beside, 50e-6, 1e-3);
-    /// let rate = (beside[0].force() - force) / 1e-7; // of the force with the creep velocity, N·s/m
+    /// let mut beside = [model.beside(&state, 0, &[(&other, own)]).expect("both have one element")];
+    /// model.step_beside(&mut state, &mut beside, 50e-6, 1e-3);
+    /// let rate = beside[0].forces()[0] / 1e-7; // of the force with the creep velocity, N·s/m
     /// assert!(rate < 0.0);
     /// # Ok(())
     /// # }
@@ -173,29 +137,18 @@ impl Stages {
     ) -> f64 {
         for (k, (element, led)) in self.elements().iter().zip(&mut state.states).enumerate() {
             element.lead(led, displacement, duration, |lead| {
-                for Beside { stages, different, apart, .. } in beside.iter_mut() {
-                    if let (Some(different), Some(element)) =
-                        (&different[k], stages.elements().get(k))
-                    {
-                        lead.take(element, different, &mut apart[k]);
-                    }
-                }
+                beside.iter_mut().filter(|own| own.stage == k).for_each(|own| lead.take(own));
             });
         }
-        let force = Self::force(state);
-        for Beside { stages, apart, own, force: its, .. } in beside {
-            let count = self.count.min(stages.count);
-            let led: f64 = if count < self.count {
-                state.states[..count].iter().map(State::force).sum()
-            } else {
-                force
-            };
-            let more = stages.elements().iter().zip(&mut own.states).skip(count);
-            let beyond: f64 =
-                more.map(|(element, own)| element.step(own, displacement, duration)).sum();
-            *its = led + apart[..count].iter().map(|a| a.force).sum::<f64>() + beyond;
-        }
-        force
+        Self::force(state)
+    }
+}
+
+impl Beside<'_> {
+    /// Puts the state of the element of model `i` into that of the whole model, where the leader is
+    /// in `led`; to first order.
+    pub fn put_state(&self, i: usize, led: &StagesState, state: &mut StagesState) {
+        state.states[self.stage] = self.state(i, &led.states[self.stage]);
     }
 }
 

@@ -252,34 +252,91 @@ fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// The largest step of which nearly all differences are integer multiples.
+/// The step of a sensor, of which nearly all differences are integer multiples; else the unit of the
+/// last digit of the values, or 0 where they have none.
 ///
-/// The values are first scaled to integer multiples of a power of ten. Each block of differences
-/// has its own greatest common divisor, and the divisor common to most blocks is used, so a few odd
-/// values have no effect.
+/// Motion at constant speed makes all differences alike without any encoder. An encoder shows where
+/// neighbouring differences differ by one step.
 pub(super) fn resolution(values: &[f64]) -> f64 {
     let looked_at = &values[..values.len().min(LOOKED_AT)];
+    let unit = last_digit(looked_at);
+    let differences: Vec<f64> =
+        looked_at.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
+    let divisor = unit.and_then(|unit| Some(unit * commonest_divisor(looked_at, unit)? as f64));
+    let decimal = divisor.filter(|step| unit.is_none_or(|unit| *step > 1.5 * unit));
     let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let least = unit.map_or(SINGLE_PRECISION * largest, |unit| 1.5 * unit);
+    // Of numbers with few digits a step is known to a part of the last one only, and of long
+    // differences nothing follows.
+    let (rounding, reach) = unit.map_or((0.0, 200.0), |unit| (unit, 10.0));
+    decimal
+        .filter(|step| is_step(&differences, *step, 0.0, f64::INFINITY))
+        .or_else(|| {
+            let change = smallest_change(&differences, least)?;
+            is_step(&differences, change, rounding, reach).then_some(change)
+        })
+        .or(unit)
+        .unwrap_or(0.0)
+}
+
+/// Rounding of values that were once numbers of single precision, relative to the largest.
+const SINGLE_PRECISION: f64 = 1e-7;
+/// Part of a step within which a difference is a multiple of it, the part of the differences that
+/// have to be, and the part of those that differ by one step from the next.
+const NEAR_A_STEP: f64 = 0.02;
+const NEARLY_ALL: f64 = 0.98;
+const ENOUGH_CHANGES: f64 = 0.02;
+
+/// The unit of the last decimal digit of the values; `None` where they have more digits than a
+/// sensor.
+fn last_digit(values: &[f64]) -> Option<f64> {
+    let largest = values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
-    let Some(scale) = (0..=10)
-        .map(|digits| 10_f64.powi(digits))
-        // Above 2^43 units the last digits of a double no longer distinguish integers from other
-        // numbers.
-        .find(|&scale| largest * scale < 8.8e12 && looked_at.iter().all(|&x| is_whole(x, scale)))
-    else {
-        return 0.0;
-    };
-    let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
+    // Above 2^43 units the last digits of a double no longer distinguish integers from other
+    // numbers.
+    let is_scale =
+        |scale: f64| largest * scale < 8.8e12 && values.iter().all(|&x| is_whole(x, scale));
+    let scales = (0..=10).map(|digits| 10_f64.powi(digits));
+    scales.into_iter().find(|scale| is_scale(*scale)).map(f64::recip)
+}
+
+/// Each block of differences has its own greatest common divisor, in units; the one of most blocks,
+/// so a few odd values have no effect.
+fn commonest_divisor(values: &[f64], unit: f64) -> Option<u64> {
+    let whole: Vec<i64> = values.iter().map(|x| (x / unit).round() as i64).collect();
     let mut divisors: Vec<u64> =
         whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
     divisors.sort_unstable();
-    let mut commonest: Option<&[u64]> = None;
-    for run in divisors.chunk_by(|a, b| a == b) {
-        if commonest.is_none_or(|best| run.len() > best.len()) {
-            commonest = Some(run);
-        }
-    }
-    commonest.map_or(0.0, |run| run[0] as f64 / scale)
+    let runs = divisors.chunk_by(|a, b| a == b);
+    runs.rev().max_by_key(|run| run.len()).map(|run| run[0])
+}
+
+/// The common size of the smallest changes from one difference to the next, of those above `least`.
+fn smallest_change(differences: &[f64], least: f64) -> Option<f64> {
+    let changes = differences.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let mut changes: Vec<f64> = changes.filter(|change| *change > least).collect();
+    changes.sort_unstable_by(f64::total_cmp);
+    let first = *changes.get(changes.len() / 20)?;
+    let single = &changes[..changes.partition_point(|change| *change < 1.5 * first)];
+    let near = single.iter().filter(|change| **change > 0.5 * first);
+    let (sum, count) = near.fold((0.0, 0.0), |(sum, count), change| (sum + change, count + 1.0));
+    Some(sum / count)
+}
+
+/// Whether nearly all differences of up to `reach` steps are multiples of `step`, each with an error
+/// of `rounding`, and enough differ by one step from the next.
+fn is_step(differences: &[f64], step: f64, rounding: f64, reach: f64) -> bool {
+    let tolerance = rounding + NEAR_A_STEP * step;
+    let multiple = |d: f64| (d / step).round();
+    let short: Vec<f64> = differences.iter().copied().filter(|d| *d < reach * step).collect();
+    let near = short.iter().filter(|d| (**d - multiple(**d) * step).abs() <= tolerance).count();
+    let one_apart = |pair: &&[f64]| {
+        pair[1] < reach * step && (multiple(pair[1]) - multiple(pair[0])).abs() == 1.0
+    };
+    let changes = differences.windows(2).filter(one_apart).count();
+    4.0 * rounding < step
+        && near as f64 >= NEARLY_ALL * short.len() as f64
+        && changes as f64 >= ENOUGH_CHANGES * differences.len() as f64
 }
 
 fn common_divisor(block: &[i64]) -> u64 {

@@ -9,138 +9,243 @@
 //!
 //! and the same at the start of a slide, where seal damping gives the slip speed a jump with the
 //! velocity. All that depends on the leader alone is found once a step ([`Course`]). Where it
-//! yields, turns or comes to rest, or differences are too large for the first order, a follower
-//! takes the step by itself. The weight θ of the step, which decides its order of accuracy, is the
+//! yields, turns or comes to rest a follower takes the step by itself. The weight θ of the step, which decides its order of accuracy, is the
 //! leader's.
 
 use super::Motion;
 use crate::creep::{Resistance, Rise, resistance_at};
-use crate::damping::SealDamping;
 use crate::direction::Direction;
 use crate::elastic::{DeflectionLocation, DeformationForce, ShapeDifference};
-use crate::ems::{Element, State};
+use crate::ems::{Element, ElementParams, State};
 use crate::exponential::{decay, decay_and_mean, logarithm};
 use crate::friction::velocity;
-use crate::relaxation::{ArmForces, MAX_ARMS};
+use crate::relaxation::MAX_ARMS;
 use crate::sliding::SlidingFriction;
 
-/// Largest difference of r, as a fraction of the static force, that is followed to first order.
-const LARGEST: f64 = 1e-4;
+/// Models of which one [`Beside`] follows.
+pub const BESIDE: usize = 8;
 
-/// How a state differs from the leader's.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Apart {
-    deflection: f64,
-    yield_force: f64,
-    arms: ArmForces,
+/// One number for each model.
+type Each<const N: usize> = [f64; N];
+
+#[inline(always)]
+fn each<const N: usize>(of: impl Fn(usize) -> f64) -> Each<N> {
+    core::array::from_fn(of)
+}
+
+/// How states differ from the leader's.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Apart<const N: usize> {
+    deflection: Each<N>,
+    yield_force: Each<N>,
+    arms: [Each<N>; MAX_ARMS],
     /// Of the force without seal damping, N.
-    elastic: f64,
-    slip_velocity: f64,
-    rise: f64,
-    pub(crate) force: f64,
+    elastic: Each<N>,
+    slip_velocity: Each<N>,
+    rise: Each<N>,
+    pub(crate) force: Each<N>,
+}
+
+impl<const N: usize> Apart<N> {
+    pub(crate) const SAME: Self = Self {
+        deflection: [0.0; N],
+        yield_force: [0.0; N],
+        arms: [[0.0; N]; MAX_ARMS],
+        elastic: [0.0; N],
+        slip_velocity: [0.0; N],
+        rise: [0.0; N],
+        force: [0.0; N],
+    };
+
+    /// How `its` state of `other` differs from `state` of `own`.
+    fn set(
+        &mut self,
+        i: usize,
+        (own, state): (&Element, &State),
+        (other, its): (&Element, &State),
+    ) {
+        let elastic = |e: &Element, s: &State| {
+            e.params.deformation.mid_and_gap(s.deflection).0 + s.yield_force + s.relaxing_force()
+        };
+        self.deflection[i] = its.deflection - state.deflection;
+        self.yield_force[i] = its.yield_force - state.yield_force;
+        for ((more, b), a) in self.arms.iter_mut().zip(its.arms).zip(state.arms) {
+            more[i] = b - a;
+        }
+        self.elastic[i] = elastic(other, its) - elastic(own, state);
+        self.slip_velocity[i] = its.slip_velocity - state.slip_velocity;
+        self.rise[i] = its.rise - state.rise;
+        self.force[i] = its.force - state.force;
+    }
+
+    /// The state that differs so from `led`.
+    fn state(&self, i: usize, led: &State) -> State {
+        let mut state = *led;
+        state.deflection += self.deflection[i];
+        state.yield_force += self.yield_force[i];
+        state.arms.iter_mut().zip(&self.arms).for_each(|(a, more)| *a += more[i]);
+        state.slip_velocity += self.slip_velocity[i];
+        state.rise += self.rise[i];
+        state.force += self.force[i];
+        state
+    }
 }
 
 /// By how much M, h (N) and κ (N/m) exceed the leader's where it arrives.
-#[derive(Clone, Copy, Debug, Default)]
-struct MoreForce {
-    mid: f64,
-    gap: f64,
-    yield_stiffness: f64,
+#[derive(Clone, Copy, Debug)]
+struct MoreForce<const N: usize> {
+    mid: Each<N>,
+    gap: Each<N>,
+    yield_stiffness: Each<N>,
 }
 
-/// How the parameters differ from the leader's.
+impl<const N: usize> MoreForce<N> {
+    const NONE: Self = Self { mid: [0.0; N], gap: [0.0; N], yield_stiffness: [0.0; N] };
+}
+
+/// How parameters differ from the leader's; what is the same in all models costs nothing.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Different {
-    /// `None` where the shapes are the same.
-    shape: Option<ShapeDifference>,
-    damping: SealDamping,
-    /// For withdrawal and insertion.
-    sliding: [SlidingFriction; 2],
-    creep_velocity: f64,
-    friction_lag: f64,
+struct Different<const N: usize> {
+    shape: Option<ShapeDifference<N>>,
+    /// σ_k.
+    damping: Option<[Each<N>; 3]>,
+    contact: Option<ContactDifference<N>>,
     /// E and τ of each arm.
-    arms: [[f64; 2]; MAX_ARMS],
-    /// Has what the leader lacks altogether, or lacks what it has.
+    arms: Option<[[Each<N>; 2]; MAX_ARMS]>,
+    /// Some model has what the leader lacks altogether, or lacks what it has.
     is_another: bool,
 }
 
-const NO_SLIDING: SlidingFriction = SlidingFriction {
-    coulomb_force: 0.0,
-    static_force: 0.0,
-    stribeck_velocity: 0.0,
-    stribeck_exponent: 0.0,
-    viscous_damping: 0.0,
-};
+#[derive(Clone, Copy, Debug)]
+struct ContactDifference<const N: usize> {
+    /// For withdrawal and insertion.
+    sliding: [SlidingDifference<N>; 2],
+    creep_velocity: Each<N>,
+    friction_lag: Each<N>,
+}
 
-impl Different {
+#[derive(Clone, Copy, Debug)]
+struct SlidingDifference<const N: usize> {
+    coulomb_force: Each<N>,
+    static_force: Each<N>,
+    stribeck_velocity: Each<N>,
+    stribeck_exponent: Each<N>,
+    viscous_damping: Each<N>,
+}
+
+impl<const N: usize> SlidingDifference<N> {
+    fn set(&mut self, i: usize, own: &SlidingFriction, other: &SlidingFriction) {
+        self.coulomb_force[i] = other.coulomb_force - own.coulomb_force;
+        self.static_force[i] = other.static_force - own.static_force;
+        self.stribeck_velocity[i] = other.stribeck_velocity - own.stribeck_velocity;
+        self.stribeck_exponent[i] = other.stribeck_exponent - own.stribeck_exponent;
+        self.viscous_damping[i] = other.viscous_damping - own.viscous_damping;
+    }
+}
+
+impl<const N: usize> ContactDifference<N> {
     const NONE: Self = Self {
-        shape: None,
-        damping: SealDamping::ZERO,
-        sliding: [NO_SLIDING; 2],
-        creep_velocity: 0.0,
-        friction_lag: 0.0,
-        arms: [[0.0; 2]; MAX_ARMS],
-        is_another: false,
+        sliding: [SlidingDifference {
+            coulomb_force: [0.0; N],
+            static_force: [0.0; N],
+            stribeck_velocity: [0.0; N],
+            stribeck_exponent: [0.0; N],
+            viscous_damping: [0.0; N],
+        }; 2],
+        creep_velocity: [0.0; N],
+        friction_lag: [0.0; N],
     };
 }
 
-/// Each number of `other` less that of `own`.
-fn more_of_sliding(own: &SlidingFriction, other: &SlidingFriction) -> SlidingFriction {
-    SlidingFriction {
-        coulomb_force: other.coulomb_force - own.coulomb_force,
-        static_force: other.static_force - own.static_force,
-        stribeck_velocity: other.stribeck_velocity - own.stribeck_velocity,
-        stribeck_exponent: other.stribeck_exponent - own.stribeck_exponent,
-        viscous_damping: other.viscous_damping - own.viscous_damping,
+impl<const N: usize> Different<N> {
+    const NONE: Self =
+        Self { shape: None, damping: None, contact: None, arms: None, is_another: false };
+
+    /// What `other` has more than `own`.
+    fn set(&mut self, i: usize, own: &Element, other: &Element) {
+        let is_another = own.creeps != other.creeps;
+        let (own, other) = (&own.params, &other.params);
+        self.is_another |= is_another || (own.friction_lag > 0.0) != (other.friction_lag > 0.0);
+        if own.deformation != other.deformation {
+            let shape = self.shape.get_or_insert(ShapeDifference::NONE);
+            shape.set(i, &own.deformation, &other.deformation);
+        }
+        if own.damping != other.damping {
+            let all = self.damping.get_or_insert([[0.0; N]; 3]);
+            let coefficients = own.damping.coefficients.iter().zip(other.damping.coefficients);
+            all.iter_mut().zip(coefficients).for_each(|(more, (a, b))| more[i] = b - a);
+        }
+        let contact =
+            |p: &ElementParams| (p.withdrawal, p.insertion, p.creep_velocity, p.friction_lag);
+        if contact(own) != contact(other) {
+            let all = self.contact.get_or_insert(ContactDifference::NONE);
+            all.sliding[0].set(i, &own.withdrawal, &other.withdrawal);
+            all.sliding[1].set(i, &own.insertion, &other.insertion);
+            all.creep_velocity[i] = other.creep_velocity - own.creep_velocity;
+            all.friction_lag[i] = other.friction_lag - own.friction_lag;
+        }
+        if own.relaxation != other.relaxation {
+            let all = self.arms.get_or_insert([[[0.0; N]; 2]; MAX_ARMS]);
+            let arms = own.relaxation.arms.iter().zip(&other.relaxation.arms);
+            for ([stiffness, time], (a, b)) in all.iter_mut().zip(arms) {
+                (stiffness[i], time[i]) = (b.stiffness - a.stiffness, b.time - a.time);
+                self.is_another |= (a.stiffness > 0.0) != (b.stiffness > 0.0);
+            }
+        }
+    }
+
+    /// Difference of D at fixed deformation velocity, N.
+    #[inline(always)]
+    fn damping_force(&self, deformation_velocity: f64) -> Each<N> {
+        let Some([s0, s1, s2]) = &self.damping else { return [0.0; N] };
+        let speed = deformation_velocity.abs();
+        each(|i| (s0[i] + speed * (s1[i] + speed * s2[i])) * deformation_velocity) // EMS (9)
     }
 }
 
-impl Element {
-    /// What `other` has more.
-    pub(crate) fn difference(&self, other: &Self) -> Different {
-        let (own, its) = (&self.params, &other.params);
-        let shape = (own.deformation != its.deformation)
-            .then(|| own.deformation.difference(&its.deformation));
-        let mut different = Different {
-            shape,
-            sliding: [(&own.withdrawal, &its.withdrawal), (&own.insertion, &its.insertion)]
-                .map(|(a, b)| more_of_sliding(a, b)),
-            creep_velocity: its.creep_velocity - own.creep_velocity,
-            friction_lag: its.friction_lag - own.friction_lag,
-            is_another: self.creeps != other.creeps
-                || (own.friction_lag > 0.0) != (its.friction_lag > 0.0),
-            ..Different::NONE
+/// Up to [`BESIDE`] elements that differ little from one that leads, and how their states differ
+/// from its; see [`Stages::step_beside`](crate::Stages::step_beside).
+#[derive(Clone, Debug)]
+pub struct Beside<'a> {
+    /// Place of the leader among its stages.
+    pub(crate) stage: usize,
+    /// The places past the last repeat it.
+    elements: [&'a Element; BESIDE],
+    different: Different<BESIDE>,
+    apart: Apart<BESIDE>,
+}
+
+impl<'a> Beside<'a> {
+    /// `None` for no element.
+    pub(crate) fn new(
+        stage: usize,
+        leader: (&Element, &State),
+        others: impl Iterator<Item = (&'a Element, State)> + Clone,
+    ) -> Option<Self> {
+        let last = others.clone().take(BESIDE).last()?;
+        let mut beside = Self {
+            stage,
+            elements: [last.0; BESIDE],
+            different: Different::NONE,
+            apart: Apart::SAME,
         };
-        let coefficients = different.damping.coefficients.iter_mut();
-        coefficients
-            .zip(own.damping.coefficients)
-            .zip(its.damping.coefficients)
-            .for_each(|((more, a), b)| *more = b - a);
-        for ((more, a), b) in
-            different.arms.iter_mut().zip(&own.relaxation.arms).zip(&its.relaxation.arms)
-        {
-            *more = [b.stiffness - a.stiffness, b.time - a.time];
-            different.is_another |= (a.stiffness > 0.0) != (b.stiffness > 0.0);
+        let all = others.chain(core::iter::repeat(last));
+        for (i, ((element, its), own)) in all.zip(&mut beside.elements).enumerate() {
+            *own = element;
+            beside.different.set(i, leader.0, element);
+            beside.apart.set(i, leader, (element, &its));
         }
-        different
+        Some(beside)
     }
 
-    /// How `other` in `its` state differs from this element in `state`.
-    pub(crate) fn apart(&self, state: &State, other: &Self, its: &State) -> Apart {
-        let elastic = |e: &Self, s: &State| {
-            e.params.deformation.mid_and_gap(s.deflection).0 + s.yield_force + s.relaxing_force()
-        };
-        let mut arms = [0.0; MAX_ARMS];
-        arms.iter_mut().zip(its.arms).zip(state.arms).for_each(|((more, b), a)| *more = b - a);
-        Apart {
-            deflection: its.deflection - state.deflection,
-            yield_force: its.yield_force - state.yield_force,
-            arms,
-            elastic: elastic(other, its) - elastic(self, state),
-            slip_velocity: its.slip_velocity - state.slip_velocity,
-            rise: its.rise - state.rise,
-            force: its.force - state.force,
-        }
+    /// By how much the forces exceed that of the leader, N.
+    pub fn forces(&self) -> &[f64; BESIDE] {
+        &self.apart.force
+    }
+
+    /// State of element `i`, where the leader is in `led`.
+    pub(crate) fn state(&self, i: usize, led: &State) -> State {
+        self.apart.state(i, led)
     }
 }
 
@@ -150,7 +255,7 @@ impl Element {
 pub struct Ordinate {
     place: OrdinatePlace,
     is_awake: bool,
-    apart: Apart,
+    apart: Apart<1>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -178,17 +283,17 @@ impl Ordinate {
     }
 
     fn new(place: OrdinatePlace) -> Self {
-        Self { place, is_awake: false, apart: Apart::default() }
+        Self { place, is_awake: false, apart: Apart::SAME }
     }
 
     /// Derivative of the force: by a force of a branch 1, by a slope m.
     pub fn derivative(&self) -> f64 {
-        self.apart.force / Self::UNIT
+        self.apart.force[0] / Self::UNIT
     }
 
     /// By how much M and h are higher at deflection `z`, m.
     #[inline(always)]
-    fn more(&self, z: f64) -> MoreForce {
+    fn more(&self, z: f64) -> MoreForce<1> {
         let (mid, gap) = match self.place {
             OrdinatePlace::Node { direction, at, spacing } => {
                 let half = 0.5 * (1.0 - (z - at).abs() / spacing).max(0.0);
@@ -197,29 +302,18 @@ impl Ordinate {
             OrdinatePlace::Slope { end } if z.abs() > end.abs() && z * end > 0.0 => (z - end, 0.0),
             OrdinatePlace::Slope { .. } => (0.0, 0.0),
         };
-        MoreForce { mid: Self::UNIT * mid, gap: Self::UNIT * gap, yield_stiffness: 0.0 }
+        MoreForce { mid: [Self::UNIT * mid], gap: [Self::UNIT * gap], yield_stiffness: [0.0] }
     }
 }
 
-impl Apart {
+impl Apart<1> {
     /// Whether a change of an ordinate by [`Ordinate::UNIT`] is still in the state.
     fn is_felt(&self) -> bool {
         const FAINT: f64 = 1e-7 * Ordinate::UNIT;
         // A deflection bears on the force by a stiffness, of which little is known here: 100 N/m.
-        let felt = [100.0 * self.deflection, self.elastic, self.yield_force, self.force];
-        felt.iter().chain(&self.arms).any(|force| force.abs() > FAINT)
-    }
-
-    /// The state that differs so from `led`.
-    pub(crate) fn state_beside(&self, led: &State) -> State {
-        let mut state = *led;
-        state.deflection += self.deflection;
-        state.yield_force += self.yield_force;
-        state.arms.iter_mut().zip(self.arms).for_each(|(a, more)| *a += more);
-        state.slip_velocity += self.slip_velocity;
-        state.rise += self.rise;
-        state.force += self.force;
-        state
+        let felt =
+            [100.0 * self.deflection[0], self.elastic[0], self.yield_force[0], self.force[0]];
+        felt.iter().chain(self.arms.as_flattened()).any(|force| force.abs() > FAINT)
     }
 }
 
@@ -496,28 +590,41 @@ impl LagSlopes {
 impl At {
     /// δe at fixed slip speed.
     #[inline(always)]
-    fn curve_apart(&self, by: &SlidingFriction) -> f64 {
-        self.curve_by_velocity * by.stribeck_velocity
-            + self.curve_by_exponent * by.stribeck_exponent
+    fn curve_apart<const N: usize>(&self, by: &SlidingDifference<N>) -> Each<N> {
+        each(|i| {
+            self.curve_by_velocity * by.stribeck_velocity[i]
+                + self.curve_by_exponent * by.stribeck_exponent[i]
+        })
     }
 
     /// Difference of the contact's force at fixed slip speed, where λ differs by `rise`, N.
     #[inline(always)]
-    fn contact_apart(&self, different: &Different, by: &SlidingFriction, rise: f64) -> f64 {
-        let level = by.coulomb_force
-            + self.rise * (by.static_force - by.coulomb_force)
-            + self.surplus * rise;
-        self.part * level
-            + self.by_creep * different.creep_velocity
-            + by.viscous_damping * self.speed
+    fn contact_apart<const N: usize>(
+        &self,
+        creep_velocity: &Each<N>,
+        by: &SlidingDifference<N>,
+        rise: &Each<N>,
+    ) -> Each<N> {
+        each(|i| {
+            let level = by.coulomb_force[i]
+                + self.rise * (by.static_force[i] - by.coulomb_force[i])
+                + self.surplus * rise[i];
+            self.part * level
+                + self.by_creep * creep_velocity[i]
+                + by.viscous_damping[i] * self.speed
+        })
     }
 }
 
 impl Deforming {
     #[inline(always)]
-    fn more(&self, own: &DeformationForce, different: &Different) -> MoreForce {
-        let Some(shape) = &different.shape else { return MoreForce::default() };
-        let (mid, gap) = own.more_at(shape, &self.location);
+    fn more<const N: usize>(
+        &self,
+        own: &DeformationForce,
+        different: &Different<N>,
+    ) -> MoreForce<N> {
+        let Some(shape) = &different.shape else { return MoreForce::NONE };
+        let [mid, gap] = own.more_at(shape, &self.location);
         MoreForce { mid, gap, yield_stiffness: shape.yield_stiffness }
     }
 
@@ -527,58 +634,58 @@ impl Deforming {
 
     /// The deformation where z⁺ differs by `deflection`, m; the slip is not yet in it.
     #[inline(always)]
-    fn apart(
+    fn apart<const N: usize>(
         &self,
         before: &State,
-        different: &Different,
-        more: MoreForce,
-        apart: &Apart,
-        deflection: f64,
-    ) -> Apart {
+        different: &Different<N>,
+        more: &MoreForce<N>,
+        apart: &Apart<N>,
+        deflection: Each<N>,
+    ) -> Apart<N> {
         let MoreForce { mid, gap, yield_stiffness } = more;
-        let moved = deflection - apart.deflection;
         let yield_force = if self.follows == 0.0 {
-            apart.yield_force + yield_stiffness * self.travel + self.yield_slope * moved
+            each(|i| {
+                let moved = deflection[i] - apart.deflection[i];
+                apart.yield_force[i] + yield_stiffness[i] * self.travel + self.yield_slope * moved
+            })
         } else {
-            self.follows * gap + self.yield_slope * deflection
+            each(|i| self.follows * gap[i] + self.yield_slope * deflection[i])
         };
-        let mut arms = [0.0; MAX_ARMS];
-        let each = arms
-            .iter_mut()
-            .zip(&self.arm_slopes)
-            .zip(&different.arms)
-            .zip(apart.arms)
-            .zip(before.arms);
-        for ((((more, arm), [stiffness, time]), own), force) in each {
-            let response = arm.response_by_stiffness * stiffness + arm.response_by_time * time;
-            *more = arm.left * own
-                + arm.left_by_time * time * force
-                + response * self.travel
-                + arm.response * moved;
+        let mut elastic = each(|i| mid[i] + self.mid_slope * deflection[i] + yield_force[i]);
+        let mut arms = [[0.0; N]; MAX_ARMS];
+        for (k, (arm, more)) in self.arm_slopes.iter().zip(&mut arms).enumerate() {
+            if arm.response == 0.0 {
+                continue;
+            }
+            let own = &apart.arms[k];
+            *more =
+                each(|i| arm.left * own[i] + arm.response * (deflection[i] - apart.deflection[i]));
+            if let Some(all) = &different.arms {
+                let ([stiffness, time], force) = (&all[k], before.arms[k]);
+                let by_time = arm.left_by_time * force + arm.response_by_time * self.travel;
+                let by_stiffness = arm.response_by_stiffness * self.travel;
+                *more = each(|i| more[i] + by_stiffness * stiffness[i] + by_time * time[i]);
+            }
+            elastic = each(|i| elastic[i] + more[i]);
         }
-        let elastic = mid + self.mid_slope * deflection + yield_force + arms.iter().sum::<f64>();
-        Apart {
-            deflection,
-            yield_force,
-            arms,
-            elastic,
-            slip_velocity: 0.0,
-            rise: 0.0,
-            force: elastic,
-        }
+        Apart { deflection, yield_force, arms, elastic, force: elastic, ..Apart::SAME }
     }
 }
 
 impl Lead<'_> {
-    /// The same part for `element`, which is `different` and `apart`.
+    /// The same part for those beside the leader.
     #[inline(always)]
-    pub(crate) fn take(&self, element: &Element, different: &Different, apart: &mut Apart) {
+    pub(crate) fn take(&self, beside: &mut Beside) {
+        let Beside { elements, different, apart, .. } = beside;
         let course = self.course.as_ref().filter(|_| !different.is_another);
         let followed = course.and_then(|course| {
             let more = course.deforming.more(&self.leader.params.deformation, different);
-            self.follow(course, different, more, apart)
+            self.follow(course, different, &more, apart)
         });
-        *apart = followed.unwrap_or_else(|| self.alone(element, apart));
+        match followed {
+            Some(next) => *apart = next,
+            None => self.alone(elements, apart),
+        }
     }
 
     /// The same part for an element of which one ordinate differs.
@@ -586,7 +693,7 @@ impl Lead<'_> {
         let mut by_itself = None;
         for ordinate in ordinates {
             let more = ordinate.more(self.after.deflection);
-            if !ordinate.is_awake && more.mid == 0.0 {
+            if !ordinate.is_awake && more.mid == [0.0] {
                 continue;
             }
             let course = match &self.course {
@@ -594,9 +701,9 @@ impl Lead<'_> {
                 None => by_itself.get_or_insert_with(|| self.course_to_the_end()),
             };
             let clipped = course.deforming.is_clipped();
-            let more = MoreForce { gap: if clipped { 0.0 } else { more.gap }, ..more };
-            let next = self.follow(course, &Different::NONE, more, &ordinate.apart);
-            ordinate.apart = next.unwrap_or_default();
+            let more = MoreForce { gap: if clipped { [0.0] } else { more.gap }, ..more };
+            let next = self.follow(course, &Different::NONE, &more, &ordinate.apart);
+            ordinate.apart = next.unwrap_or(Apart::SAME);
             ordinate.is_awake = ordinate.apart.is_felt();
         }
     }
@@ -612,97 +719,94 @@ impl Lead<'_> {
     }
 
     #[inline(always)]
-    fn follow(
+    fn follow<const N: usize>(
         &self,
         Course { deforming, slide }: &Course,
-        different: &Different,
-        more: MoreForce,
-        apart: &Apart,
-    ) -> Option<Apart> {
-        match slide {
-            Some(slide) => self.slide(deforming, slide, different, more, apart),
-            None => Some(self.deforming(deforming, different, more, apart)),
+        different: &Different<N>,
+        more: &MoreForce<N>,
+        apart: &Apart<N>,
+    ) -> Option<Apart<N>> {
+        if let Some(slide) = slide {
+            return self.slide(deforming, slide, different, more, apart);
         }
-    }
-
-    #[inline(always)]
-    fn deforming(
-        &self,
-        deforming: &Deforming,
-        different: &Different,
-        more: MoreForce,
-        apart: &Apart,
-    ) -> Apart {
         let mut next = deforming.apart(&self.before, different, more, apart, apart.deflection);
-        next.force += different.damping.force(self.motion.velocity);
-        next
-    }
-
-    #[inline(always)]
-    fn slide(
-        &self,
-        deforming: &Deforming,
-        slide: &Slide,
-        different: &Different,
-        more: MoreForce,
-        apart: &Apart,
-    ) -> Option<Apart> {
-        let Slide { direction, start, end, lag, .. } = slide;
-        let s = direction.sign();
-        let by = &different.sliding[usize::from(*direction == Direction::Insertion)];
-        let small = LARGEST * self.leader.sliding(*direction).static_force;
-        let curve = start.curve_apart(by);
-        let speed = if slide.is_damped || !different.damping.is_zero() {
-            let rise = if lag.is_lagged { apart.rise } else { curve };
-            let missing = s * (apart.elastic + different.damping.force(start.deformation_velocity))
-                - start.contact_apart(different, by, rise);
-            if missing.abs() > small || slide.start_drag <= 0.0 {
-                return None;
-            }
-            missing / slide.start_drag
-        } else {
-            // The last step ended with the sliding force of the last slip speed.
-            s * apart.slip_velocity
-        };
-        let mut next = deforming.apart(
-            &self.before,
-            different,
-            more,
-            apart,
-            apart.deflection - slide.explicit * speed,
-        );
-        let curve_before = curve + start.curve_by_speed * speed;
-        let rise = lag.left * apart.rise
-            + lag.before * curve_before
-            + lag.by_lag * different.friction_lag
-            + lag.now * end.curve_apart(by);
-        let damping = different.damping.force(end.deformation_velocity);
-        let missing = s * (next.elastic + damping) - end.contact_apart(different, by, rise);
-        if missing.abs() > small || slide.end_drag <= 0.0 {
-            return None;
-        }
-        let speed = missing / slide.end_drag;
-        let shift = -slide.implicit * speed;
-        next.deflection += shift;
-        next.yield_force += deforming.yield_slope * shift;
-        next.arms
-            .iter_mut()
-            .zip(&deforming.arm_slopes)
-            .for_each(|(a, arm)| *a += arm.response * shift);
-        next.elastic +=
-            (deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness) * shift;
-        next.slip_velocity = s * speed;
-        next.rise = if lag.is_lagged { rise + lag.now * end.curve_by_speed * speed } else { 0.0 };
-        next.force = next.elastic + damping - end.damping_slope * next.slip_velocity;
+        let damping = different.damping_force(self.motion.velocity);
+        next.force = each(|i| next.force[i] + damping[i]);
         Some(next)
     }
 
-    /// The step of `element` by itself.
+    #[inline(always)]
+    fn slide<const N: usize>(
+        &self,
+        deforming: &Deforming,
+        slide: &Slide,
+        different: &Different<N>,
+        more: &MoreForce<N>,
+        apart: &Apart<N>,
+    ) -> Option<Apart<N>> {
+        let Slide { direction, start, end, lag, start_drag, end_drag, .. } = slide;
+        let s = direction.sign();
+        let contact = different.contact.as_ref();
+        let by = contact.map(|c| &c.sliding[usize::from(*direction == Direction::Insertion)]);
+        let creep = contact.map_or([0.0; N], |contact| contact.creep_velocity);
+        let force_at = |at: &At, rise: &Each<N>| match by {
+            Some(by) => at.contact_apart(&creep, by, rise),
+            None => each(|i| at.part * (at.surplus * rise[i])),
+        };
+        let curve = by.map_or([0.0; N], |by| start.curve_apart(by));
+        let speed: Each<N> = if slide.is_damped || different.damping.is_some() {
+            if *start_drag <= 0.0 {
+                return None;
+            }
+            let rise = if lag.is_lagged { &apart.rise } else { &curve };
+            let damping = different.damping_force(start.deformation_velocity);
+            let contact = force_at(start, rise);
+            each(|i| (s * (apart.elastic[i] + damping[i]) - contact[i]) / start_drag)
+        } else {
+            // The last step ended with the sliding force of the last slip speed.
+            each(|i| s * apart.slip_velocity[i])
+        };
+        if *end_drag <= 0.0 {
+            return None;
+        }
+        let deflection: Each<N> = each(|i| apart.deflection[i] - slide.explicit * speed[i]);
+        let mut next = deforming.apart(&self.before, different, more, apart, deflection);
+        let by_lag = contact.map_or([0.0; N], |contact| contact.friction_lag);
+        let end_curve = by.map_or([0.0; N], |by| end.curve_apart(by));
+        let rise = each(|i| {
+            lag.left * apart.rise[i]
+                + lag.before * (curve[i] + start.curve_by_speed * speed[i])
+                + lag.by_lag * by_lag[i]
+                + lag.now * end_curve[i]
+        });
+        let damping = different.damping_force(end.deformation_velocity);
+        let contact = force_at(end, &rise);
+        let speed: Each<N> = each(|i| (s * (next.elastic[i] + damping[i]) - contact[i]) / end_drag);
+        let shift: Each<N> = each(|i| -slide.implicit * speed[i]);
+        next.deflection = each(|i| next.deflection[i] + shift[i]);
+        next.yield_force = each(|i| next.yield_force[i] + deforming.yield_slope * shift[i]);
+        for (own, arm) in next.arms.iter_mut().zip(&deforming.arm_slopes) {
+            *own = each(|i| own[i] + arm.response * shift[i]);
+        }
+        let steep = deforming.mid_slope + deforming.yield_slope + deforming.arm_stiffness;
+        next.elastic = each(|i| next.elastic[i] + steep * shift[i]);
+        next.slip_velocity = each(|i| s * speed[i]);
+        if lag.is_lagged {
+            next.rise = each(|i| rise[i] + lag.now * end.curve_by_speed * speed[i]);
+        }
+        next.force =
+            each(|i| next.elastic[i] + damping[i] - end.damping_slope * next.slip_velocity[i]);
+        Some(next)
+    }
+
+    /// The steps of `elements` by themselves.
     #[inline(never)]
-    fn alone(&self, element: &Element, apart: &Apart) -> Apart {
+    fn alone<const N: usize>(&self, elements: &[&Element; N], apart: &mut Apart<N>) {
         let Motion { velocity, time } = self.motion;
-        let mut state = apart.state_beside(&self.before);
-        element.step(&mut state, velocity * time, time);
-        self.leader.apart(&self.after, element, &state)
+        for (i, element) in elements.iter().enumerate() {
+            let mut state = apart.state(i, &self.before);
+            element.step(&mut state, velocity * time, time);
+            apart.set(i, (self.leader, &self.after), (element, &state));
+        }
     }
 }
