@@ -142,7 +142,7 @@ impl StrokeScatter {
     /// Whether at least half of the recording's samples have a repeat: the recording consists of
     /// repeated strokes. In hand-like motion some strokes are similar by chance, but the motion
     /// before them is not.
-    pub(crate) fn rules(&self, recording: &Recording) -> bool {
+    pub fn rules(&self, recording: &Recording) -> bool {
         2 * self.samples >= recording.len()
     }
 

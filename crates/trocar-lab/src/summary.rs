@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::validate::{Validation, validate};
 use crate::workflow::{MovingMass, Workflow};
 use trocar_identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
 use trocar_identify::profile::ProfileFit;
-use trocar_identify::validate::{Validation, validate};
 use trocar_identify::{
     Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale,
     Parameter, Phase, PositionDelay, Posterior, PriorUse, SteadyFit, StickSlip, Subject, Warning,

@@ -9,7 +9,7 @@ use trocar_model::{Element, Quantity};
 use super::document::{Document, Section, Tile, origin};
 use super::figures::{self, Scored};
 use super::number::{fixed, significant};
-use trocar_identify::validate::Validation;
+use trocar_lab::validate::Validation;
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_lab::summary::PROGRAM;
 use trocar_lab::workflow::MovingMass;

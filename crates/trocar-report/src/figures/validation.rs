@@ -10,7 +10,7 @@ use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned, without
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::number::{fixed, significant};
 use trocar_identify::Identification;
-use trocar_identify::validate::{Validation, validate};
+use trocar_lab::validate::{Validation, validate};
 use trocar_recording::Recording;
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trocar_model::Trocar;
 
-use crate::profile::Departure;
-use crate::scatter::StrokeScatter;
+use trocar_identify::profile::Departure;
+use trocar_identify::scatter::StrokeScatter;
 use trocar_recording::{Recording, local_velocity, range};
 use trocar_runtime::model_file::{ErrorSource, ForceError};
 use trocar_simulate::replay::{Replay, replay};
@@ -119,8 +119,7 @@ pub struct AgainstStrokes {
 
 impl AgainstStrokes {
     fn of(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Self> {
-        let scatter =
-            StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
+        let scatter = StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
         let mut is_scored = vec![false; recording.len()];
         scored.iter().for_each(|i| is_scored[*i] = true);
         let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
