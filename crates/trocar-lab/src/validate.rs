@@ -119,7 +119,7 @@ pub struct AgainstStrokes {
 
 impl AgainstStrokes {
     fn of(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Self> {
-        let scatter = StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
+        let scatter = StrokeScatter::of(recording).filter(|scatter| scatter.rules(recording))?;
         let mut is_scored = vec![false; recording.len()];
         scored.iter().for_each(|i| is_scored[*i] = true);
         let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;

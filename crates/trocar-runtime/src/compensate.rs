@@ -777,7 +777,7 @@ fn relative_std(file: &ModelFile, quantity: Quantity) -> f64 {
         }
     };
     let is_own = |key: &str| {
-        key.parse().is_ok_and(|id: ParameterId| id.quantity == quantity && id.element.is_none())
+        ParameterId::named(key).is_some_and(|id| id.quantity == quantity && id.element.is_none())
     };
     file.intervals
         .iter()
