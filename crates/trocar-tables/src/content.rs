@@ -30,6 +30,7 @@ pub struct Table {
 /// Columns of the times of a log: when a message was logged and published, and the stamp that it carries.
 pub const LOG_TIME: &str = "log_time_s";
 /// See [`LOG_TIME`].
+#[cfg(feature = "ros")]
 pub(crate) const PUBLISH_TIME: &str = "publish_time_s";
 /// See [`LOG_TIME`].
 pub const HEADER_STAMP: &str = "header.stamp_s";
