@@ -148,7 +148,7 @@ impl Arrow {
             is_numeric: is_numeric(field.data_type()),
         });
         let columns = columns.collect();
-        let table = Table { name: String::new(), kind: String::new(), rows: None, columns };
+        let table = Table::without_a_name(columns);
         let (file, schema) = (Arc::new(file), Arc::new(schema));
         let mut arrow = Self { source, file, blocks, schema, tables: [table] };
         arrow.tables[0].rows = Some(arrow.rows()?);
