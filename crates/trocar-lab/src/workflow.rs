@@ -57,6 +57,7 @@ impl MovingMass {
         if mass == 0.0 {
             return Ok(recording);
         }
+        // Gravity by the share of the declared mass, so that the weight taken out is its alone.
         recording.without_moving_mass(mass, self.gravity * self.mass / mass)
     }
 

@@ -79,6 +79,7 @@ pub(crate) use classical;
 #[inline(always)]
 pub(crate) fn velocity(displacement: f64, duration: f64) -> Option<f64> {
     let velocity = displacement / duration;
+    // NaN is not at most anything, so these also refuse it.
     (duration > 0.0 && duration <= f64::MAX && velocity.abs() <= f64::MAX).then_some(velocity)
 }
 

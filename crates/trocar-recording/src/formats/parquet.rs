@@ -188,6 +188,7 @@ impl Parquet {
         }
         let groups = self.metadata.metadata().row_groups();
         for chunk in groups.iter().filter_map(|group| group.columns().get(column)) {
+            // Neither is compiled in: named here, not in the middle of the file.
             let packing = chunk.compression();
             if matches!(packing, Compression::BROTLI(_) | Compression::LZO) {
                 let found = format!("{packing} compression");
@@ -416,6 +417,7 @@ impl Batches for Groups {
                 wanted.guard(place, || wanted.read_on(open, group, rows, numbers))
             });
         if read.is_err() {
+            // Some columns may have gone on: rows after this would be put together wrongly.
             columns.iter_mut().for_each(Vec::clear);
             self.group = self.rows.len();
         }

@@ -396,6 +396,7 @@ fn each_row(
             bytes = 0;
         }
         let Some((cell, (at, column))) = next.zip(at) else { return Ok(()) };
+        // Cells of a row are found by a binary search.
         let is_in_order = at >= row.0 && row.1.last().is_none_or(|(last, _)| *last < column);
         if !is_in_order || at >= MOST_ROWS || column >= MOST_COLUMNS {
             let found = format!(
