@@ -114,9 +114,14 @@ const ADVANCE: [u16; 95] = [
 /// Width of `text` at font size `size` in pixels. Characters outside ASCII count as wide letters,
 /// so that the result is never too small.
 pub(super) fn text_width(text: &str, size: impl Into<f64>) -> f64 {
-    let advance =
-        |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
-    text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size.into() / 1000.0
+    text.chars().map(advance).sum::<f64>() * size.into() / 1000.0
+}
+
+/// Width of a character, thousandths of the font size.
+fn advance(c: char) -> f64 {
+    const WIDE: u16 = 838;
+    // The table begins with the blank.
+    (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(WIDE).into()
 }
 
 #[cfg(test)]

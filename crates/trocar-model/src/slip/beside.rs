@@ -125,18 +125,21 @@ impl Element {
         different
     }
 
+    /// Force of the seal without its damping, N.
+    fn undamped_force(&self, state: &State) -> f64 {
+        let (mid, _) = self.params.deformation.mid_and_gap(state.deflection);
+        mid + state.yield_force + state.relaxing_force()
+    }
+
     /// How `other` in `its` state differs from this element in `state`.
     pub(crate) fn apart(&self, state: &State, other: &Self, its: &State) -> Apart {
-        let elastic = |e: &Self, s: &State| {
-            e.params.deformation.mid_and_gap(s.deflection).0 + s.yield_force + s.relaxing_force()
-        };
         let mut arms = [0.0; MAX_ARMS];
         arms.iter_mut().zip(its.arms).zip(state.arms).for_each(|((more, b), a)| *more = b - a);
         Apart {
             deflection: its.deflection - state.deflection,
             yield_force: its.yield_force - state.yield_force,
             arms,
-            elastic: elastic(other, its) - elastic(self, state),
+            elastic: other.undamped_force(its) - self.undamped_force(state),
             slip_velocity: its.slip_velocity - state.slip_velocity,
             rise: its.rise - state.rise,
             force: its.force - state.force,

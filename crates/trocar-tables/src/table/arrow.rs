@@ -41,18 +41,19 @@ impl Writer {
 }
 
 pub(super) fn schema(fields: &[Field]) -> Schema {
-    let field = |field: &Field| {
-        let kind = match field.kind {
-            Kind::Number => DataType::Float64,
-            Kind::Integer => DataType::Int64,
-            Kind::Boolean => DataType::Boolean,
-            Kind::Text => DataType::Utf8,
-        };
-        let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
-        arrow_schema::Field::new(&field.name, kind, true)
-            .with_metadata(unit.into_iter().collect::<Metadata>())
+    Schema::new(fields.iter().map(nullable).collect::<Vec<_>>())
+}
+
+fn nullable(field: &Field) -> arrow_schema::Field {
+    let kind = match field.kind {
+        Kind::Number => DataType::Float64,
+        Kind::Integer => DataType::Int64,
+        Kind::Boolean => DataType::Boolean,
+        Kind::Text => DataType::Utf8,
     };
-    Schema::new(fields.iter().map(field).collect::<Vec<_>>())
+    let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
+    arrow_schema::Field::new(&field.name, kind, true)
+        .with_metadata(unit.into_iter().collect::<Metadata>())
 }
 
 /// The columns of a table as a batch of its schema.
