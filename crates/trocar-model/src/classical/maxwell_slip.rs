@@ -184,6 +184,7 @@ impl MaxwellSlip {
         if fastest + self.bank.limit > f64::MAX {
             return false;
         }
+        // A loop whose length the compiler knows becomes vectors.
         match self.bank.count {
             0..=4 => self.run_elements::<4>(state, motion, forces),
             5..=8 => self.run_elements::<8>(state, motion, forces),
