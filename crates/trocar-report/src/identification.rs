@@ -8,7 +8,7 @@ use trocar_model::{Element, Quantity};
 
 use super::ReportError;
 use super::document::{Document, Section, Tile, origin};
-use super::figures::{self, Scored};
+use super::figures::{self, MOST_CHOSEN, Scored};
 use super::number::{fixed, significant};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_lab::summary::PROGRAM;
@@ -53,28 +53,8 @@ pub struct FigureChoice<'a> {
     pub speeds: &'a [f64],
 }
 
-/// Most deflections or speeds of one figure.
-pub(crate) const MOST_CHOSEN: usize = 6;
 /// Largest relative difference between a stroke's speed and the requested one.
 pub const LIKE_SPEED: f64 = 0.1;
-
-/// In millimetres (per second), to three decimals.
-pub(crate) fn thousandths(metres: f64) -> f64 {
-    (1e6 * metres).round() / 1e3
-}
-
-/// Ends the message that no stroke has the selected speed: the speeds there are.
-pub(crate) fn recorded_in_words(speeds: &[f64]) -> String {
-    let mut shown: Vec<String> = speeds.iter().map(|speed| format!("{:.0}", 1e3 * speed)).collect();
-    shown.dedup();
-    match shown.as_slice() {
-        [] => {
-            "; the recordings hold no full cycle of two strokes whose initial deflection is known"
-                .to_owned()
-        }
-        speeds => format!("; recorded are {} mm/s", speeds.join(", ")),
-    }
-}
 
 /// Checks whether the figures can show the selection.
 ///

@@ -42,7 +42,8 @@ use rayon::prelude::*;
 
 use trocar_tables::output::{OutputError, StagedFolder};
 
-use identification::{MOST_CHOSEN, recorded_in_words, thousandths};
+use figures::MOST_CHOSEN;
+use number::{recorded_in_words, thousandths};
 
 pub use document::{
     Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, Mark, Panel, Role,
