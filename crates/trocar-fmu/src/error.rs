@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use thiserror::Error;
 use trocar_model::ParamError;
 use trocar_model::flat::FlatError;
 
@@ -31,24 +32,28 @@ impl fmt::Display for Phase {
 
 /// Why a call was rejected. A rejected call changes nothing.
 #[non_exhaustive]
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Error)]
 pub(crate) enum FmuError {
     /// A null pointer where a value is required.
+    #[error("null pointer for {what}")]
     Null {
         /// What it should point to.
         what: &'static str,
     },
     /// Text that is not UTF-8.
+    #[error("{what} is not UTF-8")]
     NotText {
         /// Name of the text.
         what: &'static str,
     },
     /// The resource location of FMI 2.0 is not a file URI.
+    #[error("resource location must be a file: URI, got \"{given}\"")]
     Location {
         /// As given.
         given: String,
     },
     /// A resource cannot be read.
+    #[error("cannot read the model {path}: {what}")]
     Resource {
         /// Path.
         path: String,
@@ -56,6 +61,7 @@ pub(crate) enum FmuError {
         what: String,
     },
     /// A resource that contains no valid model.
+    #[error("the model {path} is damaged: {}", damage(*.bytes, .source.as_ref()))]
     Damaged {
         /// Path.
         path: String,
@@ -65,16 +71,21 @@ pub(crate) enum FmuError {
         source: Option<FlatError>,
     },
     /// GUID or instantiation token of another FMU.
+    #[error(
+        "GUID or token {given} is not that of the model in the resources: description and resources belong to different FMUs"
+    )]
     Token {
         /// As given.
         given: String,
     },
     /// A call that is not allowed in this phase of the simulation.
+    #[error("not allowed now: the FMU is {phase}")]
     Phase {
         /// The phase.
         phase: Phase,
     },
     /// No variable of that type has this value reference.
+    #[error("no variable of type {kind} has value reference {reference}")]
     Unknown {
         /// Value reference.
         reference: u32,
@@ -82,6 +93,7 @@ pub(crate) enum FmuError {
         kind: &'static str,
     },
     /// A variable that cannot be set now, or never.
+    #[error("{name} cannot be set{}", .phase.map_or(String::new(), |phase| format!(" while the FMU is {phase}")))]
     NotSettable {
         /// Name of the variable.
         name: String,
@@ -89,6 +101,7 @@ pub(crate) enum FmuError {
         phase: Option<Phase>,
     },
     /// A value that is not finite.
+    #[error("{name} must be finite, got {value}; the old value stays")]
     NotFinite {
         /// Name of the variable or argument.
         name: String,
@@ -96,6 +109,7 @@ pub(crate) enum FmuError {
         value: f64,
     },
     /// A value below its minimum.
+    #[error("{name} must be {} {least}, got {value}; the old value stays", if *.above { "above" } else { "at least" })]
     TooSmall {
         /// Name of the variable.
         name: String,
@@ -107,8 +121,12 @@ pub(crate) enum FmuError {
         above: bool,
     },
     /// Inconsistent parameters.
-    Parameter(ParamError),
+    #[error("{0}; the last valid parameters stay")]
+    Parameter(#[from] ParamError),
     /// Both initial force and initial deflection are set.
+    #[error(
+        "initial_force_n = {force} N and initial_deflection_m = {deflection} m: at most one may differ from 0"
+    )]
     TwoStarts {
         /// Force, N.
         force: f64,
@@ -116,6 +134,7 @@ pub(crate) enum FmuError {
         deflection: f64,
     },
     /// A stop time that is not after the start time.
+    #[error("stop time must be above the start time {start} s, got {stop} s")]
     Stop {
         /// Start, s.
         start: f64,
@@ -123,11 +142,13 @@ pub(crate) enum FmuError {
         stop: f64,
     },
     /// A communication step without positive length.
+    #[error("step size must be positive and finite, got {given} s")]
     StepSize {
         /// As given, s.
         given: f64,
     },
     /// A communication point that differs from the time of the simulation.
+    #[error("communication point must be {expected} s, where the last step ended, got {given} s")]
     Point {
         /// As given, s.
         given: f64,
@@ -135,6 +156,7 @@ pub(crate) enum FmuError {
         expected: f64,
     },
     /// A step beyond the stop time.
+    #[error("step ends at {to} s, beyond the stop time {stop} s")]
     BeyondStop {
         /// End of the step, s.
         to: f64,
@@ -142,6 +164,9 @@ pub(crate) enum FmuError {
         stop: f64,
     },
     /// A step whose displacement or speed is not finite.
+    #[error(
+        "input {input} within {duration} s gives a displacement or velocity that is not finite"
+    )]
     TooFast {
         /// The input, m or m/s.
         input: f64,
@@ -149,6 +174,7 @@ pub(crate) enum FmuError {
         duration: f64,
     },
     /// The numbers of values and references differ.
+    #[error("{references} value references need as many values, got {values}")]
     Count {
         /// Number of references.
         references: usize,
@@ -156,6 +182,7 @@ pub(crate) enum FmuError {
         values: usize,
     },
     /// A serialized state with another length, or a buffer that is too small.
+    #[error("a state takes {expected} bytes, got {found}")]
     StateLength {
         /// Bytes found.
         found: usize,
@@ -163,147 +190,35 @@ pub(crate) enum FmuError {
         expected: usize,
     },
     /// A state of another model or another version of the program.
+    #[error("a state of another model, another input or another version")]
     StateForeign,
     /// A corrupted state.
+    #[error("the serialised state is damaged")]
     StateDamaged,
     /// An unknown log category.
+    #[error("no log category \"{given}\"")]
     Category {
         /// As given.
         given: String,
     },
     /// A function that this FMU does not support.
+    #[error("not supported: {why}")]
     Unsupported {
         /// The reason.
         why: &'static str,
     },
     /// An internal error of the program.
+    #[error("internal error, this instance is lost: {what}")]
     Internal {
         /// Its message.
         what: String,
     },
 }
 
-impl From<ParamError> for FmuError {
-    fn from(error: ParamError) -> Self {
-        Self::Parameter(error)
+/// What is wrong with a resource of `bytes` bytes.
+fn damage(bytes: usize, fault: Option<&FlatError>) -> String {
+    match fault {
+        Some(fault) => fault.to_string(),
+        None => format!("{bytes} bytes are not one whole model"),
     }
 }
-
-impl fmt::Display for FmuError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Null { what } => write!(f, "null pointer for {what}"),
-            Self::NotText { what } => write!(f, "{what} is not UTF-8"),
-            Self::Category { given } => write!(f, "no log category \"{given}\""),
-            Self::Unsupported { why } => write!(f, "not supported: {why}"),
-            Self::Internal { what } => write!(f, "internal error, this instance is lost: {what}"),
-            Self::Phase { phase } => write!(f, "not allowed now: the FMU is {phase}"),
-            Self::Location { .. }
-            | Self::Resource { .. }
-            | Self::Damaged { .. }
-            | Self::Token { .. } => self.of_resources(f),
-            Self::Stop { .. }
-            | Self::StepSize { .. }
-            | Self::Point { .. }
-            | Self::BeyondStop { .. }
-            | Self::TooFast { .. } => self.of_steps(f),
-            Self::StateLength { .. } | Self::StateForeign | Self::StateDamaged => self.of_states(f),
-            _ => self.of_values(f),
-        }
-    }
-}
-
-impl FmuError {
-    fn of_resources(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Location { given } => {
-                write!(f, "resource location must be a file: URI, got \"{given}\"")
-            }
-            Self::Resource { path, what } => write!(f, "cannot read the model {path}: {what}"),
-            Self::Damaged { path, bytes, source: None } => {
-                write!(f, "the model {path} is damaged: {bytes} bytes are not one whole model")
-            }
-            Self::Damaged { path, source: Some(source), .. } => {
-                write!(f, "the model {path} is damaged: {source}")
-            }
-            Self::Token { given } => write!(
-                f,
-                "GUID or token {given} is not that of the model in the resources: description and resources belong to \
-                 different FMUs"
-            ),
-            _ => Ok(()),
-        }
-    }
-
-    fn of_steps(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Stop { start, stop } => {
-                write!(f, "stop time must be above the start time {start} s, got {stop} s")
-            }
-            Self::StepSize { given } => {
-                write!(f, "step size must be positive and finite, got {given} s")
-            }
-            Self::Point { given, expected } => {
-                write!(
-                    f,
-                    "communication point must be {expected} s, where the last step ended, got {given} s"
-                )
-            }
-            Self::BeyondStop { to, stop } => {
-                write!(f, "step ends at {to} s, beyond the stop time {stop} s")
-            }
-            Self::TooFast { input, duration } => {
-                write!(
-                    f,
-                    "input {input} within {duration} s gives a displacement or velocity that is not finite"
-                )
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn of_states(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::StateLength { found, expected } => {
-                write!(f, "a state takes {expected} bytes, got {found}")
-            }
-            Self::StateForeign => {
-                f.write_str("a state of another model, another input or another version")
-            }
-            Self::StateDamaged => f.write_str("the serialised state is damaged"),
-            _ => Ok(()),
-        }
-    }
-
-    fn of_values(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unknown { reference, kind } => {
-                write!(f, "no variable of type {kind} has value reference {reference}")
-            }
-            Self::NotSettable { name, phase: None } => write!(f, "{name} cannot be set"),
-            Self::NotSettable { name, phase: Some(phase) } => {
-                write!(f, "{name} cannot be set while the FMU is {phase}")
-            }
-            Self::NotFinite { name, value } => {
-                write!(f, "{name} must be finite, got {value}; the old value stays")
-            }
-            Self::TooSmall { name, value, least, above } => {
-                let bound = if *above { "above" } else { "at least" };
-                write!(f, "{name} must be {bound} {least}, got {value}; the old value stays")
-            }
-            Self::Parameter(error) => {
-                write!(f, "{error}; the last valid parameters stay")
-            }
-            Self::TwoStarts { force, deflection } => write!(
-                f,
-                "initial_force_n = {force} N and initial_deflection_m = {deflection} m: at most one may differ from 0"
-            ),
-            Self::Count { references, values } => {
-                write!(f, "{references} value references need as many values, got {values}")
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-impl std::error::Error for FmuError {}

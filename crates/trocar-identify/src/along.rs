@@ -56,9 +56,9 @@ pub(super) fn profiled(input: &Input, fit: Option<ElementFit>) -> (Option<Elemen
 
 /// Whether any of the recordings consists of repeated strokes.
 pub(super) fn repeats(recordings: &[Recording]) -> bool {
-    recordings
-        .iter()
-        .any(|recording| StrokeScatter::of(recording).is_ok_and(|scatter| scatter.rules(recording)))
+    recordings.iter().any(|recording| {
+        StrokeScatter::of(recording).is_some_and(|scatter| scatter.rules(recording))
+    })
 }
 
 fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {

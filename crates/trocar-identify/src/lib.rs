@@ -88,7 +88,6 @@ mod terms;
 mod training;
 mod two_steps;
 mod unexplained;
-pub mod validate;
 
 /// Identifies an EMS element from recordings of any motion.
 ///

@@ -45,9 +45,7 @@
 //! ```
 //! ([`storage_length`], [`is_passive`]): sufficient, not necessary.
 
-use serde::Serialize;
 use trocar_model::{Element, PositionProfile, SlidingFriction};
-use trocar_runtime::profile::ProfileText;
 
 pub use trocar_model::profile::FADE;
 pub use trocar_runtime::profile::{Departure, LEAST_DEPARTURE, MEAN_TOLERANCE, MOST_KNOTS};
@@ -56,14 +54,6 @@ pub use fit::{NoProfile, ProfileFit, ProfileSample, cycles, fit};
 
 mod banded;
 mod fit;
-
-/// Writes a profile in the form used in files.
-fn serialize<S: serde::Serializer>(
-    profile: &PositionProfile<Vec<f64>>,
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    ProfileText::from(profile).serialize(serializer)
-}
 
 /// Whether the gain varies so slowly that no closed motion of a seal with this `storage_length` (m)
 /// releases energy.

@@ -101,7 +101,7 @@ impl Identification {
 
     /// The estimate of the parameter of this name, such as `half_width_m`.
     pub fn parameter(&self, name: &str) -> Option<&Estimate> {
-        self.estimate(name.parse::<ParameterId>().ok()?)
+        self.estimate(ParameterId::named(name)?)
     }
 
     /// The model, with its position profile.

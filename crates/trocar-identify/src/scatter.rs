@@ -42,17 +42,6 @@ const LENGTHS: [f64; 8] = [0.0025, 0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12];
 /// Most repeats that one stroke is compared with.
 const MOST_OTHERS: usize = 32;
 
-/// The scatter could not be determined.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "no two of the {strokes} strokes repeat each other: same direction, median speeds within 25 %, more than half of the \
-     range of positions in common"
-)]
-pub struct NoRepeats {
-    /// Strokes found.
-    pub strokes: usize,
-}
-
 /// Scatter between the repeats of one direction.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DirectionScatter {
@@ -96,23 +85,14 @@ pub struct StrokeScatter {
 }
 
 impl StrokeScatter {
-    /// Scatter between the repeats in `recording`.
-    ///
-    /// # Errors
-    /// [`NoRepeats`] when no stroke has a repeat.
-    pub fn of(recording: &Recording) -> Result<Self, NoRepeats> {
-        Self::of_strokes(recording, &strokes(recording, reversal_threshold(recording)))
-    }
-
-    /// The same for strokes already found.
-    ///
-    /// # Errors
-    /// [`NoRepeats`] when no stroke has a repeat.
-    pub(crate) fn of_strokes(recording: &Recording, strokes: &[Stroke]) -> Result<Self, NoRepeats> {
+    /// Scatter between the repeats in `recording`; `None` when no stroke has one: the same direction,
+    /// median speeds within 25 %, more than half of the range of positions in common.
+    pub fn of(recording: &Recording) -> Option<Self> {
+        let strokes = strokes(recording, reversal_threshold(recording));
         let groups: Vec<Group> =
-            groups(recording, strokes).into_iter().filter(|g| g.tracks.len() > 1).collect();
+            groups(recording, &strokes).into_iter().filter(|g| g.tracks.len() > 1).collect();
         if groups.is_empty() {
-            return Err(NoRepeats { strokes: strokes.len() });
+            return None;
         }
         let compared: Vec<Compared> = groups.iter().map(|group| group.compare(recording)).collect();
         let mut squares = vec![f64::NAN; recording.len()];
@@ -120,8 +100,8 @@ impl StrokeScatter {
         let all: Vec<&Compared> = compared.iter().collect();
         let number = groups.iter().map(|g| g.tracks.len()).sum::<usize>();
         let longest = |of: fn(&Compared) -> f64| compared.iter().map(of).fold(0.0, f64::max);
-        Ok(Self {
-            scatter_n: pooled(&all, Reading::square).ok_or(NoRepeats { strokes: strokes.len() })?,
+        Some(Self {
+            scatter_n: pooled(&all, Reading::square)?,
             without_drift_n: without_drift(&all),
             groups: groups.len(),
             strokes: number,
@@ -142,7 +122,7 @@ impl StrokeScatter {
     /// Whether at least half of the recording's samples have a repeat: the recording consists of
     /// repeated strokes. In hand-like motion some strokes are similar by chance, but the motion
     /// before them is not.
-    pub(crate) fn rules(&self, recording: &Recording) -> bool {
+    pub fn rules(&self, recording: &Recording) -> bool {
         2 * self.samples >= recording.len()
     }
 

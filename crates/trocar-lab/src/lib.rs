@@ -1,5 +1,5 @@
-//! What is done with identified models: compared with other models, planned for, put into loops of
-//! teleoperation, and made from whole fleets of recordings.
+//! What is done with identified models: validated on other recordings, compared with other models,
+//! planned for, put into loops of teleoperation, and made from whole fleets of recordings.
 
 pub mod compare;
 pub mod fleet;
@@ -8,4 +8,5 @@ pub mod plan;
 pub mod summary;
 #[cfg(feature = "bench")]
 pub mod teleop;
+pub mod validate;
 pub mod workflow;

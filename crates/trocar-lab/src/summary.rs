@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::validate::{Validation, validate};
 use crate::workflow::{MovingMass, Workflow};
 use trocar_identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
 use trocar_identify::profile::ProfileFit;
-use trocar_identify::validate::{Validation, validate};
 use trocar_identify::{
     Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale,
     Parameter, Phase, PositionDelay, Posterior, PriorUse, SteadyFit, StickSlip, Subject, Warning,
@@ -118,22 +118,24 @@ pub(crate) struct PosteriorSummary<'a> {
     pub parameters: BTreeMap<String, DrawnParameter>,
 }
 
+impl DrawnParameter {
+    /// With its name.
+    fn of(p: &PosteriorParameter) -> (String, Self) {
+        let PosteriorParameter { mean, standard_deviation, ci95, convergence, prior_ratio, .. } =
+            *p;
+        (p.id.to_string(), Self { mean, standard_deviation, ci95, convergence, prior_ratio })
+    }
+}
+
 impl<'a> PosteriorSummary<'a> {
     fn of(posterior: &'a Posterior) -> Self {
-        let parameter = |p: &PosteriorParameter| {
-            let PosteriorParameter {
-                mean, standard_deviation, ci95, convergence, prior_ratio, ..
-            } = *p;
-            let drawn = DrawnParameter { mean, standard_deviation, ci95, convergence, prior_ratio };
-            (p.id.to_string(), drawn)
-        };
         Self {
             draws: posterior.draws.len(),
             chains: CHAINS,
             structures: &posterior.structures,
             r_hat: posterior.r_hat(),
             effective_sample_size: posterior.ess(),
-            parameters: posterior.parameters.iter().map(parameter).collect(),
+            parameters: posterior.parameters.iter().map(DrawnParameter::of).collect(),
         }
     }
 }

@@ -7,8 +7,8 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::validate::{Validation, validate};
 use trocar_identify::simpler;
-use trocar_identify::validate::{Validation, validate};
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::{ModelFile, SensorInfo};
@@ -57,6 +57,7 @@ impl MovingMass {
         if mass == 0.0 {
             return Ok(recording);
         }
+        // Gravity by the share of the declared mass, so that the weight taken out is its alone.
         recording.without_moving_mass(mass, self.gravity * self.mass / mass)
     }
 

@@ -94,11 +94,6 @@ impl State {
         self.yield_force
     }
 
-    /// F, N: force that the instrument exerts on the seal.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
-
     /// v_sl, m/s: velocity of the instrument against the seal at the end of the last step.
     pub fn slip_velocity(&self) -> f64 {
         self.slip_velocity

@@ -24,9 +24,17 @@ pub trait Friction {
     fn force(state: &Self::State) -> f64;
 }
 
-/// [`Friction`] by the functions of the same names that the model has itself, so that they need no trait.
+/// [`Friction`] by the functions of the same names that the model has itself, so that they need no
+/// trait; and the force of its state.
 macro_rules! friction {
     ($model:ty, $state:ty) => {
+        impl $state {
+            /// F, N: force after the last step, that of the instrument on the seal.
+            pub fn force(&self) -> f64 {
+                self.force
+            }
+        }
+
         impl $crate::friction::Friction for $model {
             type State = $state;
 
@@ -46,10 +54,32 @@ macro_rules! friction {
 }
 pub(crate) use friction;
 
+/// [`friction!`] of a classical model, and what follows from its `rest_at_force` and its `step`.
+macro_rules! classical {
+    ($model:ty, $state:ty) => {
+        impl $model {
+            /// State at rest without force.
+            pub fn rest_state(&self) -> $state {
+                self.rest_at_force(0.0)
+            }
+
+            /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force
+            /// (N) at the end.
+            pub fn step_velocity(&self, state: &mut $state, velocity: f64, duration: f64) -> f64 {
+                self.step(state, velocity * duration, duration)
+            }
+        }
+
+        $crate::friction::friction!($model, $state);
+    };
+}
+pub(crate) use classical;
+
 /// Velocity of a step, m/s, or `None` where the step must leave the state untouched.
 #[inline(always)]
 pub(crate) fn velocity(displacement: f64, duration: f64) -> Option<f64> {
     let velocity = displacement / duration;
+    // NaN is not at most anything, so these also refuse it.
     (duration > 0.0 && duration <= f64::MAX && velocity.abs() <= f64::MAX).then_some(velocity)
 }
 

@@ -126,6 +126,23 @@ pub(crate) trait Law: Friction + Sized {
     fn viscous_damping(&self) -> f64;
 }
 
+/// The parts of a [`Law`] that `new` makes of one struct of parameters alone.
+macro_rules! made_of_params {
+    ($params:ty) => {
+        type Parts = $params;
+        const BLANK: $params = <$params>::BLANK;
+
+        fn parts(&self) -> $params {
+            *self.params()
+        }
+
+        fn of_parts(params: &$params) -> Result<Self, ParamError> {
+            Self::new(*params)
+        }
+    };
+}
+pub(crate) use made_of_params;
+
 /// Visits the members of `model`.
 pub(crate) fn visit<L: Law, V: Visit>(model: &L, visitor: &mut V) -> Result<(), V::Error> {
     L::visit(&mut model.parts(), visitor)

@@ -258,16 +258,19 @@ fn tuned_element(old: &ElementParams, new: &mut New) -> Result<ElementParams, Pa
     }
     params.insertion.check()?;
     params.withdrawal.check()?;
-    let ends =
-        |params: &ElementParams| [-params.withdrawal.static_force, params.insertion.static_force];
     let rescaling =
-        Rescaling::new(old.deformation.half_width(), half_width, ends(old), ends(&params));
+        Rescaling::new(old.deformation.half_width(), half_width, old.ends(), params.ends());
     params.relaxation.arms[1] = rescaling.arm(old.relaxation.arms[1]);
     params.deformation = rescaling.deformation(&old.deformation)?;
     Ok(params)
 }
 
 impl ElementParams {
+    /// Where the branches end, N: at the static forces.
+    fn ends(&self) -> [f64; 2] {
+        [-self.withdrawal.static_force, self.insertion.static_force]
+    }
+
     fn sliding_mut(&mut self, direction: Direction) -> &mut SlidingFriction {
         match direction {
             Direction::Insertion => &mut self.insertion,

@@ -42,13 +42,16 @@ impl FleetConfig {
 /// Names and kinds of the columns of every row.
 #[pyfunction]
 pub(crate) fn fleet_columns() -> Vec<(String, &'static str)> {
-    let kind = |kind| match kind {
+    columns().into_iter().map(|column| (column.name, word(column.kind))).collect()
+}
+
+fn word(kind: Kind) -> &'static str {
+    match kind {
         Kind::Number => "number",
         Kind::Integer => "integer",
         Kind::Boolean => "boolean",
         Kind::Text => "text",
-    };
-    columns().into_iter().map(|column| (column.name, kind(column.kind))).collect()
+    }
 }
 
 /// The row of a file.

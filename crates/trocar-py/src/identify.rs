@@ -150,7 +150,7 @@ impl Identified {
         names: Vec<String>,
     ) -> PyResult<Option<(Bound<'py, PyArray1<f64>>, Vec<Bound<'py, PyArray1<f64>>>)>> {
         let Some(density) = &self.0.identification.density else { return Ok(None) };
-        let ids = names.iter().map(|name| name.parse::<ParameterId>().map_err(|_| unknown(name)));
+        let ids = names.iter().map(|name| ParameterId::named(name).ok_or_else(|| unknown(name)));
         let ids = ids.collect::<PyResult<Vec<_>>>()?;
         let rows: Vec<Vec<f64>> = z.as_array().rows().into_iter().map(|r| r.to_vec()).collect();
         if let Some(row) = rows.iter().find(|row| row.len() != density.dimension()) {

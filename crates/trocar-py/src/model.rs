@@ -98,7 +98,8 @@ impl Tunable {
 }
 
 fn parameter(name: &str) -> PyResult<ParameterId> {
-    name.parse().map_err(|_| ParameterError::new_err(format!("no parameter is named {name:?}")))
+    ParameterId::named(name)
+        .ok_or_else(|| ParameterError::new_err(format!("no parameter is named {name:?}")))
 }
 
 /// Lower end of the range of a parameter of a model or of its fit, minus infinity without one.

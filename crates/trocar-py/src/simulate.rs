@@ -211,14 +211,8 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
     if is_plain(time, position) {
         return Ok(());
     }
-    let follows = |t: &[f64], x: &[f64]| {
-        let (duration, displacement) = (t[1] - t[0], x[1] - x[0]);
-        (duration > 0.0 && (displacement / duration).is_finite())
-            || (duration == 0.0 && displacement == 0.0)
-    };
-    let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
     let mut pairs = time.windows(2).zip(position.windows(2));
-    if !finite(time) || !finite(position) || !pairs.all(|(t, x)| follows(t, x)) {
+    if !all_finite(time) || !all_finite(position) || !pairs.all(|(t, x)| follows(t, x)) {
         return Err(first_fault(time, position));
     }
     let (low, high) = position
@@ -232,6 +226,17 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+/// Whether a model can go from one sample to the next; one that is there twice changes nothing.
+fn follows(t: &[f64], x: &[f64]) -> bool {
+    let (duration, displacement) = (t[1] - t[0], x[1] - x[0]);
+    (duration > 0.0 && (displacement / duration).is_finite())
+        || (duration == 0.0 && displacement == 0.0)
+}
+
+fn all_finite(values: &[f64]) -> bool {
+    values.iter().all(|value| value.is_finite())
 }
 
 /// Whether nothing needs a closer look: all time advances, and all positions lie within a metre of

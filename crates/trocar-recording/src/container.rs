@@ -67,6 +67,42 @@ pub trait Container {
     }
 }
 
+/// Whole columns of equal length, passed on in batches; then what went wrong behind them.
+#[derive(Default)]
+pub(crate) struct Held {
+    pub(crate) columns: Vec<Vec<f64>>,
+    pub(crate) warnings: Vec<String>,
+    /// Why the rows end before the table does.
+    pub(crate) problem: Option<RecordingError>,
+    /// Rows passed on.
+    at: usize,
+}
+
+impl Held {
+    pub(crate) fn of(columns: Vec<Vec<f64>>) -> Self {
+        Self { columns, ..Self::default() }
+    }
+}
+
+impl Batches for Held {
+    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
+        columns.iter_mut().for_each(Vec::clear);
+        let to = self.columns.first().map_or(0, Vec::len).min(self.at + BATCH_ROWS);
+        if self.at == to {
+            return self.problem.take().map_or(Ok(false), Err);
+        }
+        for (column, own) in columns.iter_mut().zip(&self.columns) {
+            column.extend_from_slice(&own[self.at..to]);
+        }
+        self.at = to;
+        Ok(true)
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.warnings.clone()
+    }
+}
+
 /// Batches of rows of some columns.
 pub trait Batches: Send {
     /// Replaces the content of `columns` by the next rows, at most 65 536, all columns of

@@ -368,6 +368,7 @@ impl Lag {
             self.kept.push(lag);
         }
         self.seen += 1;
+        // What is kept stays evenly spread over the log, however long it becomes.
         if self.kept.len() == MOST_KEPT {
             let mut place = 0;
             self.kept.retain(|_| {

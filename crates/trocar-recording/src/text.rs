@@ -205,6 +205,7 @@ impl<R: Read> TextReader<R> {
             let fresh = &self.buffer[self.unhashed..self.filled];
             let hash = &mut self.hash;
             self.unhashed = self.filled;
+            // A hash cannot be taken in pieces: it goes on beside them.
             rayon::join(
                 move || hash.iter_mut().for_each(|hash| hash.update(fresh)),
                 || pieces.par_iter().map(parse).collect(),
@@ -986,6 +987,7 @@ fn fast_line(
     let last = layout.slots.len().checked_sub(1)?;
     for (k, slot) in layout.slots.iter().enumerate() {
         if let Some(Slot { output, per_si }) = slot {
+            // Stops at what is no part of a number: a plain line has its separator there.
             let (number, used) = fast_float2::parse_partial::<f64, _>(&bytes[at..]).ok()?;
             columns[*output].push(number / per_si);
             at += used;

@@ -596,7 +596,7 @@ pub struct Excerpt {
 ///
 /// Its numbers are in SI units.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct LiveLoop {
+pub(crate) struct LiveLoop {
     /// The configuration, with the keys of its file.
     pub config: serde_json::Value,
     /// The trocar in the form of [`trocar_model::Trocar::write_numbers`].
@@ -625,13 +625,19 @@ pub struct Section {
     /// An interactive model; at most one in a document.
     pub live: Option<LiveModel>,
     /// An interactive loop in place of it.
-    pub live_loop: Option<LiveLoop>,
+    pub(crate) live_loop: Option<LiveLoop>,
 }
 
 impl Section {
     /// An empty section.
     pub fn new(heading: impl Into<String>) -> Self {
         Self { heading: heading.into(), ..Self::default() }
+    }
+
+    /// Sets the interactive model.
+    pub fn live(mut self, model: LiveModel) -> Self {
+        self.live = Some(model);
+        self
     }
 
     /// Appends a paragraph.

@@ -6,12 +6,13 @@
 
 use trocar_model::{Element, Quantity};
 
+use super::ReportError;
 use super::document::{Document, Section, Tile, origin};
-use super::figures::{self, Scored};
+use super::figures::{self, MOST_CHOSEN, Scored};
 use super::number::{fixed, significant};
-use trocar_identify::validate::Validation;
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_lab::summary::PROGRAM;
+use trocar_lab::validate::Validation;
 use trocar_lab::workflow::MovingMass;
 use trocar_recording::Recording;
 
@@ -52,79 +53,28 @@ pub struct FigureChoice<'a> {
     pub speeds: &'a [f64],
 }
 
-/// Most deflections or speeds of one figure.
-pub(crate) const MOST_CHOSEN: usize = 6;
 /// Largest relative difference between a stroke's speed and the requested one.
 pub const LIKE_SPEED: f64 = 0.1;
-
-/// Why a figure cannot show the selection.
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ChoiceError {
-    /// More than the figure has room for.
-    #[error("figure {figure} shows at most {MOST_CHOSEN} {what}, got {count}")]
-    TooMany {
-        /// Number of the figure in EMS.
-        figure: u8,
-        /// `deflections` or `speeds`.
-        what: &'static str,
-        /// Number of selected values.
-        count: usize,
-    },
-    /// A deflection that the seal does not reach.
-    #[error("figure 7: the deflection {} mm lies outside ±c = ±{} mm", thousandths(*.deflection), thousandths(*.half_width))]
-    OutsideSeal {
-        /// The deflection, m.
-        deflection: f64,
-        /// c, m.
-        half_width: f64,
-    },
-    /// No cycle of that speed was recorded.
-    #[error("figure 9: no recorded stroke has a speed within 10 % of {} mm/s{}", thousandths(*.speed), recorded_in_words(.recorded))]
-    NoSuchSpeed {
-        /// The speed, m/s.
-        speed: f64,
-        /// Speeds of the cycles that can be drawn, m/s, ascending.
-        recorded: Vec<f64>,
-    },
-}
-
-/// In millimetres (per second), to three decimals.
-fn thousandths(metres: f64) -> f64 {
-    (1e6 * metres).round() / 1e3
-}
-
-fn recorded_in_words(speeds: &[f64]) -> String {
-    let mut shown: Vec<String> = speeds.iter().map(|speed| format!("{:.0}", 1e3 * speed)).collect();
-    shown.dedup();
-    match shown.as_slice() {
-        [] => {
-            "; the recordings hold no full cycle of two strokes whose initial deflection is known"
-                .to_owned()
-        }
-        speeds => format!("; recorded are {} mm/s", speeds.join(", ")),
-    }
-}
 
 /// Checks whether the figures can show the selection.
 ///
 /// # Errors
-/// [`ChoiceError`]: too many values, a deflection outside ±c, a speed that was not recorded. A
+/// [`ReportError`]: too many values, a deflection outside ±c, a speed that was not recorded. A
 /// figure that cannot be drawn at all accepts any selection; the report gives the reason why it is
 /// missing.
-pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
+pub fn check_choice(input: &IdentificationReport) -> Result<(), ReportError> {
     let FigureChoice { deflections, speeds } = input.choice;
     for (figure, what, count) in
         [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())]
     {
         if count > MOST_CHOSEN {
-            return Err(ChoiceError::TooMany { figure, what, count });
+            return Err(ReportError::TooMany { figure, what, count });
         }
     }
     if let Ok(deformation) = &input.identification.deformation {
         let half_width = deformation.half_width.value;
         if let Some(&deflection) = deflections.iter().find(|z| z.is_nan() || z.abs() > half_width) {
-            return Err(ChoiceError::OutsideSeal { deflection, half_width });
+            return Err(ReportError::OutsideSeal { deflection, half_width });
         }
     }
     if speeds.is_empty() {
@@ -136,7 +86,7 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ChoiceError> {
     let is_recorded =
         |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
     match speeds.iter().find(|speed| !is_recorded(speed)) {
-        Some(&speed) => Err(ChoiceError::NoSuchSpeed { speed, recorded }),
+        Some(&speed) => Err(ReportError::NoSuchSpeed { speed, recorded }),
         None => Ok(()),
     }
 }
@@ -283,7 +233,7 @@ fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
 fn live(input: &IdentificationReport, scored: &Scored) -> Section {
     let section = Section::new("The model, live");
     match figures::live_model(input.identification, scored) {
-        Ok(model) => Section { live: Some(model), ..section.paragraph(LIVE) },
+        Ok(model) => section.paragraph(LIVE).live(model),
         Err(why) => section.paragraph(why),
     }
 }

@@ -100,6 +100,24 @@ fn typographic(text: &str) -> String {
     text.replace('-', "\u{2212}")
 }
 
+/// In millimetres (per second), to three decimals.
+pub(crate) fn thousandths(metres: f64) -> f64 {
+    (1e6 * metres).round() / 1e3
+}
+
+/// Ends the message that no stroke has the selected speed: the speeds there are.
+pub(crate) fn recorded_in_words(speeds: &[f64]) -> String {
+    let mut shown: Vec<String> = speeds.iter().map(|speed| format!("{:.0}", 1e3 * speed)).collect();
+    shown.dedup();
+    match shown.as_slice() {
+        [] => {
+            "; the recordings hold no full cycle of two strokes whose initial deflection is known"
+                .to_owned()
+        }
+        speeds => format!("; recorded are {} mm/s", speeds.join(", ")),
+    }
+}
+
 /// Advance widths of DejaVu Sans from space to tilde, in thousandths of the font size. kuva draws
 /// bitmaps with this font, and the fallbacks named in the SVG are as wide (Verdana) or narrower.
 #[rustfmt::skip]
@@ -114,9 +132,14 @@ const ADVANCE: [u16; 95] = [
 /// Width of `text` at font size `size` in pixels. Characters outside ASCII count as wide letters,
 /// so that the result is never too small.
 pub(super) fn text_width(text: &str, size: impl Into<f64>) -> f64 {
-    let advance =
-        |c: char| (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(838);
-    text.chars().map(|c| f64::from(advance(c))).sum::<f64>() * size.into() / 1000.0
+    text.chars().map(advance).sum::<f64>() * size.into() / 1000.0
+}
+
+/// Width of a character, thousandths of the font size.
+fn advance(c: char) -> f64 {
+    const WIDE: u16 = 838;
+    // The table begins with the blank.
+    (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i)).copied().unwrap_or(WIDE).into()
 }
 
 #[cfg(test)]

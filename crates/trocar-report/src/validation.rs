@@ -3,7 +3,7 @@
 
 use super::document::{Axis, Document, Figure, Role, Section};
 use super::figures::{line, over_time};
-use trocar_identify::validate::Validation;
+use trocar_lab::validate::Validation;
 use trocar_recording::Recording;
 use trocar_simulate::replay::Replay;
 

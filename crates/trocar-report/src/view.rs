@@ -29,14 +29,11 @@ pub(super) fn limits(figure: &Figure) -> Vec<Limits> {
     }
     let y = figure.panels.iter().map(|panel| span(panel, Dimension::Y));
     let spans = x.iter().zip(y).zip(&figure.panels);
-    let padded = |span: Span, axis: &Axis, share: f64| {
-        if axis.logarithmic { span.padded_by_ratio(share) } else { span.padded(share) }
-    };
     spans
         .map(|((x, y), p)| {
             // A map fills its axes.
             let margin = if p.series.iter().any(is_map) { 0.0 } else { 1.0 };
-            Limits { x: padded(*x, &p.x, 0.02 * margin), y: padded(y, &p.y, 0.05 * margin) }
+            Limits { x: x.padded_for(&p.x, 0.02 * margin), y: y.padded_for(&p.y, 0.05 * margin) }
         })
         .collect()
 }
@@ -111,6 +108,10 @@ impl Span {
             return [self.low - half, self.high + half];
         }
         [self.low - share * width, self.high + share * width]
+    }
+
+    fn padded_for(self, axis: &Axis, share: f64) -> [f64; 2] {
+        if axis.logarithmic { self.padded_by_ratio(share) } else { self.padded(share) }
     }
 
     /// The same on a logarithmic axis; both ends are above zero.

@@ -696,22 +696,23 @@ impl MinorLoops {
     /// None for a seal without branches that differ.
     fn new(seal: &Seal) -> Option<Self> {
         let Seal::Ems(stages) = seal else { return None };
-        let stiff = |element: &Element| {
-            let mut params = *element.params();
-            let force = params.deformation;
-            let c = force.half_width();
-            let at =
-                |k: u32| force.half_gap(c * (2.0 * f64::from(k) / f64::from(Self::POINTS) - 1.0));
-            let gap = 2.0 * (0..=Self::POINTS).map(at).fold(0.0, f64::max);
-            let stiffness = force.yield_stiffness().max(gap / (Self::CROSSING * c));
-            params.deformation =
-                DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness))
-                    .ok()?;
-            Element::new(params).ok()
-        };
-        let elements = stages.elements().iter().map(stiff).collect::<Option<Vec<Element>>>()?;
+        let elements: Option<Vec<Element>> = stages.elements().iter().map(Self::stiff).collect();
+        let elements = elements?;
         let seal = Seal::Ems(Stages::new(&elements)?);
         Some(Self { seal, state: seal.rest_at_force(0.0) })
+    }
+
+    /// The element with branches that are crossed within [`Self::CROSSING`].
+    fn stiff(element: &Element) -> Option<Element> {
+        let mut params = *element.params();
+        let force = params.deformation;
+        let c = force.half_width();
+        let at = |k: u32| force.half_gap(c * (2.0 * f64::from(k) / f64::from(Self::POINTS) - 1.0));
+        let gap = 2.0 * (0..=Self::POINTS).map(at).fold(0.0, f64::max);
+        let stiffness = force.yield_stiffness().max(gap / (Self::CROSSING * c));
+        params.deformation =
+            DeformationForce::new(*force.insertion(), *force.withdrawal(), Some(stiffness)).ok()?;
+        Element::new(params).ok()
     }
 
     /// Half the difference between the two laws, N: the 95 % band then reaches from one to the
@@ -768,22 +769,22 @@ fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
 /// Relative standard deviation from the 95 % intervals of a parameter, the larger of both
 /// directions; 0 without bounds.
 fn relative_std(file: &ModelFile, quantity: Quantity) -> f64 {
-    let of = |interval: &Interval| {
-        let [Some(low), Some(high)] = interval.ci95 else { return 0.0 };
-        if interval.value == 0.0 {
-            0.0
-        } else {
-            ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs()
-        }
-    };
-    let is_own = |key: &str| {
-        key.parse().is_ok_and(|id: ParameterId| id.quantity == quantity && id.element.is_none())
-    };
+    let is_own = |id: ParameterId| id.quantity == quantity && id.element.is_none();
     file.intervals
         .iter()
-        .filter(|(key, _)| is_own(key))
-        .map(|(_, interval)| of(interval))
+        .filter(|(key, _)| ParameterId::named(key).is_some_and(is_own))
+        .map(|(_, interval)| relative_to_value(interval))
         .fold(0.0, f64::max)
+}
+
+/// Standard deviation over the value; 0 without bounds, and for a value of 0.
+fn relative_to_value(interval: &Interval) -> f64 {
+    match interval.ci95 {
+        [Some(low), Some(high)] if interval.value != 0.0 => {
+            ((high - low) / (2.0 * NORMAL_95 * interval.value)).abs()
+        }
+        _ => 0.0,
+    }
 }
 
 fn finite(name: &'static str, value: f64) -> Result<f64, CompensateError> {

@@ -105,8 +105,6 @@ impl ForceError {
     /// them has the error of the other.
     #[must_use]
     pub fn worse(&self, other: &Self, source: ErrorSource) -> Self {
-        // `None` is less than any number.
-        let larger = |a: Option<f64>, b: Option<f64>| if a >= b { a } else { b };
         Self {
             source,
             deforming_n: larger(self.deforming_n, other.deforming_n),
@@ -124,6 +122,11 @@ impl ForceError {
     pub fn largest(&self) -> Option<f64> {
         self.phases().into_iter().flatten().reduce(f64::max)
     }
+}
+
+/// The larger of both; what is not known is less than any number.
+fn larger(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    if a >= b { a } else { b }
 }
 
 /// How a model was created.

@@ -19,7 +19,7 @@ pub const MOST_KNOTS: usize = 10_000;
 /// A profile in the form used in files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct ProfileText {
+pub(crate) struct ProfileText {
     from_m: f64,
     to_m: f64,
     offset_n: Vec<f64>,
@@ -28,8 +28,7 @@ pub struct ProfileText {
 
 /// Why a profile of a file cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum BadProfile {
+pub(crate) enum BadProfile {
     /// The values are not a valid profile.
     #[error(transparent)]
     Values(#[from] ProfileError),
@@ -49,6 +48,17 @@ impl<K: AsRef<[f64]>> From<&PositionProfile<K>> for ProfileText {
         let (offset_n, gain) = (profile.offsets().to_vec(), profile.gains().to_vec());
         Self { from_m: profile.from(), to_m: profile.to(), offset_n, gain }
     }
+}
+
+/// Writes a profile in the form used in files.
+///
+/// # Errors
+/// Those of `serializer`.
+pub fn serialize<S: serde::Serializer>(
+    profile: &PositionProfile<Vec<f64>>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    ProfileText::from(profile).serialize(serializer)
 }
 
 impl TryFrom<ProfileText> for PositionProfile<Vec<f64>> {

@@ -8,8 +8,7 @@
 
 pub mod ensemble;
 
-use rayon::prelude::*;
-use trocar_model::batch::{Batch, LANES, Lanes, Many, Observe, Squares, blocks};
+use trocar_model::batch::{Batch, LANES, Many, Observe};
 use trocar_model::{Stages, Trocar, TrocarState};
 
 /// Least number of models per task: several blocks, so that a task is worth its overhead.
@@ -93,90 +92,22 @@ impl Compiled for Along<'_, '_> {
     }
 }
 
-/// Σ(measured - F)², N², of each model along `motion` (displacement in m and duration in s of each
-/// sample) against `measured` (N, after each sample), on all threads.
-pub fn squares<M>(
-    models: &[M],
-    states: &[M::State],
-    motion: &[(f64, f64)],
-    measured: &[f64],
-) -> Vec<f64>
-where
-    M: Many + Sync,
-    M::State: Send + Sync,
-{
-    let mut sums = vec![0.0; models.len().min(states.len())];
-    let tasks = models.par_chunks(TASK).zip(states.par_chunks(TASK)).zip(sums.par_chunks_mut(TASK));
-    tasks.for_each(|((models, states), sums)| {
-        alone(models, states, motion, &mut Squares::new(measured, sums))
-    });
-    sums
-}
-
-/// The force of each model after each sample, N: model i after sample k at `i * motion.len() + k`;
-/// on all threads.
-pub fn forces<M>(models: &[M], states: &[M::State], motion: &[(f64, f64)]) -> Vec<f64>
-where
-    M: Many + Sync,
-    M::State: Send + Sync,
-{
-    let samples = motion.len();
-    let mut forces = vec![0.0; models.len().min(states.len()) * samples];
-    if samples > 0 {
-        let tasks = models
-            .par_chunks(TASK)
-            .zip(states.par_chunks(TASK))
-            .zip(forces.par_chunks_mut(TASK * samples));
-        tasks.for_each(|((models, states), forces)| {
-            alone(models, states, motion, &mut Traces { forces, samples, first: 0, count: 0 });
-        });
-    }
-    forces
-}
-
-/// Runs a batch of `models` from copies of `states` along the whole motion.
-fn alone<M: Many>(
-    models: &[M],
-    states: &[M::State],
-    motion: &[(f64, f64)],
-    observer: &mut impl Observe,
-) {
-    let mut states = states.to_vec();
-    let mut places = vec![Lanes::EMPTY; blocks(models.len())];
-    if let Some(mut batch) = Batch::new(models, &mut states, &mut places) {
-        run(&mut batch, motion, observer);
-        batch.finish();
-    }
-}
-
-/// Writes the forces, model by model.
-struct Traces<'a> {
-    forces: &'a mut [f64],
-    samples: usize,
-    first: usize,
-    count: usize,
-}
-
-impl Observe for Traces<'_> {
-    fn begin(&mut self, first: usize, count: usize) {
-        (self.first, self.count) = (first, count);
-    }
-
-    #[inline(always)]
-    fn see(&mut self, sample: usize, lanes: &Lanes) {
-        let own = self.forces.chunks_exact_mut(self.samples).skip(self.first).take(self.count);
-        for (trace, force) in own.zip(lanes.forces()) {
-            trace[sample] = *force;
-        }
-    }
-
-    fn end(&mut self, _: usize, _: usize) {}
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use trocar_model::{Element, ElementParams, SlidingFriction};
+    use super::ensemble::{Ensemble, Motion, Start, forces, squared_errors};
+    use trocar_model::{Element, ElementParams, ParamError, SlidingFriction, Trocar};
+
+    struct Elements(Vec<Element>);
+
+    impl Ensemble for Elements {
+        fn count(&self) -> usize {
+            self.0.len()
+        }
+
+        fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError> {
+            Ok(Trocar::new(self.0[index], None))
+        }
+    }
 
     /// Dry and viscous elements, and a few that no lane can run.
     fn elements() -> Vec<Element> {
@@ -194,23 +125,24 @@ mod tests {
 
     #[test]
     fn wide_vectors_and_threads_give_the_bits_of_the_scalar_step() {
-        let elements = elements();
-        let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
-        let motion: Vec<_> =
-            (0..3000).map(|k| (4e-4 * f64::sin(f64::from(k) * 0.013), 1e-3)).collect();
-        let forces = forces(&elements, &states, &motion);
+        let elements = Elements(elements());
+        let time: Vec<f64> = (0..3000).map(|k| 1e-3 * f64::from(k)).collect();
+        let position: Vec<f64> = time.iter().map(|t| 0.03 * (1.0 - (13.0 * t).cos())).collect();
         let measured: Vec<f64> = (0..3000).map(|k| f64::from(k % 7)).collect();
-        let sums = squares(&elements, &states, &motion, &measured);
-        for (i, (element, start)) in elements.iter().zip(&states).enumerate() {
-            let (mut state, mut sum) = (*start, 0.0);
-            for (k, (displacement, duration)) in motion.iter().enumerate() {
-                let force = element.step(&mut state, *displacement, *duration);
-                assert_eq!(
-                    forces[i * motion.len() + k].to_bits(),
-                    force.to_bits(),
-                    "model {i}, sample {k}"
-                );
-                sum += (measured[k] - force) * (measured[k] - force);
+        let motion = Motion::new(&time, &position);
+        let mut all = vec![0.0; elements.count() * time.len()];
+        forces(&elements, Start::Undeformed, &motion, &mut all).unwrap();
+        let mut sums = vec![0.0; elements.count()];
+        squared_errors(&elements, Start::Undeformed, &motion, &measured, &mut sums).unwrap();
+        for (i, (element, forces)) in elements.0.iter().zip(all.chunks(time.len())).enumerate() {
+            let (mut state, mut sum) = (element.rest_state(0.0), 0.0);
+            for (k, expected) in forces.iter().enumerate() {
+                if k > 0 {
+                    let displacement = position[k] - position[k - 1];
+                    element.step(&mut state, displacement, time[k] - time[k - 1]);
+                }
+                assert_eq!(expected.to_bits(), state.force().to_bits(), "model {i}, sample {k}");
+                sum += (measured[k] - expected) * (measured[k] - expected);
             }
             assert_eq!(sums[i].to_bits(), f64::to_bits(sum), "model {i}");
         }

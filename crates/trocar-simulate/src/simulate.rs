@@ -138,6 +138,7 @@ impl<'a> Run<'a> {
 
     /// The force, N, after the step to a row.
     fn advance(&mut self, to: &Step) -> f64 {
+        // A row that a logger has written twice takes no time.
         if to.duration > 0.0 {
             self.step(to);
         }

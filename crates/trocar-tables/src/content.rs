@@ -14,7 +14,7 @@ pub struct Column {
 }
 
 /// Columns of equal length.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Table {
     /// Topic, group or variable; empty where a file is one table.
     pub name: String,
@@ -30,13 +30,14 @@ pub struct Table {
 /// Columns of the times of a log: when a message was logged and published, and the stamp that it carries.
 pub const LOG_TIME: &str = "log_time_s";
 /// See [`LOG_TIME`].
-pub const PUBLISH_TIME: &str = "publish_time_s";
+#[cfg(feature = "ros")]
+pub(crate) const PUBLISH_TIME: &str = "publish_time_s";
 /// See [`LOG_TIME`].
 pub const HEADER_STAMP: &str = "header.stamp_s";
 
 impl Table {
     /// The single table of a text file, of unknown length.
     pub fn without_a_name(columns: Vec<Column>) -> Self {
-        Self { name: String::new(), kind: String::new(), rows: None, columns }
+        Self { columns, ..Self::default() }
     }
 }

@@ -10,8 +10,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use trocar::many;
+use trocar::many::ensemble::{Ensemble, Motion, Start, squared_errors};
 use trocar_model::batch::{Batch, Forces, Lanes, Observe, Squares, blocks};
-use trocar_model::{Element, ElementParams, ParamError, Seal, SlidingFriction};
+use trocar_model::{Element, ElementParams, ParamError, Seal, SlidingFriction, Trocar};
 
 const SEALS: [usize; 4] = [1, 8, 64, 1024];
 
@@ -25,6 +26,8 @@ const BEYOND_CACHES: usize = 256 << 20;
 const STATE: usize = 32;
 
 const PERIOD: f64 = 1e-3;
+
+const START: Start = Start::Undeformed;
 
 /// Seals of 70 to 130 % of the plausible width, with viscous damping about `viscous`, N·s/m.
 fn elements(count: usize, viscous: f64) -> Result<Vec<Element>, ParamError> {
@@ -186,18 +189,24 @@ fn copies(repetitions: usize) -> [f64; 2] {
 /// Time on one thread over that on two, 4096 seals: of processors (1 if the second costs nothing
 /// more), and on the wall.
 fn scaling(repetitions: usize) -> Result<[f64; 2], Box<dyn std::error::Error>> {
-    let (elements, motion) = (elements(4096, 0.0)?, motion(8192));
-    let states: Vec<_> = elements.iter().map(|element| element.rest_state(0.0)).collect();
-    let measured = vec![0.5; motion.len()];
+    let seals = Seals(elements(4096, 0.0)?);
+    let (time, position): (Vec<f64>, Vec<f64>) = motion(8192)
+        .into_iter()
+        .scan((0.0, 0.0), |at, (displacement, duration)| {
+            *at = (at.0 + duration, at.1 + displacement);
+            Some(*at)
+        })
+        .unzip();
+    let (motion, measured) = (Motion::new(&time, &position), vec![0.5; time.len()]);
+    let mut sums = vec![0.0; seals.count()];
     let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pools = [pool(1)?, pool(2)?];
     let mut times = [const { [const { Vec::new() }; 2] }; 2];
     for _ in 0..repetitions {
         for (pool, times) in pools.iter().zip(&mut times) {
             let work = || {
-                drop(black_box(
-                    pool.install(|| many::squares(&elements, &states, &motion, &measured)),
-                ))
+                pool.install(|| squared_errors(&seals, START, &motion, &measured, &mut sums))
+                    .expect("all are elements in range");
             };
             times.iter_mut().zip(both_times(1, work)).for_each(|(times, time)| times.push(time));
         }
@@ -205,6 +214,18 @@ fn scaling(repetitions: usize) -> Result<[f64; 2], Box<dyn std::error::Error>> {
     let [[one_cpu, one_wall], [two_cpu, two_wall]] =
         times.map(|times| times.map(|mut times| median(&mut times)));
     Ok([one_cpu / two_cpu, one_wall / two_wall])
+}
+
+struct Seals(Vec<Element>);
+
+impl Ensemble for Seals {
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn trocar(&self, index: usize) -> Result<Trocar<&[f64]>, ParamError> {
+        Ok(Trocar::new(self.0[index], None))
+    }
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -10,8 +10,8 @@ pub mod inspect;
 pub mod survey;
 
 pub use trocar_identify as identify;
-pub use trocar_identify::{margin, profile, scatter, validate};
-pub use trocar_lab::{compare, fleet, summary, workflow};
+pub use trocar_identify::{margin, profile, scatter};
+pub use trocar_lab::{compare, fleet, summary, validate, workflow};
 #[cfg(feature = "bench")]
 pub use trocar_lab::{plan, teleop};
 /// Reading of recordings.

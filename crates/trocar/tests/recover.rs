@@ -62,7 +62,7 @@ fn known(truth: &ElementParams, found: &Identification) -> Known {
         found.parameter(name).unwrap_or_else(|| panic!("{name} is a parameter")).clone()
     };
     let joint = |name: &'static str| {
-        let id: ParameterId = name.parse().expect("a parameter");
+        let id = ParameterId::named(name).expect("a parameter");
         let value = truth.value(id.direction, id.quantity).expect("every branch has it");
         (name, value, estimate(name))
     };

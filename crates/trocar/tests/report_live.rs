@@ -44,7 +44,7 @@ fn model() -> LiveModel {
 }
 
 fn document(models: impl IntoIterator<Item = LiveModel>) -> Document {
-    let section = |live| Section { live: Some(live), ..Section::new("live") };
+    let section = |live| Section::new("live").live(live);
     Document {
         title: "A seal".to_owned(),
         sections: models.into_iter().map(section).collect(),

@@ -78,6 +78,5 @@ fn other_speeds_are_no_repeats() {
         StrokeScatter::of(&recording(0.0, 1.0, 0.0, &[0.02, 0.02, 0.04, 0.04])).expect("repeats");
     assert_eq!((scatter.groups, scatter.strokes), (4, 20));
     let speeds: Vec<f64> = (0..20).map(|k| 0.001 * 1.3f64.powi(k)).collect();
-    let none = StrokeScatter::of(&recording(0.0, 1.0, 0.0, &speeds)).expect_err("no two alike");
-    assert!(none.to_string().contains("no two of the 20 strokes"), "{none}");
+    assert_eq!(StrokeScatter::of(&recording(0.0, 1.0, 0.0, &speeds)), None);
 }

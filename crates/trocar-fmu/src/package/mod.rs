@@ -1,9 +1,9 @@
 //! Creates the FMU file: description, libraries and model in a ZIP archive.
 
-use std::error::Error;
 use std::fmt;
 use std::str::FromStr;
 
+use thiserror::Error;
 use trocar_model::Trocar;
 
 use crate::resource::{MODEL, to_bytes, to_row};
@@ -193,26 +193,31 @@ impl FromStr for Platform {
 
 /// Why there is no FMU.
 #[non_exhaustive]
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum PackageError {
     /// No version of FMI.
+    #[error("‹fmi› must be 2 or 3, got {found}")]
     Version {
         /// As given.
         found: String,
     },
     /// No driving input.
+    #[error("‹input› \"{found}\": expected position or velocity")]
     Input {
         /// As given.
         found: String,
     },
     /// A platform that FMI has no name for.
+    #[error("no platform \"{name}\", must be one of {}", listed(&PLATFORMS))]
     Platform {
         /// As given.
         name: String,
     },
     /// No library.
+    #[error("an FMU needs a library for at least one platform")]
     NoBinary,
     /// A library that this program does not carry.
+    #[error("this build contains no FMU library{}{}", .platform.map_or(String::new(), |one| format!(" for {one}")), carried_instead(.carried, .reason))]
     NotCarried {
         /// Its platform; `None` where any would do.
         platform: Option<Platform>,
@@ -222,53 +227,37 @@ pub enum PackageError {
         reason: &'static str,
     },
     /// Libraries beside source code, whose parameters are constants.
+    #[error("an FMU holds either libraries or source code")]
     Both,
     /// Two libraries for one platform.
+    #[error("two libraries for {platform}")]
     Twice {
         /// Platform.
         platform: Platform,
     },
     /// A file that is not a library of its platform.
+    #[error("not a shared library for {platform}")]
     NotBinary {
         /// Platform.
         platform: Platform,
     },
     /// An archive larger than the format allows.
+    #[error("an FMU cannot be larger than 4 GB")]
     TooLarge,
 }
 
-impl fmt::Display for PackageError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Version { found } => write!(f, "‹fmi› must be 2 or 3, got {found}"),
-            Self::Input { found } => {
-                write!(f, "‹input› \"{found}\": expected position or velocity")
-            }
-            Self::Platform { name } => {
-                let names = PLATFORMS.map(|platform| platform.tuple).join(", ");
-                write!(f, "no platform \"{name}\", must be one of {names}")
-            }
-            Self::NoBinary => f.write_str("an FMU needs a library for at least one platform"),
-            Self::NotCarried { platform, carried, reason } => {
-                f.write_str("this build contains no FMU library")?;
-                if let Some(platform) = platform {
-                    write!(f, " for {platform}")?;
-                }
-                let carried: Vec<String> = carried.iter().map(Platform::to_string).collect();
-                match &carried[..] {
-                    [] => write!(f, ": {reason}"),
-                    names => write!(f, ", only for {}", names.join(", ")),
-                }
-            }
-            Self::Both => f.write_str("an FMU holds either libraries or source code"),
-            Self::Twice { platform } => write!(f, "two libraries for {platform}"),
-            Self::NotBinary { platform } => write!(f, "not a shared library for {platform}"),
-            Self::TooLarge => f.write_str("an FMU cannot be larger than 4 GB"),
-        }
-    }
+fn listed(platforms: &[Platform]) -> String {
+    let names: Vec<&str> = platforms.iter().map(|platform| platform.tuple).collect();
+    names.join(", ")
 }
 
-impl Error for PackageError {}
+/// What this program carries in place of a library, or why it carries none.
+fn carried_instead(carried: &[Platform], reason: &str) -> String {
+    match carried {
+        [] => format!(": {reason}"),
+        carried => format!(", only for {}", listed(carried)),
+    }
+}
 
 /// The bytes of an FMU: the same contents give the same bytes.
 ///

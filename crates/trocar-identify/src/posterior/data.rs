@@ -11,7 +11,7 @@ use super::density::Density;
 
 /// A density in numbers; the equations are those of `likelihood.rs` and `density.rs`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct DensityData {
+struct DensityData {
     /// σ², N².
     variance_n2: f64,
     /// λ = σ²/τ², N²; `None` where all strokes have the same friction scale.
@@ -60,7 +60,7 @@ struct RunData {
 impl Density {
     /// The density in numbers.
     #[must_use]
-    pub fn data(&self) -> DensityData {
+    pub fn data(&self) -> impl Serialize + use<> {
         let scale = &self.training.scale;
         let finite = |value: f64| value.is_finite().then_some(value);
         let parameter = |j: usize| {

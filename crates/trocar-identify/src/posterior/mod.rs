@@ -17,7 +17,6 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::{Direction, ParameterId, Quantity, Stages};
 
-pub use data::DensityData;
 pub use density::Density;
 pub use diagnostics::Convergence;
 
@@ -219,7 +218,7 @@ impl Posterior {
     /// The parameter called `name`.
     #[must_use]
     pub fn parameter(&self, name: &str) -> Option<&PosteriorParameter> {
-        let id: ParameterId = name.parse().ok()?;
+        let id = ParameterId::named(name)?;
         self.parameters.iter().find(|p| p.id == id)
     }
 

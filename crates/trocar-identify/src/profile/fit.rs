@@ -59,7 +59,7 @@ pub struct ProfileSample {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ProfileFit {
     /// The profile.
-    #[serde(serialize_with = "super::serialize")]
+    #[serde(serialize_with = "trocar_runtime::profile::serialize")]
     pub profile: PositionProfile<Vec<f64>>,
     /// Sensor offset estimated with it, N.
     pub offset_n: f64,

@@ -97,10 +97,7 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`] when there is nothing to identify, or a manifest is invalid.
     pub fn open(path: &Path, without: &[PathBuf]) -> Result<Self, DatasetError> {
-        if std::fs::metadata(path)
-            .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?
-            .is_dir()
-        {
+        if std::fs::metadata(path).map_err(unread(path))?.is_dir() {
             return Self::folder(path, without);
         }
         let is_parquet = ends_in(path, PARQUET);
@@ -177,6 +174,10 @@ impl Dataset {
     }
 }
 
+fn unread(path: &Path) -> impl Fn(std::io::Error) -> DatasetError {
+    |source| DatasetError::Read { path: path.to_owned(), source }
+}
+
 /// Whether a file was written by an earlier run: its journal, or a table with the columns of one.
 fn is_written(file: &Path) -> bool {
     let names = |table: &trocar_recording::Table| -> BTreeSet<String> {
@@ -204,12 +205,12 @@ fn walk(
     files: &mut Vec<PathBuf>,
     seen: &mut BTreeSet<PathBuf>,
 ) -> Result<(), DatasetError> {
-    let failed = |source| DatasetError::Read { path: folder.to_owned(), source };
-    if !seen.insert(folder.canonicalize().map_err(failed)?) {
+    // A link may lead back to a folder above.
+    if !seen.insert(folder.canonicalize().map_err(unread(folder))?) {
         return Ok(());
     }
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
+    for entry in std::fs::read_dir(folder).map_err(unread(folder))? {
+        let path = entry.map_err(unread(folder))?.path();
         if file_name(&path).starts_with(['.', '_']) {
             continue;
         }
@@ -306,15 +307,14 @@ fn header(path: &Path) -> Result<Vec<String>, DatasetError> {
     let mut start = Vec::new();
     File::open(path)
         .and_then(|file| file.take(LONGEST).read_to_end(&mut start))
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
+        .map_err(unread(path))?;
     let line = start.split(|byte| *byte == b'\n').next().unwrap_or_default();
     Ok(fields(line).into_iter().next().unwrap_or_default())
 }
 
 /// A CSV file of strings; empty cells are missing values. It may be a table of results.
 fn text_table(path: &Path) -> Result<Table, DatasetError> {
-    let bytes = std::fs::read(path)
-        .map_err(|source| DatasetError::Read { path: path.to_owned(), source })?;
+    let bytes = std::fs::read(path).map_err(unread(path))?;
     let mut lines = fields(&bytes).into_iter();
     let names = lines.next().unwrap_or_default();
     let mut columns: Vec<Vec<Option<std::borrow::Cow<'static, str>>>> =

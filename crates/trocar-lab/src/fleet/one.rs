@@ -169,6 +169,7 @@ pub fn identify_one(input: &Input, config: &Config) -> FleetRow {
     let failure = match outcome {
         Ok(Ok(())) => return row,
         Ok(Err(failure)) => failure,
+        // Work that is called off is no fault of the recording: the journal would keep it as one.
         Err(panic) if cancel::is_cancelled(&*panic) => resume_unwind(panic),
         Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
     };
@@ -218,6 +219,7 @@ fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failur
             })?
         }
         Input::Columns { name, readings } => {
+            // The reader of a file does both on its way.
             let chosen = cropped(flipped(readings, &config.reading), &config.reading);
             Recording::from_readings(name, &chosen, config.reading.sensor_limit)?
         }

@@ -158,6 +158,7 @@ pub fn run(
                 scope.spawn(move || worker(sender))
             })
             .collect();
+        // The receiver ends when the last sender is gone: this one never sends.
         drop(sender);
         let gathered = gather(receiver, &mut collector, progress);
         let stopped: Vec<Result<(), Stopped>> = workers

@@ -103,10 +103,9 @@ pub(super) fn candidates(
 /// take little time, are repeated (lack of fit, scatter of the strokes); where the goal is more than
 /// a parameter, one cycle with each interruption but the longest rest.
 pub(super) fn reserve(blocks: &[Block]) -> Vec<usize> {
-    let is_cycle = |block: &Block| block.interruption == Interruption::None;
     let shortest = blocks.iter().map(|block| block.length_m).fold(f64::INFINITY, f64::min);
     let cycles: Vec<usize> = (0..blocks.len())
-        .filter(|k| is_cycle(&blocks[*k]) && blocks[*k].length_m == shortest)
+        .filter(|k| blocks[*k].is_cycle() && blocks[*k].length_m == shortest)
         .collect();
     let mut counts = vec![0; blocks.len()];
     for (k, count) in [(1, 1), (cycles.len() / 2, 2), (cycles.len() - 1, 3)] {
@@ -114,12 +113,17 @@ pub(super) fn reserve(blocks: &[Block]) -> Vec<usize> {
     }
     let longest = Interruption::Rest(RESTS[RESTS.len() - 1]);
     for (k, block) in blocks.iter().enumerate() {
-        counts[k] += usize::from(!is_cycle(block) && block.interruption != longest);
+        counts[k] += usize::from(!block.is_cycle() && block.interruption != longest);
     }
     counts
 }
 
 impl Block {
+    /// Whether nothing interrupts its strokes.
+    pub(super) fn is_cycle(&self) -> bool {
+        self.interruption == Interruption::None
+    }
+
     /// Its duration on `rig`, s.
     pub(super) fn duration(&self, rig: &Rig) -> f64 {
         self.moves(0.0, 0.0).iter().map(|step| step.duration(rig)).sum()

@@ -48,8 +48,8 @@ impl Known {
             motions.iter().map(of_motion).collect::<Result<_, PlanError>>()?;
         let (of_blocks, rows): (Vec<Information>, Vec<Rows>) = found.into_iter().unzip();
         // The motion of prediction: all interrupted cycles, or all where there are none.
-        let of_prediction = |k: &usize| blocks[*k].interruption != Interruption::None;
-        let interrupted: Vec<usize> = (0..blocks.len()).filter(of_prediction).collect();
+        let interrupted: Vec<usize> =
+            (0..blocks.len()).filter(|k| !blocks[*k].is_cycle()).collect();
         let chosen = if interrupted.is_empty() { (0..blocks.len()).collect() } else { interrupted };
         let force = Force::mean(chosen.iter().map(|k| rows[*k].force()));
         let rows = rows.first().ok_or(PlanError::Singular)?;

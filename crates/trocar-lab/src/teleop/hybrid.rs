@@ -66,12 +66,6 @@ pub fn response<K: AsRef<[f64]> + Clone>(
     frequencies_hz: &[f64],
 ) -> Result<Vec<Response>, ConfigError> {
     config.check()?;
-    let positive = |name, found: f64| {
-        if (1e-9..=1e6).contains(&found) {
-            return Ok(());
-        }
-        Err(ConfigError::OutOfRange { name, allowed: "from 1e-9 to 1e6", found })
-    };
     positive("amplitude_m", amplitude_m)?;
     let Control { architecture, stiffness_n_m, damping_n_s_m, .. } = config.control;
     if architecture == Architecture::Wave && stiffness_n_m + damping_n_s_m == 0.0 {
@@ -94,6 +88,13 @@ pub fn response<K: AsRef<[f64]> + Clone>(
             Ok(Response { frequency_hz, hybrid, llewellyn, tissue, transmitted })
         })
         .collect()
+}
+
+fn positive(name: &'static str, found: f64) -> Result<(), ConfigError> {
+    match (1e-9..=1e6).contains(&found) {
+        true => Ok(()),
+        false => Err(ConfigError::OutOfRange { name, allowed: "from 1e-9 to 1e6", found }),
+    }
 }
 
 /// Steps of one period for the describing function.

@@ -2,8 +2,8 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::power;
-use crate::friction::{friction, held, sign, velocity, within};
-use crate::law::{Law, Visit};
+use crate::friction::{classical, held, sign, velocity, within};
+use crate::law::{Law, Visit, made_of_params};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
 
@@ -81,11 +81,6 @@ impl BoucWenState {
     pub fn hysteresis_force(&self) -> f64 {
         self.hysteresis_force
     }
-
-    /// F, N: force after the last step.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
 }
 
 parameters!(BoucWenParams {
@@ -117,11 +112,6 @@ impl BoucWen {
         self.unloading
     }
 
-    /// State at rest without force.
-    pub fn rest_state(&self) -> BoucWenState {
-        self.rest_at_force(0.0)
-    }
-
     /// State at rest that holds `force`, N, clamped to ±F_c; a force that is not finite counts as
     /// 0.
     pub fn rest_at_force(&self, force: f64) -> BoucWenState {
@@ -147,12 +137,6 @@ impl BoucWen {
             *state = BoucWenState { hysteresis_force, force };
         }
         state.force
-    }
-
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut BoucWenState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
     }
 
     /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
@@ -217,16 +201,7 @@ impl BoucWen {
 row!(BoucWenState { hysteresis_force, force });
 
 impl Law for BoucWen {
-    type Parts = BoucWenParams;
-    const BLANK: BoucWenParams = BoucWenParams::BLANK;
-
-    fn parts(&self) -> BoucWenParams {
-        self.params
-    }
-
-    fn of_parts(params: &BoucWenParams) -> Result<Self, ParamError> {
-        Self::new(*params)
-    }
+    made_of_params!(BoucWenParams);
 
     fn visit<V: Visit>(params: &mut BoucWenParams, visitor: &mut V) -> Result<(), V::Error> {
         visitor.numbers(params)
@@ -237,7 +212,7 @@ impl Law for BoucWen {
     }
 }
 
-friction!(BoucWen, BoucWenState);
+classical!(BoucWen, BoucWenState);
 
 #[cfg(test)]
 mod tests {

@@ -3,8 +3,8 @@
 
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, logarithm_of_one_plus, power};
-use crate::friction::{friction, held, sign, velocity};
-use crate::law::{Law, Visit};
+use crate::friction::{classical, held, sign, velocity};
+use crate::law::{Law, Visit, made_of_params};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
 
@@ -62,11 +62,6 @@ impl DahlState {
     pub fn hysteresis_force(&self) -> f64 {
         self.hysteresis_force
     }
-
-    /// F, N: force after the last step.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
 }
 
 parameters!(DahlParams {
@@ -89,11 +84,6 @@ impl Dahl {
     /// The parameters.
     pub fn params(&self) -> &DahlParams {
         &self.params
-    }
-
-    /// State at rest without force.
-    pub fn rest_state(&self) -> DahlState {
-        self.rest_at_force(0.0)
     }
 
     /// State at rest that holds `force`, N, clamped to ±F_c; a force that is not finite counts as
@@ -120,12 +110,6 @@ impl Dahl {
             }
         }
         state.force
-    }
-
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut DahlState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
     }
 
     /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
@@ -193,16 +177,7 @@ row!(DahlState { hysteresis_force, force, direction, remainder });
 row!(Remainder { y, inverse_power });
 
 impl Law for Dahl {
-    type Parts = DahlParams;
-    const BLANK: DahlParams = DahlParams::BLANK;
-
-    fn parts(&self) -> DahlParams {
-        self.params
-    }
-
-    fn of_parts(params: &DahlParams) -> Result<Self, ParamError> {
-        Self::new(*params)
-    }
+    made_of_params!(DahlParams);
 
     fn visit<V: Visit>(params: &mut DahlParams, visitor: &mut V) -> Result<(), V::Error> {
         visitor.numbers(params)
@@ -213,7 +188,7 @@ impl Law for Dahl {
     }
 }
 
-friction!(Dahl, DahlState);
+classical!(Dahl, DahlState);
 
 #[cfg(test)]
 mod tests {

@@ -3,7 +3,7 @@
 
 use crate::error::{ParamError, check_element, finite};
 use crate::exponential::decay;
-use crate::friction::{friction, held, sign, velocity};
+use crate::friction::{classical, held, sign, velocity};
 use crate::law::{Choice, Elements, Law, MAX_ELEMENTS, Visit, check_count};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -83,11 +83,6 @@ impl GmsState {
     /// Whether each element slips.
     pub fn slipping(&self) -> &[bool] {
         &self.slipping[..self.count.min(MAX_ELEMENTS)]
-    }
-
-    /// F, N: force that the instrument exerts on the seal.
-    pub fn force(&self) -> f64 {
-        self.force
     }
 }
 
@@ -218,11 +213,6 @@ impl Gms {
         self.slip_rate
     }
 
-    /// State at rest without any force.
-    pub fn rest_state(&self) -> GmsState {
-        self.rest_at_force(0.0)
-    }
-
     /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to α_i. A force
     /// that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> GmsState {
@@ -252,12 +242,6 @@ impl Gms {
             self.advance(state, velocity, displacement, duration);
         }
         state.force
-    }
-
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut GmsState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
     }
 
     /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity
@@ -356,7 +340,7 @@ impl Law for Gms {
     }
 }
 
-friction!(Gms, GmsState);
+classical!(Gms, GmsState);
 
 /// Moves one element with limit ν·g = `limit` (m) and C/ν = `rate` (N/s); returns dz/dt (m/s) at
 /// the end.

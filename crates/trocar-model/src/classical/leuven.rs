@@ -2,7 +2,7 @@
 
 use crate::error::{ParamError, check_fields, finite};
 use crate::exponential::power;
-use crate::friction::{friction, sign, velocity};
+use crate::friction::{classical, sign, velocity};
 use crate::law::{Elements, Law, MAX_ELEMENTS, Visit};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
@@ -66,11 +66,6 @@ impl LeuvenState {
     /// F_h = Σf_i, N: hysteresis force.
     pub fn hysteresis_force(&self) -> f64 {
         self.element_forces().iter().sum()
-    }
-
-    /// F, N: force that the instrument exerts on the seal.
-    pub fn force(&self) -> f64 {
-        self.force
     }
 }
 
@@ -159,11 +154,6 @@ impl Leuven {
         self.damping
     }
 
-    /// State at rest without any force.
-    pub fn rest_state(&self) -> LeuvenState {
-        self.rest_at_force(0.0)
-    }
-
     /// State at rest that holds `force` (N), clamped to ±F_s, shared in proportion to F_i. A force
     /// that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> LeuvenState {
@@ -190,12 +180,6 @@ impl Leuven {
             self.advance(state, velocity, displacement.abs());
         }
         state.force
-    }
-
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut LeuvenState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
     }
 
     /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity
@@ -363,7 +347,7 @@ impl Law for Leuven {
     }
 }
 
-friction!(Leuven, LeuvenState);
+classical!(Leuven, LeuvenState);
 
 #[cfg(test)]
 mod tests {

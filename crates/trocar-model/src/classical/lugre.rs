@@ -3,8 +3,8 @@
 use crate::block::{BLOCK, Motion, Samples};
 use crate::error::{ParamError, check_fields};
 use crate::exponential::{decay, decay_inlined};
-use crate::friction::{friction, held, sign, velocity, within};
-use crate::law::{Choice, Law, Visit};
+use crate::friction::{classical, held, sign, velocity, within};
+use crate::law::{Choice, Law, Visit, made_of_params};
 use crate::parameter::{Blank, parameters};
 use crate::row::row;
 use crate::sliding::SlidingFriction;
@@ -103,11 +103,6 @@ impl LuGreState {
     pub fn deflection(&self) -> f64 {
         self.deflection
     }
-
-    /// F, N: force after the last step.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
 }
 
 parameters!(LuGreParams {
@@ -186,11 +181,6 @@ impl LuGre {
         self.inverse_damping_velocity
     }
 
-    /// State at rest without force.
-    pub fn rest_state(&self) -> LuGreState {
-        self.rest_at_force(0.0)
-    }
-
     /// State at rest that holds `force`, N, clamped to ±F_s; a force that is not finite counts as
     /// 0.
     pub fn rest_at_force(&self, force: f64) -> LuGreState {
@@ -208,12 +198,6 @@ impl LuGre {
             }
         }
         state.force
-    }
-
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut LuGreState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
     }
 
     /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
@@ -362,16 +346,7 @@ fn follow(
 row!(LuGreState { deflection, force });
 
 impl Law for LuGre {
-    type Parts = LuGreParams;
-    const BLANK: LuGreParams = LuGreParams::BLANK;
-
-    fn parts(&self) -> LuGreParams {
-        self.params
-    }
-
-    fn of_parts(params: &LuGreParams) -> Result<Self, ParamError> {
-        Self::new(*params)
-    }
+    made_of_params!(LuGreParams);
 
     fn visit<V: Visit>(params: &mut LuGreParams, visitor: &mut V) -> Result<(), V::Error> {
         visitor.numbers(params)?;
@@ -384,7 +359,7 @@ impl Law for LuGre {
     }
 }
 
-friction!(LuGre, LuGreState);
+classical!(LuGre, LuGreState);
 
 #[cfg(test)]
 mod tests {

@@ -2,7 +2,7 @@
 
 use crate::block::{BLOCK, Motion, Samples};
 use crate::error::{ParamError, check_element, in_range};
-use crate::friction::{friction, held, velocity, within};
+use crate::friction::{classical, held, velocity, within};
 use crate::law::{Elements, Law, MAX_ELEMENTS, Visit, check_count};
 use crate::parameter::{Quantity, parameters};
 use crate::row::row;
@@ -84,11 +84,6 @@ impl MaxwellSlipState {
     pub fn element_forces(&self) -> &[f64] {
         &self.forces[..self.count.min(MAX_ELEMENTS)]
     }
-
-    /// F, N: force that the instrument exerts on the seal.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
 }
 
 /// Maxwell-Slip model: rate-independent hysteresis with nonlocal memory, and viscous friction.
@@ -142,11 +137,6 @@ impl MaxwellSlip {
         self.bank.limit
     }
 
-    /// State at rest without any force.
-    pub fn rest_state(&self) -> MaxwellSlipState {
-        self.rest_at_force(0.0)
-    }
-
     /// State at rest that holds `force` (N), clamped to ±ΣF_i, shared in proportion to F_i. A force
     /// that is not finite counts as 0.
     pub fn rest_at_force(&self, force: f64) -> MaxwellSlipState {
@@ -194,6 +184,7 @@ impl MaxwellSlip {
         if fastest + self.bank.limit > f64::MAX {
             return false;
         }
+        // A loop whose length the compiler knows becomes vectors.
         match self.bank.count {
             0..=4 => self.run_elements::<4>(state, motion, forces),
             5..=8 => self.run_elements::<8>(state, motion, forces),
@@ -234,12 +225,6 @@ impl MaxwellSlip {
         state.force = forces[BLOCK - 1];
     }
 
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut MaxwellSlipState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
-    }
-
     /// Force (N) at the very start of motion at `velocity` (m/s); the last force for a velocity
     /// that is not finite.
     pub fn output(&self, state: &MaxwellSlipState, velocity: f64) -> f64 {
@@ -274,7 +259,7 @@ impl Law for MaxwellSlip {
     }
 }
 
-friction!(MaxwellSlip, MaxwellSlipState);
+classical!(MaxwellSlip, MaxwellSlipState);
 
 #[cfg(test)]
 mod tests {

@@ -2,8 +2,8 @@
 //! (4), (11), (23).
 
 use crate::error::ParamError;
-use crate::friction::{friction, held, sign, velocity};
-use crate::law::{Law, Visit};
+use crate::friction::{classical, held, sign, velocity};
+use crate::law::{Law, Visit, made_of_params};
 use crate::parameter::Blank;
 use crate::row::row;
 use crate::sliding::SlidingFriction;
@@ -46,11 +46,6 @@ impl StaticState {
     pub fn held_force(&self) -> f64 {
         self.held_force
     }
-
-    /// F, N: force after the last step.
-    pub fn force(&self) -> f64 {
-        self.force
-    }
 }
 
 impl StaticFriction {
@@ -66,11 +61,6 @@ impl StaticFriction {
     /// The parameters.
     pub fn params(&self) -> &SlidingFriction {
         &self.sliding
-    }
-
-    /// State at rest without force.
-    pub fn rest_state(&self) -> StaticState {
-        self.rest_at_force(0.0)
     }
 
     /// State at rest that holds `force`, N, clamped to ±F_s; a force that is not finite counts as
@@ -90,12 +80,6 @@ impl StaticFriction {
             }
         }
         state.force
-    }
-
-    /// Advances `state` at constant `velocity` (m/s) for `duration` (s); returns the force (N) at
-    /// the end.
-    pub fn step_velocity(&self, state: &mut StaticState, velocity: f64, duration: f64) -> f64 {
-        self.step(state, velocity * duration, duration)
     }
 
     /// Force at the very start of motion at `velocity` (m/s) from `state`, N; the last force for a
@@ -120,16 +104,7 @@ impl StaticFriction {
 row!(StaticState { held_force, force });
 
 impl Law for StaticFriction {
-    type Parts = SlidingFriction;
-    const BLANK: SlidingFriction = SlidingFriction::BLANK;
-
-    fn parts(&self) -> SlidingFriction {
-        self.sliding
-    }
-
-    fn of_parts(sliding: &SlidingFriction) -> Result<Self, ParamError> {
-        Self::new(*sliding)
-    }
+    made_of_params!(SlidingFriction);
 
     fn visit<V: Visit>(sliding: &mut SlidingFriction, visitor: &mut V) -> Result<(), V::Error> {
         visitor.sliding(sliding)
@@ -140,7 +115,7 @@ impl Law for StaticFriction {
     }
 }
 
-friction!(StaticFriction, StaticState);
+classical!(StaticFriction, StaticState);
 
 #[cfg(test)]
 mod tests {

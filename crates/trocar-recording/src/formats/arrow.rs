@@ -109,6 +109,7 @@ impl Arrow {
                 return Err(source.damaged(place, "no message where one should begin"));
             }
             if size == 0 {
+                // The mark of the end of a stream; what follows is no message.
                 break;
             }
             let block = Block { at, message: 8 + size, body: 0 };
@@ -148,7 +149,7 @@ impl Arrow {
             is_numeric: is_numeric(field.data_type()),
         });
         let columns = columns.collect();
-        let table = Table { name: String::new(), kind: String::new(), rows: None, columns };
+        let table = Table::without_a_name(columns);
         let (file, schema) = (Arc::new(file), Arc::new(schema));
         let mut arrow = Self { source, file, blocks, schema, tables: [table] };
         arrow.tables[0].rows = Some(arrow.rows()?);
@@ -156,6 +157,7 @@ impl Arrow {
     }
 
     fn rows(&self) -> Result<u64, RecordingError> {
+        // The footer does not state them: each batch does.
         let mut rows = 0_u64;
         for (k, block) in self.blocks.iter().enumerate() {
             let bytes = self.message(k, *block)?;

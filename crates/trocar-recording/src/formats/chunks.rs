@@ -250,6 +250,7 @@ impl<F: Chunked> Chunks<F> {
         let mut bytes = 0_u64;
         let few = self.pieces[self.at..].iter().take(most).take_while(|piece| {
             let with = bytes.saturating_add(F::size(&input, piece));
+            // The first is taken whatever its size, or nothing would ever be read.
             let fits = bytes == 0 || with <= MOST_AT_ONCE;
             bytes = with;
             fits

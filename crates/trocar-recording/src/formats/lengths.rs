@@ -43,12 +43,7 @@ pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
                 } else {
                     format!("{}[{rows}]", group.name)
                 };
-                placed.0.push(Table {
-                    name,
-                    kind: String::new(),
-                    rows: Some(rows),
-                    columns: Vec::new(),
-                });
+                placed.0.push(Table { name, rows: Some(rows), ..Table::default() });
                 placed.1.push(Vec::new());
             }
             placed.1[at].push(column.is_numeric.then_some(place));
@@ -58,13 +53,7 @@ pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
             continue;
         }
         if placed.0.len() == first {
-            let empty = Table {
-                name: group.name.clone(),
-                kind: String::new(),
-                rows: None,
-                columns: Vec::new(),
-            };
-            placed.0.push(empty);
+            placed.0.push(Table { name: group.name.clone(), ..Table::default() });
             placed.1.push(Vec::new());
         }
         placed.0[first].kind = format!("not read: {}", group.refused.join("; "));

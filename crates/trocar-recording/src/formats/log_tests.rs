@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 
-use trocar_tables::content::{HEADER_STAMP, LOG_TIME, PUBLISH_TIME};
+use trocar_tables::content::{HEADER_STAMP, LOG_TIME};
 
 use crate::container::Container;
 use crate::join::{self, Joined, Pick};
@@ -178,7 +178,7 @@ fn columns_have_the_units_of_their_types() {
         column.unwrap_or_else(|| panic!("{topic} {name} of {:?}", table.columns)).unit.clone()
     };
     assert_eq!(unit("/psm1/measured_js", LOG_TIME).as_deref(), Some("s"));
-    assert_eq!(unit("/psm1/measured_js", PUBLISH_TIME).as_deref(), Some("s"));
+    assert_eq!(unit("/psm1/measured_js", "publish_time_s").as_deref(), Some("s"));
     assert_eq!(unit("/psm1/measured_cf", "wrench.force.z").as_deref(), Some("N"));
     assert_eq!(unit("/psm1/measured_cf", "wrench.torque.x").as_deref(), Some("N m"));
     assert_eq!(unit("/psm1/measured_cp", "pose.position.z").as_deref(), Some("m"));

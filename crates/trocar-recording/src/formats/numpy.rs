@@ -14,7 +14,7 @@ use super::mat5::Storage;
 #[cfg(feature = "npz")]
 use super::zipped;
 use crate::RecordingError;
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{Batches, Column, Container, Held, Table};
 
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -279,7 +279,7 @@ impl Container for Numpy {
             let column = with_array(&self.path, array, |from| place.read(from));
             all.push(column.map_err(|error| self.source.damaged(self::place(array), error))?);
         }
-        Ok(Box::new(Rows { columns: all, at: 0 }))
+        Ok(Box::new(Held::of(all)))
     }
 }
 
@@ -299,24 +299,5 @@ impl ColumnData {
             column.push(self.storage.number(&number[..size], self.big));
         }
         Ok(column)
-    }
-}
-
-/// Columns in memory.
-struct Rows {
-    columns: Vec<Vec<f64>>,
-    at: usize,
-}
-
-impl Batches for Rows {
-    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
-        columns.iter_mut().for_each(Vec::clear);
-        let to = self.columns.first().map_or(0, Vec::len).min(self.at + BATCH_ROWS);
-        for (column, own) in columns.iter_mut().zip(&self.columns) {
-            column.extend_from_slice(&own[self.at..to]);
-        }
-        let is_more = to > self.at;
-        self.at = to;
-        Ok(is_more)
     }
 }

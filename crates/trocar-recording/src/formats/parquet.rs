@@ -163,7 +163,7 @@ impl Parquet {
         }
         let rows = u64::try_from(metadata.metadata().file_metadata().num_rows());
         let rows = rows.map_err(|_| source.damaged("the footer", "a negative number of rows"))?;
-        let table = Table { name: String::new(), kind: String::new(), rows: Some(rows), columns };
+        let table = Table { rows: Some(rows), ..Table::without_a_name(columns) };
         Ok(Self { source, input, metadata, tables: [table], times })
     }
 
@@ -188,6 +188,7 @@ impl Parquet {
         }
         let groups = self.metadata.metadata().row_groups();
         for chunk in groups.iter().filter_map(|group| group.columns().get(column)) {
+            // Neither is compiled in: named here, not in the middle of the file.
             let packing = chunk.compression();
             if matches!(packing, Compression::BROTLI(_) | Compression::LZO) {
                 let found = format!("{packing} compression");
@@ -351,6 +352,24 @@ impl Wanted {
         Ok(())
     }
 
+    /// The same with the reader that an earlier call has left in `open`, if it is of this row group.
+    fn read_on(
+        &self,
+        open: &mut Option<(usize, ParquetRecordBatchReader)>,
+        group: usize,
+        rows: usize,
+        numbers: &mut Vec<f64>,
+    ) -> Decoded<()> {
+        // A reader that has failed is not used again.
+        let mut reader = match open.take() {
+            Some((of, reader)) if of == group => reader,
+            _ => self.reader(group)?,
+        };
+        self.read(&mut reader, rows, numbers)?;
+        *open = Some((group, reader));
+        Ok(())
+    }
+
     fn read_group(&self, group: usize, numbers: &mut [f64]) -> Decoded<()> {
         let mut reader = self.reader(group)?;
         let mut piece = Vec::new();
@@ -368,18 +387,6 @@ struct Cursor {
     wanted: Wanted,
     /// The row group being read.
     open: Option<(usize, ParquetRecordBatchReader)>,
-}
-
-impl Cursor {
-    fn read(&mut self, group: usize, rows: usize, numbers: &mut Vec<f64>) -> Decoded<()> {
-        let mut reader = match self.open.take() {
-            Some((open, reader)) if open == group => reader,
-            _ => self.wanted.reader(group)?,
-        };
-        self.wanted.read(&mut reader, rows, numbers)?;
-        self.open = Some((group, reader));
-        Ok(())
-    }
 }
 
 /// Rows of some columns, one row group after the other.
@@ -405,15 +412,12 @@ impl Batches for Groups {
         let from = self.all_read;
         let read =
             self.cursors.par_iter_mut().zip(&mut *columns).try_for_each(|(cursor, numbers)| {
-                let place = format!("{}, rows from {from}", cursor.wanted.place(group));
-                let source = cursor.wanted.source.clone();
-                source.guard(&place, || {
-                    cursor
-                        .read(group, rows, numbers)
-                        .map_err(|error| refused(&source, &place, error))
-                })
+                let Cursor { wanted, open } = cursor;
+                let place = format!("{}, rows from {from}", wanted.place(group));
+                wanted.guard(place, || wanted.read_on(open, group, rows, numbers))
             });
         if read.is_err() {
+            // Some columns may have gone on: rows after this would be put together wrongly.
             columns.iter_mut().for_each(Vec::clear);
             self.group = self.rows.len();
         }

@@ -208,6 +208,7 @@ impl Pages {
         let mut rows = query.query(params![self.after, self.topic, PAGE])?;
         while let Some(row) = rows.next()? {
             let id = row.get(0)?;
+            // A damaged tree may lead back, and the pages would never end.
             if id <= self.after {
                 self.lost =
                     Some(format!("the file is damaged after message {}: {id} is next", self.after));

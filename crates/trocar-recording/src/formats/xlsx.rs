@@ -20,7 +20,7 @@ use trocar_tables::text::{Format, timestamp};
 use super::{Source, zipped};
 use crate::RecordingError;
 use crate::columns::{UNIT_IN_CELL, has_unit, is_recognised, time_unit};
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{Batches, Column, Container, Held, Table};
 use crate::quality::{Footer, RowList, warn_of_repeated};
 use crate::text::{Head, head_of, quoted};
 
@@ -237,12 +237,7 @@ impl Xlsx {
             header,
             format: head.format,
         };
-        let mut table = Table {
-            name: sheet.name.clone(),
-            kind: String::new(),
-            rows: None,
-            columns: Vec::new(),
-        };
+        let mut table = Table { name: sheet.name.clone(), ..Table::default() };
         for column in left..=right {
             let cells = rows[head.lines..].iter().flat_map(|(_, cells)| cells);
             let cells: Vec<&Cell> =
@@ -401,6 +396,7 @@ fn each_row(
             bytes = 0;
         }
         let Some((cell, (at, column))) = next.zip(at) else { return Ok(()) };
+        // Cells of a row are found by a binary search.
         let is_in_order = at >= row.0 && row.1.last().is_none_or(|(last, _)| *last < column);
         if !is_in_order || at >= MOST_ROWS || column >= MOST_COLUMNS {
             let found = format!(
@@ -451,7 +447,7 @@ impl Container for Xlsx {
             .iter()
             .map(|&k| (sheet.columns[k].0, sheet.columns[k].1, &*table.columns[k].name))
             .collect();
-        let mut rows = Rows { columns: vec![Vec::new(); columns.len()], ..Rows::default() };
+        let mut rows = Held::of(vec![Vec::new(); columns.len()]);
         let mut origins = vec![None; columns.len()];
         let (mut headers, mut footer) = (RowList::default(), Footer::default());
         let footers = FooterColumn::of(sheet, table);
@@ -598,35 +594,6 @@ impl FooterColumn {
             kind: *kind,
             is_time,
         })
-    }
-}
-
-/// The columns asked for, and why the rows end before the sheet does.
-#[derive(Default)]
-struct Rows {
-    warnings: Vec<String>,
-    columns: Vec<Vec<f64>>,
-    at: usize,
-    problem: Option<RecordingError>,
-}
-
-impl Batches for Rows {
-    fn next(&mut self, columns: &mut [Vec<f64>]) -> Result<bool, RecordingError> {
-        columns.iter_mut().for_each(Vec::clear);
-        let all = self.columns.first().map_or(0, Vec::len);
-        let to = all.min(self.at + BATCH_ROWS);
-        if self.at == to {
-            return self.problem.take().map_or(Ok(false), Err);
-        }
-        for (column, own) in columns.iter_mut().zip(&self.columns) {
-            column.extend_from_slice(&own[self.at..to]);
-        }
-        self.at = to;
-        Ok(true)
-    }
-
-    fn warnings(&self) -> Vec<String> {
-        self.warnings.clone()
     }
 }
 

@@ -288,18 +288,21 @@ pub(crate) fn outliers(types: &ByType) -> (usize, Table) {
         "Farthest from the median of their type",
         ["Recording", "Type", "Parameter", "Value", "Unit", "Score"],
     );
-    let row =
-        |table: Table, (score, value, shown, name, record): &(f64, f64, Shown, &str, &Record)| {
-            table.row([
-                Cell::Code(record.text("path").unwrap_or_default().to_owned()),
-                (*name).into(),
-                shown.words().into(),
-                Cell::Number { value: *value, digits: 3 },
-                shown.unit().shown.into(),
-                Cell::Number { value: *score, digits: 3 },
-            ])
-        };
-    (found.len(), found.iter().take(MOST_OUTLIERS).fold(table, row))
+    (found.len(), found.iter().take(MOST_OUTLIERS).fold(table, with_outlier))
+}
+
+/// Score, value, parameter, type and recording.
+type Outlier<'a> = (f64, f64, Shown, &'a str, &'a Record);
+
+fn with_outlier(table: Table, (score, value, shown, name, record): &Outlier) -> Table {
+    table.row([
+        Cell::Code(record.text("path").unwrap_or_default().to_owned()),
+        (*name).into(),
+        shown.words().into(),
+        Cell::number(*value, 3),
+        shown.unit().shown.into(),
+        Cell::number(*score, 3),
+    ])
 }
 
 /// Failures by reason, most frequent first.

@@ -42,6 +42,9 @@ pub(super) use validation::{
     Scored, cross_validation, cycle_speeds, residual_statistics, residuals, scored,
 };
 
+/// Most deflections or speeds of one figure.
+pub(crate) const MOST_CHOSEN: usize = 6;
+
 /// A figure, or the reason why there is none.
 pub(super) type Drawn = Result<Figure, String>;
 

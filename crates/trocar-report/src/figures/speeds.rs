@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{Drawn, MM, Scored};
 use crate::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
-use trocar_identify::validate::Validation;
+use trocar_lab::validate::Validation;
 
 /// Samples and sum of squared errors, N², for each speed in mm/s.
 fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {

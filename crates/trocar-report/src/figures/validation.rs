@@ -10,7 +10,7 @@ use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned, without
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::number::{fixed, significant};
 use trocar_identify::Identification;
-use trocar_identify::validate::{Validation, validate};
+use trocar_lab::validate::{Validation, validate};
 use trocar_recording::Recording;
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{
@@ -163,10 +163,7 @@ pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
             .to_owned());
     };
     let (shown, speeds) = if !chosen.is_empty() {
-        let off = |cycle: &Cycle, speed: f64| (cycle.speed - speed).abs();
-        let nearest =
-            |speed: &f64| cycles.iter().min_by(|a, b| off(a, *speed).total_cmp(&off(b, *speed)));
-        let shown: Vec<&Cycle> = chosen.iter().filter_map(nearest).collect();
+        let shown: Vec<&Cycle> = chosen.iter().filter_map(|v| nearest(&cycles, *v)).collect();
         let all: Vec<String> = shown.iter().map(|c| format!("{:.0}", MM * c.speed)).collect();
         (shown, format!("The cycles chosen are at {} mm/s.", all.join(", ")))
     } else if fastest.speed < ONE_SPEED * slowest.speed {
@@ -200,6 +197,11 @@ pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
         fixed(scored.offset, 3),
         scored.validation.rms_n
     )))
+}
+
+/// The cycle whose speed is nearest to `speed`, m/s.
+fn nearest(cycles: &[Cycle], speed: f64) -> Option<&Cycle> {
+    cycles.iter().min_by(|a, b| (a.speed - speed).abs().total_cmp(&(b.speed - speed).abs()))
 }
 
 fn forces(scored: &Scored, cycle: &Cycle) -> Panel {

@@ -59,6 +59,7 @@ impl<'de> Visitor<'de> for Object {
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Members, A::Error> {
         let mut members = Members::default();
         while let Some((key, member)) = map.next_entry::<String, Member>()? {
+            // As serde does for structs; a map would silently take the last of two.
             if members.0.iter().any(|(other, _)| *other == key) {
                 return Err(A::Error::custom(format!("duplicate field `{key}`")));
             }

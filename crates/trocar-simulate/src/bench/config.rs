@@ -486,6 +486,7 @@ impl BenchConfig {
     /// default, a number out of range.
     pub fn from_toml(text: &str) -> Result<Self, ConfigError> {
         let syntax = |error: toml::de::Error| ConfigError::Syntax(error.to_string());
+        // Once for where the keys stand, once for their values: `toml` gives no table of both.
         let spans = toml::de::DeTable::parse(text).map_err(syntax)?;
         let given: toml::Table = text.parse().map_err(syntax)?;
         let mut merged: toml::Table = DEFAULT_TOML.parse().expect("the shipped document is TOML");

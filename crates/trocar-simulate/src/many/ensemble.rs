@@ -239,6 +239,8 @@ fn each_part<E: Ensemble>(
     parts
         .filter_map(|(k, places)| {
             cancel::check();
+            // Saves work only: parts before the first refusal must run, or the answer would depend on
+            // the threads.
             if k > first_refused.load(Ordering::Relaxed) {
                 return None;
             }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use arrow_array::{ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray};
 use arrow_ipc::CompressionType;
-use arrow_ipc::writer::{DictionaryTracker, FileWriter, IpcDataGenerator, IpcWriteOptions};
+use arrow_ipc::writer::{FileWriter, IpcWriteOptions};
 use arrow_schema::{ArrowError, DataType, Metadata, Schema, SchemaRef};
 
 use super::{Column, Field, Kind};
@@ -31,8 +31,8 @@ impl Writer {
         if columns.first().is_none_or(Column::is_empty) {
             return Ok(());
         }
-        let batch = RecordBatch::try_new(self.schema.clone(), columns.iter().map(array).collect());
-        batch.and_then(|batch| self.file.write(&batch)).map_err(io_error)
+        let batch = batch(&self.schema, columns)?;
+        self.file.write(&batch).map_err(io_error)
     }
 
     pub(super) fn finish(mut self) -> io::Result<AtomicFile> {
@@ -41,28 +41,25 @@ impl Writer {
 }
 
 pub(super) fn schema(fields: &[Field]) -> Schema {
-    let field = |field: &Field| {
-        let kind = match field.kind {
-            Kind::Number => DataType::Float64,
-            Kind::Integer => DataType::Int64,
-            Kind::Boolean => DataType::Boolean,
-            Kind::Text => DataType::Utf8,
-        };
-        let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
-        arrow_schema::Field::new(&field.name, kind, true)
-            .with_metadata(unit.into_iter().collect::<Metadata>())
-    };
-    Schema::new(fields.iter().map(field).collect::<Vec<_>>())
+    Schema::new(fields.iter().map(nullable).collect::<Vec<_>>())
 }
 
-/// A schema as a message of the stream format.
-#[cfg(feature = "parquet")]
-pub(super) fn schema_message(schema: &Schema) -> Vec<u8> {
-    let mut dictionaries = DictionaryTracker::new(true);
-    let (generator, options) = (IpcDataGenerator::default(), IpcWriteOptions::default());
-    generator
-        .schema_to_bytes_with_dictionary_tracker(schema, &mut dictionaries, &options)
-        .ipc_message
+fn nullable(field: &Field) -> arrow_schema::Field {
+    let kind = match field.kind {
+        Kind::Number => DataType::Float64,
+        Kind::Integer => DataType::Int64,
+        Kind::Boolean => DataType::Boolean,
+        Kind::Text => DataType::Utf8,
+    };
+    let unit = field.unit().map(|unit| ("unit".to_owned(), unit.to_owned()));
+    arrow_schema::Field::new(&field.name, kind, true)
+        .with_metadata(unit.into_iter().collect::<Metadata>())
+}
+
+/// The columns of a table as a batch of its schema.
+pub(super) fn batch(schema: &SchemaRef, columns: &[Column]) -> io::Result<RecordBatch> {
+    let arrays = columns.iter().map(array).collect();
+    RecordBatch::try_new(schema.clone(), arrays).map_err(io_error)
 }
 
 fn array(column: &Column) -> ArrayRef {

@@ -122,18 +122,6 @@ impl Column {
             Self::Text(cells) => cells.clear(),
         }
     }
-
-    /// Appends the rows `from` to `to` (exclusive) of `other`, which has the same type.
-    #[cfg(feature = "parquet")]
-    fn extend(&mut self, other: &Self, from: usize, to: usize) {
-        match (self, other) {
-            (Self::Number(all), Self::Number(more)) => all.extend_from_slice(&more[from..to]),
-            (Self::Integer(all), Self::Integer(more)) => all.extend_from_slice(&more[from..to]),
-            (Self::Boolean(all), Self::Boolean(more)) => all.extend_from_slice(&more[from..to]),
-            (Self::Text(all), Self::Text(more)) => all.extend_from_slice(&more[from..to]),
-            _ => {}
-        }
-    }
 }
 
 /// Columns of equal length with their names.

@@ -57,7 +57,7 @@ pub(crate) fn files() -> Result<Vec<(String, String)>, Box<dyn Error>> {
 
 /// A page that holds nothing but a model.
 fn live_page(model: LiveModel) -> Result<String, Box<dyn Error>> {
-    let section = Section { live: Some(model), ..Section::new("The model, live") };
+    let section = Section::new("The model, live").live(model);
     let title = "The model, live".to_owned();
     Ok(page(&Document { title, sections: vec![section], ..Document::default() })?)
 }

@@ -2,9 +2,9 @@
 
 use crate::document::{Cell, Column, Table};
 use crate::figures::tables::{cells_of, name_of, subject_in_words};
-use trocar_identify::validate::PhaseError;
 use trocar_identify::{Subject, Warning};
 use trocar_lab::compare::{Comparison, Entry, best_of};
+use trocar_lab::validate::PhaseError;
 
 /// The parameters of banks with more elements than this are only in the JSON.
 const MOST_ELEMENTS: usize = 4;

@@ -15,8 +15,8 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trocar_model::Trocar;
 
-use crate::profile::Departure;
-use crate::scatter::StrokeScatter;
+use trocar_identify::profile::Departure;
+use trocar_identify::scatter::StrokeScatter;
 use trocar_recording::{Recording, local_velocity, range};
 use trocar_runtime::model_file::{ErrorSource, ForceError};
 use trocar_simulate::replay::{Replay, replay};
@@ -119,8 +119,7 @@ pub struct AgainstStrokes {
 
 impl AgainstStrokes {
     fn of(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<Self> {
-        let scatter =
-            StrokeScatter::of(recording).ok().filter(|scatter| scatter.rules(recording))?;
+        let scatter = StrokeScatter::of(recording).filter(|scatter| scatter.rules(recording))?;
         let mut is_scored = vec![false; recording.len()];
         scored.iter().for_each(|i| is_scored[*i] = true);
         let stroke_scatter_n = scatter.over(|i| is_scored[i]).filter(|scatter| *scatter > 0.0)?;
@@ -177,6 +176,16 @@ pub struct RecordingValidation {
 }
 
 impl RecordingValidation {
+    /// Samples with those whose state is not known.
+    fn all_samples(&self) -> usize {
+        self.samples + self.samples_before_known
+    }
+
+    /// Sum of the squared errors over all of them, N².
+    fn squares_with_start(&self) -> f64 {
+        self.rms_with_start_n.powi(2) * self.all_samples() as f64
+    }
+
     /// How the recording contradicts a model identified with the error `identification_rms`, N, for
     /// a sensor noise of `noise`, N.
     fn contradiction(&self, identification_rms: f64, noise: f64) -> Option<String> {
@@ -257,8 +266,7 @@ impl Scored {
         let (a, b) = (self.result, next.result);
         let sums = self.sums.plus(next.sums);
         let (n, m) = (a.samples as f64, b.samples as f64);
-        let with_start = |r: &RecordingValidation| (r.samples + r.samples_before_known) as f64;
-        let (p, q) = (with_start(&a), with_start(&b));
+        let (p, q) = (a.all_samples() as f64, b.all_samples() as f64);
         let mut warnings = a.warnings;
         warnings.extend(
             b.warnings
@@ -291,11 +299,9 @@ impl Scored {
     fn beside_unknown(self, next: Self) -> Self {
         let path = self.result.path.clone();
         let (mut scored, other) = if self.known { (self, next) } else { (next, self) };
-        let all = |r: &RecordingValidation| r.samples + r.samples_before_known;
-        let squares = |r: &RecordingValidation| r.rms_with_start_n.powi(2) * all(r) as f64;
-        let total = squares(&scored.result) + squares(&other.result);
-        scored.result.samples_before_known += all(&other.result);
-        scored.result.rms_with_start_n = (total / all(&scored.result) as f64).sqrt();
+        let total = scored.result.squares_with_start() + other.result.squares_with_start();
+        scored.result.samples_before_known += other.result.all_samples();
+        scored.result.rms_with_start_n = (total / scored.result.all_samples() as f64).sqrt();
         scored.result.path = path;
         scored
     }
@@ -356,24 +362,21 @@ impl Validation {
             (samples > 0 && samples as f64 >= SEEN * all as f64)
                 .then(|| (squares.max(0.0) / samples as f64).sqrt())
         };
-        let sums = |part: PhaseError| (part.rms_n * part.rms_n * part.samples as f64, part.samples);
-        let without = |all: PhaseError, part: Option<PhaseError>| {
-            let (all, part) = (sums(all), part.map_or((0.0, 0), sums));
-            (all.0 - part.0, all.1 - part.1)
-        };
         let held = [
-            rms(&|phases| without(phases.hold, phases.partial_hold)),
-            rms(&|phases| phases.partial_hold.map_or((0.0, 0), sums)),
+            rms(&|phases| phases.hold.less(phases.partial_hold)),
+            rms(&|phases| phases.partial_hold.map_or((0.0, 0), PhaseError::sums)),
         ];
         // A model without deflection has one error for all motion.
         ForceError {
             source,
             deforming_n: rms(&|phases| match phases.moving {
-                Some(moving) => sums(moving),
-                None => without(phases.deformation, phases.partial),
+                Some(moving) => moving.sums(),
+                None => phases.deformation.less(phases.partial),
             }),
-            partial_n: rms(&|phases| phases.moving.or(phases.partial).map_or((0.0, 0), sums)),
-            sliding_n: rms(&|phases| sums(phases.moving.unwrap_or(phases.sliding))),
+            partial_n: rms(&|phases| {
+                phases.moving.or(phases.partial).map_or((0.0, 0), PhaseError::sums)
+            }),
+            sliding_n: rms(&|phases| phases.moving.unwrap_or(phases.sliding).sums()),
             held_n: held.into_iter().flatten().reduce(f64::max),
         }
     }
@@ -382,7 +385,7 @@ impl Validation {
     /// `identification_rms`, N. A recording gets a warning if its error is far above that or if the
     /// model explains it badly. `recordings` are those used for validation.
     #[must_use]
-    pub fn beside_identification(
+    pub(crate) fn beside_identification(
         mut self,
         identification_rms: f64,
         recordings: &[Recording],
@@ -547,7 +550,7 @@ pub enum Phase {
 }
 
 /// Phases of the `scored` samples, as far as the replay determines them.
-pub fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
+pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
     // Rests after a partial reversal are separate: those at the ends of full strokes do not
     // represent them.
@@ -562,10 +565,32 @@ pub fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<P
     scored.iter().map(phase).collect()
 }
 
+impl PhaseError {
+    /// Sum of the squared errors, N².
+    fn squares(&self) -> f64 {
+        self.rms_n * self.rms_n * self.samples as f64
+    }
+
+    /// The same with the number of samples.
+    fn sums(self) -> (f64, usize) {
+        (self.squares(), self.samples)
+    }
+
+    /// The sums without those of a `part` of the phase.
+    fn less(self, part: Option<Self>) -> (f64, usize) {
+        let (all, part) = (self.sums(), part.map_or((0.0, 0), Self::sums));
+        (all.0 - part.0, all.1 - part.1)
+    }
+
+    /// `None` for a phase without samples.
+    fn occurred(self) -> Option<Self> {
+        Some(self).filter(|part| part.samples > 0)
+    }
+}
+
 impl Phases {
     /// Combination of two parts of one recording.
     fn plus(&self, other: &Self) -> Self {
-        let squares = |part: &PhaseError| part.rms_n * part.rms_n * part.samples as f64;
         let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
         let parts = |phases: &Self| {
             let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
@@ -575,23 +600,22 @@ impl Phases {
         };
         let pairs = || parts(self).into_iter().zip(parts(other));
         // The last two are subsets of others.
-        let total: f64 = pairs().take(4).map(|(a, b)| squares(&a) + squares(&b)).sum();
+        let total: f64 = pairs().take(4).map(|(a, b)| a.squares() + b.squares()).sum();
         let mut both = pairs().map(|(a, b)| PhaseError {
             rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
             samples: a.samples + b.samples,
-            share_of_squares: if total > 0.0 { (squares(&a) + squares(&b)) / total } else { 0.0 },
+            share_of_squares: if total > 0.0 { (a.squares() + b.squares()) / total } else { 0.0 },
         });
         let mut next = || both.next().unwrap_or(none);
         let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
         let (partial, partial_hold) = (next(), next());
-        let used = |part: PhaseError| Some(part).filter(|part| part.samples > 0);
         Self {
             deformation,
             sliding,
-            moving: used(moving),
+            moving: moving.occurred(),
             hold,
-            partial: used(partial),
-            partial_hold: used(partial_hold),
+            partial: partial.occurred(),
+            partial_hold: partial_hold.occurred(),
         }
     }
 
@@ -608,14 +632,13 @@ impl Phases {
             PhaseError { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
         };
         let [full, sliding, moving, hold, partial, partial_hold] = sums;
-        let used = |sums: Sums| Some(part(sums)).filter(|part| part.samples > 0);
         Self {
             deformation: part(full.plus(partial)),
             sliding: part(sliding),
-            moving: used(moving),
+            moving: part(moving).occurred(),
             hold: part(hold.plus(partial_hold)),
-            partial: used(partial),
-            partial_hold: used(partial_hold),
+            partial: part(partial).occurred(),
+            partial_hold: part(partial_hold).occurred(),
         }
     }
 }
