@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use trocar::compensate::CompensateOptions;
 use trocar::model_file::ModelFile;
+use trocar::recording::registry::FORMATS;
 use trocar::recording::rows::BY_OWN_HEADER;
 use trocar::recording::{
     Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read,
@@ -18,9 +19,23 @@ use crate::progress::Progress;
 /// Ratio of the peak memory of a whole identification to that of the recordings.
 const PEAK_TO_COLUMNS: u64 = 5;
 
+/// Headings of the options in the help of several commands. `-h` shows the options that most people need,
+/// `--help` all of them.
+const READING: &str = "Reading recordings";
+const MOTION: &str = "Moving mass";
+pub(crate) const STATISTICS: &str = "Statistics";
+pub(crate) const OUTPUT: &str = "Output";
+
+/// Help of an argument for files of any format that is read.
+pub(crate) fn files(what: &str) -> String {
+    let formats = FORMATS.iter().filter(|format| format.is_read()).map(|format| format.name);
+    let others = formats.filter(|name| *name != FORMATS[0].name).collect::<Vec<_>>().join(", ");
+    format!("{what}: CSV and other text ('-' for standard input), {others}")
+}
+
 /// What to take from a file.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Reading recordings")]
+#[command(next_help_heading = READING)]
 pub(crate) struct Choosing {
     /// Columns with their units: by name, with a minus to reverse the sign, as in
     /// position_mm=x,force_n=-fz (names with commas in double quotes); or in order, '-' to skip
@@ -32,16 +47,16 @@ pub(crate) struct Choosing {
     #[arg(long, value_name = "NAME")]
     pub(crate) topic: Vec<String>,
     /// Leave out rows before this time, in s from the first row
-    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true, hide_short_help = true)]
     from_s: Option<f64>,
     /// Leave out rows from this time on, in s from the first row
-    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true, hide_short_help = true)]
     to_s: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted the other way round
     #[arg(long)]
     flip_force: bool,
     /// Lines to skip at the beginning of a text, before its header, if they are not recognised
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", hide_short_help = true)]
     skip_rows: u64,
     /// Rows per second of a file without a column of times
     #[arg(long, value_name = "HZ", value_parser = positive, overrides_with = "rate_hz")]
@@ -95,19 +110,19 @@ const SAMPLES_IN_A_PIECE: usize = 1 << 20;
 
 /// How to read the recordings.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Reading recordings")]
+#[command(next_help_heading = READING)]
 pub(crate) struct Reading {
     #[command(flatten)]
     pub(crate) choosing: Choosing,
     /// Largest force the sensor can read, in N; readings there count as saturated
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, hide_short_help = true)]
     sensor_limit_n: Option<f64>,
     /// Most samples of a recording to identify from; of a longer recording, excerpts spread over
     /// the whole are used
-    #[arg(long, default_value_t = 2_000_000, value_name = "N")]
+    #[arg(long, default_value_t = 2_000_000, value_name = "N", hide_short_help = true)]
     most_samples: usize,
     /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
-    #[arg(long, value_name = "MB")]
+    #[arg(long, value_name = "MB", hide_short_help = true)]
     memory_limit_mb: Option<u64>,
 }
 
@@ -190,20 +205,28 @@ impl Reading {
 
 /// What moves between sensor and seal.
 #[derive(clap::Args)]
+#[command(next_help_heading = MOTION)]
 pub(crate) struct Rod {
-    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings
-    #[arg(long, default_value_t = 0.0, value_name = "KG", allow_negative_numbers = true)]
-    moving_mass_kg: f64,
+    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default:
+    /// estimated, if the motion determines it]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
+    moving_mass_kg: Option<f64>,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81
     /// for a withdrawal downwards, -9.81 for an insertion downwards); needs --moving-mass-kg; 0
     /// leaves the weight in the offset
-    #[arg(long, default_value_t = 0.0, value_name = "G", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        value_name = "G",
+        allow_negative_numbers = true,
+        hide_short_help = true
+    )]
     gravity_m_s2: f64,
 }
 
 impl Rod {
     pub(crate) fn moving_mass(&self) -> Result<MovingMass, RecordingError> {
-        MovingMass::new(self.moving_mass_kg, self.gravity_m_s2)
+        MovingMass::new(self.moving_mass_kg.unwrap_or(0.0), self.gravity_m_s2)
     }
 }
 

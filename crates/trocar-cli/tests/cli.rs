@@ -655,6 +655,8 @@ fn helpers_print_what_they_are_asked_for() {
     let place = Place::new();
     assert!(place.run("completions bash").done().stdout.contains("_trocar()"));
     assert!(place.run("man").done().stdout.contains(".TH trocar 1"));
+    let page = place.run("man how-to/columns").done().stdout;
+    assert!(page.starts_with("# ") && page.contains("--columns"), "{page}");
     place.run("man --out man").done();
     assert!(place.text("man/trocar-identify.1").contains("moving\\-mass\\-kg"));
     let config = place.run("bench --print-config").done().stdout;

@@ -16,7 +16,7 @@ use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{Reading, Rod, finite, positive};
+use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, finite, positive};
 use crate::models::read_model;
 use crate::output::Output;
 use crate::progress::Progress;
@@ -35,57 +35,55 @@ const FILES: [&str; 5] =
 /// the identification error, or posterior draws did not converge.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recordings to identify from: CSV with time, position and force columns, '-' for standard
-    /// input
-    #[arg(required = true, value_name = "RECORDING")]
+    #[arg(required = true, value_name = "RECORDING", help = files("Recordings to identify from"))]
     recordings: Vec<PathBuf>,
     /// Recordings to validate on, held out of the identification
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
     /// Folder for the results; it need not exist
-    #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES))]
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES), help_heading = OUTPUT)]
     out: Output,
     /// Seed of everything random
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", help_heading = STATISTICS, hide_short_help = true)]
     seed: u64,
     /// Degrees of the two joined polynomials of each branch, 2 to 7
-    #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees)]
+    #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees, help_heading = STATISTICS, hide_short_help = true)]
     degrees: Degrees,
     /// Do not try the optional terms that rests and partial reversals determine: creep, relaxation,
     /// second_relaxation, minor_loops, second_stage
-    #[arg(long)]
+    #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     no_free_motion: bool,
     /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
     /// second_relaxation, unmodelled_mass, asymmetry, second_stage
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = STATISTICS, hide_short_help = true)]
     without: Vec<Term>,
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite, help_heading = STATISTICS, hide_short_help = true)]
     offset_n: Option<f64>,
     /// Model of a trocar of the same type, from which the recordings depart: a few strokes then give
     /// its parameters for the trocar in use
-    #[arg(long, value_name = "MODEL", conflicts_with = "paper")]
+    #[arg(long, value_name = "MODEL", conflicts_with = "paper", help_heading = STATISTICS)]
     prior: Option<PathBuf>,
     /// Spread of friction between trocars of that type, relative
-    #[arg(long, value_name = "FRACTION", default_value_t = SealPrior::SPREAD, value_parser = positive, requires = "prior")]
+    #[arg(long, value_name = "FRACTION", default_value_t = SealPrior::SPREAD, value_parser = positive, requires = "prior", help_heading = STATISTICS, hide_short_help = true)]
     prior_spread: f64,
     /// Also take N draws of the parameters from their posterior, a multiple of 4 from 400, and write
     /// them into posterior.parquet
-    #[arg(long, value_name = "N", value_parser = draws, conflicts_with = "paper")]
+    #[arg(long, value_name = "N", value_parser = draws, conflicts_with = "paper", help_heading = STATISTICS)]
     posterior: Option<Draws>,
     /// Identify by the two steps of the paper only: steady state, then deformation
-    #[arg(long)]
+    #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     paper: bool,
     /// Deflection at which figure 7 shows the influence of the deformation velocity; up to 6 times
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = finite, help_heading = OUTPUT, hide_short_help = true)]
     figure_7_deflection_mm: Vec<f64>,
     /// Speed of a stroke that figure 9 shows (the nearest recorded one within 10 %); up to 6 times
-    #[arg(long, value_name = "SPEED", value_parser = positive)]
+    #[arg(long, value_name = "SPEED", value_parser = positive, help_heading = OUTPUT, hide_short_help = true)]
     figure_9_speed_mm_s: Vec<f64>,
     #[command(flatten)]
     rod: Rod,
     /// Print summary.json instead of the table
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     #[command(flatten)]
     reading: Reading,
