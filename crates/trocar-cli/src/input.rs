@@ -37,9 +37,9 @@ pub(crate) fn files(what: &str) -> String {
 #[derive(clap::Args)]
 #[command(next_help_heading = READING)]
 pub(crate) struct Choosing {
-    /// Columns with their units: by name, with a minus to reverse the sign, as in
-    /// position_mm=x,force_n=-fz (names with commas in double quotes); or in order, '-' to skip
-    /// one, as in time_s,position_mm,-,force_n
+    /// Columns with their units: by name, with a minus to reverse the sign and a factor to scale, as
+    /// in position_mm=x,force_n=-22.2*U (names with commas in double quotes); or in order, '-' to
+    /// skip one, as in time_s,position_mm,-,force_n
     #[arg(long, value_name = "NAMES", overrides_with = "columns", allow_hyphen_values = true)]
     columns: Option<String>,
     /// Topic of a robot log, or group of a MATLAB or HDF5 file; may be repeated (see `trocar
