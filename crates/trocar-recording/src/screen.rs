@@ -256,13 +256,15 @@ fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
 ///
 /// The values are first scaled to integer multiples of a power of ten. Each block of differences
 /// has its own greatest common divisor, and the divisor common to most blocks is used, so a few odd
-/// values have no effect.
+/// values have no effect. 0 where the differences do not show a step.
 pub(super) fn resolution(values: &[f64]) -> f64 {
     let looked_at = &values[..values.len().min(LOOKED_AT)];
     let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
     let Some(scale) = (0..=10)
         .map(|digits| 10_f64.powi(digits))
+        // Less than a unit in all rounds to nothing.
+        .filter(|scale| largest * scale >= 1.0)
         // Above 2^43 units the last digits of a double no longer distinguish integers from other
         // numbers.
         .find(|&scale| largest * scale < 8.8e12 && looked_at.iter().all(|&x| is_whole(x, scale)))
@@ -271,7 +273,7 @@ pub(super) fn resolution(values: &[f64]) -> f64 {
     };
     let whole: Vec<i64> = looked_at.iter().map(|x| (x * scale).round() as i64).collect();
     let mut divisors: Vec<u64> =
-        whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
+        whole.chunks(64).filter(|block| shows_a_step(block)).map(common_divisor).collect();
     divisors.sort_unstable();
     let mut commonest: Option<&[u64]> = None;
     for run in divisors.chunk_by(|a, b| a == b) {
@@ -280,6 +282,17 @@ pub(super) fn resolution(values: &[f64]) -> f64 {
         }
     }
     commonest.map_or(0.0, |run| run[0] as f64 / scale)
+}
+
+/// Whether the differences of a block tell the step of an encoder from a constant speed times the
+/// interval: they have two sizes, or the motion pauses between equal ones.
+fn shows_a_step(block: &[i64]) -> bool {
+    let mut steps: Vec<u64> = block.windows(2).map(|pair| pair[1].abs_diff(pair[0])).collect();
+    let pauses = steps.split(|step| *step > 0).filter(|pause| !pause.is_empty()).count();
+    steps.retain(|step| *step > 0);
+    steps.sort_unstable();
+    steps.dedup();
+    steps.len() > 1 || steps.len() == 1 && pauses > 2
 }
 
 fn common_divisor(block: &[i64]) -> u64 {

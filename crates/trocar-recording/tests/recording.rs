@@ -325,6 +325,25 @@ fn a_column_may_have_a_factor() {
     }
 }
 
+/// A position that the recording computer made of a speed has no step of an encoder.
+#[test]
+fn a_constant_speed_is_no_step_of_an_encoder() {
+    let of = |step: f64, speed: f64| {
+        let strokes = (0..4000).map(|k: i32| f64::from((k % 1000 - 500).abs()) * 1e-3 * speed);
+        let position = strokes.map(|x| if step > 0.0 { (x / step).round() * step } else { x });
+        let time = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
+        let force = (0..4000).map(noise).collect();
+        let recording = Recording::from_columns("speed", time, position.collect(), force);
+        recording.unwrap().quality.position_resolution
+    };
+    for (step, speed, found) in
+        [(0.0, 0.048, 0.0), (0.0, 0.072, 0.0), (4e-6, 0.0483, 4e-6), (4e-6, 0.0012, 4e-6)]
+    {
+        let seen = of(step, speed);
+        assert!((seen - found).abs() < 1e-12, "{speed} m/s, step {step}: {seen}");
+    }
+}
+
 #[test]
 fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
     for (header, essentials) in [
