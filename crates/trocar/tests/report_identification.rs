@@ -443,6 +443,7 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
         let (a, b) = (series(&a, Role::Measured).clone(), series(&b, Role::Measured).clone());
         assert_eq!(a.x, b.x, "{id}");
         assert!(a.y.iter().zip(&b.y).all(|(a, b)| (a - b).abs() < 1e-9), "{id}");
+        assert_eq!([&*a.name, &*b.name], ["measured, inertia subtracted"; 2], "{id}");
     }
 }
 

@@ -142,7 +142,7 @@ pub(crate) fn small_motion(
         .series(line("position", Role::Measured, &time, millimetres))
         .aspect(0.16);
     let mut force = over_time(Axis::new("force", "N")).series(line(
-        "measured",
+        super::measured(recording, 0.0),
         Role::Measured,
         &time,
         measured.iter().copied(),
