@@ -7,7 +7,7 @@ use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::report::teleop::{COURSE, Sources, TeleopReport};
 use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried};
-use trocar::teleop::config::shipped;
+use trocar::teleop::config::{Architecture, shipped};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::ZWidth;
 use trocar::teleop::{Config, Options, Study};
@@ -120,7 +120,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         staged.commit()?;
     }
     let json = || study.summary().to_json();
-    console::print(&if args.json { json() } else { text(&study) })?;
+    let words = || format!("{}{}{}", which(args, &study.config), text(&study), meaning(&study));
+    console::print(&if args.json { json() } else { words() })?;
     if let Some(folder) = &args.out {
         console.remark(&format!("report: {}", folder.join("report.html").display()));
     }
@@ -182,6 +183,47 @@ fn remark_on_certainty(console: &Console, args: &Args, is_certain: bool) {
     console.remark(
         "the advice covers the model's uncertainty only: --least-friction 0.55 adds wetted seals",
     );
+}
+
+/// Which loop it is.
+fn which(args: &Args, config: &Config) -> String {
+    let architecture = match config.control.architecture {
+        Architecture::PositionPosition => "position-position",
+        Architecture::PositionForce => "position-force",
+        Architecture::FourChannel => "four channels",
+        Architecture::Wave => "wave variables",
+    };
+    let from = match &args.config {
+        Some(path) => path.display().to_string(),
+        None => "the default (--print-config shows it)".to_owned(),
+    };
+    format!(
+        "loop: {from}, {architecture}, {} Hz, delay {} ms each way, {} % of the trocar's force taken out\n",
+        number(1.0 / config.sample_time_s),
+        number(1e3 * config.channel.delay_s),
+        number(100.0 * config.compensation.fraction)
+    )
+}
+
+/// What the figures mean for the operator; nothing of a loop that is unstable.
+fn meaning(study: &Study) -> String {
+    let (Some(figures), None) = (&study.outcome.figures, study.outcome.unsettled_by) else {
+        return String::new();
+    };
+    let mut said = Vec::new();
+    if let (Some(felt), Some(tissue)) =
+        (figures.displayed_stiffness_n_m, figures.true_stiffness_n_m)
+    {
+        said.push(format!("tissue of {tissue:.0} N/m feels like {felt:.0} N/m"));
+    }
+    said.push(format!("forces below about {:.1} N are masked", figures.force_error_rms_n));
+    said.push(match figures.energy_j < 0.0 {
+        true => {
+            format!("the loop is active: it gives {:.0} mJ to its ends", -1e3 * figures.energy_j)
+        }
+        false => "the loop is passive along this motion".to_owned(),
+    });
+    format!("\nin words: {}\n", said.join("; "))
 }
 
 fn text(study: &Study) -> String {
@@ -307,16 +349,26 @@ fn partly_stable(advice: &Advice) -> String {
     format!("stable with some of the {} (how many): {}\n", self::tried(advice), partly.join(", "))
 }
 
+/// Rows and columns of a map that are printed; all are in the report.
+const PRINTED: usize = 8;
+
+/// Up to [`PRINTED`] of `count` places, evenly from the first to the last.
+fn spread(count: usize) -> Vec<usize> {
+    let most = PRINTED.min(count);
+    (0..most).map(|k| k * (count - 1) / (most - 1).max(1)).collect()
+}
+
 fn map_text(map: &Map) -> String {
     let mut text = "\nstiffest tissue with which the loop is stable (N/m; from 0 to 20 000 are tried; -: with none; *: not from 0 on, or \
-                    in several ranges, see summary.json), delay of one direction in ms down, percentage taken out across\n"
+                    in several ranges; summary.json has more), delay of one direction in ms down, percentage taken out across\n"
         .to_owned();
     text += &" ".repeat(6);
-    map.fractions.iter().for_each(|fraction| text += &format!("{:6.1} ", 100.0 * fraction));
-    for (delay, row) in map.delays_s.iter().zip(&map.z_width_n_m) {
-        text = text.trim_end().to_owned() + &format!("\n{:6.1}", 1e3 * delay);
-        for width in row {
-            text += &match width.ranges_n_m.as_slice() {
+    let across = spread(map.fractions.len());
+    across.iter().for_each(|k| text += &format!("{:6.1} ", 100.0 * map.fractions[*k]));
+    for down in spread(map.z_width_n_m.len()) {
+        text = text.trim_end().to_owned() + &format!("\n{:6.1}", 1e3 * map.delays_s[down]);
+        for k in &across {
+            text += &match map.z_width_n_m[down][*k].ranges_n_m.as_slice() {
                 [] => format!("{:>6} ", "-"),
                 [[0.0, greatest]] => format!("{greatest:6.0} "),
                 [[_, greatest], ..] => format!("{greatest:6.0}*"),
