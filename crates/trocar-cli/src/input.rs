@@ -80,13 +80,12 @@ impl Choosing {
     /// What to read for `model`: without options as its own recordings were read.
     pub(crate) fn choice_for(&self, console: &Console, model: &ModelFile) -> Choice {
         let own = self.choice();
-        let period = Choice { from: own.from, to: own.to, ..Choice::default() };
-        let Some(choice) = choice_for(model).filter(|_| own == period) else { return own };
+        let Some(choice) = choice_for(model, &own) else { return own };
         console.remark(&format!(
             "note: read like the recordings of the model, with {}, unless the file lacks them",
             options_of(&choice)
         ));
-        Choice { from: own.from, to: own.to, ..choice }
+        choice
     }
 }
 
