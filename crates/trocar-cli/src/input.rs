@@ -126,8 +126,8 @@ pub(crate) struct Reading {
 }
 
 impl Reading {
-    /// Reads all files, prints warnings about them, and rejects files that do not fit into memory
-    /// together.
+    /// Reads all files, prints what they have lost, and rejects files that do not fit into memory
+    /// together. The caller says how they were read.
     pub(crate) fn recordings(
         &self,
         console: &Console,
@@ -140,7 +140,7 @@ impl Reading {
             let recording =
                 read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
-            say_quality(console, path, &recording);
+            say_losses(console, path, &recording);
             recordings.push(recording);
         }
         Ok(recordings)
@@ -167,7 +167,8 @@ impl Reading {
                 // A piece may consist of a rest only.
                 piece.quality.warnings.retain(|warning| warning.kind != WarningKind::Stroke);
             }
-            say_quality(console, path, &piece);
+            say_losses(console, path, &piece);
+            say_how_read(console, &piece);
             take(piece)?;
             count += 1;
         }
@@ -242,13 +243,18 @@ fn with_the_peak(error: RecordingError) -> RecordingError {
     }
 }
 
-fn say_quality(console: &Console, path: &Path, recording: &Recording) {
+fn say_losses(console: &Console, path: &Path, recording: &Recording) {
     let file = path.display();
     for warning in &recording.quality.warnings {
         console.warn(&format!("{file}: {warning}"));
     }
-    for note in &recording.quality.notes {
-        console.remark(&format!("note: {file}: {note}"));
+}
+
+/// How a file was read, in one line, if there is anything to say.
+pub(crate) fn say_how_read(console: &Console, recording: &Recording) {
+    if !recording.quality.notes.is_empty() {
+        let notes = recording.quality.notes.join("; ");
+        console.remark(&format!("note: {}: {notes}", recording.name));
     }
 }
 

@@ -7,12 +7,11 @@ use trocar::identify::classical::Kind;
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
 use trocar::report;
-use trocar::survey::Survey;
 
 use super::identify::print_survey;
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files};
+use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, say_how_read};
 use crate::models::{Models, models};
 use crate::output::Output;
 use crate::progress::Progress;
@@ -85,7 +84,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let identify = IdentifyOptions { seed: args.seed, ..Default::default() };
-    print_survey(console, &Survey::new(&divided.training, &identify.segment));
+    print_survey(console, &divided.training, &identify.segment);
+    if !divided.held_out {
+        divided.validation.iter().for_each(|recording| say_how_read(console, recording));
+    }
     let options =
         CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
     let progress = Progress::new(console);

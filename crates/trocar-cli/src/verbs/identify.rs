@@ -10,13 +10,14 @@ use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
 use trocar::report::write_workflow;
+use trocar::segment::SegmentOptions;
 use trocar::survey::Survey;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, finite, positive};
+use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, finite, positive, say_how_read};
 use crate::models::read_model;
 use crate::output::Output;
 use crate::progress::Progress;
@@ -205,21 +206,35 @@ pub(crate) fn run_workflow(
     moving_mass: MovingMass,
     options: IdentifyOptions,
 ) -> anyhow::Result<Workflow> {
-    print_survey(console, &Survey::new(&recordings, &options.segment));
+    let warned = |r: &Recording| r.quality.warnings.clone().into_iter().map(|w| w.message);
+    let printed: Vec<String> = recordings.iter().flat_map(warned).collect();
+    let limits = print_survey(console, &recordings, &options.segment);
+    held_out.iter().for_each(|recording| say_how_read(console, recording));
     let progress = Progress::new(console);
     let done = Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
         progress.report(stage, part)
     })?;
     drop(progress);
-    print_warnings(console, &done);
+    print_warnings(console, &done, &printed);
+    advise(console, &done, MOST_NOTES.saturating_sub(limits));
     Ok(done)
 }
 
-/// Parameters that the recordings can and cannot determine.
-pub(crate) fn print_survey(console: &Console, survey: &Survey) {
-    for r in &survey.recordings {
+/// Most notes about a result: what to record, and what to do about it. The rest is in the report.
+const MOST_NOTES: usize = 3;
+
+/// What was recorded and how it was read, one line a file, and what that cannot determine; returns
+/// the number of these notes.
+pub(crate) fn print_survey(
+    console: &Console,
+    recordings: &[Recording],
+    options: &SegmentOptions,
+) -> usize {
+    let survey = Survey::new(recordings, options);
+    for (r, recording) in survey.recordings.iter().zip(recordings) {
+        let read: String = recording.quality.notes.iter().map(|note| format!("; {note}")).collect();
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
+            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}{read}",
             r.name,
             r.samples,
             r.duration,
@@ -229,9 +244,8 @@ pub(crate) fn print_survey(console: &Console, survey: &Survey) {
             speeds(&r.insertion_speeds, &r.withdrawal_speeds)
         ));
     }
-    for limit in &survey.limits {
-        console.remark(&format!("note: {limit}"));
-    }
+    survey.limits.iter().for_each(|limit| console.remark(&format!("note: {limit}")));
+    survey.limits.len()
 }
 
 fn counted(count: usize, one: &str, many: &str) -> String {
@@ -252,31 +266,34 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// Whether a warning about a file was printed when it was read; remarks about files are in the
-/// report.
-fn was_printed(done: &Workflow, warning: &Warning) -> bool {
-    let Subject::Recording(_) = warning.subject else { return false };
-    let mut at_reading = done.recordings.iter().flat_map(|recording| &recording.quality.warnings);
-    !warning.doubtful || at_reading.any(|w| w.message == warning.message)
+/// The messages with what they concern, in the words of the table. A common reason of several
+/// parameters is said once.
+fn in_lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
+    let mut lines: Vec<(String, &str)> = Vec::new();
+    for Warning { subject, message, .. } in warnings {
+        let subject = match subject {
+            Subject::Parameter(id) => in_words(*id),
+            other => other.to_string(),
+        };
+        match lines.iter_mut().find(|(_, said)| said == message) {
+            Some((subjects, _)) => *subjects = format!("{subjects}, {subject}"),
+            None => lines.push((subject, message)),
+        }
+    }
+    lines.into_iter().map(|(subjects, message)| format!("{subjects}: {message}")).collect()
 }
 
-/// A common reason of several parameters is printed once.
-fn print_warnings(console: &Console, done: &Workflow) {
-    let mut left: Vec<&Warning> =
-        done.identification.warnings.iter().filter(|w| !was_printed(done, w)).collect();
-    while let Some(&first) = left.first() {
-        let (same, others): (Vec<&Warning>, Vec<&Warning>) = left
-            .into_iter()
-            .partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
-        let subjects: Vec<String> = same.iter().map(|w| w.subject.to_string()).collect();
-        let text = format!("{}: {}", subjects.join(", "), first.message);
-        if first.doubtful {
-            console.warn(&text)
-        } else {
-            console.remark(&format!("note: {text}"))
-        }
-        left = others;
-    }
+/// What a person can do for a better result, at most so many notes.
+fn advise(console: &Console, done: &Workflow, most: usize) {
+    let advice = done.identification.warnings.iter().filter(|w| w.is_advice && !w.doubtful);
+    in_lines(advice).iter().take(most).for_each(|line| console.remark(&format!("note: {line}")));
+}
+
+/// What is doubtful about the result, but for what was `printed` when the files were read.
+fn print_warnings(console: &Console, done: &Workflow, printed: &[String]) {
+    let all = done.identification.warnings.iter();
+    let doubts = all.filter(|w| w.doubtful && !printed.contains(&w.message));
+    in_lines(doubts).iter().for_each(|line| console.warn(line));
     let results = done.validation.iter().flat_map(|validation| &validation.recordings);
     for result in results {
         for warning in &result.warnings {
@@ -329,21 +346,19 @@ fn in_brief(done: &Workflow) -> String {
     text
 }
 
-/// Position delay and position profile, if strokes repeat.
+/// Position delay and position profile, if there are any.
 fn along_in_words(found: &Identification) -> String {
     let lag = found
         .position_delay
         .map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
-    let along = match (&found.position_profile, &found.no_position_profile) {
-        (Some(fit), _) => Some(format!(
+    let along = found.position_profile.as_ref().map(|fit| {
+        format!(
             "the force depends on the position: {} N rms on held-out cycles with a profile of {} knots, {} N without\n",
             number(fit.held_out_rms_n),
             fit.profile.gains().len(),
             number(fit.constant_held_out_rms_n)
-        )),
-        (None, Some(why)) => Some(format!("no position profile: {why}\n")),
-        (None, None) => None,
-    };
+        )
+    });
     lag.into_iter().chain(along).collect()
 }
 
