@@ -133,7 +133,7 @@ pub(crate) const EXAMPLES: [Example; 17] = [
             ("The same of a device", "trocar teleop --print-config dvrk"),
             ("", "trocar teleop loop.toml --model result --out looked-at"),
             (
-                "How much of the trocar's force to take out",
+                "How much of the trocar's force to compensate",
                 "trocar teleop loop.toml --model result --advise",
             ),
         ],

@@ -265,10 +265,10 @@ fn a_tip_that_does_not_reach_the_tissue_is_reported() {
         advised.stdout.contains("no advice: the tip does not reach the tissue"),
         "{advised:#?}"
     );
-    assert!(!advised.stdout.contains("take out"), "{}", advised.stdout);
+    assert!(!advised.stdout.contains("\ncompensate "), "{}", advised.stdout);
 }
 
-/// A light grip and too much taken out: in the tissue the loop rests, without it it does not.
+/// A light grip and too much compensated: in the tissue the loop rests, without it it does not.
 #[test]
 fn an_unstable_loop_is_told_from_one_that_is_unstable_without_tissue() {
     let stiff = "[channel]\ndelay_s = 0.01\n[tissue]\nstiffness_n_m = 3000.0\n[compensation]\nfraction = 1.0\n";

@@ -360,7 +360,6 @@ pub fn choice_for(model: &ModelFile, own: &Choice) -> Option<Choice> {
         skip_rows,
         rate_hz,
         from_another_file: true,
-        ..Choice::default()
     })
 }
 

@@ -28,7 +28,7 @@ const FILES: [&str; 5] =
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
 /// Operator, master, channel, slave, trocar, tissue and sensor along the axis of the instrument. Prints
-/// what is felt of the tissue with the fraction of the trocar's force that is taken out, and the ranges of
+/// what is felt of the tissue with the fraction of the trocar's force that is compensated, and the ranges of
 /// the tissue's stiffness with which the loop is stable. --advise finds the best fraction over the model's
 /// 95 % intervals, --map the ranges of stiffness over delay and fraction. Writes summary.json,
 /// course.parquet, hybrid.parquet, report.html and figures into the folder given with --out. Exit code 3:
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// Model in the compensator; without it, the same
     #[arg(long, value_name = "MODEL")]
     compensator: Option<PathBuf>,
-    /// Find the fraction of the trocar's force to take out
+    /// Find the fraction of the trocar's force to compensate
     #[arg(long)]
     advise: bool,
     /// With --advise: besides the model and both ends of its intervals, try N trocars drawn from them (seed of
@@ -198,7 +198,7 @@ fn which(args: &Args, config: &Config) -> String {
         None => "the default (--print-config shows it)".to_owned(),
     };
     format!(
-        "loop: {from}, {architecture}, {} Hz, delay {} ms each way, {} % of the trocar's force taken out\n",
+        "loop: {from}, {architecture}, {} Hz, delay {} ms each way, {} % of the trocar's force compensated\n",
         number(1.0 / config.sample_time_s),
         number(1e3 * config.channel.delay_s),
         number(100.0 * config.compensation.fraction)
@@ -241,7 +241,7 @@ fn text(study: &Study) -> String {
     let cases: Vec<(f64, &Merit)> =
         figures.iter().map(|figures| (fraction, figures)).chain(advised).collect();
     if !cases.is_empty() {
-        text += "\nwith a percentage of the trocar's force taken out:\n";
+        text += "\nwith a percentage of the trocar's force compensated:\n";
         text += &figures_table(&cases);
     }
     if let Some(advice) = &study.advice {
@@ -266,7 +266,7 @@ fn z_width_text(width: &ZWidth) -> String {
     }
 }
 
-/// Figures side by side, each with the fraction of the trocar's force that is taken out.
+/// Figures side by side, each with the fraction of the trocar's force that is compensated.
 fn figures_table(cases: &[(f64, &Merit)]) -> String {
     let percentages: Vec<String> =
         cases.iter().map(|(fraction, _)| format!("{} %", number(100.0 * fraction))).collect();
@@ -295,7 +295,7 @@ fn advice_text(advice: &Advice) -> String {
     };
     let ranges: Vec<String> = advice.stable.iter().map(range).collect();
     let mut text = format!(
-        "\ntake out {} % of the trocar's force: the least error of the force felt among the fractions that are stable \
+        "\ncompensate {} % of the trocar's force: the least error of the force felt among the fractions that are stable \
          ({})\n",
         share(fraction),
         ranges.join(", ")
@@ -360,7 +360,7 @@ fn spread(count: usize) -> Vec<usize> {
 
 fn map_text(map: &Map) -> String {
     let mut text = "\nstiffest tissue with which the loop is stable (N/m; from 0 to 20 000 are tried; -: with none; *: not from 0 on, or \
-                    in several ranges; summary.json has more), delay of one direction in ms down, percentage taken out across\n"
+                    in several ranges; summary.json has more), delay of one direction in ms down, percentage compensated across\n"
         .to_owned();
     text += &" ".repeat(6);
     let across = spread(map.fractions.len());
