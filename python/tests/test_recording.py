@@ -74,6 +74,19 @@ def test_columns_are_named_by_a_dictionary(tmp_path: Path) -> None:
     assert same(trocar.Recording.from_frame(odd, columns=spelled), made())
 
 
+def test_a_file_is_read_like_the_recordings_of_a_model(tmp_path: Path, training: list[trocar.Recording]) -> None:
+    steady = training[0]
+    volts = pd.DataFrame({"t": steady.time_s, "counts": steady.position_m / 4e-6, "U": -steady.force_n / 22.2})
+    volts.to_csv(tmp_path / "volts.csv", index=False)
+    named = {"time_s": "t", "position_mm": "0.004*counts", "force_n": "-22.2*U"}
+    model = trocar.identify(trocar.read(tmp_path / "volts.csv", columns=named), paper=True).model
+    with pytest.raises(trocar.RecordingError):
+        trocar.read(tmp_path / "volts.csv")
+    like = trocar.read(tmp_path / "volts.csv", like=model)
+    assert np.allclose(like.force_n, steady.force_n, atol=1e-9)
+    assert np.allclose(like.position_m, steady.position_m, atol=1e-12)
+
+
 def test_a_dictionary_the_wrong_way_round_is_answered_by_the_right_one() -> None:
     table = dict(zip(NAMED.values(), columns().values()))
     wrong = {theirs: ours for ours, theirs in NAMED.items()}

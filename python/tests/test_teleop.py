@@ -339,7 +339,7 @@ def test_results_display_themselves(model: trocar.Model) -> None:
     loop = trocar.teleop(model, SOFT, advise=True, map=True, delays_s=[0.0], fractions=[0.0, 0.9])
     assert loop.figures is not None and loop.advice is not None and loop.map is not None
     shown = f"{loop.figures.displayed_stiffness_n_m:.4g} N/m displayed for {loop.figures.true_stiffness_n_m:.4g} N/m"
-    assert "0 % of the trocar's force taken out" in repr(loop) and shown in repr(loop)
+    assert "0 % of the trocar's force compensated" in repr(loop) and shown in repr(loop)
     html = loop._repr_html_()
     for text in (f"{loop.figures.force_error_rms_n:.4g}", "position_force", "Take out", "Stability map"):
         assert text in html

@@ -29,6 +29,8 @@ _KINDS = {
 
 _HINTS = {"O": "\n\nhint: is there a None, or a text, among the numbers?"}
 
+#: Sign and factor in front of the name of a column, such as -22.2*U.
+_SCALED = re.compile(r"(-?\s*(?:[0-9.]+(?:[eE][+-]?[0-9]+)?\s*\*)?)(.*)", re.DOTALL)
 #: Our names in a mapping of columns, such as position_mm.
 _OURS = re.compile(r"(time|position|force|velocity)(_\w+)?", re.IGNORECASE)
 
@@ -125,9 +127,9 @@ def columns_in_words(columns: Any) -> str:
         raise ParameterError(f"{what}: columns={right}, got {dict(columns)}")
 
     def entry(ours: str, theirs: str) -> str:
-        sign, name = ("-", theirs[1:]) if theirs.startswith("-") else ("", theirs)
+        front, name = _SCALED.match(theirs).groups()
         quoted = "," in name or '"' in name or name.strip() != name
-        return f'{ours}={sign}"{name}"' if quoted else f"{ours}={sign}{name}"
+        return f'{ours}={front}"{name}"' if quoted else f"{ours}={front}{name}"
 
     return ",".join(entry(*pair) for pair in columns.items())
 

@@ -318,6 +318,7 @@ def fleet_frame(frame: Any, name: str, config: FleetConfig) -> list[Any]: ...
 def read(
     path: _Path,
     *,
+    like: Model | None = None,
     columns: str | Mapping[str, str] | None = None,
     topics: list[str] = ...,
     from_s: float | None = None,

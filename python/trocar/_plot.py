@@ -54,7 +54,7 @@ def course(found: Teleoperation, ax: Any = None) -> Any:
     for axis, label in zip(axes, ("time (s)", "depth of the tip in the tissue (mm)")):
         axis.set_xlabel(label)
     fraction = 100 * found.config["compensation"]["fraction"]
-    axes[0].set_title(f"{fraction:.4g} % of the trocar's force taken out", loc="left")
+    axes[0].set_title(f"{fraction:.4g} % of the trocar's force compensated", loc="left")
     # Beside the title: within the axes it would cover the course.
     axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(named), frameon=False)
     return np.array(axes) if ax is None else ax
@@ -73,7 +73,7 @@ def advice(found: Advice, ax: Any = None) -> Any:
         axis.axvspan(*ends, color="0.85", linewidth=0, label=label)
     if found.fraction is not None:
         axis.axvline(100 * found.fraction, color="0.3", linestyle="--", label="advice")
-    axis.set(xlabel="fraction taken out (%)", ylabel="force error, rms (N)")
+    axis.set(xlabel="fraction compensated (%)", ylabel="force error, rms (N)")
     axis.set_xlim(percent[0], percent[-1])
     axis.legend(loc="best")
     return axis
@@ -95,7 +95,7 @@ def stability_map(found: StabilityMap, ax: Any = None) -> Any:
     axis.plot(percent[places], delay_ms[rows], "x", color="0.2", markersize=4)
     label = "greatest stable stiffness (N/m)\ngrey: none, ×: unstable with softer tissue"
     axis.figure.colorbar(mesh, ax=axis, label=label)
-    axis.set(xlabel="fraction taken out (%)", ylabel="delay of one direction (ms)")
+    axis.set(xlabel="fraction compensated (%)", ylabel="delay of one direction (ms)")
     return axis
 
 

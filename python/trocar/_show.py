@@ -238,7 +238,7 @@ def stability_map(found: StabilityMap) -> str:
         (f"{1e3 * delay:.4g} ms", *("–" if stiffness == 0 else f"{stiffness:.0f}" for stiffness in row))
         for delay, row in zip(found.delays_s, found.stiffness_n_m)
     ]
-    caption = "<b>Greatest stiffness of the tissue, N/m,</b> with which the loop is stable, over delay and fraction taken out; –: none"
+    caption = "<b>Greatest stiffness of the tissue, N/m,</b> with which the loop is stable, over delay and fraction compensated; –: none"
     return _table(head, rows, caption)
 
 
@@ -246,7 +246,7 @@ def teleoperation(found: Teleoperation) -> str:
     control, fraction = found.config["control"], found.config["compensation"]["fraction"]
     delay = f"{1e3 * found.config['channel']['delay_s']:.4g} ms of delay each way"
     caption = f"<b>Teleoperation</b>, <code>{escape(control['architecture'])}</code>, {delay}"
-    table = "" if found.figures is None else _merits([(f"{_percent(fraction)} taken out", found.figures)])
+    table = "" if found.figures is None else _merits([(f"{_percent(fraction)} compensated", found.figures)])
     width = "Stable with no tissue from 0 to 20,000 N/m"
     if found.z_width_n_m is None:
         width = "No tissue"

@@ -63,7 +63,7 @@ def teleop(
         lines), or a dictionary with the same keys and sections. Keys left out keep their defaults. ``teleop_config()``
         gives a text that describes every key
     :param compensator: model in the compensator; by default the same
-    :param advise: find the fraction of the trocar's force to take out (``.advice``)
+    :param advise: find the fraction of the trocar's force to compensate (``.advice``)
     :param draws: with ``advise``, try this many trocars drawn from the model's 95 % intervals (seed of the loop), up to
         1000, besides the model and both ends of the intervals
     :param posterior: with ``advise``, draws of the model's parameters, or their file: ``draws`` of them (20 where that is 0)
@@ -193,7 +193,7 @@ class NoticeableStep:
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """Which fraction of the trocar's force to take out in a loop, from fractions between 0 and 1.5.
+    """Which fraction of the trocar's force to compensate in a loop, from fractions between 0 and 1.5.
 
     A fraction counts as stable if the loop is stable with every pair of a compensator's model and a trocar that was tried.
     """
@@ -534,7 +534,7 @@ class Teleoperation(_Repeatable[_core.Studied]):
         return _plot.course(self, ax)
 
     def __repr__(self) -> str:
-        taken_out = f"{100 * self.config['compensation']['fraction']:.4g} % of the trocar's force taken out"
+        taken_out = f"{100 * self.config['compensation']['fraction']:.4g} % of the trocar's force compensated"
         if self.unstable_after_s is not None:
             return f"<trocar.Teleoperation: {taken_out}, unstable, diverged after {self.unstable_after_s:.4g} s>"
         if self.figures is None:

@@ -133,7 +133,7 @@ pub(crate) const EXAMPLES: [Example; 17] = [
             ("The same of a device", "trocar teleop --print-config dvrk"),
             ("", "trocar teleop loop.toml --model result --out looked-at"),
             (
-                "How much of the trocar's force to take out",
+                "How much of the trocar's force to compensate",
                 "trocar teleop loop.toml --model result --advise",
             ),
         ],
@@ -186,44 +186,49 @@ pub(crate) const EXAMPLES: [Example; 17] = [
         "man",
         &[
             ("Read the page", "trocar man | man -l -"),
+            ("Read a page of the book", "trocar man how-to/columns"),
             ("Install all pages", "trocar man --out ~/.local/share/man/man1"),
         ],
     ),
 ];
 
-/// Page of the book on a command, in the folder docs of the repository.
+/// Page of the book on a command, one of those that `trocar man` prints.
 fn page(path: &str) -> &'static str {
     match path {
-        "inspect" => "how-to/columns.md",
-        "plan" | "bench" => "how-to/record.md",
-        "identify" => "tutorials/first-identification.md",
-        "fleet" => "how-to/fleet.md",
-        "validate" => "explanation/validation.md",
-        "compare" => "how-to/choose-model.md",
-        "simulate" => "start/simulator.md",
-        "compensate" => "how-to/compensation.md",
-        "ranges" => "reference/published.md",
-        "teleop" => "how-to/teleoperation.md",
-        "analyze" => "explanation/seal.md",
-        "export c" => "how-to/microcontroller.md",
-        "export fmu" => "reference/fmu.md",
-        _ => "index.md",
+        "inspect" => "how-to/columns",
+        "plan" | "bench" => "how-to/record",
+        "identify" => "tutorials/first-identification",
+        "fleet" => "how-to/fleet",
+        "validate" => "explanation/validation",
+        "compare" => "how-to/choose-model",
+        "simulate" => "start/simulator",
+        "compensate" => "how-to/compensation",
+        "ranges" => "reference/published",
+        "teleop" => "how-to/teleoperation",
+        "analyze" => "explanation/seal",
+        "export c" => "how-to/microcontroller",
+        "export fmu" => "reference/fmu",
+        _ => "index",
     }
 }
 
-/// The command line with the examples in its help.
+/// Examples in the short help of a command.
+const FIRST: usize = 2;
+
+/// The command line with the examples in its help: the first ones in the short one.
 pub(crate) fn command() -> Command {
     EXAMPLES.iter().fold(Cli::command(), |all, (path, examples)| {
-        let read_on = page(path);
         let parts: Vec<&str> = path.split(' ').collect();
-        with_text(all, &parts, &format!("{}\n\nRead on: docs/{read_on}", text(examples)))
+        let after = |own| format!("{}\n\nRead on: trocar man {}", text(own), page(path));
+        let short = after(&examples[..examples.len().min(FIRST)]);
+        with_text(all, &parts, &short, &after(examples))
     })
 }
 
-fn with_text(command: Command, path: &[&str], text: &str) -> Command {
+fn with_text(command: Command, path: &[&str], short: &str, long: &str) -> Command {
     match path {
-        [] => command.after_help(text.to_owned()),
-        [verb, rest @ ..] => command.mut_subcommand(verb, |own| with_text(own, rest, text)),
+        [] => command.after_help(short.to_owned()).after_long_help(long.to_owned()),
+        [verb, rest @ ..] => command.mut_subcommand(verb, |own| with_text(own, rest, short, long)),
     }
 }
 
@@ -238,6 +243,9 @@ fn text(examples: &[(&str, &str)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Lines of a screen.
+    const MOST_LINES: usize = 45;
 
     /// Words of a line up to a redirection or a pipe.
     fn words(line: &str) -> impl Iterator<Item = &str> {
@@ -256,10 +264,23 @@ mod tests {
     }
 
     #[test]
-    fn every_command_names_a_page_of_the_book() {
+    fn every_command_names_a_page_that_the_program_prints() {
         for (path, _) in EXAMPLES {
-            let file = format!("../../docs/{}", page(path));
-            assert!(std::path::Path::new(&file).is_file(), "{path}: no {file}");
+            let parsed = command().try_get_matches_from(["trocar", "man", page(path)]);
+            assert!(parsed.is_ok(), "{path}: {}", parsed.unwrap_err());
+        }
+    }
+
+    #[test]
+    fn the_short_help_fits_a_screen() {
+        for verb in ["identify", "compare", "fleet", "plan"] {
+            let mut own =
+                command().find_subcommand(verb).expect("the command").clone().term_width(100);
+            let (short, long) = (own.render_help().to_string(), own.render_long_help().to_string());
+            assert!(short.lines().count() <= MOST_LINES, "{verb}: {short}");
+            let options = own.get_arguments().filter_map(clap::Arg::get_long);
+            options.for_each(|name| assert!(long.contains(&format!("--{name}")), "{verb} {name}"));
+            assert!(short.contains("see more with '--help'"), "{verb}: {short}");
         }
     }
 

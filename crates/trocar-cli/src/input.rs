@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use trocar::compensate::CompensateOptions;
 use trocar::model_file::ModelFile;
+use trocar::recording::registry::FORMATS;
 use trocar::recording::rows::BY_OWN_HEADER;
 use trocar::recording::{
     Choice, Pieces, ReadOptions, Recording, RecordingError, WarningKind, read,
@@ -18,13 +19,27 @@ use crate::progress::Progress;
 /// Ratio of the peak memory of a whole identification to that of the recordings.
 const PEAK_TO_COLUMNS: u64 = 5;
 
+/// Headings of the options in the help of several commands. `-h` shows the options that most people need,
+/// `--help` all of them.
+const READING: &str = "Reading recordings";
+const MOTION: &str = "Moving mass";
+pub(crate) const STATISTICS: &str = "Statistics";
+pub(crate) const OUTPUT: &str = "Output";
+
+/// Help of an argument for files of any format that is read.
+pub(crate) fn files(what: &str) -> String {
+    let formats = FORMATS.iter().filter(|format| format.is_read()).map(|format| format.name);
+    let others = formats.filter(|name| *name != FORMATS[0].name).collect::<Vec<_>>().join(", ");
+    format!("{what}: CSV and other text ('-' for standard input), {others}")
+}
+
 /// What to take from a file.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Reading recordings")]
+#[command(next_help_heading = READING)]
 pub(crate) struct Choosing {
-    /// Columns with their units: by name, with a minus to reverse the sign, as in
-    /// position_mm=x,force_n=-fz (names with commas in double quotes); or in order, '-' to skip
-    /// one, as in time_s,position_mm,-,force_n
+    /// Columns with their units: by name, with a minus to reverse the sign and a factor to scale, as
+    /// in position_mm=x,force_n=-22.2*U (names with commas in double quotes); or in order, '-' to
+    /// skip one, as in time_s,position_mm,-,force_n
     #[arg(long, value_name = "NAMES", overrides_with = "columns", allow_hyphen_values = true)]
     columns: Option<String>,
     /// Topic of a robot log, or group of a MATLAB or HDF5 file; may be repeated (see `trocar
@@ -32,16 +47,16 @@ pub(crate) struct Choosing {
     #[arg(long, value_name = "NAME")]
     pub(crate) topic: Vec<String>,
     /// Leave out rows before this time, in s from the first row
-    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true, hide_short_help = true)]
     from_s: Option<f64>,
     /// Leave out rows from this time on, in s from the first row
-    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", value_parser = finite, allow_negative_numbers = true, hide_short_help = true)]
     to_s: Option<f64>,
     /// Reverse the sign of the force, for a sensor mounted the other way round
     #[arg(long)]
     flip_force: bool,
     /// Lines to skip at the beginning of a text, before its header, if they are not recognised
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", hide_short_help = true)]
     skip_rows: u64,
     /// Rows per second of a file without a column of times
     #[arg(long, value_name = "HZ", value_parser = positive, overrides_with = "rate_hz")]
@@ -65,13 +80,12 @@ impl Choosing {
     /// What to read for `model`: without options as its own recordings were read.
     pub(crate) fn choice_for(&self, console: &Console, model: &ModelFile) -> Choice {
         let own = self.choice();
-        let period = Choice { from: own.from, to: own.to, ..Choice::default() };
-        let Some(choice) = choice_for(model).filter(|_| own == period) else { return own };
+        let Some(choice) = choice_for(model, &own) else { return own };
         console.remark(&format!(
             "note: read like the recordings of the model, with {}, unless the file lacks them",
             options_of(&choice)
         ));
-        Choice { from: own.from, to: own.to, ..choice }
+        choice
     }
 }
 
@@ -95,25 +109,25 @@ const SAMPLES_IN_A_PIECE: usize = 1 << 20;
 
 /// How to read the recordings.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Reading recordings")]
+#[command(next_help_heading = READING)]
 pub(crate) struct Reading {
     #[command(flatten)]
     pub(crate) choosing: Choosing,
     /// Largest force the sensor can read, in N; readings there count as saturated
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, hide_short_help = true)]
     sensor_limit_n: Option<f64>,
     /// Most samples of a recording to identify from; of a longer recording, excerpts spread over
     /// the whole are used
-    #[arg(long, default_value_t = 2_000_000, value_name = "N")]
+    #[arg(long, default_value_t = 2_000_000, value_name = "N", hide_short_help = true)]
     most_samples: usize,
     /// Most memory to use, in MB (10^6 bytes) [default: what the system has available]
-    #[arg(long, value_name = "MB")]
+    #[arg(long, value_name = "MB", hide_short_help = true)]
     memory_limit_mb: Option<u64>,
 }
 
 impl Reading {
-    /// Reads all files, prints warnings about them, and rejects files that do not fit into memory
-    /// together.
+    /// Reads all files, prints what they have lost, and rejects files that do not fit into memory
+    /// together. The caller says how they were read.
     pub(crate) fn recordings(
         &self,
         console: &Console,
@@ -126,7 +140,7 @@ impl Reading {
             let recording =
                 read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
-            say_quality(console, path, &recording);
+            say_losses(console, path, &recording);
             recordings.push(recording);
         }
         Ok(recordings)
@@ -153,7 +167,8 @@ impl Reading {
                 // A piece may consist of a rest only.
                 piece.quality.warnings.retain(|warning| warning.kind != WarningKind::Stroke);
             }
-            say_quality(console, path, &piece);
+            say_losses(console, path, &piece);
+            say_how_read(console, &piece);
             take(piece)?;
             count += 1;
         }
@@ -190,20 +205,28 @@ impl Reading {
 
 /// What moves between sensor and seal.
 #[derive(clap::Args)]
+#[command(next_help_heading = MOTION)]
 pub(crate) struct Rod {
-    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings
-    #[arg(long, default_value_t = 0.0, value_name = "KG", allow_negative_numbers = true)]
-    moving_mass_kg: f64,
+    /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default:
+    /// estimated, if the motion determines it]
+    #[arg(long, value_name = "KG", allow_negative_numbers = true)]
+    moving_mass_kg: Option<f64>,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass (9.81
     /// for a withdrawal downwards, -9.81 for an insertion downwards); needs --moving-mass-kg; 0
     /// leaves the weight in the offset
-    #[arg(long, default_value_t = 0.0, value_name = "G", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        default_value_t = 0.0,
+        value_name = "G",
+        allow_negative_numbers = true,
+        hide_short_help = true
+    )]
     gravity_m_s2: f64,
 }
 
 impl Rod {
     pub(crate) fn moving_mass(&self) -> Result<MovingMass, RecordingError> {
-        MovingMass::new(self.moving_mass_kg, self.gravity_m_s2)
+        MovingMass::new(self.moving_mass_kg.unwrap_or(0.0), self.gravity_m_s2)
     }
 }
 
@@ -220,13 +243,18 @@ fn with_the_peak(error: RecordingError) -> RecordingError {
     }
 }
 
-fn say_quality(console: &Console, path: &Path, recording: &Recording) {
+fn say_losses(console: &Console, path: &Path, recording: &Recording) {
     let file = path.display();
     for warning in &recording.quality.warnings {
         console.warn(&format!("{file}: {warning}"));
     }
-    for note in &recording.quality.notes {
-        console.remark(&format!("note: {file}: {note}"));
+}
+
+/// How a file was read, in one line, if there is anything to say.
+pub(crate) fn say_how_read(console: &Console, recording: &Recording) {
+    if !recording.quality.notes.is_empty() {
+        let notes = recording.quality.notes.join("; ");
+        console.remark(&format!("note: {}: {notes}", recording.name));
     }
 }
 

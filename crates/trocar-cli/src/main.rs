@@ -45,8 +45,7 @@ const AFTER_HELP: &str = "Exit codes: 0 done, 1 failed, 2 bad arguments, 3 done 
 
 Start with: trocar demo
 \
-                          Read on: docs/index.md (docs/build makes it a book); messages and their ways out: \
-                          docs/troubleshooting.md";
+                          Read on: trocar man index; messages and their ways out: trocar man troubleshooting";
 
 #[derive(Subcommand)]
 enum Verb {

@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -25,10 +26,18 @@ impl Progress {
     /// A bar for a known amount of work.
     pub(crate) fn new(console: &Console) -> Self {
         let bar = ProgressBar::with_draw_target(Some(STEPS as u64), ProgressDrawTarget::hidden());
-        let style = ProgressStyle::with_template(
-            "{spinner} {msg:22} {wide_bar} {percent:>3} %  {elapsed}{left}",
-        );
-        bar.set_style(style.expect("the template is well formed").with_key("left", left));
+        let style =
+            ProgressStyle::with_template("{spinner} {msg:22} {wide_bar} {percent:>3} %  {time}");
+        let end = Arc::new(Mutex::new(End::default()));
+        let time = move |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+            let elapsed = state.elapsed();
+            let mut end = end.lock().unwrap_or_else(PoisonError::into_inner);
+            let _ = out.write_str(&minutes(elapsed));
+            if let Some(left) = end.left(elapsed, f64::from(state.fraction())) {
+                let _ = write!(out, ", about {} left", minutes(left));
+            }
+        };
+        bar.set_style(style.expect("the template is well formed").with_key("time", time));
         let visible = !console.quiet && std::io::stderr().is_terminal();
         Self { waiting: visible.then(|| appear_later(bar.clone())), bar }
     }
@@ -50,13 +59,30 @@ impl Progress {
     }
 }
 
-/// Time left, from the work done so far and its time: a stage that takes long makes it grow, never
-/// 0 s. Nothing before a twentieth of the work.
-fn left(state: &ProgressState, out: &mut dyn std::fmt::Write) {
-    let part = f64::from(state.fraction());
-    if (0.05..1.0).contains(&part) {
-        let seconds = (state.elapsed().as_secs_f64() * (1.0 - part) / part).ceil();
-        let _ = write!(out, ", about {seconds} s left");
+/// When the work will have ended, by what was done when it last advanced.
+#[derive(Default)]
+struct End {
+    part: f64,
+    at: Duration,
+}
+
+impl End {
+    /// Time left. `None` before a twentieth of the work, and in a stage that takes longer than all before
+    /// it let expect: the time left would grow while one looks at it.
+    fn left(&mut self, elapsed: Duration, part: f64) -> Option<Duration> {
+        if part > self.part {
+            (self.part, self.at) = (part, elapsed.div_f64(part));
+        }
+        let left = self.at.saturating_sub(elapsed);
+        (part >= 0.05 && !left.is_zero()).then_some(left)
+    }
+}
+
+/// A duration in minutes and seconds.
+fn minutes(duration: Duration) -> String {
+    match duration.as_secs_f64().ceil() as u64 {
+        seconds @ 0..60 => format!("{seconds} s"),
+        seconds => format!("{} min {:02} s", seconds / 60, seconds % 60),
     }
 }
 
@@ -82,5 +108,22 @@ impl Drop for Progress {
             let _ = thread.join();
         }
         self.bar.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_never_grows_while_a_stage_goes_on() {
+        let (mut end, seconds) = (End::default(), Duration::from_secs);
+        assert_eq!(end.left(seconds(1), 0.01), None);
+        assert_eq!(end.left(seconds(10), 0.5), Some(seconds(10)));
+        assert_eq!(end.left(seconds(15), 0.5), Some(seconds(5)));
+        assert_eq!(end.left(seconds(40), 0.5), None);
+        assert_eq!(end.left(seconds(40), 0.8), Some(seconds(10)));
+        assert_eq!(minutes(seconds(125)), "2 min 05 s");
+        assert_eq!(minutes(Duration::from_millis(3200)), "4 s");
     }
 }

@@ -146,6 +146,20 @@ fn the_map_and_the_fractions_are_in_the_report() {
     assert!(text.contains("Not computed: --advise"), "what is missing is stated");
 }
 
+/// Which loop ran comes first, what it means last; of a map eight rows of eight numbers.
+#[test]
+fn a_loop_is_named_and_put_into_words() {
+    let ran = Place::new().run("teleop --model plausible --map").ends_with(0);
+    let lines: Vec<&str> = ran.stdout.lines().collect();
+    assert!(lines[0].starts_with("loop: the default "), "{}", ran.stdout);
+    let last = lines.last().unwrap();
+    assert!(last.contains(" N/m feels like ") && last.contains("masked"), "{last}");
+    let head = lines.iter().position(|line| line.starts_with("stiffest tissue")).unwrap() + 1;
+    let rows = lines[head..].iter().take_while(|line| !line.is_empty());
+    let counts: Vec<usize> = rows.map(|row| row.split_whitespace().count()).collect();
+    assert_eq!(counts, [8, 9, 9, 9, 9, 9, 9, 9, 9], "{}", ran.stdout);
+}
+
 #[test]
 fn the_printed_loop_is_the_default() {
     let printed = Place::new().run("teleop --print-config").ends_with(0).stdout;
@@ -158,7 +172,8 @@ fn loops_of_devices_are_printed_and_run() {
     for device in ["dvrk", "phantom"] {
         let printed = Place::new().run(&format!("teleop --print-config {device}")).ends_with(0);
         let ran = place(&printed.stdout).run("teleop loop.toml --model plausible").ends_with(0);
-        assert!(ran.stdout.starts_with("stable with tissue of 0 to "), "{}", ran.stdout);
+        assert!(ran.stdout.starts_with("loop: loop.toml, "), "{}", ran.stdout);
+        assert!(ran.stdout.contains("\nstable with tissue of 0 to "), "{}", ran.stdout);
     }
     Place::new().run("teleop --print-config omni").ends_with(2).says(&["dvrk, phantom"]);
 }
@@ -250,10 +265,10 @@ fn a_tip_that_does_not_reach_the_tissue_is_reported() {
         advised.stdout.contains("no advice: the tip does not reach the tissue"),
         "{advised:#?}"
     );
-    assert!(!advised.stdout.contains("take out"), "{}", advised.stdout);
+    assert!(!advised.stdout.contains("\ncompensate "), "{}", advised.stdout);
 }
 
-/// A light grip and too much taken out: in the tissue the loop rests, without it it does not.
+/// A light grip and too much compensated: in the tissue the loop rests, without it it does not.
 #[test]
 fn an_unstable_loop_is_told_from_one_that_is_unstable_without_tissue() {
     let stiff = "[channel]\ndelay_s = 0.01\n[tissue]\nstiffness_n_m = 3000.0\n[compensation]\nfraction = 1.0\n";

@@ -305,7 +305,7 @@ fn of_mass(input: &Input, model: &Candidate) -> Warning {
         "the readings follow the acceleration, as from an unmodelled mass of {mass:.3} kg between sensor and seal; if \
          there is one, declare it with ‹moving_mass_kg›"
     );
-    Warning::remark(Quantity::UnmodelledMass, message)
+    Warning::advice(Quantity::UnmodelledMass, message)
 }
 
 /// Magnitude that one of a hundred values reaches.
@@ -339,8 +339,8 @@ fn fallback(input: &Input, model: &Candidate) -> Vec<Warning> {
         all.push(unresolved(model));
     }
     if !input.options.paper {
-        let message = "fewer than 4 cycles, or an axis without a seal: the numbers are those of the paper's two steps";
-        all.push(Warning::remark("fit", message.to_owned()));
+        let message = "fewer than 4 cycles, or an axis without a seal: the numbers are those of the paper's two steps; record more strokes";
+        all.push(Warning::advice("fit", message.to_owned()));
     }
     all
 }

@@ -146,24 +146,35 @@ pub struct Warning {
     /// Whether it reports that the data do not determine a parameter.
     #[serde(skip)]
     pub undetermined: bool,
+    /// Whether a person can do something about it: what else is not doubtful is for the report.
+    #[serde(skip)]
+    pub is_advice: bool,
 }
 
 impl Warning {
     /// A reason to doubt the result.
     pub fn doubt(subject: impl Into<Subject>, message: String) -> Self {
-        Self { subject: subject.into(), message, doubtful: true, undetermined: false }
+        Self { doubtful: true, ..Self::remark(subject, message) }
+    }
+
+    /// What to do for a better result.
+    pub(crate) fn advice(subject: impl Into<Subject>, message: String) -> Self {
+        Self { is_advice: true, ..Self::remark(subject, message) }
     }
 
     /// A remark.
     pub(crate) fn remark(subject: impl Into<Subject>, message: String) -> Self {
-        Self { subject: subject.into(), message, doubtful: false, undetermined: false }
+        let (doubtful, undetermined, is_advice) = (false, false, false);
+        Self { subject: subject.into(), message, doubtful, undetermined, is_advice }
     }
 
     /// The data do not determine `parameter`.
     pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
         let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
         let message = format!("not determined: {why}");
-        Self { subject: Subject::Parameter(parameter.id), message, doubtful, undetermined: true }
+        // Joins are never asked for.
+        let is_advice = parameter.id.quantity == Quantity::Offset;
+        Self { doubtful, undetermined: true, is_advice, ..Self::remark(parameter.id, message) }
     }
 }
 

@@ -23,17 +23,24 @@ pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
     Direction::BOTH.into_iter().flat_map(of_branch).collect()
 }
 
-/// Place of a parameter in tables: forces first, then the others.
+/// Place of a parameter in tables: friction and width of the element first, then the other numbers of
+/// the seal; last those of the rig and the joins, without which no model can be fitted, but for whose
+/// values nobody asks.
 pub(super) fn rank(id: ParameterId) -> usize {
-    const FIRST: [ParameterId; 6] = [
-        Quantity::CoulombForce.id(),
-        Quantity::ViscousDamping.id(),
-        Quantity::Offset.id(),
-        Quantity::CoulombForceWithOffset.of(Direction::Insertion),
-        Quantity::ViscousDamping.of(Direction::Insertion),
-        Quantity::CoulombForceWithOffset.of(Direction::Withdrawal),
+    use Quantity as Q;
+    const FIRST: [Quantity; 7] = [
+        Q::CoulombForce,
+        Q::CoulombForceWithOffset,
+        Q::ViscousDamping,
+        Q::HalfWidth,
+        Q::StaticForce,
+        Q::StribeckVelocity,
+        Q::StribeckExponent,
     ];
-    FIRST.iter().position(|own| *own == id).unwrap_or(FIRST.len())
+    const LAST: [Quantity; 4] = [Q::Offset, Q::UnmodelledMass, Q::Join, Q::JoinForce];
+    let place = |list: &[Quantity]| list.iter().position(|own| *own == id.quantity);
+    let (first, last) = (place(&FIRST), place(&LAST));
+    first.or(last.map(|at| FIRST.len() + 1 + at)).unwrap_or(FIRST.len())
 }
 
 /// c and the parameters of both branches, of every stage.

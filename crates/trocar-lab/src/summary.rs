@@ -344,18 +344,24 @@ pub(crate) fn origin_of(recording: &Recording) -> RecordingInfo {
     }
 }
 
-/// How to read another recording for a model; `None` if by its own header.
-pub fn choice_for(model: &ModelFile) -> Option<Choice> {
+/// How to read another recording for `model`: by the choice `own`, or, where that is of a period at
+/// most, as the model's recordings were read. `None` where only `own` is left.
+pub fn choice_for(model: &ModelFile, own: &Choice) -> Option<Choice> {
+    let (from, to) = (own.from, own.to);
+    if *own != (Choice { from, to, ..Choice::default() }) {
+        return None;
+    }
     let ReadWith { columns, topics, flip_force, skip_rows, rate_hz, .. } =
         model.read_with()?.clone();
     Some(Choice {
+        from,
+        to,
         columns,
         topics,
         flip_force,
         skip_rows,
         rate_hz,
         from_another_file: true,
-        ..Choice::default()
     })
 }
 

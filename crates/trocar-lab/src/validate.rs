@@ -17,7 +17,7 @@ use trocar_model::Trocar;
 
 use trocar_identify::profile::Departure;
 use trocar_identify::scatter::StrokeScatter;
-use trocar_recording::{Recording, local_velocity, range};
+use trocar_recording::{OPPOSED, Quality, Recording, local_velocity, range};
 use trocar_runtime::model_file::{ErrorSource, ForceError};
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{reversal_threshold, strokes};
@@ -186,15 +186,19 @@ impl RecordingValidation {
         self.rms_with_start_n.powi(2) * self.all_samples() as f64
     }
 
-    /// How the recording contradicts a model identified with the error `identification_rms`, N, for
-    /// a sensor noise of `noise`, N.
-    fn contradiction(&self, identification_rms: f64, noise: f64) -> Option<String> {
+    /// How the recording contradicts a model identified with the error `identification_rms`, N.
+    fn contradiction(&self, identification_rms: f64, quality: &Quality) -> Option<String> {
         let (rms, times) = (self.rms_n, self.rms_n / identification_rms);
         let is_far = times > FAR;
-        if rms <= FAR * noise || !(is_far || self.fit_percent < LEAST_FIT) {
+        if rms <= FAR * quality.force_noise || !(is_far || self.fit_percent < LEAST_FIT) {
             return None;
         }
         let error = format!("validation error {} N rms", significant(rms));
+        if quality.force_opposes_motion {
+            return Some(format!(
+                "{error}: the force has the opposite sign, lower on insertion than on withdrawal: {OPPOSED}"
+            ));
+        }
         if self.bias_n.abs() > MOSTLY_BIAS * rms {
             return Some(format!(
                 "{error} is mostly an offset of {} N (identification error {} N rms): check the sensor offset and the sign of force and \
@@ -254,8 +258,6 @@ impl Scored {
     /// Combines this and the next piece of the same recording. Every piece starts with a seal of
     /// unknown state. Whiteness and the scatter between strokes remain those of the first.
     #[must_use]
-    /// Both together.
-    /// Both together.
     pub fn plus(self, next: Self) -> Self {
         let (pieces, known) = (self.pieces + next.pieces, self.known || next.known);
         let departures = self.departure.into_iter().chain(next.departure);
@@ -391,9 +393,7 @@ impl Validation {
         recordings: &[Recording],
     ) -> Self {
         for (result, recording) in self.recordings.iter_mut().zip(recordings) {
-            result
-                .warnings
-                .extend(result.contradiction(identification_rms, recording.quality.force_noise));
+            result.warnings.extend(result.contradiction(identification_rms, &recording.quality));
         }
         self
     }

@@ -2,8 +2,8 @@
 //! their forces differ from its by the derivative of the force.
 
 use trocar_model::{
-    Branch, DeformationForce, Direction, Element, ElementParams, Friction, Ordinate, ParamError,
-    Piece, Relaxation, SealDamping, SlidingFriction, Stages, StagesState,
+    Beside, Branch, DeformationForce, Direction, Element, ElementParams, Friction, Ordinate,
+    ParamError, Piece, Relaxation, SealDamping, SlidingFriction, Stages, StagesState,
 };
 
 type Params = Result<ElementParams, ParamError>;
@@ -127,10 +127,10 @@ fn alone(model: &Stages) -> Vec<f64> {
 
 fn beside(model: &Stages, other: &Stages) -> (Vec<f64>, StagesState) {
     let mut state = model.rest_state(0.0);
-    let mut beside = [model.beside(&state, other, other.rest_state(0.0))];
+    let start = [(other, other.rest_state(0.0))];
+    let mut beside = [model.beside(&state, 0, &start).expect("both have one element")];
     let forces = motion().map(|(displacement, duration)| {
-        model.step_beside(&mut state, &mut beside, displacement, duration);
-        beside[0].force()
+        model.step_beside(&mut state, &mut beside, displacement, duration) + beside[0].forces()[0]
     });
     (forces.collect(), state)
 }
@@ -191,24 +191,31 @@ fn what_is_shared_is_stepped_once() {
         Element::new(ElementParams { creep_velocity: 2.001e-4, ..creeping().unwrap() }).unwrap();
     let [model, other] = [faster, slower].map(|second| Stages::new(&[element, second]).unwrap());
     let (mut state, own) = (model.rest_state(0.0), other.rest_state(0.0));
-    let mut beside = [model.beside(&state, &other, own), model.beside(&state, &model, own)];
+    let others = [(&other, own), (&model, own)];
+    let mut beside =
+        [0, 1].map(|stage| model.beside(&state, stage, &others).expect("two elements"));
+    let state_of = |i: usize, beside: &[Beside], state: &StagesState| {
+        let mut own = *state;
+        beside.iter().for_each(|beside| beside.put_state(i, state, &mut own));
+        own
+    };
     for (displacement, duration) in motion() {
         model.step_beside(&mut state, &mut beside, displacement, duration);
-        assert_eq!(beside[0].state(&state).states()[0], state.states()[0]);
-        assert_eq!(beside[1].state(&state), state);
+        assert_eq!(state_of(0, &beside, &state).states()[0], state.states()[0]);
+        assert_eq!(state_of(1, &beside, &state), state);
     }
-    assert_ne!(beside[0].state(&state).states()[1], state.states()[1]);
+    assert_ne!(state_of(0, &beside, &state).states()[1], state.states()[1]);
 }
 
-/// A model with more or fewer elements than the one that leads takes its own steps where there is
-/// none to follow.
 #[test]
-fn numbers_of_elements_may_differ() {
+fn what_the_leader_does_not_have_is_not_followed() {
     let element = Element::new(creeping().unwrap()).unwrap();
     let one = Stages::from(element);
     let two = Stages::new(&[element, element]).unwrap();
-    assert_eq!(beside(&one, &two).0, alone(&two));
-    assert_eq!(beside(&two, &one).0, alone(&one));
+    let [of_one, of_two] = [&one, &two].map(|model| model.rest_state(0.0));
+    assert!(two.beside(&of_two, 1, &[(&one, of_one)]).is_none());
+    assert!(one.beside(&of_one, 1, &[(&two, of_two)]).is_none());
+    assert!(one.beside(&of_one, 0, &[]).is_none());
 }
 
 /// The element with a yield stiffness that does not depend on the branches, and the same with a

@@ -315,17 +315,25 @@ impl Layout {
     }
 }
 
-/// An entry of `--columns`, such as `force_mn=-load`; a negative `per_si` reverses the sign. `None`
-/// if there is no such unit.
+/// An entry of `--columns`, such as `force_mn=-load`; a negative `per_si` reverses the sign, and one that no
+/// unit has is a factor, as in `force_n=22.2*U`. `None` if there is no SI unit.
 pub(crate) fn entry(quantity: Quantity, per_si: f64, name: &str) -> Option<String> {
-    let unit = quantity.unit_of(per_si.abs())?;
-    let minus = if per_si < 0.0 { "-" } else { "" };
-    Some(format!("{}_{unit}={minus}{}", quantity.name(), quoted(name)))
+    let (unit, factor) = match quantity.unit_of(per_si.abs()) {
+        Some(unit) => (unit, None),
+        None => (quantity.unit_of(1.0)?, Some(1.0 / per_si.abs())),
+    };
+    Some(written(&format!("{}_{unit}", quantity.name()), per_si < 0.0, factor, name))
+}
+
+fn written(what: &str, reversed: bool, factor: Option<f64>, name: &str) -> String {
+    let minus = if reversed { "-" } else { "" };
+    let factor = factor.map_or_else(String::new, |factor| format!("{factor}*"));
+    format!("{what}={minus}{factor}{}", quoted(name))
 }
 
 /// The name of a column in `--columns`, in double quotes where it needs them.
 fn quoted(name: &str) -> String {
-    let plain = !name.contains(',') && !name.starts_with(['-', '"']) && name.trim() == name;
+    let plain = !name.contains([',', '*']) && !name.starts_with(['-', '"']) && name.trim() == name;
     if plain { name.to_owned() } else { format!("\"{name}\"") }
 }
 
@@ -360,8 +368,11 @@ fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
             '"' if quoted => quoted = !(rest.is_empty() || rest.starts_with(',')),
             '"' => {
                 let front = mapping[begin..at].split_once('=').map(|(_, front)| front);
-                quoted =
-                    front.is_some_and(|front| front.chars().all(|c| c == '-' || c.is_whitespace()));
+                let opens = |front: &str| {
+                    front.trim_end().ends_with('*')
+                        || front.chars().all(|c| c == '-' || c.is_whitespace())
+                };
+                quoted = front.is_some_and(opens);
             }
             ',' if !quoted => {
                 found.push(&mapping[begin..at]);
@@ -379,7 +390,7 @@ fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
     Ok(found)
 }
 
-/// An entry `force_n=-fz` of `--columns`: a quantity, and the name of its column.
+/// An entry `force_n=-22.2*fz` of `--columns`: a quantity, and the name of its column.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Given {
     pub(crate) quantity: Quantity,
@@ -387,6 +398,8 @@ pub(crate) struct Given {
     per_si: Option<f64>,
     pub(crate) column: String,
     pub(crate) reversed: bool,
+    /// By which the column is multiplied, above 0: the calibration of a sensor.
+    factor: Option<f64>,
 }
 
 /// The name of a column, followed by `#` and its number among those of the same name if there are
@@ -430,20 +443,30 @@ impl Given {
         let column = column.trim();
         let reversed = column.starts_with('-');
         let column = column.trim_start_matches('-').trim();
+        let number = |text: &str| text.trim().parse::<f64>().ok();
+        let scaled = column.split_once('*').and_then(|(text, name)| Some((number(text)?, name)));
+        let (factor, column) = scaled.map_or((None, column), |(f, name)| (Some(f), name.trim()));
+        if factor.is_some_and(|factor| !(factor.is_finite() && factor > 0.0)) {
+            return Err(bad("with a factor that is not a number above 0; a minus reverses a sign"));
+        }
+        if factor.is_some() && reading.per_si.is_none() {
+            let units = reading.quantity.unit_list();
+            return Err(bad(&format!("with a factor to no unit, expected one of {units}")));
+        }
         let unquoted = column.strip_prefix('"').and_then(|column| column.strip_suffix('"'));
         let column = unquoted.unwrap_or(column).to_owned();
         if column.is_empty() {
             return Err(bad("without the name of a column behind '='"));
         }
-        Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed })
+        Ok(Self { quantity: reading.quantity, per_si: reading.per_si, column, reversed, factor })
     }
 
     /// The entry as [`Given::parse`] takes it.
     pub(crate) fn entry(&self) -> String {
-        let sign = if self.reversed { -1.0 } else { 1.0 };
-        let own = self.per_si.and_then(|per_si| entry(self.quantity, sign * per_si, &self.column));
-        let minus = if self.reversed { "-" } else { "" };
-        own.unwrap_or_else(|| format!("{}={minus}{}", self.quantity.name(), quoted(&self.column)))
+        let name = self.quantity.name();
+        let unit = self.per_si.and_then(|per_si| self.quantity.unit_of(per_si));
+        let what = unit.map_or_else(|| name.to_owned(), |unit| format!("{name}_{unit}"));
+        written(&what, self.reversed, self.factor, &self.column)
     }
 
     /// Index of the column among `names`: the same name, with its number if several columns have
@@ -484,9 +507,9 @@ impl Given {
     }
 
     /// Rejects a column of another quantity, such as angles or volts, by the unit of its name or by
-    /// its declared one.
+    /// its declared one. A factor is what makes a force of volts.
     pub(crate) fn check_unit(&self, name: &str, declared: &str) -> Result<(), RecordingError> {
-        match foreign(name, declared) {
+        match foreign(name, declared).filter(|_| self.factor.is_none()) {
             Some((foreign, is_alone))
                 if is_alone || foreign.instead_of.contains(&self.quantity) =>
             {
@@ -510,7 +533,8 @@ impl Given {
                 problem,
             )
         })?;
-        Ok(Slot::of(self.quantity, if self.reversed { -per_si } else { per_si }))
+        let sign = if self.reversed { -1.0 } else { 1.0 };
+        Ok(Slot::of(self.quantity, sign * per_si / self.factor.unwrap_or(1.0)))
     }
 }
 

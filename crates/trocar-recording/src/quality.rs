@@ -210,6 +210,9 @@ pub struct Quality {
     pub resets: Vec<Reset>,
     /// Samples at which a new unbroken part begins: after gaps and resets, in order.
     pub breaks: Vec<usize>,
+    /// Mass whose inertia has been subtracted from the force, kg; the notes say so, too.
+    #[serde(skip)]
+    pub subtracted_mass: f64,
     /// Step of which all positions are integer multiples (encoder or printed digits); 0 if none was
     /// found.
     #[serde(rename = "position_resolution_m")]

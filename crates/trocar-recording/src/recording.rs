@@ -247,6 +247,7 @@ impl Recording {
         self.force = self.force_without_inertia(mass);
         self.force.iter_mut().for_each(|force| *force -= mass * gravity);
         self.quality.notes.push(format!("inertia of {mass} kg subtracted"));
+        self.quality.subtracted_mass += mass;
         Ok(self)
     }
 }

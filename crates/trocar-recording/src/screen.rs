@@ -253,7 +253,7 @@ fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
 }
 
 /// The step of a sensor, of which nearly all differences are integer multiples; else the unit of the
-/// last digit of the values, or 0 where they have none.
+/// last digit of the values, or 0 where they have none or do not show it.
 ///
 /// Motion at constant speed makes all differences alike without any encoder. An encoder shows where
 /// neighbouring differences differ by one step.
@@ -275,7 +275,7 @@ pub(super) fn resolution(values: &[f64]) -> f64 {
             let change = smallest_change(&differences, least)?;
             is_step(&differences, change, rounding, reach).then_some(change)
         })
-        .or(unit)
+        .or(divisor.and(unit))
         .unwrap_or(0.0)
 }
 
@@ -294,18 +294,20 @@ fn last_digit(values: &[f64]) -> Option<f64> {
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
     // Above 2^43 units the last digits of a double no longer distinguish integers from other
     // numbers.
-    let is_scale =
-        |scale: f64| largest * scale < 8.8e12 && values.iter().all(|&x| is_whole(x, scale));
+    // Less than a unit in all rounds to nothing.
+    let is_scale = |scale: f64| {
+        (1.0..8.8e12).contains(&(largest * scale)) && values.iter().all(|&x| is_whole(x, scale))
+    };
     let scales = (0..=10).map(|digits| 10_f64.powi(digits));
     scales.into_iter().find(|scale| is_scale(*scale)).map(f64::recip)
 }
 
-/// Each block of differences has its own greatest common divisor, in units; the one of most blocks,
-/// so a few odd values have no effect.
+/// Each block of differences that shows a step has its own greatest common divisor, in units; the
+/// one of most blocks, so a few odd values have no effect.
 fn commonest_divisor(values: &[f64], unit: f64) -> Option<u64> {
     let whole: Vec<i64> = values.iter().map(|x| (x / unit).round() as i64).collect();
     let mut divisors: Vec<u64> =
-        whole.chunks(64).map(common_divisor).filter(|&divisor| divisor > 0).collect();
+        whole.chunks(64).filter(|block| shows_a_step(block)).map(common_divisor).collect();
     divisors.sort_unstable();
     let runs = divisors.chunk_by(|a, b| a == b);
     runs.rev().max_by_key(|run| run.len()).map(|run| run[0])
@@ -337,6 +339,17 @@ fn is_step(differences: &[f64], step: f64, rounding: f64, reach: f64) -> bool {
     4.0 * rounding < step
         && near as f64 >= NEARLY_ALL * short.len() as f64
         && changes as f64 >= ENOUGH_CHANGES * differences.len() as f64
+}
+
+/// Whether the differences of a block tell the step of an encoder from a constant speed times the
+/// interval: they have two sizes, or the motion pauses between equal ones.
+fn shows_a_step(block: &[i64]) -> bool {
+    let mut steps: Vec<u64> = block.windows(2).map(|pair| pair[1].abs_diff(pair[0])).collect();
+    let pauses = steps.split(|step| *step > 0).filter(|pause| !pause.is_empty()).count();
+    steps.retain(|step| *step > 0);
+    steps.sort_unstable();
+    steps.dedup();
+    steps.len() > 1 || steps.len() == 1 && pauses > 2
 }
 
 fn common_divisor(block: &[i64]) -> u64 {

@@ -195,32 +195,32 @@ const FOREIGN: [Foreign; 6] = [
             "rev", "revs", "turn", "turns",
         ],
         instead_of: &[Quantity::Position],
-        remedy: "convert the angle before: position_m = lever_arm_m * angle_rad with 1 deg = 0.0174533 rad; \
-                 the lever arm of a spindle is its lead / (2 pi)",
+        remedy: "multiply the angle by its lever arm, as in position_mm=12.5*phi for 12.5 mm per radian \
+                 (1 deg = 0.0174533 rad); the lever arm of a spindle is its lead / (2 pi)",
     },
     Foreign {
         what: "a voltage",
         units: &["v", "mv", "uv", "volt", "volts", "millivolt", "millivolts", "mv_v"],
         instead_of: &[Quantity::Force, Quantity::Position],
-        remedy: "multiply the voltage by the sensor's calibration, in N/V or m/V, and save the product as a column force_n or position_m",
+        remedy: "multiply the voltage by the sensor's calibration, as in force_n=22.2*U for 22.2 N/V",
     },
     Foreign {
         what: "a current",
         units: &["a", "ma", "amp", "amps", "ampere"],
         instead_of: &[Quantity::Force],
-        remedy: "multiply the current by the motor's force per ampere, in N/A, and save the product as a column force_n; better, use a force sensor",
+        remedy: "multiply the current by the motor's force per ampere, as in force_n=4.5*I for 4.5 N/A; better, use a force sensor",
     },
     Foreign {
         what: "a pressure",
         units: &["pa", "hpa", "kpa", "mpa", "bar", "mbar", "psi", "mmhg"],
         instead_of: &[Quantity::Force],
-        remedy: "multiply the pressure by the area on which it acts (1 kPa on 1 mm^2 is 0.001 N), and save the product as a column force_n",
+        remedy: "multiply the pressure by the area on which it acts, as in force_n=0.08*p for kPa on 80 mm^2",
     },
     Foreign {
         what: "a torque",
         units: &["Nm", "n_m", "mn_m", "mnm", "nmm", "n_mm", "ncm", "n_cm"],
         instead_of: &[Quantity::Force],
-        remedy: "divide the torque by its lever arm in m, and save the quotient as a column force_n",
+        remedy: "divide the torque by its lever arm, as in force_n=40*M for N m at 25 mm",
     },
     Foreign {
         what: "a count",
@@ -240,7 +240,7 @@ const FOREIGN: [Foreign; 6] = [
             "incr",
         ],
         instead_of: &[Quantity::Position, Quantity::Force, Quantity::Time],
-        remedy: "multiply the counts by what one of them stands for, in m, N or s, and save the product as a column position_m, force_n or time_s",
+        remedy: "multiply the counts by what one of them stands for, as in position_mm=0.004*counts for 4 µm a count",
     },
 ];
 

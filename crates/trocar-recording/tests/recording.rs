@@ -232,7 +232,10 @@ fn a_wrong_mapping_is_explained() {
     for (mapping, essentials) in [
         ("time_s,position,force_n", &["--columns", "'position'", "without a unit"][..]),
         ("time_s,depth_foo,force_n", &["'depth_foo'", "m, mm, cm, um"]),
-        ("time_s,position_m,force_v", &["'force_v' is a voltage", "calibration, in N/V"]),
+        (
+            "time_s,position_m,force_v",
+            &["'force_v' is a voltage", "calibration, as in force_n=22.2*U"],
+        ),
         ("time_s,banana,force_n", &["'banana'", "not understood"]),
         ("time_s,force_n", &["position 0 times"]),
         ("time_s,position_m,force_n,force_n", &["force 2 times"]),
@@ -292,6 +295,52 @@ fn every_unit_gives_the_same_recording() {
                 "{header}"
             );
         }
+    }
+}
+
+/// Volts and counts, with the calibration of their sensors in the choice of columns.
+#[test]
+fn a_column_may_have_a_factor() {
+    let with = |columns: &str| {
+        let rows = (0..20).map(|k| format!("{},{},{}\n", k, 250 * k, 0.5 * f64::from(k % 3)));
+        let text = format!("t,counts,U [V]\n{}", rows.collect::<String>());
+        let choice = Choice { columns: Some(columns.to_owned()), ..Choice::default() };
+        read(&Scratch::new().file(text), &ReadOptions { choice, ..ReadOptions::default() })
+    };
+    let scaled = with("time_ms=t,position_mm=0.004*counts,force_n=-22.2*U [V]").unwrap();
+    assert!((scaled.position[19] - 0.019).abs() < 1e-12, "{}", scaled.position[19]);
+    assert!((scaled.force[1] + 11.1).abs() < 1e-12, "{}", scaled.force[1]);
+    // As it is kept for the next file of this kind.
+    assert_eq!(
+        scaled.choice.columns.as_deref(),
+        Some("time_ms=t,position_mm=0.004*counts,force_n=-22.2*U [V]")
+    );
+    for (columns, essential) in [
+        ("time_ms=t,position_mm=counts,force_n=0*U [V]", "factor"),
+        ("time_ms=t,position_mm=0.004*counts,force=2*U [V]", "to no unit"),
+        ("time_ms=t,position_mm=0.004*counts,force_n=U [V]", "force_n=22.2*U"),
+    ] {
+        let message = with(columns).unwrap_err().to_string();
+        assert!(message.contains(essential), "{columns}: {message}");
+    }
+}
+
+/// A position that the recording computer made of a speed has no step of an encoder.
+#[test]
+fn a_constant_speed_is_no_step_of_an_encoder() {
+    let of = |step: f64, speed: f64| {
+        let strokes = (0..4000).map(|k: i32| f64::from((k % 1000 - 500).abs()) * 1e-3 * speed);
+        let position = strokes.map(|x| if step > 0.0 { (x / step).round() * step } else { x });
+        let time = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
+        let force = (0..4000).map(noise).collect();
+        let recording = Recording::from_columns("speed", time, position.collect(), force);
+        recording.unwrap().quality.position_resolution
+    };
+    for (step, speed, found) in
+        [(0.0, 0.048, 0.0), (0.0, 0.072, 0.0), (4e-6, 0.0483, 4e-6), (4e-6, 0.0012, 4e-6)]
+    {
+        let seen = of(step, speed);
+        assert!((seen - found).abs() < 1e-12, "{speed} m/s, step {step}: {seen}");
     }
 }
 
@@ -921,7 +970,7 @@ fn an_angle_is_never_a_position() {
             &message,
             &[
                 &format!("column '{name}' is an angle, expected a position in m"),
-                "position_m = lever_arm_m * angle_rad with 1 deg = 0.0174533 rad",
+                "as in position_mm=12.5*phi for 12.5 mm per radian",
             ],
         );
         assert!(!message.contains("--columns 'position"), "{message}");
@@ -932,7 +981,7 @@ fn an_angle_is_never_a_position() {
         assert_says(&forced, &["an angle, expected a position in m"]);
     }
     let message = message_with(text(HEADER, &rows), &columns("time_s,position_deg,force_n"));
-    assert_says(&message, &["'position_deg' is an angle", "lever_arm_m"]);
+    assert_says(&message, &["'position_deg' is an angle", "lever arm"]);
     // Beside a position an angle does not matter.
     let beside: Vec<String> = rows.iter().map(|row| format!("{row},1")).collect();
     let recording = read_text(text("time_s,position_m,force_n,position_deg", &beside));

@@ -95,7 +95,7 @@ pub const COURSE: &str = "course.parquet";
 /// How far the hand of the live loop reaches before and beyond the surface at least, m.
 const REACH: [f64; 2] = [0.03, 0.04];
 
-/// The report: verdict, what is felt, how much to take out, where the loop is stable, the live loop, linear
+/// The report: verdict, what is felt, how much to compensate, where the loop is stable, the live loop, linear
 /// theory, energy, configuration.
 ///
 /// Equal input gives equal documents. A loop that is not stable has no figures of merit. Where data are missing, a
@@ -132,7 +132,7 @@ fn subtitle(input: &TeleopReport) -> String {
         _ => format!("tissue of {} N/m", plain(tissue.stiffness_n_m)),
     };
     format!(
-        "{}, {} ms each way, {tissue}; {} of the trocar's force taken out",
+        "{}, {} ms each way, {tissue}; {} of the trocar's force compensated",
         figures::in_words(control.architecture),
         plain(MM * channel.delay_s),
         percent(compensation.fraction)
@@ -232,7 +232,7 @@ fn felt(input: &TeleopReport) -> Section {
 }
 
 fn advised(input: &TeleopReport) -> Section {
-    let section = Section::new("How much to take out");
+    let section = Section::new("How much to compensate");
     let Some(advice) = &input.study.advice else {
         return section.paragraph("Not computed: ‹advise=True› tries fractions from 0 to 150 %.");
     };

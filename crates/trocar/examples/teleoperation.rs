@@ -1,4 +1,4 @@
-//! What an operator feels through seals of different friction, where a loop is stable, and how much to take out: the
+//! What an operator feels through seals of different friction, where a loop is stable, and how much to compensate: the
 //! figures of docs/explanation/teleoperation.md, and a table of docs/explanation/compensation.md.
 //!
 //! ```text
@@ -137,7 +137,7 @@ pub(crate) fn approaches() -> Result<String, Box<dyn Error>> {
 const LOOPS: [(f64, f64); 6] =
     [(0.0, 50.0), (0.0, 200.0), (0.005, 200.0), (0.01, 200.0), (0.01, 400.0), (0.02, 400.0)];
 
-/// How much to take out of the plausible seal's force in some loops, as a table of Markdown: if it is as the model says, and if
+/// How much to compensate of the plausible seal's force in some loops, as a table of Markdown: if it is as the model says, and if
 /// it may be wetted, down to 0.55 of its friction.
 pub(crate) fn advised() -> Result<String, Box<dyn Error>> {
     let file = ModelFile::plausible_10_5_mm()?;
@@ -197,7 +197,7 @@ fn displayed(curves: &[Curve]) -> Figure {
     let panels = TISSUES.iter().flat_map(|tissue| CONTACTS.map(|contact| (tissue, contact)));
     panels.fold(figure.caption(caption).columns(2), |figure, (tissue, (contact, of))| {
         let mut panel = Panel::new(
-            Axis::new("fraction taken out γ", "%").with_zero(),
+            Axis::new("fraction compensated γ", "%").with_zero(),
             Axis::new("stiffness displayed", "N/m").logarithmic(),
         )
         .title(format!("{tissue} N/m, contact {contact}"))

@@ -231,7 +231,7 @@ impl BranchPassage {
             ),
             (Some(hump), Some(speed)) => format!(
                 "the hump of {hump:.3} N exceeds F_s = {:.3} N: the instrument slides before the seal snaps through, which \
-                 happens above {:.1} mm/s only; the deflection then has two resting places{many}",
+                 happens above {:.1} mm/s only; the deflection then has two equilibria{many}",
                 self.static_force_n,
                 1e3 * speed
             ),

@@ -321,7 +321,7 @@ fn cross_validation_shows_the_slowest_and_the_fastest_speed_without_offset() {
     let document = full_report(&BENCH);
     let figure = figure(&document, "cross-validation");
     let titles: Vec<&str> = figure.panels.iter().map(|panel| panel.title.as_str()).collect();
-    assert_eq!(titles, ["15 mm/s", "100 mm/s", "", ""]);
+    assert_eq!(titles, ["20 mm/s", "100 mm/s", "", ""]);
     for panel in &figure.panels[..2] {
         let (measured, model) = (series(panel, Role::Measured), series(panel, Role::Model));
         let last = model.x[model.x.len() - 1];
@@ -443,6 +443,7 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
         let (a, b) = (series(&a, Role::Measured).clone(), series(&b, Role::Measured).clone());
         assert_eq!(a.x, b.x, "{id}");
         assert!(a.y.iter().zip(&b.y).all(|(a, b)| (a - b).abs() < 1e-9), "{id}");
+        assert_eq!([&*a.name, &*b.name], ["measured, inertia subtracted"; 2], "{id}");
     }
 }
 
@@ -784,7 +785,7 @@ fn levels_and_speeds_that_were_not_recorded_are_refused() {
     let speed = refused(&[], &[0.05, 0.2]);
     assert!(
         speed.starts_with(
-            "figure 9: no recorded stroke has a speed within 10 % of 200 mm/s; recorded are 15, 20,"
+            "figure 9: no recorded stroke has a speed within 10 % of 200 mm/s; recorded are 20, 25,"
         ),
         "{speed}"
     );

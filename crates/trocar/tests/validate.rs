@@ -118,6 +118,20 @@ fn a_validation_that_agrees_is_not_doubtful() {
     }
 }
 
+/// A sensor mounted the other way round is no other seal.
+#[test]
+fn a_force_of_the_opposite_sign_is_named() {
+    let mut turned = record(Protocol::Validation, 1.0, 4);
+    let force = turned.force.iter().map(|force| -force).collect();
+    turned = Recording::from_columns("turned", turned.time, turned.position, force).unwrap();
+    with_outcome(&[turned], |outcome| {
+        let warnings = outcome.summary().warnings;
+        let of_sign = |message: &str| message.contains("the force has the opposite sign");
+        assert!(warnings.iter().any(|w| of_sign(&w.message)), "{warnings:?}");
+        assert!(warnings.iter().all(|w| !w.message.contains("lubrication")), "{warnings:?}");
+    });
+}
+
 /// A seal that was wetted in the meantime is different: the amount and a remedy are stated, also in
 /// the summary.
 #[test]

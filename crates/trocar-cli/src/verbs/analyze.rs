@@ -136,7 +136,7 @@ fn branch_text(text: &mut String, branch: &BranchPassage) {
     if let Some(range) = branch.bistable {
         let _ = writeln!(
             text,
-            "      two resting places from {} to {} mm/s: which one depends on the past",
+            "      two equilibria from {} to {} mm/s: which one depends on the past",
             number(1e3 * range.from_m_s),
             number(1e3 * range.to_m_s)
         );

@@ -7,12 +7,11 @@ use trocar::identify::classical::Kind;
 use trocar::identify::{IdentifyOptions, Warning};
 use trocar::output::StagedFolder;
 use trocar::report;
-use trocar::survey::Survey;
 
 use super::identify::print_survey;
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{Reading, Rod};
+use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, say_how_read};
 use crate::models::{Models, models};
 use crate::output::Output;
 use crate::progress::Progress;
@@ -31,31 +30,30 @@ const MOST_NAMES: usize = 8;
 /// recording. Parameters that the recordings do not determine are reported as such.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recordings to fit to: CSV with time, position and force columns, '-' for standard input
-    #[arg(required = true, value_name = "RECORDING")]
+    #[arg(required = true, value_name = "RECORDING", help = files("Recordings to fit to"))]
     recordings: Vec<PathBuf>,
     /// Recordings to score on [default: the last third of each recording, which is then not fitted]
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
-    #[arg(long, default_value = "all", value_name = "LIST", value_parser = models, help = models_help())]
+    #[arg(long, default_value = "all", value_name = "LIST", value_parser = models, help = "Models, separated by commas, such as ems,lugre,gms:4-10; --help lists them", long_help = models_help())]
     models: Models,
     /// Folder for compare.json, models (one file each, for simulate and validate),
     /// report.html and figures; it need not exist
-    #[arg(long, value_name = "DIR", value_parser = Output::folder(&["compare.json", "models/*.json", "report.html", "figures/*"]))]
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&["compare.json", "models/*.json", "report.html", "figures/*"]), help_heading = OUTPUT)]
     out: Option<Output>,
     /// Print every model, criteria, times and warnings after the best of each family
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     all: bool,
     /// Do not measure times: equal recordings then give equal bytes
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT, hide_short_help = true)]
     no_timing: bool,
     /// Seed of everything random
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", help_heading = STATISTICS, hide_short_help = true)]
     seed: u64,
     #[command(flatten)]
     rod: Rod,
     /// Print compare.json instead of the table
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     #[command(flatten)]
     reading: Reading,
@@ -86,7 +84,10 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     // Fails before the computation if nothing can be written there.
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let identify = IdentifyOptions { seed: args.seed, ..Default::default() };
-    print_survey(console, &Survey::new(&divided.training, &identify.segment));
+    print_survey(console, &divided.training, &identify.segment);
+    if !divided.held_out {
+        divided.validation.iter().for_each(|recording| say_how_read(console, recording));
+    }
     let options =
         CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
     let progress = Progress::new(console);

@@ -10,7 +10,7 @@ use trocar::model_file::{ErrorSource, ForceError, ModelFile};
 
 use crate::Completion;
 use crate::console::Console;
-use crate::input::{Choosing, Observing, say_own_header};
+use crate::input::{Choosing, Observing, files, say_own_header};
 use crate::models::{read_draws, read_model};
 use crate::output::Output;
 use crate::progress::Progress;
@@ -29,7 +29,7 @@ use crate::table::number;
 pub(crate) struct Args {
     /// Model: model.json, or the folder of a result
     model: PathBuf,
-    /// Recording: CSV with time, position and force columns, '-' for standard input
+    #[arg(help = files("Recording"))]
     recording: PathBuf,
     /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow,
     /// .csv.gz, .csv.zst); '-' for CSV to standard output

@@ -9,7 +9,7 @@ use trocar::report::fleet::{self as fleet_report, Roles};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
-use crate::input::{Reading, Rod};
+use crate::input::{OUTPUT, Reading, Rod, STATISTICS};
 use crate::output::Output;
 use crate::page;
 use crate::progress::Progress;
@@ -21,23 +21,23 @@ use crate::progress::Progress;
 /// reason. After an interruption the same command continues. Exit code 3: some recordings failed.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Folder of recordings, or manifest
+    /// Folder of recordings, of any format that `trocar inspect` reads, or manifest
     #[arg(value_name = "DATASET")]
     dataset: PathBuf,
     /// Table to write: .parquet, .csv, .csv.gz, .csv.zst or .arrow
-    #[arg(long, value_name = "TABLE", value_parser = Output::with(|table| vec![journal_path(table), report_beside(table)]))]
+    #[arg(long, value_name = "TABLE", value_parser = Output::with(|table| vec![journal_path(table), report_beside(table)]), help_heading = OUTPUT)]
     out: Output,
     /// Depth of the identification
-    #[arg(long, value_enum, default_value_t = Far::Quick)]
+    #[arg(long, value_enum, default_value_t = Far::Quick, help_heading = STATISTICS)]
     depth: Far,
     /// Seed of everything random
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", help_heading = STATISTICS, hide_short_help = true)]
     seed: u64,
     /// Recordings at a time; 0: one per processor; at most four per processor, or 64
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(long, default_value_t = 0, value_name = "N", help_heading = OUTPUT, hide_short_help = true)]
     threads: usize,
     /// Report to write [default: the table's name with .html]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     report: Option<Output>,
     /// Metadata column with the type of the trocar [default: trocar_type or similar]
     #[arg(long = "type", value_name = "COLUMN")]

@@ -10,13 +10,14 @@ use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
 use trocar::report::write_workflow;
+use trocar::segment::SegmentOptions;
 use trocar::survey::Survey;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{Reading, Rod, finite, positive};
+use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, finite, positive, say_how_read};
 use crate::models::read_model;
 use crate::output::Output;
 use crate::progress::Progress;
@@ -35,57 +36,55 @@ const FILES: [&str; 5] =
 /// the identification error, or posterior draws did not converge.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Recordings to identify from: CSV with time, position and force columns, '-' for standard
-    /// input
-    #[arg(required = true, value_name = "RECORDING")]
+    #[arg(required = true, value_name = "RECORDING", help = files("Recordings to identify from"))]
     recordings: Vec<PathBuf>,
     /// Recordings to validate on, held out of the identification
     #[arg(long, value_name = "RECORDING", num_args = 1..)]
     validate: Vec<PathBuf>,
     /// Folder for the results; it need not exist
-    #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES))]
+    #[arg(long, value_name = "DIR", value_parser = Output::folder(&FILES), help_heading = OUTPUT)]
     out: Output,
     /// Seed of everything random
-    #[arg(long, default_value_t = 1, value_name = "N")]
+    #[arg(long, default_value_t = 1, value_name = "N", help_heading = STATISTICS, hide_short_help = true)]
     seed: u64,
     /// Degrees of the two joined polynomials of each branch, 2 to 7
-    #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees)]
+    #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees, help_heading = STATISTICS, hide_short_help = true)]
     degrees: Degrees,
     /// Do not try the optional terms that rests and partial reversals determine: creep, relaxation,
     /// second_relaxation, minor_loops, second_stage
-    #[arg(long)]
+    #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     no_free_motion: bool,
     /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
     /// second_relaxation, unmodelled_mass, asymmetry, second_stage
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = STATISTICS, hide_short_help = true)]
     without: Vec<Term>,
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
-    #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite, help_heading = STATISTICS, hide_short_help = true)]
     offset_n: Option<f64>,
     /// Model of a trocar of the same type, from which the recordings depart: a few strokes then give
     /// its parameters for the trocar in use
-    #[arg(long, value_name = "MODEL", conflicts_with = "paper")]
+    #[arg(long, value_name = "MODEL", conflicts_with = "paper", help_heading = STATISTICS)]
     prior: Option<PathBuf>,
     /// Spread of friction between trocars of that type, relative
-    #[arg(long, value_name = "FRACTION", default_value_t = SealPrior::SPREAD, value_parser = positive, requires = "prior")]
+    #[arg(long, value_name = "FRACTION", default_value_t = SealPrior::SPREAD, value_parser = positive, requires = "prior", help_heading = STATISTICS, hide_short_help = true)]
     prior_spread: f64,
     /// Also take N draws of the parameters from their posterior, a multiple of 4 from 400, and write
     /// them into posterior.parquet
-    #[arg(long, value_name = "N", value_parser = draws, conflicts_with = "paper")]
+    #[arg(long, value_name = "N", value_parser = draws, conflicts_with = "paper", help_heading = STATISTICS)]
     posterior: Option<Draws>,
     /// Identify by the two steps of the paper only: steady state, then deformation
-    #[arg(long)]
+    #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     paper: bool,
     /// Deflection at which figure 7 shows the influence of the deformation velocity; up to 6 times
-    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, value_name = "MM", allow_negative_numbers = true, value_parser = finite, help_heading = OUTPUT, hide_short_help = true)]
     figure_7_deflection_mm: Vec<f64>,
     /// Speed of a stroke that figure 9 shows (the nearest recorded one within 10 %); up to 6 times
-    #[arg(long, value_name = "SPEED", value_parser = positive)]
+    #[arg(long, value_name = "SPEED", value_parser = positive, help_heading = OUTPUT, hide_short_help = true)]
     figure_9_speed_mm_s: Vec<f64>,
     #[command(flatten)]
     rod: Rod,
     /// Print summary.json instead of the table
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     #[command(flatten)]
     reading: Reading,
@@ -207,21 +206,35 @@ pub(crate) fn run_workflow(
     moving_mass: MovingMass,
     options: IdentifyOptions,
 ) -> anyhow::Result<Workflow> {
-    print_survey(console, &Survey::new(&recordings, &options.segment));
+    let warned = |r: &Recording| r.quality.warnings.clone().into_iter().map(|w| w.message);
+    let printed: Vec<String> = recordings.iter().flat_map(warned).collect();
+    let limits = print_survey(console, &recordings, &options.segment);
+    held_out.iter().for_each(|recording| say_how_read(console, recording));
     let progress = Progress::new(console);
     let done = Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
         progress.report(stage, part)
     })?;
     drop(progress);
-    print_warnings(console, &done);
+    print_warnings(console, &done, &printed);
+    advise(console, &done, MOST_NOTES.saturating_sub(limits));
     Ok(done)
 }
 
-/// Parameters that the recordings can and cannot determine.
-pub(crate) fn print_survey(console: &Console, survey: &Survey) {
-    for r in &survey.recordings {
+/// Most notes about a result: what to record, and what to do about it. The rest is in the report.
+const MOST_NOTES: usize = 3;
+
+/// What was recorded and how it was read, one line a file, and what that cannot determine; returns
+/// the number of these notes.
+pub(crate) fn print_survey(
+    console: &Console,
+    recordings: &[Recording],
+    options: &SegmentOptions,
+) -> usize {
+    let survey = Survey::new(recordings, options);
+    for (r, recording) in survey.recordings.iter().zip(recordings) {
+        let read: String = recording.quality.notes.iter().map(|note| format!("; {note}")).collect();
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
+            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}{read}",
             r.name,
             r.samples,
             r.duration,
@@ -231,9 +244,8 @@ pub(crate) fn print_survey(console: &Console, survey: &Survey) {
             speeds(&r.insertion_speeds, &r.withdrawal_speeds)
         ));
     }
-    for limit in &survey.limits {
-        console.remark(&format!("note: {limit}"));
-    }
+    survey.limits.iter().for_each(|limit| console.remark(&format!("note: {limit}")));
+    survey.limits.len()
 }
 
 fn counted(count: usize, one: &str, many: &str) -> String {
@@ -254,31 +266,34 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// Whether a warning about a file was printed when it was read; remarks about files are in the
-/// report.
-fn was_printed(done: &Workflow, warning: &Warning) -> bool {
-    let Subject::Recording(_) = warning.subject else { return false };
-    let mut at_reading = done.recordings.iter().flat_map(|recording| &recording.quality.warnings);
-    !warning.doubtful || at_reading.any(|w| w.message == warning.message)
+/// The messages with what they concern, in the words of the table. A common reason of several
+/// parameters is said once.
+fn in_lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
+    let mut lines: Vec<(String, &str)> = Vec::new();
+    for Warning { subject, message, .. } in warnings {
+        let subject = match subject {
+            Subject::Parameter(id) => in_words(*id),
+            other => other.to_string(),
+        };
+        match lines.iter_mut().find(|(_, said)| said == message) {
+            Some((subjects, _)) => *subjects = format!("{subjects}, {subject}"),
+            None => lines.push((subject, message)),
+        }
+    }
+    lines.into_iter().map(|(subjects, message)| format!("{subjects}: {message}")).collect()
 }
 
-/// A common reason of several parameters is printed once.
-fn print_warnings(console: &Console, done: &Workflow) {
-    let mut left: Vec<&Warning> =
-        done.identification.warnings.iter().filter(|w| !was_printed(done, w)).collect();
-    while let Some(&first) = left.first() {
-        let (same, others): (Vec<&Warning>, Vec<&Warning>) = left
-            .into_iter()
-            .partition(|w| (w.doubtful, &w.message) == (first.doubtful, &first.message));
-        let subjects: Vec<String> = same.iter().map(|w| w.subject.to_string()).collect();
-        let text = format!("{}: {}", subjects.join(", "), first.message);
-        if first.doubtful {
-            console.warn(&text)
-        } else {
-            console.remark(&format!("note: {text}"))
-        }
-        left = others;
-    }
+/// What a person can do for a better result, at most so many notes.
+fn advise(console: &Console, done: &Workflow, most: usize) {
+    let advice = done.identification.warnings.iter().filter(|w| w.is_advice && !w.doubtful);
+    in_lines(advice).iter().take(most).for_each(|line| console.remark(&format!("note: {line}")));
+}
+
+/// What is doubtful about the result, but for what was `printed` when the files were read.
+fn print_warnings(console: &Console, done: &Workflow, printed: &[String]) {
+    let all = done.identification.warnings.iter();
+    let doubts = all.filter(|w| w.doubtful && !printed.contains(&w.message));
+    in_lines(doubts).iter().for_each(|line| console.warn(line));
     let results = done.validation.iter().flat_map(|validation| &validation.recordings);
     for result in results {
         for warning in &result.warnings {
@@ -331,21 +346,19 @@ fn in_brief(done: &Workflow) -> String {
     text
 }
 
-/// Position delay and position profile, if strokes repeat.
+/// Position delay and position profile, if there are any.
 fn along_in_words(found: &Identification) -> String {
     let lag = found
         .position_delay
         .map(|lag| format!("position delay of {:.0} ms compensated\n", 1e3 * lag.delay_s));
-    let along = match (&found.position_profile, &found.no_position_profile) {
-        (Some(fit), _) => Some(format!(
+    let along = found.position_profile.as_ref().map(|fit| {
+        format!(
             "the force depends on the position: {} N rms on held-out cycles with a profile of {} knots, {} N without\n",
             number(fit.held_out_rms_n),
             fit.profile.gains().len(),
             number(fit.constant_held_out_rms_n)
-        )),
-        (None, Some(why)) => Some(format!("no position profile: {why}\n")),
-        (None, None) => None,
-    };
+        )
+    });
     lag.into_iter().chain(along).collect()
 }
 

@@ -7,15 +7,51 @@ use trocar::output::StagedFolder;
 use crate::output::Output;
 use crate::{Completion, console, examples};
 
-/// Print the man page, or write it and one page per command into a folder
+/// Print the man page or a page of the book, or write one man page per command into a folder
 #[derive(clap::Args)]
 pub(crate) struct Args {
+    /// Page of the book, as the help of a command names it
+    #[arg(value_name = "PAGE", value_parser = PAGES.map(|(name, _)| name), conflicts_with = "out")]
+    page: Option<String>,
     /// Folder for trocar.1 and one page per command
     #[arg(long, value_name = "DIR", value_parser = Output::folder(&["trocar*.1"]))]
     out: Option<Output>,
 }
 
+/// Pages of the book.
+macro_rules! pages {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_str!(concat!("../../../../docs/", $name, ".md")))),*]
+    };
+}
+
+/// Pages of the book on the commands, in the program, because where it runs there may be no sources.
+const PAGES: [(&str, &str); 15] = pages![
+    "index",
+    "how-to/columns",
+    "how-to/record",
+    "how-to/fleet",
+    "how-to/choose-model",
+    "how-to/compensation",
+    "how-to/teleoperation",
+    "how-to/microcontroller",
+    "tutorials/first-identification",
+    "explanation/validation",
+    "explanation/seal",
+    "start/simulator",
+    "reference/published",
+    "reference/fmu",
+    "troubleshooting",
+];
+
 pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
+    if let Some(wanted) = &args.page {
+        PAGES
+            .iter()
+            .filter(|(name, _)| name == wanted)
+            .try_for_each(|(_, text)| console::print(text))?;
+        return Ok(Completion::Clean);
+    }
     let mut command = examples::command();
     command.build();
     match &args.out {

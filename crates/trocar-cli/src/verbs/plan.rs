@@ -12,7 +12,7 @@ use trocar_model::{ElementParams, Unit};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
-use crate::input::{Choosing, toml};
+use crate::input::{Choosing, OUTPUT, toml};
 use crate::models::{read_draws, read_model};
 use crate::output::Output;
 use crate::page::{self, model_source, source};
@@ -42,11 +42,11 @@ pub(crate) struct Args {
     model: Option<PathBuf>,
     /// Plan for draws of its parameters that `identify --posterior` wrote, as many as the key draws of
     /// RIG.toml says, in place of the model itself. With --model
-    #[arg(long, value_name = "FILE", requires = "model")]
+    #[arg(long, value_name = "FILE", requires = "model", hide_short_help = true)]
     posterior: Option<PathBuf>,
     /// Expect seals with the published friction forces of a study, a key of `trocar ranges`, as
     /// prior.like in RIG.toml
-    #[arg(long, value_name = "KEY", conflicts_with = "model")]
+    #[arg(long, value_name = "KEY", conflicts_with = "model", hide_short_help = true)]
     like: Option<String>,
     /// Recording that is there already; may be repeated. With --model
     #[arg(long, value_name = "RECORDING", requires = "model")]
@@ -55,14 +55,14 @@ pub(crate) struct Args {
     #[arg(long, value_name = "S", value_parser = crate::input::not_negative)]
     duration_s: Option<f64>,
     /// The motion: .csv, .parquet, .arrow, .csv.gz or .csv.zst, '-' for CSV to standard output
-    #[arg(long, value_name = "FILE", required_unless_present = "print_config")]
+    #[arg(long, value_name = "FILE", required_unless_present = "print_config", help_heading = OUTPUT)]
     out: Option<Output>,
     /// Write a report, one HTML page that needs nothing else: the motion, what its parts tell, and the
     /// intervals to expect
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help_heading = OUTPUT)]
     report: Option<Output>,
     /// Print JSON instead of text
-    #[arg(long)]
+    #[arg(long, help_heading = OUTPUT)]
     json: bool,
     /// Print a documented rig with all defaults and stop
     #[arg(long)]

@@ -7,7 +7,7 @@ use trocar::simulate::{Backlash, Beginning, SimulateError, SimulateOptions, simu
 
 use crate::Completion;
 use crate::console::Console;
-use crate::input::{Choosing, finite, say_own_header};
+use crate::input::{Choosing, files, finite, say_own_header};
 use crate::models::{read_draws, read_model};
 use crate::output::Output;
 use crate::progress::Progress;
@@ -24,7 +24,7 @@ use crate::table::number;
 pub(crate) struct Args {
     /// Model: model.json, one of those that compare writes, or the folder of a result
     model: PathBuf,
-    /// Motion: CSV with time and position columns, '-' for standard input
+    #[arg(help = files("Motion, with time and position"))]
     motion: PathBuf,
     /// Result: CSV, or Parquet, Arrow or compressed CSV by its extension (.parquet, .arrow,
     /// .csv.gz, .csv.zst); '-' for CSV to standard output

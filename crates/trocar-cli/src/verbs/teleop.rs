@@ -7,7 +7,7 @@ use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::report::teleop::{COURSE, Sources, TeleopReport};
 use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried};
-use trocar::teleop::config::shipped;
+use trocar::teleop::config::{Architecture, shipped};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::ZWidth;
 use trocar::teleop::{Config, Options, Study};
@@ -28,7 +28,7 @@ const FILES: [&str; 5] =
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
 /// Operator, master, channel, slave, trocar, tissue and sensor along the axis of the instrument. Prints
-/// what is felt of the tissue with the fraction of the trocar's force that is taken out, and the ranges of
+/// what is felt of the tissue with the fraction of the trocar's force that is compensated, and the ranges of
 /// the tissue's stiffness with which the loop is stable. --advise finds the best fraction over the model's
 /// 95 % intervals, --map the ranges of stiffness over delay and fraction. Writes summary.json,
 /// course.parquet, hybrid.parquet, report.html and figures into the folder given with --out. Exit code 3:
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// Model in the compensator; without it, the same
     #[arg(long, value_name = "MODEL")]
     compensator: Option<PathBuf>,
-    /// Find the fraction of the trocar's force to take out
+    /// Find the fraction of the trocar's force to compensate
     #[arg(long)]
     advise: bool,
     /// With --advise: besides the model and both ends of its intervals, try N trocars drawn from them (seed of
@@ -120,7 +120,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         staged.commit()?;
     }
     let json = || study.summary().to_json();
-    console::print(&if args.json { json() } else { text(&study) })?;
+    let words = || format!("{}{}{}", which(args, &study.config), text(&study), meaning(&study));
+    console::print(&if args.json { json() } else { words() })?;
     if let Some(folder) = &args.out {
         console.remark(&format!("report: {}", folder.join("report.html").display()));
     }
@@ -184,6 +185,47 @@ fn remark_on_certainty(console: &Console, args: &Args, is_certain: bool) {
     );
 }
 
+/// Which loop it is.
+fn which(args: &Args, config: &Config) -> String {
+    let architecture = match config.control.architecture {
+        Architecture::PositionPosition => "position-position",
+        Architecture::PositionForce => "position-force",
+        Architecture::FourChannel => "four channels",
+        Architecture::Wave => "wave variables",
+    };
+    let from = match &args.config {
+        Some(path) => path.display().to_string(),
+        None => "the default (--print-config shows it)".to_owned(),
+    };
+    format!(
+        "loop: {from}, {architecture}, {} Hz, delay {} ms each way, {} % of the trocar's force compensated\n",
+        number(1.0 / config.sample_time_s),
+        number(1e3 * config.channel.delay_s),
+        number(100.0 * config.compensation.fraction)
+    )
+}
+
+/// What the figures mean for the operator; nothing of a loop that is unstable.
+fn meaning(study: &Study) -> String {
+    let (Some(figures), None) = (&study.outcome.figures, study.outcome.unsettled_by) else {
+        return String::new();
+    };
+    let mut said = Vec::new();
+    if let (Some(felt), Some(tissue)) =
+        (figures.displayed_stiffness_n_m, figures.true_stiffness_n_m)
+    {
+        said.push(format!("tissue of {tissue:.0} N/m feels like {felt:.0} N/m"));
+    }
+    said.push(format!("forces below about {:.1} N are masked", figures.force_error_rms_n));
+    said.push(match figures.energy_j < 0.0 {
+        true => {
+            format!("the loop is active: it gives {:.0} mJ to its ends", -1e3 * figures.energy_j)
+        }
+        false => "the loop is passive along this motion".to_owned(),
+    });
+    format!("\nin words: {}\n", said.join("; "))
+}
+
 fn text(study: &Study) -> String {
     let (fraction, figures) = (study.config.compensation.fraction, &study.outcome.figures);
     let mut text = String::new();
@@ -199,7 +241,7 @@ fn text(study: &Study) -> String {
     let cases: Vec<(f64, &Merit)> =
         figures.iter().map(|figures| (fraction, figures)).chain(advised).collect();
     if !cases.is_empty() {
-        text += "\nwith a percentage of the trocar's force taken out:\n";
+        text += "\nwith a percentage of the trocar's force compensated:\n";
         text += &figures_table(&cases);
     }
     if let Some(advice) = &study.advice {
@@ -224,7 +266,7 @@ fn z_width_text(width: &ZWidth) -> String {
     }
 }
 
-/// Figures side by side, each with the fraction of the trocar's force that is taken out.
+/// Figures side by side, each with the fraction of the trocar's force that is compensated.
 fn figures_table(cases: &[(f64, &Merit)]) -> String {
     let percentages: Vec<String> =
         cases.iter().map(|(fraction, _)| format!("{} %", number(100.0 * fraction))).collect();
@@ -253,7 +295,7 @@ fn advice_text(advice: &Advice) -> String {
     };
     let ranges: Vec<String> = advice.stable.iter().map(range).collect();
     let mut text = format!(
-        "\ntake out {} % of the trocar's force: the least error of the force felt among the fractions that are stable \
+        "\ncompensate {} % of the trocar's force: the least error of the force felt among the fractions that are stable \
          ({})\n",
         share(fraction),
         ranges.join(", ")
@@ -307,16 +349,26 @@ fn partly_stable(advice: &Advice) -> String {
     format!("stable with some of the {} (how many): {}\n", self::tried(advice), partly.join(", "))
 }
 
+/// Rows and columns of a map that are printed; all are in the report.
+const PRINTED: usize = 8;
+
+/// Up to [`PRINTED`] of `count` places, evenly from the first to the last.
+fn spread(count: usize) -> Vec<usize> {
+    let most = PRINTED.min(count);
+    (0..most).map(|k| k * (count - 1) / (most - 1).max(1)).collect()
+}
+
 fn map_text(map: &Map) -> String {
     let mut text = "\nstiffest tissue with which the loop is stable (N/m; from 0 to 20 000 are tried; -: with none; *: not from 0 on, or \
-                    in several ranges, see summary.json), delay of one direction in ms down, percentage taken out across\n"
+                    in several ranges; summary.json has more), delay of one direction in ms down, percentage compensated across\n"
         .to_owned();
     text += &" ".repeat(6);
-    map.fractions.iter().for_each(|fraction| text += &format!("{:6.1} ", 100.0 * fraction));
-    for (delay, row) in map.delays_s.iter().zip(&map.z_width_n_m) {
-        text = text.trim_end().to_owned() + &format!("\n{:6.1}", 1e3 * delay);
-        for width in row {
-            text += &match width.ranges_n_m.as_slice() {
+    let across = spread(map.fractions.len());
+    across.iter().for_each(|k| text += &format!("{:6.1} ", 100.0 * map.fractions[*k]));
+    for down in spread(map.z_width_n_m.len()) {
+        text = text.trim_end().to_owned() + &format!("\n{:6.1}", 1e3 * map.delays_s[down]);
+        for k in &across {
+            text += &match map.z_width_n_m[down][*k].ranges_n_m.as_slice() {
                 [] => format!("{:>6} ", "-"),
                 [[0.0, greatest]] => format!("{greatest:6.0} "),
                 [[_, greatest], ..] => format!("{greatest:6.0}*"),

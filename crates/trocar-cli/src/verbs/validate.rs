@@ -7,7 +7,7 @@ use trocar::workflow::Correction;
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::Reading;
+use crate::input::{Reading, files};
 use crate::models::read_model;
 use crate::table::{Table, number};
 
@@ -24,8 +24,7 @@ use crate::table::{Table, number};
 pub(crate) struct Args {
     /// Model: model.json, one of those that compare writes, or the folder of a result
     model: PathBuf,
-    /// Recordings: CSV with time, position and force columns, '-' for standard input
-    #[arg(required = true, value_name = "RECORDING")]
+    #[arg(required = true, value_name = "RECORDING", help = files("Recordings to validate on"))]
     recordings: Vec<PathBuf>,
     /// Mass between sensor and seal, in kg: its inertia is subtracted from the readings [default:
     /// the model's sensor, or 0]

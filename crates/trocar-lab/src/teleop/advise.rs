@@ -1,4 +1,4 @@
-//! How much of the trocar's force to take out in a loop, and over which delays and fractions it is stable.
+//! How much of the trocar's force to compensate in a loop, and over which delays and fractions it is stable.
 
 use rayon::prelude::*;
 use serde::Serialize;

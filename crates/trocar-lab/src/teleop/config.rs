@@ -43,7 +43,7 @@ pub struct Config {
     pub channel: Channel,
     /// Law of the controllers.
     pub control: Control,
-    /// How much of the trocar's force is taken out.
+    /// How much of the trocar's force is compensated.
     pub compensation: Compensation,
     /// Force sensor of the slave.
     pub sensor: Sensor,
@@ -199,7 +199,7 @@ pub enum PassivityCredit {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Compensation {
-    /// γ, the fraction of the model's force that is taken out of the sensor's reading, ≥ 0.
+    /// γ, the fraction of the model's force that is subtracted from the sensor's reading, ≥ 0.
     pub fraction: f64,
     /// Friction scale λ of the compensator's model relative to the one it is given, above 0: that model's force
     /// is λ·F(x/λ). 1.25 is a model 25 % too strong, as that of a dry seal is once the seal is wetted to 0.8.
@@ -428,7 +428,7 @@ const GREATEST_SEED: u64 = 1 << 53;
 const LONGEST_DELAY: f64 = 1e4;
 
 impl Config {
-    /// Whether the fraction of the trocar's force that is taken out changes anything: an outside sensor,
+    /// Whether the fraction of the trocar's force that is compensated changes anything: an outside sensor,
     /// whose force is sent.
     pub(crate) fn uses_compensation(&self) -> bool {
         let sends = [Architecture::PositionForce, Architecture::FourChannel]

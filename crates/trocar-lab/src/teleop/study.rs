@@ -19,7 +19,7 @@ use trocar_tables::option::{Interface, spelt};
 /// What to compute besides the course, its figures and the stiffnesses with which the loop is stable.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Questions {
-    /// Which fraction of the trocar's force to take out.
+    /// Which fraction of the trocar's force to compensate.
     pub advice: Option<Candidates>,
     /// Where the loop is stable: delays of one direction, s, and fractions.
     pub map: Option<[Vec<f64>; 2]>,
@@ -38,7 +38,7 @@ pub struct Study {
     pub outcome: Outcome,
     /// Stiffnesses of the tissue with which it is stable; none without tissue.
     pub z_width: Option<ZWidth>,
-    /// How much of the trocar's force to take out.
+    /// How much of the trocar's force to compensate.
     pub advice: Option<Advice>,
     /// Where it is stable.
     pub map: Option<Map>,
@@ -75,7 +75,7 @@ pub struct Summary<'a> {
     pub z_width_n_m: Option<&'a ZWidth>,
     /// When it diverged, s.
     pub unstable_after_s: Option<f64>,
-    /// How much of the trocar's force to take out, if requested.
+    /// How much of the trocar's force to compensate, if requested.
     pub advice: Option<&'a Advice>,
     /// Where the loop is stable, if requested.
     pub map: Option<&'a Map>,

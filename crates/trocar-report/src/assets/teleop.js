@@ -1,5 +1,5 @@
 
-// The loop of `trocar teleop`, run in the page: what is taken out, delay, tissue and architecture to turn, the motion of the
+// The loop of `trocar teleop`, run in the page: what is compensated, delay, tissue and architecture to turn, the motion of the
 // configuration to watch, or the master's handle to drag. Inside all numbers are in SI.
 
 const LONGEST_COURSE = 60, SHOWN_COURSE = 10, LINGER = 1.5, HAND = 0.03;  // s
@@ -119,7 +119,7 @@ class Turned {
     this.architecture(parent);
     const interval = config.sample_time_s, most = Math.max(DELAY_SHOWN, 2 * config.channel.delay_s);
     this.row(parent, {
-      id: "fraction", name: "Fraction taken out", symbol: "\u03b3", unit: "%", scale: 100, ends: [0, Math.max(FRACTION_SHOWN, config.compensation.fraction)],
+      id: "fraction", name: "Fraction compensated", symbol: "\u03b3", unit: "%", scale: 100, ends: [0, Math.max(FRACTION_SHOWN, config.compensation.fraction)],
       get: (at) => at.compensation.fraction, set: (at, value) => { at.compensation.fraction = value; }, round: (value) => Math.round(200 * value) / 200,
     });
     this.row(parent, {

@@ -81,11 +81,22 @@ pub(super) fn without_unmodelled_mass<'a>(
     if model.unmodelled_mass == 0.0 {
         return Cow::Borrowed(recordings);
     }
-    let corrected = recordings.iter().map(|recording| Recording {
-        force: recording.force_without_inertia(model.unmodelled_mass),
-        ..recording.clone()
+    let corrected = recordings.iter().map(|recording| {
+        let mut own = recording.clone();
+        own.force = recording.force_without_inertia(model.unmodelled_mass);
+        own.quality.subtracted_mass += model.unmodelled_mass;
+        own
     });
     Cow::Owned(corrected.collect())
+}
+
+/// Label of the readings, which says what is subtracted from them besides the sensor offset: the
+/// inertia of a mass that was declared, and of `unmodelled_mass`, kg.
+pub(crate) fn measured(recording: &Recording, unmodelled_mass: f64) -> &'static str {
+    match recording.quality.subtracted_mass + unmodelled_mass > 0.0 {
+        true => "measured, inertia subtracted",
+        false => "measured",
+    }
 }
 
 /// Points that draw the same line as all of them.

@@ -36,9 +36,9 @@ pub(crate) fn in_words(found: &Identification, fit: &FitSummary) -> Vec<String> 
     };
     vec![
         format!(
-            "All numbers of the element were fitted at once to the whole force, run freely from measured positions: {} reversals, {} \
-             of them partial (shorter than 2c), and {} s at rest. Each stroke has a friction scale of its own, which scatters and drifts \
-             as the strokes ask for, so that neither is taken for viscosity or for a property of the seal. An optional term is accepted \
+            "The parameters were estimated jointly by free-run simulation from measured positions, over {} reversals, {} \
+             of them partial (shorter than 2c), and {} s at rest. Each stroke has its own friction scale, so that scatter and drift between \
+             strokes do not bias the viscosity or another parameter of the seal. An optional term is accepted \
              where its p value is below 1 % over all terms tried.",
             free.reversals,
             free.partial_reversals,
@@ -142,7 +142,7 @@ pub(crate) fn small_motion(
         .series(line("position", Role::Measured, &time, millimetres))
         .aspect(0.16);
     let mut force = over_time(Axis::new("force", "N")).series(line(
-        "measured",
+        super::measured(recording, 0.0),
         Role::Measured,
         &time,
         measured.iter().copied(),
@@ -192,12 +192,12 @@ fn caption(shown: &MotionWindow, model: f64, paper: Option<f64>) -> String {
     let model = significant(model, 2);
     let errors = match paper {
         Some(paper) => format!(
-            "Both models run freely from measured positions; the element of the paper's two steps is what the same recordings give \
+            "Both are free-run simulations from measured positions; the element of the paper's two steps is what the same recordings give \
              without this fit. Root mean square errors here: {model} N and {} N.",
             significant(paper, 2)
         ),
         None => format!(
-            "The model runs freely from measured positions; the paper's two steps resolve no deformation here, so there is no other \
+            "The model is a free-run simulation from measured positions; the paper's two steps resolve no deformation here, so there is no other \
              to compare it with. Root mean square error here: {model} N."
         ),
     };

@@ -35,9 +35,10 @@ pub(crate) fn velocity_step(found: &Identification, training: &[Recording]) -> D
     let model = part(&replay(&found.trocar(), recording, found.model.offset).force);
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
     let velocity = part(&velocity).into_iter().map(|v| MM * v);
+    let label = super::measured(recording, found.model.unmodelled_mass);
     let since = || Axis::new("time since the reversal", "s");
     let forces = Panel::new(since(), Axis::new("force", "N").with_zero())
-        .series(line("measured", Role::Measured, &time, measured))
+        .series(line(label, Role::Measured, &time, measured))
         .series(line("model", Role::Model, &time, model));
     let transients = Transients::of(found.element().params().deformation.branch(shown.direction));
     let marked = transients.marks(recording, shown, origin).into_iter().fold(forces, Panel::mark);

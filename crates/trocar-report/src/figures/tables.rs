@@ -159,9 +159,9 @@ pub(crate) fn resolution<'a>(
     )
 }
 
-/// The resolution of a signal; zero means that none was found.
+/// The resolution of a signal; zero means that the readings do not show it.
 fn step(value: f64) -> Cell {
-    if value > 0.0 { Cell::number(value, 2) } else { Cell::from("none found") }
+    if value > 0.0 { Cell::number(value, 2) } else { Cell::from("not determined") }
 }
 
 fn losses(quality: &Quality) -> Cell {

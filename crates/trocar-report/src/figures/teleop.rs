@@ -142,7 +142,7 @@ pub(crate) fn errors(config: &Config, advice: &Advice) -> Figure {
             ("of the tissue", TISSUE, |m| m.true_stiffness_n_m),
         ],
     );
-    Figure::new("fractions", 0, "Error and stiffness over the fraction taken out")
+    Figure::new("fractions", 0, "Error and stiffness over the fraction compensated")
         .caption(
             "Of the trocar and compensator with the largest error among all that were tried; only where the loop is stable with all of them \
              (shaded). A just noticeable difference (JND) is 7 % of the force, and below 2.5 N as large \
@@ -171,7 +171,7 @@ type MeritCurve = (&'static str, Role, fn(&Merit) -> Option<f64>);
 
 /// Figures of merit over the fractions that were tried.
 fn with_curves(advice: &Advice, y: Axis, curves: &[MeritCurve]) -> Panel {
-    let panel = Panel::new(Axis::new("fraction taken out γ", "%").with_zero(), y.with_zero());
+    let panel = Panel::new(Axis::new("fraction compensated γ", "%").with_zero(), y.with_zero());
     let x: Vec<f64> = advice.tried.iter().map(|tried| 100.0 * tried.fraction).collect();
     curves.iter().fold(panel, |panel, (name, role, of)| {
         let merits = advice.tried.iter().map(|tried| tried.merit.as_ref().and_then(of));
@@ -213,7 +213,7 @@ fn apart(values: &[f64]) -> f64 {
 pub(crate) fn map(config: &Config, map: &Map) -> Figure {
     let size = [100.0 * apart(&map.fractions), MM * apart(&map.delays_s)];
     let mut panel = Panel::new(
-        Axis::new("fraction taken out γ", "%"),
+        Axis::new("fraction compensated γ", "%"),
         Axis::new("delay of one direction", "ms"),
     )
     .aspect(0.75);
@@ -280,7 +280,7 @@ fn cell_label(width: &ZWidth) -> String {
 pub(crate) fn map_table(map: &Map) -> Table {
     let heads = map.fractions.iter().map(|fraction| plain(100.0 * fraction));
     let caption = "The numbers of the map: tissue with which the loop is stable (N/m; one number: from 0 up to it), delay of one direction \
-                   down, fraction taken out (%) across";
+                   down, fraction compensated (%) across";
     let empty = Table::new(caption, std::iter::once("Delay (ms)".to_owned()).chain(heads));
     let rows = map.delays_s.iter().zip(&map.z_width_n_m);
     let table = rows.fold(empty, |table, (delay, widths)| {

@@ -25,6 +25,8 @@ const QUANTILES: usize = 150;
 const LAGS: usize = 120;
 /// Speeds within this ratio count as one speed of cycles.
 const ONE_SPEED: f64 = 1.5;
+/// Both strokes of a cycle have the speed that its label names within this ratio.
+const ONE_LABEL: f64 = 1.1;
 
 /// Recordings, the simulations of the model over them, and the scores.
 pub(crate) struct Scored<'a> {
@@ -103,11 +105,15 @@ pub(super) struct Cycle {
     pub(super) turn: usize,
     /// Speed of the first stroke, m/s.
     pub(super) speed: f64,
-    /// Whether that stroke has a constant velocity.
+    /// Whether both strokes have that speed, constant.
     steady: bool,
 }
 
-/// Full cycles within the samples whose state is known; only those of constant velocity, if there
+fn within(ratio: f64, a: f64, b: f64) -> bool {
+    a.max(b) < ratio * a.min(b)
+}
+
+/// Full cycles within the samples whose state is known; only those of one constant speed, if there
 /// are any.
 pub(super) fn cycles(
     recordings: &[Recording],
@@ -124,16 +130,17 @@ pub(super) fn cycles(
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
             let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let own = steady_segments
-                    .iter()
-                    .filter(|s| s.stroke == number)
-                    .max_by_key(|s| s.end - s.start);
+                let own = |number| {
+                    let own = steady_segments.iter().filter(|s| s.stroke == number);
+                    own.max_by_key(|s| s.end - s.start).map(|s| s.velocity.abs())
+                };
                 let duration = recording.time[first.end] - recording.time[first.start];
                 let mean = travel(recording, first, first.end) / duration;
-                let speed = own.map_or(mean, |s| s.velocity.abs());
+                let speed = own(number).unwrap_or(mean);
+                let steady =
+                    own(number).zip(own(number + 1)).is_some_and(|(a, b)| within(ONE_LABEL, a, b));
                 let samples = first.start..second.end + 1;
-                let turn = first.end;
-                found.push(Cycle { recording: index, samples, turn, speed, steady: own.is_some() });
+                found.push(Cycle { recording: index, samples, turn: first.end, speed, steady });
             }
         }
     }
@@ -166,7 +173,7 @@ pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
         let shown: Vec<&Cycle> = chosen.iter().filter_map(|v| nearest(&cycles, *v)).collect();
         let all: Vec<String> = shown.iter().map(|c| format!("{:.0}", MM * c.speed)).collect();
         (shown, format!("The cycles chosen are at {} mm/s.", all.join(", ")))
-    } else if fastest.speed < ONE_SPEED * slowest.speed {
+    } else if within(ONE_SPEED, slowest.speed, fastest.speed) {
         let middle = &cycles[cycles.len() / 2];
         let words = format!(
             "All cycles have about one speed, so one of them is shown, at {:.0} mm/s.",
@@ -209,9 +216,13 @@ fn forces(scored: &Scored, cycle: &Cycle) -> Panel {
     let time = time_of(recording, &cycle.samples);
     let measured = recording.force[cycle.samples.clone()].iter().map(|f| f - scored.offset);
     let model = &scored.runs[cycle.recording].force[cycle.samples.clone()];
+    let speed = match cycle.steady {
+        true => format!("{:.0} mm/s", MM * cycle.speed),
+        false => format!("first stroke {:.0} mm/s", MM * cycle.speed),
+    };
     over_time(Axis::new("force", "N").with_zero())
-        .title(format!("{:.0} mm/s", MM * cycle.speed))
-        .series(line("measured", Role::Measured, &time, measured))
+        .title(speed)
+        .series(line(super::measured(recording, 0.0), Role::Measured, &time, measured))
         .series(line("model", Role::Model, &time, model.iter().copied()))
         .aspect(0.7)
 }

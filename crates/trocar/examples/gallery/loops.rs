@@ -26,7 +26,7 @@ fn pushed(fraction: f64) -> Config {
     config
 }
 
-/// Force felt over the depth of the tip, with more and more of the trocar taken out.
+/// Force felt over the depth of the tip, with more and more of the trocar compensated.
 fn felt() -> Outcome<Figure> {
     let file = ModelFile::plausible_10_5_mm()?;
     let surface = Config::default().tissue.surface_m;
@@ -40,7 +40,7 @@ fn felt() -> Outcome<Figure> {
         let inside: Vec<_> = samples.iter().filter(|s| s.slave_position >= surface).collect();
         let x = inside.iter().step_by(4).map(|s| 1e3 * (s.slave_position - surface)).collect();
         let y = inside.iter().step_by(4).map(|s| config.felt(s)).collect();
-        let name = format!("{:.0} % taken out", 1e2 * fraction);
+        let name = format!("{:.0} % compensated", 1e2 * fraction);
         panel = panel.series(Series::line(name, Role::Category(k), x, y));
         if k == 0 {
             let x = inside.iter().step_by(4).map(|s| 1e3 * (s.slave_position - surface)).collect();

@@ -59,13 +59,13 @@ const OTHERS: [[&str; 4]; 4] = [
         "stability-map.svg",
         "Where a loop is stable",
         "Stiffest tissue with which a position-force loop is stable, over the delay of the channel and the fraction of the trocar's force that is \
-         taken out.",
+         compensated.",
         "cargo run --release -p trocar --example teleoperation -- docs",
     ],
     [
         "displayed-stiffness.svg",
         "Stiffness displayed",
-        "Stiffness of the tissue as the operator feels it through seals of different friction, over the fraction taken out.",
+        "Stiffness of the tissue as the operator feels it through seals of different friction, over the fraction compensated.",
         "cargo run --release -p trocar --example teleoperation -- docs",
     ],
     [
