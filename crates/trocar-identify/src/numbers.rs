@@ -172,7 +172,7 @@ pub(super) fn parameter_or_held(
 
 /// Whether a quantity represents a parameter held at a bound: that parameter alone, or together
 /// with the width, changes it.
-fn is_held(fitted: &Fitted<EmsTrial>, id: ParameterId) -> bool {
+pub(super) fn is_held(fitted: &Fitted<EmsTrial>, id: ParameterId) -> bool {
     let free = fitted.best.free();
     let value = fitted.best.candidate.value(id);
     (0..free.len()).filter(|j| fitted.held[*j]).any(|j| {

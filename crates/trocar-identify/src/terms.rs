@@ -491,7 +491,11 @@ impl Chosen {
         // slow to be measured may be present.
         let may_be_open = match best.term {
             Term::Stribeck => true,
-            Term::Creep => larger.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost(),
+            // The slowest creep is as good as none.
+            Term::Creep => {
+                larger.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost()
+                    && !numbers::is_held(larger, Quantity::CreepVelocity.id())
+            }
             _ => false,
         };
         match may_be_open || numbers::are_determined(larger, best.term.parameters()) {

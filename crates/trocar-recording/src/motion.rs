@@ -29,9 +29,9 @@ const WIDER: f64 = 4.0;
 /// Mean square, in noise variances, above which the two windows differ by more than noise.
 const ABOVE_NOISE: f64 = 3.0;
 
-/// Most noise of a single force after inertia is subtracted, in units of its own: less would leave
-/// inertia that repeats in every stroke.
-const ADDED: f64 = 2.0;
+/// Most noise that the inertia which is subtracted adds to a single force, in units of its own
+/// noise: with this much it grows by an eighth, and what swings is still the force.
+const ADDED: f64 = 0.5;
 
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
 #[must_use]
