@@ -12,6 +12,7 @@ use super::unexplained::PositionDelay;
 use super::estimate::Estimate;
 use super::findings::{IdentifyError, Parameter, Warning};
 use super::free_motion::FreeMotion;
+use super::likelihood::Trial;
 use super::numbers;
 use super::posterior::{Density, Posterior};
 use super::prior::Kind;
@@ -188,6 +189,7 @@ fn fitted_parameters(
             p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why.clone());
         }
         widen(p, scale);
+        span_rivals(p, fit);
     }
     conditional(&mut all, layout.offset, layout.own_slopes);
     all
@@ -213,6 +215,25 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
             "friction changed during the recordings: the interval holds all values that it had"
                 .to_owned(),
         );
+    }
+}
+
+/// A term that is significant but too small to be taken may be there: the interval holds the values
+/// with it, too.
+fn span_rivals(p: &mut Parameter, fit: &ElementFit) {
+    let best = &fit.fitted.best;
+    let values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
+    for shift in fit.trials.iter().map(|trial| &trial.shift).filter(|shift| !shift.is_empty()) {
+        // The numbers of the drift come last, and are no longer the same.
+        let count = shift.len().min(best.free_numbers());
+        let mut moved = values.clone();
+        moved.iter_mut().zip(&shift[..count]).for_each(|(value, more)| *value += more);
+        let apart = best.with_any(&moved).candidate.value(p.id) - best.candidate.value(p.id);
+        if p.estimate.determined && apart.is_finite() {
+            let [low, high] = p.estimate.ci95;
+            let least = p.id.declaration().range.least().min(low);
+            p.estimate.ci95 = [(low + apart.min(0.0)).max(least), high + apart.max(0.0)];
+        }
     }
 }
 

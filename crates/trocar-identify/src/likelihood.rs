@@ -1189,6 +1189,8 @@ pub(crate) struct OneStep {
     pub(crate) degrees: f64,
     /// Fraction of C that it removes.
     pub(crate) gain: f64,
+    /// Change of the free parameters with it.
+    pub(crate) shift: Vec<f64>,
 }
 
 impl Normal {
@@ -1238,6 +1240,7 @@ impl Normal {
             standard_error: moderated.sqrt(),
             degrees: degrees + MODEL_DEGREES,
             gain: (with.dot(&score) - before.dot(&score)) / self.cost().max(f64::MIN_POSITIVE),
+            shift: with.iter().zip(&before).take(own).map(|(with, before)| with - before).collect(),
         })
     }
 }

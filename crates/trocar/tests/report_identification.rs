@@ -456,6 +456,7 @@ fn of_all_motion() -> (Identification, Vec<Recording>) {
         p_value,
         gain,
         why_not: None,
+        shift: Vec::new(),
     };
     let fit = FitSummary {
         terms: vec![

@@ -85,7 +85,8 @@ pub(super) fn weighted(found: &ElementFit, speeds: [f64; 2]) -> Vec<Structure> {
     let mut suspected: Vec<&TermTrial> = found
         .trials
         .iter()
-        .filter(|t| !t.kept && t.p_value < SUSPECTED && t.why_not.is_none())
+        .filter(|t| !t.kept && t.p_value < SUSPECTED)
+        .filter(|t| t.why_not.is_none() || !t.shift.is_empty())
         .collect();
     suspected.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     let larger = suspected
