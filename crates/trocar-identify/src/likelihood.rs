@@ -981,13 +981,14 @@ fn step_within(
 
 /// Damping above which no step is tried.
 const HIGHEST_DAMPING: f64 = 1e4;
-/// Damping at the start of a fit, and the least: below it a step that fails would hardly change.
-const FIRST_DAMPING: f64 = 1e-3;
-const LEAST_DAMPING: f64 = 1e-4;
+/// Damping below which a step that fails would hardly change.
+const LEAST_TRIED: f64 = 1e-3;
+/// Damping at the start of a fit, and the least after steps that succeed: with more of it, fits of
+/// two stages end in other minima.
+const FIRST_DAMPING: f64 = 1e-5;
+const LEAST_DAMPING: f64 = 1e-8;
 /// Part of the fall at which a fit has converged that a step must promise to be tried.
 const NEGLIGIBLE: f64 = 0.1;
-/// Damping of a step that only counts: for rounding.
-const UNDAMPED: f64 = 1e-8;
 
 /// Factor on the damping after a step whose cost fell by `part` of what the linear model promises.
 fn relaxed(part: f64, is_first: bool) -> f64 {
@@ -1037,7 +1038,7 @@ fn step_down<T: Trial>(
                 return Some(Accepted { trial, cost, lambda: lambda * relaxed });
             }
         }
-        (lambda, is_first) = (10.0 * lambda, false);
+        (lambda, is_first) = ((10.0 * lambda).max(LEAST_TRIED), false);
     }
     None
 }
@@ -1065,7 +1066,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         converged = cost > (1.0 - stop.fall) * before && !is_flat();
     }
-    step_within(&normal.sums(), &best.free(), UNDAMPED, &mut held);
+    step_within(&normal.sums(), &best.free(), LEAST_DAMPING, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
     let has_prior = !training.prior.is_empty();
     let ripple = training.ripple.as_ref().filter(|_| stop.iterations > 0);
@@ -1076,7 +1077,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
 /// Fraction of C that an undamped step would remove if the model were linear.
 fn promised(normal: &Normal, free: &[Free]) -> f64 {
     let sums = normal.sums();
-    let fall = step_within(&sums, free, UNDAMPED, &mut Vec::new())
+    let fall = step_within(&sums, free, LEAST_DAMPING, &mut Vec::new())
         .map_or(0.0, |delta| fall_along(&sums, &delta, 0.0));
     fall / normal.cost().max(f64::MIN_POSITIVE)
 }
