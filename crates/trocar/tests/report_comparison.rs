@@ -178,14 +178,18 @@ fn the_reversal_shows_sliding_before_it_and_the_jump_of_the_static_models() {
     let measured = named(&panels[0], "measured");
     let end = measured.x.iter().copied().fold(0.0, f64::max);
     assert!(end > 1e3 * COMPARISON.reversal_travel, "shown up to {end} mm");
+    // Forces count positive along the motion after the reversal.
+    let sense = -level(measured, -5.0, -1.0).signum();
+    let along = |series: &Series, from: f64, to: f64| sense * level(series, from, to);
     for series in [coulomb, ems, measured] {
-        assert!(level(series, -5.0, -1.0) < -2.0, "{} slides out before it turns", series.name);
-        assert!(level(series, end - 2.0, end) > 2.0, "{} slides in at the end", series.name);
+        let [before, after] = [along(series, -5.0, -1.0), along(series, end - 2.0, end)];
+        assert!(before < -2.0, "{} slides before it turns: {before} N", series.name);
+        assert!(after > 2.0, "{} slides at the end: {after} N", series.name);
     }
     // Two millimetres after the reversal the seal is still deformed in the other direction; static
     // friction has no deflection.
-    assert!(level(measured, 1.0, 2.5) < 0.0 && level(ems, 1.0, 2.5) < 0.0);
-    assert!(level(coulomb, 1.0, 2.5) > 2.0);
+    assert!(along(measured, 1.0, 2.5) < 0.0 && along(ems, 1.0, 2.5) < 0.0);
+    assert!(along(coulomb, 1.0, 2.5) > 2.0);
 }
 
 #[test]
