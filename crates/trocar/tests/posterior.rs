@@ -70,7 +70,7 @@ fn draws_hold_the_truth_as_often_as_they_say() {
 
 #[test]
 fn draws_agree_with_the_intervals_of_identify_and_with_their_file() {
-    let found = found(&recordings(seal(1), 1), 2000, 1);
+    let found = found(&recordings(seal(1), 1), 3000, 1);
     let posterior = posterior(&found);
     println!("{}", posterior.in_words());
     for p in &posterior.parameters {
