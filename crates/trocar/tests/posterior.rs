@@ -90,7 +90,7 @@ fn draws_agree_with_the_intervals_of_identify_and_with_their_file() {
     let path = folder.path().join("posterior.parquet");
     posterior.write(&path).unwrap();
     let table = read(&path).unwrap();
-    assert_eq!(table.rows(), 2000);
+    assert_eq!(table.rows(), 3000);
     let width = column(posterior, "half_width_m");
     let force = column(posterior, "coulomb_force_n");
     let damping = column(posterior, "viscous_damping_n_s_m");
