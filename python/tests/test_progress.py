@@ -46,7 +46,7 @@ def test_a_terminal_shows_a_bar_that_disappears(
 ) -> None:
     terminal = watched(monkeypatch, Terminal())
     work(training)
-    assert "%|" in terminal.getvalue() and "fit" in terminal.getvalue()
+    assert "%|" in terminal.getvalue() and "steady state" in terminal.getvalue()
     assert not terminal.getvalue().split("\r")[-1].strip()
 
 
@@ -82,7 +82,7 @@ def test_nobody_is_bothered_elsewhere(
     work(training)
     assert not file.getvalue()
     work(training, progress=True)
-    assert "fit" in file.getvalue()
+    assert "steady state" in file.getvalue()
     with pytest.raises(TypeError, match="progress must be a function, True, False or None, got 3"):
         work(training, progress=3)
 

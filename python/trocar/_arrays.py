@@ -127,7 +127,8 @@ def columns_in_words(columns: Any) -> str:
         raise ParameterError(f"{what}: columns={right}, got {dict(columns)}")
 
     def entry(ours: str, theirs: str) -> str:
-        front, name = _SCALED.match(theirs).groups()
+        scaled = _SCALED.match(theirs)
+        front, name = scaled.groups() if scaled else ("", theirs)
         quoted = "," in name or '"' in name or name.strip() != name
         return f'{ours}={front}"{name}"' if quoted else f"{ours}={front}{name}"
 
