@@ -8,7 +8,7 @@ use trocar_model::{
     SlidingFriction, Stages, StagesState,
 };
 
-use super::likelihood::{Column, Free, Trial, each_alone};
+use super::likelihood::{Column, Free, Trial, each_alone, with_rows};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
 use super::stage::{SecondStage, yielding};
@@ -679,10 +679,11 @@ impl Trial for EmsTrial {
     ) -> DMatrix<f64> {
         let (near, alone) = models.split_at(close);
         let (of_near, of_alone) = states.split_at_mut(close);
-        let mut forces = DMatrix::zeros(models.len(), steps.len());
-        forces.rows_mut(0, close).copy_from(&led(near, of_near, steps));
-        forces.rows_mut(close, alone.len()).copy_from(&each_alone(alone, of_alone, steps));
-        forces
+        let forces = led(near, of_near, steps);
+        match alone {
+            [] => forces,
+            _ => with_rows(forces, &each_alone(alone, of_alone, steps)),
+        }
     }
 }
 

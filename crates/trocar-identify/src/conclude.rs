@@ -168,7 +168,7 @@ fn fitted_parameters(
     prior: Option<&PriorUse>,
 ) -> Vec<Parameter> {
     let mut all = numbers::parameters(&fit.fitted, &fit.joins);
-    let layout = fit.fitted.best.layout;
+    let (layout, rivals) = (fit.fitted.best.layout, rivals(fit));
     all.extend(fit.left.damping.clone().map(|most| Parameter::new(Quantity::SealDamping, most)));
     for p in &mut all {
         let why =
@@ -189,7 +189,7 @@ fn fitted_parameters(
             p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why.clone());
         }
         widen(p, scale);
-        span_rivals(p, fit);
+        span_rivals(p, &fit.fitted.best.candidate, &rivals);
     }
     conditional(&mut all, layout.offset, layout.own_slopes);
     all
@@ -218,17 +218,27 @@ fn widen(p: &mut Parameter, scale: &FrictionScale) {
     }
 }
 
-/// A term that is significant but too small to be taken may be there: the interval holds the values
-/// with it, too.
-fn span_rivals(p: &mut Parameter, fit: &ElementFit) {
+/// The candidate with each term that is significant but too small to be taken, to first order.
+fn rivals(fit: &ElementFit) -> Vec<Candidate> {
     let best = &fit.fitted.best;
-    let values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
-    for shift in fit.trials.iter().map(|trial| &trial.shift).filter(|shift| !shift.is_empty()) {
+    let moved = |shift: &Vec<f64>| {
+        let mut values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
         // The numbers of the drift come last, and are no longer the same.
-        let count = shift.len().min(best.free_numbers());
-        let mut moved = values.clone();
-        moved.iter_mut().zip(&shift[..count]).for_each(|(value, more)| *value += more);
-        let apart = best.with_any(&moved).candidate.value(p.id) - best.candidate.value(p.id);
+        let own = shift.iter().take(best.free_numbers());
+        values.iter_mut().zip(own).for_each(|(value, more)| *value += more);
+        best.with_any(&values).candidate
+    };
+    fit.trials
+        .iter()
+        .map(|trial| &trial.shift)
+        .filter(|shift| !shift.is_empty())
+        .map(moved)
+        .collect()
+}
+
+/// One of the `rivals` may be true: the interval holds their values, too.
+fn span_rivals(p: &mut Parameter, best: &Candidate, rivals: &[Candidate]) {
+    for apart in rivals.iter().map(|rival| rival.value(p.id) - best.value(p.id)) {
         if p.estimate.determined && apart.is_finite() {
             let [low, high] = p.estimate.ci95;
             let least = p.id.declaration().range.least().min(low);

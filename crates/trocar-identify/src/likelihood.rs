@@ -159,6 +159,14 @@ where
     DMatrix::from_fn(models.len(), steps.len(), |k, i| rows[k][i])
 }
 
+/// The rows of `all`, and below them those of `more`.
+pub(super) fn with_rows(all: DMatrix<f64>, more: &DMatrix<f64>) -> DMatrix<f64> {
+    let (own, count) = (all.nrows(), more.nrows());
+    let mut both = all.insert_rows(own, count, 0.0);
+    both.rows_mut(own, count).copy_from(more);
+    both
+}
+
 /// State of a trial's model.
 pub(crate) type StateOf<T> = <<T as Trial>::Model as Friction>::State;
 
@@ -632,9 +640,7 @@ fn sum_over<T: Trial>(
         let mut forces = T::forces(models, &mut states, *close, block);
         if !ordinates.is_empty() {
             let rates = T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block);
-            let own = forces.nrows();
-            forces = forces.insert_rows(own, rates.nrows(), 0.0);
-            forces.rows_mut(own, rates.nrows()).copy_from(&rates);
+            forces = with_rows(forces, &rates);
         }
         accumulate(predictor, block, &forces, sources, before, clusters);
         before = forces[(0, block.len() - 1)];

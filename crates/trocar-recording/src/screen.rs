@@ -259,12 +259,12 @@ fn noise(time: &[f64], values: &[f64], resolution: f64) -> f64 {
 /// neighbouring differences differ by one step.
 pub(super) fn resolution(values: &[f64]) -> f64 {
     let looked_at = &values[..values.len().min(LOOKED_AT)];
-    let unit = last_digit(looked_at);
+    let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let unit = last_digit(looked_at, largest);
     let differences: Vec<f64> =
         looked_at.windows(2).map(|pair| (pair[1] - pair[0]).abs()).collect();
-    let divisor = unit.and_then(|unit| Some(unit * commonest_divisor(looked_at, unit)? as f64));
-    let decimal = divisor.filter(|step| unit.is_none_or(|unit| *step > 1.5 * unit));
-    let largest = looked_at.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+    let shown = unit.and_then(|unit| Some((unit, commonest_divisor(looked_at, unit)?)));
+    let decimal = shown.filter(|(_, units)| *units > 1).map(|(unit, units)| unit * units as f64);
     let least = unit.map_or(SINGLE_PRECISION * largest, |unit| 1.5 * unit);
     // Of numbers with few digits a step is known to a part of the last one only, and of long
     // differences nothing follows.
@@ -275,7 +275,7 @@ pub(super) fn resolution(values: &[f64]) -> f64 {
             let change = smallest_change(&differences, least)?;
             is_step(&differences, change, rounding, reach).then_some(change)
         })
-        .or(divisor.and(unit))
+        .or(shown.map(|(unit, _)| unit))
         .unwrap_or(0.0)
 }
 
@@ -287,14 +287,12 @@ const NEAR_A_STEP: f64 = 0.02;
 const NEARLY_ALL: f64 = 0.98;
 const ENOUGH_CHANGES: f64 = 0.02;
 
-/// The unit of the last decimal digit of the values; `None` where they have more digits than a
-/// sensor.
-fn last_digit(values: &[f64]) -> Option<f64> {
-    let largest = values.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
+/// The unit of the last decimal digit of the values, none above `largest`; `None` where they have
+/// more digits than a sensor.
+fn last_digit(values: &[f64], largest: f64) -> Option<f64> {
     let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
-    // Above 2^43 units the last digits of a double no longer distinguish integers from other
-    // numbers.
-    // Less than a unit in all rounds to nothing.
+    // Less than a unit in all rounds to nothing, and above 2^43 units the last digits of a double no
+    // longer distinguish integers from other numbers.
     let is_scale = |scale: f64| {
         (1.0..8.8e12).contains(&(largest * scale)) && values.iter().all(|&x| is_whole(x, scale))
     };

@@ -344,6 +344,24 @@ fn a_constant_speed_is_no_step_of_an_encoder() {
     }
 }
 
+/// A step that is no round decimal number is one, too: single counts are no jumps, and rows between
+/// them hold no old position.
+#[test]
+fn the_step_of_an_encoder_may_be_any_number() {
+    let time: Vec<f64> = (0..20_000).map(|k| f64::from(k) * 1e-3).collect();
+    for step in [4.887_312_59e-6, 10.834_712_946e-6, 36.412_345_678_9e-6] {
+        // Slow strokes, and digits as many as a double has.
+        let counts = time.iter().map(|t| (0.03 * (1.0 - (0.7 * t).cos()) / step).round());
+        let position: Vec<f64> = counts.map(|count| count * step).collect();
+        let force = (0..20_000).map(noise).collect();
+        let recording = Recording::from_columns("counts", time.clone(), position, force).unwrap();
+        let quality = &recording.quality;
+        let seen = quality.position_resolution;
+        assert!((seen - step).abs() < 1e-6 * step, "step {step}: {seen}");
+        assert_eq!((quality.resets.len(), &quality.warnings[..]), (0, &[][..]), "step {step}");
+    }
+}
+
 #[test]
 fn a_unit_that_is_not_known_is_never_taken_for_one_of_si() {
     for (header, essentials) in [

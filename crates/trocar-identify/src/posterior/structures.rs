@@ -85,8 +85,10 @@ pub(super) fn weighted(found: &ElementFit, speeds: [f64; 2]) -> Vec<Structure> {
     let mut suspected: Vec<&TermTrial> = found
         .trials
         .iter()
-        .filter(|t| !t.kept && t.p_value < SUSPECTED)
-        .filter(|t| t.why_not.is_none() || !t.shift.is_empty())
+        .filter(|t| {
+            let is_open = t.why_not.is_none() || !t.shift.is_empty();
+            !t.kept && t.p_value < SUSPECTED && is_open
+        })
         .collect();
     suspected.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
     let larger = suspected

@@ -169,7 +169,7 @@ pub fn identify_one(input: &Input, config: &Config) -> FleetRow {
     let failure = match outcome {
         Ok(Ok(())) => return row,
         Ok(Err(failure)) => failure,
-        // Work that is called off is no fault of the recording: the journal would keep it as one.
+        // Work that is cancelled is no fault of the recording: the journal would keep it as one.
         Err(panic) if cancel::is_cancelled(&*panic) => resume_unwind(panic),
         Err(panic) => Failure { kind: "panic", message: words_of(&*panic) },
     };
