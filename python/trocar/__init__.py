@@ -175,7 +175,7 @@ def identify(
     :param degrees: degrees of the two joined polynomials of each branch, 2 to 7
     :param free_motion: try the optional model terms that rests and partial reversals determine: creep,
         relaxation, second_relaxation, minor_loops, second_stage
-    :param without: optional model terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
+    :param without: optional model terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, relaxation,
         second_relaxation, unmodelled_mass, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated if not given
     :param paper: use only the two identification steps of the paper

@@ -149,8 +149,10 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     undetermined.extend(speeds.fast_enough(model.candidate));
     let phases = phases(input, model, &seen);
     let mut doubts: Vec<Warning> = phases.iter().filter_map(doubt).collect();
-    let swings = Swings::of(input.recordings, input.segments, input.two.candidate.offset)
-        .filter(|_| model.has_shape);
+    let Candidate { insertion, offset, .. } = model.candidate;
+    let falls = insertion.static_force > insertion.coulomb_force;
+    let swings =
+        Swings::of(input.recordings, input.segments, *offset, falls).filter(|_| model.has_shape);
     doubts.extend(swings.iter().map(Swings::warning));
     let stick_slip = swings.and_then(Swings::stick_slip);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();

@@ -288,6 +288,8 @@ pub(super) struct Layout {
     pub(super) own_slopes: bool,
     pub(super) viscous: bool,
     pub(super) stribeck: bool,
+    /// δ, else 2 as in EMS (11).
+    pub(super) exponent: bool,
     /// Largest Coulomb and static force, N, that the range of the readings permits.
     pub(super) largest: f64,
     /// c and the branches.
@@ -311,6 +313,9 @@ pub(super) struct Layout {
     pub(super) second: bool,
 }
 
+/// δ of EMS (11).
+pub(super) const GAUSSIAN: f64 = 2.0;
+
 impl Layout {
     /// The element of the paper: (23), c and the branches.
     pub(super) const PAPER: Self = Self {
@@ -320,6 +325,7 @@ impl Layout {
         own_slopes: false,
         viscous: true,
         stribeck: false,
+        exponent: false,
         largest: f64::INFINITY,
         shape: true,
         narrowest: 0.0,
@@ -337,8 +343,10 @@ impl Layout {
     pub(super) fn used_by(candidate: &Candidate) -> Self {
         let sliding = &candidate.insertion;
         let arms = &candidate.relaxation.arms;
+        let stribeck = sliding.static_force > sliding.coulomb_force;
         Self {
-            stribeck: sliding.static_force > sliding.coulomb_force,
+            stribeck,
+            exponent: stribeck && sliding.stribeck_exponent != GAUSSIAN,
             damping: candidate.seal_damping > 0.0,
             yielding: candidate.yield_ratio > 1.001 * Candidate::DEFAULT_YIELD_RATIO,
             creep: candidate.creep_velocity > 0.0,
@@ -354,6 +362,7 @@ impl Layout {
         own_levels: true,
         own_slopes: true,
         stribeck: true,
+        exponent: true,
         damping: true,
         yielding: true,
         creep: true,
@@ -436,10 +445,12 @@ impl Layout {
                 &mut candidate.insertion.stribeck_velocity,
                 Span::new(Kind::StribeckVelocity, 1e-5, 5e-4, 1.0),
             );
-            on(
-                &mut candidate.insertion.stribeck_exponent,
-                Span::new(Kind::StribeckExponent, 1e-2, 0.5, 3.0),
-            );
+            if self.exponent {
+                on(
+                    &mut candidate.insertion.stribeck_exponent,
+                    Span::new(Kind::StribeckExponent, 1e-2, 0.5, 3.0),
+                );
+            }
         } else {
             candidate.insertion.static_force = candidate.insertion.coulomb_force;
         }

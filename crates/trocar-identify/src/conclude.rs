@@ -1,6 +1,6 @@
 //! Assembly of the result from the results of the stages.
 
-use trocar_model::{ParameterId, Quantity, Trocar};
+use trocar_model::{Quantity, Trocar};
 
 use super::adequacy::{self, Adequacy, Group, Model};
 use super::along::Profile;
@@ -277,11 +277,7 @@ fn warnings(
     }
     // One line for all coefficients of a polynomial.
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined && !p.is_coefficient());
-    // Branches are known without their joins.
-    let matters = |id: ParameterId| {
-        !matches!(id.quantity, Quantity::Offset | Quantity::Join | Quantity::JoinForce)
-    };
-    all.extend(undetermined.map(|p| Warning::undetermined(p, matters(p.id))));
+    all.extend(undetermined.map(Warning::undetermined));
     all.extend(judged.doubts.iter().cloned());
     if let Some(message) = scale.in_words(&adequacy::names(input.recordings)) {
         let changed = !scale.jumps.is_empty() || scale.drift > TOO_FAR;

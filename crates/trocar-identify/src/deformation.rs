@@ -17,6 +17,7 @@ use serde::Serialize;
 
 use super::estimate::{Estimate, LinearFit, t_p_value, t_quantile};
 use super::shape::{BranchShape, EndForces};
+use super::steady::SteadyFit;
 use trocar_recording::Recording;
 use trocar_simulate::segment::{Direction, Stroke};
 
@@ -53,9 +54,20 @@ pub struct Limits {
     /// Fluctuation of the sliding force below the limit, N: the switching instant is taken at the
     /// limit less this margin.
     pub margin: f64,
+    /// Twice the fluctuation of the sliding force, N rms.
+    pub(super) fluctuation: f64,
 }
 
 impl Limits {
+    /// The same with the margin at which the force of every steady stroke reaches them.
+    pub(super) fn reached_by(self, steady: &SteadyFit) -> Self {
+        let forces = steady.means.iter().map(|m| (m.force_n - self.offset).abs());
+        let least = forces.fold(f64::INFINITY, f64::min) - self.fluctuation;
+        let margin = self.insertion.max(self.withdrawal) - least;
+        let largest = 0.5 * self.insertion.min(self.withdrawal);
+        Self { margin: margin.min(largest).max(self.margin), ..self }
+    }
+
     fn of(&self, direction: Direction) -> f64 {
         match direction {
             Direction::Insertion => self.insertion - self.margin,

@@ -597,7 +597,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         let is_axis = options.inertia_removed && 2.0 * candidate.half_width < NEGLIGIBLE * longest;
         return if is_axis { Vec::new() } else { vec![EmsTrial::new(candidate, layout)] };
     }
-    if options.inertia_removed && !steady.means.is_empty() {
+    if options.inertia_removed && two.is_assumed && !steady.means.is_empty() {
         return Vec::new();
     }
     let mut widths =

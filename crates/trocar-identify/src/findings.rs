@@ -169,11 +169,24 @@ impl Warning {
     }
 
     /// The data do not determine `parameter`.
-    pub(crate) fn undetermined(parameter: &Parameter, doubtful: bool) -> Self {
+    pub(crate) fn undetermined(parameter: &Parameter) -> Self {
+        use Quantity as Q;
         let why = parameter.estimate.note.as_deref().unwrap_or("not identifiable from these data");
         let message = format!("not determined: {why}");
-        // Joins are never asked for.
-        let is_advice = parameter.id.quantity == Quantity::Offset;
+        // Branches are known without their joins, which are never asked for.
+        let is_join = matches!(parameter.id.quantity, Q::Join | Q::JoinForce);
+        // The forces in the recorded motion are known without the speeds and times of such effects.
+        let is_advice = matches!(
+            parameter.id.quantity,
+            Q::Offset
+                | Q::StribeckVelocity
+                | Q::StribeckExponent
+                | Q::CreepVelocity
+                | Q::FrictionLag
+                | Q::RelaxationTime
+                | Q::SecondRelaxationTime
+        );
+        let doubtful = !is_join && !is_advice;
         Self { doubtful, undetermined: true, is_advice, ..Self::remark(parameter.id, message) }
     }
 }

@@ -962,15 +962,14 @@ pub(crate) fn damped_step(
 /// H and s.
 type Sums = (DMatrix<f64>, DVector<f64>);
 
-/// The damped step within the ranges: parameters at a bound that would leave it are held, and the
-/// others are solved again.
+/// The damped step within the ranges: parameters at a bound that would leave it are held, too, and
+/// the others are solved again. The columns of the parameters come first.
 fn step_within(
     normal: &Sums,
     free: &[Free],
     lambda: f64,
-    held: &mut Vec<bool>,
+    held: &mut [bool],
 ) -> Option<DVector<f64>> {
-    *held = vec![false; free.len()];
     loop {
         let delta = damped_step(&normal.0, &normal.1, lambda, held)?;
         let leaves = |j: usize| {
@@ -1026,11 +1025,12 @@ fn step_down<T: Trial>(
     (best, before): (&T, f64),
     sums: &Sums,
     (mut lambda, least): (f64, f64),
-    held: &mut Vec<bool>,
+    held: &mut [bool],
 ) -> Option<Accepted<T>> {
     let free = best.free();
     let mut is_first = true;
     while lambda < HIGHEST_DAMPING {
+        held.fill(false);
         if let Some(delta) = step_within(sums, &free, lambda, held) {
             let promised = fall_along(sums, &delta, lambda);
             if promised < least {
@@ -1072,6 +1072,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         converged = cost > (1.0 - stop.fall) * before && !is_flat();
     }
+    held.fill(false);
     step_within(&normal.sums(), &best.free(), LEAST_DAMPING, &mut held);
     let rms = [first, normal.data_cost()].map(|c| (c / normal.steps.max(f64::MIN_POSITIVE)).sqrt());
     let has_prior = !training.prior.is_empty();
@@ -1083,7 +1084,7 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
 /// Fraction of C that an undamped step would remove if the model were linear.
 fn promised(normal: &Normal, free: &[Free]) -> f64 {
     let sums = normal.sums();
-    let fall = step_within(&sums, free, LEAST_DAMPING, &mut Vec::new())
+    let fall = step_within(&sums, free, LEAST_DAMPING, &mut vec![false; free.len()])
         .map_or(0.0, |delta| fall_along(&sums, &delta, 0.0));
     fall / normal.cost().max(f64::MIN_POSITIVE)
 }
@@ -1201,40 +1202,40 @@ pub(crate) struct OneStep {
 }
 
 impl Normal {
-    /// Adds the column `column` to the first `held.len()` (those of the free parameters) and to
-    /// `beside`; `sigma2` (N²) is σ².
+    /// Adds the column `column` to those of the parameters `free`, which come first, and to `beside`;
+    /// `sigma2` (N²) is σ². Parameters `held` at a bound may leave it with the column.
     ///
     /// The variance of the amplitude is that of the jackknife, which a few strokes may dominate,
     /// moderated by that of the model: (ν·s²_jackknife + ν_0·s²_model)/(ν + ν_0) with ν_0 =
     /// [`MODEL_DEGREES`] (as for the variances of many small samples, SMYTH).
     pub(crate) fn one_step(
         &self,
-        held: &[bool],
+        (free, held): (&[Free], &[bool]),
         beside: &[usize],
         column: usize,
         sigma2: f64,
     ) -> Option<OneStep> {
-        let (hessian, mut score) = self.sums();
+        let sums = self.sums();
+        let (hessian, score) = &sums;
         let own = held.len();
-        let mut fixed = vec![true; score.len()];
-        fixed[..own].copy_from_slice(held);
-        beside.iter().chain([&column]).for_each(|j| fixed[*j] = false);
-        fixed.iter().zip(score.iter_mut()).filter(|(fixed, _)| **fixed).for_each(|(_, s)| *s = 0.0);
-        let with = damped_step(&hessian, &score, 1e-9, &fixed)?;
+        let mut fixed: Vec<bool> = (0..score.len()).map(|j| j >= own && j != column).collect();
+        beside.iter().for_each(|j| fixed[*j] = false);
         let mut without = fixed.clone();
+        without[..own].copy_from_slice(held);
         without[column] = true;
-        let before = damped_step(&hessian, &score, 1e-9, &without)?;
+        let with = step_within(&sums, free, 1e-9, &mut fixed)?;
+        let before = damped_step(hessian, score, 1e-9, &without)?;
         let used =
             self.hessians.iter().zip(&self.scores).filter(|(h, _)| h[(column, column)] > 0.0);
         let left_out = |(h, s): (&DMatrix<f64>, &DVector<f64>)| {
-            damped_step(&(&hessian - h), &(&score - s), 1e-9, &fixed).map(|d| d[column])
+            damped_step(&(hessian - h), &(score - s), 1e-9, &fixed).map(|d| d[column])
         };
         let all: Vec<f64> = used.filter_map(left_out).collect();
         let g = all.len() as f64;
         let mean = all.iter().sum::<f64>() / g.max(1.0);
         let variance = (g - 1.0) / g * all.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
         let unit = DVector::from_fn(score.len(), |i, _| f64::from(i == column));
-        let direction = damped_step(&hessian, &unit, 1e-9, &fixed)?;
+        let direction = damped_step(hessian, &unit, 1e-9, &fixed)?;
         let shares: Vec<f64> =
             self.hessians.iter().map(|h| direction.dot(&(h * &direction)).max(0.0)).collect();
         let squares: f64 = shares.iter().map(|s| s * s).sum();
@@ -1246,7 +1247,7 @@ impl Normal {
             amplitude: with[column],
             standard_error: moderated.sqrt(),
             degrees: degrees + MODEL_DEGREES,
-            gain: (with.dot(&score) - before.dot(&score)) / self.cost().max(f64::MIN_POSITIVE),
+            gain: (with.dot(score) - before.dot(score)) / self.cost().max(f64::MIN_POSITIVE),
             shift: with.iter().zip(&before).take(own).map(|(with, before)| with - before).collect(),
         })
     }

@@ -95,7 +95,7 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
         (by_direction, Q::ViscousDamping.of(withdrawal), false),
         (layout.stribeck, Q::StaticForce.id(), true),
         (layout.stribeck, Q::StribeckVelocity.id(), true),
-        (layout.stribeck, Q::StribeckExponent.id(), true),
+        (layout.exponent, Q::StribeckExponent.id(), true),
         (layout.damping, Q::SealDamping.id(), false),
         (layout.unmodelled_mass, Q::UnmodelledMass.id(), false),
         (layout.yielding, Q::YieldStiffness.id(), true),

@@ -1,8 +1,11 @@
 //! Self-excited oscillation of the force at constant speed: stick-slip.
 //!
 //! A model with correct forces soon loses phase with such readings, so the squared error does not
-//! assess it. Quantities independent of phase are therefore reported separately: the speeds, the
-//! frequency, and the force range of the oscillation.
+//! assess it, and a fit to them smooths the swings: its friction falls too little with speed.
+//! Quantities independent of phase are therefore reported separately: the speeds, the frequency, and
+//! the force range of the oscillation.
+//!
+//! A plateau swings where the autocorrelation of its force falls below zero and returns.
 //!
 //! A force may also oscillate because of the rig. Cogging of the drive or a rough shaft recurs at
 //! the same positions at any speed, interference at the same frequency. Neither is stick-slip.
@@ -14,9 +17,16 @@ use super::segments::Segments;
 use trocar_recording::{Recording, median, range};
 use trocar_simulate::segment::SteadySegment;
 
-/// Fewest crossings of the hysteresis that count as stick-slip. The least peak-to-peak amplitude is
-/// the sum of these multiples of the force and of the sensor noise.
-const FEWEST_SWINGS: usize = 8;
+/// Fewest periods, samples and longest period in samples of an oscillation; least correlation after
+/// one period, also in units of its error of white noise; correlation that is a valley before.
+const FEWEST_PERIODS: usize = 4;
+const FEWEST_SAMPLES: usize = 48;
+const LONGEST_PERIOD: usize = 600;
+const LEAST_CORRELATION: f64 = 0.2;
+const OVER_ERROR: f64 = 5.0;
+const VALLEY: f64 = -0.05;
+/// Least peak-to-peak amplitude that is reported: the sum of these multiples of the force and of the
+/// sensor noise.
 const LEAST_SWING: f64 = 0.06;
 const OVER_NOISE: f64 = 6.0;
 /// Fewest plateaus that oscillate.
@@ -53,6 +63,8 @@ pub struct StickSlip {
 pub(super) enum Swings {
     /// The seal.
     StickSlip(StickSlip),
+    /// The drive, which the positions show, too.
+    Drive(StickSlip),
     /// A position-dependent cause, with a period in m.
     Position { period: f64 },
     /// A cause with its own frequency, Hz.
@@ -67,13 +79,23 @@ struct Oscillation<'a> {
     inserts: bool,
     positions: &'a [f64],
     readings: &'a [f64],
+    is_large: bool,
 }
 
 impl Swings {
     /// `None` where the force oscillates on fewer than two plateaus.
-    pub(super) fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Option<Self> {
-        let each: Vec<Vec<Oscillation>> =
-            recordings.iter().zip(segments).map(|(r, s)| oscillations(r, s, offset)).collect();
+    ///
+    /// Only a sliding force that `falls` with speed makes a seal stick and slip. Where it does, small
+    /// swings count, too.
+    pub(super) fn of(
+        recordings: &[Recording],
+        segments: &[Segments],
+        offset: f64,
+        falls: bool,
+    ) -> Option<Self> {
+        let counts = |o: &Oscillation| falls || o.is_large;
+        let of = |(r, s)| oscillations(r, s, offset).into_iter().filter(counts).collect();
+        let each: Vec<Vec<Oscillation>> = recordings.iter().zip(segments).map(of).collect();
         let period = period_over_position(&each);
         let all: Vec<Oscillation> = each.into_iter().flatten().collect();
         let over = |of: fn(&Oscillation) -> f64| {
@@ -89,7 +111,8 @@ impl Swings {
             Self::Interference { frequency: 0.5 * (frequency_hz[0] + frequency_hz[1]) }
         } else {
             let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
-            Self::StickSlip(StickSlip { plateaus, speed_m_s, frequency_hz, force_n })
+            let found = StickSlip { plateaus, speed_m_s, frequency_hz, force_n };
+            if falls { Self::StickSlip(found) } else { Self::Drive(found) }
         };
         (all.len() >= FEWEST_PLATEAUS).then_some(swings)
     }
@@ -97,7 +120,21 @@ impl Swings {
     /// The warning about them.
     pub(super) fn warning(&self) -> Warning {
         let (subject, text) = match self {
-            Self::StickSlip(found) => ("stick-slip", found.in_words()),
+            Self::StickSlip(found) => (
+                "stick-slip",
+                format!(
+                    "{}: the seal sticks and slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot \
+                     predict when each slip begins, so its sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
+                    found.in_words()
+                ),
+            ),
+            Self::Drive(found) => {
+                let text = "the friction does not fall with speed: the drive or the rod vibrates";
+                return Warning::advice(
+                    "vibration",
+                    format!("{}, though {text}", found.in_words()),
+                );
+            }
             Self::Position { period } => (
                 "ripple",
                 format!(
@@ -125,15 +162,13 @@ impl Swings {
 }
 
 impl StickSlip {
-    /// Message for the warning.
+    /// What was seen.
     fn in_words(&self) -> String {
         let [slow, fast] = self.speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
         let speeds = if slow == fast { slow } else { format!("{slow} to {fast}") };
         let [low, high] = self.force_n;
         format!(
-            "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
-             slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot predict when each slip begins, so its \
-             sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
+            "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second",
             self.frequency_hz[0], self.frequency_hz[1]
         )
     }
@@ -182,9 +217,8 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
     (pairs.len() >= FEWEST_CELLS && scale > 0.0).then(|| product(|x, y| x * y) / scale)
 }
 
-/// Oscillations of the force about its mean on each velocity plateau after its first third, counted
-/// with a hysteresis of a quarter of the peak-to-peak amplitude. A plateau is used as a whole
-/// because the slips of a seal disturb the drive, too.
+/// Oscillations of the force about its mean on each velocity plateau after its first third. A
+/// plateau is used as a whole because the slips of a seal disturb the drive, too.
 fn oscillations<'a>(
     recording: &'a Recording,
     segments: &Segments,
@@ -194,40 +228,51 @@ fn oscillations<'a>(
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);
         let (from, last) = (start + (end - start) / 3, end - 1);
         let force = &recording.force[from..end];
+        let period = period_of(force)?;
         let mut sorted = force.to_vec();
         sorted.sort_by(f64::total_cmp);
         let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
         let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
-        let swing = high - low;
-        if swing
-            < LEAST_SWING * (middle - offset).abs() + OVER_NOISE * recording.quality.force_noise
-        {
-            return None;
-        }
-        let (mut above, mut swings) = (force[0] > middle, 0);
-        for f in force {
-            let crossed =
-                if above { *f < middle - 0.25 * swing } else { *f > middle + 0.25 * swing };
-            if crossed {
-                above = !above;
-                swings += 1;
-            }
-        }
+        let noise = OVER_NOISE * recording.quality.force_noise;
         let passed = |of: &[f64]| of[last] - of[from];
         let time = passed(&recording.time);
-        let (frequency, speed) =
-            (0.5 * f64::from(swings) / time, (passed(&recording.position) / time).abs());
         let [one, other] = [low, high].map(|level| (level - offset).abs());
-        let inserts = recording.position[last] > recording.position[from];
-        let found = Oscillation {
-            frequency,
+        Some(Oscillation {
+            frequency: (last - from) as f64 / (period as f64 * time),
             force: [one.min(other), one.max(other)],
-            speed,
-            inserts,
+            speed: (passed(&recording.position) / time).abs(),
+            inserts: recording.position[last] > recording.position[from],
             positions: &recording.position[from..end],
             readings: force,
-        };
-        (swings as usize >= FEWEST_SWINGS).then_some(found)
+            is_large: high - low >= LEAST_SWING * (middle - offset).abs() + noise,
+        })
     };
     segments.steady_segments.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()
+}
+
+/// Period, in samples, of a force that oscillates about its straight trend.
+fn period_of(force: &[f64]) -> Option<usize> {
+    let n = force.len();
+    if n < FEWEST_SAMPLES {
+        return None;
+    }
+    let about = 0.5 * (n - 1) as f64;
+    let at = |i: usize| i as f64 - about;
+    let mean = force.iter().sum::<f64>() / n as f64;
+    let squares: f64 = (0..n).map(|i| at(i).powi(2)).sum();
+    let slope = (0..n).map(|i| at(i) * force[i]).sum::<f64>() / squares;
+    let off: Vec<f64> = (0..n).map(|i| force[i] - mean - slope * at(i)).collect();
+    let product = |lag: usize| -> f64 { off.iter().zip(&off[lag..]).map(|(a, b)| a * b).sum() };
+    let power = product(0);
+    let least = LEAST_CORRELATION.max(OVER_ERROR / (n as f64).sqrt());
+    let (mut is_past_valley, mut best) = (false, (0, least * power));
+    for lag in 1..LONGEST_PERIOD.min(n / FEWEST_PERIODS) {
+        let correlation = product(lag);
+        is_past_valley |= correlation < VALLEY * power;
+        // Later periods correlate alike: the first is the period.
+        if is_past_valley && correlation > 1.2 * best.1 {
+            best = (lag, correlation);
+        }
+    }
+    (best.0 > 0).then_some(best.0)
 }

@@ -12,6 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
+use super::candidate::GAUSSIAN;
 use super::estimate::{Estimate, LinearFit, f_p_value};
 use super::random::normal;
 use super::steady::{
@@ -25,8 +26,6 @@ const LEVEL: f64 = 0.01;
 const SIMULATIONS: usize = 499;
 /// Least fraction of the rise that must remain at the slowest speed: exp(−(v_min/v_s)²) ≥ 0.1.
 const LEAST_PART_SEEN: f64 = 0.1;
-/// The Gaussian of EMS (11).
-const EXPONENT: f64 = 2.0;
 /// Number of grid points of the Stribeck velocity.
 const GRID: usize = 40;
 
@@ -50,7 +49,7 @@ pub(super) fn test(fit: &mut SteadyFit, seed: u64) {
     let Some(best) = profile.best(&forces) else { return };
     let p_value = profile.p_value(&forces, best.fit.degrees, seed);
     let bump = best.fit.coefficients[2];
-    let at_slowest = bump * (-(slowest / best.stribeck_velocity).powf(EXPONENT)).exp();
+    let at_slowest = bump * (-(slowest / best.stribeck_velocity).powf(GAUSSIAN)).exp();
     let verdict = match () {
         () if p_value >= LEVEL => "the straight line suffices".to_owned(),
         () if bump <= 0.0 => {
@@ -81,8 +80,8 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
     let means = &fit.means;
     let vs = best.stribeck_velocity;
     let rise = best.fit.coefficients[2];
-    let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(EXPONENT)).exp();
-    let by_vs = |v: f64| rise * bump(v) * EXPONENT * (v.abs() / vs).powf(EXPONENT) / vs;
+    let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(GAUSSIAN)).exp();
+    let by_vs = |v: f64| rise * bump(v) * GAUSSIAN * (v.abs() / vs).powf(GAUSSIAN) / vs;
     let column = |v: f64, j: usize| [1.0, sign(v), bump(v), v, by_vs(v)][j];
     let design = DMatrix::from_fn(means.len(), 5, |i, j| column(means[i].velocity_m_s, j));
     let forces = DVector::from_iterator(means.len(), means.iter().map(|m| m.force_n));
@@ -114,7 +113,7 @@ fn accept(fit: &mut SteadyFit, best: &Candidate, weights: &DVector<f64>) {
             high.max(vs + half),
             "m/s",
         ),
-        stribeck_exponent: EXPONENT,
+        stribeck_exponent: GAUSSIAN,
     });
     let without_bump: Vec<StrokeMean> = means
         .iter()
@@ -157,7 +156,7 @@ impl Profile {
         let mut bumps = Vec::new();
         for k in 0..GRID {
             let vs = from * (to / from).powf(k as f64 / (GRID - 1) as f64);
-            let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(EXPONENT)).exp();
+            let bump = |v: f64| sign(v) * (-(v.abs() / vs).powf(GAUSSIAN)).exp();
             let weighted = DVector::from_fn(v.len(), |i, _| root[i] * bump(v[i]));
             let own = &weighted - &line * (line.transpose() * &weighted);
             // A bump that the line can represent, or that has decayed at every speed, is no

@@ -22,10 +22,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
 
-use super::candidate::{Candidate, EmsTrial, Layout};
+use super::candidate::{Candidate, EmsTrial, GAUSSIAN, Layout};
 use super::estimate::{f_p_value, t_p_value};
 use super::findings::Progress;
-use super::likelihood::{self, Extra, Fitted, Normal, Stop};
+use super::likelihood::{self, Extra, Fitted, Free, Normal, Stop};
 use super::numbers;
 use super::spread::variance;
 use super::training::Training;
@@ -39,6 +39,8 @@ pub(super) const LEVEL: f64 = 0.01;
 pub enum Term {
     /// Friction that rises towards rest, EMS (11).
     Stribeck,
+    /// Another exponent of that rise than the paper's.
+    StribeckExponent,
     /// Damping of the deformation, EMS (9).
     SealDamping,
     /// Stiffness of partial reversals, other than the least one that follows both branches.
@@ -74,8 +76,9 @@ impl FromStr for Term {
 
 impl Term {
     /// All, in the order of the tables.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Stribeck,
+        Self::StribeckExponent,
         Self::SealDamping,
         Self::MinorLoops,
         Self::Creep,
@@ -94,6 +97,7 @@ impl Term {
     pub fn name(self) -> &'static str {
         match self {
             Self::Stribeck => "stribeck",
+            Self::StribeckExponent => "stribeck_exponent",
             Self::SealDamping => "seal_damping",
             Self::MinorLoops => "minor_loops",
             Self::Creep => "creep",
@@ -109,6 +113,7 @@ impl Term {
     pub fn words(self) -> &'static str {
         match self {
             Self::Stribeck => "Stribeck friction",
+            Self::StribeckExponent => "Stribeck exponent",
             Self::SealDamping => "seal damping",
             Self::MinorLoops => "minor-loop stiffness",
             Self::Creep => "creep of the contact",
@@ -128,6 +133,7 @@ impl Term {
             [Q::SecondRelaxationStiffness.id(), Q::SecondRelaxationTime.id()];
         match self {
             Self::Stribeck => const { &[Q::StaticForce.id()] },
+            Self::StribeckExponent => const { &[Q::StribeckExponent.id()] },
             Self::SealDamping => const { &[Q::SealDamping.id()] },
             Self::MinorLoops => const { &[Q::YieldStiffness.id()] },
             Self::Creep => const { &[Q::CreepVelocity.id()] },
@@ -147,6 +153,7 @@ impl Term {
     pub(super) fn is_in(self, layout: &Layout) -> bool {
         match self {
             Self::Stribeck => layout.stribeck,
+            Self::StribeckExponent => layout.exponent,
             Self::SealDamping => layout.damping,
             Self::MinorLoops => layout.yielding,
             Self::Creep => layout.creep,
@@ -171,6 +178,14 @@ impl Term {
             Self::Stribeck => {
                 layout.stribeck = true;
                 with_stribeck(&candidate, speeds).for_each(|candidate| add(candidate, layout));
+            }
+            Self::StribeckExponent => {
+                layout.exponent = true;
+                let mut candidate = candidate;
+                for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
+                    sliding.stribeck_exponent = 1.5;
+                }
+                add(candidate, layout);
             }
             Self::SealDamping => {
                 layout.damping = true;
@@ -228,13 +243,18 @@ impl Term {
     }
 
     /// The trial without the term; `None` for a second stage, since the first would have to carry
-    /// its part of the force, and for a relaxation next to a second one, which has to be removed
+    /// its part of the force, and for a term next to one that needs it, which has to be removed
     /// first.
     pub(super) fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
         let mut smaller = with.clone();
         let EmsTrial { layout, candidate, .. } = &mut smaller;
         match self {
+            Self::Stribeck if layout.exponent => return None,
             Self::Stribeck => layout.stribeck = false,
+            Self::StribeckExponent => {
+                layout.exponent = false;
+                candidate.insertion.stribeck_exponent = GAUSSIAN;
+            }
             Self::SealDamping => (layout.damping, candidate.seal_damping) = (false, 0.0),
             Self::MinorLoops => {
                 (layout.yielding, candidate.yield_ratio) = (false, Candidate::DEFAULT_YIELD_RATIO)
@@ -261,8 +281,13 @@ impl Term {
         Some(smaller)
     }
 
-    fn least_gain(self) -> f64 {
+    /// Least gain of the term in the model `with` it; `slowest` is the slowest sliding, m/s.
+    fn least_gain(self, with: &EmsTrial, slowest: f64) -> f64 {
+        let is_seen_sliding = with.candidate.insertion.stribeck_velocity >= slowest;
         match self {
+            Self::Stribeck if is_seen_sliding => LEAST_GAIN,
+            // Another law than the paper's must be visible.
+            Self::StribeckExponent => LARGE_GAIN,
             Self::Stribeck | Self::Creep => LEAST_GAIN_AT_YIELD,
             _ => LEAST_GAIN,
         }
@@ -270,13 +295,14 @@ impl Term {
 
     /// Whether only one sign of the amplitude makes sense.
     fn is_one_sided(self) -> bool {
-        self != Self::Asymmetry
+        !matches!(self, Self::Asymmetry | Self::StribeckExponent)
     }
 
     /// Whether the term can be added.
     fn can_join(self, layout: &Layout) -> bool {
         let has_place = match self {
             Self::SecondRelaxation => layout.arms == 1,
+            Self::StribeckExponent => layout.stribeck,
             Self::MinorLoops
             | Self::SecondStage
             | Self::SealDamping
@@ -294,12 +320,15 @@ fn with_stribeck(
     candidate: &Candidate,
     [slow, fast]: [f64; 2],
 ) -> impl Iterator<Item = Candidate> + '_ {
-    [0.3 * slow, slow, (slow * fast).sqrt()].into_iter().map(|velocity| {
+    [0.3 * slow, slow, (slow * fast).sqrt()].into_iter().map(move |velocity| {
         let mut candidate = candidate.clone();
         for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
             sliding.static_force = 1.05 * sliding.coulomb_force;
             sliding.stribeck_velocity = velocity.clamp(1e-3, 0.5);
-            sliding.stribeck_exponent = 2.0;
+            sliding.stribeck_exponent = GAUSSIAN;
+            // A fall that nothing damps ends in no speed: where β is held at zero it begins above.
+            let least = 0.01 * sliding.coulomb_force / fast;
+            sliding.viscous_damping = sliding.viscous_damping.max(least);
         }
         candidate
     })
@@ -365,6 +394,8 @@ struct Score {
     term: Term,
     p_value: f64,
     gain: f64,
+    /// Least gain at which it is taken.
+    least_gain: f64,
     /// Change of the free parameters with it, to first order.
     shift: Vec<f64>,
     start: EmsTrial,
@@ -372,7 +403,7 @@ struct Score {
 
 impl Score {
     fn is_clear(&self, level: f64) -> bool {
-        self.p_value < level && self.gain > self.term.least_gain()
+        self.p_value < level && self.gain > self.least_gain
     }
 
     fn is_large(&self) -> bool {
@@ -382,7 +413,7 @@ impl Score {
     /// Left out, at `level` and for a reason that is known.
     fn left_out(&self, level: f64, why_not: Option<&'static str>) -> TermTrial {
         let Self { term, p_value, gain, .. } = *self;
-        let is_rival = p_value < level && gain > LEAST_GAIN && term.least_gain() > LEAST_GAIN;
+        let is_rival = p_value < level && gain > LEAST_GAIN && self.least_gain > LEAST_GAIN;
         let shift = if is_rival { self.shift.clone() } else { Vec::new() };
         let why_not = if is_rival { Some(TOO_SMALL) } else { why_not };
         TermTrial { term, kept: false, p_value, gain, why_not, shift }
@@ -416,11 +447,11 @@ pub(super) fn choose(
     };
     let trials = from_start.map(kept).collect();
     let mut chosen = Chosen { fitted, trials };
-    chosen.take_out_needless(training);
+    chosen.take_out_needless(training, speeds[0]);
     let (mut closed, mut twice) = (Vec::new(), Vec::new());
     while chosen.add_needed(training, (excluded, &closed), speeds, progress) {
         let before = chosen.fitted.cost();
-        let needless = chosen.take_out_needless(training);
+        let needless = chosen.take_out_needless(training, speeds[0]);
         if needless.is_empty() {
             break;
         }
@@ -495,7 +526,7 @@ impl Chosen {
         let Err(why) = self.judge(training, best, level, &begun) else { return Ok((begun, true)) };
         let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
         let growth = self.fitted.cost() - hoped;
-        if hoped >= self.cost_to_beat(best.term)
+        if hoped >= self.cost_to_beat(best)
             || growth_p_value(training, &self.fitted, &begun, growth) >= LEVEL
         {
             return Err(why);
@@ -505,8 +536,8 @@ impl Chosen {
         Ok((further, false))
     }
 
-    fn cost_to_beat(&self, term: Term) -> f64 {
-        (1.0 - 0.3 * term.least_gain()) * self.fitted.cost()
+    fn cost_to_beat(&self, best: &Score) -> f64 {
+        (1.0 - 0.3 * best.least_gain) * self.fitted.cost()
     }
 
     /// Why the fit `larger` with a term is not taken.
@@ -519,7 +550,7 @@ impl Chosen {
     ) -> Result<(), &'static str> {
         let is_sure =
             best.is_clear(level) || improvement_p_value(training, &self.fitted, larger) < level;
-        if !is_sure || larger.cost() >= self.cost_to_beat(best.term) {
+        if !is_sure || larger.cost() >= self.cost_to_beat(best) {
             return Err(NO_BETTER);
         }
         // The static force of a Stribeck curve is often determined only by later terms; creep too
@@ -541,7 +572,7 @@ impl Chosen {
 
     /// Removes each term without which the squared error is not significantly larger, the last one
     /// added first; returns them.
-    fn take_out_needless(&mut self, training: &Training) -> Vec<Term> {
+    fn take_out_needless(&mut self, training: &Training, slowest: f64) -> Vec<Term> {
         let mut needless = Vec::new();
         for trial in self.trials.iter_mut().rev().filter(|t| t.kept) {
             let smaller = trial.term.left_out_of(&self.fitted.best);
@@ -558,7 +589,8 @@ impl Chosen {
                 trial.p_value = improvement_p_value(training, &without, &self.fitted);
             }
             trial.gain = 1.0 - self.fitted.cost() / without.cost();
-            if trial.p_value >= LEVEL || trial.gain < trial.term.least_gain() {
+            let least_gain = trial.term.least_gain(&self.fitted.best, slowest);
+            if trial.p_value >= LEVEL || trial.gain < least_gain {
                 trial.kept = false;
                 self.fitted = without;
                 needless.push(trial.term);
@@ -626,7 +658,7 @@ fn scores(
         columns.iter().position(|(term, _)| *term == Term::SealDamping).map(|k| places[k]);
     let terms = columns.chunk_by(|a, b| a.0 == b.0).count();
     let count = 0.5 * (terms + columns.len()) as f64;
-    let sigma2 = variance(fitted);
+    let (free, sigma2) = (likelihood::Trial::free(best), variance(fitted));
     let tested: Vec<Option<Score>> = columns
         .into_par_iter()
         .zip(places)
@@ -636,7 +668,7 @@ fn scores(
                 term if term.may_be_inertia() && !best.layout.unmodelled_mass => vec![acceleration],
                 _ => Vec::new(),
             };
-            score(&normal, &fitted.held, &beside, place, sigma2, (term, start))
+            score(&normal, (&free, &fitted.held), &beside, place, sigma2, (term, start), speeds[0])
         })
         .collect();
     let mut scores: Vec<Score> = Vec::new();
@@ -652,13 +684,14 @@ fn scores(
 
 fn score(
     normal: &Normal,
-    held: &[bool],
+    own: (&[Free], &[bool]),
     beside: &[usize],
     column: usize,
     sigma2: f64,
     (term, mut start): (Term, EmsTrial),
+    slowest: f64,
 ) -> Option<Score> {
-    let step = normal.one_step(held, beside, column, sigma2)?;
+    let step = normal.one_step(own, beside, column, sigma2)?;
     if !step.standard_error.is_finite() || step.standard_error <= 0.0 {
         return None;
     }
@@ -672,5 +705,6 @@ fn score(
     if term == Term::UnmodelledMass {
         start.candidate.unmodelled_mass = step.amplitude.max(0.0);
     }
-    Some(Score { term, p_value, gain: step.gain, shift: step.shift, start })
+    let least_gain = term.least_gain(&start, slowest);
+    Some(Score { term, p_value, gain: step.gain, least_gain, shift: step.shift, start })
 }

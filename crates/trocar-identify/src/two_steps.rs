@@ -67,14 +67,18 @@ fn alternately(
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
     let deform = |steady: &SteadyFit| {
-        let limits = limits(steady, sensors(recordings).force_noise);
-        let found = recordings.iter().zip(segments).enumerate();
-        let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let levels = stroke_levels(i, s, steady);
-            deformation::full_reversals(i, r, &s.strokes, &limits, |stroke| levels[stroke])
+        let sensors = sensors(recordings);
+        let between = |limits: Limits| {
+            let found = recordings.iter().zip(segments).enumerate();
+            let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
+                let levels = stroke_levels(i, s, steady);
+                deformation::full_reversals(i, r, &s.strokes, &limits, |stroke| levels[stroke])
+            };
+            deformation::fit(found.flat_map(of).collect(), &limits, options.degrees, sensors)
         };
-        let full_reversals = found.flat_map(of).collect();
-        deformation::fit(full_reversals, &limits, options.degrees, sensors(recordings))
+        let limits = limits(steady, sensors.force_noise);
+        // Where the friction falls with speed, the sliding force never returns to that at rest.
+        between(limits).or_else(|why| between(limits.reached_by(steady)).map_err(|_| why))
     };
     let mut steady = steady::fit(steady::imposed(means(&|_| 0.0, true)));
     let mut deformation = deform(&steady);
@@ -245,16 +249,13 @@ fn limits(steady: &SteadyFit, noise: f64) -> Limits {
     let (offset, insertion, withdrawal) = sliding(steady);
     let scatters = steady.means.iter().map(|m| (m.scatter_n.powi(2) - noise * noise).max(0.0));
     let ripple = (scatters.sum::<f64>() / steady.means.len().max(1) as f64).sqrt();
-    let margin = if steady.viscous_damping_n_s_m.determined {
-        0.0
-    } else {
-        2.0 * ripple.hypot(steady.stroke_mean_scatter_n)
-    };
+    let fluctuation = 2.0 * ripple.hypot(steady.stroke_mean_scatter_n);
     Limits {
         offset,
         insertion: insertion.static_force,
         withdrawal: withdrawal.static_force,
-        margin,
+        margin: if steady.viscous_damping_n_s_m.determined { 0.0 } else { fluctuation },
+        fluctuation,
     }
 }
 

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::candidate::EmsTrial;
 use super::estimate::{Estimate, t_p_value, t_quantile};
-use super::likelihood::{Extra, Fitted, Normal, OneStep, Trial};
+use super::likelihood::{Extra, Fitted, Free, Normal, OneStep, Trial};
 use super::spread::variance;
 use super::training::Training;
 use super::training::acceleration_is_resolved;
@@ -73,6 +73,7 @@ const CREEP: [f64; 2] = [3e-4, 3e-3];
 /// The normal equations of a fit with a column for each cause that its model lacks.
 pub(super) struct Unexplained {
     normal: Normal,
+    free: Vec<Free>,
     held: Vec<bool>,
     /// Causes in the order of the columns after those of the free numbers.
     causes: Vec<Cause>,
@@ -112,7 +113,13 @@ impl Unexplained {
         }
         let (causes, columns): (Vec<Cause>, Vec<_>) = columns.into_iter().unzip();
         let normal = fitted.with_columns(training, &columns)?;
-        Some(Self { normal, held: fitted.held.clone(), causes, sigma2: variance(fitted) })
+        Some(Self {
+            normal,
+            free: fitted.best.free(),
+            held: fitted.held.clone(),
+            causes,
+            sigma2: variance(fitted),
+        })
     }
 
     /// One step of `cause` together with those of `beside`.
@@ -121,7 +128,7 @@ impl Unexplained {
         let column = own + self.causes.iter().position(|c| *c == cause)?;
         let beside: Vec<usize> =
             (own..).zip(&self.causes).filter(|(_, c)| beside.contains(c)).map(|(j, _)| j).collect();
-        let step = self.normal.one_step(&self.held, &beside, column, self.sigma2)?;
+        let step = self.normal.one_step((&self.free, &self.held), &beside, column, self.sigma2)?;
         (step.standard_error.is_finite() && step.standard_error > 0.0).then_some(step)
     }
 

@@ -54,7 +54,7 @@ pub(crate) struct Args {
     /// second_relaxation, minor_loops, second_stage
     #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     no_free_motion: bool,
-    /// Optional terms not to try: stribeck, seal_damping, minor_loops, creep, relaxation,
+    /// Optional terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, relaxation,
     /// second_relaxation, unmodelled_mass, asymmetry, second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = STATISTICS, hide_short_help = true)]
     without: Vec<Term>,

@@ -225,7 +225,7 @@ pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> V
         all.push(Warning::doubt("fit", message));
     }
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
-    all.extend(undetermined.map(|p| Warning::undetermined(p, true)));
+    all.extend(undetermined.map(Warning::undetermined));
     all
 }
 
