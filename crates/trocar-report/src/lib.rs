@@ -23,6 +23,7 @@ mod live;
 mod number;
 #[cfg(feature = "bench")]
 pub mod plan;
+mod publish;
 pub mod recording;
 mod style;
 mod svg;
