@@ -211,8 +211,8 @@ def _merits(cases: Sequence[tuple[str, Merit]]) -> str:
         row("error of the force felt, peak", "N", (m.force_error_peak_n for m in merits)),
         row("in just noticeable differences, rms", "1", (m.force_error_rms_jnd for m in merits)),
         row("error of position, rms", "mm", (1e3 * m.position_error_rms_m for m in merits)),
-        row("energy from the master", "mJ", (1e3 * m.master_energy_j for m in merits)),
-        row("energy to the slave", "mJ", (-1e3 * m.slave_energy_j for m in merits)),
+        row("energy from the leader", "mJ", (1e3 * m.leader_energy_j for m in merits)),
+        row("energy to the follower", "mJ", (-1e3 * m.follower_energy_j for m in merits)),
     ]
     return _table(("figure", *(heading for heading, _ in cases), "unit"), rows)
 
@@ -225,7 +225,7 @@ def advice(found: Advice) -> str:
     if found.fraction is None:
         return f"<p>{escape(found.refusal)}.</p>"
     ranges = ", ".join(f"{_percent(low)} to {_percent(high)}" for low, high in found.stable)
-    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
+    text = f"<b>Compensate {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
     cases = [("without", found.figures_without), (_percent(found.fraction), found.figures_with)]
     table = _merits([(heading, merit) for heading, merit in cases if merit is not None])
     unstable = "" if found.figures_without is not None else "<p>Without compensation the loop is unstable.</p>"

@@ -50,8 +50,8 @@ def teleop(
 ) -> Teleoperation:
     """Runs a teleoperation loop through a trocar: what the operator feels, and whether it is stable (``trocar teleop``).
 
-    Operator, master, channel, slave, trocar, tissue and force sensor move along the axis of the instrument. Part of the
-    trocar's force is subtracted from the reading of the sensor before the master reflects it: ``compensation.fraction``.
+    Operator, leader, channel, follower, trocar, tissue and force sensor move along the axis of the instrument. Part of the
+    trocar's force is subtracted from the reading of the sensor before the leader reflects it: ``compensation.fraction``.
     The same loop and model give the same numbers as the command line.
 
         found = trocar.teleop(model, "dvrk", tissue={"stiffness_n_m": 400.0}, compensation={"fraction": 0.9})
@@ -133,7 +133,7 @@ def _numbers(name: str, values: Optional[ArrayLike]) -> Optional[list[float]]:
 class Merit:
     """Figures of merit of a loop: how well the operator feels the tissue.
 
-    The force felt is that of the master's motor; with ``four_channel``, which compensates the master's mass, that of the
+    The force felt is that of the leader's motor; with ``four_channel``, which compensates the leader's mass, that of the
     operator.
     """
 
@@ -156,8 +156,8 @@ class Merit:
     position_error_rms_m: float
     #: Energy received at both ports less energy given, J, below 0 where the loop was active; at each port alone.
     energy_j: float
-    master_energy_j: float
-    slave_energy_j: float
+    leader_energy_j: float
+    follower_energy_j: float
     #: Energy that the passivity control was given back for what the trocar dissipated, J; None without a credit.
     credit_j: Optional[float]
 
@@ -514,12 +514,12 @@ class Teleoperation(_Repeatable[_core.Studied]):
     def felt_force_n(self) -> _Array:
         """Force that the operator feels along the course, N (see ``Merit``)."""
         is_four_channel = self.config["control"]["architecture"] == "four_channel"
-        return self["operator_force_n" if is_four_channel else "master_force_n"]
+        return self["operator_force_n" if is_four_channel else "leader_force_n"]
 
     @property
     def depth_m(self) -> _Array:
         """Position of the tip beyond the surface of the tissue at rest, m, along the course."""
-        depth: _Array = self["slave_position_m"] - self.config["tissue"]["surface_m"]
+        depth: _Array = self["follower_position_m"] - self.config["tissue"]["surface_m"]
         return depth
 
     def plot(self, ax: Any = None) -> Any:

@@ -698,7 +698,7 @@ class Comparison(_Repeatable[_core.Compared]):
     """Friction models fitted to the same recordings and scored on the same validation data, smallest validation error first."""
 
     models: tuple[ComparedModel, ...]
-    #: Results of testing the claims of EMS section II-C, as sentences.
+    #: Results of testing the claims of section II-C of the paper, as sentences.
     claims: tuple[str, ...]
     #: Whether the models were scored on the last third of each recording, because no other recordings were given.
     held_out: bool
