@@ -176,7 +176,7 @@ impl Workflow {
         let held_out =
             moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
         let held_out = identification.without_delay(held_out)?;
-        progress("simpler models", 0.98);
+        progress("simpler models", 0.84);
         let doubt = simpler::doubt(&identification, &options, &recordings, &held_out)?;
         identification.warnings.extend(doubt);
         Ok(Self::of(identification, options, recordings, held_out, moving_mass))
