@@ -580,7 +580,7 @@ fn the_seal_and_the_loop_that_come_with_the_program_have_names() {
 #[test]
 fn a_coarse_encoder_is_named_once_with_what_it_costs() {
     let place = Place::new();
-    place.put("rig.toml", "sample_rate_hz = 2000.0\n[encoder]\nresolution_m = 50e-6\n");
+    place.put("rig.toml", "[rig]\nsample_rate_hz = 2000.0\n[encoder]\nresolution_m = 50e-6\n");
     for protocol in ["dynamic", "validation"] {
         place.run(&format!("bench {protocol} --rig rig.toml --out {protocol}.csv"));
     }
@@ -600,7 +600,8 @@ fn a_result_has_its_parameters_as_tables_and_what_to_cite() {
     let place = Place::new();
     place.recording("rec.csv");
     place.run("identify rec.csv --moving-mass-kg 0.04 --paper --out seal");
-    let summary: serde_json::Value = serde_json::from_str(&place.text("seal/summary.json")).unwrap();
+    let summary: serde_json::Value =
+        serde_json::from_str(&place.text("seal/summary.json")).unwrap();
     let (csv, tex) = (place.text("seal/table.csv"), place.text("seal/table.tex"));
     let own = &summary["parameters"]["coulomb_force_n"]["value"];
     assert!(
