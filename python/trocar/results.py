@@ -274,7 +274,8 @@ class Forces(NamedTuple):
         """Measured less computed force, N; nan where the state of the seal is unknown."""
         return np.where(self.known, self.measured_n - self.model_n, np.nan)
 
-    _repr_html_ = _show.fields
+    def _repr_html_(self) -> str:
+        return _show.fields(self)
 
 
 @dataclass(frozen=True)
@@ -905,7 +906,8 @@ class Drift(NamedTuple):
     viscosity: float
     viscosity_std: float
 
-    _repr_html_ = _show.fields
+    def _repr_html_(self) -> str:
+        return _show.fields(self)
 
 
 @dataclass(frozen=True, eq=False)
