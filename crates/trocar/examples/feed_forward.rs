@@ -114,7 +114,7 @@ fn reference(time: f64) -> [f64; 2] {
 }
 
 /// The table.
-pub fn table() -> String {
+pub(crate) fn table() -> String {
     let file = ModelFile::plausible_10_5_mm().expect("the shipped model is valid");
     let rows = [500.0, 2000.0].map(|stiffness| {
         let dry = Drive { trocar: &file.trocar, stiffness, scale: 1.0 };
