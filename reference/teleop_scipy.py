@@ -19,8 +19,8 @@ import vectors
 
 START, HAND = 0.1, 0.105  # m
 OPERATOR = {"stiffness_n_m": 500.0, "damping_n_s_m": 50.0, "mass_kg": 0.2}
-MASTER = {"mass_kg": 0.4, "damping_n_s_m": 3.0}
-SLAVE = {"mass_kg": 0.6, "damping_n_s_m": 2.0}
+LEADER = {"mass_kg": 0.4, "damping_n_s_m": 3.0}
+FOLLOWER = {"mass_kg": 0.6, "damping_n_s_m": 2.0}
 CONTROL = {"stiffness_n_m": 800.0, "damping_n_s_m": 30.0, "force_gain": 0.7, "wave_impedance_n_s_m": 15.0}
 TISSUE = {"stiffness_n_m": 150.0, "damping_n_s_m": 4.0}
 DURATION, STEP = 0.4, 0.004  # s
@@ -35,7 +35,7 @@ SETS = {
     "teleop_wave_delayed": ("wave", 0.02),
 }
 
-# State: x_m, v_m, x_s, v_s, position to which the waves lead the slave.
+# State: x_m, v_m, x_s, v_s, position to which the waves lead the follower.
 X_M, V_M, X_S, V_S, X_D = range(5)
 STATES = 5
 
@@ -50,19 +50,19 @@ class Loop:
         """dx/dt, F_mc and what is sent, from the state, from what arrives (what was sent a delay before) and from the number 1."""
         tissue = TISSUE["stiffness_n_m"] * x[X_S] + TISSUE["damping_n_s_m"] * x[V_S]
         hand = OPERATOR["stiffness_n_m"] * (HAND * one - x[X_M]) - OPERATOR["damping_n_s_m"] * x[V_M]
-        both = MASTER["mass_kg"] + OPERATOR["mass_kg"]
-        friction_m, friction_s = MASTER["damping_n_s_m"] * x[V_M], SLAVE["damping_n_s_m"] * x[V_S]
+        both = LEADER["mass_kg"] + OPERATOR["mass_kg"]
+        friction_m, friction_s = LEADER["damping_n_s_m"] * x[V_M], FOLLOWER["damping_n_s_m"] * x[V_S]
         k, b = CONTROL["stiffness_n_m"], CONTROL["damping_n_s_m"]
         wave_rate, sent = 0.0 * one, {"x_m": x[X_M], "v_m": x[V_M], "x_s": x[X_S], "v_s": x[V_S], "force": tissue}
         if self.architecture == "four_channel":
             # a_m and a_s stand in each other's equations; without delay they are solved for.
             follow = k * (x[X_M] - x[X_S]) + b * (x[V_M] - x[V_S])
-            others = MASTER["damping_n_s_m"] * x[V_S], SLAVE["damping_n_s_m"] * x[V_M]
+            others = LEADER["damping_n_s_m"] * x[V_S], FOLLOWER["damping_n_s_m"] * x[V_M]
             # both a_m - m_m a_s = hand - friction - (tissue + follow - b_m v_s)
             first = hand - friction_m - tissue - follow + others[0]
             # m_s a_s - (m_s - m_h) a_m = follow + hand + b_s v_m - friction - tissue
             second = follow + hand + others[1] - friction_s - tissue
-            m_s, m_m, m_h = SLAVE["mass_kg"], MASTER["mass_kg"], OPERATOR["mass_kg"]
+            m_s, m_m, m_h = FOLLOWER["mass_kg"], LEADER["mass_kg"], OPERATOR["mass_kg"]
             determinant = both * m_s - m_m * (m_s - m_h)
             a_m = (m_s * first + m_m * second) / determinant
             a_s = (both * second + (m_s - m_h) * first) / determinant
@@ -72,19 +72,19 @@ class Loop:
             scale = (2.0 * z) ** 0.5
             arriving = scale * before["u"]
             spring = k * (x[X_D] - x[X_S])
-            slave = (spring + b * (arriving / z - x[V_S])) / (1.0 + b / z)
-            wave_rate = (arriving - slave) / z
-            master = z * x[V_M] - scale * before["w"]
-            sent = {"u": scale * x[V_M] - before["w"], "w": before["u"] - 2.0 / scale * slave}
+            follower = (spring + b * (arriving / z - x[V_S])) / (1.0 + b / z)
+            wave_rate = (arriving - follower) / z
+            leader = z * x[V_M] - scale * before["w"]
+            sent = {"u": scale * x[V_M] - before["w"], "w": before["u"] - 2.0 / scale * follower}
         else:
-            slave = k * (before["x_m"] - x[X_S]) + b * (before["v_m"] - x[V_S])
+            follower = k * (before["x_m"] - x[X_S]) + b * (before["v_m"] - x[V_S])
             if self.architecture == "position_position":
-                master = k * (x[X_M] - before["x_s"]) + b * (x[V_M] - before["v_s"])
+                leader = k * (x[X_M] - before["x_s"]) + b * (x[V_M] - before["v_s"])
             else:
-                master = CONTROL["force_gain"] * before["force"]
-        a_m = (hand - friction_m - master) / both
-        a_s = (slave - friction_s - tissue) / SLAVE["mass_kg"]
-        return [x[V_M], a_m, x[V_S], a_s, wave_rate], master, sent
+                leader = CONTROL["force_gain"] * before["force"]
+        a_m = (hand - friction_m - leader) / both
+        a_s = (follower - friction_s - tissue) / FOLLOWER["mass_kg"]
+        return [x[V_M], a_m, x[V_S], a_s, wave_rate], leader, sent
 
     def at_rest(self, one):
         """What arrives before anything was sent."""
@@ -95,7 +95,7 @@ class Loop:
 
 
 def undelayed_waves():
-    """Without delay u and w are those of the same instant: 2 b v_m = b v_d + F_sc - ... leaves the slave's controller alone."""
+    """Without delay u and w are those of the same instant: 2 b v_m = b v_d + F_sc - ... leaves the follower's controller alone."""
     # u = scale v_m - w and w = u - 2 F/scale give scale u = z v_m + F, F_mc = F and v_d = v_m.
     k, b = CONTROL["stiffness_n_m"], CONTROL["damping_n_s_m"]
 
@@ -104,8 +104,8 @@ def undelayed_waves():
             tissue = TISSUE["stiffness_n_m"] * x[X_S] + TISSUE["damping_n_s_m"] * x[V_S]
             hand = OPERATOR["stiffness_n_m"] * (HAND * one - x[X_M]) - OPERATOR["damping_n_s_m"] * x[V_M]
             force = k * (x[X_D] - x[X_S]) + b * (x[V_M] - x[V_S])
-            a_m = (hand - MASTER["damping_n_s_m"] * x[V_M] - force) / (MASTER["mass_kg"] + OPERATOR["mass_kg"])
-            a_s = (force - SLAVE["damping_n_s_m"] * x[V_S] - tissue) / SLAVE["mass_kg"]
+            a_m = (hand - LEADER["damping_n_s_m"] * x[V_M] - force) / (LEADER["mass_kg"] + OPERATOR["mass_kg"])
+            a_s = (force - FOLLOWER["damping_n_s_m"] * x[V_S] - tissue) / FOLLOWER["mass_kg"]
             return [x[V_M], a_m, x[V_S], a_s, x[V_M]], force, {}
 
     return Undelayed("wave")
@@ -193,8 +193,8 @@ def main():
         states, forces = by_exponential(loop, delay)
         columns = {
             "time_s": [float(round(t, 9)) for t in TIMES],
-            "master_position_m": [float(x[X_M]) for x in states],
-            "slave_position_m": [float(x[X_S]) for x in states],
+            "leader_position_m": [float(x[X_M]) for x in states],
+            "follower_position_m": [float(x[X_S]) for x in states],
             "force_n": forces,
         }
         described = {
@@ -202,8 +202,8 @@ def main():
             "start_m": START,
             "hand_m": HAND,
             "operator": OPERATOR,
-            "master": MASTER,
-            "slave": SLAVE,
+            "leader": LEADER,
+            "follower": FOLLOWER,
             "control": {"architecture": architecture, **CONTROL},
             "tissue": {"surface_m": 0.0, **TISSUE},
         }

@@ -58,24 +58,24 @@ def hand(t):
 
 def loop():
     h = TS / SUBSTEPS
-    master, slave = mass(DAMPING + HAND_B, HAND_K, h), mass(DAMPING, 0.0, h)
+    leader, follower = mass(DAMPING + HAND_B, HAND_K, h), mass(DAMPING, 0.0, h)
     x_m = x_s = MIDDLE - AMPLITUDE
     v_m = v_s = trocar = contact = model = 0.0
     known = x_s
     for n in range(SAMPLES):
         model, known = dahl(model, x_s - known), x_s
-        slave_force = K * (x_m - x_s) + B * (v_m - v_s)
-        master_force = contact + trocar - FRACTION * model
+        follower_force = K * (x_m - x_s) + B * (v_m - v_s)
+        leader_force = contact + trocar - FRACTION * model
         last = x_m, x_s
         for k in range(SUBSTEPS):
             pulls = []
             for t in (n * TS + k * h, n * TS + (k + 1) * h):
                 x_h, v_h = hand(t)
-                pulls.append(HAND_K * x_h + HAND_B * v_h - master_force)
-            x_m, v_m = moved(master, x_m, v_m, *pulls)
-            first, force = slave_force - trocar - contact, trocar + contact
+                pulls.append(HAND_K * x_h + HAND_B * v_h - leader_force)
+            x_m, v_m = moved(leader, x_m, v_m, *pulls)
+            first, force = follower_force - trocar - contact, trocar + contact
             for _ in range(5):
-                x, v = moved(slave, x_s, v_s, first, slave_force - force)
+                x, v = moved(follower, x_s, v_s, first, follower_force - force)
                 new_trocar, new_contact = dahl(trocar, x - x_s), tissue(x, v)
                 change, force = new_trocar + new_contact - force, new_trocar + new_contact
                 if abs(change) <= 1e-9:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import io
 import sys
+import time
 import types
 
 import pytest
@@ -60,6 +61,14 @@ def test_without_tqdm_it_is_a_line(
     assert not lines[-1] and "\n" not in terminal.getvalue()
     shown = [int(line.rpartition(" ")[2].rstrip("%")) for line in lines if line]
     assert shown and shown == sorted(shown) and 0 <= shown[0] and shown[-1] <= 100
+
+
+def test_the_part_done_is_that_of_the_time(training: list[trocar.Recording], held_out: list[trocar.Recording]) -> None:
+    begin, reports = time.perf_counter(), []
+    work(training, validate=held_out, progress=lambda _, part: reports.append((time.perf_counter() - begin, part)))
+    end = time.perf_counter() - begin
+    late = max(part - at / end for at, part in reports)
+    assert late < 0.35, "it says that all is nearly done long before the end"
 
 
 def test_the_line_disappears_after_an_error(monkeypatch: pytest.MonkeyPatch) -> None:

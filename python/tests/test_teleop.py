@@ -113,11 +113,11 @@ def test_all_forms_of_a_loop_are_the_same(tmp_path: Path, model: trocar.Model) -
 
 
 def test_a_change_of_a_section_leaves_its_other_keys(model: trocar.Model) -> None:
-    by_name = trocar.teleop(model, "dvrk", master={"damping_n_s_m": 3}, seed=9, compensation={"fraction": 0.9})
+    by_name = trocar.teleop(model, "dvrk", leader={"damping_n_s_m": 3}, seed=9, compensation={"fraction": 0.9})
     text = trocar.teleop_config("dvrk").replace("seed = 1 ", "seed = 9 ")
     text = text.replace("damping_n_s_m = 2.0 ", "damping_n_s_m = 3.0 ").replace("\nfraction = 0.0 ", "\nfraction = 0.9 ")
     assert by_name.summary == trocar.teleop(model, text).summary
-    assert by_name.config["master"]["mass_kg"] == 0.6 and by_name.config["master"]["damping_n_s_m"] == 3
+    assert by_name.config["leader"]["mass_kg"] == 0.6 and by_name.config["leader"]["damping_n_s_m"] == 3
 
 
 def test_printed_loops_are_those_of_the_command_line() -> None:
@@ -136,7 +136,7 @@ def test_an_unstable_loop_is_a_result_without_figures(model: trocar.Model) -> No
     loop = trocar.teleop(model, FAR)
     assert not loop.settles and not loop.is_stable and loop.figures is None and loop.unstable_after_s is None
     assert loop.is_doubtful and "does not come to rest" in loop.warnings[0]
-    assert len(loop["master_force_n"]) == 4000 and "unstable" in repr(loop)
+    assert len(loop["leader_force_n"]) == 4000 and "unstable" in repr(loop)
     stable = trocar.teleop(model, FAR, compensation={"fraction": 1.0})
     assert stable.is_stable and not stable.is_doubtful and stable.figures is not None
 
@@ -278,13 +278,13 @@ def test_adaptation_takes_the_error_of_the_model(found: trocar.Identification, m
         ({"sample_time_s": {"s": 1}}, trocar.TeleopError, "sample_time_s.s: invalid type: map"),
         ({"tissue": 3}, trocar.TeleopError, "tissue: invalid type: integer `3`"),
         ({"substeps": 2.5}, trocar.TeleopError, "substeps: invalid type: floating point `2.5`"),
-        ({"master": {"mass_kg": -1}}, trocar.TeleopError, "master.mass_kg must be from 1e-6 to 1e15, got -1"),
+        ({"leader": {"mass_kg": -1}}, trocar.TeleopError, "leader.mass_kg must be from 1e-6 to 1e15, got -1"),
         ({"channel": {"delay_s": 0.0015}}, trocar.TeleopError, "channel.delay_s must be a multiple of the sample time, 0.001 s"),
         ({"channel": {"delay_s": -0.001}}, trocar.TeleopError, "channel.delay_s must be from 0 to"),
         ({"control": {"architecture": "wav"}}, trocar.TeleopError, "control.architecture: unknown variant `wav`"),
         ({"tissue": {"stiffness_n_m": {1}}}, TypeError, "a number, text, list or dictionary is expected, got set"),
         ("[tissue]\nstifness_n_m = 1.0\n", trocar.TeleopError, "TOML parse error at line 2"),
-        ("[master]\nmass_kg = -1.0\n", trocar.TeleopError, "master.mass_kg must be"),
+        ("[leader]\nmass_kg = -1.0\n", trocar.TeleopError, "leader.mass_kg must be"),
         ("dvkr", FileNotFoundError, "no device has this name (dvrk, phantom): 'dvkr'"),
         (7, TypeError, "config must be the name of a device, a path, a TOML text or a dictionary, got int"),
     ],
@@ -330,8 +330,8 @@ def test_options_that_make_no_sense_are_refused(
 
 
 def test_messages_name_the_file(tmp_path: Path, model: trocar.Model) -> None:
-    (tmp_path / "loop.toml").write_text("[master]\nmass_kg = -1.0\n")
-    with pytest.raises(trocar.TeleopError, match=r"loop.toml: master.mass_kg must be"):
+    (tmp_path / "loop.toml").write_text("[leader]\nmass_kg = -1.0\n")
+    with pytest.raises(trocar.TeleopError, match=r"loop.toml: leader.mass_kg must be"):
         trocar.teleop(model, tmp_path / "loop.toml")
 
 
@@ -341,7 +341,7 @@ def test_results_display_themselves(model: trocar.Model) -> None:
     shown = f"{loop.figures.displayed_stiffness_n_m:.4g} N/m displayed for {loop.figures.true_stiffness_n_m:.4g} N/m"
     assert "0 % of the trocar's force compensated" in repr(loop) and shown in repr(loop)
     html = loop._repr_html_()
-    for text in (f"{loop.figures.force_error_rms_n:.4g}", "position_force", "Take out", "Stability map"):
+    for text in (f"{loop.figures.force_error_rms_n:.4g}", "position_force", "Compensate", "Stability map"):
         assert text in html
     assert "<script" not in html and "1 delays, 2 fractions" in repr(loop.map)
     frame = loop.to_frame()

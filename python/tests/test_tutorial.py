@@ -41,7 +41,7 @@ def test_the_tutorial_runs() -> None:
 def test_the_notebook_of_teleoperation_runs(teleoperation: list[Any]) -> None:
     pictures = [output for output in teleoperation if "image/png" in output.get("data", {})]
     assert len(pictures) == 6
-    assert "Take out" in page(teleoperation)
+    assert "Compensate" in page(teleoperation)
     assert not [output for output in teleoperation if output.get("name") == "stderr"]
 
 

@@ -190,6 +190,10 @@ def identify(
         default a bar is shown in a terminal, and in a notebook with tqdm and ipywidgets; False
         shows none
     :raises IdentifyError: if the recordings contain nothing to identify from
+
+    >>> found = trocar.identify(recording, validate=checks, moving_mass_kg=0.04)
+    >>> round(found.parameters["F_c"].value, 1), found.parameters["F_c"].unit
+    (3.0, 'N')
     """
     training = _recordings("recordings", recordings)
     held_out = [] if validate is None else _recordings("validate", validate)
@@ -235,6 +239,9 @@ def validate(
 
     :param moving_mass_kg: mass whose inertia is subtracted from the readings; by default that of the model's sensor
     :param offset_n: reading at rest without any force of the seal; by default that of the model's sensor
+
+    >>> trocar.validate(found.model, checks).rms_n < 0.05
+    True
     """
     scored = _recordings("recordings", recordings)
     options = {"moving_mass_kg": moving_mass_kg, "offset_n": offset_n}
@@ -265,6 +272,10 @@ def compare(
     :param timing: measure the time of a step and of each fit; the results then differ from run to run
     :param progress: as for ``identify``
     :raises NotConverged: if the fit of a model did not converge from any initial value
+
+    >>> both = trocar.compare(recording, validate=checks, models="ems,coulomb", moving_mass_kg=0.04)
+    >>> both.best.label
+    'ems'
     """
     held_out = [] if validate is None else _recordings("validate", validate)
     work = partial(
@@ -311,6 +322,10 @@ def compensate(
     :param force_error_n: standard deviation of the model's force; by default the value of the model, by phase
     :param posterior: draws of the model's parameters, or their file: ``std_n`` has the error of the parameters from their
         forces, in place of the intervals of the model
+
+    >>> along = trocar.compensate(found.model, checks)
+    >>> bool(np.nanstd(along.tissue_force_n) < 0.1)  # nothing was touched
+    True
     """
     (scored,) = _recordings("recording", recording)
     columns = (scored.time_s, scored.position_m, scored.force_n)
@@ -337,7 +352,12 @@ def simulate_full(
     initial_force_n: Optional[float] = None,
     initial_deflection_m: Optional[float] = None,
 ) -> Simulation:
-    """Like ``simulate``, and also returns the deflection of the seal and whether it slides."""
+    """Like ``simulate``, and also returns the deflection of the seal and whether it slides.
+
+    >>> run = trocar.simulate_full(model, [0.0, 0.1, 0.2], [0.0, 0.004, 0.02])
+    >>> run.mode.tolist()
+    ['deforming', 'deforming', 'sliding']
+    """
     time, position = _column("time_s", time_s), _column("position_m", position_m)
     options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
     force, deformation = _core.simulate_full(model, time, position, **options)

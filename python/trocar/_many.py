@@ -42,6 +42,10 @@ def simulate_many(
         possible, because no Python object is created per model
     :param out: array for the result: contiguous, writable, float64, of that shape
     :param threads: number of threads; 0 takes one per processor
+
+    >>> models = [model.tuned(F_c=force) for force in (2.0, 4.0)]
+    >>> trocar.simulate_many(models, [0.0, 0.4], [0.0, 0.02]).round(2).tolist()
+    [[0.0, 2.25], [0.0, 4.25]]
     """
     own, columns, count = _ensemble(models, parameters)
     time, position = column("time_s", time_s), column("position_m", position_m)
@@ -73,6 +77,10 @@ def squared_error_many(
 
     :param models: as for ``simulate_many``, like ``parameters``
     :param force_n: measured forces, N
+
+    >>> models = [model.tuned(F_c=force) for force in (2.0, 4.0)]
+    >>> trocar.squared_error_many(models, [0.0, 0.4], [0.0, 0.02], [0.0, 3.25]).round(2).tolist()
+    [1.0, 1.0]
     """
     own, columns, count = _ensemble(models, parameters)
     if out is None:

@@ -11,7 +11,7 @@ from typing import Any, Optional, Union
 import numpy as np
 import numpy.typing as npt
 
-from . import _core, _report
+from . import _core, _report, _show
 from ._arrays import count
 from ._core import Model, PlanError, Recording
 from ._keys import as_json, document, merged
@@ -57,6 +57,10 @@ def plan(
         shows none
     :param changes: keys and sections that replace those of ``config``; a section changes only the keys it has
     :raises PlanError: if there is no such motion: an unknown key or goal, a value out of its range, too little time or travel
+
+    >>> planned = trocar.plan(duration_s=60.0, model=model)
+    >>> planned.duration_s <= 60.0 and not planned.is_doubtful
+    True
     """
     recordings = [after] if isinstance(after, Recording) else list(after)
     if recordings and model is None:
@@ -80,13 +84,22 @@ def plan(
 
 
 def plan_config() -> str:
-    """Rig, noise and expected seals with every key at its default, as a documented TOML text."""
+    """Rig, noise and expected seals with every key at its default, as a documented TOML text.
+
+    >>> "duration_s" in trocar.plan_config()
+    True
+    """
     return _core.plan_example()
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What to expect of a parameter, SI: medians over the seals that are expected."""
+    """What to expect of a parameter, SI: medians over the seals that are expected.
+
+    >>> planned = trocar.plan(duration_s=60.0, model=model)
+    >>> planned.expected["half_width_m"].determined
+    True
+    """
 
     value: float
     #: Standard deviation of its estimate, and half width of its 95 % interval.
@@ -103,10 +116,16 @@ class Prediction:
     def _all(cls, found: Iterable[Mapping[str, Any]]) -> dict[str, Prediction]:
         return {row["name"]: cls(**{own.name: row[own.name] for own in fields(cls)}) for row in found}
 
+    _repr_html_ = _show.fields
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A motion to record, with what it will tell."""
+    """A motion to record, with what it will tell.
+
+    >>> planned = trocar.plan(duration_s=60.0, model=model)
+    >>> again = trocar.bench(motion=(planned.time_s, planned.position_m))  # or on your rig
+    """
 
     #: What the motion is for.
     goal: str
@@ -169,3 +188,6 @@ class Plan:
     def __repr__(self) -> str:
         lost = f", will not determine {', '.join(self.undetermined)}" if self.undetermined else ""
         return f"<trocar.Plan: for {self.goal}, {self.duration_s:.4g} s, {len(self.summary['segments'])} cycles{lost}>"
+
+    def _repr_html_(self) -> str:
+        return _show.plan(self)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 if TYPE_CHECKING:
     from ._core import Model, Recording
+    from ._plan import Plan
     from ._teleop import Advice, Merit, StabilityMap, Teleoperation
-    from .results import Comparison, Compensation, Figure, Identification, Parameter, Validation
+    from .results import Comparison, Compensation, Covariance, Figure, Identification, Parameter, Posterior, Validation
 
 #: Figures of an identification that are shown by default, if they exist.
 _FIRST = ("cross-validation", "static-friction", "deformation-force")
@@ -87,6 +89,49 @@ def parameters(found: Mapping[str, Parameter]) -> str:
     rest = [_parameter(p) for p in found.values() if p.is_coefficient]
     fold = _fold(f"{len(rest)} coefficients of the deformation force", _table(head, rest)) if rest else ""
     return _table(head, main) + fold
+
+
+def _value(value: object) -> str:
+    """A number, or the extent of a column, or words."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.size:
+        ends = [_number(float(end), 3) for end in (np.nanmin(value), np.nanmax(value))]
+        return f"{value.size} values, {ends[0]} … {ends[1]}"
+    if isinstance(value, np.ndarray):
+        return f"{value.size} values"
+    if isinstance(value, float):
+        return _number(value)
+    if isinstance(value, (tuple, list)):
+        return escape("; ".join(str(one) for one in value))
+    return "–" if value is None else escape(str(value))
+
+
+def fields(found: Any) -> str:
+    """What a record holds and shows, one row a field."""
+    if dataclasses.is_dataclass(found):
+        names = [own.name for own in dataclasses.fields(found) if own.repr]
+    else:
+        names = list(getattr(found, "_fields", [own for own in dir(found) if own[0] != "_"]))
+    return _table((type(found).__name__, ""), [(f"<code>{name}</code>", _value(getattr(found, name))) for name in names])
+
+
+def plan(found: Plan) -> str:
+    rows = [
+        (f"<code>{name}</code>", _number(p.value), f"± {_number(p.half_width, 3)}" if p.determined else "not determined")
+        for name, p in found.expected.items()
+        if "theta" not in name
+    ]
+    return _table(("parameter", "expected", "95 % interval"), rows, escape(repr(found)))
+
+
+def covariance(found: Covariance) -> str:
+    rows = [(f"<code>{name}</code>", *map(_number, row)) for name, row in zip(found.names, found.matrix.tolist())]
+    return _table(("covariance", *found.names), rows)
+
+
+def posterior(found: Posterior) -> str:
+    ends = ((name, np.nanquantile(found[name], [0.025, 0.5, 0.975])) for name in found.parameters if "_theta" not in name)
+    rows = [(f"<code>{name}</code>", _number(mid), f"{_number(low)} … {_number(high)}") for name, (low, mid, high) in ends]
+    return _table(("draws", "median", "95 %"), rows, escape(repr(found)))
 
 
 def identification(found: Identification) -> str:
@@ -211,8 +256,8 @@ def _merits(cases: Sequence[tuple[str, Merit]]) -> str:
         row("error of the force felt, peak", "N", (m.force_error_peak_n for m in merits)),
         row("in just noticeable differences, rms", "1", (m.force_error_rms_jnd for m in merits)),
         row("error of position, rms", "mm", (1e3 * m.position_error_rms_m for m in merits)),
-        row("energy from the master", "mJ", (1e3 * m.master_energy_j for m in merits)),
-        row("energy to the slave", "mJ", (-1e3 * m.slave_energy_j for m in merits)),
+        row("energy from the leader", "mJ", (1e3 * m.leader_energy_j for m in merits)),
+        row("energy to the follower", "mJ", (-1e3 * m.follower_energy_j for m in merits)),
     ]
     return _table(("figure", *(heading for heading, _ in cases), "unit"), rows)
 
@@ -225,7 +270,7 @@ def advice(found: Advice) -> str:
     if found.fraction is None:
         return f"<p>{escape(found.refusal)}.</p>"
     ranges = ", ".join(f"{_percent(low)} to {_percent(high)}" for low, high in found.stable)
-    text = f"<b>Take out {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
+    text = f"<b>Compensate {_percent(found.fraction)}</b> of the trocar's force; stable in all {found.pairs} cases: {ranges}"
     cases = [("without", found.figures_without), (_percent(found.fraction), found.figures_with)]
     table = _merits([(heading, merit) for heading, merit in cases if merit is not None])
     unstable = "" if found.figures_without is not None else "<p>Without compensation the loop is unstable.</p>"

@@ -50,8 +50,8 @@ def teleop(
 ) -> Teleoperation:
     """Runs a teleoperation loop through a trocar: what the operator feels, and whether it is stable (``trocar teleop``).
 
-    Operator, master, channel, slave, trocar, tissue and force sensor move along the axis of the instrument. Part of the
-    trocar's force is subtracted from the reading of the sensor before the master reflects it: ``compensation.fraction``.
+    Operator, leader, channel, follower, trocar, tissue and force sensor move along the axis of the instrument. Part of the
+    trocar's force is subtracted from the reading of the sensor before the leader reflects it: ``compensation.fraction``.
     The same loop and model give the same numbers as the command line.
 
         found = trocar.teleop(model, "dvrk", tissue={"stiffness_n_m": 400.0}, compensation={"fraction": 0.9})
@@ -85,6 +85,10 @@ def teleop(
     :param changes: keys and sections of the loop that replace those of ``config``; a section changes only the keys it has
     :raises TeleopError: if the loop cannot run: an unknown key, a value out of its range. A loop that is unstable is a
         result
+
+    >>> loop = trocar.teleop(model, "dvrk", channel={"delay_s": 0.0})
+    >>> loop.is_stable
+    True
     """
     options = {
         "advise": advise,
@@ -116,7 +120,11 @@ def teleop(
 
 
 def teleop_config(device: Optional[str] = None) -> str:
-    """A loop with every key as a documented TOML text: all defaults, or those of a device ("dvrk", "phantom")."""
+    """A loop with every key as a documented TOML text: all defaults, or those of a device ("dvrk", "phantom").
+
+    >>> "[follower]" in trocar.teleop_config("dvrk")
+    True
+    """
     if device is None:
         return _core.teleop_example()
     presets = dict(_core.teleop_presets())
@@ -133,8 +141,12 @@ def _numbers(name: str, values: Optional[ArrayLike]) -> Optional[list[float]]:
 class Merit:
     """Figures of merit of a loop: how well the operator feels the tissue.
 
-    The force felt is that of the master's motor; with ``four_channel``, which compensates the master's mass, that of the
+    The force felt is that of the leader's motor; with ``four_channel``, which compensates the leader's mass, that of the
     operator.
+
+    >>> loop = trocar.teleop(model)
+    >>> loop.figures.force_error_rms_n > 1.0  # N: the seal masks soft tissue
+    True
     """
 
     #: Force felt less force on the tissue, N: root mean square, and largest magnitude.
@@ -156,14 +168,16 @@ class Merit:
     position_error_rms_m: float
     #: Energy received at both ports less energy given, J, below 0 where the loop was active; at each port alone.
     energy_j: float
-    master_energy_j: float
-    slave_energy_j: float
+    leader_energy_j: float
+    follower_energy_j: float
     #: Energy that the passivity control was given back for what the trocar dissipated, J; None without a credit.
     credit_j: Optional[float]
 
     @classmethod
     def _of(cls, found: Optional[Mapping[str, Any]]) -> Optional[Merit]:
         return None if found is None else cls(**{own.name: found[own.name] for own in fields(cls)})
+
+    _repr_html_ = _show.fields
 
 
 def _row(found: Optional[Mapping[str, Any]], name: str) -> float:
@@ -173,7 +187,11 @@ def _row(found: Optional[Mapping[str, Any]], name: str) -> float:
 
 @dataclass(frozen=True)
 class NoticeableStep:
-    """The smallest step of the tissue's stiffness that a person notices, among steps up to ten times the stiffness."""
+    """The smallest step of the tissue's stiffness that a person notices, among steps up to ten times the stiffness.
+
+    >>> trocar.NoticeableStep("noticed", 90.0).is_noticed
+    True
+    """
 
     #: "noticed"; "not_noticed": no step up to the largest is noticed; "unstable": the loop becomes unstable with stiffer
     #: tissue before a step is noticed.
@@ -190,12 +208,18 @@ class NoticeableStep:
         """Whether there is a step that is noticed."""
         return self.finding == "noticed"
 
+    _repr_html_ = _show.fields
+
 
 @dataclass(frozen=True, eq=False)
 class Advice:
     """Which fraction of the trocar's force to compensate in a loop, from fractions between 0 and 1.5.
 
     A fraction counts as stable if the loop is stable with every pair of a compensator's model and a trocar that was tried.
+
+    >>> loop = trocar.teleop(model, advise=True)
+    >>> 0.0 <= loop.advice.fraction <= 1.5
+    True
     """
 
     #: Fraction with the smallest force error among those that are stable and with which the tip reaches the tissue; None if
@@ -284,7 +308,12 @@ def _ranges(found: Sequence[Sequence[float]]) -> _Ranges:
 
 @dataclass(frozen=True, eq=False)
 class StabilityMap:
-    """Stiffnesses of the tissue with which a loop is stable, over delay and fraction; 0 to 20,000 N/m are tried."""
+    """Stiffnesses of the tissue with which a loop is stable, over delay and fraction; 0 to 20,000 N/m are tried.
+
+    >>> grid = trocar.teleop(model, map=True).map
+    >>> grid.stiffness_n_m.shape == (len(grid.delays_s), len(grid.fractions))
+    True
+    """
 
     #: Delays of one direction, s, and fractions.
     delays_s: _Array
@@ -349,6 +378,10 @@ class HybridMatrix:
     """Hybrid matrix of a loop over frequency, [F_h; −v_s] = H·[v_m; F_e]; ideal is [[0, 1], [−1, 0]].
 
     Sampling is left out, and the trocar is its describing function at the amplitude of the motion.
+
+    >>> matrix = trocar.teleop(model, hybrid=True).hybrid
+    >>> matrix.h12.shape == matrix.frequency_hz.shape
+    True
     """
 
     frequency_hz: _Array
@@ -409,10 +442,17 @@ class HybridMatrix:
         ends = f"{self.frequency_hz.min():.4g} to {self.frequency_hz.max():.4g} Hz"
         return f"<trocar.HybridMatrix: {ends}, least margin {self.llewellyn_margin.min():.4g}>"
 
+    _repr_html_ = _show.fields
+
 
 @dataclass(frozen=True, eq=False)
 class Teleoperation(_Repeatable[_core.Studied]):
-    """A teleoperation loop through a trocar: whether it is stable, what is felt, and its course."""
+    """A teleoperation loop through a trocar: whether it is stable, what is felt, and its course.
+
+    >>> loop = trocar.teleop(model)
+    >>> loop.felt_force_n.shape == loop.depth_m.shape
+    True
+    """
 
     #: Whether the loop comes to rest after pushes and pulls.
     settles: bool
@@ -514,12 +554,12 @@ class Teleoperation(_Repeatable[_core.Studied]):
     def felt_force_n(self) -> _Array:
         """Force that the operator feels along the course, N (see ``Merit``)."""
         is_four_channel = self.config["control"]["architecture"] == "four_channel"
-        return self["operator_force_n" if is_four_channel else "master_force_n"]
+        return self["operator_force_n" if is_four_channel else "leader_force_n"]
 
     @property
     def depth_m(self) -> _Array:
         """Position of the tip beyond the surface of the tissue at rest, m, along the course."""
-        depth: _Array = self["slave_position_m"] - self.config["tissue"]["surface_m"]
+        depth: _Array = self["follower_position_m"] - self.config["tissue"]["surface_m"]
         return depth
 
     def plot(self, ax: Any = None) -> Any:

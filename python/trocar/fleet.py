@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional, Union
 
-from . import _core
+from . import _core, _show
 from ._arrays import columns_in_words
 from ._core import ParameterError, TrocarError, __version__
 
@@ -40,6 +40,9 @@ class Config:
 
     ``depth`` is ``quick`` (without the optional model terms that rests and partial reversals determine) or ``full`` (everything
     that ``trocar.identify`` does). The other fields are as in ``trocar.read`` and ``trocar.identify``; a dictionary of ``columns`` becomes the text that means the same.
+
+    >>> fleet.Config(depth="quick", moving_mass_kg=0.04).depth
+    'quick'
     """
 
     depth: str = "quick"
@@ -66,6 +69,8 @@ class Config:
         """The text in the column ``config`` of every row."""
         return _native(self).hash_text()
 
+    _repr_html_ = _show.fields
+
 
 @functools.lru_cache(maxsize=16)
 def _native(config: Config) -> _core.FleetConfig:
@@ -75,7 +80,11 @@ def _native(config: Config) -> _core.FleetConfig:
 
 
 def columns() -> dict[str, str]:
-    """Names of the columns of every row, in order, with the type of their values: number, integer, boolean or text."""
+    """Names of the columns of every row, in order, with the type of their values: number, integer, boolean or text.
+
+    >>> fleet.columns()["coulomb_force_n"]
+    'number'
+    """
     return dict(_core.fleet_columns())
 
 
@@ -92,6 +101,10 @@ def identify_one(recording: Any, config: Config = Config(), *, name: Optional[st
 
     :param recording: path of a file, or columns: a data frame, an Arrow table, a dictionary
     :param name: name in the table of a recording given as columns
+
+    >>> row = fleet.identify_one("strokes.csv")
+    >>> row["status"], round(row["coulomb_force_n"], 1)
+    ('ok', 3.0)
     """
     given = os.fspath(recording) if isinstance(recording, os.PathLike) else recording
     if isinstance(given, str):
@@ -113,7 +126,12 @@ def _failed(name: str, config: Config, kind: str, reason: str) -> Row:
 
 @dataclasses.dataclass(frozen=True)
 class Outcome:
-    """Summary of the identification of a data set."""
+    """Summary of the identification of a data set.
+
+    >>> outcome = fleet.identify_dataset("recordings", "table.csv", engine="serial")
+    >>> outcome.recordings == outcome.ok + outcome.doubtful + len(outcome.failed)
+    True
+    """
 
     table: Path
     recordings: int
@@ -125,6 +143,8 @@ class Outcome:
     reused: int
     #: Files skipped because of their extension.
     left_out: tuple[str, ...]
+
+    _repr_html_ = _show.fields
 
 
 def identify_dataset(
@@ -150,6 +170,9 @@ def identify_dataset(
     :param client: a ``distributed.Client`` of a running cluster; by default a cluster of processes on this machine
     :param workers: number of processes of that local cluster; by default one per processor
     :param progress: called with the number of finished files and the total number
+
+    >>> fleet.identify_dataset("recordings", "table.csv", engine="serial").recordings
+    1
     """
     if engine not in ("dask", "serial"):
         raise ParameterError(f"engine {engine!r}: expected dask or serial")

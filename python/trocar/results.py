@@ -7,6 +7,7 @@ numbers.
 
 from __future__ import annotations
 
+import difflib
 import json
 import os
 import tempfile
@@ -47,7 +48,10 @@ __all__ = [
 
 
 class Figure(str):
-    """A figure as SVG text, with its name, heading and caption; a notebook displays the image."""
+    """A figure as SVG text, with its name, heading and caption; a notebook displays the image.
+
+    >>> found.figures["cross-validation"].save("figure.svg")
+    """
 
     name: str
     heading: str
@@ -79,7 +83,12 @@ def _figures(drawn: list[tuple[str, str, str, str]]) -> Mapping[str, Figure]:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An estimated parameter with its 95 % interval, all in ``unit``."""
+    """An estimated parameter with its 95 % interval, all in ``unit``.
+
+    >>> friction = found.parameters["coulomb_force_n"]
+    >>> friction.ci95_low < friction.value < friction.ci95_high
+    True
+    """
 
     name: str
     value: float
@@ -112,6 +121,11 @@ class Parameter:
         return np.inf
 
     @property
+    def symbol(self) -> str:
+        """Its symbol: F_c, β, c."""
+        return _core.parameter_symbol(self.name)
+
+    @property
     def is_coefficient(self) -> bool:
         """Whether it is a coefficient of the deformation force: determined with the others only."""
         return "_theta" in self.name
@@ -125,17 +139,41 @@ class Parameter:
         is_determined, note = found["determined"], found.get("note")
         return cls(name, value, found["unit"], *bounds, is_determined, note, stderr)
 
+    def _repr_html_(self) -> str:
+        return _show.parameters({self.name: self})
+
+
+#: Greek letters of symbols as one types them.
+_LATIN = str.maketrans({"β": "beta", "σ": "sigma", "κ": "kappa", "θ": "theta", "⁺": "+", "⁻": "-"})
+
 
 class Parameters(Mapping[str, Parameter]):
-    """Estimated parameters by name, the main ones first."""
+    """Estimated parameters by name, the main ones first; a symbol (``F_c``, ``beta``, ``c``) is a name too.
+
+    >>> list(found.params)[:3]
+    ['coulomb_force_n', 'viscous_damping_n_s_m', 'half_width_m']
+    >>> found.params["beta"] is found.params["viscous_damping_n_s_m"]
+    True
+    """
 
     def __init__(self, found: Sequence[Parameter]) -> None:
         self._found = {parameter.name: parameter for parameter in found}
 
     def __getitem__(self, name: str) -> Parameter:
         if name not in self._found:
-            raise KeyError(f"no parameter {name!r}; there are {', '.join(self._found)}")
+            name = self._called(name)
         return self._found[name]
+
+    def _called(self, name: str) -> str:
+        """The name of the parameter with this symbol."""
+        symbols = {found.symbol: own for own, found in self._found.items()}
+        symbols.update({symbol.translate(_LATIN): own for symbol, own in symbols.items()})
+        if name in symbols:
+            return symbols[name]
+        near = difflib.get_close_matches(name, [*self._found, *symbols], n=1)
+        hint = f", did you mean {near[0]!r}?" if near else ""
+        main = ", ".join(own for own, found in self._found.items() if not found.is_coefficient)
+        raise KeyError(f"no parameter {name!r}{hint}; there are {main}")
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._found)
@@ -168,6 +206,9 @@ class Covariance:
     Its diagonal holds the squares of the standard errors. It comes from the jackknife over cycles,
     so with fewer cycles than parameters it is singular. Parameters that the data do not determine
     are not in it.
+
+    >>> found.covariance.correlation.shape == found.covariance.matrix.shape
+    True
     """
 
     #: Names of the parameters, in the order of rows and columns.
@@ -191,10 +232,16 @@ class Covariance:
         columns = dict(zip(self.names, self.matrix.T))
         return _report.frame({"name": list(self.names), **columns}, "name")
 
+    _repr_html_ = _show.covariance
+
 
 @dataclass(frozen=True)
 class ResultWarning:
-    """A warning or remark about a result: its subject, its message, and whether it makes the result doubtful."""
+    """A warning or remark about a result: its subject, its message, and whether it makes the result doubtful.
+
+    >>> [str(warning) for warning in found.warnings if warning.doubtful]
+    []
+    """
 
     subject: str
     message: str
@@ -203,11 +250,17 @@ class ResultWarning:
     def __str__(self) -> str:
         return f"{self.subject}: {self.message}"
 
+    _repr_html_ = _show.fields
+
 
 class Forces(NamedTuple):
     """Measured and computed force along one recording.
 
     The sensor's offset and the inertia of a moving mass are subtracted.
+
+    >>> forces = trocar.validate(found.model, checks).forces()
+    >>> bool(np.nanstd(forces.residual_n) < 0.05)
+    True
     """
 
     time_s: npt.NDArray[np.float64]
@@ -221,10 +274,17 @@ class Forces(NamedTuple):
         """Measured less computed force, N; nan where the state of the seal is unknown."""
         return np.where(self.known, self.measured_n - self.model_n, np.nan)
 
+    def _repr_html_(self) -> str:
+        return _show.fields(self)
+
 
 @dataclass(frozen=True)
 class RecordingValidation:
-    """The error of a model on one recording."""
+    """The error of a model on one recording.
+
+    >>> found.validation.recordings[0].fit_percent > 98.0
+    True
+    """
 
     name: str
     rms_n: float
@@ -243,6 +303,8 @@ class RecordingValidation:
         same = ("rms_n", "fit_percent", "bias_n", "worst_n", "samples", "samples_before_known")
         values = {key: found[key] for key in same}
         return cls(name=found["path"], warnings=tuple(found["warnings"]), details=found, **values)
+
+    _repr_html_ = _show.fields
 
 
 class _Repeatable(Generic[_Native]):
@@ -275,7 +337,12 @@ class _Repeatable(Generic[_Native]):
 
 @dataclass(frozen=True, eq=False)
 class Validation(_Repeatable[_core.Validated]):
-    """The error of a model on recordings: root mean square, N, and fit 100·(1 − rms/sd of the readings), %."""
+    """The error of a model on recordings: root mean square, N, and fit 100·(1 − rms/sd of the readings), %.
+
+    >>> scores = trocar.validate(found.model, checks)
+    >>> scores.is_doubtful, len(scores.recordings)
+    (False, 1)
+    """
 
     rms_n: float
     fit_percent: float
@@ -353,6 +420,10 @@ class Posterior(Mapping[str, npt.NDArray[Any]]):
 
     ``chain``, ``draw`` and ``structure`` say where a draw comes from. A parameter that the structure
     of a draw does not have is nan.
+
+    >>> drawn = trocar.identify(recording, moving_mass_kg=0.04, posterior=400).posterior
+    >>> drawn["coulomb_force_n"].shape
+    (400,)
     """
 
     def __init__(
@@ -388,6 +459,9 @@ class Posterior(Mapping[str, npt.NDArray[Any]]):
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(self._columns["structure"]))
         return f"<trocar.Posterior: {len(self._columns['draw'])} draws of {len(self.parameters)} parameters, structures {names}>"
+
+    def _repr_html_(self) -> str:
+        return _show.posterior(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         with tempfile.TemporaryDirectory() as folder:
@@ -458,7 +532,12 @@ def _posterior(contents: bytes, summary: Optional[Mapping[str, Any]]) -> Posteri
 
 @dataclass(frozen=True, eq=False)
 class Identification(_Repeatable[_core.Identified]):
-    """An identified model with its parameters, intervals, warnings and validation."""
+    """An identified model with its parameters, intervals, warnings and validation.
+
+    >>> found.is_doubtful
+    False
+    >>> found.save("seal")  # model.json, summary.json, table.tex, report.html, figures
+    """
 
     model: Model
     #: Parameters by name (with unit), the main ones first.
@@ -652,7 +731,12 @@ class Identification(_Repeatable[_core.Identified]):
 
 @dataclass(frozen=True, eq=False)
 class ComparedModel:
-    """One model of a comparison with its fit and scores. Errors are in N rms."""
+    """One model of a comparison with its fit and scores. Errors are in N rms.
+
+    >>> both = trocar.compare(recording, validate=checks, models="ems,coulomb", moving_mass_kg=0.04)
+    >>> both["ems"].validate_rms_n < both["coulomb"].validate_rms_n
+    True
+    """
 
     #: Family, with the number of elements if it is variable: "lugre", "gms-4".
     label: str
@@ -676,6 +760,8 @@ class ComparedModel:
     warnings: tuple[str, ...] = field(repr=False)
     model: Model
 
+    _repr_html_ = _show.fields
+
     @classmethod
     def _of(cls, found: Mapping[str, Any], model: Model) -> ComparedModel:
         bank = found["name"] in ("leuven", "maxwell-slip", "gms")
@@ -695,10 +781,15 @@ class ComparedModel:
 
 @dataclass(frozen=True, eq=False)
 class Comparison(_Repeatable[_core.Compared]):
-    """Friction models fitted to the same recordings and scored on the same validation data, smallest validation error first."""
+    """Friction models fitted to the same recordings and scored on the same validation data, smallest validation error first.
+
+    >>> both = trocar.compare(recording, validate=checks, models="ems,coulomb", moving_mass_kg=0.04)
+    >>> [own.label for own in both]
+    ['ems', 'coulomb']
+    """
 
     models: tuple[ComparedModel, ...]
-    #: Results of testing the claims of EMS section II-C, as sentences.
+    #: Results of testing the claims of section II-C of the paper, as sentences.
     claims: tuple[str, ...]
     #: Whether the models were scored on the last third of each recording, because no other recordings were given.
     held_out: bool
@@ -760,7 +851,12 @@ class Comparison(_Repeatable[_core.Compared]):
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Simulation of a model along a motion, sample by sample."""
+    """Simulation of a model along a motion, sample by sample.
+
+    >>> run = trocar.simulate_full(model, [0.0, 0.4], [0.0, 0.02])
+    >>> list(run.columns())
+    ['time_s', 'position_m', 'force_n', 'deflection_m', 'mode']
+    """
 
     time_s: npt.NDArray[np.float64]
     position_m: npt.NDArray[np.float64]
@@ -795,19 +891,33 @@ class Simulation:
         low, high = float(self.force_n.min()), float(self.force_n.max())
         return f"<trocar.Simulation: {len(self)} samples, force {low:.3g} to {high:.3g} N>"
 
+    _repr_html_ = _show.fields
+
 
 class Drift(NamedTuple):
-    """Friction scale and viscosity scale relative to the model, with standard deviations; 1 means unchanged."""
+    """Friction scale and viscosity scale relative to the model, with standard deviations; 1 means unchanged.
+
+    >>> trocar.compensate(found.model, checks).drift.level_std > 0.0
+    True
+    """
 
     level: float
     level_std: float
     viscosity: float
     viscosity_std: float
 
+    def _repr_html_(self) -> str:
+        return _show.fields(self)
+
 
 @dataclass(frozen=True, eq=False)
 class Compensation:
-    """The force on the tissue along a recording: the sensor reading minus offset, inertia and trocar force."""
+    """The force on the tissue along a recording: the sensor reading minus offset, inertia and trocar force.
+
+    >>> along = trocar.compensate(found.model, checks)
+    >>> along.faults, along.is_doubtful
+    ({}, False)
+    """
 
     time_s: npt.NDArray[np.float64]
     position_m: npt.NDArray[np.float64]

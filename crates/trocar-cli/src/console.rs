@@ -10,6 +10,7 @@ use clap::builder::styling::AnsiColor;
 use serde::Serialize;
 use terminal_size::{Width, terminal_size_of};
 use trocar::compare::CompareError;
+use trocar::compensate::CompensateError;
 use trocar::identify::IdentifyError;
 use trocar::option::{Interface, spelt};
 use trocar::output::OutputError;
@@ -164,6 +165,7 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             error,
             RecordingError::BadColumns { .. }
                 | RecordingError::OutOfRange { .. }
+                | RecordingError::HeavyMass { .. }
                 | RecordingError::GravityWithoutMass { .. }
         )
     };
@@ -177,6 +179,7 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             })
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
             || matches!(cause.downcast_ref(), Some(CompareError::Twice { .. }))
+            || matches!(cause.downcast_ref(), Some(CompensateError::OutOfRange { .. }))
             || matches!(cause.downcast_ref(), Some(OutputError::IsInput { .. }))
     })
 }

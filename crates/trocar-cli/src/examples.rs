@@ -128,7 +128,7 @@ pub(crate) const EXAMPLES: [Example; 17] = [
     (
         "teleop",
         &[
-            ("The defaults with a made-up seal", "trocar teleop --model plausible"),
+            ("The loop of a dVRK with a made-up seal", "trocar teleop dvrk"),
             ("A loop of your own: change the file, then run it", "trocar teleop --print-config"),
             ("The same of a device", "trocar teleop --print-config dvrk"),
             ("", "trocar teleop loop.toml --model result --out looked-at"),

@@ -319,7 +319,7 @@ pub(crate) struct Observing {
     pub(crate) offset_n: Option<f64>,
     /// Mass between sensor and seal, in kg: its inertia is subtracted [default: that of the model
     /// file]
-    #[arg(long, value_name = "KG", value_parser = not_negative, allow_negative_numbers = true)]
+    #[arg(long, value_name = "KG", value_parser = finite, allow_negative_numbers = true)]
     pub(crate) moving_mass_kg: Option<f64>,
     /// Gravity along the insertion, in m/s^2, as it acts on the reading of the moving mass; needs
     /// an --offset-n without the weight, which the offset of a model file includes; 0 leaves the

@@ -18,9 +18,15 @@ pub(crate) fn models(text: &str) -> Result<Models, String> {
     Choice::list(text).map(Models)
 }
 
-/// The model at `path`: a file, or the folder of a result. If it is none and one of the recordings
-/// is, the arguments were exchanged.
+/// The default seal of the bench, as a model on the command line.
+pub(crate) const PLAUSIBLE: &str = "plausible";
+
+/// The model at `path`: a file, the folder of a result, or `plausible`. If it is none and one of the
+/// recordings is, the arguments were exchanged.
 pub(crate) fn read_model(path: &Path, recordings: &[PathBuf]) -> anyhow::Result<ModelFile> {
+    if path == Path::new(PLAUSIBLE) && !path.exists() {
+        return Ok(ModelFile::plausible_10_5_mm()?);
+    }
     let error = match ModelFile::read(path) {
         Ok(model) => return Ok(model),
         Err(error) => error,

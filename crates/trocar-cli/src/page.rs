@@ -9,6 +9,7 @@ use trocar::report::teleop::Source;
 use trocar::report::{self, Document};
 
 use crate::console::BadArgument;
+use crate::models::PLAUSIBLE;
 
 /// Refuses standard output for a page.
 pub(crate) fn needs_a_file(report: Option<&Path>) -> anyhow::Result<()> {
@@ -34,7 +35,7 @@ pub(crate) fn source(path: &Path) -> anyhow::Result<Source> {
 /// The model at `path`: a file, the folder of a result, or 'plausible'.
 pub(crate) fn model_source(path: &Path, file: &ModelFile) -> anyhow::Result<Source> {
     match path.to_str() {
-        Some("plausible") => Ok(Source::new("plausible", file.to_json().as_bytes())),
+        Some(PLAUSIBLE) if !path.exists() => Ok(Source::new(PLAUSIBLE, file.to_json().as_bytes())),
         _ if path.is_dir() => source(&path.join("model.json")),
         _ => source(path),
     }

@@ -556,14 +556,79 @@ fn identify_says_little_and_the_essential_first() {
     assert!(summary.contains("no_position_profile") && summary.contains("1.01 times"));
 }
 
-/// A mass in grams is named where it is given.
 #[test]
-fn a_mass_in_grams_is_named() {
+fn the_seal_and_the_loop_that_come_with_the_program_have_names() {
     let place = Place::new();
     place.recording("rec.csv");
-    let ran = place.run("identify rec.csv --moving-mass-kg 40 --paper --out model");
-    assert!(ran.stderr.contains("in grams it would be 0.04 kg"), "{ran:#?}");
-    assert!(ran.code != Some(0), "{ran:#?}");
+    place.run("simulate plausible rec.csv --out force.csv").done();
+    assert_eq!(place.text("force.csv").lines().count(), place.text("rec.csv").lines().count());
+    let ran = place.run("teleop dvrk --out loop");
+    assert!(
+        ran.stdout.starts_with("loop: dvrk, ") && ran.stdout.contains("in words: "),
+        "{ran:#?}"
+    );
+    let page = place.text("loop/report.html");
+    assert!(page.contains("dvrk, SHA-256") && page.contains("leader") && !page.contains("aster's"));
+    // A folder of that name is the user's own.
+    place.run("identify rec.csv --moving-mass-kg 0.04 --paper --out plausible");
+    place.put("plausible/model.json", "{}");
+    place.run("simulate plausible rec.csv --out force.csv").ends_with(2).says(&["model.json"]);
+}
+
+/// The force from which inertia is subtracted is the same in `identify`, `validate` and figures: a coarse
+/// encoder is named once, and costs no accuracy of the validation.
+#[test]
+fn a_coarse_encoder_is_named_once_with_what_it_costs() {
+    let place = Place::new();
+    place.put("rig.toml", "[rig]\nsample_rate_hz = 2000.0\n[encoder]\nresolution_m = 50e-6\n");
+    for protocol in ["dynamic", "validation"] {
+        place.run(&format!("bench {protocol} --rig rig.toml --out {protocol}.csv"));
+    }
+    let ran = place
+        .run("identify dynamic.csv --validate validation.csv --moving-mass-kg 0.04 --out seal");
+    assert_eq!(ran.stderr.matches("50 µm is coarse").count(), 1, "{ran:#?}");
+    let scores = place.run("validate seal validation.csv --moving-mass-kg 0.04 --json").stdout;
+    let scores: serde_json::Value = serde_json::from_str(&scores).unwrap();
+    let [rms, worst] =
+        ["rms_n", "worst_n"].map(|key| scores["recordings"][0][key].as_f64().unwrap());
+    assert!(rms < 0.05 && worst < 0.25, "{rms} N rms, {worst} N at worst");
+}
+
+/// What a paper takes over stands in the folder, with the numbers of the summary.
+#[test]
+fn a_result_has_its_parameters_as_tables_and_what_to_cite() {
+    let place = Place::new();
+    place.recording("rec.csv");
+    place.run("identify rec.csv --moving-mass-kg 0.04 --paper --out seal");
+    let summary: serde_json::Value =
+        serde_json::from_str(&place.text("seal/summary.json")).unwrap();
+    let (csv, tex) = (place.text("seal/table.csv"), place.text("seal/table.tex"));
+    let own = &summary["parameters"]["coulomb_force_n"]["value"];
+    assert!(
+        csv.lines().nth(1).unwrap().starts_with(&format!("coulomb_force_n,\"F_c\",{own},")),
+        "{csv}"
+    );
+    assert_eq!(csv.lines().count(), 1 + summary["parameters"].as_object().unwrap().len());
+    let line = tex.lines().find(|line| line.contains("$\\beta $")).expect("the viscous damping");
+    assert!(line.contains("$\\mathrm{N\\,s/m}$ \\\\") && tex.is_ascii(), "{tex}");
+    assert_eq!(tex.matches(" & ").count(), 4 * tex.matches(" \\\\\n").count(), "{tex}");
+    assert!(place.text("seal/citation.bib").contains(env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn a_mass_in_grams_is_refused_by_every_verb() {
+    let place = Place::new();
+    place.recording("rec.csv");
+    place.run("identify rec.csv --moving-mass-kg 0.04 --paper --out model");
+    for verb in
+        ["identify rec.csv --out other", "compare rec.csv --out other", "validate model rec.csv"]
+    {
+        let refused = place.run(&format!("{verb} --moving-mass-kg 40")).ends_with(2);
+        refused.says(&["--moving-mass-kg must be from 0 to 5, got 40 kg", "--moving-mass-kg 0.04"]);
+    }
+    assert!(!place.path("other").exists());
+    let refused = place.run("compensate model rec.csv --moving-mass-kg 40 --out tissue.csv");
+    refused.ends_with(2).says(&["moving_mass_kg must be from 0 to 5"]);
 }
 
 #[test]

@@ -103,8 +103,8 @@ fn assert_course(path: &Path, what: &str, change: impl FnOnce(&mut Config)) -> u
         let velocity = (hand[k + 1] - from) / duration;
         let sample = own.step(|time| (from + velocity * (time - begin), velocity)).unwrap();
         let pairs = [
-            ("master_position_m", sample.master_position),
-            ("slave_position_m", sample.slave_position),
+            ("leader_position_m", sample.leader_position),
+            ("follower_position_m", sample.follower_position),
             ("felt_force_n", config.felt(&sample)),
             ("trocar_force_n", sample.trocar_force),
             ("tissue_force_n", sample.tissue_force),

@@ -20,8 +20,9 @@ fn place(config: &str) -> Place {
 fn the_page_shows_what_the_program_prints() {
     let soft = place(SOFT).run("teleop loop.toml --model plausible").ends_with(0);
     let far = place(FAR).run("teleop loop.toml --model plausible --advise").ends_with(3);
-    for printed in [soft.stdout, far.stdout] {
-        assert!(PAGE.contains(&format!("```text\n{printed}```")), "not in the page:\n{printed}");
+    let advised = far.stdout.split_once("compensate 100").expect("an advice").1;
+    for printed in [&soft.stdout, advised] {
+        assert!(PAGE.contains(&format!("{printed}```")), "not in the page:\n{printed}");
     }
 }
 
@@ -116,6 +117,22 @@ fn the_report_shows_what_the_program_prints_and_needs_nothing_else() {
     assert!(!text.contains("NaN") && !text.contains("inf "), "a number that is none");
     let folder = place.path(".").canonicalize().unwrap();
     assert!(!page.contains(folder.to_str().unwrap()), "a folder of this machine");
+}
+
+#[test]
+fn a_report_has_no_empty_axes() {
+    let never = "[control]\nstiffness_n_m = 200000.0\n[channel]\ndelay_s = 0.1\n";
+    let (_, page) = report(&place(never), "--advise", 3);
+    let text = text_of(&page);
+    assert!(
+        text.contains(
+            "There is no figure \u{201c}Error and stiffness over the fraction compensated"
+        )
+    );
+    assert!(!page.contains("id=\"figure-fractions\""), "axes without a stable loop");
+    let far_off = "[tissue]\nsurface_m = 0.5\n";
+    let (_, page) = report(&place(far_off), "--advise", 3);
+    assert!(page.contains("id=\"figure-fractions\"") && !page.contains("stiffness (N/m)"));
 }
 
 #[test]
@@ -299,7 +316,7 @@ fn adaptation_needs_the_error_of_the_model() {
 fn what_is_no_loop_is_refused() {
     for (config, words) in [
         ("seed = 9007199254740993", ["loop.toml", "seed", "at most 9007199254740992"]),
-        ("[master]\nmass_kg = -1.0", ["loop.toml", "master.mass_kg", "from 1e-6 to 1e15, got -1"]),
+        ("[leader]\nmass_kg = -1.0", ["loop.toml", "leader.mass_kg", "from 1e-6 to 1e15, got -1"]),
         ("[channel]\ndelay_s = 0.0015", ["channel.delay_s", "0.0015 s", "take 0.002 s"]),
         ("[tissue]\nstifness_n_m = 1.0", ["stifness_n_m", "line 2", "--print-config"]),
     ] {

@@ -72,6 +72,7 @@ pub(super) fn conclude(
     parameters.sort_by_key(|p| numbers::rank(p.id));
     let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
     let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
+    warnings.extend(counts::named(recordings));
     warnings.extend(of_prior(input, prior.as_ref()));
     let (posterior, density) = posterior(input, fit.as_ref(), &mut warnings).unzip();
     if posterior.is_some() && input.options.prior.is_none() {

@@ -118,7 +118,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     }
     fitted = restarted(input, &training, fitted);
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
-    progress("friction scale", 0.15);
+    progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
 }
@@ -160,7 +160,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     weigh(input, &mut training, least);
     fits = fits.par_iter().filter_map(|found| fit(&training, &found.best)).collect();
     let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
-    progress("friction scale", 0.15);
+    progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
     Some(Begun { training, fitted })
 }

@@ -130,9 +130,9 @@ pub fn identify(
             motion: MotionFound::of(recordings, input.segments),
         });
     }
-    progress("position profile", 0.93);
+    progress("position profile", 0.75);
     let (fit, profile) = along::profiled(&input, fit);
-    progress("intervals", 0.96);
+    progress("intervals", 0.8);
     conclude::conclude(&input, fit, profile, lag)
 }
 

@@ -24,8 +24,8 @@ pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
 }
 
 /// Place of a parameter in tables: friction and width of the element first, then the other numbers of
-/// the seal; last those of the rig and the joins, without which no model can be fitted, but for whose
-/// values nobody asks.
+/// the seal; last those of the rig, the joins and the coefficients, without which no model can be
+/// fitted, but for whose values nobody asks.
 pub(super) fn rank(id: ParameterId) -> usize {
     use Quantity as Q;
     const FIRST: [Quantity; 7] = [
@@ -38,6 +38,9 @@ pub(super) fn rank(id: ParameterId) -> usize {
         Q::StribeckExponent,
     ];
     const LAST: [Quantity; 4] = [Q::Offset, Q::UnmodelledMass, Q::Join, Q::JoinForce];
+    if matches!(id.quantity, Q::Coefficient { .. }) {
+        return FIRST.len() + LAST.len() + 1;
+    }
     let place = |list: &[Quantity]| list.iter().position(|own| *own == id.quantity);
     let (first, last) = (place(&FIRST), place(&LAST));
     first.or(last.map(|at| FIRST.len() + 1 + at)).unwrap_or(FIRST.len())

@@ -421,9 +421,9 @@ impl Score {
 }
 
 /// Parts of the work of an identification after which the terms are tried, and after which they
-/// have been: medians over recordings of all kinds.
-pub(super) const TERMS_FROM: f64 = 0.2;
-pub(super) const TERMS_TO: f64 = 0.85;
+/// have been: between those of a few full strokes and those of recordings with every kind of motion.
+pub(super) const TERMS_FROM: f64 = 0.1;
+pub(super) const TERMS_TO: f64 = 0.6;
 
 /// Adds terms except those `excluded` as long as the data support one, and removes those that
 /// others make unnecessary.

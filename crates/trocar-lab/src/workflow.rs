@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::validate::{Validation, validate};
 use trocar_identify::simpler;
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
-use trocar_recording::{Recording, RecordingError};
+use trocar_recording::{HEAVIEST_INSTRUMENT, Recording, RecordingError};
 use trocar_runtime::model_file::{ModelFile, SensorInfo};
 
 /// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
@@ -30,12 +30,16 @@ impl MovingMass {
     ///
     /// # Errors
     /// [`RecordingError::OutOfRange`] for a mass that is negative, or a number that is not finite;
+    /// [`RecordingError::HeavyMass`] for one heavier than an instrument;
     /// [`RecordingError::GravityWithoutMass`] for gravity where the mass is 0.
     pub fn new(mass: f64, gravity: f64) -> Result<Self, RecordingError> {
         finite("gravity_m_s2", gravity, "m/s^2")?;
         if !(mass.is_finite() && mass >= 0.0) {
             let (option, allowed) = ("moving_mass_kg", "finite and not negative");
             return Err(RecordingError::OutOfRange { option, allowed, found: mass, unit: "kg" });
+        }
+        if mass > HEAVIEST_INSTRUMENT {
+            return Err(RecordingError::HeavyMass { found: mass });
         }
         if mass == 0.0 && gravity != 0.0 {
             return Err(RecordingError::GravityWithoutMass { gravity });
@@ -57,7 +61,7 @@ impl MovingMass {
         if mass == 0.0 {
             return Ok(recording);
         }
-        // Gravity by the share of the declared mass, so that the weight taken out is its alone.
+        // Gravity by the share of the declared mass, so that the weight subtracted is its alone.
         recording.without_moving_mass(mass, self.gravity * self.mass / mass)
     }
 
@@ -79,7 +83,7 @@ fn finite(option: &'static str, found: f64, unit: &'static str) -> Result<(), Re
     if found.is_finite() { Ok(()) } else { Err(wrong) }
 }
 
-/// What is taken out of recordings before a model is validated on them.
+/// What is subtracted from recordings before a model is validated on them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correction {
     /// Reading at rest without any force of the seal, N.
@@ -103,10 +107,10 @@ impl Correction {
         let own = |part: fn(SensorInfo) -> f64| model.sensor.map_or(0.0, part);
         let offset_n = offset_n.unwrap_or(own(|sensor| sensor.offset_n));
         finite("offset_n", offset_n, "N")?;
-        let mass = moving_mass_kg.unwrap_or(own(|sensor| sensor.moving_mass_kg));
+        let given = moving_mass_kg.map(|mass| MovingMass::new(mass, 0.0)).transpose()?;
         Ok(Self {
             offset_n,
-            moving_mass_kg: MovingMass::new(mass, 0.0)?.mass,
+            moving_mass_kg: given.map_or(own(|sensor| sensor.moving_mass_kg), |given| given.mass),
             position_delay_s: own(|sensor| sensor.position_delay_s),
         })
     }
@@ -172,7 +176,7 @@ impl Workflow {
         let held_out =
             moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
         let held_out = identification.without_delay(held_out)?;
-        progress("simpler models", 0.98);
+        progress("simpler models", 0.84);
         let doubt = simpler::doubt(&identification, &options, &recordings, &held_out)?;
         identification.warnings.extend(doubt);
         Ok(Self::of(identification, options, recordings, held_out, moving_mass))

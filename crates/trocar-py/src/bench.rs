@@ -18,6 +18,10 @@ use crate::work::{How, run};
 /// positions, m, of a motion to make in its place, such as `plan` gives. `seal` is a model of EMS
 /// elements, by default the made-up plausible one. `config` is TOML text as `bench_config()` gives
 /// it; keys left out keep their defaults.
+///
+/// >>> recording = trocar.bench("steady")
+/// >>> recording.duration_s > 100.0
+/// True
 #[pyfunction]
 #[pyo3(signature = (protocol=None, *, motion=None, seal=None, seed=1, config=None))]
 pub(crate) fn bench(
@@ -63,6 +67,10 @@ pub(crate) fn bench(
 }
 
 /// The virtual bench and its protocols as a documented TOML text.
+///
+/// >>> slow = trocar.bench("steady", config="[rig]\nsample_rate_hz = 200.0")
+/// >>> "sample_rate_hz" in trocar.bench_config()
+/// True
 #[pyfunction]
 pub(crate) fn bench_config() -> &'static str {
     DEFAULT_TOML

@@ -20,6 +20,10 @@ use crate::posterior::Draws;
 const CHUNK: usize = 1 << 15;
 
 /// Estimate of the observer for one sample; it can be pickled.
+///
+/// >>> now = trocar.Compensator(found.model).step(position_m=0.05, force_n=3.1, duration_s=1e-3)
+/// >>> now.tissue_force_n + now.trocar_force_n < 4.0
+/// True
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct TissueForce {
     /// Force of the instrument on seal and trocar, N.
@@ -36,6 +40,11 @@ pub(crate) struct TissueForce {
 
 #[pymethods]
 impl TissueForce {
+    fn _repr_html_(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
+        let py = slf.py();
+        py.import(intern!(py, "trocar._show"))?.call_method1(intern!(py, "fields"), (slf,))
+    }
+
     fn __repr__(&self) -> String {
         let Self { tissue_force_n, trocar_force_n, std_n, fault, .. } = self;
         let fault = fault.map(|fault| format!(", {fault}")).unwrap_or_default();
@@ -87,6 +96,10 @@ fn name(fault: Fault) -> &'static str {
 /// too; `flip_force=False` is for readings that have the sign of the model already. A step never fails: what cannot be right about a sample
 /// is named in its `fault`. Compensators can be copied and pickled; the copy goes on from the same
 /// state.
+///
+/// >>> observer = trocar.Compensator(found.model)
+/// >>> observer.step(position_m=0.05, force_n=3.1, duration_s=1e-3).fault is None
+/// True
 #[pyclass(module = "trocar")]
 pub(crate) struct Compensator {
     model: Py<Model>,

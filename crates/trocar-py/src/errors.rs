@@ -83,7 +83,9 @@ impl Raise for trocar::recording::RecordingError {
         let text = in_python(&self);
         match self {
             E::Open { source, .. } | E::Read { source, .. } => os_error(&source, text),
-            E::OutOfRange { .. } | E::GravityWithoutMass { .. } => ParameterError::new_err(text),
+            E::OutOfRange { .. } | E::HeavyMass { .. } | E::GravityWithoutMass { .. } => {
+                ParameterError::new_err(text)
+            }
             _ => RecordingError::new_err(text),
         }
     }

@@ -55,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use crate::many::{simulate_many, squared_error_many};
     #[pymodule_export]
-    use crate::model::{Model, Tunable, parameter_least};
+    use crate::model::{Model, Tunable, parameter_least, parameter_symbol};
     #[pymodule_export]
     use crate::plan::{plan, plan_example};
     #[pymodule_export]

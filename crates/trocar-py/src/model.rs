@@ -24,6 +24,12 @@ const INSIDE: Embedded = include!(concat!(env!("OUT_DIR"), "/fmu.rs"));
 /// model.
 ///
 /// Models do not change: `tuned` gives another one. Two models are equal when their files would be.
+///
+/// >>> model = trocar.Model.plausible()
+/// >>> stiff = model.tuned(F_c=4.0)
+/// >>> stiff.save("stiff.json")
+/// >>> trocar.Model.load("stiff.json") == stiff
+/// True
 #[pyclass(module = "trocar", frozen)]
 pub(crate) struct Model(Arc<ModelFile>);
 
@@ -45,6 +51,10 @@ impl From<ModelFile> for Model {
 }
 
 /// A number of a model that can be adjusted by itself; it can be pickled.
+///
+/// >>> width = model.tunables[0]
+/// >>> width.name, width.value, width.unit
+/// ('half_width_m', 0.008, 'm')
 #[pyclass(module = "trocar", frozen, get_all)]
 pub(crate) struct Tunable {
     /// Name, with its unit at the end; where a model has several elements, it begins with
@@ -64,6 +74,11 @@ pub(crate) struct Tunable {
 
 #[pymethods]
 impl Tunable {
+    fn _repr_html_(slf: Bound<'_, Self>) -> PyResult<Bound<'_, PyAny>> {
+        let py = slf.py();
+        py.import(intern!(py, "trocar._show"))?.call_method1(intern!(py, "fields"), (slf,))
+    }
+
     fn __repr__(&self) -> String {
         let Self { name, value, unit, least, above_least, .. } = self;
         let relation = if *above_least { ">" } else { ">=" };
@@ -97,6 +112,18 @@ impl Tunable {
     }
 }
 
+impl Tunable {
+    /// By its name or its symbol (F_c, beta, c); one without a direction is that of both.
+    fn is_called(&self, name: &str) -> bool {
+        let latin =
+            |text: &str| text.replace('β', "beta").replace('σ', "sigma").replace('τ', "tau");
+        let symbol = latin(self.description.split(':').next().unwrap_or_default());
+        let of_both = self.name.replace("insertion_", "").replace("withdrawal_", "");
+        let names = [self.name.clone(), of_both, symbol.replace(['⁺', '⁻'], ""), symbol];
+        names.contains(&latin(name))
+    }
+}
+
 fn parameter(name: &str) -> PyResult<ParameterId> {
     ParameterId::named(name)
         .ok_or_else(|| ParameterError::new_err(format!("no parameter is named {name:?}")))
@@ -106,6 +133,12 @@ fn parameter(name: &str) -> PyResult<ParameterId> {
 #[pyfunction]
 pub(crate) fn parameter_least(name: &str) -> PyResult<f64> {
     Ok(parameter(name)?.declaration().range.least())
+}
+
+/// The symbol of a parameter, as the tables of the command line have it: F_c, β.
+#[pyfunction]
+pub(crate) fn parameter_symbol(name: &str) -> PyResult<String> {
+    Ok(parameter(name)?.symbol().to_string())
 }
 
 pub(crate) fn tunables(seal: &Seal) -> Vec<Tunable> {
@@ -284,8 +317,8 @@ impl Model {
         PyTuple::new(py, all.collect::<PyResult<Vec<_>>>()?)
     }
 
-    /// Another model with some numbers changed, as in `model.tuned(half_width_m=5e-3)`; see
-    /// `tunables`.
+    /// Another model with some numbers changed, as in `model.tuned(half_width_m=5e-3)` or, by its
+    /// symbol, `model.tuned(F_c=4.0)`; see `tunables`. A name without a direction changes both.
     ///
     /// A new force stretches the branches of the deformation with it. The new model keeps sensor
     /// and position profile, loses the intervals, and says in its origin that it was made by hand.
@@ -296,21 +329,24 @@ impl Model {
         let mut note = "tuned:".to_owned();
         for (name, value) in values.into_iter().flat_map(|values| values.iter()) {
             let name: String = name.extract()?;
-            let place = old
-                .iter()
-                .position(|tunable| tunable.name == name)
-                .ok_or_else(|| unknown(&name, &old))?;
+            let places: Vec<usize> = (0..old.len()).filter(|i| old[*i].is_called(&name)).collect();
+            if places.is_empty() {
+                return Err(unknown(&name, &old));
+            }
             // Python and NumPy take a truth value for 0 or 1.
             let read = if matches!(&*type_of(&value), "bool" | "bool_") {
                 None
             } else {
                 value.extract().ok()
             };
-            new[place] = read.ok_or_else(|| {
+            let read = read.ok_or_else(|| {
                 PyTypeError::new_err(format!("{name} must be a number, got {}", type_of(&value)))
             })?;
-            // Writing to a string cannot fail.
-            let _ = write!(note, " {name} = {}", number(new[place]));
+            for place in places {
+                new[place] = read;
+                // Writing to a string cannot fail.
+                let _ = write!(note, " {} = {}", old[place].name, number(read));
+            }
         }
         let seal = self.trocar().seal().tuned(&new).map_err(Raise::raise)?;
         let mut file =
@@ -350,10 +386,10 @@ impl Model {
 
 pub(crate) fn unknown(name: &str, known: &[Tunable]) -> PyErr {
     let names: Vec<&str> = known.iter().map(|tunable| tunable.name.as_str()).collect();
-    ParameterError::new_err(format!(
-        "no parameter {name:?} to tune; there are {}",
-        names.join(", ")
-    ))
+    let near = names.iter().find(|own| own.contains(name) || name.contains(**own));
+    let hint = near.map_or(String::new(), |near| format!("\n\nhint: did you mean {near}?"));
+    let names = names.join(", ");
+    ParameterError::new_err(format!("no parameter {name:?} to tune; there are {names}{hint}"))
 }
 
 fn type_of(value: &Bound<'_, PyAny>) -> String {

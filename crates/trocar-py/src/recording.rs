@@ -29,6 +29,10 @@ use crate::work::{How, run};
 /// Position grows on insertion; the force is that of the instrument on the seal. Arrays may be
 /// anything that NumPy turns into numbers. What is lost or doubtful about the data is in
 /// `warnings`, what was assumed in `notes`.
+///
+/// >>> same = trocar.Recording(recording.time_s, recording.position_m, recording.force_n)
+/// >>> len(same) == len(recording)
+/// True
 #[pyclass(module = "trocar", frozen)]
 pub(crate) struct Recording {
     record: Arc<Record>,
@@ -427,6 +431,11 @@ fn quality_json(quality: &Quality) -> PyResult<String> {
 /// count as saturated. `skip_rows` lines at the beginning of a text are skipped, and `rate_hz` is
 /// the number of rows per second of a file without a column of times. Without any of these, a file is
 /// read as the recordings of the model `like` were, unless it lacks their columns.
+///
+/// >>> recording = trocar.read("strokes.csv")
+/// >>> half = trocar.read("strokes.csv", columns={"force_n": "0.5*force_n", "position_m": "position_m", "time_s": "time_s"})
+/// >>> bool(np.allclose(half.force_n, 0.5 * recording.force_n))
+/// True
 #[pyfunction]
 #[pyo3(signature = (path, *, like=None, columns=None, topics=Vec::new(), from_s=None, to_s=None, flip_force=false,
     sensor_limit_n=None, skip_rows=0, rate_hz=None), text_signature = "(path, *, like=None, columns=None, topics=[], from_s=None, to_s=None, \

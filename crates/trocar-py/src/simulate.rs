@@ -27,6 +27,9 @@ const PART: usize = 1 << 10;
 /// `initial_deflection_m`. Times may be uneven; a sample with the time and position of the one
 /// before changes nothing. `out` takes the result: a contiguous, writable array of float64. Other
 /// threads of Python run meanwhile.
+///
+/// >>> trocar.simulate(model, [0.0, 0.4], [0.0, 0.02]).round(2).tolist()
+/// [0.0, 3.25]
 #[pyfunction]
 #[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None, out=None))]
 pub(crate) fn simulate<'py>(

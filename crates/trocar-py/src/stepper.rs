@@ -18,6 +18,12 @@ use crate::shared::finite;
 /// Begins at rest at `position_m`, undeformed, or with `initial_force_n`. A step that is refused
 /// leaves the state as it was. Steppers can be copied and pickled; the copy goes on from the same
 /// state.
+///
+/// >>> seal = trocar.Stepper(model)
+/// >>> for _ in range(400):  # 20 mm in 0.4 s
+/// ...     force_n = seal.step(displacement_m=50e-6, duration_s=1e-3)
+/// >>> round(force_n, 2), seal.mode
+/// (3.25, 'sliding')
 #[pyclass(module = "trocar")]
 pub(crate) struct Stepper {
     model: Py<Model>,

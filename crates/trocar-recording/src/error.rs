@@ -4,6 +4,8 @@
 use std::fmt;
 use std::path::Path;
 
+use super::plausible::HEAVIEST_INSTRUMENT;
+
 /// A position in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Location {
@@ -481,6 +483,16 @@ pub enum RecordingError {
         found: f64,
         /// Its unit.
         unit: &'static str,
+    },
+    /// A moving mass heavier than an instrument.
+    #[error(
+        "‹moving_mass_kg› must be from 0 to {HEAVIEST_INSTRUMENT}, got {found} kg\n\nhint: {found} g (grams?) are \
+         ‹moving_mass_kg={}›; of an axis as heavy as this leave it out, and it is estimated",
+        1e-3 * found
+    )]
+    HeavyMass {
+        /// The given value, kg.
+        found: f64,
     },
     /// Gravity without a moving mass on which it acts.
     #[error(

@@ -100,13 +100,15 @@ impl Recording {
         value
     }
 
-    /// The readings in N without the inertia of a known mass in kg: `force - mass * acceleration`.
+    /// The readings in N without the inertia of a known mass in kg: `force - mass * acceleration`. The
+    /// acceleration is that of the positions between the counts of the encoder.
     #[must_use]
     pub fn force_without_inertia(&self, mass: f64) -> Vec<f64> {
         if mass == 0.0 {
             return self.force.clone();
         }
-        let acceleration = self.acceleration_of(mass, ADDED * self.quality.force_noise);
+        let error = ADDED * self.quality.force_noise;
+        let acceleration = self.between_counts().acceleration_of(mass, error);
         self.force.iter().zip(acceleration).map(|(force, a)| force - mass * a).collect()
     }
 

@@ -9,13 +9,10 @@ use super::RecordingError;
 use super::block::SampleRow;
 use super::choice::Choice;
 use super::collect::Collector;
-use super::quality::{Quality, Saturation, Warning, WarningKind};
+use super::quality::{Quality, Saturation};
 use super::samples::{Columns, Count};
 use super::statistics::range;
 use super::text::hex;
-
-/// Moving mass, kg, above which its unit is doubtful.
-const PLAUSIBLE_MASS: f64 = 5.0;
 
 /// Range of a force, as a fraction of its largest value, that is rounding.
 const CONSTANT_FORCE: f64 = 1e-9;
@@ -230,18 +227,11 @@ impl Recording {
             let (option, allowed) = ("moving_mass_kg", "finite and not negative");
             return Err(RecordingError::OutOfRange { option, allowed, found: mass, unit: "kg" });
         }
-        if mass > PLAUSIBLE_MASS {
-            let message = format!(
-                "a moving mass of {mass} kg is heavier than an instrument: in grams it would be {} kg",
-                1e-3 * mass
-            );
-            self.quality.warnings.push(Warning::new(WarningKind::Units, message));
-        }
         let (low, high) = range(&self.force);
         if high - low <= CONSTANT_FORCE * low.abs().max(high.abs()) {
             self.quality
                 .notes
-                .push(format!("the force is constant: inertia of {mass} kg not taken out"));
+                .push(format!("the force is constant: inertia of {mass} kg not subtracted"));
             return Ok(self);
         }
         self.force = self.force_without_inertia(mass);

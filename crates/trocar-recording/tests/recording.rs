@@ -1392,6 +1392,22 @@ fn a_small_pulse_that_repeats_is_not_lost_in_the_noise() {
     assert!((value - 0.05).abs() < 0.01 && signal < 0.025, "{value} {signal}");
 }
 
+/// A coarse encoder does not put its counts into the force from which inertia is subtracted.
+#[test]
+fn the_steps_of_an_encoder_do_not_become_inertia() {
+    let (omega, step) = (std::f64::consts::TAU * 0.7, 50e-6_f64);
+    let time: Vec<f64> = (0..8000).map(|k| f64::from(k) * 5e-4).collect();
+    let exact: Vec<f64> = time.iter().map(|t| 0.01 * (omega * t).sin()).collect();
+    let force: Vec<f64> = exact.iter().map(|x| -0.04 * omega * omega * x).collect();
+    let position = exact.iter().map(|x| (x / step).round() * step).collect();
+    let noisy = force.iter().zip(0..).map(|(f, k)| f + 0.02 * (f64::from(k * k % 17) / 8.0 - 1.0));
+    let recording = Recording::from_columns("counts", time, position, noisy.collect()).unwrap();
+    assert_eq!(recording.coarse_step(), recording.quality.position_resolution);
+    let left = recording.without_moving_mass(0.04, 0.0).unwrap().force;
+    let worst = left.iter().fold(0.0_f64, |worst, f| worst.max(f.abs()));
+    assert!(worst < 0.05, "{worst} N beside noise of 0.02 N");
+}
+
 #[test]
 fn a_moving_mass_leaves_the_friction_behind() {
     // 4 µm encoder, 0.5 kg, oscillating at 3 Hz over 20 mm: 3.6 N of inertia peak to peak and 1 N
@@ -1425,7 +1441,7 @@ fn a_force_that_never_changes_feels_no_mass() {
     assert_eq!(corrected.force, force);
     assert_says(
         &corrected.quality.notes.join("; "),
-        &["the force is constant: inertia of 0.5 kg not taken out"],
+        &["the force is constant: inertia of 0.5 kg not subtracted"],
     );
 }
 

@@ -15,7 +15,7 @@ use trocar_recording::Recording;
 use trocar_tables::output::StagedFolder;
 
 /// The claim of EMS on the number of elements that a model needs.
-const CLAIM: &str = "EMS section II-C argues that a GMS model needs about ten elements to draw the reversal of the seal: four for each \
+const CLAIM: &str = "The paper argues in section II-C that a GMS model needs about ten elements to draw the reversal of the seal: four for each \
                      of the two transients, one between them and one for a change of slope, that is thirty parameters and the \
                      function s(v). Here a family of banks matches the EMS element when its error after the reversals of the \
                      validation is no larger.";

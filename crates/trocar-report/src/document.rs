@@ -136,6 +136,14 @@ impl Panel {
         ))
     }
 
+    /// Whether its axes show anything.
+    fn has_values(&self) -> bool {
+        let is_shown = |y: &f64| y.is_finite() && (!self.y.logarithmic || *y > 0.0);
+        let mut points =
+            self.series.iter().flat_map(|s| (0..s.x.len()).map(|i| (s.x[i], s.y.get(i))));
+        points.any(|(x, y)| x.is_finite() && y.is_none_or(is_shown))
+    }
+
     /// Appends a mark.
     pub fn mark(mut self, mark: Mark) -> Self {
         self.marks.push(mark);
@@ -652,8 +660,16 @@ impl Section {
         self
     }
 
-    /// Appends a figure.
-    pub fn figure(mut self, figure: Figure) -> Self {
+    /// Appends a figure without those of its panels that would be empty axes. A figure whose caption
+    /// names its panels by their letters keeps them all, unless all are empty.
+    pub fn figure(mut self, mut figure: Figure) -> Self {
+        if !figure.panels.iter().any(Panel::has_values) {
+            return self
+                .paragraph(format!("There is no figure “{}”: it has no values.", figure.title));
+        }
+        if !figure.caption.contains("(b)") {
+            figure.panels.retain(Panel::has_values);
+        }
         self.figures.push(figure);
         self
     }

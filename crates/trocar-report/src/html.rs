@@ -222,36 +222,51 @@ fn table(table: &Table) -> String {
 
 fn heading(table: &Table, column: usize) -> String {
     let is_number = table.rows.iter().any(|row| row.get(column).is_some_and(is_numeric));
-    let class = class(is_number, is_optional(table, column));
-    format!("<th scope=\"col\"{class}>{}</th>", typeset(&table.columns[column]))
+    format!(
+        "<th scope=\"col\"{}>{}</th>",
+        class(table, column, is_number),
+        typeset(&table.columns[column])
+    )
 }
 
 fn row(table: &Table, cells: &[Cell]) -> String {
-    let cells = cells.iter().zip(0..);
-    let cells = cells.map(|(content, column)| cell(content, column, is_optional(table, column)));
+    let cells = cells.iter().enumerate().map(|(column, cell)| {
+        // On a narrow screen an interval stands below its value, in one cell.
+        let beside = cells.get(column + 1).filter(|_| is_interval(table, column + 1));
+        let beside = beside.map_or_else(String::new, |interval| {
+            format!("<span class=\"beside\">{}</span>", content(interval))
+        });
+        let (class, content) = (class(table, column, is_numeric(cell)), content(cell) + &beside);
+        match column {
+            0 => format!("<th scope=\"row\"{class}>{content}</th>"),
+            _ => format!("<td{class}>{content}</td>"),
+        }
+    });
     format!("<tr>{}</tr>\n", cells.collect::<String>())
 }
 
-fn is_optional(table: &Table, column: usize) -> bool {
-    table.optional.as_ref().is_some_and(|(columns, _)| columns.contains(&column))
+/// Whether a column holds the intervals of the values in the one before it.
+fn is_interval(table: &Table, column: usize) -> bool {
+    table.rows.iter().any(|row| matches!(row.get(column), Some(Cell::Interval { .. })))
 }
 
-const fn class(is_number: bool, is_optional: bool) -> &'static str {
-    match (is_number, is_optional) {
-        (true, true) => " class=\"number optional\"",
-        (true, false) => " class=\"number\"",
-        (false, true) => " class=\"optional\"",
-        (false, false) => "",
-    }
+fn class(table: &Table, column: usize, is_number: bool) -> String {
+    let is_optional = table.optional.as_ref().is_some_and(|(columns, _)| columns.contains(&column));
+    let named = [
+        (is_number, "number"),
+        (is_optional, "optional"),
+        (column > 0 && is_interval(table, column), "apart"),
+    ];
+    let names: Vec<&str> = named.iter().filter(|(is, _)| *is).map(|(_, name)| *name).collect();
+    if names.is_empty() { String::new() } else { format!(" class=\"{}\"", names.join(" ")) }
 }
 
 const fn is_numeric(cell: &Cell) -> bool {
     matches!(cell, Cell::Number { .. } | Cell::Estimate { .. } | Cell::Interval { .. })
 }
 
-fn cell(cell: &Cell, column: usize, is_optional: bool) -> String {
-    let class = class(is_numeric(cell), is_optional);
-    let content = match cell {
+fn content(cell: &Cell) -> String {
+    match cell {
         Cell::Text(text) => typeset(text),
         Cell::Code(text) => format!("<code>{}</code>", escape(text)),
         Cell::Number { value, digits } => significant(*value, *digits),
@@ -261,10 +276,6 @@ fn cell(cell: &Cell, column: usize, is_optional: bool) -> String {
         }
         Cell::Undetermined => "<span class=\"doubt\">not determined by the data</span>".to_owned(),
         Cell::Warning(text) => format!("<span class=\"doubt\">{}</span>", escape(text)),
-    };
-    match column {
-        0 => format!("<th scope=\"row\"{class}>{content}</th>"),
-        _ => format!("<td{class}>{content}</td>"),
     }
 }
 
@@ -285,6 +296,26 @@ fn origin(provenance: &[(String, String)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_interval_is_in_the_cell_of_its_value_too() {
+        let estimate = Cell::Estimate { value: 3.006, interval: [2.993, 3.019] };
+        let interval = Cell::Interval { low: 2.993, high: 3.019 };
+        let own = Table::new("", ["Parameter", "Value", "95 % interval"]);
+        let html = table(&own.row(["F_c".into(), estimate, interval]));
+        let value = "<td class=\"number\">3.006<span class=\"beside\">[2.993, 3.019]</span></td>";
+        assert!(html.contains(value), "{html}");
+        assert_eq!(
+            html.matches("class=\"number apart\"").count(),
+            2,
+            "its column and its heading: {html}"
+        );
+        let css = include_str!("assets/report.css");
+        let (wide, narrow) = css.split_once("@media (max-width: 43rem)").unwrap();
+        assert!(
+            wide.contains(".beside { display: none") && narrow.contains(".apart { display: none")
+        );
+    }
 
     #[test]
     fn options_are_written_as_on_the_command_line() {

@@ -100,7 +100,7 @@ const LIVE: &str = "The identified model itself runs here, the same steps as in 
                     instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset.";
 
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
-const ERROR_OF_EMS: &str = "EMS reports 0.17 N on its own data";
+const ERROR_OF_EMS: &str = "the paper reports 0.17 N on its own data";
 
 /// The report: summary, warnings, parameters, recordings, and the figures of EMS section IV.
 ///

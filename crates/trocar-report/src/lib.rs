@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! Document -> report.html            one file, no external request, works without JavaScript and on paper
-//!          -> figures/<id>.svg .png  the same figures for a paper (254 dpi)
+//!          -> figures/<id>.svg .pdf .png  the same figures for a paper (254 dpi)
 //! ```
 //! **Invariant:** drawing depends on [`Document`] only: it does not estimate, simulate or convert.
 //! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`], `plan` and `teleop` depend on
@@ -21,8 +21,10 @@ mod html;
 pub mod identification;
 mod live;
 mod number;
+mod pdf;
 #[cfg(feature = "bench")]
 pub mod plan;
+mod publish;
 pub mod recording;
 mod style;
 mod svg;
@@ -145,8 +147,8 @@ pub enum ReportError {
     Output(#[from] OutputError),
 }
 
-/// Writes `report.html`, `figures/<id>.svg` and `figures/<id>.png` into `folder`, which is created
-/// if necessary.
+/// Writes `report.html` and `figures/<id>.svg`, `.pdf` and `.png` into `folder`, which is created if
+/// necessary.
 ///
 /// All files appear together or not at all. Equal documents give equal bytes.
 ///
@@ -174,6 +176,8 @@ pub(crate) fn stage_document(
     let draw = |figure: &&Figure| {
         let vector = draw_vector(figure)?;
         folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
+        let page = pdf::file(&draw::scene(figure, draw::Medium::Vector));
+        folder.write(format!("figures/{}.pdf", figure.id), &page)?;
         for_page(figure, &vector)
     };
     let (drawn, ()) = rayon::join(

@@ -153,7 +153,7 @@ fn expected(input: &PlanReport) -> Section {
         table.row(row)
     });
     let section = Section::new("What to expect").table(table).paragraph(
-        "Intervals as identify computes them, with the noise below. Paper: its protocol (EMS IV-A) on the same rig. More time: of \
+        "Intervals as identify computes them, with the noise below. Paper: the protocol of its section IV-A on the same rig. More time: of \
          motions like this one, if intervals shrink with the root of the time.",
     );
     let section = match (plan.needed_s, input.goal) {

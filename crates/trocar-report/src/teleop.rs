@@ -178,7 +178,7 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
     if let Some(Advice { fraction, stable, .. }) = &input.study.advice {
         let value = fraction.map_or_else(|| "no fraction".to_owned(), percent);
         let note = if stable.is_empty() { "none is stable".to_owned() } else { ranges(stable) };
-        tiles.push(Tile::new("Take out of the trocar's force", value, note));
+        tiles.push(Tile::new("Compensate of the trocar's force", value, note));
     }
     let Some(merit) = &input.study.outcome.figures else { return tiles };
     if let (Some(shown), Some(own)) = (merit.displayed_stiffness_n_m, merit.true_stiffness_n_m) {
@@ -238,7 +238,7 @@ fn advised(input: &TeleopReport) -> Section {
     };
     let words = match advice.fraction {
         Some(fraction) => format!(
-            "Take out {} of the trocar's force: the least error of the force felt among the fractions that are stable with {} ({}).",
+            "Compensate {} of the trocar's force: the least error of the force felt among the fractions that are stable with {} ({}).",
             percent(fraction),
             match advice.pairs {
                 1 => "the model".to_owned(),
@@ -341,7 +341,7 @@ fn live(input: &TeleopReport) -> Section {
 }
 
 const LIVE: &str = "The loop itself runs here, the same steps as in every other program of this project. Change the fraction, the delay, the \
-                    tissue and the architecture, watch the motion of the configuration, or drag the master's handle: the forces felt, on the \
+                    tissue and the architecture, watch the motion of the configuration, or drag the leader's handle: the forces felt, on the \
                     tissue and of the trocar follow at once.";
 
 fn configuration(config: &Config) -> Section {

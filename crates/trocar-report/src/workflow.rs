@@ -3,6 +3,7 @@
 use trocar_model::Element;
 
 use super::identification::{FigureChoice, IdentificationReport, check_choice, document};
+use super::publish;
 use super::{Document, ReportError, stage_document};
 use trocar_identify::posterior;
 use trocar_lab::workflow::Workflow;
@@ -37,7 +38,7 @@ pub fn workflow_document(
     Ok(document(&input))
 }
 
-/// Stages model.json, summary.json, posterior.parquet if there are draws, report.html and
+/// Stages model.json, summary.json, table.csv, table.tex, citation.bib, posterior.parquet if there are draws, report.html and
 /// figures.
 ///
 /// # Errors
@@ -51,6 +52,10 @@ pub fn write_workflow(
     let document = workflow_document(workflow, truth, choice)?;
     staged.write(FILE_NAME, workflow.model_file().to_json().as_bytes())?;
     staged.write("summary.json", workflow.summary().to_json().as_bytes())?;
+    let found = &workflow.identification;
+    staged.write("table.csv", publish::csv(found).as_bytes())?;
+    staged.write("table.tex", publish::tex(found).as_bytes())?;
+    staged.write("citation.bib", publish::CITATION.as_bytes())?;
     if let Some(draws) = &workflow.identification.posterior {
         draws.write(&staged.path().join(posterior::FILE_NAME))?;
     }

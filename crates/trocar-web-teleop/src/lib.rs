@@ -46,8 +46,8 @@ type BlockColumn = (&'static str, fn(&Config, &Sample) -> f64);
 /// What the block holds after a run, in this order.
 pub const COLUMNS: [BlockColumn; 7] = [
     ("hand_position_m", |_, s| s.hand_position),
-    ("master_position_m", |_, s| s.master_position),
-    ("slave_position_m", |_, s| s.slave_position),
+    ("leader_position_m", |_, s| s.leader_position),
+    ("follower_position_m", |_, s| s.follower_position),
     ("felt_force_n", Config::felt),
     ("trocar_force_n", |_, s| s.trocar_force),
     ("tissue_force_n", |_, s| s.tissue_force),

@@ -170,7 +170,7 @@ fn loops() -> Vec<(&'static str, Config)> {
             "noise, encoders",
             with(&|c| {
                 (c.sensor.noise_n, c.sensor.resolution_n) = (0.05, 0.01);
-                (c.master.encoder_step_m, c.slave.encoder_step_m) = (1e-5, 1e-5);
+                (c.leader.encoder_step_m, c.follower.encoder_step_m) = (1e-5, 1e-5);
             }),
         ),
         (
@@ -223,9 +223,12 @@ fn breathing_differs_by_the_rounding_of_a_sine_only() -> Result<(), Box<dyn Erro
     assert_eq!(page.begin(&text, &row, 0.1)?, "");
     let (columns, _) = page.along(&hands)?;
     let (ours, _, _) = host(&text, &row, 0.1, &hands);
-    let slave = |columns: &[Vec<f64>]| columns[2].clone();
-    let far =
-        slave(&columns).iter().zip(slave(&ours)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let follower = |columns: &[Vec<f64>]| columns[2].clone();
+    let far = follower(&columns)
+        .iter()
+        .zip(follower(&ours))
+        .map(|(a, b)| (a - b).abs())
+        .fold(0.0, f64::max);
     assert!(columns[2].len() == SAMPLES && far < SINE, "{far} m");
     Ok(())
 }
@@ -242,10 +245,10 @@ fn what_is_no_loop_is_refused_with_the_words_of_the_library() -> Result<(), Box<
     let (mut page, row) = (Driven::start(&artefact())?, row()?);
     assert_eq!(page.call::<u32, u32>("run", 10)?, 0, "no loop, no samples");
     let mut config = Config::default();
-    config.master.mass_kg = -1.0;
+    config.leader.mass_kg = -1.0;
     let refused = page.begin(&serde_json::to_string(&config)?, &row, 0.1)?;
     assert_eq!(refused, config.check().expect_err("a negative mass").to_string());
-    config.master.mass_kg = 0.5;
+    config.leader.mass_kg = 0.5;
     let good = serde_json::to_string(&config)?;
     assert!(page.begin(&good, &vec![7.0; row.len()], 0.1)?.len() > 10, "a row of another form");
     assert!(page.begin("{\"masses\": 1}", &row, 0.1)?.contains("masses"));

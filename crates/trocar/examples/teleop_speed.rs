@@ -45,14 +45,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Positions of master and slave after the last sample.
+/// Positions of leader and follower after the last sample.
 fn run(config: &Config, trocar: &Trocar<Vec<f64>>) -> Result<[f64; 2], Box<dyn std::error::Error>> {
     let start = config.motion.start_m();
     let mut tried = Loop::new(config, trocar.clone(), trocar.clone(), start)?;
     let mut last = [start; 2];
     for _ in 0..config.samples() {
         let sample = tried.step(|time| config.motion.at(time))?;
-        last = [sample.master_position, sample.slave_position];
+        last = [sample.leader_position, sample.follower_position];
     }
     Ok(last)
 }

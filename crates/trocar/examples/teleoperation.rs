@@ -23,7 +23,7 @@ use trocar_model::{PositionProfile, Trocar};
 /// Friction of the seals in sliding, N: what is reported for trocars.
 const FRICTION: [f64; 6] = [0.25, 0.5, 1.0, 2.0, 4.0, 8.0];
 /// Those of them in the table.
-const IN_TABLE: [f64; 3] = [0.25, 1.0, 4.0];
+const IN_TABLE: [f64; 2] = [1.0, 4.0];
 /// Stiffness of the tissues, N/m.
 const TISSUES: [f64; 2] = [50.0, 200.0];
 /// Friction of the plausible seal, N.

@@ -11,6 +11,7 @@ mod compensate;
 mod drawn;
 mod ensemble;
 mod export_c;
+mod feed_forward;
 mod fleet;
 mod free_motion;
 mod gallery;

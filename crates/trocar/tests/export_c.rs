@@ -593,7 +593,9 @@ fn sizes_and_speed() {
     let folder = tempfile::tempdir().unwrap();
     let (start, calls) = conformance_motion();
     let plausible = ("plausible".to_owned(), ModelFile::plausible_10_5_mm().unwrap());
-    println!("| model | lines | code and constants, -Os | state | step, -O2 | library |");
+    println!(
+        "| model | lines | code and constants, -Os, B | state, B | step, -O2, ns | library, ns |"
+    );
     for (name, model) in [plausible].into_iter().chain(conformance_models()) {
         let text = store(&model, folder.path(), "p").source;
         fs::write(folder.path().join("speed.c"), SPEED).unwrap();
@@ -610,19 +612,19 @@ fn sizes_and_speed() {
         let (state, nanoseconds) = seen.trim().split_once(' ').unwrap();
         let own = library_speed(&model, start, &calls);
         let lines = text.lines().count();
-        println!("| {name} | {lines} | {bytes} B | {state} B | {nanoseconds} ns | {own:.1} ns |");
+        println!("| {name} | {lines} | {bytes} | {state} | {nanoseconds} | {own:.1} |");
     }
     if !builds::has(builds::ARM) {
         return;
     }
-    println!("| model | Cortex-M4F, single precision | double precision in software |");
+    println!("| model | Cortex-M4F, single precision, B | double precision in software, B |");
     for (name, model) in conformance_models() {
         let size = |precision| {
             store_as(&model, folder.path(), COptions { precision, ..options("p") });
             builds::for_cortex_m4f(folder.path(), "p")
         };
         let (single, double) = (size(Precision::Single), size(Precision::Double));
-        println!("| {name} | {single} B | {double} B |");
+        println!("| {name} | {single} | {double} |");
     }
 }
 

@@ -693,7 +693,7 @@ fn equal_results_give_equal_documents_that_can_be_written() {
     let folder = tempfile::tempdir().unwrap();
     write_document(folder.path(), &first).unwrap();
     let page = std::fs::read_to_string(folder.path().join("report.html")).unwrap();
-    assert!(page.contains("EMS reports 0.17 N on its own data"));
+    assert!(page.contains("the paper reports 0.17 N on its own data"));
 }
 
 #[test]

@@ -44,19 +44,19 @@ fn run(
     (0..count).map(|_| tried.step(&hand).expect("stable")).collect()
 }
 
-/// A master that nobody and nothing moves.
+/// A leader that nobody and nothing moves.
 fn clamped() -> (Operator, Device) {
     let operator = Operator { stiffness_n_m: 0.0, damping_n_s_m: 0.0, mass_kg: 0.0 };
     (operator, Device { mass_kg: 1e12, damping_n_s_m: 0.0, encoder_step_m: 0.0 })
 }
 
-/// A device on a virtual spring of `stiffness` towards where the clamped master stands.
-fn virtual_wall(stiffness: f64, slave: Device) -> Config {
-    let (operator, master) = clamped();
+/// A device on a virtual spring of `stiffness` towards where the clamped leader stands.
+fn virtual_wall(stiffness: f64, follower: Device) -> Config {
+    let (operator, leader) = clamped();
     Config {
         operator,
-        master,
-        slave,
+        leader,
+        follower,
         control: Control {
             architecture: Architecture::PositionPosition,
             stiffness_n_m: stiffness,
@@ -85,11 +85,11 @@ proptest! {
         sample_time_s in 3e-4..1e-3,
         has_two in any::<bool>(),
     ) {
-        let slave = Device { mass_kg, damping_n_s_m, encoder_step_m: 0.0 };
+        let follower = Device { mass_kg, damping_n_s_m, encoder_step_m: 0.0 };
         let is_stable = |stiffness: f64| {
-            let mut config = Config { sample_time_s, ..virtual_wall(stiffness, slave) };
+            let mut config = Config { sample_time_s, ..virtual_wall(stiffness, follower) };
             if has_two {
-                config.master = slave;
+                config.leader = follower;
             }
             settles(&config, &none())
         };
@@ -111,20 +111,20 @@ proptest! {
         let by_friction = 2.0 * friction / encoder_step_m;
         let by_damping = if holds_friction { by_friction * ratio } else { by_friction / ratio };
         let damping_n_s_m = 0.5 * 1e-3 * by_damping;
-        let slave = Device { mass_kg, damping_n_s_m, encoder_step_m: part * encoder_step_m };
+        let follower = Device { mass_kg, damping_n_s_m, encoder_step_m: part * encoder_step_m };
         let is_stable =
-            |stiffness: f64| settles(&virtual_wall(stiffness, slave), &coulomb(part * friction));
+            |stiffness: f64| settles(&virtual_wall(stiffness, follower), &coulomb(part * friction));
         let limit = by_friction.min(by_damping);
         prop_assert!(is_stable(0.93 * limit) && !is_stable(1.03 * limit));
     }
 }
 
-/// Waves of impedance b between a firm hand and a slave that is held by a spring of `SPRING` and a damper of b.
-fn waves(b: f64, delay_s: f64, slave: Device) -> Config {
+/// Waves of impedance b between a firm hand and a follower that is held by a spring of `SPRING` and a damper of b.
+fn waves(b: f64, delay_s: f64, follower: Device) -> Config {
     Config {
         sample_time_s: 1e-4,
         operator: Operator { stiffness_n_m: 1e5, damping_n_s_m: 100.0, mass_kg: 0.0 },
-        slave,
+        follower,
         channel: Channel { delay_s, ..Channel::default() },
         control: Control {
             architecture: Architecture::Wave,
@@ -148,10 +148,10 @@ fn stiffness_felt(config: &Config) -> f64 {
     };
     let samples = run(config, &none(), 8.0, hand);
     let [one, two] = [40_000, 79_000].map(|k: usize| &samples[k]);
-    (two.master_force - one.master_force) / (two.master_position - one.master_position)
+    (two.leader_force - one.leader_force) / (two.leader_position - one.leader_position)
 }
 
-/// HIRCHE: over waves with the round trip T a wall is felt as the stiffness 2·b/T, in series with the slave's own spring.
+/// HIRCHE: over waves with the round trip T a wall is felt as the stiffness 2·b/T, in series with the follower's own spring.
 #[test]
 fn a_wall_behind_waves_is_felt_as_soft_as_the_delay_makes_it() {
     for (b, delay_s) in WAVES {
@@ -162,7 +162,7 @@ fn a_wall_behind_waves_is_felt_as_soft_as_the_delay_makes_it() {
     }
 }
 
-/// HIRCHE: a spring k_e behind waves is felt as 1/k_h = 1/k_e + T/(2·b), in series with the slave's own spring.
+/// HIRCHE: a spring k_e behind waves is felt as 1/k_h = 1/k_e + T/(2·b), in series with the follower's own spring.
 #[test]
 fn a_spring_behind_waves_is_felt_as_softer_as_the_delay_makes_it() {
     for (b, delay_s) in WAVES {
@@ -175,7 +175,7 @@ fn a_spring_behind_waves_is_felt_as_softer_as_the_delay_makes_it() {
     }
 }
 
-/// HIRCHE: free space behind waves is felt as the mass b·T/2, beside that of the slave.
+/// HIRCHE: free space behind waves is felt as the mass b·T/2, beside that of the follower.
 #[test]
 fn free_space_behind_waves_is_felt_as_a_mass() {
     for (b, delay_s) in WAVES {
@@ -190,9 +190,9 @@ fn free_space_behind_waves_is_felt_as_a_mass() {
         };
         let samples = run(&config, &none(), 3.0 / frequency, hand);
         let last = &samples[(2.0 / frequency / config.sample_time_s).round() as usize..];
-        let force = harmonic(last, frequency, |s| s.master_force);
+        let force = harmonic(last, frequency, |s| s.leader_force);
         let felt =
-            (force / harmonic(last, frequency, |s| s.master_velocity)).im / (TAU * frequency);
+            (force / harmonic(last, frequency, |s| s.leader_velocity)).im / (TAU * frequency);
         let expected = b * 2.0 * delay_s / 2.0 + mass_kg;
         assert!((felt / expected - 1.0).abs() < 0.01, "{felt} kg, {expected} kg");
     }
@@ -214,8 +214,8 @@ fn linear(architecture: Architecture, delay_s: f64) -> Config {
     Config {
         // A grip that holds what the architecture alone would not.
         operator: Operator { stiffness_n_m: 500.0, damping_n_s_m: 50.0, mass_kg: 0.2 },
-        master: Device { mass_kg: 0.4, damping_n_s_m: 3.0, encoder_step_m: 0.0 },
-        slave: Device { mass_kg: 0.6, damping_n_s_m: 2.0, encoder_step_m: 0.0 },
+        leader: Device { mass_kg: 0.4, damping_n_s_m: 3.0, encoder_step_m: 0.0 },
+        follower: Device { mass_kg: 0.6, damping_n_s_m: 2.0, encoder_step_m: 0.0 },
         channel: Channel { delay_s, ..Channel::default() },
         control: Control {
             architecture,
@@ -246,7 +246,7 @@ fn felt(config: &Config, frequency: f64) -> Complex<f64> {
     let samples = run(config, &none(), (periods + 1.0) / frequency, hand);
     let last = &samples[(periods / frequency / config.sample_time_s).round() as usize..];
     let force = harmonic(last, frequency, |s| s.operator_force);
-    force / harmonic(last, frequency, |s| s.master_velocity)
+    force / harmonic(last, frequency, |s| s.leader_velocity)
 }
 
 /// The sampled loop tends to what the hybrid matrix says, in proportion to the sample time.
@@ -256,7 +256,8 @@ fn linear_loops_feel_as_their_hybrid_matrix_says() {
     for (architecture, [c5, c6]) in ARCHITECTURES.map(|a| (a, [0.0; 2])).into_iter().chain(local) {
         for (delay_s, frequency) in [(0.0, 2.0), (0.005, 1.0), (0.005, 5.0)] {
             let mut config = linear(architecture, delay_s);
-            (config.control.slave_force_feedback, config.control.master_force_feedback) = (c5, c6);
+            (config.control.follower_force_feedback, config.control.leader_force_feedback) =
+                (c5, c6);
             let hybrid = Hybrid::of(&config, Complex::new(0.0, 0.0), frequency);
             let expected = hybrid.transmitted(tissue_impedance(&config, frequency));
             let errors = [1e-3, 5e-4, 2.5e-4, 1.25e-4].map(|sample_time_s| {
@@ -283,7 +284,7 @@ fn four_channels_without_delay_are_transparent_to_rounding() {
     for [c5, c6] in [[0.0, 0.0], [-1.0, 0.0], [0.0, -1.0], [0.7, -0.4], [-1.0, 3.0], [20.0, 5.0]] {
         let mut config = linear(Architecture::FourChannel, 0.0);
         config.sensor.moving_mass_kg = 0.0;
-        (config.control.slave_force_feedback, config.control.master_force_feedback) = (c5, c6);
+        (config.control.follower_force_feedback, config.control.leader_force_feedback) = (c5, c6);
         for frequency in [0.1, 1.0, 10.0, 100.0] {
             let Hybrid { h11, h12, h21, h22 } =
                 Hybrid::of(&config, Complex::new(0.0, 0.0), frequency);
@@ -298,24 +299,24 @@ fn four_channels_without_delay_are_transparent_to_rounding() {
 fn a_local_feedback_of_minus_one_leaves_a_channel_out() {
     let felt = |c5: f64, c6: f64, fraction: f64| {
         let mut config = linear(Architecture::FourChannel, 0.005);
-        (config.control.slave_force_feedback, config.control.master_force_feedback) = (c5, c6);
+        (config.control.follower_force_feedback, config.control.leader_force_feedback) = (c5, c6);
         (config.compensation.fraction, config.operator.mass_kg) = (fraction, 1.0);
         let trocar = plausible();
         let mut tried = Loop::new(&config, trocar, trocar, 0.1).unwrap();
         tried.run(100, |t| (0.1 + 0.02 * t, 0.02)).unwrap()
     };
-    // The slave is the only one that uses the estimate with C_6 = -1, and nobody with C_5 = 0 as well.
+    // The follower is the only one that uses the estimate with C_6 = -1, and nobody with C_5 = 0 as well.
     assert_eq!(course(&felt(0.0, -1.0, 0.0)), course(&felt(0.0, -1.0, 0.9)));
     assert_ne!(course(&felt(0.0, 0.0, 0.0)), course(&felt(0.0, 0.0, 0.9)));
     assert_ne!(course(&felt(0.5, -1.0, 0.0)), course(&felt(0.5, -1.0, 0.9)));
-    let both = "[control]\nslave_force_feedback = -1.0\nmaster_force_feedback = -1.0\n";
+    let both = "[control]\nfollower_force_feedback = -1.0\nleader_force_feedback = -1.0\n";
     let refused = Config::from_toml(both).unwrap_err().to_string();
-    assert!(refused.contains("control.slave_force_feedback must be above -1"), "{refused}");
+    assert!(refused.contains("control.follower_force_feedback must be above -1"), "{refused}");
 }
 
 /// Positions of both devices.
 fn course(samples: &[Sample]) -> Vec<[f64; 2]> {
-    samples.iter().map(|s| [s.master_position, s.slave_position]).collect()
+    samples.iter().map(|s| [s.leader_position, s.follower_position]).collect()
 }
 
 /// LLEWELLYN with waves: any delay leaves the loop passive.
@@ -365,15 +366,16 @@ fn check_ports(samples: &[Sample], delay: usize, case: &str) {
     let of_a_sample = samples
         .windows(2)
         .map(|pair| {
-            let at_master =
-                pair[0].master_force * (pair[1].master_position - pair[0].master_position);
-            let at_slave = pair[0].slave_force * (pair[1].slave_position - pair[0].slave_position);
-            at_master.abs().max(at_slave.abs())
+            let at_leader =
+                pair[0].leader_force * (pair[1].leader_position - pair[0].leader_position);
+            let at_follower =
+                pair[0].follower_force * (pair[1].follower_position - pair[0].follower_position);
+            at_leader.abs().max(at_follower.abs())
         })
         .fold(0.0, f64::max);
     let one_port = samples[delay..].iter().zip(samples).map(|(now, before)| {
-        let to_slave = before.master_energies[0] - now.slave_energies[1];
-        to_slave.min(before.slave_energies[0] - now.master_energies[1])
+        let to_follower = before.leader_energies[0] - now.follower_energies[1];
+        to_follower.min(before.follower_energies[0] - now.leader_energies[1])
     });
     let least = one_port.fold(0.0, f64::min);
     assert!(least >= -of_a_sample, "{case}: {least} J at a port, {of_a_sample} J a sample");
@@ -422,8 +424,8 @@ fn figures_do_not_depend_on_the_step_of_the_plant() {
                 merit.displayed_stiffness_n_m.unwrap(),
                 merit.true_stiffness_n_m.unwrap(),
                 merit.position_error_rms_m,
-                merit.master_energy_j,
-                merit.slave_energy_j,
+                merit.leader_energy_j,
+                merit.follower_energy_j,
             ]
         });
         for pair in figures[1..].windows(2) {
@@ -434,7 +436,7 @@ fn figures_do_not_depend_on_the_step_of_the_plant() {
     }
 }
 
-/// How far the slave is from where it is with steps 64 times as fine, rms over 2 s, m, in steps of the plant that halve.
+/// How far the follower is from where it is with steps 64 times as fine, rms over 2 s, m, in steps of the plant that halve.
 fn errors_of_steps(config: &Config, trocar: &Trocar) -> Vec<f64> {
     let course = |substeps: u32| run(&Config { substeps, ..config.clone() }, trocar, 2.0, press);
     let fine = course(256);
@@ -442,7 +444,7 @@ fn errors_of_steps(config: &Config, trocar: &Trocar) -> Vec<f64> {
         let squares: f64 = course(substeps)
             .iter()
             .zip(&fine)
-            .map(|(own, fine)| (own.slave_position - fine.slave_position).powi(2))
+            .map(|(own, fine)| (own.follower_position - fine.follower_position).powi(2))
             .sum();
         (squares / fine.len() as f64).sqrt()
     };
@@ -562,13 +564,13 @@ fn presets_are_whole_and_stable() {
 #[test]
 fn what_is_no_loop_is_refused_with_its_key() {
     for (text, words) in [
-        ("[master]\nmass_kg = -0.5", ["master.mass_kg", "from 1e-6"]),
-        ("[master]\nmass_kg = nan", ["master.mass_kg", "got NaN"]),
+        ("[leader]\nmass_kg = -0.5", ["leader.mass_kg", "from 1e-6"]),
+        ("[leader]\nmass_kg = nan", ["leader.mass_kg", "got NaN"]),
         ("[channel]\ndelay_s = 0.0015", ["multiple of the sample time", "take 0.002 s"]),
         ("[channel]\ndelay_s = -1.0", ["channel.delay_s", "got -1"]),
         ("[channel]\nloss = 1.0", ["channel.loss", "below 1"]),
         ("substeps = 0", ["substeps", "from 1"]),
-        ("[slave]\nmas_kg = 1.0", ["mas_kg", "‹teleop_config()›"]),
+        ("[follower]\nmas_kg = 1.0", ["mas_kg", "‹teleop_config()›"]),
         ("sample_time_s = 0.0", ["sample_time_s", "from 1e-6"]),
         ("[motion]\nduration_s = 1e9", ["motion.duration_s", "samples"]),
     ] {
@@ -668,31 +670,32 @@ fn a_friction_scale_scales_forces_and_deflections_alike() {
     }
 }
 
-/// Energy that slave with tissue and trocar, master, and trocar have given beyond what they got and held at the beginning,
+/// Energy that follower with tissue and trocar, leader, and trocar have given beyond what they got and held at the beginning,
 /// each in parts of the energy that went through it; the largest over the samples.
 fn gains(config: &Config, samples: &[Sample], held: f64) -> [f64; 3] {
-    let (mut by_motor, mut by_master) = (0.0, 0.0);
+    let (mut by_motor, mut by_leader) = (0.0, 0.0);
     let (mut turnover, mut worst) = ([1e-9; 3], [f64::NEG_INFINITY; 3]);
     let kinetic = |mass: f64, velocity: f64| 0.5 * mass * velocity * velocity;
     for pair in samples.windows(2) {
         let [before, now] = [&pair[0], &pair[1]];
-        let at_slave = before.slave_force * (now.slave_position - before.slave_position);
-        let at_master = before.master_force * (now.master_position - before.master_position);
-        (by_motor, by_master) = (by_motor + at_slave, by_master - at_master);
+        let at_follower =
+            before.follower_force * (now.follower_position - before.follower_position);
+        let at_leader = before.leader_force * (now.leader_position - before.leader_position);
+        (by_motor, by_leader) = (by_motor + at_follower, by_leader - at_leader);
         let by_hand = now.operator_work - before.operator_work;
         let on_trocar = now.trocar_work - before.trocar_work;
         let on_tissue = now.tissue_work - before.tissue_work;
         let through = [
-            at_slave.abs() + on_trocar.abs() + on_tissue.abs(),
-            at_master.abs() + by_hand.abs(),
+            at_follower.abs() + on_trocar.abs() + on_tissue.abs(),
+            at_leader.abs() + by_hand.abs(),
             on_trocar.abs(),
         ];
         turnover.iter_mut().zip(through).for_each(|(sum, part)| *sum += part);
-        let slave = kinetic(config.slave.mass_kg, now.slave_velocity);
-        let master = kinetic(config.master.mass_kg, now.master_velocity);
+        let follower = kinetic(config.follower.mass_kg, now.follower_velocity);
+        let leader = kinetic(config.leader.mass_kg, now.leader_velocity);
         let given = [
-            slave + now.tissue_work + now.trocar_work - by_motor,
-            master - now.operator_work - by_master,
+            follower + now.tissue_work + now.trocar_work - by_motor,
+            leader - now.operator_work - by_leader,
             -now.trocar_work - held,
         ];
         for ((worst, given), turnover) in worst.iter_mut().zip(given).zip(turnover) {
@@ -724,7 +727,7 @@ fn held_at_rest(trocar: &Trocar) -> f64 {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// Whatever the controllers do: master, slave and tissue pass on what motors and hand give, and no friction model gives
+    /// Whatever the controllers do: leader, follower and tissue pass on what motors and hand give, and no friction model gives
     /// energy.
     #[test]
     fn no_part_of_the_plant_gains_energy_with_any_friction_model(
@@ -739,13 +742,13 @@ proptest! {
     ) {
         let (name, trocar) = all_kinds().swap_remove(kind);
         let mut config = linear(ARCHITECTURES[architecture], 1e-3 * f64::from(delay));
-        (config.master.mass_kg, config.slave.mass_kg) = (masses[0], masses[1]);
+        (config.leader.mass_kg, config.follower.mass_kg) = (masses[0], masses[1]);
         (config.control.stiffness_n_m, config.control.damping_n_s_m) = (gains_of[0], gains_of[1]);
         (config.compensation.fraction, config.tissue.stiffness_n_m) = (gains_of[2], gains_of[3]);
         config.control.passivity = is_passive;
         config.tissue.surface_m = 0.1;
         let step = if has_encoder { 1e-5 } else { 0.0 };
-        (config.master.encoder_step_m, config.slave.encoder_step_m) = (step, step);
+        (config.leader.encoder_step_m, config.follower.encoder_step_m) = (step, step);
         let hand = |t: f64| -> (f64, f64) {
             let (sin, cos) = f64::sin_cos(TAU * pace * t);
             (0.1 + 0.015 * sin, 0.015 * TAU * pace * cos)
@@ -770,14 +773,14 @@ fn reference(name: &str) -> (serde_json::Value, Vec<[f64; 4]>) {
         [cells[0], cells[1], cells[2], cells[3]]
     };
     let mut lines = table.lines();
-    assert_eq!(lines.next(), Some("time_s,master_position_m,slave_position_m,force_n"));
+    assert_eq!(lines.next(), Some("time_s,leader_position_m,follower_position_m,force_n"));
     (all[name].clone(), lines.map(row).collect())
 }
 
 /// The loop of a set.
 fn described(set: &serde_json::Value) -> Config {
     let mut table = toml::Table::new();
-    for section in ["operator", "master", "slave", "control", "tissue"] {
+    for section in ["operator", "leader", "follower", "control", "tissue"] {
         table.insert(section.to_owned(), toml::Value::try_from(&set[section]).unwrap());
     }
     let mut config = Config::from_toml(&table.to_string()).unwrap();
@@ -807,7 +810,8 @@ fn step_responses_of_linear_loops_agree_with_scipy() {
             let every = (0.004 / sample_time_s).round() as usize;
             let samples = tried.run(100 * every + 1, |_| (hand, 0.0)).unwrap();
             let kept = samples.into_iter().step_by(every);
-            kept.map(|s| [s.master_position, s.slave_position, s.master_force]).collect::<Vec<_>>()
+            kept.map(|s| [s.leader_position, s.follower_position, s.leader_force])
+                .collect::<Vec<_>>()
         };
         let courses = [5e-4, 2.5e-4, 1.25e-4, 6.25e-5, 3.125e-5].map(&mut course);
         // In four channels the accelerations that the two sides exchange settle within some samples.
@@ -861,21 +865,21 @@ fn describing_functions_are_the_first_harmonic_of_the_loop() {
         };
         let samples = run(&config, &trocar, 4.0 / frequency, hand);
         let last = &samples[(3.0 / frequency / config.sample_time_s).round() as usize..];
-        let velocity = harmonic(last, frequency, |s| s.slave_velocity);
+        let velocity = harmonic(last, frequency, |s| s.follower_velocity);
         let found = harmonic(last, frequency, |s| s.trocar_force) / velocity;
         let reached = velocity.norm() / (TAU * frequency);
         let expected = seal_impedance(&trocar, middle, reached, frequency);
         assert!((found / expected - 1.0).norm() < 0.02, "{amplitude} m: {found} {expected}");
         let rows = response(&config, [&trocar, &trocar], reached, &[frequency]).unwrap();
         let felt = harmonic(last, frequency, |s| s.operator_force)
-            / harmonic(last, frequency, |s| s.master_velocity);
+            / harmonic(last, frequency, |s| s.leader_velocity);
         let told = rows[0].transmitted;
         assert!((felt / told - 1.0).norm() < 0.02, "{amplitude} m: {felt} {told}");
     }
     assert!(response(&config, [&trocar, &trocar], 0.0, &[1.0]).is_err());
 }
 
-/// Master and slave with what motors and hand give: waves have no part of negative resistance at either port.
+/// Leader and follower with what motors and hand give: waves have no part of negative resistance at either port.
 #[test]
 fn waves_have_no_negative_resistance_at_either_port() {
     for delay_s in [0.0, 0.003, 0.05, 0.3] {
@@ -904,10 +908,11 @@ fn compensated(credit: PassivityCredit) -> Config {
 fn least_energy(config: &Config, samples: &[Sample]) -> [f64; 2] {
     let (mut energy, mut least, mut largest) = (0.0, f64::INFINITY, 0.0_f64);
     for pair in samples.windows(2) {
-        let at_master = pair[0].master_force * (pair[1].master_position - pair[0].master_position);
-        let at_slave = -pair[0].slave_force * (pair[1].slave_position - pair[0].slave_position);
-        energy += at_master + at_slave;
-        largest = largest.max(at_master.abs() + at_slave.abs());
+        let at_leader = pair[0].leader_force * (pair[1].leader_position - pair[0].leader_position);
+        let at_follower =
+            -pair[0].follower_force * (pair[1].follower_position - pair[0].follower_position);
+        energy += at_leader + at_follower;
+        largest = largest.max(at_leader.abs() + at_follower.abs());
         least = least.min(energy + pair[1].trocar_work);
     }
     [least + config.control.passivity_reserve_j, largest]
@@ -1042,7 +1047,7 @@ fn a_z_width_ends_where_the_loop_ceases_to_settle() {
     (config.channel.delay_s, config.compensation.fraction) = (0.01, 0.9);
     let [[least, greatest]] = check(&config)[..] else { panic!("one range") };
     assert!(least == 0.0 && (100.0..2000.0).contains(&greatest), "{greatest}");
-    // Two ranges: against a wall the slave hardly moves, and the seal's stiffness hardly counts.
+    // Two ranges: against a wall the follower hardly moves, and the seal's stiffness hardly counts.
     (config.channel.delay_s, config.compensation.fraction) = (0.004, 0.3);
     assert_eq!(check(&config).len(), 2);
     config.control.force_gain = 50.0;
@@ -1203,8 +1208,8 @@ fn sliding(kind: usize, force: f64, viscous: f64) -> Trocar {
 fn bounces(samples: &[Sample]) -> bool {
     let mut has_turned = false;
     samples.iter().any(|sample| {
-        has_turned = sample.tissue_force > 0.0 && (has_turned || sample.slave_velocity < -1e-4);
-        has_turned && sample.slave_velocity > 3e-4
+        has_turned = sample.tissue_force > 0.0 && (has_turned || sample.follower_velocity < -1e-4);
+        has_turned && sample.follower_velocity > 3e-4
     })
 }
 
@@ -1214,12 +1219,12 @@ fn slope_while_deeper(config: &Config, samples: &[Sample], y: impl Fn(&Sample) -
     let (surface, motion) = (config.tissue.surface_m, config.motion);
     let least = (0.01 * TAU * motion.frequency_hz * motion.amplitude_m * 1e-3).min(1e-6);
     let goes_deeper = |pair: &&[Sample]| {
-        pair[1].tissue_force > 0.0 && pair[1].slave_position - pair[0].slave_position > least
+        pair[1].tissue_force > 0.0 && pair[1].follower_position - pair[0].follower_position > least
     };
     let points: Vec<[f64; 2]> = samples
         .windows(2)
         .filter(goes_deeper)
-        .map(|pair| [pair[1].slave_position - surface, y(&pair[1])])
+        .map(|pair| [pair[1].follower_position - surface, y(&pair[1])])
         .collect();
     let sum = |of: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(of).sum::<f64>();
     let n = points.len() as f64;
@@ -1257,9 +1262,9 @@ proptest! {
         prop_assume!(!bounces(&samples));
         let merit = Merit::of(&config, &samples);
         let law = |s: &Sample| {
-            let slides = (1.0 - fraction) * (force + viscous * s.slave_velocity);
-            let depth = s.slave_position - config.tissue.surface_m;
-            gain * (tissue[0] * depth + tissue[1] * s.slave_velocity + slides)
+            let slides = (1.0 - fraction) * (force + viscous * s.follower_velocity);
+            let depth = s.follower_position - config.tissue.surface_m;
+            gain * (tissue[0] * depth + tissue[1] * s.follower_velocity + slides)
         };
         let expected = slope_while_deeper(&config, &samples, law);
         let found = merit.displayed_stiffness_n_m.unwrap();
@@ -1281,7 +1286,7 @@ fn a_contact_from_rest_displays_the_deforming_seal_and_one_while_sliding_does_no
         (config.motion.middle_m, config.motion.amplitude_m) = (surface + 0.01, 0.01);
         let samples = run(&config, &trocar, 1.0, |time| config.motion.at(time));
         let law = |s: &Sample| {
-            let depth = s.slave_position - surface;
+            let depth = s.follower_position - surface;
             stiffness * depth + force * (1.0 - (-5e3 * depth / force).exp())
         };
         let expected = slope_while_deeper(&config, &samples, law);
@@ -1383,7 +1388,7 @@ fn a_step_that_is_not_noticed_is_told_from_a_loop_that_is_unstable_before() {
         panic!("{:?}", step(&config))
     };
     assert!((step_n_m / (0.1 * greatest) - 1.0).abs() < 0.4, "{step_n_m} {greatest}");
-    // The master reflects nothing: what it displays is its own.
+    // The leader reflects nothing: what it displays is its own.
     let mut deaf = Config::default();
     deaf.control.force_gain = 0.0;
     deaf.tissue.stiffness_n_m = 100.0;
@@ -1458,14 +1463,14 @@ proptest! {
         };
         let samples = run(&config, &trocar, 20.0, hand);
         let fastest = |part: &[Sample]| {
-            part.iter().map(|s| s.master_velocity.abs().max(s.slave_velocity.abs())).fold(0.0, f64::max)
+            part.iter().map(|s| s.leader_velocity.abs().max(s.follower_velocity.abs())).fold(0.0, f64::max)
         };
         let [half_way, last] = [9_000, 19_000].map(|k| fastest(&samples[k..k + 1000]));
         prop_assert!(last < 2e-3_f64.max(0.8 * half_way), "{} {} m/s", name, last);
     }
 }
 
-/// What the trocar is credited with is no energy of the slave's port.
+/// What the trocar is credited with is no energy of the follower's port.
 #[test]
 fn energies_of_the_ports_are_the_work_there_with_and_without_a_credit() {
     for credit in [PassivityCredit::None, PassivityCredit::Trocar] {
@@ -1474,10 +1479,12 @@ fn energies_of_the_ports_are_the_work_there_with_and_without_a_credit() {
         let samples = run(&config, &plausible(), 4.0, |time| config.motion.at(time));
         let work: f64 = samples
             .windows(2)
-            .map(|pair| pair[0].slave_force * (pair[1].slave_position - pair[0].slave_position))
+            .map(|pair| {
+                pair[0].follower_force * (pair[1].follower_position - pair[0].follower_position)
+            })
             .sum();
         let merit = Merit::of(&config, &samples);
-        assert!((merit.slave_energy_j + work).abs() < 1e-9, "{merit:?} {work}");
+        assert!((merit.follower_energy_j + work).abs() < 1e-9, "{merit:?} {work}");
         assert_eq!(merit.credit_j.is_some_and(|j| j > 0.0), credit == PassivityCredit::Trocar);
     }
 }
@@ -1506,7 +1513,7 @@ fn a_hybrid_matrix_of_waves_needs_a_controller() {
     assert!(refused.contains("control.stiffness_n_m must be above 0"), "{refused}");
 }
 
-/// In four channels the motor moves the master's mass: that is not felt.
+/// In four channels the motor moves the leader's mass: that is not felt.
 #[test]
 fn what_is_felt_in_four_channels_is_the_force_of_the_operator() {
     let mut config = linear(Architecture::FourChannel, 0.0);
@@ -1515,7 +1522,7 @@ fn what_is_felt_in_four_channels_is_the_force_of_the_operator() {
     let merit = Merit::of(&config, &samples[200..]);
     let largest = |of: fn(&Sample) -> f64| samples.iter().map(|s| of(s).abs()).fold(0.0, f64::max);
     assert!(merit.force_error_rms_n < 0.02 * largest(|s| s.tissue_force), "{merit:?}");
-    assert!((merit.master_energy_j + merit.slave_energy_j - merit.energy_j).abs() < 1e-12);
+    assert!((merit.leader_energy_j + merit.follower_energy_j - merit.energy_j).abs() < 1e-12);
 }
 
 /// A loop that swings for seconds and dies away is stable; one that swings on for ever is not.
@@ -1529,12 +1536,14 @@ fn a_loop_that_comes_to_rest_late_is_stable() {
         let samples =
             tried.run(count, |time| (surface + 0.01 * (time / 0.1).min(1.0), 0.0)).unwrap();
         let last = &samples[count - 500..];
-        last.iter().map(|s| s.master_velocity.abs().max(s.slave_velocity.abs())).fold(0.0, f64::max)
+        last.iter()
+            .map(|s| s.leader_velocity.abs().max(s.follower_velocity.abs()))
+            .fold(0.0, f64::max)
     };
-    // A light hand with a heavy master.
+    // A light hand with a heavy leader.
     let mut config = Config {
         operator: Operator { stiffness_n_m: 50.0, damping_n_s_m: 1.2, mass_kg: 1.0 },
-        master: Device { mass_kg: 1.0, damping_n_s_m: 0.0, encoder_step_m: 0.0 },
+        leader: Device { mass_kg: 1.0, damping_n_s_m: 0.0, encoder_step_m: 0.0 },
         ..Config::default()
     };
     config.control.force_gain = 0.0;
@@ -1547,14 +1556,14 @@ fn a_loop_that_comes_to_rest_late_is_stable() {
     assert!(!is_stable(&config) && after(&config, 60.0) > 5e-3);
 }
 
-/// Passivity control that brakes and releases a light slave at each sample: steps that are too long are reported, and the default
+/// Passivity control that brakes and releases a light follower at each sample: steps that are too long are reported, and the default
 /// loop has none.
 #[test]
 fn steps_that_are_too_long_are_reported() {
     let mut config = Config { sample_time_s: 0.01, ..Config::default() };
     config.operator = Operator { stiffness_n_m: 20.0, damping_n_s_m: 1.0, mass_kg: 1.0 };
-    (config.master.mass_kg, config.slave.mass_kg) = (0.24, 0.0765);
-    config.slave.damping_n_s_m = 5.0;
+    (config.leader.mass_kg, config.follower.mass_kg) = (0.24, 0.0765);
+    config.follower.damping_n_s_m = 5.0;
     config.channel.delay_s = 0.05;
     config.control.architecture = Architecture::PositionPosition;
     (config.control.stiffness_n_m, config.control.damping_n_s_m) = (1590.0, 68.6);
@@ -1577,7 +1586,7 @@ fn static_friction_holds_within_a_step_in_which_its_force_rises() {
     let mut config =
         virtual_wall(3000.0, Device { mass_kg: 0.6, damping_n_s_m: 2.0, encoder_step_m: 1e-5 });
     config.operator = Operator { stiffness_n_m: 500.0, damping_n_s_m: 50.0, mass_kg: 0.2 };
-    config.master = Device { mass_kg: 0.1, damping_n_s_m: 3.0, encoder_step_m: 1e-5 };
+    config.leader = Device { mass_kg: 0.1, damping_n_s_m: 3.0, encoder_step_m: 1e-5 };
     let hand =
         |t: f64| (0.1 + 6e-3 * (TAU * 3.0 * t).sin(), 6e-3 * TAU * 3.0 * (TAU * 3.0 * t).cos());
     let samples = run(&config, &trocar, 2.0, hand);
@@ -1585,5 +1594,5 @@ fn static_friction_holds_within_a_step_in_which_its_force_rises() {
     assert!(least > -1e-12, "{least} J");
     let given = samples.windows(2).map(|pair| pair[1].trocar_work - pair[0].trocar_work);
     assert!(given.fold(0.0, f64::min) > -1e-12);
-    assert!(samples.iter().any(|s| s.slave_velocity > 1e-3), "it slides, too");
+    assert!(samples.iter().any(|s| s.follower_velocity > 1e-3), "it slides, too");
 }

@@ -26,8 +26,16 @@ const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
 
 /// What the folder of results holds.
-const FILES: [&str; 6] =
-    ["truth.json", "model.json", "summary.json", "report.html", "figures/*", "recordings/*"];
+const FILES: [&str; 8] = [
+    "truth.json",
+    "model.json",
+    "summary.json",
+    "report.html",
+    "table.*",
+    "citation.bib",
+    "figures/*",
+    "recordings/*",
+];
 
 /// Demonstrate the whole workflow on the virtual bench: record, identify, validate, report
 ///

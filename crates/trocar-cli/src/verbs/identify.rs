@@ -24,8 +24,15 @@ use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
 /// What the folder of results holds.
-const FILES: [&str; 5] =
-    ["model.json", "summary.json", "report.html", "posterior.parquet", "figures/*"];
+const FILES: [&str; 7] = [
+    "model.json",
+    "summary.json",
+    "report.html",
+    "table.*",
+    "citation.bib",
+    "posterior.parquet",
+    "figures/*",
+];
 
 /// Identify a model from recordings, validate it on others, and write a report
 ///
@@ -248,7 +255,8 @@ pub(crate) fn print_survey(
     survey.limits.len()
 }
 
-fn counted(count: usize, one: &str, many: &str) -> String {
+/// "1 stroke", "2 strokes".
+pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
     if count == 1 { format!("1 {one}") } else { format!("{count} {many}") }
 }
 

@@ -10,7 +10,7 @@ use crate::Completion;
 use crate::console::{self, Console};
 use crate::input::Choosing;
 use crate::table::{Table, number};
-use crate::verbs::identify::speeds;
+use crate::verbs::identify::{counted, speeds};
 
 /// Characters of a sparkline.
 const WIDTH: usize = 32;
@@ -157,11 +157,11 @@ fn recording_in_words(found: &RecordingPreview, choosing: &Choosing) -> String {
     }
     let _ = writeln!(
         text,
-        "\ncould be identified from it\n  {} samples, {:.1} s, position range {:.1} mm, {} strokes; constant velocity {}",
+        "\ncould be identified from it\n  {} samples, {:.1} s, position range {:.1} mm, {}; constant velocity {}",
         found.samples,
         found.duration_s,
         1e3 * found.stroke_m,
-        found.strokes,
+        counted(found.strokes, "stroke", "strokes"),
         speeds(&found.insertion_speeds_m_s, &found.withdrawal_speeds_m_s)
     );
     for limit in &found.limits {

@@ -18,7 +18,7 @@ use crate::output::Output;
 use crate::page::{self, model_source, source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
-use crate::verbs::identify::in_words;
+use crate::verbs::identify::{counted, in_words};
 use crate::verbs::ranges::seals_like;
 
 /// Plan what motion to record, so that the parameters are known best after it
@@ -185,10 +185,10 @@ fn seals(
 
 fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
     let mut text = format!(
-        "for {}: {} s, {} cycles -> {}\n",
+        "for {}: {} s, {} -> {}\n",
         answer.goal,
         number(answer.duration_s),
-        planned.segments.len(),
+        counted(planned.segments.len(), "cycle", "cycles"),
         out.display()
     );
     let mut table =

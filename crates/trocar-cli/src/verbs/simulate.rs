@@ -22,7 +22,8 @@ use crate::table::number;
 /// With several elements the deflection is their mean.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// Model: model.json, one of those that compare writes, or the folder of a result
+    /// Model: model.json, one of those that compare writes, the folder of a result, or the made-up
+    /// seal 'plausible'
     model: PathBuf,
     #[arg(help = files("Motion, with time and position"))]
     motion: PathBuf,

@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
-use trocar::report::teleop::{COURSE, Sources, TeleopReport};
+use trocar::report::teleop::{COURSE, Source, Sources, TeleopReport};
 use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried};
 use trocar::teleop::config::{Architecture, shipped};
 use trocar::teleop::merit::Merit;
@@ -17,7 +16,7 @@ use crate::console::{self, BadArgument, Console};
 use crate::input::toml;
 use crate::models;
 use crate::output::Output;
-use crate::page::{model_source, source};
+use crate::page::{self, model_source};
 use crate::progress::Progress;
 use crate::table::{Table, number};
 
@@ -27,7 +26,7 @@ const FILES: [&str; 5] =
 
 /// Run a teleoperation loop through a trocar: what the operator feels, and whether it is stable
 ///
-/// Operator, master, channel, slave, trocar, tissue and sensor along the axis of the instrument. Prints
+/// Operator, leader, channel, follower, trocar, tissue and sensor along the axis of the instrument. Prints
 /// what is felt of the tissue with the fraction of the trocar's force that is compensated, and the ranges of
 /// the tissue's stiffness with which the loop is stable. --advise finds the best fraction over the model's
 /// 95 % intervals, --map the ranges of stiffness over delay and fraction. Writes summary.json,
@@ -35,12 +34,12 @@ const FILES: [&str; 5] =
 /// the loop is unstable, the tip does not reach the tissue, or the steps of the plant are too long.
 #[derive(clap::Args)]
 pub(crate) struct Args {
-    /// The loop, TOML (see --print-config); without it, the defaults
+    /// The loop: TOML (see --print-config), or a device, dvrk or phantom; without it, the defaults
     #[arg(value_name = "CONFIG.toml")]
     config: Option<PathBuf>,
-    /// Model of the trocar (model.json, or the folder of a result); 'plausible' is the default model
-    #[arg(long, value_name = "MODEL", required_unless_present = "print_config")]
-    model: Option<PathBuf>,
+    /// Model of the trocar: model.json, the folder of a result, or the made-up seal 'plausible'
+    #[arg(long, value_name = "MODEL", default_value = models::PLAUSIBLE)]
+    model: PathBuf,
     /// Model in the compensator; without it, the same
     #[arg(long, value_name = "MODEL")]
     compensator: Option<PathBuf>,
@@ -85,16 +84,18 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(shipped(device).context("no loop of this name")?)?;
         return Ok(Completion::Clean);
     }
-    let Some(model) = &args.model else { return Ok(Completion::Clean) };
-    let config = args
-        .config
-        .as_deref()
-        .map(|path| toml(path, "loop", Config::from_toml))
-        .transpose()?
-        .unwrap_or_default();
+    let model = &args.model;
+    let (config, source) = match args.config.as_deref().map(loop_of).transpose()? {
+        Some((config, source)) => (config, Some(source)),
+        None => (Config::default(), None),
+    };
     needs_a_folder(args.out.as_deref())?;
-    let file = model_of(model)?;
-    let compensator = args.compensator.as_deref().map(model_of).transpose()?;
+    if args.model == Path::new(models::PLAUSIBLE) {
+        console.remark("seal: a plausible, made-up 10.5 mm trocar; give another with --model");
+    }
+    let file = models::read_model(model, &[])?;
+    let compensator = args.compensator.as_deref().map(|path| models::read_model(path, &[]));
+    let compensator = compensator.transpose()?;
     let files = [compensator.as_ref().unwrap_or(&file), &file];
     let draws = args.posterior.as_deref();
     let draws = draws.map(|path| models::read_draws(path, (&file, model))).transpose()?;
@@ -109,7 +110,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     drop(progress);
     if let Some(staged) = staged {
         let sources = Sources {
-            config: args.config.as_deref().map(source).transpose()?,
+            config: source,
             trocar: model_source(model, &file)?,
             compensator: match (&args.compensator, &compensator) {
                 (Some(path), Some(other)) => Some(model_source(path, other)?),
@@ -163,10 +164,12 @@ fn needs_a_folder(out: Option<&Path>) -> Result<(), BadArgument> {
     }
 }
 
-fn model_of(path: &Path) -> anyhow::Result<ModelFile> {
-    match path.to_str() {
-        Some("plausible") => Ok(ModelFile::plausible_10_5_mm()?),
-        _ => models::read_model(path, &[]),
+/// The loop of a file, or of a device by its name.
+fn loop_of(path: &Path) -> anyhow::Result<(Config, Source)> {
+    let name = path.to_string_lossy();
+    match shipped(&name).filter(|_| !path.exists()) {
+        Some(text) => Ok((Config::from_toml(text)?, Source::new(name, text.as_bytes()))),
+        None => Ok((toml(path, "loop", Config::from_toml)?, page::source(path)?)),
     }
 }
 

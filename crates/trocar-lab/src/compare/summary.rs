@@ -60,7 +60,7 @@ pub struct Summary<'a> {
     pub verdict: String,
     /// One entry per model, least validation error first.
     pub(crate) models: Vec<ModelSummary<'a>>,
-    /// The claim of EMS section II-C for each family of banks that was compared.
+    /// The claim of section II-C of the paper for each family of banks that was compared.
     pub(crate) reversal_claim: Vec<ClaimSummary>,
     /// All recordings.
     pub(crate) recordings: Vec<RecordingSummary<'a>>,

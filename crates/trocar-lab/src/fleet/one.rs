@@ -78,7 +78,7 @@ impl Config {
     /// Rejects a moving mass or a sensor that cannot be.
     ///
     /// # Errors
-    /// [`RecordingError::OutOfRange`], or [`RecordingError::GravityWithoutMass`].
+    /// [`RecordingError::OutOfRange`], or those of [`MovingMass::new`].
     pub fn check(&self) -> Result<(), RecordingError> {
         check_sensor_limit(self.reading.sensor_limit)?;
         MovingMass::new(self.moving_mass.mass, self.moving_mass.gravity).map(drop)

@@ -95,7 +95,7 @@ mod tests {
     fn received(change: impl FnOnce(&mut Config)) -> Vec<f64> {
         let mut config = Config::default();
         change(&mut config);
-        let mut channel = Channel::new(&config, Source::ToSlave, 0.0).unwrap();
+        let mut channel = Channel::new(&config, Source::ToFollower, 0.0).unwrap();
         let sent = (1..=2000).map(|k| Packet::at_rest(f64::from(k)));
         sent.map(|packet| channel.send(packet).position).collect()
     }

@@ -33,19 +33,21 @@ pub struct Config {
     pub substeps: u32,
     /// Seed of noise, jitter and loss, at most 2^53.
     pub seed: u64,
-    /// Hand on the master.
+    /// Hand on the leader.
     pub operator: Operator,
     /// Device that the operator moves.
-    pub master: Device,
+    #[serde(alias = "master")]
+    pub leader: Device,
     /// Device that moves the instrument.
-    pub slave: Device,
+    #[serde(alias = "slave")]
+    pub follower: Device,
     /// Way of the samples from one side to the other.
     pub channel: Channel,
     /// Law of the controllers.
     pub control: Control,
     /// How much of the trocar's force is compensated.
     pub compensation: Compensation,
-    /// Force sensor of the slave.
+    /// Force sensor of the follower.
     pub sensor: Sensor,
     /// What the tip touches.
     pub tissue: Tissue,
@@ -86,7 +88,7 @@ impl Press {
     }
 }
 
-/// Impedance of the hand, Z_h = m_h·s + b_h + k_h/s, between its intended motion and the master.
+/// Impedance of the hand, Z_h = m_h·s + b_h + k_h/s, between its intended motion and the leader.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Operator {
@@ -141,12 +143,12 @@ pub enum OnLoss {
 pub enum Architecture {
     /// Both sides follow each other's position.
     PositionPosition,
-    /// The slave follows the master's position, the master reflects the sensor's force.
+    /// The follower follows the leader's position, the leader reflects the sensor's force.
     PositionForce,
     /// LAWRENCE's transparent choice, with HASHTRUDI's local force feedback: both positions and both forces are sent, and the
     /// masses are compensated.
     FourChannel,
-    /// NIEMEYER's wave variables. Nothing is reflected where the slave's damping equals the wave
+    /// NIEMEYER's wave variables. Nothing is reflected where the follower's damping equals the wave
     /// impedance.
     Wave,
 }
@@ -161,14 +163,16 @@ pub struct Control {
     pub stiffness_n_m: f64,
     /// B of the position controllers, N s/m, ≥ 0.
     pub damping_n_s_m: f64,
-    /// λ, the fraction of the sensor's force that the master reflects, ≥ 0; position-force only.
+    /// λ, the fraction of the sensor's force that the leader reflects, ≥ 0; position-force only.
     pub force_gain: f64,
-    /// C_6, the fraction of the operator's force that the master's motor adds to it, -1 to 100; four channels only. The force of
+    /// C_6, the fraction of the operator's force that the leader's motor adds to it, -1 to 100; four channels only. The force of
     /// the tissue is sent with C_2 = 1 + C_6, so that -1 leaves that channel out: three remain.
-    pub master_force_feedback: f64,
-    /// C_5, the fraction of the sensor's force that the slave's motor adds to it, -1 to 100; four channels only. The force of the
+    #[serde(alias = "master_force_feedback")]
+    pub leader_force_feedback: f64,
+    /// C_5, the fraction of the sensor's force that the follower's motor adds to it, -1 to 100; four channels only. The force of the
     /// operator is sent with C_3 = 1 + C_5, so that -1 leaves that channel out. One of C_5 and C_6 must be above -1.
-    pub slave_force_feedback: f64,
+    #[serde(alias = "slave_force_feedback")]
+    pub follower_force_feedback: f64,
     /// b of the wave variables, N s/m, above 0.
     pub wave_impedance_n_s_m: f64,
     /// Time-domain passivity control at both ports.
@@ -178,7 +182,7 @@ pub struct Control {
     /// Least friction scale λ of the trocar that the credit assumes, 0.01 to 1: the credit is what a trocar between this scale
     /// and the model's has dissipated at least.
     pub credit_friction_scale: f64,
-    /// Energy that the passivity control may give beyond what it has received, J, ≥ 0, half of it at each port. A slave
+    /// Energy that the passivity control may give beyond what it has received, J, ≥ 0, half of it at each port. A follower
     /// whose force is compensated needs some to begin to move, before there is a credit.
     pub passivity_reserve_j: f64,
 }
@@ -268,8 +272,8 @@ impl Default for Config {
             substeps: 2,
             seed: 1,
             operator: Operator::default(),
-            master: Device::default(),
-            slave: Device::default(),
+            leader: Device::default(),
+            follower: Device::default(),
             channel: Channel::default(),
             control: Control::default(),
             compensation: Compensation::default(),
@@ -314,8 +318,8 @@ impl Default for Control {
             stiffness_n_m: 2000.0,
             damping_n_s_m: 40.0,
             force_gain: 1.0,
-            master_force_feedback: 0.0,
-            slave_force_feedback: 0.0,
+            leader_force_feedback: 0.0,
+            follower_force_feedback: 0.0,
             wave_impedance_n_s_m: 20.0,
             passivity: false,
             passivity_credit: PassivityCredit::None,
@@ -491,9 +495,9 @@ impl Config {
         // JSON and a page would round a larger number.
         let seed = self.seed as f64;
         check(self.seed <= GREATEST_SEED, "seed", "at most 9007199254740992", seed)?;
-        let [c6, c5] = [self.control.master_force_feedback, self.control.slave_force_feedback];
-        let name = "control.slave_force_feedback";
-        check(c5.max(c6) > -1.0, name, "above -1 where master_force_feedback is -1", c5)?;
+        let [c6, c5] = [self.control.leader_force_feedback, self.control.follower_force_feedback];
+        let name = "control.follower_force_feedback";
+        check(c5.max(c6) > -1.0, name, "above -1 where leader_force_feedback is -1", c5)?;
         if let Some(error) = self.compensation.force_error_n {
             let (allowed, holds) = ABOVE_0;
             check(holds(error), "compensation.force_error_n", allowed, error)?;
@@ -505,7 +509,7 @@ impl Config {
 
     /// The numbers that have a range of their own: name, value, range.
     fn numbers(&self) -> [(&'static str, f64, Range); 36] {
-        let Self { operator, master, slave, control, compensation, .. } = self;
+        let Self { operator, leader, follower, control, compensation, .. } = self;
         let Self { sensor, tissue, motion, .. } = self;
         [
             ("sample_time_s", self.sample_time_s, SAMPLE_TIME),
@@ -513,17 +517,17 @@ impl Config {
             ("operator.stiffness_n_m", operator.stiffness_n_m, NOT_BELOW_0),
             ("operator.damping_n_s_m", operator.damping_n_s_m, NOT_BELOW_0),
             ("operator.mass_kg", operator.mass_kg, NOT_BELOW_0),
-            ("master.mass_kg", master.mass_kg, MASS),
-            ("master.damping_n_s_m", master.damping_n_s_m, NOT_BELOW_0),
-            ("master.encoder_step_m", master.encoder_step_m, RESOLUTION),
-            ("slave.mass_kg", slave.mass_kg, MASS),
-            ("slave.damping_n_s_m", slave.damping_n_s_m, NOT_BELOW_0),
-            ("slave.encoder_step_m", slave.encoder_step_m, RESOLUTION),
+            ("leader.mass_kg", leader.mass_kg, MASS),
+            ("leader.damping_n_s_m", leader.damping_n_s_m, NOT_BELOW_0),
+            ("leader.encoder_step_m", leader.encoder_step_m, RESOLUTION),
+            ("follower.mass_kg", follower.mass_kg, MASS),
+            ("follower.damping_n_s_m", follower.damping_n_s_m, NOT_BELOW_0),
+            ("follower.encoder_step_m", follower.encoder_step_m, RESOLUTION),
             ("control.stiffness_n_m", control.stiffness_n_m, NOT_BELOW_0),
             ("control.damping_n_s_m", control.damping_n_s_m, NOT_BELOW_0),
             ("control.force_gain", control.force_gain, NOT_BELOW_0),
-            ("control.master_force_feedback", control.master_force_feedback, FEEDBACK),
-            ("control.slave_force_feedback", control.slave_force_feedback, FEEDBACK),
+            ("control.leader_force_feedback", control.leader_force_feedback, FEEDBACK),
+            ("control.follower_force_feedback", control.follower_force_feedback, FEEDBACK),
             ("control.wave_impedance_n_s_m", control.wave_impedance_n_s_m, ABOVE_0),
             ("control.credit_friction_scale", control.credit_friction_scale, CREDIT_SCALE),
             ("control.passivity_reserve_j", control.passivity_reserve_j, NOT_BELOW_0),

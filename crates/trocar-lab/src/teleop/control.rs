@@ -56,17 +56,17 @@ impl Encoder {
 #[derive(Debug, Clone)]
 pub(crate) struct Controllers {
     control: Control,
-    master: Device,
-    slave: Device,
+    leader: Device,
+    follower: Device,
     duration: f64,
-    /// Position to which the waves have led the slave, m.
+    /// Position to which the waves have led the follower, m.
     wave_position: f64,
 }
 
 impl Controllers {
     pub(crate) fn new(config: &Config, position: f64) -> Self {
-        let Config { control, master, slave, sample_time_s: duration, .. } = *config;
-        Self { control, master, slave, duration, wave_position: position }
+        let Config { control, leader, follower, sample_time_s: duration, .. } = *config;
+        Self { control, leader, follower, duration, wave_position: position }
     }
 
     /// Spring and damper towards what the other side sent.
@@ -80,13 +80,13 @@ impl Controllers {
         (2.0 * self.control.wave_impedance_n_s_m).sqrt()
     }
 
-    /// What the master sends: its motion, with the operator's force or the wave
+    /// What the leader sends: its motion, with the operator's force or the wave
     ///
     /// ```text
     /// u = (b·v + F_mc)/√(2b) = √(2b)·v − w
     /// ```
-    /// where `returned` is the wave w that it has from the slave.
-    pub(crate) fn sent_by_master(
+    /// where `returned` is the wave w that it has from the follower.
+    pub(crate) fn sent_by_leader(
         &self,
         own: &Reading,
         operator_force: f64,
@@ -98,17 +98,17 @@ impl Controllers {
         })
     }
 
-    /// F_sc, N, and what the slave sends; `estimate` is the force on the tissue, N, as its sensor gives it.
-    pub(crate) fn slave(&mut self, from: Packet, own: &Reading, estimate: f64) -> (f64, Packet) {
+    /// F_sc, N, and what the follower sends; `estimate` is the force on the tissue, N, as its sensor gives it.
+    pub(crate) fn follower(&mut self, from: Packet, own: &Reading, estimate: f64) -> (f64, Packet) {
         let force = match self.control.architecture {
             Architecture::PositionPosition | Architecture::PositionForce => self.follow(from, own),
             // HASHTRUDI: C_1 = Z_s + C_s, C_3 = 1 + C_5
             Architecture::FourChannel => {
-                let local = self.control.slave_force_feedback;
-                self.follow(from, own) + (1.0 + local) * from.force + momentum(&self.slave, from)
+                let local = self.control.follower_force_feedback;
+                self.follow(from, own) + (1.0 + local) * from.force + momentum(&self.follower, from)
                     - local * estimate
             }
-            Architecture::Wave => return self.wave_slave(from, own),
+            Architecture::Wave => return self.wave_follower(from, own),
         };
         (force, own.sent_with(estimate))
     }
@@ -116,7 +116,7 @@ impl Controllers {
     /// ```text
     /// F_sc = K·(x_d − x_s) + B·(v_d − v_s),  v_d = (√(2b)·u − F_sc)/b,  w = u − √(2/b)·F_sc
     /// ```
-    fn wave_slave(&mut self, from: Packet, own: &Reading) -> (f64, Packet) {
+    fn wave_follower(&mut self, from: Packet, own: &Reading) -> (f64, Packet) {
         let Control { stiffness_n_m, damping_n_s_m, wave_impedance_n_s_m: b, .. } = self.control;
         let arriving = self.wave_scale() * from.force;
         let spring = stiffness_n_m * (self.wave_position - own.position);
@@ -127,16 +127,16 @@ impl Controllers {
     }
 
     /// F_mc, N, against the operator, whose force is `operator_force`, N.
-    pub(crate) fn master(&self, from: Packet, own: &Reading, operator_force: f64) -> f64 {
+    pub(crate) fn leader(&self, from: Packet, own: &Reading, operator_force: f64) -> f64 {
         match self.control.architecture {
             Architecture::PositionPosition => -self.follow(from, own),
             Architecture::PositionForce => self.control.force_gain * from.force,
             // HASHTRUDI: C_4 = −(Z_m + C_m), C_2 = 1 + C_6
             Architecture::FourChannel => {
-                let local = self.control.master_force_feedback;
+                let local = self.control.leader_force_feedback;
                 (1.0 + local) * from.force
                     - self.follow(from, own)
-                    - momentum(&self.master, from)
+                    - momentum(&self.leader, from)
                     - local * operator_force
             }
             Architecture::Wave => {

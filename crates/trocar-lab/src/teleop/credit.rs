@@ -1,7 +1,7 @@
 //! Energy that the trocar has dissipated at least, which the passivity control may count as dissipated by the network, FRANKEN.
 //!
 //! ```text
-//! W_i(t) = ∫ F_i dx              work on trocar i along the slave's encoder, J, without the profile's offset F_0(x)
+//! W_i(t) = ∫ F_i dx              work on trocar i along the follower's encoder, J, without the profile's offset F_0(x)
 //! D_i(t) = max over τ ≤ t of W_i(τ) − S_i         S_i: most energy that trocar i can store and give back, J
 //! D(t)   = min over i of D_i(t)
 //! ```

@@ -1,11 +1,11 @@
-//! The force on the tissue, from the reading of the slave's sensor.
+//! The force on the tissue, from the reading of the follower's sensor.
 
 use trocar_model::{Trocar, TrocarState};
 
 use super::config::{Compensation, Config, ConfigError, Place, Sensor};
 use super::control::Reading;
 use super::model::scaled;
-use super::plant::Slave;
+use super::plant::Follower;
 use trocar_runtime::compensate::{CompensateError, CompensateOptions, Compensator};
 use trocar_runtime::model_file::{ModelFile, Origin, OriginKind};
 use trocar_simulate::bench::noise::{Noise, Source};
@@ -25,7 +25,7 @@ pub(crate) struct Estimator<K> {
 enum Observer<K> {
     /// A sensor at the tip does not read it.
     None,
-    /// A model, driven by the slave's encoder.
+    /// A model, driven by the follower's encoder.
     Model(Box<(Trocar<K>, TrocarState)>),
     /// The same, adapted to the readings.
     Adaptive(Box<Compensator>),
@@ -57,8 +57,8 @@ impl<K: AsRef<[f64]> + Clone> Estimator<K> {
     }
 
     /// F̂_e, N: the reading less the fraction γ of the trocar's force as the compensator knows it.
-    pub(crate) fn estimate(&mut self, slave: &Slave<K>, own: &Reading) -> f64 {
-        let reading = self.reading(slave);
+    pub(crate) fn estimate(&mut self, follower: &Follower<K>, own: &Reading) -> f64 {
+        let reading = self.reading(follower);
         let trocar_force = match &mut self.observer {
             Observer::None => return reading,
             Observer::Model(model) => {
@@ -72,12 +72,14 @@ impl<K: AsRef<[f64]> + Clone> Estimator<K> {
         reading - self.fraction * trocar_force
     }
 
-    fn reading(&mut self, slave: &Slave<K>) -> f64 {
+    fn reading(&mut self, follower: &Follower<K>) -> f64 {
         let Sensor { place, moving_mass_kg, noise_n, offset_n, resolution_n } = self.sensor;
         let true_force = match place {
-            Place::Tip => slave.tissue_force,
+            Place::Tip => follower.tissue_force,
             Place::Outside => {
-                slave.tissue_force + slave.trocar_force + moving_mass_kg * slave.acceleration
+                follower.tissue_force
+                    + follower.trocar_force
+                    + moving_mass_kg * follower.acceleration
             }
         };
         let noise = if noise_n > 0.0 { noise_n * self.noise.normal() } else { 0.0 };

@@ -143,9 +143,9 @@ impl Hybrid {
         let delay = (-s * config.channel.delay_s).exp();
         let control = config.control;
         let follow = one * control.damping_n_s_m + one * control.stiffness_n_m / s;
-        let master = s * config.master.mass_kg + config.master.damping_n_s_m;
-        let slave = s * config.slave.mass_kg + config.slave.damping_n_s_m;
-        // What the estimate holds beside F_e, per velocity of the slave.
+        let leader = s * config.leader.mass_kg + config.leader.damping_n_s_m;
+        let follower = s * config.follower.mass_kg + config.follower.damping_n_s_m;
+        // What the estimate holds beside F_e, per velocity of the follower.
         let beside = match config.sensor.place {
             Place::Tip => Complex::new(0.0, 0.0),
             Place::Outside => {
@@ -154,28 +154,28 @@ impl Hybrid {
         };
         match control.architecture {
             Architecture::PositionPosition => {
-                let all = slave + seal + follow;
+                let all = follower + seal + follow;
                 let (h21, h22) = (-follow * delay / all, one / all);
                 // F_h = Z_m·v_m + C·(v_m − D·v_s)
                 let back = follow * delay;
-                Self { h11: master + follow + back * h21, h12: back * h22, h21, h22 }
+                Self { h11: leader + follow + back * h21, h12: back * h22, h21, h22 }
             }
             Architecture::PositionForce => {
-                let all = slave + seal + follow;
+                let all = follower + seal + follow;
                 let (h21, h22) = (-follow * delay / all, one / all);
                 let gain = delay * control.force_gain;
                 // F_h = Z_m·v_m + λ·D·(F_e + beside·v_s)
                 Self {
-                    h11: master - gain * beside * h21,
+                    h11: leader - gain * beside * h21,
                     h12: gain * (one - beside * h22),
                     h21,
                     h22,
                 }
             }
             Architecture::FourChannel => {
-                Self::of_four_channels(&control, [seal, beside], delay, [master, slave, follow])
+                Self::of_four_channels(&control, [seal, beside], delay, [leader, follower, follow])
             }
-            Architecture::Wave => Self::of_waves(config, seal, delay, [master, slave, follow]),
+            Architecture::Wave => Self::of_waves(config, seal, delay, [leader, follower, follow]),
         }
     }
 
@@ -186,14 +186,14 @@ impl Hybrid {
         control: &Control,
         [seal, beside]: [Complex<f64>; 2],
         delay: Complex<f64>,
-        [master, slave, follow]: [Complex<f64>; 3],
+        [leader, follower, follow]: [Complex<f64>; 3],
     ) -> Self {
         let one = Complex::new(1.0, 0.0);
-        let (a, b) = (slave + follow, master + follow);
-        let [e, f] = [control.slave_force_feedback, control.master_force_feedback]
+        let (a, b) = (follower + follow, leader + follow);
+        let [e, f] = [control.follower_force_feedback, control.leader_force_feedback]
             .map(|local| one * (1.0 + local));
         // −e·D·F_h + p·v_s = a·D·v_m − e·F_e and f·F_h + q·v_s = b·v_m + f·D·F_e
-        let p = a + seal + beside * control.slave_force_feedback;
+        let p = a + seal + beside * control.follower_force_feedback;
         let q = delay * (b - f * beside);
         let all = e * delay * q + f * p;
         let way = delay * delay - one;
@@ -210,15 +210,15 @@ impl Hybrid {
         config: &Config,
         seal: Complex<f64>,
         delay: Complex<f64>,
-        [master, slave, follow]: [Complex<f64>; 3],
+        [leader, follower, follow]: [Complex<f64>; 3],
     ) -> Self {
         let one = Complex::new(1.0, 0.0);
         let b = config.control.wave_impedance_n_s_m;
         // v_s = (F_sc − F_e)/load; v_d = v_s + F_sc/C.
-        let load = slave + seal;
-        // The slave's side seen from the waves: v_d = y·F_sc − F_e/load.
+        let load = follower + seal;
+        // The follower's side seen from the waves: v_d = y·F_sc − F_e/load.
         let y = one / load + one / follow;
-        // From u, w by v_d and F_sc:  b·v_d + F_sc = √(2b)·u_s,  b·v_d − F_sc = √(2b)·w_s, and at the master alike
+        // From u, w by v_d and F_sc:  b·v_d + F_sc = √(2b)·u_s,  b·v_d − F_sc = √(2b)·w_s, and at the leader alike
         // b·v_m + F_mc = √(2b)·u_m,  b·v_m − F_mc = √(2b)·w_m.
         let (plus, minus) = (y * b + one, y * b - one);
         let d2 = delay * delay;
@@ -230,7 +230,7 @@ impl Hybrid {
         // F_sc from v_m and F_e.
         let s_v = delay * (one * b + f_v) / plus;
         let s_e = (delay * f_e + one * b / load) / plus;
-        Self { h11: master + f_v, h12: f_e, h21: -s_v / load, h22: (one - s_e) / load }
+        Self { h11: leader + f_v, h12: f_e, h21: -s_v / load, h22: (one - s_e) / load }
     }
 
     /// Impedance that the operator feels, N s/m, of the tissue's `environment`, N s/m:

@@ -20,7 +20,7 @@ pub(crate) const STIFFNESS_NOTICEABLE: f64 = 0.23;
 
 /// How well the operator feels the tissue.
 ///
-/// The force felt is that of the master's motor, F_mc. In four channels F_mc includes the force that accelerates the master's
+/// The force felt is that of the leader's motor, F_mc. In four channels F_mc includes the force that accelerates the leader's
 /// mass; the force felt is then that of the operator, F_h.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Merit {
@@ -49,10 +49,10 @@ pub struct Merit {
     pub position_error_rms_m: f64,
     /// Energy that the network has received at both ports less what it has given, J; below 0 where it was active.
     pub energy_j: f64,
-    /// The same at the master's port alone, J.
-    pub master_energy_j: f64,
-    /// The same at the slave's port alone, J.
-    pub slave_energy_j: f64,
+    /// The same at the leader's port alone, J.
+    pub leader_energy_j: f64,
+    /// The same at the follower's port alone, J.
+    pub follower_energy_j: f64,
     /// Energy that the passivity control was given back for what the trocar dissipated, J; none without a credit
     /// ([`super::config::PassivityCredit`]).
     pub credit_j: Option<f64>,
@@ -65,12 +65,12 @@ pub(crate) fn just_noticeable_difference(force: f64) -> f64 {
 }
 
 impl Config {
-    /// What the operator feels, N: the force of the master's motor, and in four channels, where the motor
-    /// also moves the master, that of the operator.
+    /// What the operator feels, N: the force of the leader's motor, and in four channels, where the motor
+    /// also moves the leader, that of the operator.
     pub fn felt(&self, sample: &Sample) -> f64 {
         match self.control.architecture {
             Architecture::FourChannel => sample.operator_force,
-            _ => sample.master_force,
+            _ => sample.leader_force,
         }
     }
 }
@@ -83,7 +83,7 @@ impl Merit {
             (squares / samples.len().max(1) as f64).sqrt()
         };
         let error = |sample: &Sample| config.felt(sample) - sample.tissue_force;
-        let [master_energy_j, slave_energy_j] =
+        let [leader_energy_j, follower_energy_j] =
             samples.last().map_or([0.0; 2], Sample::network_energies);
         let [displayed_stiffness_n_m, true_stiffness_n_m] = displayed(config, samples);
         Self {
@@ -98,10 +98,10 @@ impl Merit {
             true_from_rest_n_m: None,
             displayed_sliding_n_m: None,
             true_sliding_n_m: None,
-            position_error_rms_m: rms(&|sample| sample.master_position - sample.slave_position),
-            energy_j: master_energy_j + slave_energy_j,
-            master_energy_j,
-            slave_energy_j,
+            position_error_rms_m: rms(&|sample| sample.leader_position - sample.follower_position),
+            energy_j: leader_energy_j + follower_energy_j,
+            leader_energy_j,
+            follower_energy_j,
             credit_j: samples.last().filter(|_| config.has_credit()).map(|sample| sample.credit),
         }
     }
@@ -124,8 +124,8 @@ impl Merit {
             ("error of the force felt, peak", Some(self.force_error_peak_n), "N"),
             ("in just noticeable differences, rms", Some(self.force_error_rms_jnd), "1"),
             ("error of position, rms", Some(1e3 * self.position_error_rms_m), "mm"),
-            ("energy from the master", Some(1e3 * self.master_energy_j), "mJ"),
-            ("energy to the slave", Some(-1e3 * self.slave_energy_j), "mJ"),
+            ("energy from the leader", Some(1e3 * self.leader_energy_j), "mJ"),
+            ("energy to the follower", Some(-1e3 * self.follower_energy_j), "mJ"),
         ];
         let credit =
             self.credit_j.map(|j| ("energy credited from the trocar", Some(1e3 * j), "mJ"));
@@ -143,9 +143,9 @@ pub(super) fn displayed(config: &Config, samples: &[Sample]) -> [Option<f64>; 2]
     let at_rest = (AT_REST * config.motion.peak_m_s()).clamp(least, most);
     let loading: Vec<&Sample> = samples
         .iter()
-        .filter(|sample| sample.tissue_force > 0.0 && sample.slave_velocity > at_rest)
+        .filter(|sample| sample.tissue_force > 0.0 && sample.follower_velocity > at_rest)
         .collect();
-    let depth = |sample: &Sample| sample.slave_position - config.tissue.surface(sample.time).0;
+    let depth = |sample: &Sample| sample.follower_position - config.tissue.surface(sample.time).0;
     [
         slope(&loading, depth, |sample| config.felt(sample)),
         slope(&loading, depth, |sample| sample.tissue_force),

@@ -1,12 +1,12 @@
-//! A teleoperator whose slave works through a trocar: operator, master, channel, slave, seal,
+//! A teleoperator whose follower works through a trocar: operator, leader, channel, follower, seal,
 //! tissue and force sensor along one degree of freedom, the axis of the instrument.
 //!
 //! ```text
-//! M_m·dv_m/dt = F_h − B_m·v_m − F_mc            master; F_h = k_h·(x_h − x_m) + b_h·(v_h − v_m) − m_h·dv_m/dt
-//! M_s·dv_s/dt = F_sc − B_s·v_s − F_t − F_e      slave; F_t of the seal, F_e on the tissue
+//! M_m·dv_m/dt = F_h − B_m·v_m − F_mc            leader; F_h = k_h·(x_h − x_m) + b_h·(v_h − v_m) − m_h·dv_m/dt
+//! M_s·dv_s/dt = F_sc − B_s·v_s − F_t − F_e      follower; F_t of the seal, F_e on the tissue
 //! ```
 //!
-//! Forces are those of the instrument on seal and tissue, and of the operator on the master; all
+//! Forces are those of the instrument on seal and tissue, and of the operator on the leader; all
 //! quantities are in SI units. Controllers run in sampled time, as on hardware: encoders and sensor
 //! are read at each sample, and the forces F_mc and F_sc of the motors are held until the next one.
 //! Between samples the plant is integrated in substeps ([`Config::substeps`]): the motion of the

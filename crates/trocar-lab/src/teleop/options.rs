@@ -24,7 +24,7 @@ const LONGEST_MAPPED: f64 = 1e4;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
-    /// Find the fraction of the trocar's force to take out.
+    /// Find the fraction of the trocar's force to compensate.
     pub advise: bool,
     /// Trocars drawn from the model's 95 % intervals, up to 1000; of posterior draws, how many of them (20 without).
     pub draws: Option<usize>,

@@ -1,4 +1,4 @@
-//! Master and slave between two samples.
+//! Leader and follower between two samples.
 
 use nalgebra::Matrix4;
 use trocar_model::{Trocar, TrocarState};
@@ -76,20 +76,20 @@ impl Mass {
     }
 }
 
-/// Master with the operator's hand: linear.
+/// Leader with the operator's hand: linear.
 #[derive(Debug, Clone)]
-pub(crate) struct Master {
+pub(crate) struct Leader {
     mass: Mass,
     operator: Operator,
     device: Device,
     pub(crate) motion: Motion,
-    /// Of the operator on the master, J.
+    /// Of the operator on the leader, J.
     pub(crate) work: f64,
 }
 
-impl Master {
+impl Leader {
     pub(crate) fn new(config: &Config, position: f64) -> Self {
-        let (operator, device) = (config.operator, config.master);
+        let (operator, device) = (config.operator, config.leader);
         let duration = config.sample_time_s / f64::from(config.substeps);
         let mass = Mass::new(
             device.mass_kg + operator.mass_kg,
@@ -115,7 +115,7 @@ impl Master {
         self.operator.stiffness_n_m * hand.position + self.operator.damping_n_s_m * hand.velocity
     }
 
-    /// F_h, N: force of the operator on the master, with `hand` as the intended motion and `motor` as the force
+    /// F_h, N: force of the operator on the leader, with `hand` as the intended motion and `motor` as the force
     /// of the motor.
     pub(crate) fn operator_force(&self, hand: Motion, motor: f64) -> f64 {
         let Motion { position, velocity } = self.motion;
@@ -128,9 +128,9 @@ impl Master {
     }
 }
 
-/// Slave with instrument, trocar and tissue.
+/// Follower with instrument, trocar and tissue.
 #[derive(Debug, Clone)]
-pub(crate) struct Slave<K> {
+pub(crate) struct Follower<K> {
     mass: Mass,
     device: Device,
     duration: f64,
@@ -150,7 +150,7 @@ pub(crate) struct Slave<K> {
     pub(crate) tissue_work: f64,
 }
 
-/// What the slave meets at the end of a substep.
+/// What the follower meets at the end of a substep.
 struct Met {
     seal: TrocarState,
     trocar_force: f64,
@@ -163,13 +163,13 @@ impl Met {
     }
 }
 
-impl<K: AsRef<[f64]>> Slave<K> {
+impl<K: AsRef<[f64]>> Follower<K> {
     pub(crate) fn new(config: &Config, trocar: Trocar<K>, position: f64) -> Self {
         let duration = config.sample_time_s / f64::from(config.substeps);
         let (seal, tissue) = (trocar.rest(position), config.tissue);
         Self {
-            mass: Mass::new(config.slave.mass_kg, config.slave.damping_n_s_m, 0.0, duration),
-            device: config.slave,
+            mass: Mass::new(config.follower.mass_kg, config.follower.damping_n_s_m, 0.0, duration),
+            device: config.follower,
             duration,
             tissue,
             trocar_force: seal.force(),

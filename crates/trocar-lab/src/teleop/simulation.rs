@@ -8,7 +8,7 @@ use super::control::{Controllers, Encoder, Reading};
 use super::credit::Credit;
 use super::estimate::Estimator;
 use super::passivity::Port;
-use super::plant::{Master, Motion, Slave};
+use super::plant::{Follower, Leader, Motion};
 use trocar_simulate::bench::noise::Source;
 use trocar_simulate::cancel;
 
@@ -26,35 +26,35 @@ pub struct Sample {
     /// Intended position of the hand, m.
     pub hand_position: f64,
     /// x_m and v_m, m and m/s.
-    pub master_position: f64,
+    pub leader_position: f64,
     /// m/s
-    pub master_velocity: f64,
+    pub leader_velocity: f64,
     /// x_s and v_s, m and m/s.
-    pub slave_position: f64,
+    pub follower_position: f64,
     /// m/s
-    pub slave_velocity: f64,
-    /// F_h, force of the operator on the master, N.
+    pub follower_velocity: f64,
+    /// F_h, force of the operator on the leader, N.
     pub operator_force: f64,
-    /// F_mc, force of the master's motor against the operator, N: what is felt.
-    pub master_force: f64,
+    /// F_mc, force of the leader's motor against the operator, N: what is felt.
+    pub leader_force: f64,
     /// F_sc, N.
-    pub slave_force: f64,
+    pub follower_force: f64,
     /// F_t, N.
     pub trocar_force: f64,
     /// F_e, N.
     pub tissue_force: f64,
     /// The tissue's force as sensor and compensation give it, N.
     pub estimate: f64,
-    /// Energy that the network has received from and given to the master, J.
-    pub master_energies: [f64; 2],
-    /// Energy that it has received from and given to the slave, J; with a credit, from slave and trocar.
-    pub slave_energies: [f64; 2],
+    /// Energy that the network has received from and given to the leader, J.
+    pub leader_energies: [f64; 2],
+    /// Energy that it has received from and given to the follower, J; with a credit, from follower and trocar.
+    pub follower_energies: [f64; 2],
     /// Energy that the trocar has dissipated at least, which the passivity control counts as dissipated by the network, J; 0
     /// without a credit.
     pub credit: f64,
-    /// Forces that the passivity control adds to those of the motors at master and slave, N, against the motion.
+    /// Forces that the passivity control adds to those of the motors at leader and follower, N, against the motion.
     pub passivity_forces: [f64; 2],
-    /// Work of the operator on the master, J.
+    /// Work of the operator on the leader, J.
     pub operator_work: f64,
     /// Work of the instrument on the trocar, J.
     pub trocar_work: f64,
@@ -63,11 +63,11 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Energy that the network has received from master and slave less what it has given them, J, without a credit.
+    /// Energy that the network has received from leader and follower less what it has given them, J, without a credit.
     pub fn network_energies(&self) -> [f64; 2] {
-        let [master, slave] =
-            [self.master_energies, self.slave_energies].map(|[received, given]| received - given);
-        [master, slave - self.credit]
+        let [leader, follower] = [self.leader_energies, self.follower_energies]
+            .map(|[received, given]| received - given);
+        [leader, follower - self.credit]
     }
 }
 
@@ -78,19 +78,19 @@ impl Sample {
 #[derive(Debug, Clone)]
 pub struct Loop<K> {
     config: Config,
-    master: Master,
-    slave: Slave<K>,
+    leader: Leader,
+    follower: Follower<K>,
     encoders: [Encoder; 2],
     controllers: Controllers,
-    to_slave: Channel,
-    to_master: Channel,
+    to_follower: Channel,
+    to_leader: Channel,
     estimator: Estimator<K>,
     ports: [Port; 2],
     /// Of the passivity control, if it has one.
     credit: Option<Credit<K>>,
     /// F_mc and F_sc as held since the last sample, N.
     held: [f64; 2],
-    /// The last packet of the slave that the master has received.
+    /// The last packet of the follower that the leader has received.
     arrived: Packet,
     /// Number of the next sample.
     count: u64,
@@ -99,7 +99,7 @@ pub struct Loop<K> {
 }
 
 impl<K: AsRef<[f64]> + Clone> Loop<K> {
-    /// A loop at rest at `position` (m) with the slave in `trocar`; `compensator` is the compensator's model, which need not be
+    /// A loop at rest at `position` (m) with the follower in `trocar`; `compensator` is the compensator's model, which need not be
     /// the same.
     ///
     /// # Errors
@@ -111,18 +111,18 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         position: f64,
     ) -> Result<Self, ConfigError> {
         config.check()?;
-        let encoders = [config.master, config.slave]
+        let encoders = [config.leader, config.follower]
             .map(|device| Encoder::new(device.encoder_step_m, config.sample_time_s));
         Ok(Self {
-            master: Master::new(config, position),
-            slave: Slave::new(config, trocar, position),
+            leader: Leader::new(config, position),
+            follower: Follower::new(config, trocar, position),
             encoders,
             controllers: Controllers::new(config, position),
-            to_slave: Channel::new(config, Source::ToSlave, position)?,
-            to_master: Channel::new(config, Source::ToMaster, position)?,
+            to_follower: Channel::new(config, Source::ToFollower, position)?,
+            to_leader: Channel::new(config, Source::ToLeader, position)?,
             estimator: Estimator::new(config, &compensator, position)?,
             credit: credit(config, &compensator, position)?,
-            ports: [config.master, config.slave]
+            ports: [config.leader, config.follower]
                 .map(|device| Port::new(device.mass_kg, config.sample_time_s)),
             held: [0.0; 2],
             arrived: Packet::at_rest(position),
@@ -138,10 +138,10 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         self.count as f64 * self.config.sample_time_s
     }
 
-    /// Displaces the slave by `way`, m, and adds `velocity`, m/s, to its own, at once.
+    /// Displaces the follower by `way`, m, and adds `velocity`, m/s, to its own, at once.
     pub(super) fn strike(&mut self, way: f64, velocity: f64) {
-        self.slave.motion.position += way;
-        self.slave.motion.velocity += velocity;
+        self.follower.motion.position += way;
+        self.follower.motion.velocity += velocity;
     }
 
     /// One sample: reads the sensors, exchanges packets, sets the motors and moves the plant to the next sample. `hand` gives the
@@ -162,22 +162,25 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         };
         let duration = self.config.sample_time_s;
         let time = self.time();
-        let [own_master, own_slave] = self.read();
-        let estimate = self.estimator.estimate(&self.slave, &own_slave);
-        let operator_force = self.master.operator_force(hand(time), self.held[0]);
+        let [own_leader, own_follower] = self.read();
+        let estimate = self.estimator.estimate(&self.follower, &own_follower);
+        let operator_force = self.leader.operator_force(hand(time), self.held[0]);
         let mut sent =
-            self.controllers.sent_by_master(&own_master, operator_force, self.arrived.force);
-        sent.energy = self.ports[0].observe(own_master.position, 0.0);
-        let at_slave = self.to_slave.send(sent);
-        let (slave_force, mut back) = self.controllers.slave(at_slave, &own_slave, estimate);
-        let credit =
-            self.credit.as_mut().map_or(0.0, |credit| credit.advance(own_slave.position, duration));
-        back.energy = self.ports[1].observe(own_slave.position, credit);
-        self.arrived = self.to_master.send(back);
-        let master_force = self.controllers.master(self.arrived, &own_master, operator_force);
+            self.controllers.sent_by_leader(&own_leader, operator_force, self.arrived.force);
+        sent.energy = self.ports[0].observe(own_leader.position, 0.0);
+        let at_follower = self.to_follower.send(sent);
+        let (follower_force, mut back) =
+            self.controllers.follower(at_follower, &own_follower, estimate);
+        let credit = self
+            .credit
+            .as_mut()
+            .map_or(0.0, |credit| credit.advance(own_follower.position, duration));
+        back.energy = self.ports[1].observe(own_follower.position, credit);
+        self.arrived = self.to_leader.send(back);
+        let leader_force = self.controllers.leader(self.arrived, &own_leader, operator_force);
         let forces = [
-            self.guard(0, &own_master, master_force, self.arrived.energy),
-            -self.guard(1, &own_slave, -slave_force, at_slave.energy),
+            self.guard(0, &own_leader, leader_force, self.arrived.energy),
+            -self.guard(1, &own_follower, -follower_force, at_follower.energy),
         ];
         self.held = forces;
         let sample = self.sample(time, hand(time), forces, operator_force, estimate);
@@ -187,7 +190,7 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
             (motion.position - self.position).abs() < FARTHEST_M
                 && motion.velocity.abs() < FASTEST_M_S
         };
-        if is_bounded(self.master.motion) && is_bounded(self.slave.motion) {
+        if is_bounded(self.leader.motion) && is_bounded(self.follower.motion) {
             return Ok(sample);
         }
         let diverged = Diverged { time_s: time };
@@ -208,11 +211,11 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
     }
 
     fn read(&mut self) -> [Reading; 2] {
-        let motions = [self.master.motion, self.slave.motion];
-        let [master, slave] = &mut self.encoders;
+        let motions = [self.leader.motion, self.follower.motion];
+        let [leader, follower] = &mut self.encoders;
         [
-            master.read(motions[0].position, motions[0].velocity),
-            slave.read(motions[1].position, motions[1].velocity),
+            leader.read(motions[0].position, motions[0].velocity),
+            follower.read(motions[1].position, motions[1].velocity),
         ]
     }
 
@@ -229,40 +232,40 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         &self,
         time: f64,
         hand: Motion,
-        [master_force, slave_force]: [f64; 2],
+        [leader_force, follower_force]: [f64; 2],
         operator_force: f64,
         estimate: f64,
     ) -> Sample {
-        let (master, slave) = (self.master.motion, self.slave.motion);
+        let (leader, follower) = (self.leader.motion, self.follower.motion);
         Sample {
             time,
             hand_position: hand.position,
-            master_position: master.position,
-            master_velocity: master.velocity,
-            slave_position: slave.position,
-            slave_velocity: slave.velocity,
+            leader_position: leader.position,
+            leader_velocity: leader.velocity,
+            follower_position: follower.position,
+            follower_velocity: follower.velocity,
             operator_force,
-            master_force,
-            slave_force,
-            trocar_force: self.slave.trocar_force,
-            tissue_force: self.slave.tissue_force,
+            leader_force,
+            follower_force,
+            trocar_force: self.follower.trocar_force,
+            tissue_force: self.follower.tissue_force,
             estimate,
-            master_energies: self.ports[0].energies(),
-            slave_energies: self.ports[1].energies(),
+            leader_energies: self.ports[0].energies(),
+            follower_energies: self.ports[1].energies(),
             credit: self.credit.as_ref().map_or(0.0, Credit::dissipated),
             passivity_forces: [self.ports[0].added(), self.ports[1].added()],
-            operator_work: self.master.work,
-            trocar_work: self.slave.trocar_work,
-            tissue_work: self.slave.tissue_work,
+            operator_work: self.leader.work,
+            trocar_work: self.follower.trocar_work,
+            tissue_work: self.follower.tissue_work,
         }
     }
 
-    fn move_on(&mut self, time: f64, [master, slave]: [f64; 2], hand: impl Fn(f64) -> Motion) {
+    fn move_on(&mut self, time: f64, [leader, follower]: [f64; 2], hand: impl Fn(f64) -> Motion) {
         let step = self.config.sample_time_s / f64::from(self.config.substeps);
         for k in 0..self.config.substeps {
             let (from, to) = (time + f64::from(k) * step, time + f64::from(k + 1) * step);
-            self.master.step(master, [hand(from), hand(to)]);
-            self.slave.step(slave, to);
+            self.leader.step(leader, [hand(from), hand(to)]);
+            self.follower.step(follower, to);
         }
     }
 }

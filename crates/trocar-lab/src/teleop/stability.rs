@@ -22,10 +22,10 @@ pub struct Trial {
 /// Change of the velocity in a sample below which nothing counts as growing, m/s: above what rounding and the iterations of the
 /// plant leave.
 const STILL_M_S: f64 = 1e-10;
-/// Velocity with which the slave is struck, m/s: the push alone is too smooth to excite what oscillates fast. Two strikes
+/// Velocity with which the follower is struck, m/s: the push alone is too smooth to excite what oscillates fast. Two strikes
 /// together are below rest.
 const STRUCK_M_S: f64 = 3e-4;
-/// Steps of the slave's encoder by which it is displaced as well: controllers do not see less.
+/// Steps of the follower's encoder by which it is displaced as well: controllers do not see less.
 const DISPLACED_STEPS: f64 = 2.0;
 /// Most halves of the watch.
 const LONGEST_WATCH: usize = 60;
@@ -110,7 +110,7 @@ impl Default for Trial {
 
 impl Trial {
     /// Whether the loop, at rest at `position` (m), comes to rest after the hand has moved by
-    /// [`Trial::push_m`] within 0.1 s and the slave was struck, at 0.3 mm/s and by two steps of its encoder, and again after the same
+    /// [`Trial::push_m`] within 0.1 s and the follower was struck, at 0.3 mm/s and by two steps of its encoder, and again after the same
     /// in the opposite direction. At rest the rms velocity of both devices over half of [`Trial::watch_s`] is below
     /// [`Trial::at_rest_m_s`], and what oscillates has died away. The watch goes on until then, for up to sixty halves. If
     /// something still oscillates at their end, the loop is unstable where
@@ -122,7 +122,7 @@ impl Trial {
     ///
     /// A velocity above rest that has not fallen by a tenth in three halves is unstable at once if the oscillation is even.
     /// Times are longer where the channel's delay asks for it. The sensor's noise and breathing, which keep a stable loop in
-    /// motion, are left out. With an encoder the slave begins midway between two of its steps, where a controller never sees it
+    /// motion, are left out. With an encoder the follower begins midway between two of its steps, where a controller never sees it
     /// at its target.
     ///
     /// # Errors
@@ -145,7 +145,7 @@ impl Trial {
         position: f64,
         first: f64,
     ) -> Result<Option<f64>, ConfigError> {
-        let (quiet, step) = (config.quiet(), config.slave.encoder_step_m);
+        let (quiet, step) = (config.quiet(), config.follower.encoder_step_m);
         let (start, push) = match step > 0.0 {
             true => (((position / step).floor() + 0.5) * step, (self.push_m / step).ceil() * step),
             false => (position, self.push_m),
@@ -196,7 +196,7 @@ impl Trial {
                 return false;
             }
         }
-        let has_encoder = config.master.encoder_step_m + config.slave.encoder_step_m > 0.0;
+        let has_encoder = config.leader.encoder_step_m + config.follower.encoder_step_m > 0.0;
         let third = LONGEST_WATCH / 3;
         let [earlier, last] = [&halves[third..2 * third], &halves[2 * third..]];
         let slides = has_encoder && slides(last);
@@ -250,11 +250,11 @@ impl Half {
         let mut last: Option<Sample> = None;
         for _ in 0..count {
             let now = tried.step(&hand).ok()?;
-            squares += now.master_velocity.powi(2) + now.slave_velocity.powi(2);
+            squares += now.leader_velocity.powi(2) + now.follower_velocity.powi(2);
             if let Some(last) = last {
-                let master = now.master_velocity - last.master_velocity;
-                let slave = now.slave_velocity - last.slave_velocity;
-                change = change.max(master.abs()).max(slave.abs());
+                let leader = now.leader_velocity - last.leader_velocity;
+                let follower = now.follower_velocity - last.follower_velocity;
+                change = change.max(leader.abs()).max(follower.abs());
                 let work = now.trocar_work - last.trocar_work;
                 works = [works[0] + work, works[1] + work.abs()];
             }

@@ -257,7 +257,7 @@ impl StepError {
             let differs = coarse.figures.is_some() != fine.figures.is_some();
             return Ok(differs.then_some(Self { figure: None, relative: None }));
         };
-        let energy = 1e3 * fine.master_energy_j.abs().max(fine.slave_energy_j.abs());
+        let energy = 1e3 * fine.leader_energy_j.abs().max(fine.follower_energy_j.abs());
         let pairs = coarse.rows().into_iter().zip(fine.rows());
         let changes = pairs.filter_map(|((figure, before, unit), (_, after, _))| {
             let (before, after) = (before?, after?);

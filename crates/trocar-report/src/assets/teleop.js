@@ -1,11 +1,11 @@
 
 // The loop of `trocar teleop`, run in the page: what is compensated, delay, tissue and architecture to turn, the motion of the
-// configuration to watch, or the master's handle to drag. Inside all numbers are in SI.
+// configuration to watch, or the leader's handle to drag. Inside all numbers are in SI.
 
 const LONGEST_COURSE = 60, SHOWN_COURSE = 10, LINGER = 1.5, HAND = 0.03;  // s
 const MOST_FORCE = 100, MOST_AWAY = 0.2;  // N, m: what a chart shows of a loop that grows
 const DELAY_SHOWN = 0.1, FRACTION_SHOWN = 1.5, STIFFNESS_SHOWN = [10, 10000];  // s, 1, N/m
-const COLUMNS = ["hand_position_m", "master_position_m", "slave_position_m", "felt_force_n", "trocar_force_n", "tissue_force_n", "estimate_n"];
+const COLUMNS = ["hand_position_m", "leader_position_m", "follower_position_m", "felt_force_n", "trocar_force_n", "tissue_force_n", "estimate_n"];
 const FIGURES = ["displayed", "true", "error", "steps"];
 
 // The WebAssembly module, crates/trocar-web-teleop: one loop.
@@ -219,7 +219,7 @@ class Turned {
   }
 }
 
-const WATCHES = { motion: "Motion of the configuration", drag: "Drag the master" };
+const WATCHES = { motion: "Motion of the configuration", drag: "Drag the leader" };
 const WATCH_HINTS = {
   motion: "The hand moves as the configuration says; the loop runs anew with every change.",
   drag: "Drag the handle under the lower chart, or focus it and use the arrow keys. Time runs while you hold it and a moment longer; " +
@@ -276,9 +276,9 @@ class LiveLoop {
     const data = (x, y, series, aspect, least) =>
       ({ title: "", x, y, limits: [0, 1, 0, 1], logarithmic: [false, false], aspect, least, gutter: 46, series, marks: [] });
     const linked = new Group("live", true), time = ["time", "s"], force = ["force", "N"];
-    const forces = (sorted) => [line("trocar", "deflection", sorted), line("felt at the master", "model", sorted), line("on the tissue", "fit", sorted)];
+    const forces = (sorted) => [line("trocar", "deflection", sorted), line("felt at the leader", "model", sorted), line("on the tissue", "fit", sorted)];
     this.path = new Panel(linked, data(time, ["position", "mm"],
-      [line("hand", "neutral", true), line("master", "model", true), line("slave", "alternative", true)], 0.2, 160), area);
+      [line("hand", "neutral", true), line("leader", "model", true), line("follower", "alternative", true)], 0.2, 160), area);
     this.force = new Panel(linked, data(time, force, forces(true), 0.3, 190), area);
     linked.panels = [this.path, this.force];
     this.loop = new Panel(new Group("live-loop", false), data(["tip beyond the surface of the tissue", "mm"], force,
@@ -340,18 +340,18 @@ class LiveLoop {
     const drag = this.mode === "drag";
     const from = !drag ? 0 : reducedMotion() ? SHOWN_COURSE * Math.floor(course.end / SHOWN_COURSE) : Math.max(0, course.end - SHOWN_COURSE);
     const until = drag ? from + SHOWN_COURSE : Math.max(course.interval, this.hands().length * course.interval);
-    const [time, hand, master, slave, felt, trocar, tissue] = course.shown(from, ...COLUMNS.slice(0, 6));
-    const mm = (column) => column.map((metres) => MM * metres), depth = slave.map((metres) => MM * (metres - this.surface));
+    const [time, hand, leader, follower, felt, trocar, tissue] = course.shown(from, ...COLUMNS.slice(0, 6));
+    const mm = (column) => column.map((metres) => MM * metres), depth = follower.map((metres) => MM * (metres - this.surface));
     const way = this.data.way, along = way.map((metres) => MM * (metres - this.surface)), margin = 0.03 * (along[1] - along[0]);
     const deep = [along[0] - margin, along[1] + margin], high = this.range([felt, trocar, tissue]);
-    const positions = this.reach([hand, master, slave]).map((metres) => MM * metres);
-    this.path.show([[time, mm(hand)], [time, mm(master)], [time, mm(slave)]], [from, until, ...positions]);
+    const positions = this.reach([hand, leader, follower]).map((metres) => MM * metres);
+    this.path.show([[time, mm(hand)], [time, mm(leader)], [time, mm(follower)]], [from, until, ...positions]);
     this.force.show([[time, trocar], [time, felt], [time, tissue]], [from, until, ...high]);
     const now = course.count - 1, point = now < 0 ? [new Float64Array(0), new Float64Array(0)] : [depth.slice(-1), tissue.slice(-1)];
     this.loop.data.marks = [{ axis: "x", from: 0, to: deep[1], label: "tissue" }];
     this.loop.show([[depth, trocar], [depth, felt], [depth, tissue], point], [...deep, ...high]);
     this.say();
-    const at = course.hand.at(-1), tip = now < 0 ? at : course.last("slave_position_m");
+    const at = course.hand.at(-1), tip = now < 0 ? at : course.last("follower_position_m");
     this.strip.show(at - this.surface, clamp(at - tip, -1, 1), (MM * (at - this.surface)).toFixed(1) + " mm beyond the surface");
   }
 

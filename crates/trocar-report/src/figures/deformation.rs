@@ -19,10 +19,10 @@ const BRANCH_POINTS: usize = 300;
 /// Force at several deflections against deformation velocity: at those of `chosen`, m, or by
 /// default at [`LEVELS`].
 pub(crate) fn deformation_velocity(found: &Identification, chosen: &[f64]) -> Drawn {
-    let what = "the deformation force against deformation velocity (EMS figure 7)";
+    let what = "the deformation force against deformation velocity (figure 7 of the paper)";
     let deformation = super::deformation(found, what)?;
     let test = deformation.damping.as_ref().ok_or(
-        "There is no figure of the deformation force against deformation velocity (EMS figure 7): all snap-throughs of the seal have one \
+        "There is no figure of the deformation force against deformation velocity (figure 7 of the paper): all snap-throughs of the seal have one \
          speed, so its influence cannot be seen. Record several speeds.",
     )?;
     let c = deformation.half_width.value;
@@ -111,8 +111,8 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
     };
     format!(
         "Force at {deflections} against the velocity of the deformation (insertion at the right, withdrawal at the left), as in \
-         figure 7 of EMS. Bars are the change of the force within ± {:.3} mm, one standard deviation of the rebuilt deflection \
-         (EMS (24)). Lines have the one slope σ that all snap-throughs give together at ∓c/2 and 0, with that error as a common \
+         figure 7 of the paper. Bars are the change of the force within ± {:.3} mm, one standard deviation of the rebuilt deflection \
+         (equation (24)). Lines have the one slope σ that all snap-throughs give together at ∓c/2 and 0, with that error as a common \
          disturbance of the levels of one snap-through: σ = {}, {} against σ = 0. At the fastest deformation it amounts to {:.3} N, and \
          to {:.3} N at most within its interval, {verdict}.",
         MM * test.deflection_error_m,
@@ -125,7 +125,7 @@ fn velocity_caption(found: &Identification, test: &DampingTest, levels: usize) -
 
 /// Both branches: measured curves, joined polynomials, single polynomial; residuals of both fits.
 pub(crate) fn deformation_force(found: &Identification, truth: Option<&[Element]>) -> Drawn {
-    let deformation = super::deformation(found, "the deformation force (EMS figure 8)")?;
+    let deformation = super::deformation(found, "the deformation force (figure 8 of the paper)")?;
     let force = Axis::new("deformation force", "N").with_zero();
     let axes = Panel::new(Axis::new("deflection z", "mm"), force).aspect(0.6);
     let mut branches =
@@ -287,9 +287,9 @@ fn force_caption(
         None => "",
     };
     format!(
-        "(a) Force against deflection in deformation, as in figure 8 of EMS: {} insertions (upper branch) and {} withdrawals (lower \
-         branch), sensor offset removed, deflection by EMS (24). The joined polynomials of degrees {left} and {right}, EMS (25), are \
-         fitted to the mean of the snap-throughs by EMS (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
+        "(a) Force against deflection in deformation, as in figure 8 of the paper: {} insertions (upper branch) and {} withdrawals (lower \
+         branch), sensor offset removed, deflection by equation (24). The joined polynomials of degrees {left} and {right}, equation (25), are \
+         fitted to the mean of the snap-throughs by equation (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
          of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
          of degree 7, in insertion and withdrawal.{true_branches}",
         count(Direction::Insertion),

@@ -34,8 +34,8 @@ pub(crate) fn half_width(found: &Identification) -> Drawn {
     );
     Ok(Figure::new("half-width", 0, "Half width of the deformation").panel(panel.aspect(0.4)).caption(format!(
         "Half the travel of each snap-through of the seal, from where the force leaves one sliding limit to where it reaches the \
-         other, EMS (12). Mean of {} snap-throughs: {}; standard deviation {:.3} mm, which is the error of the deflection rebuilt by \
-         EMS (24). {trend}",
+         other, equation (12). Mean of {} snap-throughs: {}; standard deviation {:.3} mm, which is the error of the deflection rebuilt by \
+         equation (24). {trend}",
         reversals.len(),
         in_words(estimate),
         MM * deformation.deflection_error

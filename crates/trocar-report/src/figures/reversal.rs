@@ -21,7 +21,7 @@ const OUTERMOST: f64 = 0.9;
 pub(crate) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
-            "There is no figure of the force upon a velocity reversal (EMS figure 3), because the recordings hold no full reversal: {why}."
+            "There is no figure of the force upon a velocity reversal (figure 3 of the paper), because the recordings hold no full reversal: {why}."
         )
     })?;
     let shown = clearest(deformation)
@@ -68,7 +68,7 @@ fn caption(
         Direction::Withdrawal => "from insertion to withdrawal",
     };
     format!(
-        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of EMS. {}{stages} Sensor offset \
+        "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of the paper. {}{stages} Sensor offset \
          and inertia of any mass between sensor and seal are subtracted from the measured force; the model's force is the seal's alone.",
         MM * shown.speed,
         transients.in_words()
@@ -172,11 +172,11 @@ impl Transients {
         match self {
             Self::Softening { .. } => {
                 "T1 is the first rise, up to where the seal begins to snap through; T2 is the second one, from where it has snapped through \
-                 to sliding. Between them the slope of the branch identified is not positive, which is EMS (15)."
+                 to sliding. Between them the slope of the branch identified is not positive: equation (15) of the paper."
                     .to_owned()
             }
             Self::Flattening { .. } => "T1 is the first rise, up to the least slope of the branch identified; T2 is the second \
-                                        one, from there to sliding. The slope stays positive, so EMS (15) has an empty interval."
+                                        one, from there to sliding. The slope stays positive, so the interval of equation (15) is empty."
                 .to_owned(),
             Self::Single => "The branch identified has no marked minimum of its slope between two rises, so the transients T1 and T2 of a \
                              seal that snaps through are not distinguished: one transient is marked, from the reversal to sliding."

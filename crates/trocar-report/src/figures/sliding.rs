@@ -20,7 +20,7 @@ const NORMAL_95: f64 = 1.96;
 pub(crate) fn static_friction(found: &Identification) -> Drawn {
     let steady = &found.steady;
     if steady.means.is_empty() {
-        return Err("There is no figure of the static friction (EMS figure 6): no steady sliding was found.".to_owned());
+        return Err("There is no figure of the static friction (figure 6 of the paper): no steady sliding was found.".to_owned());
     }
     let curves = Curves { steady, offset: found.model.offset };
     let mut all = vec![curves.means()];
@@ -171,7 +171,7 @@ fn caption(found: &Identification) -> String {
     let steady = &found.steady;
     let [slowest, fastest] = steady.speed_range_m_s.map(|v| MM * v);
     let mut text = format!(
-        "(a) Force in steady sliding against velocity, as in figure 6 of EMS, the sensor offset of {} N removed: {} means, one \
+        "(a) Force in steady sliding against velocity, as in figure 6 of the paper, the sensor offset of {} N removed: {} means, one \
          per stroke and constant speed, or one per 0.1 s of motion where the deformation is negligible and inertia was subtracted. (b) The \
          same less the fit. ",
         fixed(found.model.offset, 3),
@@ -182,7 +182,7 @@ fn caption(found: &Identification) -> String {
     }
     if steady.coulomb_force_n.determined && steady.viscous_damping_n_s_m.determined {
         text.push_str(&format!(
-            "The line is EMS (23), F = F_c·sgn(v) + β·v, by weighted least squares over the means: F_c = {}; β = {}. Broken lines \
+            "The line is equation (23) of the paper, F = F_c·sgn(v) + β·v, by weighted least squares over the means: F_c = {}; β = {}. Broken lines \
              take both parameters at the lower and at the upper end of their intervals; the two estimates are correlated, so \
              the band is wider than that of the line. ",
             in_words(&steady.coulomb_force_n),
@@ -200,7 +200,7 @@ fn caption(found: &Identification) -> String {
     text.push_str(&symmetry(steady));
     if let Some(test) = &steady.lack_of_fit {
         text.push_str(&format!(
-            "Test of the straight line against a Stribeck curve, EMS (11): {}, {} N above the line at the slowest speed; {}. ",
+            "Test of the straight line against a Stribeck curve, equation (11): {}, {} N above the line at the slowest speed; {}. ",
             p_in_words(test.p_value),
             fixed(test.excess_at_slowest_n, 3),
             test.verdict

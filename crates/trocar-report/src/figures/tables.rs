@@ -76,7 +76,7 @@ pub(crate) fn branch_coefficients(found: &Identification) -> Option<Table> {
     let all: Vec<&Parameter> = found.parameters.iter().filter(|p| p.is_coefficient()).collect();
     all.first()?;
     let c = found.model.half_width;
-    let caption = "Coefficients θ of the branches, EMS (25), as forces θ c^k at z = c (θ itself in SI units: summary.json)";
+    let caption = "Coefficients θ of the branches, equation (25) of the paper, as forces θ c^k at z = c (θ itself in SI units: summary.json)";
     let coefficients = all.into_iter().filter_map(|p| match p.id.quantity {
         Quantity::Coefficient { power, .. } => {
             Some((p.id, power, cells_of(&p.estimate, c.powi(power.into()))))

@@ -50,13 +50,13 @@ pub(crate) fn course(config: &Config, samples: &[Sample]) -> Figure {
     let mm = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, |s| MM * of(s));
     let positions = over_time(Axis::new("position", "mm"))
         .series(mm("intended by the hand", Role::Neutral, |s| s.hand_position))
-        .series(mm("master", Role::Model, |s| s.master_position))
-        .series(mm("slave", Role::Alternative, |s| s.slave_position))
+        .series(mm("leader", Role::Model, |s| s.leader_position))
+        .series(mm("follower", Role::Alternative, |s| s.follower_position))
         .mark(Mark::y(MM * config.tissue.surface_m, "tissue"))
         .aspect(0.3);
     let forces = over_time(Axis::new("force", "N").with_zero())
         .series(course_of(samples, "of the trocar", TROCAR, |s| s.trocar_force))
-        .series(course_of(samples, "felt at the master", FELT, |s| config.felt(s)))
+        .series(course_of(samples, "felt at the leader", FELT, |s| config.felt(s)))
         .series(course_of(samples, "on the tissue", TISSUE, |s| s.tissue_force))
         .aspect(0.36);
     Figure::new("course", 0, "Course of the loop")
@@ -90,7 +90,7 @@ pub(crate) fn depth(config: &Config, samples: &[Sample], figures: Option<&Merit>
     let column = |of: &dyn Fn(&Sample) -> f64| {
         points.iter().map(|point| point.map_or(f64::NAN, of)).collect::<Vec<f64>>()
     };
-    let depth = column(&|s| MM * (s.slave_position - config.tissue.surface(s.time).0));
+    let depth = column(&|s| MM * (s.follower_position - config.tissue.surface(s.time).0));
     let over_depth = |name, role, of: &dyn Fn(&Sample) -> f64| {
         Series::line(name, role, depth.clone(), column(of))
     };
@@ -99,7 +99,7 @@ pub(crate) fn depth(config: &Config, samples: &[Sample], figures: Option<&Merit>
         Axis::new("force", "N").with_zero(),
     )
     .series(over_depth("of the trocar", TROCAR, &|s| s.trocar_force))
-    .series(over_depth("felt at the master", FELT, &|s| config.felt(s)))
+    .series(over_depth("felt at the leader", FELT, &|s| config.felt(s)))
     .series(over_depth("on the tissue", TISSUE, &|s| s.tissue_force));
     let slopes = figures.and_then(|merit| {
         let [felt, own] = [merit.displayed_stiffness_n_m?, merit.true_stiffness_n_m?];
@@ -327,10 +327,10 @@ pub(crate) fn hybrid(config: &Config, [model, trocar]: [&Trocar<Vec<f64>>; 2]) -
             panel.series(Series::line(name.as_str(), *role, frequencies.clone(), y.collect()))
         })
     };
-    let mobility = Axis::new("|h₂₂|, mobility of the slave", "m/(N s)").logarithmic();
+    let mobility = Axis::new("|h₂₂|, mobility of the follower", "m/(N s)").logarithmic();
     let matrix = Figure::new("hybrid", 0, "Hybrid matrix")
         .caption(
-            "Magnitudes of [F_h; −v_s] = H [v_m; F_e], F_h of the operator on the master and F_e on the tissue. Ideal is h_11 = h_22 = 0 and \
+            "Magnitudes of [F_h; −v_s] = H [v_m; F_e], F_h of the operator on the leader and F_e on the tissue. Ideal is h_11 = h_22 = 0 and \
              |h_12| = |h_21| = 1: no impedance of its own, the tissue's force felt as it is, the motion followed as it is.",
         )
         .panel(panel(impedance("|h₁₁|, felt in free space"), &|h, _| h.h11.modulus()))
@@ -370,13 +370,13 @@ fn ratio(label: &str) -> Axis {
 pub(crate) fn energy(samples: &[Sample]) -> Figure {
     let of = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, of);
     let panel = over_time(Axis::new("energy received", "J").with_zero())
-        .series(of("at the master", Role::Model, |s| s.network_energies()[0]))
-        .series(of("at the slave", Role::Alternative, |s| s.network_energies()[1]))
+        .series(of("at the leader", Role::Model, |s| s.network_energies()[0]))
+        .series(of("at the follower", Role::Alternative, |s| s.network_energies()[1]))
         .series(of("together", Role::Measured, |s| s.network_energies().iter().sum()))
         .aspect(0.36);
     Figure::new("energy", 0, "Energy at both ports")
         .caption(
-            "Energy that controllers and channel have received at the ports of master and slave less what they have given there. Where the \
+            "Energy that controllers and channel have received at the ports of leader and follower less what they have given there. Where the \
              sum falls below zero, they were active: they gave more than they had received.",
         )
         .panel(panel)

@@ -165,7 +165,7 @@ pub(crate) fn cycle_speeds(scored: &Scored) -> Vec<f64> {
 pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
     let cycles = sorted_cycles(scored);
     let (Some(slowest), Some(fastest)) = (cycles.first(), cycles.last()) else {
-        return Err("There is no figure of the model against measurement at two speeds (EMS figure 9): the recordings hold no full \
+        return Err("There is no figure of the model against measurement at two speeds (figure 9 of the paper): the recordings hold no full \
                     cycle of two strokes whose initial deflection is known."
             .to_owned());
     };
@@ -197,7 +197,7 @@ pub(crate) fn cross_validation(scored: &Scored, chosen: &[f64]) -> Drawn {
     let rows = if shown.len() > 2 { " of each two" } else { "" };
     let stages = if scored.stages { " (of the first of the model's elements)" } else { "" };
     Ok(figure.caption(format!(
-        "Measured force, computed force (upper row) and computed deflection{stages} (lower row{rows}), as in figure 9 of EMS, on {}. {speeds} The \
+        "Measured force, computed force (upper row) and computed deflection{stages} (lower row{rows}), as in figure 9 of the paper, on {}. {speeds} The \
          sensor offset of {} N is subtracted from the measured force; the model's force is the seal's alone, from measured positions \
          only. Over all samples whose state is known the root mean square error is {:.3} N.",
         scored.kind(),

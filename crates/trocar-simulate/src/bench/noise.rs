@@ -27,10 +27,10 @@ pub enum Source {
     SpeedOrder = 9,
     /// Turning points of strokes.
     TurningPoint = 10,
-    /// Jitter and loss of the channel to the slave.
-    ToSlave = 11,
-    /// The same to the master.
-    ToMaster = 12,
+    /// Jitter and loss of the channel to the follower.
+    ToFollower = 11,
+    /// The same to the leader.
+    ToLeader = 12,
     /// Noise of the sensor of a teleoperated instrument.
     RemoteSensor = 13,
     /// Draws of the trocar.

@@ -37,20 +37,21 @@ fn felt() -> Outcome<Figure> {
         let config = pushed(fraction);
         let outcome = Loop::of(&config, [&file.trocar, &file.trocar])?;
         let samples = outcome.course.map_err(|diverged| diverged.to_string())?;
-        let inside: Vec<_> = samples.iter().filter(|s| s.slave_position >= surface).collect();
-        let x = inside.iter().step_by(4).map(|s| 1e3 * (s.slave_position - surface)).collect();
+        let inside: Vec<_> = samples.iter().filter(|s| s.follower_position >= surface).collect();
+        let x = inside.iter().step_by(4).map(|s| 1e3 * (s.follower_position - surface)).collect();
         let y = inside.iter().step_by(4).map(|s| config.felt(s)).collect();
         let name = format!("{:.0} % compensated", 1e2 * fraction);
         panel = panel.series(Series::line(name, Role::Category(k), x, y));
         if k == 0 {
-            let x = inside.iter().step_by(4).map(|s| 1e3 * (s.slave_position - surface)).collect();
+            let x =
+                inside.iter().step_by(4).map(|s| 1e3 * (s.follower_position - surface)).collect();
             let y = inside.iter().step_by(4).map(|s| s.tissue_force).collect();
             panel = panel.series(Series::line("tissue alone", Role::Reference, x, y));
         }
     }
     Ok(Figure::new("felt", 1, "What the hand feels").panel(panel).caption(
-        "Force felt at the master during one push into the tissue and out again, over the depth of the tip. Position-force architecture, sensor \
-         outside the body, plausible seal; the compensator takes out a fraction of its force.",
+        "Force felt at the leader during one push into the tissue and out again, over the depth of the tip. Position-force architecture, sensor \
+         outside the body, plausible seal; the compensator subtracts a fraction of its force.",
     ))
 }
 

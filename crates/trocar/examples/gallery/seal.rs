@@ -391,7 +391,7 @@ fn stribeck() -> Outcome<Figure> {
         panel = panel.series(line(name, Role::Category(k), weakening(velocity)));
     }
     Ok(Figure::new("stribeck", 1, "Stribeck curve").width(Width::Narrow).panel(panel).caption(
-        "Sliding force over slip velocity, EMS (11): from F_s = 3 N it falls to F_c = 2 N over the Stribeck velocity v_s, and rises by viscous friction. \
+        "Sliding force over slip velocity, equation (11): from F_s = 3 N it falls to F_c = 2 N over the Stribeck velocity v_s, and rises by viscous friction. \
          Where it falls, steady sliding is unstable.",
     ))
 }

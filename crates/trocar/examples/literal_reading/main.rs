@@ -189,7 +189,7 @@ fn draw(reversals: &Comparison, stop: &Comparison, decay: Vec<f64>, hold: &Compa
     ));
     Figure::new("literal-reading", 1, "Mode and branch by the sign of the velocity")
         .caption(
-            "One seal in two readings of EMS: by the sign of the velocity as printed (literal) and by the force (default). \
+            "One seal in two readings of the paper: by the sign of the velocity as printed (literal) and by the force (default). \
              (a) Three partial reversals over 1.5 mm. (b) A stop from 100 mm/s within 10 ms. (c) A hold after 8 mm with \
              the noise of a 4 µm encoder.",
         )

@@ -262,7 +262,7 @@ fn the_observer_in_single_precision_is_near() {
     }
     let folder = tempfile::tempdir().unwrap();
     println!(
-        "| model | mean square | above 10 mN | largest | friction scale, largest | library, inputs rounded |"
+        "| model | mean square, mN | above 10 mN, % | largest, mN | friction scale, largest | library, inputs rounded, mN |"
     );
     for (k, (name, model)) in in_order(conformance_models()).iter().enumerate() {
         let (model, observing) = variant(model, 7 * k);
@@ -288,7 +288,7 @@ fn the_observer_in_single_precision_is_near() {
         let moves = rows.iter().zip(&beside).map(|(a, b)| (a[1] - b[1]).powi(2));
         let moved = (moves.sum::<f64>() / rows.len() as f64).sqrt();
         println!(
-            "| {name} | {:.2} mN | {above:.2} % | {:.1} mN | {level:.4} | {:.2} mN |",
+            "| {name} | {:.2} | {above:.2} | {:.1} | {level:.4} | {:.2} |",
             1e3 * mean,
             1e3 * largest,
             1e3 * moved

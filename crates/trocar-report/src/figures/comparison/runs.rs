@@ -110,7 +110,7 @@ fn is_to_insertion(cycle: &Cycle, recordings: &[Recording]) -> bool {
 /// The force of every model after the same reversal, as in figure 3 of EMS.
 pub(crate) fn one_reversal(comparison: &Comparison, shown: Option<&Shown>) -> Drawn {
     let shown = shown.ok_or_else(|| {
-        "There is no figure of the models upon one reversal (EMS figure 3): the validation recordings hold no two full strokes \
+        "There is no figure of the models upon one reversal (figure 3 of the paper): the validation recordings hold no two full strokes \
          whose initial deflection is known."
             .to_owned()
     })?;
@@ -124,7 +124,7 @@ pub(crate) fn one_reversal(comparison: &Comparison, shown: Option<&Shown>) -> Dr
     let figure = Figure::new("one-reversal", 0, "Every model upon the same reversal");
     let axis = Axis::new("travel after the reversal", "mm");
     Ok(shown.draw(figure, &axis, &x, &window).caption(format!(
-        "The force upon one reversal to {} in {}, at {:.0} mm/s, as in figure 3 of EMS: measured, and as the models of each family \
+        "The force upon one reversal to {} in {}, at {:.0} mm/s, as in figure 3 of the paper: measured, and as the models of each family \
          compute it from the measured positions in free run. Of banks of elements the fewest elements within 1 % of the \
          least validation error are shown, beside four and ten. What is drawn left of zero is the travel before the reversal; the \
          errors of reversals count {:.1} mm after it. Where lines coincide, the dashed ones lie on the solid one. {}",
