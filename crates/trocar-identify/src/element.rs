@@ -591,14 +591,14 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let candidate = layout
         .with(&candidate, &layout.free(&candidate).iter().map(|f| f.value).collect::<Vec<_>>());
     let longest = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
-    if !is_assumed(input) {
-        // The spring of a drive is no seal: only its friction is requested, and the two steps give
-        // that.
-        let is_axis = options.inertia_removed && 2.0 * candidate.half_width < NEGLIGIBLE * longest;
-        return if is_axis { Vec::new() } else { vec![EmsTrial::new(candidate, layout)] };
-    }
-    if options.inertia_removed && two.is_assumed && !steady.means.is_empty() {
+    // The spring of a drive is no seal: only its friction is requested, and the two steps give that.
+    let is_narrow = 2.0 * candidate.half_width < NEGLIGIBLE * longest;
+    let is_axis = if two.is_assumed { !steady.means.is_empty() } else { is_narrow };
+    if options.inertia_removed && is_axis {
         return Vec::new();
+    }
+    if !is_assumed(input) {
+        return vec![EmsTrial::new(candidate, layout)];
     }
     let mut widths =
         WIDTHS.map(|part| (part * ASSUMED_WIDTH * longest).max(layout.narrowest)).to_vec();

@@ -63,8 +63,6 @@ pub struct StickSlip {
 pub(super) enum Swings {
     /// The seal.
     StickSlip(StickSlip),
-    /// The drive, which the positions show, too.
-    Drive(StickSlip),
     /// A position-dependent cause, with a period in m.
     Position { period: f64 },
     /// A cause with its own frequency, Hz.
@@ -85,8 +83,7 @@ struct Oscillation<'a> {
 impl Swings {
     /// `None` where the force oscillates on fewer than two plateaus.
     ///
-    /// Only a sliding force that `falls` with speed makes a seal stick and slip. Where it does, small
-    /// swings count, too.
+    /// Where the model's sliding force `falls` with speed, small swings count, too.
     pub(super) fn of(
         recordings: &[Recording],
         segments: &[Segments],
@@ -111,8 +108,7 @@ impl Swings {
             Self::Interference { frequency: 0.5 * (frequency_hz[0] + frequency_hz[1]) }
         } else {
             let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
-            let found = StickSlip { plateaus, speed_m_s, frequency_hz, force_n };
-            if falls { Self::StickSlip(found) } else { Self::Drive(found) }
+            Self::StickSlip(StickSlip { plateaus, speed_m_s, frequency_hz, force_n })
         };
         (all.len() >= FEWEST_PLATEAUS).then_some(swings)
     }
@@ -128,13 +124,6 @@ impl Swings {
                     found.in_words()
                 ),
             ),
-            Self::Drive(found) => {
-                let text = "the friction does not fall with speed: the drive or the rod vibrates";
-                return Warning::advice(
-                    "vibration",
-                    format!("{}, though {text}", found.in_words()),
-                );
-            }
             Self::Position { period } => (
                 "ripple",
                 format!(
@@ -268,9 +257,13 @@ fn period_of(force: &[f64]) -> Option<usize> {
     let (mut is_past_valley, mut best) = (false, (0, least * power));
     for lag in 1..LONGEST_PERIOD.min(n / FEWEST_PERIODS) {
         let correlation = product(lag);
-        is_past_valley |= correlation < VALLEY * power;
-        // Later periods correlate alike: the first is the period.
-        if is_past_valley && correlation > 1.2 * best.1 {
+        if correlation < VALLEY * power {
+            // Later periods correlate alike: the first is the period.
+            if best.0 > 0 {
+                break;
+            }
+            is_past_valley = true;
+        } else if is_past_valley && correlation > best.1 {
             best = (lag, correlation);
         }
     }

@@ -10,7 +10,7 @@ use thiserror::Error;
 use crate::validate::{Validation, validate};
 use trocar_identify::simpler;
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
-use trocar_recording::{HEAVIEST_INSTRUMENT, Recording, RecordingError};
+use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::{ModelFile, SensorInfo};
 
 /// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
@@ -30,16 +30,12 @@ impl MovingMass {
     ///
     /// # Errors
     /// [`RecordingError::OutOfRange`] for a mass that is negative, or a number that is not finite;
-    /// [`RecordingError::HeavyMass`] for one heavier than an instrument;
     /// [`RecordingError::GravityWithoutMass`] for gravity where the mass is 0.
     pub fn new(mass: f64, gravity: f64) -> Result<Self, RecordingError> {
         finite("gravity_m_s2", gravity, "m/s^2")?;
         if !(mass.is_finite() && mass >= 0.0) {
             let (option, allowed) = ("moving_mass_kg", "finite and not negative");
             return Err(RecordingError::OutOfRange { option, allowed, found: mass, unit: "kg" });
-        }
-        if mass > HEAVIEST_INSTRUMENT {
-            return Err(RecordingError::HeavyMass { found: mass });
         }
         if mass == 0.0 && gravity != 0.0 {
             return Err(RecordingError::GravityWithoutMass { gravity });

@@ -4,8 +4,6 @@
 use std::fmt;
 use std::path::Path;
 
-use super::plausible::HEAVIEST_INSTRUMENT;
-
 /// A position in a recording.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Location {
@@ -484,15 +482,21 @@ pub enum RecordingError {
         /// Its unit.
         unit: &'static str,
     },
-    /// A moving mass heavier than an instrument.
+    /// A moving mass whose inertia the readings cannot contain.
     #[error(
-        "‹moving_mass_kg› must be from 0 to {HEAVIEST_INSTRUMENT}, got {found} kg\n\nhint: {found} g (grams?) are \
-         ‹moving_mass_kg={}›; of an axis as heavy as this leave it out, and it is estimated",
+        "{name}: ‹moving_mass_kg› is {found} kg, whose inertia of {inertia:.3e} N rms exceeds the readings of {readings:.3e} N rms\n\n\
+         hint: {found} g (grams?) are ‹moving_mass_kg={}›; left out, the mass is estimated",
         1e-3 * found
     )]
     HeavyMass {
+        /// The recording.
+        name: String,
         /// The given value, kg.
         found: f64,
+        /// Its inertia, and the readings about their mean, N rms.
+        inertia: f64,
+        /// See `inertia`.
+        readings: f64,
     },
     /// Gravity without a moving mass on which it acts.
     #[error(

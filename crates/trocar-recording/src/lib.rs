@@ -20,7 +20,7 @@ pub use counts::COARSE;
 pub use error::{Location, RecordingError};
 pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
-pub use plausible::{HEAVIEST_INSTRUMENT, HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
+pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 pub use recording::{ReadOptions, Readings, Recording, check_sensor_limit};
 pub use screen::OPPOSED;

@@ -29,9 +29,6 @@ const SPEEDS: RangeInclusive<f64> = 1e-4..=5.0;
 /// of a robot (the benchmark EMPS reaches 152 N).
 const FORCES: RangeInclusive<f64> = 5e-3..=PLAUSIBLE_FORCE;
 
-/// Heaviest mass between sensor and seal that is accepted, kg: instruments have a tenth of it.
-pub const HEAVIEST_INSTRUMENT: f64 = 5.0;
-
 /// An unmodelled mass, kg, above which times or forces are probably in another unit: the heaviest
 /// axis of the benchmarks has 95 kg.
 pub const HEAVIEST_UNMODELLED_MASS: f64 = 500.0;

@@ -221,7 +221,8 @@ impl Recording {
     /// not that of a sensor which feels the mass: it stays as it is.
     ///
     /// # Errors
-    /// [`RecordingError::OutOfRange`] when the mass is negative or not finite.
+    /// [`RecordingError::OutOfRange`] when the mass is negative or not finite;
+    /// [`RecordingError::HeavyMass`] when its inertia is more than three times the readings.
     pub fn without_moving_mass(mut self, mass: f64, gravity: f64) -> Result<Self, RecordingError> {
         if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
             let (option, allowed) = ("moving_mass_kg", "finite and not negative");
@@ -234,10 +235,27 @@ impl Recording {
                 .push(format!("the force is constant: inertia of {mass} kg not subtracted"));
             return Ok(self);
         }
-        self.force = self.force_without_inertia(mass);
+        let left = self.force_without_inertia(mass);
+        let inertia: Vec<f64> =
+            self.force.iter().zip(&left).map(|(force, left)| force - left).collect();
+        let (inertia, readings) = (rms_about_mean(&inertia), rms_about_mean(&self.force));
+        if inertia > INERTIA * readings {
+            let (name, found) = (self.name, mass);
+            return Err(RecordingError::HeavyMass { name, found, inertia, readings });
+        }
+        self.force = left;
         self.force.iter_mut().for_each(|force| *force -= mass * gravity);
         self.quality.notes.push(format!("inertia of {mass} kg subtracted"));
         self.quality.subtracted_mass += mass;
         Ok(self)
     }
+}
+
+/// Inertia of a moving mass, in units of the readings, that these cannot contain.
+const INERTIA: f64 = 3.0;
+
+fn rms_about_mean(values: &[f64]) -> f64 {
+    let n = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt()
 }

@@ -1121,12 +1121,8 @@ fn sizes_that_make_a_unit_doubtful_are_questioned() {
     let insisting = "time_s=time_s,position_um=position_um,force_n=force_n";
     let found = read(&Scratch::new().file(&small), &columns(insisting)).unwrap();
     assert_eq!(kinds(&found), [WarningKind::Stroke]);
-    let heavy = plain.clone().without_moving_mass(40.0, 0.0).unwrap();
-    assert_eq!(kinds(&heavy), [WarningKind::Units]);
-    assert_says(
-        &heavy.quality.warnings[0].to_string(),
-        &["a moving mass of 40 kg", "in grams it would be 0.04 kg"],
-    );
+    let heavy = plain.clone().without_moving_mass(40.0, 0.0).unwrap_err();
+    assert_says(&heavy.to_string(), &["is 40 kg, whose inertia of", "(grams?) are", "=0.04›"]);
     assert_eq!(plain.without_moving_mass(0.5, 0.0).unwrap().quality.warnings, []);
 }
 

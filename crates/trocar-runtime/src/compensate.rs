@@ -312,8 +312,8 @@ impl Compensator {
             .ok_or(CompensateError::SignUnknown)?;
         let given = options.offset_n.map(|offset| if flips { -offset } else { offset });
         let offset = finite("offset_n", given.or(sensor.map(|s| s.offset_n)).unwrap_or(0.0))?;
-        let given = options.moving_mass_kg.map(instrument_mass).transpose()?;
-        let mass = given.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
+        let mass = options.moving_mass_kg.or(sensor.map(|s| s.moving_mass_kg)).unwrap_or(0.0);
+        let mass = not_negative("moving_mass_kg", mass)?;
         let gravity = finite("gravity_m_s2", options.gravity_m_s2)?;
         if gravity != 0.0 && mass == 0.0 {
             return Err(CompensateError::GravityWithoutMass { gravity });
@@ -791,9 +791,8 @@ fn finite(name: &'static str, value: f64) -> Result<f64, CompensateError> {
     check(name, value, value.is_finite(), "a finite number")
 }
 
-/// A heavier mass than any instrument is one in grams.
-fn instrument_mass(kg: f64) -> Result<f64, CompensateError> {
-    check("moving_mass_kg", kg, (0.0..=5.0).contains(&kg), "from 0 to 5 (kg, not grams)")
+fn not_negative(name: &'static str, value: f64) -> Result<f64, CompensateError> {
+    check(name, value, value.is_finite() && value >= 0.0, "0 or more")
 }
 
 fn positive(name: &'static str, value: f64) -> Result<f64, CompensateError> {

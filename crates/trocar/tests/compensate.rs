@@ -820,7 +820,7 @@ fn what_cannot_compensate_is_refused() {
         ),
         (
             CompensateOptions { moving_mass_kg: Some(-1.0), ..CompensateOptions::default() },
-            "moving_mass_kg must be from 0 to 5 (kg, not grams), got -1",
+            "moving_mass_kg must be 0 or more, got -1",
         ),
         (
             CompensateOptions { sensor_limit_n: Some(0.0), ..CompensateOptions::default() },
