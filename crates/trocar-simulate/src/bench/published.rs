@@ -11,11 +11,16 @@ use thiserror::Error;
 
 use super::PlausibleSeals;
 
-/// The document with all numbers.
-pub const PUBLISHED_TOML: &str = include_str!("../../data/published.toml");
-
-static STUDIES: LazyLock<Vec<Study>> =
-    LazyLock::new(|| parse(PUBLISHED_TOML).expect("a test reads this document"));
+static STUDIES: LazyLock<Vec<Study>> = LazyLock::new(|| {
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Document {
+        study: Vec<Study>,
+    }
+    let document: Document = toml::from_str(include_str!("../../data/published.toml"))
+        .expect("the shipped document holds studies");
+    document.study
+});
 
 /// One publication.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -113,14 +118,6 @@ impl Quantity {
             Self::ModelErrorN => ("rms error of its model", "N"),
         }
     }
-
-    /// Lowest and highest value that makes sense.
-    const fn bounds(self) -> (f64, f64) {
-        match self {
-            Self::FrictionChangePercent | Self::PeakForceChangePercent => (-100.0, f64::MAX),
-            _ => (f64::MIN_POSITIVE, f64::MAX),
-        }
-    }
 }
 
 /// Why there are no seals for a key.
@@ -144,37 +141,6 @@ pub enum PublishedError {
         key: String,
         /// Keys of studies that print one.
         known: String,
-    },
-}
-
-/// A number of the document that cannot be right.
-#[non_exhaustive]
-#[derive(Debug, Clone, PartialEq, Error)]
-pub enum DocumentError {
-    /// Not the form of the document.
-    #[error("{0}")]
-    Syntax(String),
-    /// A key twice.
-    #[error("study {key:?} appears twice")]
-    Twice {
-        /// The key.
-        key: String,
-    },
-    /// A range that is not ordered, not finite or impossible.
-    #[error(
-        "study {key:?}: {quantity:?} from {} to {}: expected finite numbers, the lower first, from {lowest:e} upwards",
-        range[0],
-        range[1]
-    )]
-    Range {
-        /// The key of the study.
-        key: String,
-        /// The quantity.
-        quantity: Quantity,
-        /// The range found.
-        range: [f64; 2],
-        /// Lowest possible value.
-        lowest: f64,
     },
 }
 
@@ -234,36 +200,4 @@ impl Study {
         let coulomb_force = (low / (1.0 - tilt), high / (1.0 + tilt));
         Ok(PlausibleSeals { coulomb_force, friction_asymmetry: tilt, ..rest })
     }
-}
-
-/// Reads a document of studies.
-///
-/// # Errors
-/// [`DocumentError`]: not the form, a key twice, an impossible range.
-pub fn parse(text: &str) -> Result<Vec<Study>, DocumentError> {
-    #[derive(Deserialize)]
-    #[serde(deny_unknown_fields)]
-    struct Document {
-        study: Vec<Study>,
-    }
-    let Document { study: studies } =
-        toml::from_str(text).map_err(|error| DocumentError::Syntax(error.to_string()))?;
-    for (i, study) in studies.iter().enumerate() {
-        if studies[..i].iter().any(|other| other.key == study.key) {
-            return Err(DocumentError::Twice { key: study.key.clone() });
-        }
-        study.numbers.iter().try_for_each(|number| checked(study, number))?;
-    }
-    Ok(studies)
-}
-
-fn checked(study: &Study, number: &Printed) -> Result<(), DocumentError> {
-    let Printed { quantity, range, .. } = *number;
-    let (lowest, highest) = quantity.bounds();
-    let [from, to] = range;
-    // NaN is in no range.
-    if lowest <= from && from <= to && to <= highest {
-        return Ok(());
-    }
-    Err(DocumentError::Range { key: study.key.clone(), quantity, range, lowest })
 }
