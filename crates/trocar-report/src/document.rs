@@ -272,6 +272,19 @@ impl Series {
     }
 }
 
+impl Series {
+    /// Whether all its columns are of equal length.
+    pub(crate) fn is_even(&self) -> bool {
+        let (x, y) = (self.x.len(), self.y.len());
+        match &self.kind {
+            Kind::Line | Kind::Points => x == y,
+            Kind::Labelled { labels } | Kind::Cells { labels, .. } => [y, labels.len()] == [x; 2],
+            Kind::Band { low, high } => [low.len(), high.len()] == [x; 2],
+            Kind::ErrorBars { low, high } => [y, low.len(), high.len()] == [x; 3],
+        }
+    }
+}
+
 /// Meaning of a series. Equal roles look the same in every figure of a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {

@@ -88,52 +88,9 @@ pub enum ReportError {
         /// Speeds of the cycles that can be drawn, m/s, ascending.
         recorded: Vec<f64>,
     },
-    /// A figure's id is not a file stem of lower-case letters, digits and hyphens.
-    #[error("figure id {id:?} must consist of a-z, 0-9 and hyphens")]
-    InvalidId {
-        /// The id as given.
-        id: String,
-    },
-    /// Two figures would be written to the same file.
-    #[error("figure id {id:?} occurs twice in one document")]
-    DuplicateId {
-        /// The id as given.
-        id: String,
-    },
-    /// The columns of a series have different lengths.
-    #[error(
-        "figure {figure:?}, series {series:?}: {found} values in {column}, expected {expected} as in x"
-    )]
-    UnequalLengths {
-        /// Id of the figure.
-        figure: String,
-        /// Name of the series.
-        series: String,
-        /// The inconsistent column: "y", "labels", "low" or "high".
-        column: &'static str,
-        /// Its number of values.
-        found: usize,
-        /// Number of values in x.
-        expected: usize,
-    },
-    /// A row of a table has more or fewer cells than the table has columns.
-    #[error("table {table:?}, row {row}: {found} cells, expected {expected}")]
-    RaggedTable {
-        /// Caption of the table.
-        table: String,
-        /// Number of the row, from 1.
-        row: usize,
-        /// Cells in that row.
-        found: usize,
-        /// Columns of the table.
-        expected: usize,
-    },
-    /// A document has two live models or loops, or one with inconsistent numbers.
-    #[error("live model: {reason}")]
-    Live {
-        /// What is wrong.
-        reason: &'static str,
-    },
+    /// A document whose parts do not belong together.
+    #[error("malformed document: {0}")]
+    Malformed(String),
     /// A figure could not be drawn.
     #[error("figure {figure:?} cannot be drawn: {reason}")]
     Drawing {
@@ -252,28 +209,33 @@ fn drawing_error(figure: &str, reason: impl ToString) -> ReportError {
 }
 
 fn check(document: &Document) -> Result<(), ReportError> {
-    let mut ids = HashSet::new();
-    for figure in figures(document) {
-        let id = figure.id.clone();
-        let allowed = b"abcdefghijklmnopqrstuvwxyz0123456789-";
-        if id.is_empty() || !id.bytes().all(|byte| allowed.contains(&byte)) {
-            return Err(ReportError::InvalidId { id });
-        }
-        if !ids.insert(figure.id.as_str()) {
-            return Err(ReportError::DuplicateId { id });
-        }
-        for series in figure.panels.iter().flat_map(|panel| &panel.series) {
-            check_series(figure, series)?;
-        }
-    }
-    document.sections.iter().flat_map(|section| &section.tables).try_for_each(check_table)?;
-    check_live(document)
+    fault(document).map_or(Ok(()), |fault| Err(ReportError::Malformed(fault)))
 }
 
-fn check_live(document: &Document) -> Result<(), ReportError> {
-    match live_fault(document) {
-        Some(reason) => Err(ReportError::Live { reason }),
-        None => Ok(()),
+/// What is wrong with a document, if anything is.
+fn fault(document: &Document) -> Option<String> {
+    let mut ids = HashSet::new();
+    for figure in figures(document) {
+        let id = &figure.id;
+        // Ids are names of files.
+        let allowed = b"abcdefghijklmnopqrstuvwxyz0123456789-";
+        if id.is_empty() || !id.bytes().all(|byte| allowed.contains(&byte)) {
+            return Some(format!("figure id {id:?} must consist of a-z, 0-9 and hyphens"));
+        }
+        if !ids.insert(id) {
+            return Some(format!("figure id {id:?} occurs twice"));
+        }
+        let mut all = figure.panels.iter().flat_map(|panel| &panel.series);
+        if let Some(series) = all.find(|series| !series.is_even()) {
+            let name = &series.name;
+            return Some(format!("figure {id:?}, series {name:?}: columns of different lengths"));
+        }
+    }
+    let mut tables = document.sections.iter().flat_map(|section| &section.tables);
+    let is_ragged = |table: &&Table| table.rows.iter().any(|row| row.len() != table.columns.len());
+    match tables.find(is_ragged) {
+        Some(table) => Some(format!("table {:?}: rows of different lengths", table.caption)),
+        None => live_fault(document).map(|fault| format!("live model: {fault}")),
     }
 }
 
@@ -299,31 +261,4 @@ fn live_fault(document: &Document) -> Option<&'static str> {
     let Excerpt { position, force, .. } = model.excerpt.as_ref()?;
     let is_complete = position.len() == force.len() && position.len() >= 2;
     (!is_complete).then_some("its excerpt has not as many forces as positions, at least two")
-}
-
-fn check_series(figure: &Figure, series: &Series) -> Result<(), ReportError> {
-    let expected = series.x.len();
-    let y = ("y", series.y.len());
-    let columns = match &series.kind {
-        Kind::Line | Kind::Points => vec![y],
-        Kind::Labelled { labels } | Kind::Cells { labels, .. } => {
-            vec![y, ("labels", labels.len())]
-        }
-        Kind::Band { low, high } => vec![("low", low.len()), ("high", high.len())],
-        Kind::ErrorBars { low, high } => vec![y, ("low", low.len()), ("high", high.len())],
-    };
-    let Some((column, found)) = columns.into_iter().find(|(_, found)| *found != expected) else {
-        return Ok(());
-    };
-    let (figure, series) = (figure.id.clone(), series.name.clone());
-    Err(ReportError::UnequalLengths { figure, series, column, found, expected })
-}
-
-fn check_table(table: &Table) -> Result<(), ReportError> {
-    let expected = table.columns.len();
-    let lengths = table.rows.iter().map(Vec::len).zip(1..);
-    let Some((found, row)) = lengths.into_iter().find(|(found, _)| *found != expected) else {
-        return Ok(());
-    };
-    Err(ReportError::RaggedTable { table: table.caption.clone(), row, found, expected })
 }

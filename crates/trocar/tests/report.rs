@@ -523,17 +523,17 @@ fn malformed_documents_are_refused_before_anything_is_written() {
         change(&mut document);
         let error = write_document(&target, &document).expect_err("a refusal");
         assert!(!target.exists());
-        error
+        error.to_string()
     };
     let path = refused(&|document| document.sections[1].figures[0].id = "../../etc/passwd".into());
-    assert!(matches!(path, ReportError::InvalidId { .. }));
+    assert!(path.contains("must consist of a-z"), "{path}");
     let twice = refused(&|document| document.sections[1].figures[0].id = "comparison".into());
-    assert!(matches!(twice, ReportError::DuplicateId { .. }));
+    assert!(twice.contains("\"comparison\" occurs twice"), "{twice}");
     let short =
         refused(&|document| document.sections[1].figures[0].panels[0].series[0].y.truncate(3));
-    assert!(matches!(short, ReportError::UnequalLengths { column: "y", found: 3, .. }));
+    assert!(short.contains("columns of different lengths"), "{short}");
     let ragged = refused(&|document| document.sections[0].tables[0].rows[1].truncate(2));
-    assert!(matches!(ragged, ReportError::RaggedTable { row: 2, found: 2, expected: 5, .. }));
+    assert!(ragged.contains("rows of different lengths"), "{ragged}");
 }
 
 #[test]
@@ -577,10 +577,7 @@ fn a_logarithmic_axis_takes_equal_ratios_for_equal_lengths_and_leaves_out_what_h
         Series::labelled("", Role::Fit, vec![3.0, 4.0], vec![0.3, 0.4], vec!["one".to_owned()]);
     let error =
         write_document(&folder.path().join("other"), &document).expect_err("a text is missing");
-    assert!(
-        matches!(error, ReportError::UnequalLengths { column: "labels", found: 1, .. }),
-        "{error}"
-    );
+    assert!(error.to_string().contains("columns of different lengths"), "{error}");
 }
 
 #[test]

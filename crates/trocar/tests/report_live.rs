@@ -116,7 +116,8 @@ fn numbers_that_do_not_belong_together_are_refused() {
     let refused = |change: &dyn Fn(&mut LiveModel)| {
         let mut wrong = model();
         change(&mut wrong);
-        page(&document([wrong])).unwrap_err().to_string()
+        let error = page(&document([wrong])).unwrap_err().to_string();
+        error.trim_start_matches("malformed document: ").to_owned()
     };
     assert_eq!(refused(&|model| model.row[0] = 7.0), "live model: its row is no model");
     let knobs = "live model: its knobs are not the parameters of its row";
@@ -126,6 +127,6 @@ fn numbers_that_do_not_belong_together_are_refused() {
     assert_eq!(refused(&|model| model.excerpt.as_mut().unwrap().force.push(1.0)), excerpt);
     assert_eq!(
         page(&document([model(), model()])).unwrap_err().to_string(),
-        "live model: a document can carry one"
+        "malformed document: live model: a document can carry one"
     );
 }
