@@ -6,7 +6,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::error::FmuError;
-use crate::instance::Instance;
+use crate::instance::{Instance, Type};
 use crate::snapshot::Snapshot;
 
 /// `fmi2Status` and `fmi3Status`, which have the same values.
@@ -361,74 +361,39 @@ pub(crate) unsafe fn deserialise(
     unsafe { put_state(state, slot) }
 }
 
-/// Reads real variables; `kind` names their type in messages.
+/// Passes on the values of variables.
 ///
 /// # Safety
-/// `references` as for [`values`], `out` as for [`Room::new`]; so for the next three.
-pub(crate) unsafe fn get_reals(
+/// As FMI requires: `references` and `out` are null or `count` long.
+pub(crate) unsafe fn get<T>(
     component: &mut Component,
     references: *const u32,
     count: usize,
-    out: *mut f64,
-    kind: &'static str,
+    (out, to_own): (*mut T, fn(f64) -> T),
+    kind: Type,
 ) -> Result<Status, FmuError> {
     // SAFETY: by the contract of this function.
     let (references, mut room) =
         unsafe { (values(references, count, REFERENCES)?, Room::new(out, count, VALUES)?) };
-    component.instance.get_reals(references, kind, |place, value| room.put(place, value))?;
+    component.instance.get(references, kind, |place, value| room.put(place, to_own(value)))?;
     Ok(Status::Ok)
 }
 
-/// Reads integer and enumeration variables: the mode.
+/// Sets variables, all or none.
 ///
 /// # Safety
-/// As for [`get_reals`].
-pub(crate) unsafe fn get_integers<T>(
+/// As for [`get`].
+pub(crate) unsafe fn set<T: Copy>(
     component: &mut Component,
     references: *const u32,
     count: usize,
-    (out, to_own): (*mut T, fn(i64) -> T),
-    kind: &'static str,
-) -> Result<Status, FmuError> {
-    // SAFETY: by the contract of this function.
-    let (references, mut room) =
-        unsafe { (values(references, count, REFERENCES)?, Room::new(out, count, VALUES)?) };
-    component
-        .instance
-        .get_integers(references, kind, |place, value| room.put(place, to_own(value)))?;
-    Ok(Status::Ok)
-}
-
-/// Sets all given real variables or none.
-///
-/// # Safety
-/// As for [`get_reals`].
-pub(crate) unsafe fn set_reals(
-    component: &mut Component,
-    references: *const u32,
-    count: usize,
-    new: *const f64,
-    kind: &'static str,
+    (new, to_number): (*const T, fn(T) -> f64),
+    kind: Type,
 ) -> Result<Status, FmuError> {
     // SAFETY: by the contract of this function.
     let (references, new) =
         unsafe { (values(references, count, REFERENCES)?, values(new, count, VALUES)?) };
-    component.instance.set_reals(references, new, kind)?;
-    Ok(Status::Ok)
-}
-
-/// Rejects integer and enumeration variables, none of which can be set.
-///
-/// # Safety
-/// As for [`get_reals`].
-pub(crate) unsafe fn set_integers(
-    component: &mut Component,
-    references: *const u32,
-    count: usize,
-    kind: &'static str,
-) -> Result<Status, FmuError> {
-    // SAFETY: by the contract of this function.
-    component.instance.set_integers(unsafe { values(references, count, REFERENCES) }?, kind)?;
+    component.instance.set(references, new.iter().map(|value| to_number(*value)), kind)?;
     Ok(Status::Ok)
 }
 

@@ -7,7 +7,7 @@ use std::ffi::{CStr, CString, c_char, c_int, c_void};
 
 use crate::error::FmuError;
 use crate::ffi::{self, Logger, Logger2, Room, Status, functions, no_variables, unsupported};
-use crate::instance::Instance;
+use crate::instance::{Instance, Type};
 use crate::resource::folder_of_uri;
 
 /// `fmi2CallbackFunctions`.
@@ -26,8 +26,8 @@ pub struct Callbacks {
     pub environment: *mut c_void,
 }
 
-const REAL: &str = "Real";
-const INTEGER: &str = "Integer or Enumeration";
+const REAL: Type = Type { name: "Real", is_mode: false };
+const INTEGER: Type = Type { name: "Integer or Enumeration", is_mode: true };
 /// `fmi2CoSimulation`.
 const CO_SIMULATION: c_int = 1;
 /// `fmi2LastSuccessfulTime`.
@@ -100,22 +100,22 @@ functions! {
 
     /// Reads real variables.
     fmi2GetReal = (vr: *const u32, count: usize, out: *mut f64) |c| {
-        ffi::get_reals(c, vr, count, out, REAL)
+        ffi::get(c, vr, count, (out, |value| value), REAL)
     }
 
     /// Reads integer and enumeration variables: the mode.
     fmi2GetInteger = (vr: *const u32, count: usize, out: *mut c_int) |c| {
-        ffi::get_integers(c, vr, count, (out, |value| value as c_int), INTEGER)
+        ffi::get(c, vr, count, (out, |value| value as c_int), INTEGER)
     }
 
     /// Sets all given real variables or none.
     fmi2SetReal = (vr: *const u32, count: usize, new: *const f64) |c| {
-        ffi::set_reals(c, vr, count, new, REAL)
+        ffi::set(c, vr, count, (new, |value| value), REAL)
     }
 
     /// No integer or enumeration variable can be set.
-    fmi2SetInteger = (vr: *const u32, count: usize, _: *const c_int) |c| {
-        ffi::set_integers(c, vr, count, INTEGER)
+    fmi2SetInteger = (vr: *const u32, count: usize, new: *const c_int) |c| {
+        ffi::set(c, vr, count, (new, f64::from), INTEGER)
     }
 
     /// Advances by one communication step, s.

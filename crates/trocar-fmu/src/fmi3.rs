@@ -12,10 +12,10 @@ use crate::error::FmuError;
 use crate::ffi::{
     self, Logger, Logger3, Room, Status, functions, no_variables, paired, unsupported,
 };
-use crate::instance::Instance;
+use crate::instance::{Instance, Type};
 
-const FLOAT: &str = "Float64";
-const ENUMERATION: &str = "Int64 or Enumeration";
+const FLOAT: Type = Type { name: "Float64", is_mode: false };
+const ENUMERATION: Type = Type { name: "Int64 or Enumeration", is_mode: true };
 
 /// Version of FMI.
 #[unsafe(no_mangle)]
@@ -110,25 +110,25 @@ functions! {
     /// Reads real variables.
     fmi3GetFloat64 = (vr: *const u32, count: usize, out: *mut f64, out_count: usize) |c| {
         paired(count, out_count)?;
-        ffi::get_reals(c, vr, count, out, FLOAT)
+        ffi::get(c, vr, count, (out, |value| value), FLOAT)
     }
 
     /// Reads enumeration variables: the mode.
     fmi3GetInt64 = (vr: *const u32, count: usize, out: *mut i64, out_count: usize) |c| {
         paired(count, out_count)?;
-        ffi::get_integers(c, vr, count, (out, |value| value), ENUMERATION)
+        ffi::get(c, vr, count, (out, |value| value as i64), ENUMERATION)
     }
 
     /// Sets all given real variables or none.
     fmi3SetFloat64 = (vr: *const u32, count: usize, new: *const f64, new_count: usize) |c| {
         paired(count, new_count)?;
-        ffi::set_reals(c, vr, count, new, FLOAT)
+        ffi::set(c, vr, count, (new, |value| value), FLOAT)
     }
 
     /// No enumeration variable can be set.
-    fmi3SetInt64 = (vr: *const u32, count: usize, _: *const i64, new_count: usize) |c| {
+    fmi3SetInt64 = (vr: *const u32, count: usize, new: *const i64, new_count: usize) |c| {
         paired(count, new_count)?;
-        ffi::set_integers(c, vr, count, ENUMERATION)
+        ffi::set(c, vr, count, (new, |value| value as f64), ENUMERATION)
     }
 
     /// Advances by one communication step, s.

@@ -49,6 +49,15 @@ impl std::fmt::Display for Remark {
     }
 }
 
+/// A type of variables in a version of FMI.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Type {
+    /// In messages.
+    pub(crate) name: &'static str,
+    /// Whether the mode is of it; all other variables are numbers.
+    pub(crate) is_mode: bool,
+}
+
 impl Instance {
     /// Reads the instance from the resources folder; `wanted` is the GUID or token in the
     /// description.
@@ -231,17 +240,12 @@ impl Instance {
         Ok(())
     }
 
-    fn find(&self, reference: u32) -> Option<&Variable> {
-        let place = self
-            .table
-            .binary_search_by_key(&reference, |variable| variable.role.reference())
-            .ok()?;
-        self.table.get(place)
-    }
-
-    fn real(&self, reference: u32, kind: &'static str) -> Result<&Variable, FmuError> {
-        let found = self.find(reference).filter(|variable| variable.role != Role::Mode);
-        found.ok_or(FmuError::Unknown { reference, kind })
+    fn variable(&self, reference: u32, kind: Type) -> Result<&Variable, FmuError> {
+        let place =
+            self.table.binary_search_by_key(&reference, |variable| variable.role.reference());
+        let found = place.ok().and_then(|place| self.table.get(place));
+        let found = found.filter(|variable| (variable.role == Role::Mode) == kind.is_mode);
+        found.ok_or(FmuError::Unknown { reference, kind: kind.name })
     }
 
     fn deformation(&self) -> Option<Deformation> {
@@ -256,7 +260,10 @@ impl Instance {
             Role::Deflection => {
                 self.deformation().map_or(0.0, |deformation| deformation.deflection)
             }
-            Role::Mode => 0.0,
+            Role::Mode => match self.deformation().map(|deformation| deformation.mode) {
+                Some(Mode::Sliding) => 2.0,
+                _ => 1.0,
+            },
             Role::Position => self.live.state.position(),
             Role::InitialForce => self.live.initial_force,
             Role::InitialDeflection => self.live.initial_deflection,
@@ -265,68 +272,42 @@ impl Instance {
         }
     }
 
-    /// Values of real variables, passed to `put` one by one; `kind` names the type in messages.
+    /// Values of variables, passed to `put` one by one; the mode is 1 deforming, 2 sliding.
     ///
     /// # Errors
-    /// [`FmuError::Unknown`] before any value is passed on, or [`FmuError::Parameter`] if the
-    /// parameters set before are inconsistent.
-    pub(crate) fn get_reals(
+    /// [`FmuError`] for an unknown variable, or parameters that cannot take effect.
+    pub(crate) fn get(
         &mut self,
         references: &[u32],
-        kind: &'static str,
+        kind: Type,
         mut put: impl FnMut(usize, f64),
     ) -> Result<(), FmuError> {
-        references.iter().try_for_each(|reference| self.real(*reference, kind).map(drop))?;
+        references.iter().try_for_each(|reference| self.variable(*reference, kind).map(drop))?;
         self.settle()?;
         for (place, reference) in references.iter().enumerate() {
-            put(place, self.value(self.real(*reference, kind)?.role));
+            put(place, self.value(self.variable(*reference, kind)?.role));
         }
         Ok(())
     }
 
-    /// The same for integers and enumerations: the mode, 1 deforming, 2 sliding.
-    ///
-    /// # Errors
-    /// As for [`Instance::get_reals`].
-    pub(crate) fn get_integers(
-        &mut self,
-        references: &[u32],
-        kind: &'static str,
-        mut put: impl FnMut(usize, i64),
-    ) -> Result<(), FmuError> {
-        references.iter().try_for_each(|reference| self.integer(*reference, kind).map(drop))?;
-        self.settle()?;
-        let mode = match self.deformation().map(|deformation| deformation.mode) {
-            Some(Mode::Sliding) => 2,
-            _ => 1,
-        };
-        (0..references.len()).for_each(|place| put(place, mode));
-        Ok(())
-    }
-
-    fn integer(&self, reference: u32, kind: &'static str) -> Result<&Variable, FmuError> {
-        let found = self.find(reference).filter(|variable| variable.role == Role::Mode);
-        found.ok_or(FmuError::Unknown { reference, kind })
-    }
-
-    /// Sets all given real variables or none. New parameters take effect together at the next step,
+    /// Sets all given variables or none. New parameters take effect together at the next step,
     /// read access or state access.
     ///
     /// # Errors
     /// [`FmuError`] for an unknown variable, one that cannot be set (at present), or a value out of
     /// its range.
-    pub(crate) fn set_reals(
+    pub(crate) fn set(
         &mut self,
         references: &[u32],
-        values: &[f64],
-        kind: &'static str,
+        values: impl Iterator<Item = f64> + Clone,
+        kind: Type,
     ) -> Result<(), FmuError> {
-        for (reference, value) in references.iter().zip(values) {
-            self.check(self.real(*reference, kind)?, *value)?;
+        for (reference, value) in references.iter().zip(values.clone()) {
+            self.check(self.variable(*reference, kind)?, value)?;
         }
         for (reference, value) in references.iter().zip(values) {
-            let role = self.real(*reference, kind)?.role;
-            self.put(role, *value);
+            let role = self.variable(*reference, kind)?.role;
+            self.put(role, value);
         }
         Ok(())
     }
@@ -368,20 +349,6 @@ impl Instance {
             }
             Role::Time | Role::Force | Role::Deflection | Role::Mode | Role::Position => {}
         }
-    }
-
-    /// Rejects setting integers: no variable of that type can be set.
-    ///
-    /// # Errors
-    /// [`FmuError`] for the first of `references`, if there is one.
-    pub(crate) fn set_integers(
-        &self,
-        references: &[u32],
-        kind: &'static str,
-    ) -> Result<(), FmuError> {
-        let Some(reference) = references.first() else { return Ok(()) };
-        let name = self.integer(*reference, kind)?.name.clone();
-        Err(FmuError::NotSettable { name, phase: None })
     }
 
     /// A snapshot of everything that [`Instance::set_state`] restores.

@@ -1,15 +1,7 @@
 //! `modelDescription.xml`, for both versions of FMI from the same table.
 
 use super::{Form, Version};
-use crate::ffi::{ERRORS, WARNINGS};
 use crate::variables::{Role, Variable};
-
-/// Default step for importers, s: that of a typical control loop.
-const STEP: f64 = 1e-3;
-
-/// Options of the compiler in the description: no fused multiply-add. The pragmas of the code say
-/// the same to every compiler; gcc and clang are also given the option.
-pub(super) const COMPILER_OPTIONS: &str = "-ffp-contract=off";
 
 /// The file that is compiled. It includes all others, so that everything but the functions of FMI
 /// is internal to it.
@@ -37,40 +29,6 @@ pub(super) struct Description<'a> {
     pub(super) form: Form,
     /// Whether the model reports if it deforms or slides.
     pub(super) has_mode: bool,
-}
-
-/// Units: name, and exponents of kg, m and s.
-const UNITS: [(&str, [i32; 3]); 7] = [
-    ("1", [0, 0, 0]),
-    ("s", [0, 0, 1]),
-    ("m", [0, 1, 0]),
-    ("m/s", [0, 1, -1]),
-    ("N", [1, 1, -2]),
-    ("N/m", [1, 0, -2]),
-    ("N s/m", [1, 0, -1]),
-];
-
-/// Lines of XML with indentation.
-#[derive(Default)]
-struct Lines {
-    text: String,
-    depth: usize,
-}
-
-impl Lines {
-    fn put(&mut self, line: &str) {
-        self.text.extend(std::iter::repeat_n("  ", self.depth));
-        self.text.push_str(line);
-        self.text.push('\n');
-    }
-
-    fn within(&mut self, name: &str, attributes: &str, body: impl FnOnce(&mut Self)) {
-        self.put(&format!("<{name}{attributes}>"));
-        self.depth += 1;
-        body(self);
-        self.depth -= 1;
-        self.put(&format!("</{name}>"));
-    }
 }
 
 /// Escapes text for XML and HTML. Characters not allowed in XML become U+FFFD, line breaks become
@@ -107,187 +65,68 @@ fn number(value: f64) -> String {
 
 impl Description<'_> {
     pub(super) fn to_xml(&self, version: Version) -> String {
-        let mut lines = Lines::default();
-        lines.put("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
-        let (number, token) = match version {
-            Version::V2 => ("2.0", "guid"),
-            Version::V3 => ("3.0", "instantiationToken"),
+        let variables: String =
+            self.variables.iter().map(|variable| line(variable, version, self.form)).collect();
+        let types = match version {
+            _ if !self.has_mode => "",
+            Version::V2 => include_str!("description/mode2.xml"),
+            Version::V3 => include_str!("description/mode3.xml"),
         };
-        let head = attributes(&[
-            ("fmiVersion", number),
-            ("modelName", self.name),
-            (token, self.token),
-            (
-                "description",
-                "Force between a surgical instrument and the seal of its trocar. Not a medical device.",
+        let (name, program) = (escaped(self.name), env!("CARGO_PKG_VERSION"));
+        let Self { identifier, token, .. } = self;
+        match version {
+            Version::V2 => format!(
+                include_str!("description/fmi2.xml"),
+                name = name,
+                token = token,
+                version = program,
+                identifier = identifier,
+                sources = self.sources(),
+                types = types,
+                variables = variables,
+                outputs = self.outputs(version, "  <Unknown index", " dependencies=\"\""),
+                unknowns = self.outputs(version, "  <Unknown index", ""),
             ),
-            ("license", "MIT OR Apache-2.0"),
-            ("generationTool", concat!("trocar ", env!("CARGO_PKG_VERSION"))),
-            ("variableNamingConvention", "structured"),
-        ]);
-        lines.within("fmiModelDescription", &head, |lines| {
-            self.interface(lines, version);
-            lines.within("UnitDefinitions", "", units);
-            if self.has_mode {
-                lines.within("TypeDefinitions", "", |lines| mode_type(lines, version));
-            }
-            lines.within("LogCategories", "", categories);
-            let experiment = [("startTime", 0.0), ("stopTime", 1.0), ("stepSize", STEP)];
-            let experiment: String = experiment
-                .iter()
-                .map(|(name, value)| attribute(name, &format!("{value}")))
-                .collect();
-            lines.put(&format!("<DefaultExperiment{experiment}/>"));
-            lines.within("ModelVariables", "", |lines| {
-                self.variables.iter().for_each(|v| variable(lines, v, version, self.form))
-            });
-            lines.within("ModelStructure", "", |lines| self.structure(lines, version));
-        });
-        lines.text
-    }
-
-    /// FMI 2.0 lists the sources here, FMI 3.0 in a file of its own.
-    fn interface(&self, lines: &mut Lines, version: Version) {
-        let abilities = self.abilities(version);
-        if self.form == Form::Library || version == Version::V3 {
-            return lines.put(&format!("<CoSimulation{abilities}/>"));
+            Version::V3 => format!(
+                include_str!("description/fmi3.xml"),
+                name = name,
+                token = token,
+                version = program,
+                identifier = identifier,
+                types = types,
+                variables = variables,
+                outputs = self.outputs(version, "<Output valueReference", " dependencies=\"\""),
+                unknowns = self.outputs(version, "<InitialUnknown valueReference", ""),
+            ),
         }
-        lines.within("CoSimulation", &abilities, |lines| {
-            lines.within("SourceFiles", "", |lines| {
-                lines.put(&format!("<File{}/>", attribute("name", compiled(version))));
-            });
-        });
     }
 
-    fn abilities(&self, version: Version) -> String {
-        let common = [
-            ("modelIdentifier", self.identifier),
-            ("canHandleVariableCommunicationStepSize", "true"),
-        ];
-        let own: &[(&str, &str)] = match version {
-            Version::V2 => &[
-                ("canInterpolateInputs", "false"),
-                ("maxOutputDerivativeOrder", "0"),
-                ("canRunAsynchronuously", "false"),
-                ("canNotUseMemoryManagementFunctions", "true"),
-                ("canGetAndSetFMUstate", "true"),
-                ("canSerializeFMUstate", "true"),
-                ("providesDirectionalDerivative", "false"),
-            ],
-            Version::V3 => &[
-                ("canGetAndSetFMUState", "true"),
-                ("canSerializeFMUState", "true"),
-                ("providesDirectionalDerivatives", "false"),
-                ("providesAdjointDerivatives", "false"),
-                ("maxOutputDerivativeOrder", "0"),
-                ("providesIntermediateUpdate", "false"),
-                ("mightReturnEarlyFromDoStep", "false"),
-                ("canReturnEarlyAfterIntermediateUpdate", "false"),
-                ("hasEventMode", "false"),
-            ],
-        };
-        attributes(&common) + &attributes(own)
+    /// The end of the element on co-simulation: of FMI 2.0 it lists the sources.
+    fn sources(&self) -> &'static str {
+        match self.form {
+            Form::Library => "/>",
+            Form::Source => include_str!("description/sources2.xml").trim_end(),
+        }
     }
 
-    /// Outputs depend on the state only: between steps no input affects them. Initially they depend
-    /// on all values that were set.
-    fn structure(&self, lines: &mut Lines, version: Version) {
+    /// A line for each output.
+    fn outputs(&self, version: Version, begin: &str, end: &str) -> String {
+        let all = self.variables.iter().zip(1..);
+        let outputs = all.filter(|(variable, _)| causality(variable.role, self.form) == "output");
         // FMI 2.0 counts variables from 1 in the order of the description, FMI 3.0 names value
         // references.
-        let outputs: Vec<String> = self
-            .variables
-            .iter()
-            .zip(1..)
-            .filter(|(variable, _)| causality(variable.role, self.form) == "output")
-            .map(|(variable, place)| match version {
-                Version::V2 => attribute("index", &place.to_string()),
-                Version::V3 => attribute("valueReference", &variable.role.reference().to_string()),
-            })
-            .collect();
-        match version {
-            Version::V2 => {
-                for (name, rest) in [("Outputs", " dependencies=\"\""), ("InitialUnknowns", "")] {
-                    lines.within(name, "", |lines| {
-                        outputs
-                            .iter()
-                            .for_each(|output| lines.put(&format!("<Unknown{output}{rest}/>")));
-                    });
-                }
-            }
-            Version::V3 => {
-                outputs
-                    .iter()
-                    .for_each(|output| lines.put(&format!("<Output{output} dependencies=\"\"/>")));
-                outputs.iter().for_each(|output| lines.put(&format!("<InitialUnknown{output}/>")));
-            }
-        }
+        let numbers = outputs.map(|(variable, place)| match version {
+            Version::V2 => place,
+            Version::V3 => variable.role.reference(),
+        });
+        numbers.map(|number| format!("    {begin}=\"{number}\"{end}/>\n")).collect()
     }
 }
 
-/// `sources/buildDescription.xml` of FMI 3.0.
+/// `buildDescription.xml` of FMI 3.0: how the sources are compiled. Without fused multiply-add: the pragmas of the
+/// code say the same to every compiler; gcc and clang are also given the option.
 pub(super) fn build_description(identifier: &str) -> String {
-    let mut lines = Lines::default();
-    lines.put("<?xml version=\"1.0\" encoding=\"UTF-8\"?>");
-    lines.within("fmiBuildDescription", &attribute("fmiVersion", "3.0"), |lines| {
-        let configuration = attribute("modelIdentifier", identifier);
-        lines.within("BuildConfiguration", &configuration, |lines| {
-            let set = attributes(&[("language", "C99"), ("compilerOptions", COMPILER_OPTIONS)]);
-            lines.within("SourceFileSet", &set, |lines| {
-                let file = attribute("name", compiled(Version::V3));
-                let definition = attributes(&[
-                    ("name", without_prefix(Version::V3)),
-                    ("value", ""),
-                    ("optional", "true"),
-                    ("description", "for a shared library; not where FMUs are linked statically"),
-                ]);
-                lines.put(&format!("<SourceFile{file}/>"));
-                lines.put(&format!("<PreprocessorDefinition{definition}/>"));
-            });
-        });
-    });
-    lines.text
-}
-
-fn units(lines: &mut Lines) {
-    for (name, exponents) in UNITS {
-        let parts =
-            ["kg", "m", "s"].into_iter().zip(exponents).filter(|(_, exponent)| *exponent != 0);
-        let base: String =
-            parts.map(|(base, exponent)| attribute(base, &exponent.to_string())).collect();
-        lines.within("Unit", &attribute("name", name), |lines| {
-            lines.put(&format!("<BaseUnit{base}/>"))
-        });
-    }
-}
-
-fn mode_type(lines: &mut Lines, version: Version) {
-    let name = attribute("name", "Mode");
-    match version {
-        Version::V2 => {
-            lines.within("SimpleType", &name, |lines| lines.within("Enumeration", "", modes))
-        }
-        Version::V3 => lines.within("EnumerationType", &name, modes),
-    }
-}
-
-fn modes(lines: &mut Lines) {
-    for (name, value, is) in [
-        ("Deforming", "1", "the seal deforms with the instrument"),
-        ("Sliding", "2", "the instrument slides through the seal"),
-    ] {
-        let item = attributes(&[("name", name), ("value", value), ("description", is)]);
-        lines.put(&format!("<Item{item}/>"));
-    }
-}
-
-fn categories(lines: &mut Lines) {
-    for (name, is) in [
-        (ERRORS, "Calls that were refused"),
-        (WARNINGS, "Calls that were done differently than asked"),
-    ] {
-        let name = name.to_string_lossy();
-        lines.put(&format!("<Category{}/>", attributes(&[("name", &name), ("description", is)])));
-    }
+    format!(include_str!("description/build.xml"), identifier = identifier)
 }
 
 pub(super) fn causality(role: Role, form: Form) -> &'static str {
@@ -314,7 +153,8 @@ pub(super) fn variability(role: Role, form: Form) -> &'static str {
     }
 }
 
-fn variable(lines: &mut Lines, variable: &Variable, version: Version, form: Form) {
+/// The line of a variable.
+fn line(variable: &Variable, version: Version, form: Form) -> String {
     let Variable { role, name, unit, description, start, least } = variable;
     let mut common = attributes(&[
         ("name", name),
@@ -328,26 +168,24 @@ fn variable(lines: &mut Lines, variable: &Variable, version: Version, form: Form
         "parameter" | "local" => common += &attribute("initial", "exact"),
         _ => {}
     }
-    let mut typed = if *role == Role::Mode {
-        attribute("declaredType", "Mode")
-    } else {
-        attribute("unit", unit)
+    let (mut kind, mut typed) = match version {
+        Version::V2 => ("Real", attribute("unit", unit)),
+        Version::V3 => ("Float64", attribute("unit", unit)),
     };
+    if *role == Role::Mode {
+        (kind, typed) = ("Enumeration", attribute("declaredType", "Mode"));
+    }
     if let Some((least, _)) = least {
         typed += &attribute("min", &number(*least));
     }
     if let Some(start) = start {
         typed += &attribute("start", &number(*start));
     }
-    match (version, *role == Role::Mode) {
-        (Version::V2, false) => {
-            lines.within("ScalarVariable", &common, |l| l.put(&format!("<Real{typed}/>")))
+    match version {
+        Version::V2 => {
+            format!("    <ScalarVariable{common}>\n      <{kind}{typed}/>\n    </ScalarVariable>\n")
         }
-        (Version::V2, true) => {
-            lines.within("ScalarVariable", &common, |l| l.put(&format!("<Enumeration{typed}/>")))
-        }
-        (Version::V3, false) => lines.put(&format!("<Float64{common}{typed}/>")),
-        (Version::V3, true) => lines.put(&format!("<Enumeration{common}{typed}/>")),
+        Version::V3 => format!("    <{kind}{common}{typed}/>\n"),
     }
 }
 
@@ -380,7 +218,10 @@ mod tests {
         let element = Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap();
         for input in Input::ALL {
             for variable in variables(&Trocar::of_seal(element), input) {
-                let is_defined = UNITS.iter().any(|(name, _)| *name == variable.unit);
+                let unit = format!("<Unit name=\"{}\">", variable.unit);
+                let of =
+                    [include_str!("description/fmi2.xml"), include_str!("description/fmi3.xml")];
+                let is_defined = of.iter().all(|text| text.contains(&unit));
                 assert!(is_defined || variable.role == Role::Mode, "{variable:?}");
             }
         }
