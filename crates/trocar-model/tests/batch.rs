@@ -230,28 +230,6 @@ fn squares_are_those_of_the_forces() {
 }
 
 #[test]
-fn a_batch_in_two_parts_is_the_same_batch() {
-    let elements: Vec<Element> = (0..70).map(|k| plausible(0.1 * f64::from(k), 1.0)).collect();
-    let states: Vec<_> = elements.iter().map(|e| e.rest_state(1e-3)).collect();
-    let (mut own, mut places) = (states.clone(), vec![Lanes::EMPTY; blocks(70)]);
-    let (mut front, mut back) =
-        Batch::new(&elements, &mut own, &mut places).unwrap().split_at_block(2);
-    assert_eq!((front.len(), back.len()), (2 * LANES, 70 - 2 * LANES));
-    for part in [&mut front, &mut back] {
-        (0..900).for_each(|k| part.step(1e-4 * f64::from(k % 40 - 19), 1e-3));
-    }
-    front.finish();
-    back.finish();
-    for ((element, start), end) in elements.iter().zip(states).zip(own) {
-        let mut state = start;
-        (0..900).for_each(|k| {
-            element.step(&mut state, 1e-4 * f64::from(k % 40 - 19), 1e-3);
-        });
-        assert_eq!(state, end);
-    }
-}
-
-#[test]
 fn numbers_that_do_not_match_are_refused() {
     let elements = [plausible(0.0, 1.0); 20];
     let mut states = elements.map(|e| e.rest_state(0.0));

@@ -220,17 +220,6 @@ impl<'a, M: Many> Batch<'a, M> {
         self.each().for_each(|mut block| block.unload());
     }
 
-    /// Two batches of the blocks before `block` and from it on, for two threads.
-    pub fn split_at_block(self, block: usize) -> (Self, Self) {
-        let block = block.min(self.blocks.len());
-        let model = (block * LANES).min(self.models.len());
-        let (models, more_models) = self.models.split_at(model);
-        let (states, more_states) = self.states.split_at_mut(model);
-        let (blocks, more_blocks) = self.blocks.split_at_mut(block);
-        let rest = Self { models: more_models, states: more_states, blocks: more_blocks };
-        (Self { models, states, blocks }, rest)
-    }
-
     #[inline(always)]
     fn each(&mut self) -> impl Iterator<Item = Block<'_, M>> {
         let parts = self
