@@ -415,41 +415,6 @@ pub enum RecordingError {
         /// Name of the column.
         column: String,
     },
-    /// The files of one recording contain a column of the same name but different type.
-    #[error(
-        "{file}: column '{column}' holds {of_first} in {first} and {of_second} in {second}\n\nhint: write the files again with one schema"
-    )]
-    PartsDiffer {
-        /// The recording.
-        file: String,
-        /// Name of the column.
-        column: Box<str>,
-        /// A file of the recording.
-        first: Box<str>,
-        /// Type of the column there.
-        of_first: &'static str,
-        /// Another file.
-        second: Box<str>,
-        /// Type of the column there.
-        of_second: &'static str,
-    },
-    /// The files of one recording overlap in time.
-    #[error(
-        "{file}: its rows in {second} begin at {from} s, before those in {first} end at {until} s\n\nhint: two recordings under one name \
-         need names of their own; rows in no order have to be sorted by recording and time before they are written"
-    )]
-    PartsOverlap {
-        /// The recording.
-        file: String,
-        /// The file that begins first.
-        first: String,
-        /// Its last time, s.
-        until: f64,
-        /// The file that begins before that time.
-        second: String,
-        /// Its first time, s.
-        from: f64,
-    },
     /// A requested table or column is not in the file.
     #[error("{file}: no {what} called '{name}', found {found}")]
     NoSuchColumn {
