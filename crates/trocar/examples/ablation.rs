@@ -69,6 +69,7 @@ fn as_scored(
 fn has(model: &Candidate) -> String {
     let present = |term: &Term| match term {
         Term::Stribeck => model.insertion.static_force > model.insertion.coulomb_force,
+        Term::StribeckExponent => model.insertion.stribeck_exponent != 2.0,
         Term::SealDamping => model.seal_damping > 0.0,
         Term::MinorLoops => model.yield_ratio > Candidate::DEFAULT_YIELD_RATIO,
         Term::Creep => model.creep_velocity > 0.0,
