@@ -25,8 +25,9 @@ use super::two_steps;
 use trocar_recording::HEAVIEST_UNMODELLED_MASS;
 
 /// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
-/// the parameters). The intervals cover it.
+/// the parameters), and the largest that is known to first order. The intervals cover it.
 const UNFINISHED: f64 = 1.0;
+const FAR: f64 = 3.0;
 
 fn summary(fit: ElementFit) -> FitSummary {
     FitSummary {
@@ -426,7 +427,7 @@ fn left_unexplained(input: &Input, fit: &ElementFit) -> Vec<Warning> {
 fn of_fit(fit: &ElementFit) -> Vec<Warning> {
     let mut all = Vec::new();
     let remaining = element::remaining(&fit.fitted);
-    if remaining > UNFINISHED {
+    if remaining > FAR {
         let message = format!(
             "the fit did not converge in {} iterations: its numbers are some {remaining:.1} standard errors from the least squares; look \
              for what the model does not have in the residuals of the report",
