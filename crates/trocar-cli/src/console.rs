@@ -16,6 +16,7 @@ use trocar::option::{Interface, spelt};
 use trocar::output::OutputError;
 use trocar::recording::RecordingError;
 use trocar::simulate::SimulateError;
+use trocar::workflow::WorkflowError;
 
 /// Marks the remedy in the messages of the library.
 const HINT: &str = "\n\nhint: ";
@@ -176,6 +177,10 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
                 SimulateError::Motion(error) => reading(error),
                 SimulateError::NoDeflection { .. } | SimulateError::NoResolution { .. } => true,
                 _ => false,
+            })
+            || cause.downcast_ref::<WorkflowError>().is_some_and(|error| match error {
+                WorkflowError::Recording(error) => reading(error),
+                WorkflowError::Identify(error) => matches!(error, IdentifyError::Degree(_)),
             })
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
             || matches!(cause.downcast_ref(), Some(CompareError::Twice { .. }))

@@ -740,7 +740,7 @@ fn completions_offer_names_folders_and_files() {
     place.put("strokes.csv", "");
     std::fs::create_dir(place.path("studies")).unwrap();
     let last = |words: &[&str]| offered(&place, words);
-    assert_eq!(last(&["trocar", "identify", "--without", "st"]), ["stribeck"]);
+    assert_eq!(last(&["trocar", "identify", "--without", "st"]), ["stribeck", "stribeck_exponent"]);
     assert_eq!(last(&["trocar", "compare", "--models", "lu"]), ["lugre", "lugre-rational"]);
     assert_eq!(last(&["trocar", "fleet", "x", "--depth", "f"]), ["full"]);
     assert_eq!(last(&["trocar", "identify", "--validate", "st"]), ["strokes.csv", "studies"]);

@@ -220,6 +220,16 @@ impl Candidate {
     }
 }
 
+impl Candidate {
+    /// The same with δ = `exponent`.
+    pub(super) fn with_exponent(mut self, exponent: f64) -> Self {
+        for sliding in [&mut self.insertion, &mut self.withdrawal] {
+            sliding.stribeck_exponent = exponent;
+        }
+        self
+    }
+}
+
 /// Number of cells of a branch between its ordinates.
 const CELLS: usize = 50;
 

@@ -181,11 +181,7 @@ impl Term {
             }
             Self::StribeckExponent => {
                 layout.exponent = true;
-                let mut candidate = candidate;
-                for sliding in [&mut candidate.insertion, &mut candidate.withdrawal] {
-                    sliding.stribeck_exponent = 1.5;
-                }
-                add(candidate, layout);
+                add(candidate.with_exponent(1.5), layout);
             }
             Self::SealDamping => {
                 layout.damping = true;
@@ -253,7 +249,7 @@ impl Term {
             Self::Stribeck => layout.stribeck = false,
             Self::StribeckExponent => {
                 layout.exponent = false;
-                candidate.insertion.stribeck_exponent = GAUSSIAN;
+                *candidate = candidate.clone().with_exponent(GAUSSIAN);
             }
             Self::SealDamping => (layout.damping, candidate.seal_damping) = (false, 0.0),
             Self::MinorLoops => {

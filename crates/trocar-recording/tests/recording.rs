@@ -1401,6 +1401,15 @@ fn the_steps_of_an_encoder_do_not_become_inertia() {
     assert_eq!(recording.coarse_step(), recording.quality.position_resolution);
     let left = recording.without_moving_mass(0.04, 0.0).unwrap().force;
     let worst = left.iter().fold(0.0_f64, |worst, f| worst.max(f.abs()));
+    eprintln!(
+        "{:?}",
+        left.iter()
+            .enumerate()
+            .filter(|(_, f)| f.abs() > 0.05)
+            .map(|(k, f)| (k, *f))
+            .take(40)
+            .collect::<Vec<_>>()
+    );
     assert!(worst < 0.05, "{worst} N beside noise of 0.02 N");
 }
 
