@@ -181,6 +181,7 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             || cause.downcast_ref::<WorkflowError>().is_some_and(|error| match error {
                 WorkflowError::Recording(error) => reading(error),
                 WorkflowError::Identify(error) => matches!(error, IdentifyError::Degree(_)),
+                _ => false,
             })
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
             || matches!(cause.downcast_ref(), Some(CompareError::Twice { .. }))
