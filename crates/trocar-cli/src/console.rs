@@ -184,7 +184,11 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
                 _ => false,
             })
             || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
-            || matches!(cause.downcast_ref(), Some(CompareError::Twice { .. }))
+            || cause.downcast_ref::<CompareError>().is_some_and(|error| match error {
+                CompareError::Recording(error) => reading(error),
+                CompareError::Twice { .. } => true,
+                _ => false,
+            })
             || matches!(cause.downcast_ref(), Some(CompensateError::OutOfRange { .. }))
             || matches!(cause.downcast_ref(), Some(OutputError::IsInput { .. }))
     })

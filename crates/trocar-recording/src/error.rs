@@ -449,7 +449,7 @@ pub enum RecordingError {
     },
     /// A moving mass whose inertia the readings cannot contain.
     #[error(
-        "{name}: ‹moving_mass_kg› is {found} kg, whose inertia of {inertia:.3e} N rms exceeds the readings of {readings:.3e} N rms\n\n\
+        "{name}: ‹moving_mass_kg› is {found} kg, whose inertia would range over {inertia:.1} N, and the readings range over {readings:.1} N\n\n\
          hint: {found} g (grams?) are ‹moving_mass_kg={}›; left out, the mass is estimated",
         1e-3 * found
     )]
@@ -458,9 +458,9 @@ pub enum RecordingError {
         name: String,
         /// The given value, kg.
         found: f64,
-        /// Its inertia, and the readings about their mean, N rms.
+        /// Range of its inertia, N.
         inertia: f64,
-        /// See `inertia`.
+        /// Range of the readings, N.
         readings: f64,
     },
     /// Gravity without a moving mass on which it acts.

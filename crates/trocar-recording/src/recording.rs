@@ -222,7 +222,7 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError::OutOfRange`] when the mass is negative or not finite;
-    /// [`RecordingError::HeavyMass`] when its inertia is more than three times the readings.
+    /// [`RecordingError::HeavyMass`] when its inertia has more than three times the range of the readings.
     pub fn without_moving_mass(mut self, mass: f64, gravity: f64) -> Result<Self, RecordingError> {
         if !(mass.is_finite() && mass >= 0.0 && gravity.is_finite()) {
             let (option, allowed) = ("moving_mass_kg", "finite and not negative");
@@ -236,9 +236,13 @@ impl Recording {
             return Ok(self);
         }
         let left = self.force_without_inertia(mass);
-        let inertia: Vec<f64> =
+        let mut inertia: Vec<f64> =
             self.force.iter().zip(&left).map(|(force, left)| force - left).collect();
-        let (inertia, readings) = (rms_about_mean(&inertia), rms_about_mean(&self.force));
+        inertia.sort_unstable_by(f64::total_cmp);
+        // Without the outermost: where a recording ends the acceleration is uncertain.
+        let outer = inertia.len() / 100;
+        let inertia = inertia[inertia.len() - 1 - outer] - inertia[outer];
+        let readings = high - low;
         if inertia > INERTIA * readings {
             let (name, found) = (self.name, mass);
             return Err(RecordingError::HeavyMass { name, found, inertia, readings });
@@ -251,11 +255,6 @@ impl Recording {
     }
 }
 
-/// Inertia of a moving mass, in units of the readings, that these cannot contain.
+/// Range of a moving mass's inertia, in units of that of the readings, that these cannot contain:
+/// what is not inertia, friction, has a range of its own below theirs, and positions are noisy.
 const INERTIA: f64 = 3.0;
-
-fn rms_about_mean(values: &[f64]) -> f64 {
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt()
-}
