@@ -170,6 +170,7 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
                 | RecordingError::GravityWithoutMass { .. }
         )
     };
+    let identifying = |error: &IdentifyError| matches!(error, IdentifyError::Degree(_));
     error.chain().any(|cause| {
         cause.is::<BadArgument>()
             || cause.downcast_ref::<RecordingError>().is_some_and(reading)
@@ -180,10 +181,10 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             })
             || cause.downcast_ref::<WorkflowError>().is_some_and(|error| match error {
                 WorkflowError::Recording(error) => reading(error),
-                WorkflowError::Identify(error) => matches!(error, IdentifyError::Degree(_)),
+                WorkflowError::Identify(error) => identifying(error),
                 _ => false,
             })
-            || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
+            || cause.downcast_ref::<IdentifyError>().is_some_and(identifying)
             || cause.downcast_ref::<CompareError>().is_some_and(|error| match error {
                 CompareError::Recording(error) => reading(error),
                 CompareError::Twice { .. } => true,

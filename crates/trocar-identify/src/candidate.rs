@@ -218,9 +218,7 @@ impl Candidate {
         let both = [first, Element::new(second.params(&params)?)?];
         Ok(Stages::new(&both).expect("two elements"))
     }
-}
 
-impl Candidate {
     /// The same with δ = `exponent`.
     pub(super) fn with_exponent(mut self, exponent: f64) -> Self {
         for sliding in [&mut self.insertion, &mut self.withdrawal] {

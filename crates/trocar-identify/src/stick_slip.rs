@@ -25,7 +25,7 @@ const LONGEST_PERIOD: usize = 600;
 const LEAST_CORRELATION: f64 = 0.2;
 const OVER_ERROR: f64 = 5.0;
 const VALLEY: f64 = -0.05;
-/// Least peak-to-peak amplitude that is reported: the sum of these multiples of the force and of the
+/// Least peak-to-peak amplitude of a large one: the sum of these multiples of the force and of the
 /// sensor noise.
 const LEAST_SWING: f64 = 0.06;
 const OVER_NOISE: f64 = 6.0;
@@ -77,7 +77,6 @@ struct Oscillation<'a> {
     inserts: bool,
     positions: &'a [f64],
     readings: &'a [f64],
-    is_large: bool,
 }
 
 impl Swings {
@@ -90,8 +89,7 @@ impl Swings {
         offset: f64,
         falls: bool,
     ) -> Option<Self> {
-        let counts = |o: &Oscillation| falls || o.is_large;
-        let of = |(r, s)| oscillations(r, s, offset).into_iter().filter(counts).collect();
+        let of = |(r, s)| oscillations(r, s, offset, falls);
         let each: Vec<Vec<Oscillation>> = recordings.iter().zip(segments).map(of).collect();
         let period = period_over_position(&each);
         let all: Vec<Oscillation> = each.into_iter().flatten().collect();
@@ -116,14 +114,7 @@ impl Swings {
     /// The warning about them.
     pub(super) fn warning(&self) -> Warning {
         let (subject, text) = match self {
-            Self::StickSlip(found) => (
-                "stick-slip",
-                format!(
-                    "{}: the seal sticks and slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot \
-                     predict when each slip begins, so its sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
-                    found.in_words()
-                ),
-            ),
+            Self::StickSlip(found) => ("stick-slip", found.in_words()),
             Self::Position { period } => (
                 "ripple",
                 format!(
@@ -151,13 +142,15 @@ impl Swings {
 }
 
 impl StickSlip {
-    /// What was seen.
+    /// Message for the warning.
     fn in_words(&self) -> String {
         let [slow, fast] = self.speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
         let speeds = if slow == fast { slow } else { format!("{slow} to {fast}") };
         let [low, high] = self.force_n;
         format!(
-            "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second",
+            "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
+             slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot predict when each slip begins, so its \
+             sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
             self.frequency_hz[0], self.frequency_hz[1]
         )
     }
@@ -207,22 +200,27 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
 }
 
 /// Oscillations of the force about its mean on each velocity plateau after its first third. A
-/// plateau is used as a whole because the slips of a seal disturb the drive, too.
+/// plateau is used as a whole because the slips of a seal disturb the drive, too. `small` ones count,
+/// or only large ones.
 fn oscillations<'a>(
     recording: &'a Recording,
     segments: &Segments,
     offset: f64,
+    small: bool,
 ) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[SteadySegment]| {
         let (start, end) = (plateau.first()?.start, plateau.last()?.end);
         let (from, last) = (start + (end - start) / 3, end - 1);
         let force = &recording.force[from..end];
-        let period = period_of(force)?;
         let mut sorted = force.to_vec();
         sorted.sort_by(f64::total_cmp);
         let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
         let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
         let noise = OVER_NOISE * recording.quality.force_noise;
+        if !small && high - low < LEAST_SWING * (middle - offset).abs() + noise {
+            return None;
+        }
+        let period = period_of(force)?;
         let passed = |of: &[f64]| of[last] - of[from];
         let time = passed(&recording.time);
         let [one, other] = [low, high].map(|level| (level - offset).abs());
@@ -233,7 +231,6 @@ fn oscillations<'a>(
             inserts: recording.position[last] > recording.position[from],
             positions: &recording.position[from..end],
             readings: force,
-            is_large: high - low >= LEAST_SWING * (middle - offset).abs() + noise,
         })
     };
     segments.steady_segments.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()

@@ -28,14 +28,14 @@ const STEADY: f64 = 1e-3;
 const STEADY_PART: f64 = 0.05;
 /// Longest travel, as a fraction of the half width, over which samples are averaged.
 const FINEST: f64 = 0.01;
+/// The same while the seal slides: this fraction of the half width, or of the longest stroke.
+const SLIDING: f64 = 0.15;
+const SLIDING_STROKE: f64 = 0.02;
 /// Longest travel, as a fraction of the half width, of a step of the simulation while the seal
 /// deforms, and most steps to a sample: where samples are further apart, longer steps blur the
 /// breakaway, and c comes out some tenths of a percent too small.
 const COARSEST: f64 = 0.02;
 const MOST_PARTS: f64 = 20.0;
-/// The same while the seal slides: this fraction of the half width, or of the longest stroke.
-const SLIDING: f64 = 0.15;
-const SLIDING_STROKE: f64 = 0.02;
 /// Path after a reversal beyond which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
 /// Noise of the inertia that is taken out, relative to the error of a reading: noise averages over
@@ -76,9 +76,7 @@ impl Step {
     pub(crate) fn at_centre(&self, before: f64, after: f64) -> f64 {
         before + self.centre * (after - before)
     }
-}
 
-impl Step {
     /// The step of a single sample in parts of at most `travel`, m, of which the last one counts.
     fn divided(self, travel: f64) -> impl Iterator<Item = Self> {
         let count = (self.displacement.abs() / travel).ceil().clamp(1.0, MOST_PARTS);
@@ -317,13 +315,6 @@ struct Limits {
     strokes_of_cluster: usize,
 }
 
-impl Limits {
-    /// Longest travel of a step while the seal deforms, m.
-    fn coarsest(&self) -> f64 {
-        COARSEST * self.half_width
-    }
-}
-
 /// Current strokes and clusters of a run.
 struct Progress {
     /// Index of the current stroke of the recording.
@@ -402,7 +393,11 @@ fn run(
             blend: 1.0,
         };
         let is_one = next == at + 1 && progress.since_reversal <= SLIDES * limits.half_width;
-        steps.extend(step.divided(if is_one { limits.coarsest() } else { f64::INFINITY }));
+        steps.extend(step.divided(if is_one {
+            COARSEST * limits.half_width
+        } else {
+            f64::INFINITY
+        }));
         at = next;
     }
     Run { steps, first_force: recording.force[range.start] }

@@ -103,10 +103,10 @@ impl Correction {
         let own = |part: fn(SensorInfo) -> f64| model.sensor.map_or(0.0, part);
         let offset_n = offset_n.unwrap_or(own(|sensor| sensor.offset_n));
         finite("offset_n", offset_n, "N")?;
-        let given = moving_mass_kg.map(|mass| MovingMass::new(mass, 0.0)).transpose()?;
+        let mass = moving_mass_kg.unwrap_or(own(|sensor| sensor.moving_mass_kg));
         Ok(Self {
             offset_n,
-            moving_mass_kg: given.map_or(own(|sensor| sensor.moving_mass_kg), |given| given.mass),
+            moving_mass_kg: MovingMass::new(mass, 0.0)?.mass,
             position_delay_s: own(|sensor| sensor.position_delay_s),
         })
     }

@@ -225,7 +225,8 @@ pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> V
         all.push(Warning::doubt("fit", message));
     }
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
-    all.extend(undetermined.map(Warning::undetermined));
+    // Of a model with few numbers each matters.
+    all.extend(undetermined.map(|p| Warning { doubtful: true, ..Warning::undetermined(p) }));
     all
 }
 
