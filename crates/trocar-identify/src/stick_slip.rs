@@ -8,7 +8,8 @@
 //! A plateau swings where the autocorrelation of its force falls below zero and returns.
 //!
 //! A force may also oscillate because of the rig. Cogging of the drive or a rough shaft recurs at
-//! the same positions at any speed, interference at the same frequency. Neither is stick-slip.
+//! the same positions at any speed, interference at the same frequency, a resonance of the rig at
+//! some speeds but not at slower ones. None of them is stick-slip.
 
 use serde::Serialize;
 
@@ -39,6 +40,9 @@ const SAME_PLACES: f64 = 0.5;
 /// Cells per period over which they are compared, and the fewest cells.
 const CELLS: f64 = 6.0;
 const FEWEST_CELLS: usize = 24;
+/// Part of the plateaus up to the fastest that oscillates which must oscillate: a seal that sticks and
+/// slips at one speed does so at all slower ones.
+const SLOWER_SWING: f64 = 0.5;
 /// Ratio of the largest to the least frequency that counts as one frequency, and the ratio of
 /// speeds required for that.
 const ONE_FREQUENCY: f64 = 1.15;
@@ -67,6 +71,8 @@ pub(super) enum Swings {
     Position { period: f64 },
     /// A cause with its own frequency, Hz.
     Interference { frequency: f64 },
+    /// A resonance of the rig at some speeds, but not at slower ones.
+    Rig { speed_m_s: [f64; 2], frequency_hz: [f64; 2] },
 }
 
 /// One plateau that oscillates.
@@ -104,6 +110,8 @@ impl Swings {
             Self::Position { period }
         } else if is_wide(speed_m_s, SPEEDS) && !is_wide(frequency_hz, ONE_FREQUENCY) {
             Self::Interference { frequency: 0.5 * (frequency_hz[0] + frequency_hz[1]) }
+        } else if (all.len() as f64) < SLOWER_SWING * watched_up_to(segments, speed_m_s[1]) as f64 {
+            Self::Rig { speed_m_s, frequency_hz }
         } else {
             let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
             Self::StickSlip(StickSlip { plateaus, speed_m_s, frequency_hz, force_n })
@@ -115,6 +123,14 @@ impl Swings {
     pub(super) fn warning(&self) -> Warning {
         let (subject, text) = match self {
             Self::StickSlip(found) => ("stick-slip", found.in_words()),
+            Self::Rig { speed_m_s, frequency_hz: [least, most] } => {
+                let text = format!(
+                    "at {} mm/s the force swings, {least:.1} to {most:.1} times a second, at slower speeds it does not: no stick-slip, \
+                     but a resonance of the rig",
+                    speeds_in_words(*speed_m_s)
+                );
+                return Warning::advice("vibration", text);
+            }
             Self::Position { period } => (
                 "ripple",
                 format!(
@@ -144,8 +160,7 @@ impl Swings {
 impl StickSlip {
     /// Message for the warning.
     fn in_words(&self) -> String {
-        let [slow, fast] = self.speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
-        let speeds = if slow == fast { slow } else { format!("{slow} to {fast}") };
+        let speeds = speeds_in_words(self.speed_m_s);
         let [low, high] = self.force_n;
         format!(
             "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
@@ -154,6 +169,23 @@ impl StickSlip {
             self.frequency_hz[0], self.frequency_hz[1]
         )
     }
+}
+
+fn speeds_in_words(speed_m_s: [f64; 2]) -> String {
+    let [slow, fast] = speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
+    if slow == fast { slow } else { format!("{slow} to {fast}") }
+}
+
+/// Number of plateaus up to a speed, m/s, that are long enough to show an oscillation.
+fn watched_up_to(segments: &[Segments], fastest: f64) -> usize {
+    let plateaus =
+        segments.iter().flat_map(|s| s.steady_segments.chunk_by(|a, b| a.plateau == b.plateau));
+    let is_watched = |plateau: &&[SteadySegment]| {
+        let samples: usize = plateau.iter().map(|s| s.end - s.start).sum();
+        2 * samples / 3 >= FEWEST_SAMPLES
+            && plateau[0].velocity.abs() <= OTHER_SPEED.sqrt() * fastest
+    };
+    plateaus.filter(is_watched).count()
 }
 
 /// Period, m, of an oscillation that recurs at the same positions at other speeds of the same
