@@ -62,7 +62,7 @@ def test_a_validation_that_contradicts_is_doubtful(
     found = trocar.identify(training, validate=other, moving_mass_kg=ROD_KG)
     assert found.is_doubtful and found.validation is not None and found.validation.is_doubtful
     (warning,) = [warning for warning in found.warnings if warning.subject == "other seal"]
-    assert warning.doubtful and "times the identification error" in warning.message
+    assert warning.doubtful and "times the model's own error" in warning.message
 
 
 def test_validation_alone_says_the_same(found: trocar.Identification, held_out: list[trocar.Recording]) -> None:

@@ -171,7 +171,7 @@ class Parameters(Mapping[str, Parameter]):
         if name in symbols:
             return symbols[name]
         near = difflib.get_close_matches(name, [*self._found, *symbols], n=1)
-        hint = f", did you mean {near[0]!r}?" if near else ""
+        hint = f" (did you mean {near[0]!r}?)" if near else ""
         main = ", ".join(own for own, found in self._found.items() if not found.is_coefficient)
         raise KeyError(f"no parameter {name!r}{hint}; there are {main}")
 

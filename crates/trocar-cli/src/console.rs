@@ -176,7 +176,9 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
             || cause.downcast_ref::<RecordingError>().is_some_and(reading)
             || cause.downcast_ref::<SimulateError>().is_some_and(|error| match error {
                 SimulateError::Motion(error) => reading(error),
-                SimulateError::NoDeflection { .. } | SimulateError::NoResolution { .. } => true,
+                SimulateError::NoDeflection { .. }
+                | SimulateError::NoResolution { .. }
+                | SimulateError::Output(OutputError::Extension { .. }) => true,
                 _ => false,
             })
             || cause.downcast_ref::<WorkflowError>().is_some_and(|error| match error {
@@ -191,6 +193,9 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
                 _ => false,
             })
             || matches!(cause.downcast_ref(), Some(CompensateError::OutOfRange { .. }))
-            || matches!(cause.downcast_ref(), Some(OutputError::IsInput { .. }))
+            || matches!(
+                cause.downcast_ref(),
+                Some(OutputError::IsInput { .. } | OutputError::Extension { .. })
+            )
     })
 }

@@ -140,9 +140,10 @@ impl Reading {
             let recording =
                 read(path, &self.options(left)).map_err(with_the_peak)?.without_glitches();
             left = left.map(|left| left.saturating_sub(PEAK_TO_COLUMNS * bytes_of(&recording)));
-            say_losses(console, path, &recording);
             recordings.push(recording);
         }
+        let names = paths.iter().map(|path| path.display().to_string());
+        say_losses(console, names.zip(&recordings));
         Ok(recordings)
     }
 
@@ -167,8 +168,8 @@ impl Reading {
                 // A piece may consist of a rest only.
                 piece.quality.warnings.retain(|warning| warning.kind != WarningKind::Stroke);
             }
-            say_losses(console, path, &piece);
-            say_how_read(console, &piece);
+            say_losses(console, [(path.display().to_string(), &piece)]);
+            say_how_read(console, [&piece]);
             take(piece)?;
             count += 1;
         }
@@ -243,19 +244,38 @@ fn with_the_peak(error: RecordingError) -> RecordingError {
     }
 }
 
-fn say_losses(console: &Console, path: &Path, recording: &Recording) {
-    let file = path.display();
-    for warning in &recording.quality.warnings {
-        console.warn(&format!("{file}: {warning}"));
+/// Messages with what they concern; what several things have in common is said once.
+pub(crate) fn said_once<M: ToString>(all: impl IntoIterator<Item = (String, M)>) -> Vec<String> {
+    let mut lines: Vec<(String, String)> = Vec::new();
+    for (subject, message) in all {
+        let message = message.to_string();
+        match lines.iter_mut().find(|(_, said)| *said == message) {
+            Some((subjects, _)) => *subjects = format!("{subjects}, {subject}"),
+            None => lines.push((subject, message)),
+        }
     }
+    lines.into_iter().map(|(subjects, message)| format!("{subjects}: {message}")).collect()
 }
 
-/// How a file was read, in one line, if there is anything to say.
-pub(crate) fn say_how_read(console: &Console, recording: &Recording) {
-    if !recording.quality.notes.is_empty() {
-        let notes = recording.quality.notes.join("; ");
-        console.remark(&format!("note: {}: {notes}", recording.name));
-    }
+/// What the recordings have lost.
+fn say_losses<'r>(
+    console: &Console,
+    recordings: impl IntoIterator<Item = (String, &'r Recording)>,
+) {
+    let warnings = recordings.into_iter().flat_map(|(name, recording)| {
+        recording.quality.warnings.iter().map(move |warning| (name.clone(), warning))
+    });
+    said_once(warnings).iter().for_each(|warning| console.warn(warning));
+}
+
+/// How the files were read, in at most one line a file, if there is anything to say.
+pub(crate) fn say_how_read<'r>(
+    console: &Console,
+    recordings: impl IntoIterator<Item = &'r Recording>,
+) {
+    let all = recordings.into_iter().map(|one| (one.name.clone(), one.quality.notes.join("; ")));
+    let said = said_once(all.filter(|(_, notes)| !notes.is_empty()));
+    said.iter().for_each(|line| console.remark(&format!("note: {line}")));
 }
 
 fn one_standard_input(paths: &[PathBuf]) -> Result<(), BadArgument> {

@@ -5,7 +5,7 @@ use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
 use clap::ArgMatches;
-use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use trocar::model_file;
 use trocar::output::refuse_inputs;
 use trocar_fmu::Platform;
@@ -22,17 +22,15 @@ pub(crate) struct Output {
 impl Output {
     /// A parser of a file beside which `others` writes more.
     pub(crate) fn with(others: fn(&Path) -> Vec<PathBuf>) -> impl TypedValueParser<Value = Self> {
-        OsStringValueParser::new().map(move |path| {
-            let path = PathBuf::from(path);
-            Self { files: [others(&path), vec![path.clone()]].concat(), path }
-        })
+        PathBufValueParser::new()
+            .map(move |path| Self { files: [others(&path), vec![path.clone()]].concat(), path })
     }
 
     /// A parser of a folder with the files `names`.
     pub(crate) fn folder(names: &'static [&'static str]) -> impl TypedValueParser<Value = Self> {
-        OsStringValueParser::new().map(move |path| {
-            let path = PathBuf::from(path);
-            Self { files: names.iter().map(|name| path.join(name)).collect(), path }
+        PathBufValueParser::new().map(move |path| Self {
+            files: names.iter().map(|name| path.join(name)).collect(),
+            path,
         })
     }
 }

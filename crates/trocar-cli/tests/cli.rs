@@ -165,8 +165,14 @@ fn lost_data_are_reported_and_end_with_3() {
 fn a_sensor_mounted_the_other_way_round_is_noticed_and_can_be_turned() {
     let place = Place::new();
     place.put("flipped.csv", &saw(|_, [t, x, f]| row([t, x, -f])));
-    let ran = place.run("identify flipped.csv --out result");
-    ran.says(&["warning: flipped.csv", "opposes the motion", "hint:", "--flip-force"]);
+    place.put("also.csv", &saw(|_, [t, x, f]| row([t, x, -f - 1e-3])));
+    let ran = place.run("identify flipped.csv --validate also.csv --out result");
+    ran.says(&[
+        "warning: flipped.csv, also.csv: the force ",
+        "opposes the motion",
+        "hint:",
+        "--flip-force",
+    ]);
     assert_ne!(ran.code, Some(0));
     let json = place.run("inspect flipped.csv --json").stdout;
     serde_json::from_str::<serde_json::Value>(&json).unwrap();
@@ -206,7 +212,11 @@ fn models_that_cannot_be_read_are_explained() {
     let place = Place::new();
     let model = place.text(place.model());
     let cases = [
-        ("cut", model[..200].to_owned(), vec!["cut.json: line", "not JSON"]),
+        (
+            "cut",
+            model[..200].to_owned(),
+            vec!["cut.json: line", "not JSON", "hint: a model is the model.json"],
+        ),
         (
             "newer",
             model.replace(&format!("\"version\": {VERSION}"), "\"version\": 99"),
@@ -511,10 +521,11 @@ fn a_validation_that_contradicts_ends_with_3() {
         .ends_with(3);
     let essentials = [
         "wet.csv: validation error",
-        "times the identification error",
+        "times the model's own error",
         "record such motion to identify from",
     ];
     ran.says(&essentials);
+    place.run("validate found wet.csv").ends_with(3).says(&["times the model's own error"]);
     let summary: serde_json::Value = serde_json::from_str(&ran.stdout).unwrap();
     assert_eq!(summary["doubtful"], true);
     let warnings = summary["warnings"].as_array().unwrap();

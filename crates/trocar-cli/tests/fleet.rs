@@ -45,7 +45,7 @@ fn failures_are_rows() {
         "2 failed",
         "notes.md",
         "short.csv",
-        "1 more failed likewise",
+        "1 more failed (cannot read): the table has their reasons",
     ]);
     let table = table::read(place.path("t.parquet")).unwrap();
     assert_eq!(table.rows(), 8);

@@ -193,6 +193,7 @@ fn loops_of_devices_are_printed_and_run() {
         assert!(ran.stdout.contains("\nstable with tissue of 0 to "), "{}", ran.stdout);
     }
     Place::new().run("teleop --print-config omni").ends_with(2).says(&["dvrk, phantom"]);
+    Place::new().run("teleop omni").ends_with(2).says(&["omni: no such loop", "dvrk or phantom"]);
 }
 
 /// Intervals of 20 % for the Coulomb forces: with how many of the draws a fraction is stable is printed.

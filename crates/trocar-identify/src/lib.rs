@@ -160,7 +160,7 @@ fn shows_force(recording: &Recording) -> Result<(), IdentifyError> {
     }
     // Interpolation between equal readings rounds.
     if high - low <= LEAST_CHANGE.max(ROUNDING * largest) {
-        return no_force(format!("is {} N throughout", 0.5 * (low + high)));
+        return no_force(format!("is {} N throughout", 0.5 * (low + high) + 0.0));
     }
     if high - low < BEYOND_NOISE * noise {
         return no_force(format!(

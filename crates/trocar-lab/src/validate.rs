@@ -18,7 +18,7 @@ use trocar_model::Trocar;
 use trocar_identify::profile::Departure;
 use trocar_identify::scatter::StrokeScatter;
 use trocar_recording::{OPPOSED, Quality, Recording, local_velocity, range};
-use trocar_runtime::model_file::{ErrorSource, ForceError};
+use trocar_runtime::model_file::{ErrorSource, ForceError, ModelFile};
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
@@ -186,9 +186,9 @@ impl RecordingValidation {
         self.rms_with_start_n.powi(2) * self.all_samples() as f64
     }
 
-    /// How the recording contradicts a model identified with the error `identification_rms`, N.
-    fn contradiction(&self, identification_rms: f64, quality: &Quality) -> Option<String> {
-        let (rms, times) = (self.rms_n, self.rms_n / identification_rms);
+    /// How the recording contradicts a model whose own error is `own_rms`, N.
+    fn contradiction(&self, own_rms: f64, quality: &Quality) -> Option<String> {
+        let (rms, times) = (self.rms_n, self.rms_n / own_rms);
         let is_far = times > FAR;
         if rms <= FAR * quality.force_noise || !(is_far || self.fit_percent < LEAST_FIT) {
             return None;
@@ -201,25 +201,25 @@ impl RecordingValidation {
         }
         if self.bias_n.abs() > MOSTLY_BIAS * rms {
             return Some(format!(
-                "{error} is mostly an offset of {} N (identification error {} N rms): check the sensor offset and the sign of force and \
+                "{error} is mostly an offset of {} N (the model's own error {} N rms): check the sensor offset and the sign of force and \
                  position, or record with the sensor tared alike",
                 significant(self.bias_n),
-                significant(identification_rms)
+                significant(own_rms)
             ));
         }
         Some(if is_far {
             let times = if times < 10.0 { significant(times) } else { format!("{times:.0}") };
             format!(
-                "{error} is {times} times the identification error {} N: the model does not describe this motion; record such motion to \
+                "{error} is {times} times the model's own error {} N: the model does not describe this motion; record such motion to \
                  identify from, and check that seal, instrument and lubrication are the same",
-                significant(identification_rms)
+                significant(own_rms)
             )
         } else {
             format!(
                 "{error} leaves a fit of {:.0} %, below {LEAST_FIT:.0} %: the model explains little of this recording, and little more of those \
                  it was identified from (error {} N); check units and signs of the columns, and that they show the same seal",
                 self.fit_percent,
-                significant(identification_rms)
+                significant(own_rms)
             )
         })
     }
@@ -394,6 +394,21 @@ impl Validation {
     ) -> Self {
         for (result, recording) in self.recordings.iter_mut().zip(recordings) {
             result.warnings.extend(result.contradiction(identification_rms, &recording.quality));
+        }
+        self
+    }
+
+    /// The same beside the largest error that the file of the model states; without one nothing is
+    /// compared.
+    #[must_use]
+    pub fn beside_model<'q>(
+        mut self,
+        file: &ModelFile,
+        qualities: impl IntoIterator<Item = &'q Quality>,
+    ) -> Self {
+        let Some(own) = file.force_error.and_then(|own| own.largest()) else { return self };
+        for (result, quality) in self.recordings.iter_mut().zip(qualities) {
+            result.warnings.extend(result.contradiction(own, quality));
         }
         self
     }

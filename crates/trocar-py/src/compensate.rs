@@ -13,7 +13,7 @@ use trocar::many::evenly;
 use crate::arrays::column;
 use crate::errors::{ArrayError, MotionError, ParameterError, Raise, number};
 use crate::keys::{changed, given};
-use crate::model::Model;
+use crate::model::{Model, given_model};
 use crate::posterior::Draws;
 
 /// Samples between two looks at the signals: some milliseconds of work.
@@ -284,7 +284,7 @@ pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
 #[pyo3(signature = (model, time_s, position_m, force_n, *, posterior, **options))]
 pub(crate) fn compensate<'py>(
     py: Python<'py>,
-    model: &Bound<'py, Model>,
+    #[pyo3(from_py_with = given_model)] model: Bound<'py, Model>,
     time_s: &Bound<'py, PyAny>,
     position_m: &Bound<'py, PyAny>,
     force_n: &Bound<'py, PyAny>,

@@ -392,6 +392,23 @@ pub(crate) fn unknown(name: &str, known: &[Tunable]) -> PyErr {
     ParameterError::new_err(format!("no parameter {name:?} to tune; there are {names}{hint}"))
 }
 
+/// The model that a function is given; a path and a result say where their model is.
+pub(crate) fn given_model<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py, Model>> {
+    value.cast::<Model>().cloned().map_err(|_| {
+        let hint = if value.extract::<PathBuf>().is_ok() {
+            format!(
+                "; read it with trocar.Model.load({})",
+                value.repr().map_or_else(|_| "path".into(), |path| path.to_string())
+            )
+        } else if value.hasattr("model").unwrap_or(false) {
+            "; give its attribute model".to_owned()
+        } else {
+            String::new()
+        };
+        PyTypeError::new_err(format!("expected a trocar.Model, got {}{hint}", type_of(value)))
+    })
+}
+
 fn type_of(value: &Bound<'_, PyAny>) -> String {
     value.get_type().name().map_or_else(|_| "something else".to_owned(), |name| name.to_string())
 }

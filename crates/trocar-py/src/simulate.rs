@@ -12,7 +12,7 @@ use trocar_model::{Deformation, Mode, Trocar, TrocarState};
 use crate::arrays::{apart, column, place};
 use crate::errors::number;
 use crate::errors::{MotionError, ParameterError};
-use crate::model::Model;
+use crate::model::{Model, given_model};
 use crate::shared::finite;
 
 /// Samples between two looks at the signals: some milliseconds of work.
@@ -34,7 +34,7 @@ const PART: usize = 1 << 10;
 #[pyo3(signature = (model, time_s, position_m, *, initial_force_n=None, initial_deflection_m=None, out=None))]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
-    model: &Bound<'py, Model>,
+    #[pyo3(from_py_with = given_model)] model: Bound<'py, Model>,
     time_s: &Bound<'py, PyAny>,
     position_m: &Bound<'py, PyAny>,
     initial_force_n: Option<f64>,
@@ -65,7 +65,7 @@ pub(crate) fn simulate<'py>(
 #[allow(clippy::type_complexity)]
 pub(crate) fn simulate_full<'py>(
     py: Python<'py>,
-    model: &Bound<'py, Model>,
+    #[pyo3(from_py_with = given_model)] model: Bound<'py, Model>,
     time_s: &Bound<'py, PyAny>,
     position_m: &Bound<'py, PyAny>,
     initial_force_n: Option<f64>,

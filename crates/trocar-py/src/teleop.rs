@@ -15,7 +15,7 @@ use trocar::teleop::{Config, ConfigError, Options, Study, course_columns, respon
 
 use crate::errors::{Raise, TeleopError, in_python};
 use crate::keys::{changed, document, given};
-use crate::model::Model;
+use crate::model::{Model, given_model};
 use crate::posterior::Draws;
 use crate::shared::write_page;
 use crate::work::{How, run};
@@ -52,7 +52,7 @@ type Arrays<'py> = Vec<(&'static str, Bound<'py, PyArray1<f64>>)>;
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn teleop(
     py: Python<'_>,
-    model: &Bound<'_, Model>,
+    #[pyo3(from_py_with = given_model)] model: Bound<'_, Model>,
     compensator: Option<&Bound<'_, Model>>,
     text: Option<&str>,
     name: Option<&str>,

@@ -12,7 +12,7 @@ use trocar::validate::Validation;
 use trocar::workflow::Correction;
 
 use crate::errors::{InternalError, ParameterError, Raise};
-use crate::model::Model;
+use crate::model::{Model, given_model};
 use crate::recording::{Recording, records};
 use crate::shared::{Picture, figures};
 use crate::work::{How, run};
@@ -41,7 +41,7 @@ type Forces<'py> = (
 #[pyo3(signature = (model, recordings, *, moving_mass_kg, offset_n, threads))]
 pub(crate) fn validate(
     py: Python<'_>,
-    model: &Bound<'_, Model>,
+    #[pyo3(from_py_with = given_model)] model: Bound<'_, Model>,
     recordings: Vec<PyRef<'_, Recording>>,
     moving_mass_kg: Option<f64>,
     offset_n: Option<f64>,
@@ -57,7 +57,8 @@ pub(crate) fn validate(
     run(py, How { progress: None, threads }, move |_| {
         let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));
         let recordings: Vec<Record> = prepared.collect::<Result<_, RecordingError>>()?;
-        let validation = trocar::validate::validate(&file.trocar, &recordings, offset);
+        let validation = trocar::validate::validate(&file.trocar, &recordings, offset)
+            .beside_model(&file, recordings.iter().map(|recording| &recording.quality));
         let runs =
             recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
         Ok(Validated(Arc::new(Job { recordings, runs, validation, offset, mass })))

@@ -132,6 +132,16 @@ impl Choice {
         layout.ok().filter(|_| !names.is_empty()).ok_or_else(|| reader.no_header())
     }
 
+    /// Says of too few samples that they are those of a part.
+    pub(super) fn of_the_part(&self, mut error: RecordingError) -> RecordingError {
+        if let RecordingError::TooFewSamples { lost, .. } = &mut error
+            && self.from.or(self.to).is_some()
+        {
+            lost.insert_str(0, " from ‹from_s› to ‹to_s›, which count from the first row");
+        }
+        error
+    }
+
     /// Rejects a rate that is none, or one beside a column of times.
     pub(super) fn check_rate(&self, file: &str) -> Result<(), RecordingError> {
         let Some(rate) = self.rate_hz else { return Ok(()) };

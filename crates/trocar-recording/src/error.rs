@@ -25,6 +25,16 @@ impl fmt::Display for Location {
     }
 }
 
+/// The way out where a folder was named.
+fn of_a_folder(source: &std::io::Error) -> &'static str {
+    match source.kind() {
+        std::io::ErrorKind::IsADirectory => {
+            "\n\nhint: name a file in it; `trocar fleet` takes a folder of recordings"
+        }
+        _ => "",
+    }
+}
+
 /// Why a recording cannot be used.
 ///
 /// `file` is the name as the caller gave it, so it can be pasted from the message into a shell.
@@ -32,7 +42,7 @@ impl fmt::Display for Location {
 #[non_exhaustive]
 pub enum RecordingError {
     /// The file cannot be opened.
-    #[error("{file}: cannot open: {source}")]
+    #[error("{file}: cannot open: {source}{}", of_a_folder(source))]
     Open {
         /// File name as given by the caller.
         file: String,
@@ -250,12 +260,14 @@ pub enum RecordingError {
         found: &'static str,
     },
     /// Too few samples to determine an interval, a velocity and an acceleration.
-    #[error("{file}: found {found} usable samples, expected at least {needed}")]
+    #[error("{file}: found {found} usable samples, expected at least {needed}{lost}")]
     TooFewSamples {
         /// File name as given by the caller.
         file: String,
         /// Usable samples.
         found: usize,
+        /// What was left out, and the way out.
+        lost: String,
         /// Fewest samples of a recording.
         needed: usize,
     },

@@ -469,7 +469,11 @@ impl Header<'_> {
             .map(|quantity| quantity.name().to_owned())
             .collect();
         if !lost.is_empty() {
-            sentences.push(format!("no column is left that could be {}", either(&lost)));
+            sentences.push(format!(
+                "no column is left that could be {}: is it the right file, and its first line the names of the columns? lines above them \
+                 are skipped with ‹skip_rows=12›",
+                either(&lost)
+            ));
         }
         sentences.extend(self.of_units(unclear, &left_out));
         sentences.join("; ")

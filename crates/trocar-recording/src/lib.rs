@@ -95,6 +95,7 @@ pub fn read_in_words(
     let sha256 = reader.digest()?;
     let collected = collector
         .finish(&file, options.sensor_limit)
+        .map_err(|error| options.choice.of_the_part(error))
         .map_err(|error| plausible::ask_stroke(&options.choice, reader.layout(), error))?;
     plausible::ask(&file, &options.choice, reader.layout(), &collected, true)?;
     let mut recording = Recording::of(name, sha256, collected);

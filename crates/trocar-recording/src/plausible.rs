@@ -56,7 +56,7 @@ impl Doubt {
             Quantity::Position => WarningKind::Stroke,
             _ => WarningKind::Units,
         };
-        let hint = "is the unit right? the unit in the name of the column, such as time_ms, position_mm or force_mn, decides";
+        let hint = "is the sensor connected, and the unit right? the unit in the name of the column, such as time_ms, position_mm or force_mn, decides";
         Warning { kind, message: self.message.clone(), hint: Some(hint.to_owned()) }
     }
 }
@@ -73,7 +73,10 @@ pub(crate) fn doubts(time: &[f64], position: &[f64], force: &[f64], interval: f6
     let (low, high) = range(position);
     let stroke = high - low;
     if stroke < *STROKES.start() {
-        let message = format!("the position covers only {:.4} mm", 1e3 * stroke);
+        let message = match stroke {
+            0.0 => format!("the position is {:.4} mm throughout", 1e3 * low),
+            _ => format!("the position covers only {:.4} mm", 1e3 * stroke),
+        };
         doubt(Quantity::Position, stroke, message);
     }
     let (typical, fastest) = speeds(time, position);

@@ -121,7 +121,8 @@ impl Recording {
         }
         if all.time.len() < MIN_SAMPLES {
             let (file, found) = (self.name.clone(), all.time.len());
-            return Err(RecordingError::TooFewSamples { file, found, needed: MIN_SAMPLES });
+            let (needed, lost) = (MIN_SAMPLES, String::new());
+            return Err(RecordingError::TooFewSamples { file, found, needed, lost });
         }
         quality.notes.push(format!("position delay of {:.0} ms compensated", 1e3 * lag));
         Ok(all)

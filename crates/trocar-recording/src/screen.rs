@@ -62,9 +62,9 @@ pub(super) fn screen(
     excerpts: &[f64],
 ) -> Result<(Columns, Quality), RecordingError> {
     let mut quality = Quality { non_finite_rows, ..Quality::default() };
-    check_length(file, columns.time.len())?;
+    check_length(file, columns.time.len(), quality.non_finite_rows.count)?;
     drop_standing_time(file, &mut columns, &mut quality)?;
-    check_length(file, columns.time.len())?;
+    check_length(file, columns.time.len(), quality.non_finite_rows.count)?;
     describe_time(&columns, &mut quality);
     describe_values(&columns, &mut quality);
     if quality.stroke > LONGEST_STROKE {
@@ -92,13 +92,17 @@ pub(super) fn screen(
     Ok((columns, quality))
 }
 
-fn check_length(file: &str, found: usize) -> Result<(), RecordingError> {
+fn check_length(file: &str, found: usize, empty: usize) -> Result<(), RecordingError> {
     if found < MIN_SAMPLES {
-        return Err(RecordingError::TooFewSamples {
-            file: file.to_owned(),
-            found,
-            needed: MIN_SAMPLES,
-        });
+        let lost = match empty {
+            0 => String::new(),
+            _ => format!(
+                ", and {} with an empty, NaN or infinite cell\n\nhint: `trocar inspect` shows which column has no numbers",
+                counted(empty, "row")
+            ),
+        };
+        let (file, needed) = (file.to_owned(), MIN_SAMPLES);
+        return Err(RecordingError::TooFewSamples { file, found, needed, lost });
     }
     Ok(())
 }

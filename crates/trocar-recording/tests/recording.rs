@@ -224,7 +224,10 @@ fn a_crop_counts_from_the_first_row() {
     assert_eq!(middle.force, all.force[50..100]);
     assert_eq!(cropped(None, Some(0.0995)).unwrap().len(), 100);
     assert_eq!(middle.sha256, all.sha256, "the hash is that of the file");
-    assert_says(&cropped(Some(5.0), None).unwrap_err().to_string(), &["found 0 usable samples"]);
+    assert_says(
+        &cropped(Some(5.0), None).unwrap_err().to_string(),
+        &["found 0 usable samples", "from_s› to ‹to_s›, which count from the first row"],
+    );
 }
 
 #[test]
@@ -488,13 +491,17 @@ fn files_without_a_recording_are_explained() {
         &message(text(HEADER, &rows(1))),
         &["rec.csv", "found 1 usable samples", "at least"],
     );
+    assert_says(
+        &message(text(HEADER, &vec!["0,1,nan".to_owned(); 9])),
+        &["found 0 usable samples", "and 9 rows with an empty, NaN", "hint: `trocar inspect`"],
+    );
     assert_says(&message([0_u8, 1, 2, 3]), &["binary data", "CSV"]);
     assert_says(
         &message([0xff_u8, 0xfe, b't', 0]),
         &[
             "rec.csv line 1",
             "no position or force column",
-            "hint: no column is left that could be position or force",
+            "hint: no column is left that could be position or force: is it the right file",
         ],
     );
     let missing = read(Path::new("no/such.csv"), &ReadOptions::default()).unwrap_err().to_string();

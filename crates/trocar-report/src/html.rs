@@ -207,7 +207,7 @@ fn table(table: &Table) -> String {
     let (open, inner, close) = if table.collapsed {
         (format!("<details><summary>{caption}</summary>\n"), String::new(), "</details>\n")
     } else {
-        (String::new(), format!("<caption>{caption}</caption>\n"), "")
+        (String::new(), format!("<caption><span>{caption}</span></caption>\n"), "")
     };
     let switch = table.optional.as_ref().map_or_else(String::new, |(_, words)| {
         format!("<label class=\"switch\"><input type=\"checkbox\"> {}</label>\n", escape(words))

@@ -97,7 +97,8 @@ const FIT: &str = "Fit to all motion";
 /// Explanation in the section of the live model.
 const LIVE: &str = "The identified model itself runs here, the same steps as in every other program of this project. Turn its parameters (the \
                     stroke above a slider is the value identified, the bar below it the 95 % interval), run it along a recorded motion, drag the \
-                    instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset.";
+                    instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset \
+                    and the inertia of any mass between sensor and seal.";
 
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
 const ERROR_OF_EMS: &str = "the paper reports 0.17 N on its own data";

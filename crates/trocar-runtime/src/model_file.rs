@@ -250,7 +250,9 @@ pub enum ModelFileError {
     #[error("cannot read the model: {0}")]
     Unreadable(#[from] io::Error),
     /// The text is not JSON.
-    #[error("line {line} column {column}: not JSON: {what}")]
+    #[error(
+        "line {line} column {column}: not JSON: {what}\n\nhint: a model is the model.json that `trocar identify` writes, or its folder"
+    )]
     NotJson {
         /// Line, from 1.
         line: usize,

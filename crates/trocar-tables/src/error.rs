@@ -34,6 +34,12 @@ pub enum OutputError {
         /// The input that is the same file.
         input: PathBuf,
     },
+    /// The extension is that of none of the formats written.
+    #[error("{}: cannot write this format, expected a name that ends in .csv, .csv.gz, .csv.zst, .parquet or .arrow", path.display())]
+    Extension {
+        /// Destination of the output.
+        path: PathBuf,
+    },
     /// The extension selects a format that this build does not support.
     #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}, or let the name end in .csv", path.display())]
     NoFeature {

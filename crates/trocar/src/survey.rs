@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use trocar_recording::Recording;
+use trocar_recording::{Recording, range};
 use trocar_simulate::segment::{
     Direction, SegmentOptions, reversal_threshold, steady_segments, strokes,
 };
@@ -24,6 +24,8 @@ pub struct RecordingSurvey {
     pub duration: f64,
     /// Range of the position, m.
     pub stroke: f64,
+    /// Least and largest force, N.
+    pub force: (f64, f64),
     /// Strokes between reversals.
     pub strokes: usize,
     /// Strokes that start at a reversal.
@@ -68,6 +70,7 @@ impl RecordingSurvey {
             samples: recording.len(),
             duration: recording.duration(),
             stroke: recording.quality.stroke,
+            force: range(&recording.force),
             reversals: strokes.iter().filter(|stroke| stroke.starts_at_reversal).count(),
             insertion_speeds: speeds(Direction::Insertion),
             withdrawal_speeds: speeds(Direction::Withdrawal),
@@ -90,7 +93,14 @@ fn limits(recordings: &[RecordingSurvey]) -> Vec<String> {
     };
     let (insertion, withdrawal) = (all(|r| &r.insertion_speeds), all(|r| &r.withdrawal_speeds));
     let reversals: usize = recordings.iter().map(|r| r.reversals).sum();
-    let mut found = Vec::new();
+    let dead = recordings.iter().filter(|r| r.force.0 == r.force.1).map(|r| {
+        format!(
+            "{}: the force is {} N throughout: is the sensor connected?",
+            r.name,
+            r.force.0 + 0.0
+        )
+    });
+    let mut found: Vec<String> = dead.collect();
     if reversals == 0 {
         found.push(
             "no reversal: the deformation of the seal (its half width and its branches) cannot be seen".to_owned(),
@@ -148,6 +158,9 @@ mod tests {
         assert!(limits_of(saw(1, &[0.03])).contains("no reversal"));
         assert!(limits_of(saw(1, &[0.03])).contains("in one direction only"));
         assert!(limits_of(saw(4, &[0.03])).contains("one speed:"));
+        let mut dead = saw(4, &[0.03]);
+        dead.force.fill(-0.0);
+        assert!(limits_of(dead).contains("saw.csv: the force is 0 N throughout"));
         let enough = limits_of(saw(6, &[0.02, 0.02, 0.05, 0.05, 0.08, 0.08]));
         assert!(!enough.contains("no reversal") && !enough.contains("one speed"), "{enough}");
     }

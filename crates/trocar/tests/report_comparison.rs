@@ -133,8 +133,10 @@ fn every_family_has_a_panel_and_every_model_compared_a_line_over_the_same_measur
             "Extended Maxwell-Slip",
         ];
         assert_eq!(titles, expected, "Leuven was not compared");
-        let measured = named(&panels[0], "measured");
-        assert!(panels.iter().all(|panel| named(panel, "measured") == measured));
+        let measured = named(&panels[0], "measured, inertia subtracted");
+        assert!(
+            panels.iter().all(|panel| named(panel, "measured, inertia subtracted") == measured)
+        );
         assert!(
             panels.iter().all(|panel| panel.series[0].role == Role::Backdrop),
             "the measurement lies behind"
@@ -175,7 +177,7 @@ fn the_reversal_shows_sliding_before_it_and_the_jump_of_the_static_models() {
         y.iter().sum::<f64>() / y.len() as f64
     };
     let [coulomb, ems] = [named(&panels[0], "Coulomb"), named(&panels[4], "EMS")];
-    let measured = named(&panels[0], "measured");
+    let measured = named(&panels[0], "measured, inertia subtracted");
     let end = measured.x.iter().copied().fold(0.0, f64::max);
     assert!(end > 1e3 * COMPARISON.reversal_travel, "shown up to {end} mm");
     // Forces count positive along the motion after the reversal.

@@ -152,7 +152,7 @@ fn a_validation_that_contradicts_is_doubtful() {
                 outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
             println!("friction {friction}: {times:.1} times: {}", warning.message);
             let said = format!(
-                "is {} times the identification error",
+                "is {} times the model's own error",
                 if times < 10.0 { format!("{times:.1}") } else { format!("{times:.0}") }
             );
             for part in [

@@ -85,9 +85,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let staged = args.out.as_ref().map(StagedFolder::create).transpose()?;
     let identify = IdentifyOptions { seed: args.seed, ..Default::default() };
     print_survey(console, &divided.training, &identify.segment);
-    if !divided.held_out {
-        divided.validation.iter().for_each(|recording| say_how_read(console, recording));
-    }
+    let scored = if divided.held_out { &[][..] } else { &divided.validation };
+    say_how_read(console, divided.training.iter().chain(scored));
     let options =
         CompareOptions { models: args.models.0.clone(), identify, timing: !args.no_timing };
     let progress = Progress::new(console);

@@ -6,6 +6,7 @@ use trocar::cancel::{self, Cancel};
 use trocar::fleet::{Config, Dataset, Depth, Fleet, Tally, journal_path, run as run_fleet};
 use trocar::output::refuse_inputs;
 use trocar::report::fleet::{self as fleet_report, Roles};
+use trocar::table::Format;
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
@@ -70,6 +71,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         )
         .into());
     }
+    Format::of(&args.out)?;
     let journal = journal_path(&args.out);
     let dataset = Dataset::open(&args.dataset, &[args.out.to_path_buf(), journal.clone()])?;
     let report = args.report.as_deref().map_or_else(|| report_beside(&args.out), Path::to_path_buf);
@@ -153,11 +155,14 @@ fn say(console: &Console, fleet: &Fleet, seconds: f64) {
             None => reasons.push((kind, 1)),
         }
         if reasons.iter().any(|(own, count)| *own == kind && *count == 1) {
-            let reason = record.text("reason").unwrap_or_default();
-            console.warn(&format!("{}: {reason}", record.text("path").unwrap_or_default()));
+            let (path, reason) = (record.text("path"), record.text("reason").unwrap_or_default());
+            let path =
+                path.filter(|path| !reason.starts_with(*path)).map(|path| format!("{path}: "));
+            console.warn(&format!("{}{reason}", path.unwrap_or_default()));
         }
     }
     for (kind, count) in reasons.into_iter().filter(|(_, count)| *count > 1) {
-        console.warn(&format!("{} more failed likewise: {kind}", count - 1));
+        let kind = kind.replace('_', " ");
+        console.warn(&format!("{} more failed ({kind}): the table has their reasons", count - 1));
     }
 }

@@ -17,7 +17,9 @@ use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
 use crate::Completion;
 use crate::console::{self, Console};
-use crate::input::{OUTPUT, Reading, Rod, STATISTICS, files, finite, positive, say_how_read};
+use crate::input::{
+    OUTPUT, Reading, Rod, STATISTICS, files, finite, positive, said_once, say_how_read,
+};
 use crate::models::read_model;
 use crate::output::Output;
 use crate::progress::Progress;
@@ -216,7 +218,7 @@ pub(crate) fn run_workflow(
     let warned = |r: &Recording| r.quality.warnings.clone().into_iter().map(|w| w.message);
     let printed: Vec<String> = recordings.iter().flat_map(warned).collect();
     let limits = print_survey(console, &recordings, &options.segment);
-    held_out.iter().for_each(|recording| say_how_read(console, recording));
+    say_how_read(console, recordings.iter().chain(&held_out));
     let progress = Progress::new(console);
     let done = Workflow::run(recordings, held_out, moving_mass, options, &|stage, part| {
         progress.report(stage, part)
@@ -230,18 +232,17 @@ pub(crate) fn run_workflow(
 /// Most notes about a result: what to record, and what to do about it. The rest is in the report.
 const MOST_NOTES: usize = 3;
 
-/// What was recorded and how it was read, one line a file, and what that cannot determine; returns
-/// the number of these notes.
+/// What was recorded, one line a file, and what that cannot determine; returns the number of these
+/// notes.
 pub(crate) fn print_survey(
     console: &Console,
     recordings: &[Recording],
     options: &SegmentOptions,
 ) -> usize {
     let survey = Survey::new(recordings, options);
-    for (r, recording) in survey.recordings.iter().zip(recordings) {
-        let read: String = recording.quality.notes.iter().map(|note| format!("; {note}")).collect();
+    for r in &survey.recordings {
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}{read}",
+            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
             r.name,
             r.samples,
             r.duration,
@@ -274,21 +275,15 @@ pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
     }
 }
 
-/// The messages with what they concern, in the words of the table. A common reason of several
-/// parameters is said once.
+/// The messages with what they concern, in the words of the table.
 fn in_lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
-    let mut lines: Vec<(String, &str)> = Vec::new();
-    for Warning { subject, message, .. } in warnings {
+    said_once(warnings.map(|Warning { subject, message, .. }| {
         let subject = match subject {
             Subject::Parameter(id) => in_words(*id),
             other => other.to_string(),
         };
-        match lines.iter_mut().find(|(_, said)| said == message) {
-            Some((subjects, _)) => *subjects = format!("{subjects}, {subject}"),
-            None => lines.push((subject, message)),
-        }
-    }
-    lines.into_iter().map(|(subjects, message)| format!("{subjects}: {message}")).collect()
+        (subject, message)
+    }))
 }
 
 /// What a person can do for a better result, at most so many notes.

@@ -169,6 +169,10 @@ fn loop_of(path: &Path) -> anyhow::Result<(Config, Source)> {
     let name = path.to_string_lossy();
     match shipped(&name).filter(|_| !path.exists()) {
         Some(text) => Ok((Config::from_toml(text)?, Source::new(name, text.as_bytes()))),
+        None if !path.exists() => Err(BadArgument(format!(
+            "{name}: no such loop, expected a file, dvrk or phantom\n\nhint: --print-config prints one to change"
+        ))
+        .into()),
         None => Ok((toml(path, "loop", Config::from_toml)?, page::source(path)?)),
     }
 }

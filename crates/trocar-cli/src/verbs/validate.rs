@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use trocar::recording::OPPOSED;
 use trocar::validate::{PhaseError, Phases, Scored, Validation, validate_one};
 use trocar::workflow::Correction;
 
@@ -51,6 +52,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     ));
     let mut lost = false;
     let mut scored = Vec::with_capacity(args.recordings.len());
+    let mut qualities = Vec::with_capacity(args.recordings.len());
     for path in &args.recordings {
         let mut all: Option<Scored> = None;
         args.reading.pieces(console, path, &choice, |piece| {
@@ -59,16 +61,20 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
             let one = validate_one(&model.trocar, &piece, correction.offset_n);
             all = Some(match all.take() {
                 Some(before) => before.plus(one),
-                None => one,
+                None => {
+                    qualities.push(piece.quality);
+                    one
+                }
             });
             Ok(())
         })?;
         scored.extend(all);
     }
-    let mut validation = Validation::of(scored);
+    let mut validation = Validation::of(scored).beside_model(&model, &qualities);
     for (result, path) in validation.recordings.iter_mut().zip(&args.recordings) {
         result.path = path.display().to_string();
-        for warning in &result.warnings {
+        // A force of the opposite sign was a warning when the file was read.
+        for warning in result.warnings.iter().filter(|warning| !warning.contains(OPPOSED)) {
             console.warn(&format!("{}: {warning}", result.path));
         }
     }

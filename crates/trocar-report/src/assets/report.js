@@ -136,7 +136,7 @@ class Panel {
       ...(log ? { splits: (u, axis, low, high) => logTicks(low, high, axis ? height / 34 : width / 50), filter: (u, ticks) => ticks } : {}),
     });
     const options = {
-      ...this.size(), padding: [8, 12, 0, 0], legend: { show: false },
+      ...this.size(), padding: [8, 20, 0, 0], legend: { show: false },
       scales: {
         x: { time: false, distr: logX ? 3 : 1, range: (u, low, high) => [low, high] },
         y: { auto: false, distr: logY ? 3 : 1, range: (u, low, high) => (low == null || low === high ? this.full.y : [low, high]) },

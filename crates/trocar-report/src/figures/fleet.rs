@@ -59,10 +59,10 @@ impl Shown {
         }
     }
 
-    /// In words, with its symbol.
+    /// In words; axes set no subscripts.
     fn words(self) -> String {
         match self {
-            Self::Parameter(id) => format!("{} {}", id.words(), id.symbol()),
+            Self::Parameter(id) => id.words().to_string(),
             Self::Residual => "residual (rms)".to_owned(),
         }
     }

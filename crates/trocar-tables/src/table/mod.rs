@@ -178,7 +178,7 @@ pub fn names(path: impl AsRef<Path>) -> Result<Vec<String>, TableError> {
 /// Format of a file by its extension.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Format {
-    /// Comma-separated text, also used for all unknown extensions.
+    /// Comma-separated text: `.csv`, `.txt`, `.dat`, `.log` or no extension.
     Csv,
     /// `.gz`.
     CsvGzip,
@@ -192,20 +192,23 @@ pub enum Format {
 
 impl Format {
     /// The format for a file called `path`.
-    #[must_use]
-    pub fn of(path: &Path) -> Self {
+    ///
+    /// # Errors
+    /// [`OutputError::Extension`].
+    pub fn of(path: &Path) -> Result<Self, OutputError> {
         let extension = path
             .extension()
             .and_then(|extension| extension.to_str())
             .unwrap_or_default()
             .to_lowercase();
-        match extension.as_str() {
+        Ok(match extension.as_str() {
+            "" | "csv" | "txt" | "dat" | "log" => Self::Csv,
             "gz" | "gzip" => Self::CsvGzip,
             "zst" | "zstd" => Self::CsvZstd,
             "parquet" | "pq" => Self::Parquet,
             "arrow" | "feather" | "ipc" => Self::Arrow,
-            _ => Self::Csv,
-        }
+            _ => return Err(OutputError::Extension { path: path.to_owned() }),
+        })
     }
 }
 
@@ -252,7 +255,7 @@ impl TableWriter {
     /// [`OutputError`] when the file cannot be created or the format is not part of this build.
     pub fn create(path: impl AsRef<Path>, fields: &[Field]) -> Result<Self, OutputError> {
         let path = path.as_ref();
-        Self::with_format(path, Format::of(path), fields)
+        Self::with_format(path, Format::of(path)?, fields)
     }
 
     /// The same with an explicit format.

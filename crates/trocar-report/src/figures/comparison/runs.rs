@@ -11,6 +11,7 @@ use trocar_model::Trocar;
 use crate::document::{Axis, Figure, Panel, Role};
 use crate::figures::validation::{Cycle, cycles};
 use crate::figures::{MM, line};
+use crate::number::fixed;
 use crate::style;
 use trocar_lab::compare::{Choice, Comparison, Entry};
 use trocar_recording::Recording;
@@ -161,9 +162,9 @@ impl Shown<'_> {
 
     fn offset_in_words(&self) -> String {
         format!(
-            "The sensor offset of the EMS element, {:.3} N, is subtracted from everything drawn; each model is drawn with its own \
+            "The sensor offset of the EMS element, {} N, is subtracted from everything drawn; each model is drawn with its own \
              offset as a difference from it.",
-            self.offset
+            fixed(self.offset, 3)
         )
     }
 
@@ -180,7 +181,8 @@ impl Shown<'_> {
 
     fn draw(&self, figure: Figure, axis: &Axis, x: &[f64], window: &Range<usize>) -> Figure {
         let part = |force: &[f64]| force[window.clone()].to_vec();
-        let measured = line("measured", Role::Backdrop, x, part(&self.measured));
+        let label = crate::figures::measured(self.recording, 0.0);
+        let measured = line(label, Role::Backdrop, x, part(&self.measured));
         self.panels.iter().fold(figure.columns(2), |figure, (title, runs)| {
             let axes = Panel::new(axis.clone(), Axis::new("force", "N").with_zero());
             let empty = axes.title(*title).aspect(0.55).series(measured.clone());
