@@ -771,7 +771,13 @@ fn helpers_print_what_they_are_asked_for() {
     let place = Place::new();
     assert!(place.run("completions bash").done().stdout.contains("_trocar()"));
     assert!(place.run("man").done().stdout.contains(".TH trocar 1"));
+    let index = place.run("man index").done().stdout;
+    assert!(
+        index.contains("\nI have a test bench:\nRecord, identify") && !index.contains(":::"),
+        "{index}"
+    );
     let page = place.run("man how-to/columns").done().stdout;
+    assert!(!page.contains("setup") && page.contains("```console"), "{page}");
     assert!(page.starts_with("# ") && page.contains("--columns"), "{page}");
     place.run("man --out man").done();
     assert!(place.text("man/trocar-identify.1").contains("moving\\-mass\\-kg"));

@@ -49,7 +49,7 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
         PAGES
             .iter()
             .filter(|(name, _)| name == wanted)
-            .try_for_each(|(_, text)| console::print(text))?;
+            .try_for_each(|(_, text)| console::print(&readable(text)))?;
         return Ok(Completion::Clean);
     }
     let mut command = examples::command();
@@ -64,6 +64,29 @@ pub(crate) fn run(args: &Args) -> anyhow::Result<Completion> {
         }
     }
     Ok(Completion::Clean)
+}
+
+/// A page without what only makes the book: comments, contents, markup of its HTML.
+fn readable(page: &str) -> String {
+    let mut hidden = None;
+    let lines = page.lines().filter_map(|line| {
+        if let Some(end) = hidden {
+            hidden = (line != end).then_some(end);
+            return None;
+        }
+        hidden = match line {
+            _ if line.starts_with("<!--") => (!line.ends_with("-->")).then_some("-->"),
+            _ if line.starts_with("```{") => Some("```"),
+            _ if line.starts_with(":") => {
+                return line
+                    .split_once("{grid-item-card} ")
+                    .map(|(_, title)| format!("{title}:\n"));
+            }
+            _ => return Some(format!("{line}\n")),
+        };
+        None
+    });
+    lines.collect()
 }
 
 /// A page for each command inside `command`, at all depths.
