@@ -14,7 +14,11 @@ from .conftest import ROD_KG
 
 @pytest.fixture(scope="module")
 def drawn(training: list[trocar.Recording]) -> trocar.Identification:
-    return trocar.identify(training, moving_mass_kg=ROD_KG, posterior=1000, progress=False)
+    told: list[tuple[str, float]] = []
+    tell = lambda stage, part: told.append((stage, part))  # noqa: E731
+    found = trocar.identify(training, moving_mass_kg=ROD_KG, posterior=1000, progress=tell)
+    assert ("posterior draws", 0.4) in told, "half of the work"
+    return found
 
 
 def test_draws_are_columns_and_models(drawn: trocar.Identification, tmp_path: Path) -> None:

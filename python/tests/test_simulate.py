@@ -30,6 +30,11 @@ def strokes(count: int) -> tuple[np.ndarray, np.ndarray]:
     return time, 0.02 * (1 - np.cos(3 * time))
 
 
+def test_a_path_in_place_of_a_model_is_told_how_it_is_read() -> None:
+    with pytest.raises(TypeError, match=r"expected a trocar.Model, got str; read it with trocar.Model.load\('seal'\)"):
+        trocar.simulate("seal", [0], [0])  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_arrays_and_steps_give_the_same_bits(path: Path) -> None:
     model = trocar.Model.load(path)

@@ -120,6 +120,12 @@ pub fn identify(
     }
     recordings.iter().try_for_each(shows_force)?;
     let recordings = &*counts::resolved(recordings);
+    // Draws take about as long as all before them.
+    let (last, share) = match options.posterior {
+        Some(_) => ("posterior draws", 0.5),
+        None => ("intervals", 1.0),
+    };
+    let progress = &|stage: &str, part: f64| progress(stage, share * part);
     progress("steady state", 0.0);
     let (in_time, fit) = delay::fitted(recordings, options, progress)?;
     let (input, lag) = (in_time.input(options), in_time.lag);
@@ -132,7 +138,7 @@ pub fn identify(
     }
     progress("position profile", 0.75);
     let (fit, profile) = along::profiled(&input, fit);
-    progress("intervals", 0.8);
+    progress(last, 0.8);
     conclude::conclude(&input, fit, profile, lag)
 }
 
