@@ -7,7 +7,7 @@ use crate::Cli;
 /// Command, and lines of a purpose and a command line.
 type Example = (&'static str, &'static [(&'static str, &'static str)]);
 
-pub(crate) const EXAMPLES: [Example; 17] = [
+pub(crate) const EXAMPLES: [Example; 18] = [
     (
         "inspect",
         &[
@@ -170,6 +170,16 @@ pub(crate) const EXAMPLES: [Example; 17] = [
             ),
         ],
     ),
+    (
+        "export values",
+        &[
+            ("F_c and β as MuJoCo calls them", "trocar export values result --for mujoco"),
+            (
+                "What these numbers lose, on a recording held out",
+                "trocar export values result --for urdf --validate surgeon.csv",
+            ),
+        ],
+    ),
     ("demo", &[("Record, identify, validate and report", "trocar demo --out trocar-demo")]),
     (
         "completions",
@@ -208,6 +218,7 @@ fn page(path: &str) -> &'static str {
         "analyze" => "explanation/seal",
         "export c" => "how-to/microcontroller",
         "export fmu" => "reference/fmu",
+        "export values" => "how-to/values",
         _ => "index",
     }
 }

@@ -3,6 +3,7 @@
 
 pub mod compare;
 pub mod fleet;
+pub mod motion;
 #[cfg(feature = "bench")]
 pub mod plan;
 pub mod summary;

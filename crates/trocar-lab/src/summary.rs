@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use crate::motion::MotionRange;
 use crate::validate::{Validation, validate};
 use crate::workflow::{MovingMass, Workflow};
 use trocar_identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
@@ -173,6 +174,8 @@ pub struct Summary<'a> {
     pub phases: &'a [Phase],
     /// Self-excited oscillation of the force; `None` if there is none.
     pub stick_slip: Option<&'a StickSlip>,
+    /// Speeds, strokes, forces and rests in the recordings used for identification: where the model holds.
+    pub range: MotionRange,
     /// Rests and partial reversals in the recordings.
     pub free_motion: FreeMotion,
     /// The compensated position delay; `None` if none is significant.
@@ -219,6 +222,7 @@ impl Workflow {
             friction_scale: &found.friction_scale,
             phases: &found.phases,
             stick_slip: found.stick_slip.as_ref(),
+            range: MotionRange::of(&self.recordings, found.model.offset),
             free_motion: found.free_motion,
             position_delay: found.position_delay,
             position_profile: found.position_profile.as_ref(),

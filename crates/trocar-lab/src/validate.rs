@@ -537,7 +537,7 @@ fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<Speed
 }
 
 /// Speed, m/s, over the middle half of the travel between two samples.
-fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
+pub(crate) fn typical_speed(recording: &Recording, from: usize, to: usize) -> f64 {
     let (x, t) = (&recording.position, &recording.time);
     let s = if x[to] < x[from] { -1.0 } else { 1.0 };
     let travel = s * (x[to] - x[from]);
@@ -564,12 +564,18 @@ pub enum Phase {
     PartialHold,
 }
 
+/// Whether the instrument is held, at every sample.
+pub(crate) fn is_held(recording: &Recording) -> Vec<bool> {
+    let window = (20.0 * recording.quality.median_interval).max(0.05);
+    local_velocity(recording, window).iter().map(|velocity| velocity.abs() < HOLD_SPEED).collect()
+}
+
 /// Phases of the `scored` samples, as far as the replay determines them.
 pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -> Vec<Phase> {
-    let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.05));
+    let held = is_held(recording);
     // Rests after a partial reversal are separate: those at the ends of full strokes do not
     // represent them.
-    let phase = |i: &usize| match (velocity[*i].abs() < HOLD_SPEED, run.sliding.get(*i)) {
+    let phase = |i: &usize| match (held[*i], run.sliding.get(*i)) {
         (true, _) if run.turned.get(*i) == Some(&true) => Phase::PartialHold,
         (true, _) => Phase::Hold,
         (false, Some(true)) => Phase::Sliding,

@@ -123,6 +123,15 @@ impl Raise for trocar::export::c::CError {
     }
 }
 
+impl Raise for trocar::export::values::ValuesError {
+    fn raise(self) -> PyErr {
+        match self {
+            Self::Recording(error) => error.raise(),
+            other => ParameterError::new_err(in_python(&other)),
+        }
+    }
+}
+
 impl Raise for trocar::identify::IdentifyError {
     fn raise(self) -> PyErr {
         use trocar::identify::IdentifyError as E;

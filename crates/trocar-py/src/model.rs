@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyAny, PyDict, PyTuple};
 use trocar::compensate::CompensateOptions;
 use trocar::export::c::{COptions, DEFAULT_PREFIX, from_text, stem};
+use trocar::export::values;
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::output::write_whole;
 use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Source, Version, package};
@@ -272,6 +273,21 @@ impl Model {
         };
         let bytes = package(&contents).map_err(refuse)?;
         py.detach(|| write_whole(&path, &bytes)).map_err(Raise::raise)
+    }
+
+    /// The numbers of the model in the names, units and conventions of another program (`trocar
+    /// export values`), as text to paste: "mujoco", "isaac", "urdf", "sdf", "ur", "simulink", or
+    /// "json" with all of them. Comments state what that program cannot express; with recordings to
+    /// `validate` on, also how large the error becomes by that.
+    #[pyo3(signature = (target, *, validate=Vec::new()), text_signature = "($self, target, *, validate=())")]
+    fn export_values(
+        &self,
+        py: Python<'_>,
+        target: &str,
+        validate: Vec<PyRef<'_, Recording>>,
+    ) -> PyResult<String> {
+        let recordings = records(&validate);
+        py.detach(|| values::text(&self.0, target, recordings)).map_err(Raise::raise)
     }
 
     /// Kind of the model: "ems", or the kind of a classical model as in its file, such as "lugre".

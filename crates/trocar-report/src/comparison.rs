@@ -30,6 +30,7 @@ pub fn document(outcome: &Outcome, title: &str) -> Document {
     Document {
         title: title.to_owned(),
         subtitle: subtitle(outcome),
+        card: Vec::new(),
         tiles: tiles(comparison),
         warnings: warnings(outcome),
         notes: notes(outcome),

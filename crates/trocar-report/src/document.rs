@@ -704,6 +704,8 @@ pub struct Document {
     pub title: String,
     /// One line under the title.
     pub subtitle: String,
+    /// The model card: label and value.
+    pub card: Vec<(String, String)>,
     /// Key numbers.
     pub tiles: Vec<Tile>,
     /// What the reader must know before relying on the numbers.

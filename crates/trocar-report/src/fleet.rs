@@ -59,6 +59,7 @@ pub fn document(fleet: &Fleet, config: &Config, roles: &Roles) -> Document {
     Document {
         title: "Trocar friction over many recordings".to_owned(),
         subtitle: subtitle(fleet, config, &roles),
+        card: Vec::new(),
         tiles: tiles(fleet),
         warnings: Vec::new(),
         notes: Vec::new(),

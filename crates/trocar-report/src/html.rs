@@ -44,7 +44,8 @@ pub(super) fn page(
     let mut drawn = drawn.iter();
     let sections = document.sections.iter().zip(1..);
     let sections = sections.map(|(part, number)| section(part, number, &mut drawn, live));
-    let main = tiles(document)
+    let main = card(&document.card)
+        + &tiles(document)
         + &messages(["warnings", "Warnings"], &document.warnings)
         + &messages(["notes", "Notes"], &document.notes)
         + &sections.collect::<String>();
@@ -134,6 +135,16 @@ fn contents(sections: &[Section]) -> String {
     });
     let entries: String = entries.collect();
     format!("<nav aria-label=\"Contents\"><ul>\n{entries}</ul></nav>\n")
+}
+
+fn card(rows: &[(String, String)]) -> String {
+    if rows.is_empty() {
+        return String::new();
+    }
+    let rows = rows.iter().map(|(label, value)| {
+        format!("<div><dt>{}</dt><dd>{}</dd></div>\n", typeset(label), typeset(value))
+    });
+    format!("<dl class=\"card\" aria-label=\"Model card\">\n{}</dl>\n", rows.collect::<String>())
 }
 
 fn tiles(document: &Document) -> String {

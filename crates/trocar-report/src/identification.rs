@@ -4,14 +4,12 @@
 //! This module estimates nothing. It simulates the identified model over the recordings again,
 //! because the results contain scores but no time series.
 
-use trocar_model::{Element, Quantity};
+use trocar_model::Element;
 
-use super::ReportError;
-use super::document::{Document, Section, Tile, origin};
+use super::document::{Document, Section, origin};
 use super::figures::{self, MOST_CHOSEN, Scored};
-use super::number::{fixed, significant};
+use super::{ReportError, card};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
-use trocar_lab::summary::PROGRAM;
 use trocar_lab::validate::Validation;
 use trocar_lab::workflow::MovingMass;
 use trocar_recording::Recording;
@@ -100,10 +98,7 @@ const LIVE: &str = "The identified model itself runs here, the same steps as in 
                     instrument, or draw a motion: force and loop follow at once. The measured force is shown less the sensor offset \
                     and the inertia of any mass between sensor and seal.";
 
-/// Root mean square error, N, that EMS section IV-C reports on its own data.
-const ERROR_OF_EMS: &str = "the paper reports 0.17 N on its own data";
-
-/// The report: summary, warnings, parameters, recordings, and the figures of EMS section IV.
+/// The report: model card, warnings, parameters, recordings, and the figures of EMS section IV.
 ///
 /// Equal input gives equal documents. Figures are numbered in order of appearance. If its data are
 /// missing, a figure is replaced by a sentence with the reason.
@@ -115,7 +110,8 @@ pub fn document(input: &IdentificationReport) -> Document {
     Document {
         title: input.title.to_owned(),
         subtitle: subtitle(input),
-        tiles: tiles(found, &scored),
+        card: card::rows(input, &scored),
+        tiles: Vec::new(),
         warnings: warnings(found, &scored),
         notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),
         sections: sections(input, &scored),
@@ -133,39 +129,6 @@ fn subtitle(input: &IdentificationReport) -> String {
         "Extended Maxwell-Slip model identified from {}; {validated}",
         figures::names(input.training)
     )
-}
-
-fn tiles(found: &Identification, scored: &Scored) -> Vec<Tile> {
-    let (error, fit) = if scored.held_out {
-        ("Validation error (rms)", "Validation fit")
-    } else {
-        ("Error on its own data (rms)", "Fit to its own data")
-    };
-    let Validation { rms_n, fit_percent, .. } = &*scored.validation;
-    let of_fit = format!("{} %", fixed(*fit_percent, 1));
-    let mut tiles = vec![
-        Tile::new(error, format!("{} N", significant(*rms_n, 3)), error_note(scored)),
-        Tile::new(fit, of_fit, "100·(1 − rms/sd of the readings)"),
-    ];
-    let main =
-        [Quantity::CoulombForce, Quantity::ViscousDamping, Quantity::HalfWidth, Quantity::Offset];
-    for quantity in main {
-        let Some(estimate) = found.estimate(quantity) else { continue };
-        let (id, (value, interval)) = (quantity.id(), figures::value_and_interval(estimate));
-        let label = format!("{} {}", figures::name_of(id), id.symbol());
-        tiles.push(Tile::new(label, value, interval));
-    }
-    tiles
-}
-
-/// The error of each recording, if there are few, and that of EMS for comparison.
-fn error_note(scored: &Scored) -> String {
-    let recordings = &scored.validation.recordings;
-    if !(2..=3).contains(&recordings.len()) {
-        return ERROR_OF_EMS.to_owned();
-    }
-    let each = recordings.iter().map(|r| format!("{} N on {}", significant(r.rms_n, 3), r.path));
-    format!("{}; {ERROR_OF_EMS}", each.collect::<Vec<_>>().join(", "))
 }
 
 /// Reasons to doubt the identification or its validation.
@@ -307,14 +270,13 @@ fn recordings<'a>(
 }
 
 fn provenance(input: &IdentificationReport) -> Vec<(String, String)> {
-    let mut all = vec![origin("Program", PROGRAM), origin("EMS", figures::PAPER)];
-    all.extend(input.command.map(|command| origin("Command", command)));
+    let mut all: Vec<_> =
+        input.command.map(|command| origin("Command", command)).into_iter().collect();
     let MovingMass { mass, gravity } = input.moving_mass;
     let options = input.options.in_words();
     all.push(origin(
         "Options",
         format!("moving mass {mass} kg, gravity {gravity} m/s², {options}"),
     ));
-    all.extend(figures::hashes(recordings(input)));
     all
 }

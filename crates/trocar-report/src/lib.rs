@@ -9,6 +9,7 @@
 //! Only [`identification`], [`comparison`], [`fleet`], [`validation`], [`recording`], `plan` and `teleop` depend on
 //! results; they fill documents from them.
 
+mod card;
 mod chart;
 mod codes;
 pub mod comparison;

@@ -40,6 +40,7 @@ pub fn document(input: &PlanReport) -> Document {
     Document {
         title: "What to record".to_owned(),
         subtitle: subtitle(input),
+        card: Vec::new(),
         tiles: tiles(input),
         warnings: warning(input).into_iter().collect(),
         notes: Vec::new(),

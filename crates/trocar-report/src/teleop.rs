@@ -104,6 +104,7 @@ pub fn document(input: &TeleopReport) -> Document {
     Document {
         title: "Teleoperation through a trocar".to_owned(),
         subtitle: subtitle(input),
+        card: Vec::new(),
         tiles: tiles(input),
         warnings: warning(input).into_iter().collect(),
         notes: Vec::new(),

@@ -3,8 +3,8 @@
 use trocar_model::Element;
 
 use super::identification::{FigureChoice, IdentificationReport, check_choice, document};
-use super::publish;
 use super::{Document, ReportError, stage_document};
+use super::{card, publish};
 use trocar_identify::posterior;
 use trocar_lab::workflow::Workflow;
 use trocar_runtime::model_file::FILE_NAME;
@@ -38,7 +38,7 @@ pub fn workflow_document(
     Ok(document(&input))
 }
 
-/// Stages model.json, summary.json, table.csv, table.tex, citation.bib, posterior.parquet if there are draws, report.html and
+/// Stages model.json, card.md, summary.json, table.csv, table.tex, citation.bib, posterior.parquet if there are draws, report.html and
 /// figures.
 ///
 /// # Errors
@@ -51,6 +51,7 @@ pub fn write_workflow(
 ) -> Result<(), ReportError> {
     let document = workflow_document(workflow, truth, choice)?;
     staged.write(FILE_NAME, workflow.model_file().to_json().as_bytes())?;
+    staged.write("card.md", card::markdown(&document).as_bytes())?;
     staged.write("summary.json", workflow.summary().to_json().as_bytes())?;
     let found = &workflow.identification;
     staged.write("table.csv", publish::csv(found).as_bytes())?;

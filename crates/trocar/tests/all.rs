@@ -36,6 +36,7 @@ mod teleop_figures;
 #[path = "trust.rs"] // beside a folder of that name
 mod trust;
 mod validate;
+mod values;
 
 #[path = "../../trocar-model/tests/common/mod.rs"]
 mod common;

@@ -293,6 +293,7 @@ fn document() -> Document {
     Document {
         title: "Identification of a one-stage seal".into(),
         subtitle: "Extended Maxwell-Slip model, four recordings".into(),
+        card: vec![("Held out".into(), "surgeon.csv, 60 s".into())],
         tiles: vec![
             Tile::new("Coulomb force", "2.103 N", "2.089 to 2.118"),
             Tile::new("Viscous damping", "4.02 N·s/m", "3.61 to 4.43"),

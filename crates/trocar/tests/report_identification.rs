@@ -636,7 +636,8 @@ fn series_of_line(panel: &Panel, role: Role) -> Series {
 fn without_validation_the_report_says_that_it_looks_at_its_own_data() {
     let document = document(&plain_input(&BENCH.identification, &BENCH.training));
     assert!(document.subtitle.contains("not validated"), "{}", document.subtitle);
-    assert!(document.tiles[0].label.contains("own data"), "{}", document.tiles[0].label);
+    let labels: Vec<&str> = document.card.iter().map(|(label, _)| label.as_str()).collect();
+    assert!(labels.contains(&"Error on its own data"), "{labels:?}");
     for id in ["cross-validation", "residuals", "error-by-speed"] {
         let caption = &figure(&document, id).caption;
         assert!(caption.contains("identified from, for there are no others"), "{caption}");

@@ -26,9 +26,10 @@ const TRAINING: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 const HELD_OUT: [Protocol; 3] = [Protocol::Validation, Protocol::Step, Protocol::Surgeon];
 
 /// What the folder of results holds.
-const FILES: [&str; 8] = [
+const FILES: [&str; 9] = [
     "truth.json",
     "model.json",
+    "card.md",
     "summary.json",
     "report.html",
     "table.*",

@@ -26,8 +26,9 @@ use crate::progress::Progress;
 use crate::table::{Table, interval, number};
 
 /// What the folder of results holds.
-const FILES: [&str; 7] = [
+const FILES: [&str; 8] = [
     "model.json",
+    "card.md",
     "summary.json",
     "report.html",
     "table.*",
@@ -39,7 +40,7 @@ const FILES: [&str; 7] = [
 /// Identify a model from recordings, validate it on others, and write a report
 ///
 /// Takes recordings of any motion; the two experiments of the paper are the best start. Writes
-/// model.json, summary.json, report.html and figures into the folder given with --out, and
+/// model.json, card.md, summary.json, report.html and figures into the folder given with --out, and
 /// posterior.parquet with --posterior. Exit code 3:
 /// the recordings lost data or do not determine every parameter, a validation error is far above
 /// the identification error, or posterior draws did not converge.

@@ -2,13 +2,14 @@
 
 mod c;
 pub(crate) mod fmu;
+mod values;
 
 use clap::Subcommand;
 
 use crate::Completion;
 use crate::console::Console;
 
-/// Export a model to C or as an FMU
+/// Export a model to C, as an FMU, or as numbers for another program
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]
@@ -19,11 +20,13 @@ pub(crate) struct Args {
 enum Format {
     C(c::Args),
     Fmu(fmu::Args),
+    Values(values::Args),
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
     match &args.format {
         Format::C(args) => c::run(console, args),
         Format::Fmu(args) => fmu::run(console, args),
+        Format::Values(args) => values::run(console, args),
     }
 }

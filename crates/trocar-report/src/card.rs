@@ -1,0 +1,110 @@
+//! The model card: on one page what a model was identified from, where it holds, how well, and what it
+//! is not for. Its facts are those of `summary.json`.
+
+use trocar_lab::motion::MotionRange;
+use trocar_lab::summary::PROGRAM;
+use trocar_lab::validate::Validation;
+use trocar_recording::Recording;
+use trocar_tables::option::{Interface, spelt};
+
+use super::document::{Document, origin};
+use super::figures::{self, Scored};
+use super::identification::IdentificationReport;
+use super::number::{fixed, significant};
+
+/// Root mean square error, N, that EMS section IV-C reports on its own data.
+const ERROR_OF_EMS: &str = "the paper reports 0.17 N on its own data";
+
+/// What no recording of strokes can show.
+const NOT_FOR: &str = "motion and forces outside these ranges; another seal, instrument or lubrication; temperature, wear and tilt; decisions about \
+                       a patient";
+
+/// The rows of the card.
+pub(super) fn rows(input: &IdentificationReport, scored: &Scored) -> Vec<(String, String)> {
+    let found = input.identification;
+    let held_out = input.validation.map_or(&[] as &[Recording], |(recordings, _)| recordings);
+    let mut all: Vec<_> = input.training.iter().map(|r| from("Identified from", r)).collect();
+    all.extend(held_out.iter().map(|r| from("Held out", r)));
+    let mass = significant(input.moving_mass.mass, 3);
+    all.push(origin(
+        "Rig",
+        format!("{mass} kg between sensor and seal subtracted; no more is known"),
+    ));
+    all.push(origin("Holds for", seen(input)));
+    all.push(error(scored));
+    let parameters = found.parameters.iter().filter(|p| !p.is_coefficient());
+    let (known, unknown): (Vec<_>, Vec<_>) = parameters.partition(|p| p.estimate.determined);
+    all.extend(known.iter().map(|p| {
+        let (value, interval) = figures::value_and_interval(&p.estimate);
+        origin(
+            format!("{} {}", figures::name_of(p.id), p.id.symbol()),
+            format!("{value}, {interval}"),
+        )
+    }));
+    let unknown: Vec<String> = unknown.iter().map(|p| figures::name_of(p.id)).collect();
+    let unknown = if unknown.is_empty() { "nothing".to_owned() } else { unknown.join(", ") };
+    all.push(origin("Not determined", unknown));
+    all.push(origin("Not for", NOT_FOR));
+    all.push(origin("Cite", format!("{} (the model), {PROGRAM} (the program)", figures::PAPER)));
+    all
+}
+
+fn from(label: &str, recording: &Recording) -> (String, String) {
+    let Recording { name, sha256, .. } = recording;
+    let (seconds, samples) = (significant(recording.duration(), 3), recording.len());
+    origin(label, format!("{name}, {seconds} s, {samples} samples, SHA-256 {sha256}"))
+}
+
+fn seen(input: &IdentificationReport) -> String {
+    let found = input.identification;
+    let seen = MotionRange::of(input.training, found.model.offset);
+    let span = |[low, high]: [f64; 2], scale: f64| {
+        format!("{} to {}", significant(scale * low, 3), significant(scale * high, 3))
+    };
+    let reversals = match found.free_motion.partial_reversals {
+        0 => "no partial reversal".to_owned(),
+        1 => "1 partial reversal".to_owned(),
+        count => format!("{count} partial reversals"),
+    };
+    format!(
+        "strokes of {} mm at {} mm/s, {reversals}, rests up to {} s, forces of {} N",
+        span(seen.stroke_m, 1e3),
+        span(seen.speed_m_s, 1e3),
+        significant(seen.longest_rest_s, 2),
+        span(seen.force_n, 1.0)
+    )
+}
+
+/// The error with that of each recording, if there are few, its repeatability, and that of EMS.
+fn error(scored: &Scored) -> (String, String) {
+    let label = if scored.held_out { "Error held out" } else { "Error on its own data" };
+    let Validation { rms_n, fit_percent, recordings } = &*scored.validation;
+    let mut words = format!("{} N rms, fit {} %", significant(*rms_n, 3), fixed(*fit_percent, 1));
+    if (2..=3).contains(&recordings.len()) {
+        for r in recordings {
+            words += &format!("; {} N on {}", significant(r.rms_n, 3), r.path);
+        }
+    }
+    for strokes in recordings.iter().filter_map(|r| r.strokes) {
+        words += &format!("; {}", strokes.words());
+    }
+    origin(label, format!("{words}; {ERROR_OF_EMS}"))
+}
+
+/// `card.md`.
+pub(super) fn markdown(document: &Document) -> String {
+    let row = |(label, value): &(String, String)| {
+        format!("| {label} | {} |\n", value.replace('|', "\\|"))
+    };
+    let rows: String = document.card.iter().map(row).collect();
+    let list = |heading: &str, texts: &[String]| {
+        let items: String = texts.iter().map(|text| format!("- {text}\n")).collect();
+        if texts.is_empty() { items } else { format!("\n## {heading}\n\n{items}") }
+    };
+    let (title, warnings) = (&document.title, list("Warnings", &document.warnings));
+    let text = format!(
+        "# {title}\n\n| | |\n|---|---|\n{rows}{warnings}{}",
+        list("Notes", &document.notes)
+    );
+    spelt(&text, Interface::CommandLine)
+}
