@@ -17,13 +17,14 @@ from .conftest import CONFORMANCE
 MODELS = [CONFORMANCE / "models" / name for name in ("gms.json", "lugre.json")]
 
 
-def program(*arguments: object) -> None:
+def program(*arguments: object) -> str:
     command = os.environ.get("TROCAR_PROGRAM")
     if command is None:
         pytest.skip(
             "TROCAR_PROGRAM does not name the command line; crates/trocar-py/check builds and names it"
         )
-    subprocess.run([command, "export", *map(str, arguments), "--quiet"], check=True)
+    line = [command, "export", *map(str, arguments), "--quiet"]
+    return subprocess.run(line, check=True, capture_output=True, text=True).stdout
 
 
 def parts(path: Path) -> dict[str, bytes]:
@@ -53,6 +54,24 @@ def test_c_is_that_of_the_command_line(path: Path, tmp_path: Path) -> None:
     with pytest.raises(trocar.ParameterError, match='precision "half": expected double or single'):
         model.export_c(tmp_path / "none.c", precision="half")  # type: ignore[arg-type]
     assert not (tmp_path / "none.c").exists() and not (tmp_path / "none.h").exists()
+
+
+def test_values_are_those_of_the_command_line(tmp_path: Path) -> None:
+    model = trocar.Model.load(MODELS[1])
+    time_s = np.linspace(0.0, 4.0, 4001)
+    position_m = 0.03 * np.sin(3.0 * time_s)
+    force_n = trocar.simulate(model, time_s, position_m)
+    recording = trocar.Recording(time_s, position_m, force_n, name="s.csv")
+    columns = np.column_stack([time_s, position_m, force_n])
+    names = "time_s,position_m,force_n"
+    np.savetxt(tmp_path / "s.csv", columns, "%.17g", ",", header=names, comments="")
+    for target in ("mujoco", "isaac", "urdf", "sdf", "ur", "simulink", "json"):
+        own = model.export_values(target, validate=[recording])  # type: ignore[arg-type]
+        options = ("--for", target, "--validate", tmp_path / "s.csv")
+        assert own == program("values", MODELS[1], *options)
+    assert "N rms on s.csv" in model.export_values("urdf", validate=[recording])
+    with pytest.raises(trocar.ParameterError, match="no program .*: expected one of mujoco"):
+        model.export_values("bullet")  # type: ignore[arg-type]
 
 
 def test_an_fmu_is_that_of_the_command_line(model: trocar.Model, tmp_path: Path) -> None:

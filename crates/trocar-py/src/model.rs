@@ -17,6 +17,7 @@ use trocar_fmu::{Contents, Embedded, Input, PackageError, Platform, Source, Vers
 use trocar_model::{Declaration, ParameterId, Seal, Trocar};
 
 use crate::errors::{InternalError, ParameterError, Raise, TrocarError, in_python, number};
+use crate::recording::{Recording, records};
 
 /// The libraries for FMUs that this package carries.
 const INSIDE: Embedded = include!(concat!(env!("OUT_DIR"), "/fmu.rs"));

@@ -42,7 +42,7 @@ pub(super) fn rows(input: &IdentificationReport, scored: &Scored) -> Vec<(String
         )
     }));
     let unknown: Vec<String> = unknown.iter().map(|p| figures::name_of(p.id)).collect();
-    let unknown = if unknown.is_empty() { "nothing".to_owned() } else { unknown.join(", ") };
+    let unknown = if unknown.is_empty() { "nothing".to_owned() } else { unknown.join("; ") };
     all.push(origin("Not determined", unknown));
     all.push(origin("Not for", NOT_FOR));
     all.push(origin("Cite", format!("{} (the model), {PROGRAM} (the program)", figures::PAPER)));
@@ -101,9 +101,9 @@ pub(super) fn markdown(document: &Document) -> String {
         let items: String = texts.iter().map(|text| format!("- {text}\n")).collect();
         if texts.is_empty() { items } else { format!("\n## {heading}\n\n{items}") }
     };
-    let (title, warnings) = (&document.title, list("Warnings", &document.warnings));
+    let warnings = list("Warnings", &document.warnings);
     let text = format!(
-        "# {title}\n\n| | |\n|---|---|\n{rows}{warnings}{}",
+        "# Model card\n\n| | |\n|---|---|\n{rows}{warnings}{}",
         list("Notes", &document.notes)
     );
     spelt(&text, Interface::CommandLine)

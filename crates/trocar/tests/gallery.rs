@@ -68,6 +68,11 @@ fn the_errors_of_compensation_in_the_docs_are_those_of_the_command() {
     let scores = compensation::scores(TissueKind::HuntCrossley).unwrap();
     let (table, coverage) = (scores.table(), scores.coverage());
     assert!(page.contains(&table), "docs/explanation/compensation.md has not\n{table}");
+    // Again beside published errors, and in the gallery.
+    let row: Vec<&str> = table.lines().last().unwrap().split('|').map(str::trim).collect();
+    let [dry, wet] = [row[2], row[4]];
+    assert!(page.contains(&format!("{dry} N rms dry, {wet} N wet")), "{row:?}");
+    assert!(PAGE.contains(&format!("{dry} N rms of error dry, {wet} N wet")), "{row:?}");
     let words = page.split_whitespace().collect::<Vec<_>>().join(" ");
     let adaptation = compensation::adaptation(&compensation::adaptation_times().unwrap());
     for sentence in [coverage, adaptation] {

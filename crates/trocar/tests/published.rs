@@ -2,6 +2,7 @@
 //! values, and estimates of this program. A change of one of them fails here.
 
 use std::path::PathBuf;
+use std::process::Command;
 
 use crate::skipped::skipped;
 use trocar::identify::{Estimate, Identification, IdentifyOptions, identify};
@@ -66,6 +67,64 @@ fn emps_by_the_two_steps_gives_the_readmes_numbers() {
                 "{name}: {got}, docs/explanation/validation.md prints {printed}"
             );
         }
+    }
+}
+
+/// Runs a script of `reference/` that needs Python alone.
+fn python(script: &str, arguments: &[&std::path::Path]) -> Option<String> {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../reference").join(script);
+    let Ok(ran) = Command::new("python3").arg("-B").arg(path).args(arguments).output() else {
+        skipped(&format!("reference/{script}: no python3"));
+        return None;
+    };
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    Some(String::from_utf8(ran.stdout).unwrap())
+}
+
+#[test]
+fn emps_in_open_loop_leaves_the_error_on_the_page() {
+    let Some(folder) = shared("emps") else { return };
+    let recording = folder.join("identification.csv");
+    let Some(printed) = python("emps_open_loop.py", &[&recording]) else { return };
+    let page = include_str!("../../../docs/explanation/validation.md").replace('\n', " ");
+    for (line, words) in printed.lines().zip(["published", "fitted by simulation"]) {
+        let error = line.rsplit(": ").next().unwrap();
+        let name = if words == "published" { "as published" } else { words };
+        assert!(page.contains(&format!("{error} {name}")), "the page has not {line}");
+    }
+    assert_eq!(printed.lines().count(), 2, "{printed}");
+}
+
+#[test]
+fn answers_to_the_recovery_of_seals_are_scored_by_the_truth() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        std::fs::write(path, text).unwrap();
+    };
+    let force = |error: f64| {
+        let row = |i: i32| {
+            let time = f64::from(i);
+            // What is not scored is far off.
+            format!("{time},{}\n", if time < 2.0 { 100.0 * error } else { 1.0 + error })
+        };
+        format!("time_s,force_n\n{}", (0..5).map(row).collect::<String>())
+    };
+    for seal in ["seal_01", "seal_02"] {
+        write(&format!("truth/{seal}/parameters.json"), r#"{"coulomb_force_n": 2.0}"#);
+        write(&format!("truth/{seal}/force.csv"), &force(0.0));
+    }
+    let answer = r#"{"parameters": {"coulomb_force_n": {"value": 2.1, "ci95": [2.05, null]}}}"#;
+    write("answers/seal_01/summary.json", answer);
+    write("answers/seal_01/force.csv", &force(0.25));
+    let [answers, truth] = ["answers", "truth"].map(|name| folder.path().join(name));
+    let Some(printed) = python("recovery_score.py", &[&answers, &truth]) else { return };
+    for expected in [
+        "median 5 %, largest 5 %; 0 of 1 intervals hold the truth; no answer for seal_02",
+        "median 0.25 N rms, largest 0.25 N rms; no answer for seal_02",
+    ] {
+        assert!(printed.contains(expected), "{printed}");
     }
 }
 

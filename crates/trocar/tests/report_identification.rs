@@ -10,13 +10,15 @@ use trocar::identify::{
     FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions, StrokeFriction, Term,
     TermTrial, identify,
 };
+use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use trocar::report::{
     Cell, Dimension, Document, Figure, Kind, Panel, Role, Section, Series, Table, write_document,
+    write_workflow,
 };
 use trocar::validate::{Validation, validate};
-use trocar::workflow::MovingMass;
+use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
 
 static OPTIONS: LazyLock<IdentifyOptions> = LazyLock::new(IdentifyOptions::default);
@@ -642,6 +644,50 @@ fn without_validation_the_report_says_that_it_looks_at_its_own_data() {
         let caption = &figure(&document, id).caption;
         assert!(caption.contains("identified from, for there are no others"), "{caption}");
     }
+}
+
+/// Numbers of a text, without signs.
+fn numbers(text: &str) -> Vec<f64> {
+    let parts = text.split(|c: char| !c.is_ascii_digit() && c != '.');
+    parts.filter_map(|part| part.trim_end_matches('.').parse().ok()).collect()
+}
+
+#[test]
+fn every_number_of_the_model_card_is_in_the_summary() {
+    let workflow = Workflow::of(
+        BENCH.identification.clone(),
+        OPTIONS.clone(),
+        BENCH.training.to_vec(),
+        BENCH.validation.to_vec(),
+        MovingMass { mass: 0.04, gravity: 0.0 },
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let staged = StagedFolder::create(folder.path()).unwrap();
+    write_workflow(&workflow, &staged, None, FigureChoice::default()).unwrap();
+    staged.commit().unwrap();
+    let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).unwrap();
+    let (card, known) = (read("card.md"), numbers(&read("summary.json").replace("e-", " ")));
+    let rows = card.lines().filter(|row| row.starts_with("| ")).skip(1);
+    for (label, value) in rows.filter_map(|row| row.trim_matches('|').split_once('|')) {
+        if ["Cite", "Not for"].contains(&label.trim()) {
+            continue;
+        }
+        let value = value.split("SHA-256").next().unwrap().replace(".csv", "");
+        let value = value.replace("the paper reports 0.17 N", "").replace("95 % interval", "");
+        for number in numbers(&value).into_iter().filter(|number| *number != 25.0) {
+            let is_near = |own: &f64| {
+                // As shown, perhaps in thousandths, with three digits or more.
+                [1.0, 1e3].iter().any(|scale| (own * scale - number).abs() <= 5e-3 * number + 6e-4)
+            };
+            assert!(
+                known.iter().any(is_near),
+                "{label}: {number} of {value} is not in the summary"
+            );
+        }
+    }
+    let page = read("report.html");
+    assert!(page.contains("class=\"card\"") && !page.contains("class=\"tiles\""));
+    assert!(page.find("class=\"card\"") < page.find("<h2"), "the card is on top");
 }
 
 #[test]
