@@ -14,9 +14,8 @@ import sys
 
 import trocar
 
-# Ranges of the parameters, SI; those of one direction differ from the other's by a factor within the last one.
+# Ranges of the parameters, SI, the same in both directions: a sensor's offset cannot be distinguished from a difference.
 RANGES = {"coulomb_force_n": (1.0, 6.0), "viscous_damping_n_s_m": (2.0, 15.0), "half_width_m": (3e-3, 10e-3)}
-ASYMMETRY = (0.85, 1.15)
 README = """# Recovery of known seals
 
 Each folder holds recordings of one simulated seal in a trocar: an instrument moves to and fro in it, and a sensor reads the force.
@@ -29,23 +28,13 @@ seal, the sensor has an offset and noise, and the friction varies by about 1 % f
 
 For each folder SEAL answer with ANSWERS/SEAL/summary.json, ANSWERS/SEAL/force.csv, or both:
 
-- `summary.json`: {"parameters": {NAME: {"value": …, "ci95": [low, high]}}} with the names NAMES, the mean of both directions where
-  they differ; `ci95` may be left out.
+- `summary.json`: {"parameters": {NAME: {"value": …, "ci95": [low, high]}}} with the names NAMES; `ci95` may be
+  left out.
 - `force.csv`: a column `force_n` with the force on the seal, without offset and inertia, one row per row of `motion.csv`. The first two
   seconds are not scored.
 
 `python score.py ANSWERS truth` prints the errors.
 """
-
-
-def seal(random_numbers):
-    values = {name: random_numbers.uniform(*span) for name, span in RANGES.items()}
-    tuned = {"half_width_m": values["half_width_m"]}
-    for name in ("coulomb_force_n", "viscous_damping_n_s_m"):
-        ratio = random_numbers.uniform(*ASYMMETRY)
-        tuned[f"insertion_{name}"] = 2.0 * values[name] * ratio / (1.0 + ratio)
-        tuned[f"withdrawal_{name}"] = 2.0 * values[name] / (1.0 + ratio)
-    return trocar.Model.plausible().tuned(**tuned), values
 
 
 def write(path, columns):
@@ -60,7 +49,8 @@ def main(folder, seals=10, seed=1):
     random_numbers = random.Random(int(seed))
     for number in range(1, int(seals) + 1):
         name = f"seal_{number:02}"
-        model, values = seal(random_numbers)
+        values = {key: random_numbers.uniform(*span) for key, span in RANGES.items()}
+        model = trocar.Model.plausible().tuned(**values)
         for protocol in ("steady", "dynamic"):
             made = trocar.bench(protocol, seal=model, seed=1000 * int(seed) + number)
             write(task / name / f"{protocol}.csv", {"time_s": made.time_s, "position_m": made.position_m, "force_n": made.force_n})

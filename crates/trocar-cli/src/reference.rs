@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use clap::{Arg, Command};
 
-use crate::examples::{self, EXAMPLES};
+use crate::examples;
 
 const HEAD: &str = "# Command line
 
-Usage: `trocar [--quiet] COMMAND ...`. `trocar COMMAND --help` prints the same text, `trocar man --out DIR` writes it as man pages,
+Usage: `trocar [--quiet] COMMAND ...`. `trocar COMMAND --help` prints the same text with examples, `trocar man --out DIR` writes it as man pages,
 and `trocar completions SHELL` completes commands and options in the shell.
 
 Results go to standard output or into the file or folder of `--out`; progress, notes, warnings and errors go to standard
@@ -95,17 +95,6 @@ fn section(text: &mut String, verb: &Command, path: &str, shared: &[&String]) {
             names.join(", ")
         );
     }
-    let (_, lines) =
-        EXAMPLES.iter().find(|(of, _)| *of == path).expect("every command has examples");
-    text.push_str("\n```text\n");
-    for (purpose, line) in *lines {
-        let _ = if purpose.is_empty() {
-            writeln!(text, "{line}")
-        } else {
-            writeln!(text, "# {purpose}\n{line}")
-        };
-    }
-    text.push_str("```\n");
 }
 
 /// Paragraphs of a help text, each on a line.
