@@ -21,6 +21,7 @@ mod many;
 mod model;
 mod plan;
 mod posterior;
+mod read;
 mod recording;
 mod shared;
 mod simulate;
@@ -61,7 +62,9 @@ mod _core {
     #[pymodule_export]
     use crate::posterior::{PosteriorTable, read_posterior};
     #[pymodule_export]
-    use crate::recording::{Recording, read};
+    use crate::read::read;
+    #[pymodule_export]
+    use crate::recording::Recording;
     #[pymodule_export]
     use crate::simulate::{simulate, simulate_full};
     #[pymodule_export]

@@ -1,4 +1,4 @@
-//! `Recording` and `read`.
+//! `Recording`.
 
 use std::ops::Range;
 use std::path::PathBuf;
@@ -13,16 +13,13 @@ use pyo3::types::{PyAny, PySlice, PyTuple, PyType};
 use trocar::option::{Interface, spelt};
 use trocar::output::AtomicFile;
 use trocar::recording::{
-    self, Choice, Quality, ReadOptions, Readings, Recording as Record, TableColumn, TableColumns,
+    self, Choice, Quality, Readings, Recording as Record, TableColumn, TableColumns,
 };
 use trocar::report::recording::document;
-use trocar::summary::choice_for;
 
 use crate::arrays::column;
 use crate::errors::{ArrayError, InternalError, ParameterError, Raise, in_python};
-use crate::model::Model;
 use crate::shared::{Picture, figures, finite};
-use crate::work::{How, run};
 
 /// One recording in SI units: time, position and force of an instrument in a seal.
 ///
@@ -95,7 +92,7 @@ fn recording_of(
 }
 
 /// `columns` as the library takes it: a text as it is, a mapping as `ours=theirs`.
-fn columns_in_words(columns: &Bound<'_, PyAny>) -> PyResult<String> {
+pub(crate) fn columns_in_words(columns: &Bound<'_, PyAny>) -> PyResult<String> {
     let py = columns.py();
     py.import(intern!(py, "trocar._arrays"))?
         .call_method1(intern!(py, "columns_in_words"), (columns,))?
@@ -419,54 +416,4 @@ impl Recording {
 
 fn quality_json(quality: &Quality) -> PyResult<String> {
     serde_json::to_string(quality).map_err(|error| InternalError::new_err(error.to_string()))
-}
-
-/// Reads a recording from a file of any format that `trocar inspect` lists.
-///
-/// Columns are found by their names, units included; `columns` says instead which they are, by our
-/// names: `{"position_mm": "x", "force_n": "-fz"}` or `"position_mm=x,force_n=-fz"`, where `-`
-/// reverses the sign and `22.2*U` scales, or in order, where `-` skips one: `"time_s,position_mm,-,force_n"`. `topics`
-/// are the tables or topics to look in. Rows before `from_s` and from `to_s` on (s after the first
-/// row) are left out. `flip_force` reverses the sign of the force; readings at `sensor_limit_n`
-/// count as saturated. `skip_rows` lines at the beginning of a text are skipped, and `rate_hz` is
-/// the number of rows per second of a file without a column of times. Without any of these, a file is
-/// read as the recordings of the model `like` were, unless it lacks their columns.
-///
-/// >>> recording = trocar.read("strokes.csv")
-/// >>> half = trocar.read("strokes.csv", columns={"force_n": "0.5*force_n", "position_m": "position_m", "time_s": "time_s"})
-/// >>> bool(np.allclose(half.force_n, 0.5 * recording.force_n))
-/// True
-#[pyfunction]
-#[pyo3(signature = (path, *, like=None, columns=None, topics=Vec::new(), from_s=None, to_s=None, flip_force=false,
-    sensor_limit_n=None, skip_rows=0, rate_hz=None), text_signature = "(path, *, like=None, columns=None, topics=[], from_s=None, to_s=None, \
-    flip_force=False, sensor_limit_n=None, skip_rows=0, rate_hz=None)")]
-#[expect(clippy::too_many_arguments, reason = "keywords in Python")]
-pub(crate) fn read(
-    py: Python<'_>,
-    path: PathBuf,
-    like: Option<&Model>,
-    columns: Option<&Bound<'_, PyAny>>,
-    topics: Vec<String>,
-    from_s: Option<f64>,
-    to_s: Option<f64>,
-    flip_force: bool,
-    sensor_limit_n: Option<f64>,
-    skip_rows: u64,
-    rate_hz: Option<f64>,
-) -> PyResult<Recording> {
-    let columns = columns.map(columns_in_words).transpose()?;
-    let choice = Choice {
-        columns,
-        topics,
-        from: from_s,
-        to: to_s,
-        flip_force,
-        skip_rows,
-        rate_hz,
-        ..Choice::default()
-    };
-    let choice = like.and_then(|model| choice_for(model.file(), &choice)).unwrap_or(choice);
-    let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };
-    let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
-    Ok(Recording::new(record.map_err(Raise::raise)?))
 }

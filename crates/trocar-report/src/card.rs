@@ -1,6 +1,7 @@
 //! The model card: on one page what a model was identified from, where it holds, how well, and what it
 //! is not for. Its facts are those of `summary.json`.
 
+use trocar_identify::Identification;
 use trocar_lab::motion::MotionRange;
 use trocar_lab::summary::PROGRAM;
 use trocar_lab::validate::Validation;
@@ -9,7 +10,6 @@ use trocar_tables::option::{Interface, spelt};
 
 use super::document::{Document, origin};
 use super::figures::{self, Scored};
-use super::identification::IdentificationReport;
 use super::number::{fixed, significant};
 
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
@@ -19,18 +19,22 @@ const ERROR_OF_EMS: &str = "the paper reports 0.17 N on its own data";
 const NOT_FOR: &str = "motion and forces outside these ranges; another seal, instrument or lubrication; temperature, wear and tilt; decisions about \
                        a patient";
 
-/// The rows of the card.
-pub(super) fn rows(input: &IdentificationReport, scored: &Scored) -> Vec<(String, String)> {
-    let found = input.identification;
-    let held_out = input.validation.map_or(&[] as &[Recording], |(recordings, _)| recordings);
-    let mut all: Vec<_> = input.training.iter().map(|r| from("Identified from", r)).collect();
+/// The rows of the card: of what was identified from `training`, after `mass` (kg) was subtracted.
+pub(super) fn rows(
+    found: &Identification,
+    training: &[Recording],
+    mass: f64,
+    scored: &Scored,
+) -> Vec<(String, String)> {
+    let held_out = if scored.held_out { &scored.recordings[..] } else { &[] };
+    let mut all: Vec<_> = training.iter().map(|r| from("Identified from", r)).collect();
     all.extend(held_out.iter().map(|r| from("Held out", r)));
-    let mass = significant(input.moving_mass.mass, 3);
+    let mass = significant(mass, 3);
     all.push(origin(
         "Rig",
         format!("{mass} kg between sensor and seal subtracted; no more is known"),
     ));
-    all.push(origin("Holds for", seen(input)));
+    all.push(origin("Holds for", seen(found, training)));
     all.push(error(scored));
     let parameters = found.parameters.iter().filter(|p| !p.is_coefficient());
     let (known, unknown): (Vec<_>, Vec<_>) = parameters.partition(|p| p.estimate.determined);
@@ -55,9 +59,8 @@ fn from(label: &str, recording: &Recording) -> (String, String) {
     origin(label, format!("{name}, {seconds} s, {samples} samples, SHA-256 {sha256}"))
 }
 
-fn seen(input: &IdentificationReport) -> String {
-    let found = input.identification;
-    let seen = MotionRange::of(input.training, found.model.offset);
+fn seen(found: &Identification, training: &[Recording]) -> String {
+    let seen = MotionRange::of(training, found.model.offset);
     let span = |[low, high]: [f64; 2], scale: f64| {
         format!("{} to {}", significant(scale * low, 3), significant(scale * high, 3))
     };
