@@ -390,5 +390,5 @@ def test_the_example_of_the_documentation_runs(
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
     exec(text.split("```python\n", 1)[1].split("```", 1)[0], names)
-    assert names["loop"].is_stable and names["advised"].advice.fraction is not None
+    assert names["loop"].is_stable and names["mapped"].columns()
     pyplot.close("all")
