@@ -11,6 +11,13 @@ pub(super) struct Segments {
     pub(super) steady_segments: Vec<SteadySegment>,
 }
 
+impl Segments {
+    /// The constant-velocity segments of each velocity plateau.
+    pub(super) fn plateaus(&self) -> impl Iterator<Item = &[SteadySegment]> {
+        self.steady_segments.chunk_by(|a, b| a.plateau == b.plateau)
+    }
+}
+
 pub(super) fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
     let strokes = strokes(recording, reversal_threshold(recording));
     let steady_segments = steady_segments(recording, &strokes, options);

@@ -178,14 +178,12 @@ fn speeds_in_words(speed_m_s: [f64; 2]) -> String {
 
 /// Number of plateaus up to a speed, m/s, that are long enough to show an oscillation.
 fn watched_up_to(segments: &[Segments], fastest: f64) -> usize {
-    let plateaus =
-        segments.iter().flat_map(|s| s.steady_segments.chunk_by(|a, b| a.plateau == b.plateau));
     let is_watched = |plateau: &&[SteadySegment]| {
         let samples: usize = plateau.iter().map(|s| s.end - s.start).sum();
         2 * samples / 3 >= FEWEST_SAMPLES
             && plateau[0].velocity.abs() <= OTHER_SPEED.sqrt() * fastest
     };
-    plateaus.filter(is_watched).count()
+    segments.iter().flat_map(Segments::plateaus).filter(is_watched).count()
 }
 
 /// Period, m, of an oscillation that recurs at the same positions at other speeds of the same
@@ -265,7 +263,7 @@ fn oscillations<'a>(
             readings: force,
         })
     };
-    segments.steady_segments.chunk_by(|a, b| a.plateau == b.plateau).filter_map(of).collect()
+    segments.plateaus().filter_map(of).collect()
 }
 
 /// Period, in samples, of a force that oscillates about its straight trend.

@@ -30,7 +30,8 @@ impl MotionRange {
                 lengths.push((to - from).abs());
                 speeds.push(typical_speed(recording, stroke.start, stroke.end));
             }
-            forces.extend(recording.force.iter().map(|force| force - offset));
+            let (low, high) = range(&recording.force);
+            forces.extend([low - offset, high - offset]);
             let (held, time) = (is_held(recording), &recording.time);
             for part in recording.unbroken() {
                 let mut from = part.start;

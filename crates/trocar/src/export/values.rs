@@ -167,7 +167,7 @@ pub fn text(
     let chosen = chosen.filter(|place| place.law != Law::LuGre || source.number(Stiffness) > 0.0);
     if target == "json" {
         let places = chosen.map(|place| source.json(place)).collect::<Result<Vec<_>, _>>()?;
-        let all = json!({"model_rms_n": source.error(&model.trocar), "places": places});
+        let all = json!({"model_rms_n": source.own_rms, "places": places});
         return Ok(format!("{all:#}\n"));
     }
     chosen.map(|place| source.paste(place)).collect()
@@ -178,17 +178,22 @@ struct Source<'a> {
     model: &'a ModelFile,
     recordings: Vec<Recording>,
     offset: f64,
+    /// Root mean square error of the model itself over the recordings, N.
+    own_rms: Option<f64>,
 }
 
 impl<'a> Source<'a> {
     fn new(model: &'a ModelFile, recordings: Vec<Recording>) -> Result<Self, RecordingError> {
         let correction = Correction::of(model, None, None)?;
         let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));
-        Ok(Self {
+        let mut source = Self {
             model,
             recordings: prepared.collect::<Result<_, _>>()?,
             offset: correction.offset_n,
-        })
+            own_rms: None,
+        };
+        source.own_rms = source.error(&model.trocar);
+        Ok(source)
     }
 
     fn seal(&self) -> &Seal {
@@ -329,7 +334,7 @@ impl<'a> Source<'a> {
             return Ok("Nothing is lost.".to_owned());
         }
         let reduced = self.error(&Trocar::of_seal(self.reduced(place.law)?));
-        let size = match reduced.zip(self.error(&self.model.trocar)) {
+        let size = match reduced.zip(self.own_rms) {
             Some((reduced, own)) => {
                 let names: Vec<&str> = self.recordings.iter().map(|r| r.name.as_str()).collect();
                 let [reduced, own] = [reduced, own].map(|rms| rounded(rms, 3));
