@@ -106,11 +106,12 @@ impl Swings {
         let (speed_m_s, frequency_hz) = (over(|o| o.speed), over(|o| o.frequency));
         let is_wide = |[low, high]: [f64; 2], factor: f64| high > factor * low;
         let mean = |k: usize| all.iter().map(|o| o.force[k]).sum::<f64>() / all.len() as f64;
+        let watched = watched_up_to(recordings, segments, speed_m_s[1], travel(all.iter())?);
         let swings = if let Some(period) = period {
             Self::Position { period }
         } else if is_wide(speed_m_s, SPEEDS) && !is_wide(frequency_hz, ONE_FREQUENCY) {
             Self::Interference { frequency: 0.5 * (frequency_hz[0] + frequency_hz[1]) }
-        } else if (all.len() as f64) < SLOWER_SWING * watched_up_to(segments, speed_m_s[1]) as f64 {
+        } else if (all.len() as f64) < SLOWER_SWING * watched as f64 {
             Self::Rig { speed_m_s, frequency_hz }
         } else {
             let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
@@ -176,20 +177,43 @@ fn speeds_in_words(speed_m_s: [f64; 2]) -> String {
     if slow == fast { slow } else { format!("{slow} to {fast}") }
 }
 
-/// Number of plateaus up to a speed, m/s, that are long enough to show an oscillation.
-fn watched_up_to(segments: &[Segments], fastest: f64) -> usize {
-    let is_watched = |plateau: &&[SteadySegment]| {
-        let samples: usize = plateau.iter().map(|s| s.end - s.start).sum();
-        2 * samples / 3 >= FEWEST_SAMPLES
+/// Number of plateaus up to a speed, m/s, that would show an oscillation with a period of `travel`, m.
+fn watched_up_to(
+    recordings: &[Recording],
+    segments: &[Segments],
+    fastest: f64,
+    travel: f64,
+) -> usize {
+    let is_watched = |(recording, plateau): &(&Recording, &[SteadySegment])| {
+        let Some((from, last)) = watched(plateau) else { return false };
+        let samples = last + 1 - from;
+        let periods = (recording.position[last] - recording.position[from]).abs() / travel;
+        samples >= FEWEST_SAMPLES
+            && periods >= FEWEST_PERIODS as f64
+            && (samples as f64) < LONGEST_PERIOD as f64 * periods
             && plateau[0].velocity.abs() <= OTHER_SPEED.sqrt() * fastest
     };
-    segments.iter().flat_map(Segments::plateaus).filter(is_watched).count()
+    let of = |(recording, segments)| {
+        Segments::plateaus(segments).map(move |plateau| (recording, plateau))
+    };
+    recordings.iter().zip(segments).flat_map(of).filter(is_watched).count()
+}
+
+/// First and last sample of a plateau after its first third.
+fn watched(plateau: &[SteadySegment]) -> Option<(usize, usize)> {
+    let (start, end) = (plateau.first()?.start, plateau.last()?.end);
+    Some((start + (end - start) / 3, end - 1))
+}
+
+/// Typical travel, m, within one period.
+fn travel<'a>(all: impl Iterator<Item = &'a Oscillation<'a>>) -> Option<f64> {
+    median(all.map(|o| o.speed / o.frequency).collect())
 }
 
 /// Period, m, of an oscillation that recurs at the same positions at other speeds of the same
 /// direction; `None` if it does not, and where no two speeds can be compared.
 fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
-    let period = median(recordings.iter().flatten().map(|o| o.speed / o.frequency).collect())?;
+    let period = travel(recordings.iter().flatten())?;
     let mut correlations = Vec::new();
     for all in recordings {
         for (k, one) in all.iter().enumerate() {
@@ -239,9 +263,8 @@ fn oscillations<'a>(
     small: bool,
 ) -> Vec<Oscillation<'a>> {
     let of = |plateau: &[SteadySegment]| {
-        let (start, end) = (plateau.first()?.start, plateau.last()?.end);
-        let (from, last) = (start + (end - start) / 3, end - 1);
-        let force = &recording.force[from..end];
+        let (from, last) = watched(plateau)?;
+        let force = &recording.force[from..=last];
         let mut sorted = force.to_vec();
         sorted.sort_by(f64::total_cmp);
         let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
@@ -259,7 +282,7 @@ fn oscillations<'a>(
             force: [one.min(other), one.max(other)],
             speed: (passed(&recording.position) / time).abs(),
             inserts: recording.position[last] > recording.position[from],
-            positions: &recording.position[from..end],
+            positions: &recording.position[from..=last],
             readings: force,
         })
     };
@@ -295,4 +318,48 @@ fn period_of(force: &[f64]) -> Option<usize> {
         }
     }
     (best.0 > 0).then_some(best.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::segments::segment;
+    use trocar_simulate::segment::SegmentOptions;
+
+    /// Strokes of 10 mm at the first six multiples of a speed, mm/s, during which the force swings by
+    /// 0.4 N every 0.5 mm at those that `swing`.
+    fn strokes(slowest: f64, swing: impl Fn(f64) -> bool) -> Recording {
+        let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![0.0]);
+        for stroke in 0..12 {
+            let speed = slowest * f64::from(1 + stroke / 2);
+            let sign = if stroke % 2 == 0 { 1.0 } else { -1.0 };
+            // Slips begin anywhere.
+            let phase = 0.37 * f64::from(stroke);
+            for k in 1..=(10e3 / speed) as u32 {
+                let way = 1e-3 * speed * f64::from(k);
+                let saw = if swing(speed) { (2.0 * way + phase).fract() - 0.5 } else { 0.0 };
+                time.push(1e-3 * time.len() as f64);
+                position.push(1e-3 * if sign > 0.0 { way } else { 10.0 - way });
+                force.push(sign * (2.0 + 0.4 * saw));
+            }
+        }
+        Recording::from_columns("strokes", time, position, force).expect("a recording")
+    }
+
+    fn found(recording: Recording) -> Option<Swings> {
+        let segments = [segment(&recording, &SegmentOptions::default())];
+        Swings::of(&[recording], &segments, 0.0, false)
+    }
+
+    #[test]
+    fn swings_too_slow_to_be_seen_at_the_slowest_speeds_are_no_resonance() {
+        let all = found(strokes(0.2, |_| true));
+        assert!(matches!(all, Some(Swings::StickSlip(StickSlip { plateaus: 4..=8, .. }))));
+    }
+
+    #[test]
+    fn what_swings_at_the_fastest_speed_alone_is_a_resonance() {
+        assert!(matches!(found(strokes(1.0, |speed| speed > 5.5)), Some(Swings::Rig { .. })));
+        assert!(found(strokes(1.0, |_| false)).is_none());
+    }
 }
