@@ -46,8 +46,15 @@ pub(super) fn fitted(
     };
     let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
     for _ in 0..PositionDelay::MOST {
-        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
+        let input = found.input(options);
+        let more = begun.as_ref().and_then(|begun| begun.position_delay(&input));
         let Some(lag) = later(found.lag, more) else { break };
+        let is_first = found.lag.is_none();
+        // What explains more goes first: the delay is tested again beside all terms.
+        let explains_less = |begun: &Begun| begun.largest_gain(&input) > lag.gain;
+        if is_first && begun.as_ref().is_some_and(explains_less) {
+            break;
+        }
         let Ok(shifted) = shifted(recordings, lag) else { break };
         (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
     }

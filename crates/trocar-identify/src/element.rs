@@ -248,6 +248,7 @@ fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsT
 
 /// Adds the optional terms that the data support, and fits to convergence.
 pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
+    let excluded = begun.excluded(input);
     let Begun { training, fitted } = begun;
     let paper_rms = fitted.rms[1];
     if input.options.prior.is_some() {
@@ -259,11 +260,10 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
         ));
     }
     progress("optional terms", terms::TERMS_FROM);
-    let mut excluded = excluded(input, fitted.best.candidate.half_width);
-    if !training.scale.is_free {
-        // Differences between few strokes cannot be separated from their scatter.
-        excluded.push(Term::Stribeck);
-    }
+    // The weights are those of the error that the terms leave.
+    let first = terms::add_large(&training, fitted, &excluded, speeds(input), progress);
+    let first = EmsTrial { drift: Vec::new(), ..first };
+    let Scaled { training, fitted, .. } = scaled(input, training, first, NEXT)?;
     let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
     if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may fit better.
@@ -306,8 +306,24 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 
 impl Begun {
     /// The delay of the positions.
-    pub(super) fn position_delay(&self, recordings: &[Recording]) -> Option<PositionDelay> {
-        Unexplained::new(recordings, &self.training, &self.fitted)?.lag_left()
+    pub(super) fn position_delay(&self, input: &Input) -> Option<PositionDelay> {
+        Unexplained::new(input.recordings, &self.training, &self.fitted)?.lag_left()
+    }
+
+    /// The largest fraction of the squared error that an optional term removes, to first order.
+    pub(super) fn largest_gain(&self, input: &Input) -> f64 {
+        let excluded = self.excluded(input);
+        terms::largest_gain(&self.training, &self.fitted, &excluded, speeds(input))
+    }
+
+    /// Terms that are not tried.
+    fn excluded(&self, input: &Input) -> Vec<Term> {
+        let mut excluded = excluded(input, self.fitted.best.candidate.half_width);
+        if !self.training.scale.is_free {
+            // Differences between few strokes cannot be separated from their scatter.
+            excluded.push(Term::Stribeck);
+        }
+        excluded
     }
 }
 

@@ -1011,10 +1011,11 @@ fn fall_along((hessian, score): &Sums, delta: &DVector<f64>, lambda: f64) -> f64
     delta.dot(score) + lambda * delta.iter().enumerate().map(square).sum::<f64>()
 }
 
-/// A step that lowers C: its trial, C there, and the damping for the next.
+/// A step that lowers C: its trial, C and the normal equations there, and the damping for the next.
 struct Accepted<T> {
     trial: T,
     cost: f64,
+    normal: Normal,
     lambda: f64,
 }
 
@@ -1038,10 +1039,17 @@ fn step_down<T: Trial>(
             }
             let moved: Vec<f64> = free.iter().zip(delta.iter()).map(|(f, d)| f.value + d).collect();
             let trial = best.with(&moved);
-            let cost = cost(training, &trial);
+            // After steps that succeeded the next one mostly does, and its normal equations give C, too.
+            let is_sure = is_first && lambda <= FIRST_DAMPING;
+            let at_once = if is_sure { normal_equations(training, &trial, &[]) } else { None };
+            let cost = match &at_once {
+                Some(normal) => normal.cost(),
+                None => cost(training, &trial),
+            };
             if cost < before {
-                let relaxed = relaxed((before - cost) / promised, is_first);
-                return Some(Accepted { trial, cost, lambda: lambda * relaxed });
+                let lambda = lambda * relaxed((before - cost) / promised, is_first);
+                let normal = at_once.or_else(|| normal_equations(training, &trial, &[]))?;
+                return Some(Accepted { trial, cost, normal, lambda });
             }
         }
         (lambda, is_first) = ((10.0 * lambda).max(LEAST_TRIED), false);
@@ -1061,12 +1069,11 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         let before = normal.cost();
         let limits = (lambda, NEGLIGIBLE * stop.fall * before);
         let down = step_down(training, (&best, before), &normal.sums(), limits, &mut held);
-        let Some(Accepted { trial, cost, lambda: next }) = down else {
+        let Some(Accepted { trial, cost, normal: there, lambda: next }) = down else {
             converged = true;
             break;
         };
-        (best, lambda) = (trial, next.max(LEAST_DAMPING));
-        normal = normal_equations(training, &best, &[])?;
+        (best, normal, lambda) = (trial, there, next.max(LEAST_DAMPING));
         // With a scale for each stroke, the common force of all strokes is a flat direction: a
         // small decrease does not indicate convergence.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;

@@ -364,10 +364,14 @@ const NEXT: Stop = Stop { iterations: 15, fall: 1e-4, promise: 10.0 * 1e-4 };
 const BEGIN: Stop = Stop { iterations: 6, fall: 3e-3, promise: 10.0 * 3e-3 };
 /// Most that a fit that was begun may still fall, in units of what a step to first order promises.
 const HOPE: f64 = 3.0;
-/// Stopping criteria of the first steps of a fit without a term, and the p value below which these
-/// show that the term is needed.
-const FIRST: Stop = Stop { iterations: 4, fall: 0.02, promise: 0.1 };
+/// Stopping criteria of the first step of a fit without a term, and the p value below which that
+/// step shows that the term is needed, whatever further ones may still gain.
+const FIRST: Stop = Stop { iterations: 2, fall: 0.0, promise: f64::INFINITY };
+/// Times that these are taken before the fit goes on to its end.
+const FIRSTS: usize = 2;
 const CLEARLY_NEEDED: f64 = 1e-6;
+/// The same for what it removes, in units of the least that it must.
+const CLEAR_GAIN: f64 = 3.0;
 /// Predicted decrease of the squared error above which a term that is only suspected is fitted and
 /// judged by the fit. For a shape far from the one tried, the first-order step is unreliable.
 const LARGE_GAIN: f64 = 0.05;
@@ -384,6 +388,9 @@ const NO_BETTER: &str = "the fit with it is no better";
 const UNDETERMINED: &str = "the fit with it does not determine it";
 const TOO_SMALL: &str =
     "too little to tell it from what sampling and encoder leave; the intervals span it";
+
+/// Most exchanges of terms: each leaves less of the error.
+const EXCHANGES: usize = 3;
 
 /// The most promising column of a term.
 struct Score {
@@ -432,17 +439,7 @@ pub(super) fn choose(
     speeds: [f64; 2],
     progress: Progress,
 ) -> Chosen {
-    let from_start = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout));
-    let kept = |term| TermTrial {
-        term,
-        kept: true,
-        p_value: 0.0,
-        gain: 1.0,
-        why_not: None,
-        shift: Vec::new(),
-    };
-    let trials = from_start.map(kept).collect();
-    let mut chosen = Chosen { fitted, trials };
+    let mut chosen = Chosen::of(fitted);
     chosen.take_out_needless(training, speeds[0]);
     let (mut closed, mut twice) = (Vec::new(), Vec::new());
     while chosen.add_needed(training, (excluded, &closed), speeds, progress) {
@@ -457,10 +454,52 @@ pub(super) fn choose(
         closed.extend(needless.iter().copied().filter(for_good));
         twice.extend(needless);
     }
+    let mut left = EXCHANGES;
+    while left > 0 && chosen.exchange(training, excluded, speeds, progress) {
+        left -= 1;
+    }
     chosen
 }
 
+/// The model with the terms that remove a large part of the squared error, roughly fitted.
+pub(super) fn add_large(
+    training: &Training,
+    fitted: Fitted<EmsTrial>,
+    excluded: &[Term],
+    speeds: [f64; 2],
+    progress: Progress,
+) -> EmsTrial {
+    let mut chosen = Chosen::of(fitted);
+    let mut excluded = excluded.to_vec();
+    while let Some((scores, columns)) = scores(training, &chosen.fitted, &excluded, speeds) {
+        let level = LEVEL / columns;
+        let is_large = |s: &&Score| s.is_clear(level) && s.gain > LARGE_GAIN;
+        let largest = scores.iter().filter(is_large).max_by(|a, b| a.gain.total_cmp(&b.gain));
+        let Some(largest) = largest else { break };
+        progress(largest.term.words(), TERMS_FROM);
+        match chosen.with_term(training, largest, level) {
+            Ok((larger, _)) => chosen.fitted = larger,
+            Err(_) => excluded.push(largest.term),
+        }
+    }
+    chosen.fitted.best
+}
+
 impl Chosen {
+    /// A fit with its terms.
+    fn of(fitted: Fitted<EmsTrial>) -> Self {
+        let from_start = Term::ALL.into_iter().filter(|t| t.is_in(&fitted.best.layout));
+        let kept = |term| TermTrial {
+            term,
+            kept: true,
+            p_value: 0.0,
+            gain: 1.0,
+            why_not: None,
+            shift: Vec::new(),
+        };
+        Self { trials: from_start.map(kept).collect(), fitted }
+    }
+
     /// Adds each term that the data support, but none of those `excluded` nor of those `closed`,
     /// which were found needless; whether there was one.
     fn add_needed(
@@ -508,6 +547,42 @@ impl Chosen {
             }
         }
         has_grown
+    }
+
+    /// Exchanges the term that matters least, unless it removes a large part of the squared error, for
+    /// others that explain more; whether there were any.
+    fn exchange(
+        &mut self,
+        training: &Training,
+        excluded: &[Term],
+        speeds: [f64; 2],
+        progress: Progress,
+    ) -> bool {
+        let small = self.trials.iter().filter(|t| t.kept && t.gain < LARGE_GAIN);
+        let Some(weakest) = small.min_by(|a, b| a.gain.total_cmp(&b.gain)).map(|t| t.term) else {
+            return false;
+        };
+        let without = weakest.left_out_of(&self.fitted.best);
+        let Some(fitted) = without.and_then(|w| likelihood::fit(training, &w, NEXT)) else {
+            return false;
+        };
+        let mut other = Self::of(fitted);
+        if !other.add_needed(training, (excluded, &[weakest]), speeds, progress) {
+            return false;
+        }
+        other.take_out_needless(training, speeds[0]);
+        let is_better = other.explains_more(training, &self.fitted);
+        if is_better {
+            *self = other;
+        }
+        is_better
+    }
+
+    /// Whether the model leaves less of the error than another, for more numbers significantly so.
+    fn explains_more(&self, training: &Training, than: &Fitted<EmsTrial>) -> bool {
+        let more = self.fitted.best.free_numbers() > than.best.free_numbers();
+        self.fitted.cost() < than.cost()
+            && (!more || improvement_p_value(training, than, &self.fitted) < LEVEL)
     }
 
     /// The fit with a term that the data support at `level`, and whether it has only begun; or why
@@ -569,30 +644,69 @@ impl Chosen {
     /// Removes each term without which the squared error is not significantly larger, the last one
     /// added first; returns them.
     fn take_out_needless(&mut self, training: &Training, slowest: f64) -> Vec<Term> {
-        let mut needless = Vec::new();
-        for trial in self.trials.iter_mut().rev().filter(|t| t.kept) {
-            let smaller = trial.term.left_out_of(&self.fitted.best);
-            let Some(mut without) = smaller.and_then(|s| likelihood::fit(training, &s, FIRST))
-            else {
-                continue;
+        let (mut needless, mut needed) = (Vec::new(), Vec::new());
+        loop {
+            let is_open = |t: &&mut TermTrial| t.kept && !needed.contains(&t.term);
+            let mut open: Vec<&mut TermTrial> =
+                self.trials.iter_mut().rev().filter(is_open).collect();
+            let least_gain = |term: Term| term.least_gain(&self.fitted.best, slowest);
+            let fit = |t: &&mut TermTrial| {
+                Without::term(t.term, training, &self.fitted, least_gain(t.term))
             };
-            trial.p_value = improvement_p_value(training, &without, &self.fitted);
-            if trial.p_value >= CLEARLY_NEEDED {
-                let Some(further) = likelihood::fit(training, &without.best, NEXT) else {
-                    continue;
-                };
-                without = further;
-                trial.p_value = improvement_p_value(training, &without, &self.fitted);
+            let fits: Vec<Option<Without>> = open.par_iter().map(fit).collect();
+            let mut taken = None;
+            for (trial, fit) in open.iter_mut().zip(fits) {
+                let Some(fit) = fit else { continue };
+                (trial.p_value, trial.gain) = (fit.p_value, fit.gain);
+                let least_gain = least_gain(trial.term);
+                if fit.is_clear {
+                    needed.push(trial.term);
+                } else if taken.is_none() && (fit.p_value >= LEVEL || fit.gain < least_gain) {
+                    trial.kept = false;
+                    needless.push(trial.term);
+                    taken = Some(fit.fitted);
+                }
             }
-            trial.gain = 1.0 - self.fitted.cost() / without.cost();
-            let least_gain = trial.term.least_gain(&self.fitted.best, slowest);
-            if trial.p_value >= LEVEL || trial.gain < least_gain {
-                trial.kept = false;
-                self.fitted = without;
-                needless.push(trial.term);
-            }
+            let Some(fit) = taken else { return needless };
+            self.fitted = fit;
         }
-        needless
+    }
+}
+
+/// A fit without one of its terms.
+struct Without {
+    fitted: Fitted<EmsTrial>,
+    /// p value of the increase of the squared error, and the fraction of it that the term removes.
+    p_value: f64,
+    gain: f64,
+    /// Whether the fit is only begun, since no further step can make the term needless.
+    is_clear: bool,
+}
+
+impl Without {
+    /// `None` where the term has to stay.
+    fn term(
+        term: Term,
+        training: &Training,
+        with: &Fitted<EmsTrial>,
+        least_gain: f64,
+    ) -> Option<Self> {
+        let judged = |fitted: Fitted<EmsTrial>, hope: f64| {
+            let cost = fitted.cost() * (1.0 - hope * fitted.promised_fall()).max(0.0);
+            let p_value = growth_p_value(training, &fitted, with, cost - with.cost());
+            let gain = 1.0 - with.cost() / cost;
+            let is_clear = p_value < CLEARLY_NEEDED && gain > CLEAR_GAIN * least_gain;
+            Self { fitted, p_value, gain, is_clear }
+        };
+        let mut from = term.left_out_of(&with.best)?;
+        for _ in 0..FIRSTS {
+            let begun = judged(likelihood::fit(training, &from, FIRST)?, HOPE);
+            if begun.is_clear {
+                return Some(begun);
+            }
+            from = begun.fitted.best;
+        }
+        Some(judged(likelihood::fit(training, &from, NEXT)?, 0.0))
     }
 }
 
@@ -615,6 +729,18 @@ fn growth_p_value(
 ) -> f64 {
     let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
     f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
+}
+
+/// The largest gain of a term that can be added, at the level at which it would be.
+pub(super) fn largest_gain(
+    training: &Training,
+    fitted: &Fitted<EmsTrial>,
+    excluded: &[Term],
+    speeds: [f64; 2],
+) -> f64 {
+    let Some((scores, columns)) = scores(training, fitted, excluded, speeds) else { return 0.0 };
+    let clear = scores.iter().filter(|score| score.is_clear(LEVEL / columns));
+    clear.map(|score| score.gain).fold(0.0, f64::max)
 }
 
 /// The best column of each term that can be added, and the number of columns tried.

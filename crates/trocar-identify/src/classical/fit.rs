@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use trocar_model::{Passivity, SlipRate};
 
 use crate::estimate::Estimate;
@@ -16,14 +17,14 @@ use super::data::ClassicalData;
 use super::family::Related;
 use super::kind::Kind;
 
-/// Stopping criteria of the short fits from every start, and of the final fit.
+/// Rounds of the fit: the stopping criteria of each, and how many of its fits go on.
+const ROUNDS: [(Stop, usize); 3] = [(FIRST, 4), (SHORT, 2), (LONG, 1)];
+const FIRST: Stop = Stop { iterations: 3, ..SHORT };
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
 pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
 /// Largest relative decrease of the squared error still predicted for a fit that counts as
 /// converged.
 const WORST_PROMISE: f64 = 2e-3;
-/// Data-based starts that are fitted to convergence.
-const FINALISTS: usize = 2;
 /// Scale of a parameter in steps of its difference quotient.
 const SCALE: f64 = 1e4;
 
@@ -141,8 +142,8 @@ pub struct RelatedFits<'a> {
 
 /// Fits one model, from starts derived from the data and from its special cases.
 ///
-/// Only the best data-based starts after a short fit are fitted to convergence. Starts from special
-/// cases always are, so no model ends with a larger error than a smaller one.
+/// Only the best after a short fit from all starts are fitted to convergence. A start from a special
+/// case has its error, so no model ends with a larger error than a smaller one.
 ///
 /// # Errors
 /// A message when no start gives a model that runs.
@@ -161,19 +162,22 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
         starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()
     };
-    let fresh = trials(kind.starts(data, related));
-    let mut short: Vec<Fitted<ClassicalTrial>> =
-        fresh.iter().filter_map(|trial| likelihood::fit(&data.training, trial, SHORT)).collect();
-    short.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-    let finalists = short.into_iter().take(FINALISTS).map(|s| s.best).chain(trials(from_kin(
-        kind.bank(),
-        data,
-        related,
-    )));
-    let long = finalists.filter_map(|trial| likelihood::fit(&data.training, &trial, LONG));
-    let found = long
-        .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
-        .ok_or("no initial values gave a model that runs")?;
+    let starts = kind.starts(data, related);
+    let starts = trials(starts).into_iter().chain(trials(from_kin(kind.bank(), data, related)));
+    let carried = |starts: Vec<ClassicalTrial>, stop, count| {
+        let fits = starts.par_iter().filter_map(|from| likelihood::fit(&data.training, from, stop));
+        let mut fits: Vec<Fitted<ClassicalTrial>> = fits.collect();
+        fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
+        fits.truncate(count);
+        fits
+    };
+    let mut best: Vec<Fitted<ClassicalTrial>> = Vec::new();
+    let mut from: Vec<ClassicalTrial> = starts.collect();
+    for (stop, count) in ROUNDS {
+        best = carried(from, stop, count);
+        from = best.iter().map(|fitted| fitted.best.clone()).collect();
+    }
+    let found = best.pop().ok_or("no initial values gave a model that runs")?;
     let model = found.best.model().ok_or("the best parameters form no valid model")?;
     let parameters = parameters(&found);
     let mut warnings = doubts(&found, &parameters);
