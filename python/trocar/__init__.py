@@ -19,7 +19,7 @@ from __future__ import annotations
 import json
 import os
 import warnings as _python_warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Optional, Union
 
@@ -157,6 +157,7 @@ def identify(
     free_motion: bool = True,
     without: Sequence[str] = (),
     offset_n: Optional[float] = None,
+    fix: Optional[Mapping[str, Union[float, tuple[float, float]]]] = None,
     paper: bool = False,
     posterior: Optional[int] = None,
     prior: Optional[Model] = None,
@@ -178,6 +179,7 @@ def identify(
     :param without: optional model terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, relaxation,
         second_relaxation, unmodelled_mass, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated if not given
+    :param fix: parameters that keep a value, or a range (low, high), in the unit of their name: ``{"half_width_m": 0.006}``
     :param paper: use only the two identification steps of the paper
     :param posterior: number of draws of the parameters from their posterior, a multiple of 4 from 400; None takes none
     :param prior: model of a trocar of the same type, whose parameters the recordings update
@@ -211,6 +213,7 @@ def identify(
         free_motion=free_motion,
         without=[without] if isinstance(without, str) else list(without),
         offset_n=offset_n,
+        fix=_ranges(fix or {}),
         paper=paper,
         posterior=None if posterior is None else _count("posterior", posterior),
         prior=prior,
@@ -377,6 +380,16 @@ def _recordings(name: str, given: Recordings) -> list[Recording]:
         if not isinstance(item, Recording):
             raise TypeError(f"{name}: expected trocar.Recording, got {type(item).__name__}")
     return found
+
+
+def _ranges(fix: Mapping[str, Union[float, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
+    ranges = []
+    for name, given in fix.items():
+        ends = (given, given) if isinstance(given, (int, float)) else tuple(given)
+        if len(ends) != 2 or not all(isinstance(end, (int, float)) for end in ends):
+            raise ParameterError(f"fix: {name} must be a number or two, (low, high), got {given!r}")
+        ranges.append((str(name), (float(ends[0]), float(ends[1]))))
+    return ranges
 
 
 def _degrees(degrees: Sequence[int]) -> tuple[int, int]:

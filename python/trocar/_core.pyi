@@ -413,6 +413,7 @@ def identify(
     free_motion: bool,
     without: Sequence[str],
     offset_n: float | None,
+    fix: Sequence[tuple[str, tuple[float, float]]],
     paper: bool,
     posterior: int | None,
     prior: Model | None,

@@ -87,10 +87,14 @@ pub(crate) fn number(value: f64) -> String {
     }
 }
 
-/// An interval, `[low, high]`, or "not determined" if both bounds are infinite.
+/// An interval, `[low, high]`, "not determined" if both bounds are infinite, or "given" if both are
+/// the same.
 pub(crate) fn interval([low, high]: [f64; 2]) -> String {
     if low == f64::NEG_INFINITY && high == f64::INFINITY {
         return "not determined".to_owned();
+    }
+    if low == high {
+        return "given".to_owned();
     }
     format!("[{}, {}]", number(low), number(high))
 }

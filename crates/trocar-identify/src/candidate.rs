@@ -8,6 +8,7 @@ use trocar_model::{
     SlidingFriction, Stages, StagesState,
 };
 
+use super::kept::Kept;
 use super::likelihood::{Column, Free, Trial, each_alone, with_rows};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
@@ -319,6 +320,7 @@ pub(super) struct Layout {
     pub(super) arms: usize,
     /// A second stage.
     pub(super) second: bool,
+    pub(super) kept: Kept,
 }
 
 /// δ of EMS (11).
@@ -345,6 +347,7 @@ impl Layout {
         lag: false,
         arms: 0,
         second: false,
+        kept: Kept::NONE,
     };
 
     /// The parameters that `candidate` uses.
@@ -389,6 +392,11 @@ fn on_log(kind: Kind, value: &mut f64, [low, high]: [f64; 2], mut on: impl FnMut
 }
 
 impl Layout {
+    /// Range of a parameter: the one in which it is kept, or that of the fit.
+    fn range(self, quantity: Quantity, of_fit: [f64; 2]) -> [f64; 2] {
+        self.kept.range(quantity).unwrap_or(of_fit)
+    }
+
     /// Visits every free parameter of the candidate, in a fixed order.
     fn visit(self, candidate: &mut Candidate, mut on: impl FnMut(&mut f64, Span)) {
         let free = f64::INFINITY;
@@ -397,7 +405,8 @@ impl Layout {
             on(&mut candidate.offset, Span::new(Kind::Offset, force, -free, free));
         }
         if self.unmodelled_mass {
-            on(&mut candidate.unmodelled_mass, Span::new(Kind::UnmodelledMass, 1e-4, 0.0, free));
+            let [low, high] = self.range(Quantity::UnmodelledMass, [0.0, free]);
+            on(&mut candidate.unmodelled_mass, Span::new(Kind::UnmodelledMass, 1e-4, low, high));
         }
         self.visit_sliding(candidate, force, &mut on);
         let width = candidate.half_width;
@@ -405,14 +414,16 @@ impl Layout {
             candidate.insertion.static_force.abs().max(candidate.withdrawal.static_force.abs());
         let bend = if self.is_coarse { sliding } else { WILDEST_BEND * sliding };
         if self.shape {
-            let [low, high] = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
+            let near = [0.3, 3.0].map(|part| (part * width).max(self.narrowest));
+            let [low, high] = self.range(Quantity::HalfWidth, near);
             on(&mut candidate.half_width, Span::new(Kind::HalfWidth, 1e-4 * width, low, high));
             for shape in [&mut candidate.insertion_branch, &mut candidate.withdrawal_branch] {
                 shape.visit(force, [sliding, bend], &mut on);
             }
         }
         if self.damping {
-            on(&mut candidate.seal_damping, Span::new(Kind::Damping, 10.0 * force, 0.0, free));
+            let [low, high] = self.range(Quantity::SealDamping, [0.0, free]);
+            on(&mut candidate.seal_damping, Span::new(Kind::Damping, 10.0 * force, low, high));
         }
         self.visit_time(candidate, &mut on);
         if let (true, Some(second)) = (self.second, &mut candidate.second) {
@@ -433,25 +444,26 @@ impl Layout {
         on: &mut impl FnMut(&mut f64, Span),
     ) {
         let largest = self.largest.max(10.0 * force);
-        on(
-            &mut candidate.insertion.coulomb_force,
-            Span::new(Kind::SlidingForce, force, 10.0 * force, largest),
-        );
+        let [low, high] = self.range(Quantity::CoulombForce, [10.0 * force, largest]);
+        on(&mut candidate.insertion.coulomb_force, Span::new(Kind::SlidingForce, force, low, high));
         if self.viscous {
+            let [low, high] = self.range(Quantity::ViscousDamping, [0.0, f64::INFINITY]);
             on(
                 &mut candidate.insertion.viscous_damping,
-                Span::new(Kind::Damping, 10.0 * force, 0.0, f64::INFINITY),
+                Span::new(Kind::Damping, 10.0 * force, low, high),
             );
         }
         if self.stribeck {
             let most = largest.min(10.0 * candidate.insertion.coulomb_force);
+            let [low, high] = self.range(Quantity::StaticForce, [10.0 * force, most]);
             on(
                 &mut candidate.insertion.static_force,
-                Span::new(Kind::SlidingForce, force, 10.0 * force, most),
+                Span::new(Kind::SlidingForce, force, low, high),
             );
+            let [low, high] = self.range(Quantity::StribeckVelocity, [5e-4, 1.0]);
             on(
                 &mut candidate.insertion.stribeck_velocity,
-                Span::new(Kind::StribeckVelocity, 1e-5, 5e-4, 1.0),
+                Span::new(Kind::StribeckVelocity, 1e-5, low, high),
             );
             if self.exponent {
                 on(
@@ -504,7 +516,7 @@ impl Layout {
             on_log(
                 Kind::LogCreepVelocity,
                 &mut candidate.creep_velocity,
-                [low.max(self.slowest_creep), high],
+                self.range(Quantity::CreepVelocity, [low.max(self.slowest_creep), high]),
                 &mut on,
             );
         }
@@ -514,9 +526,12 @@ impl Layout {
         // A trial may hold impossible values: the range must remain valid.
         let stiffest =
             (10.0 * candidate.insertion.coulomb_force / candidate.half_width).abs().clamp(1.0, 1e9);
-        for arm in candidate.relaxation.arms.iter_mut().take(self.arms) {
-            on_log(Kind::LogStiffness, &mut arm.stiffness, [1e-3 * stiffest, stiffest], &mut on);
-            on_log(Kind::LogRelaxationTime, &mut arm.time, TIME_RANGE, &mut on);
+        for (k, arm) in candidate.relaxation.arms.iter_mut().take(self.arms).enumerate() {
+            let range = |of: Quantity, own| if k == 0 { self.range(of, own) } else { own };
+            let stiffness = range(Quantity::RelaxationStiffness, [1e-3 * stiffest, stiffest]);
+            on_log(Kind::LogStiffness, &mut arm.stiffness, stiffness, &mut on);
+            let time = range(Quantity::RelaxationTime, TIME_RANGE);
+            on_log(Kind::LogRelaxationTime, &mut arm.time, time, &mut on);
         }
     }
 
@@ -605,7 +620,7 @@ impl EmsTrial {
 
     /// Number of free model parameters.
     pub(super) fn free_numbers(&self) -> usize {
-        self.layout.free(&self.candidate).len()
+        self.layout.free(&self.candidate).iter().filter(|free| free.low < free.high).count()
     }
 
     fn replaced(
@@ -650,6 +665,11 @@ impl Trial for EmsTrial {
 
     fn with_any(&self, values: &[f64]) -> Self {
         self.replaced(values, Layout::with_any)
+    }
+
+    fn within(&self) -> Self {
+        let values: Vec<f64> = self.free().iter().map(|free| free.value).collect();
+        if self.layout.kept.is_empty() { self.clone() } else { self.with(&values) }
     }
 
     fn offset(&self) -> f64 {

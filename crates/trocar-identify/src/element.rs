@@ -10,13 +10,13 @@ use std::f64::consts::PI;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use trocar_model::{Branch, ElementParams, Trocar};
+use trocar_model::{Branch, ElementParams, Quantity, Trocar};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::findings::Progress;
 use super::free_motion::FreeMotion;
 use super::joins::Joins;
-use super::likelihood::{self, Fitted, ScaleVariance, Stop};
+use super::likelihood::{self, Fitted, ScaleVariance, Stop, Trial};
 use super::options::IdentifyOptions;
 use super::scale::{FrictionScale, Jump};
 use super::seal_prior::SealPrior;
@@ -586,8 +586,10 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let mut candidate = two.candidate.clone();
     let steady = &two.steady;
     let is_wanted = |term: Term| !options.without.contains(&term);
-    let own_slopes =
-        is_wanted(Term::Asymmetry) && steady.symmetry_p_value.is_some_and(|p| p < SURE);
+    let kept = options.kept;
+    let own_slopes = !kept.forbids(Term::Asymmetry)
+        && is_wanted(Term::Asymmetry)
+        && steady.symmetry_p_value.is_some_and(|p| p < SURE);
     let layout = Layout {
         offset: options.offset.is_none(),
         own_slopes,
@@ -598,6 +600,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         narrowest: narrowest(input),
         slowest_creep: slowest_creep(recordings),
         is_coarse: is_coarse(input, candidate.half_width),
+        kept,
         ..Layout::PAPER
     };
     if let Some(offset) = options.offset {
@@ -613,8 +616,9 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     if options.inertia_removed && is_axis {
         return Vec::new();
     }
+    let with_kept = |start: EmsTrial| with_kept_terms(start, speeds(input));
     if !is_assumed(input) {
-        return vec![EmsTrial::new(candidate, layout)];
+        return with_kept(EmsTrial::new(candidate, layout));
     }
     let mut widths =
         WIDTHS.map(|part| (part * ASSUMED_WIDTH * longest).max(layout.narrowest)).to_vec();
@@ -634,9 +638,22 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
         [plain, EmsTrial::new(candidate, layout)]
     };
     match options.free_motion && !options.without.contains(&Term::Creep) {
-        true => plain.flat_map(creeping).collect(),
-        false => plain.collect(),
+        true => plain.flat_map(creeping).flat_map(with_kept).collect(),
+        false => plain.flat_map(with_kept).collect(),
     }
+}
+
+/// The start with every term of which a parameter is kept, at each shape that is tried.
+fn with_kept_terms(start: EmsTrial, speeds: [f64; 2]) -> Vec<EmsTrial> {
+    let kept = start.layout.kept;
+    let wanted = |term: &Term| kept.wants(*term);
+    Term::ALL.into_iter().filter(wanted).fold(vec![start], |all, term| {
+        let with_term = |start: EmsTrial| match term.is_in(&start.layout) {
+            true => vec![start],
+            false => term.variants(&start, speeds),
+        };
+        all.into_iter().flat_map(with_term).map(|start| start.within()).collect()
+    })
 }
 
 /// Whether too few positions lie within this half width, m, to resolve the shape of the
@@ -701,6 +718,7 @@ fn unresolved(trial: EmsTrial, input: &Input) -> EmsTrial {
     if trial.candidate.half_width > UNRESOLVED * narrowest
         || !trial.layout.shape
         || !is_assumed(input)
+        || input.options.kept.range(Quantity::HalfWidth).is_some()
     {
         return trial;
     }

@@ -70,6 +70,11 @@ impl Estimate {
     }
 
     /// The same estimate with a remark.
+    /// A value that was given, not identified.
+    pub(crate) fn given(value: f64, unit: &'static str) -> Self {
+        Self::from_bounds(value, value, value, unit).with_note("given, not identified")
+    }
+
     pub(crate) fn with_note(mut self, note: impl Into<String>) -> Self {
         self.note = Some(note.into());
         self

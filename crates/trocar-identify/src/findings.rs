@@ -67,6 +67,12 @@ pub enum IdentifyError {
     /// The identified parameters do not form a valid model.
     #[error("the identified parameters form no valid model: {0}")]
     NotAModel(#[from] trocar_model::ParamError),
+    /// Parameters are kept where other options leave no place for them.
+    #[error(
+        "parameters are kept ({0}), which is possible neither in the paper's procedure, nor with a prior or posterior draws, nor \
+         without the term that they belong to"
+    )]
+    Kept(String),
     /// Polynomial degree outside 2 to 7.
     #[error("polynomial degree must be between 2 and 7, got {0}")]
     Degree(usize),

@@ -29,6 +29,7 @@ pub use estimate::t_quantile;
 pub use findings::{Covariance, IdentifyError, Parameter, Progress, Subject, Warning};
 pub use free_motion::FreeMotion;
 pub use information::{Expected, Force, Information, Motion, Noise, Rows};
+pub use kept::{Kept, KeptError, KeptParameter};
 pub use motion_found::MotionFound;
 pub use numbers::reported;
 pub use options::{Draws, IdentifyOptions};
@@ -60,6 +61,7 @@ mod findings;
 mod free_motion;
 mod information;
 mod joins;
+mod kept;
 mod likelihood;
 pub mod margin;
 mod motion_found;
@@ -105,6 +107,7 @@ pub fn identify(
     if recordings.is_empty() {
         return Err(IdentifyError::NoRecording);
     }
+    options.check()?;
     if let Some(degree) =
         options.degrees.into_iter().find(|d| !(2..=trocar_model::MAX_DEGREE).contains(d))
     {

@@ -107,6 +107,10 @@ pub(crate) trait Trial: Clone + Send + Sync {
     /// The trial with its free parameters replaced without clamping: for the spread of an estimate,
     /// not for a model.
     fn with_any(&self, values: &[f64]) -> Self;
+    /// The trial with parameters that have to be kept where they have to be.
+    fn within(&self) -> Self {
+        self.clone()
+    }
     /// Sensor offset o, N.
     fn offset(&self) -> f64;
     /// Mass m whose inertia is in the readings, kg.
@@ -1059,7 +1063,7 @@ fn step_down<T: Trial>(
 
 /// Minimises C from `from`; `None` when `from` is not a valid model.
 pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
-    let mut best = from.clone();
+    let mut best = from.within();
     let mut normal = normal_equations(training, &best, &[])?;
     let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (FIRST_DAMPING, 0, false);

@@ -178,7 +178,8 @@ pub(super) fn parameter_or_held(
 pub(super) fn is_held(fitted: &Fitted<EmsTrial>, id: ParameterId) -> bool {
     let free = fitted.best.free();
     let value = fitted.best.candidate.value(id);
-    (0..free.len()).filter(|j| fitted.held[*j]).any(|j| {
+    let at_bound = |j: &usize| fitted.held[*j] && free[*j].low < free[*j].high;
+    (0..free.len()).filter(at_bound).any(|j| {
         let mut values: Vec<f64> = free.iter().map(|f| f.value).collect();
         values[j] += free[j].step;
         fitted.best.with_any(&values).candidate.value(id) != value
@@ -260,11 +261,14 @@ fn along_joins(
 pub(super) fn parameters(fitted: &Fitted<EmsTrial>, joins: &Joins) -> Vec<Parameter> {
     let EmsTrial { candidate: best, layout, .. } = &fitted.best;
     let spread = Spread::new(fitted);
-    let mut all: Vec<Parameter> = quantities(*layout)
-        .into_iter()
-        .map(|q| (q, parameter_or_held(fitted, &spread, q, factor_of(q.0))))
-        .map(|(q, p)| Parameter::new(p.id, along_joins(&spread, joins, q, p.estimate)))
-        .collect();
+    let of = |q: OnLogarithm| {
+        if let Some(given) = layout.kept.value(q.0.quantity).filter(|_| q.0.element.is_none()) {
+            return Parameter::new(q.0, Estimate::given(given, q.0.unit().si));
+        }
+        let found = parameter_or_held(fitted, &spread, q, factor_of(q.0));
+        Parameter::new(q.0, along_joins(&spread, joins, q, found.estimate))
+    };
+    let mut all: Vec<Parameter> = quantities(*layout).into_iter().map(of).collect();
     let of_lag = |p: &&mut Parameter| p.id.quantity == Quantity::FrictionLag;
     all.iter_mut().filter(of_lag).for_each(|p| p.estimate = shortest_lag(&p.estimate));
     if layout.shape {

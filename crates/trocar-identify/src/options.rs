@@ -3,6 +3,8 @@
 use std::fmt;
 use std::num::NonZeroUsize;
 
+use super::findings::IdentifyError;
+use super::kept::Kept;
 use super::seal_prior::SealPrior;
 use super::terms::Term;
 use trocar_simulate::segment::SegmentOptions;
@@ -28,6 +30,8 @@ pub struct IdentifyOptions {
     pub inertia_removed: bool,
     /// Sensor reading without load, N, where it is known (a tare); `None` estimates it.
     pub offset: Option<f64>,
+    /// Parameters that are kept at a value or within a range.
+    pub kept: Kept,
     /// Whether to use only the procedure of the paper.
     pub paper: bool,
     /// A model of the same trocar type, whose parameters the recordings update.
@@ -49,6 +53,7 @@ impl Default for IdentifyOptions {
             estimate_unmodelled_mass: true,
             inertia_removed: false,
             offset: None,
+            kept: Kept::default(),
             paper: false,
             prior: None,
             posterior: None,
@@ -58,13 +63,26 @@ impl Default for IdentifyOptions {
 }
 
 impl IdentifyOptions {
+    /// Whether the options can be used together.
+    pub(super) fn check(&self) -> Result<(), IdentifyError> {
+        if self.kept.is_empty() {
+            return Ok(());
+        }
+        let is_alone = !self.paper && self.prior.is_none() && self.posterior.is_none();
+        let is_open = |term: &Term| !self.kept.wants(*term);
+        match is_alone && self.without.iter().all(is_open) {
+            true => Ok(()),
+            false => Err(IdentifyError::Kept(self.kept.to_string())),
+        }
+    }
+
     /// All options but the tolerances of the segmentation, in words.
     pub fn in_words(&self) -> String {
         let yes_no = |value: bool| if value { "yes" } else { "no" };
         let without: Vec<&str> = self.without.iter().map(|term| term.name()).collect();
         format!(
             "seed {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
-             terms not tried: {}, position profile {}, unmodelled mass {}{}{}",
+             terms not tried: {}, position profile {}, unmodelled mass {}{}{}{}",
             self.seed,
             self.degrees[0],
             self.degrees[1],
@@ -74,6 +92,7 @@ impl IdentifyOptions {
             if without.is_empty() { "none".to_owned() } else { without.join(", ") },
             yes_no(self.along),
             yes_no(self.estimate_unmodelled_mass),
+            if self.kept.is_empty() { String::new() } else { format!(", kept: {}", self.kept) },
             self.prior.as_ref().map_or_else(String::new, |prior| format!(", {}", prior.in_words())),
             self.posterior.map_or_else(String::new, |draws| format!(", {draws} posterior draws"))
         )

@@ -242,6 +242,9 @@ impl Term {
     /// its part of the force, and for a term next to one that needs it, which has to be removed
     /// first.
     pub(super) fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
+        if with.layout.kept.wants(self) {
+            return None;
+        }
         let mut smaller = with.clone();
         let EmsTrial { layout, candidate, .. } = &mut smaller;
         match self {
@@ -307,7 +310,7 @@ impl Term {
             Self::Asymmetry => layout.viscous,
             _ => true,
         };
-        has_place && !self.is_in(layout)
+        has_place && !self.is_in(layout) && !layout.kept.forbids(self)
     }
 }
 

@@ -7,7 +7,7 @@ use numpy::{PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 use trocar::identify::posterior::{CHAINS, Density, Draws};
-use trocar::identify::{IdentifyOptions, SealPrior, Term};
+use trocar::identify::{IdentifyOptions, Kept, SealPrior, Term};
 use trocar::output::StagedFolder;
 use trocar::report::identification::FigureChoice;
 use trocar::report::{Document, ReportError, workflow_document, write_workflow};
@@ -37,7 +37,7 @@ impl Raise for WorkflowError {
 
 /// Identifies a model; `trocar.identify` wraps it.
 #[pyfunction]
-#[pyo3(signature = (recordings, held_out, *, seed, degrees, free_motion, without, offset_n, paper,
+#[pyo3(signature = (recordings, held_out, *, seed, degrees, free_motion, without, offset_n, fix, paper,
     posterior, prior, prior_spread, moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn identify(
@@ -49,6 +49,7 @@ pub(crate) fn identify(
     free_motion: bool,
     without: Vec<String>,
     offset_n: Option<f64>,
+    fix: Vec<(String, [f64; 2])>,
     paper: bool,
     posterior: Option<usize>,
     prior: Option<PyRef<'_, Model>>,
@@ -73,6 +74,7 @@ pub(crate) fn identify(
         free_motion,
         without: without.iter().map(term).collect::<PyResult<_>>()?,
         offset: offset_n,
+        kept: kept(&fix)?,
         paper,
         ..IdentifyOptions::default()
     };
@@ -101,6 +103,15 @@ fn seal_prior(model: &Model, spread: f64) -> PyResult<SealPrior> {
         return Err(ParameterError::new_err(format!("prior_spread must be above 0, got {spread}")));
     }
     SealPrior::new(model.file(), "model", spread).map_err(Raise::raise)
+}
+
+fn kept(all: &[(String, [f64; 2])]) -> PyResult<Kept> {
+    let mut kept = Kept::default();
+    for (name, range) in all {
+        kept.keep(name, *range)
+            .map_err(|error| ParameterError::new_err(format!("fix: {error}")))?;
+    }
+    Ok(kept)
 }
 
 fn term(name: &String) -> PyResult<Term> {

@@ -4,7 +4,10 @@
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::compare::{Choice, CompareOptions, compare};
-use trocar::identify::{Estimate, Identification, IdentifyOptions, Parameter, identify};
+use trocar::identify::{
+    Estimate, Identification, IdentifyError, IdentifyOptions, Kept, KeptParameter, Parameter, Term,
+    identify,
+};
 use trocar::recording::Recording;
 use trocar_model::{Direction, Element, ElementParams, ParameterId, Quantity};
 
@@ -421,4 +424,56 @@ fn a_name_means_the_same_in_every_fit() {
     let mut by_direction =
         [Quantity::ViscousDamping, Quantity::Join].into_iter().flat_map(by_direction);
     assert!(by_direction.all(|id| seen.get(&id).is_some_and(|count| *count > 1)), "{seen:?}");
+}
+
+/// Options that keep parameters, each as NAME=VALUE or NAME=LOW..HIGH.
+fn keeping(all: &[&str]) -> IdentifyOptions {
+    let each = all.iter().map(|text| text.parse()).collect::<Result<Vec<KeptParameter>, _>>();
+    let kept = Kept::try_from(&*each.expect("of that form")).expect("each once");
+    IdentifyOptions { kept, free_motion: false, ..IdentifyOptions::default() }
+}
+
+#[test]
+fn a_parameter_that_is_kept_is_given_and_the_others_follow_it() {
+    let truth = seal(3);
+    let recordings = recordings(truth, &[Protocol::Steady, Protocol::Dynamic], 3);
+    let with = |kept: &[&str]| {
+        identify(&recordings, &keeping(kept), &|_, _| {}).expect("there is steady sliding")
+    };
+    let half_width = truth.deformation.half_width();
+    let of = |found: &Identification, name: &str| found.parameter(name).expect("it has it").clone();
+    let right = with(&[&format!("half_width_m={half_width}")]);
+    let given = of(&right, "half_width_m");
+    assert_eq!((given.value, given.ci95), (half_width, [half_width; 2]));
+    assert_eq!(right.model.half_width, half_width);
+    assert!(of(&right, "coulomb_force_n").covers(truth.insertion.coulomb_force));
+    let wrong = with(&[&format!("half_width_m={}", 1.5 * half_width)]);
+    assert!(wrong.residual_rms > 1.2 * right.residual_rms, "{} N", wrong.residual_rms);
+    let most = 0.95 * truth.insertion.coulomb_force;
+    let bounded = of(&with(&[&format!("coulomb_force_n=0.1..{most}")]), "coulomb_force_n");
+    assert!((bounded.value / most - 1.0).abs() < 1e-9 && !bounded.determined, "{bounded:?}");
+    let damped = with(&["seal_damping_n_s_m=2"]);
+    assert_eq!(of(&damped, "seal_damping_n_s_m").value, 2.0);
+}
+
+#[test]
+fn what_cannot_be_kept_is_refused() {
+    let why =
+        |text: &str| text.parse::<KeptParameter>().expect_err("no such parameter").to_string();
+    for (text, part) in [
+        ("half_width_m", "such as half_width_m=0.006"),
+        ("half_width=0.006", "expected one of coulomb_force_n"),
+        ("half_width_m=0.007..0.006", "the lower one first"),
+        ("half_width_m=0", "above 0"),
+    ] {
+        assert!(why(text).contains(part), "{}", why(text));
+    }
+    let twice: Vec<KeptParameter> =
+        ["half_width_m=1", "half_width_m=2"].map(|text| text.parse().expect("a range")).to_vec();
+    assert!(Kept::try_from(&*twice).is_err());
+    let recordings = recordings(seal(3), &[Protocol::Dynamic], 3);
+    let options =
+        IdentifyOptions { without: vec![Term::SealDamping], ..keeping(&["seal_damping_n_s_m=2"]) };
+    let refused = identify(&recordings, &options, &|_, _| {});
+    assert!(matches!(refused, Err(IdentifyError::Kept(_))), "{refused:?}");
 }

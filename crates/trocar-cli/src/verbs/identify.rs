@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use trocar::identify::posterior::{CHAINS, Draws};
 use trocar::identify::{
-    Identification, IdentifyOptions, Parameter, SealPrior, Subject, Term, Warning,
+    Identification, IdentifyOptions, Kept, KeptParameter, Parameter, SealPrior, Subject, Term,
+    Warning,
 };
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
@@ -71,6 +72,12 @@ pub(crate) struct Args {
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite, help_heading = STATISTICS, hide_short_help = true)]
     offset_n: Option<f64>,
+    /// Parameter that keeps a value or a range (NAME=LOW..HIGH), in the unit of its name, and whose term is
+    /// in the model: coulomb_force_n, viscous_damping_n_s_m, half_width_m, static_force_n,
+    /// stribeck_velocity_m_s, seal_damping_n_s_m, unmodelled_mass_kg, creep_velocity_m_s,
+    /// relaxation_stiffness_n_m, relaxation_time_s
+    #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', conflicts_with_all = ["paper", "prior", "posterior"], help_heading = STATISTICS)]
+    fix: Vec<KeptParameter>,
     /// Model of a trocar of the same type, from which the recordings depart: a few strokes then give
     /// its parameters for the trocar in use
     #[arg(long, value_name = "MODEL", conflicts_with = "paper", help_heading = STATISTICS)]
@@ -141,6 +148,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         free_motion: !args.no_free_motion,
         without: args.without.clone(),
         offset: args.offset_n,
+        kept: Kept::try_from(&*args.fix)?,
         paper: args.paper,
         posterior: args.posterior,
         ..IdentifyOptions::default()
