@@ -260,10 +260,6 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
         ));
     }
     progress("optional terms", terms::TERMS_FROM);
-    // The weights are those of the error that the terms leave.
-    let first = terms::add_large(&training, fitted, &excluded, speeds(input), progress);
-    let first = EmsTrial { drift: Vec::new(), ..first };
-    let Scaled { training, fitted, .. } = scaled(input, training, first, NEXT)?;
     let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
     if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may fit better.

@@ -392,9 +392,6 @@ const UNDETERMINED: &str = "the fit with it does not determine it";
 const TOO_SMALL: &str =
     "too little to tell it from what sampling and encoder leave; the intervals span it";
 
-/// Most exchanges of terms: each leaves less of the error.
-const EXCHANGES: usize = 3;
-
 /// The most promising column of a term.
 struct Score {
     term: Term,
@@ -457,35 +454,7 @@ pub(super) fn choose(
         closed.extend(needless.iter().copied().filter(for_good));
         twice.extend(needless);
     }
-    let mut left = EXCHANGES;
-    while left > 0 && chosen.exchange(training, excluded, speeds, progress) {
-        left -= 1;
-    }
     chosen
-}
-
-/// The model with the terms that remove a large part of the squared error, roughly fitted.
-pub(super) fn add_large(
-    training: &Training,
-    fitted: Fitted<EmsTrial>,
-    excluded: &[Term],
-    speeds: [f64; 2],
-    progress: Progress,
-) -> EmsTrial {
-    let mut chosen = Chosen::of(fitted);
-    let mut excluded = excluded.to_vec();
-    while let Some((scores, columns)) = scores(training, &chosen.fitted, &excluded, speeds) {
-        let level = LEVEL / columns;
-        let is_large = |s: &&Score| s.is_clear(level) && s.gain > LARGE_GAIN;
-        let largest = scores.iter().filter(is_large).max_by(|a, b| a.gain.total_cmp(&b.gain));
-        let Some(largest) = largest else { break };
-        progress(largest.term.words(), TERMS_FROM);
-        match chosen.with_term(training, largest, level) {
-            Ok((larger, _)) => chosen.fitted = larger,
-            Err(_) => excluded.push(largest.term),
-        }
-    }
-    chosen.fitted.best
 }
 
 impl Chosen {
@@ -550,42 +519,6 @@ impl Chosen {
             }
         }
         has_grown
-    }
-
-    /// Exchanges the term that matters least, unless it removes a large part of the squared error, for
-    /// others that explain more; whether there were any.
-    fn exchange(
-        &mut self,
-        training: &Training,
-        excluded: &[Term],
-        speeds: [f64; 2],
-        progress: Progress,
-    ) -> bool {
-        let small = self.trials.iter().filter(|t| t.kept && t.gain < LARGE_GAIN);
-        let Some(weakest) = small.min_by(|a, b| a.gain.total_cmp(&b.gain)).map(|t| t.term) else {
-            return false;
-        };
-        let without = weakest.left_out_of(&self.fitted.best);
-        let Some(fitted) = without.and_then(|w| likelihood::fit(training, &w, NEXT)) else {
-            return false;
-        };
-        let mut other = Self::of(fitted);
-        if !other.add_needed(training, (excluded, &[weakest]), speeds, progress) {
-            return false;
-        }
-        other.take_out_needless(training, speeds[0]);
-        let is_better = other.explains_more(training, &self.fitted);
-        if is_better {
-            *self = other;
-        }
-        is_better
-    }
-
-    /// Whether the model leaves less of the error than another, for more numbers significantly so.
-    fn explains_more(&self, training: &Training, than: &Fitted<EmsTrial>) -> bool {
-        let more = self.fitted.best.free_numbers() > than.best.free_numbers();
-        self.fitted.cost() < than.cost()
-            && (!more || improvement_p_value(training, than, &self.fitted) < LEVEL)
     }
 
     /// The fit with a term that the data support at `level`, and whether it has only begun; or why

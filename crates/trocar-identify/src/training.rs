@@ -26,14 +26,16 @@ const COARSE: f64 = 8.0;
 const STEADY: f64 = 1e-3;
 /// The same as a part of the velocity, where that is more.
 const STEADY_PART: f64 = 0.05;
-/// Longest travel, as a fraction of the half width, over which samples are averaged while the seal
-/// deforms, and of a step of the simulation there: longer steps blur the breakaway, and c comes out
-/// some tenths of a percent too small. The most steps to a sample, where these are far apart.
-const FINEST: f64 = 0.02;
-const MOST_PARTS: f64 = 20.0;
+/// Longest travel, as a fraction of the half width, over which samples are averaged.
+const FINEST: f64 = 0.01;
 /// The same while the seal slides: this fraction of the half width, or of the longest stroke.
 const SLIDING: f64 = 0.15;
 const SLIDING_STROKE: f64 = 0.02;
+/// Longest travel, as a fraction of the half width, of a step of the simulation while the seal
+/// deforms, and most steps to a sample: where samples are further apart, longer steps blur the
+/// breakaway, and c comes out some tenths of a percent too small.
+const COARSEST: f64 = 0.02;
+const MOST_PARTS: f64 = 20.0;
 /// Path after a reversal beyond which the instrument slides, in half widths.
 const SLIDES: f64 = 3.0;
 /// Noise of the inertia that is taken out, relative to the error of a reading: noise averages over
@@ -391,7 +393,11 @@ fn run(
             blend: 1.0,
         };
         let is_one = next == at + 1 && progress.since_reversal <= SLIDES * limits.half_width;
-        steps.extend(step.divided(if is_one { FINEST * limits.half_width } else { f64::INFINITY }));
+        steps.extend(step.divided(if is_one {
+            COARSEST * limits.half_width
+        } else {
+            f64::INFINITY
+        }));
         at = next;
     }
     Run { steps, first_force: recording.force[range.start] }
