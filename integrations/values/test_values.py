@@ -113,7 +113,7 @@ def test_mujoco_gives_the_force_of_a_stroke(model, tmp_path):
 
 @dataclass
 class ImplicitActuatorCfg:
-    """The fields of Isaac Lab's configuration that are set."""
+    """The fields of isaaclab/actuators/actuator_base_cfg.py of Isaac Lab that are set."""
 
     joint_names_expr: list
     stiffness: float

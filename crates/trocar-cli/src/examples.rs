@@ -218,7 +218,7 @@ fn page(path: &str) -> &'static str {
         "analyze" => "explanation/seal",
         "export c" => "how-to/microcontroller",
         "export fmu" => "reference/fmu",
-        "export values" => "start/simulator",
+        "export values" => "how-to/values",
         _ => "index",
     }
 }

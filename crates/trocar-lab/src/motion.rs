@@ -7,7 +7,7 @@ use trocar_simulate::segment::{reversal_threshold, strokes};
 use crate::validate::{is_held, typical_speed};
 
 /// Motion and force of recordings.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct MotionRange {
     /// Slowest and fastest stroke, m/s; 0 without strokes.
     pub speed_m_s: [f64; 2],

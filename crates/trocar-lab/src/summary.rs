@@ -222,7 +222,7 @@ impl Workflow {
             friction_scale: &found.friction_scale,
             phases: &found.phases,
             stick_slip: found.stick_slip.as_ref(),
-            range: MotionRange::of(&self.recordings, found.model.offset),
+            range: self.range,
             free_motion: found.free_motion,
             position_delay: found.position_delay,
             position_profile: found.position_profile.as_ref(),

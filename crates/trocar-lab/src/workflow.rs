@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::motion::MotionRange;
 use crate::validate::{Validation, validate};
 use trocar_identify::simpler;
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
@@ -130,6 +131,8 @@ pub struct Workflow {
     pub options: IdentifyOptions,
     /// The recordings used for identification, without the moving mass and the position delay.
     pub recordings: Vec<Recording>,
+    /// Their motion and forces: where the model holds.
+    pub range: MotionRange,
     /// The validation recordings, without the moving mass, the unmodelled mass and the position
     /// delay.
     pub held_out: Vec<Recording>,
@@ -191,6 +194,7 @@ impl Workflow {
             scores.beside_identification(identification.residual_rms, &held_out)
         });
         Self {
+            range: MotionRange::of(&recordings, identification.model.offset),
             identification,
             options,
             recordings,

@@ -1,7 +1,7 @@
 //! The model card: on one page what a model was identified from, where it holds, how well, and what it
 //! is not for. Its facts are those of `summary.json`.
 
-use trocar_identify::Identification;
+use trocar_identify::FreeMotion;
 use trocar_lab::motion::MotionRange;
 use trocar_lab::summary::PROGRAM;
 use trocar_lab::validate::Validation;
@@ -10,31 +10,31 @@ use trocar_tables::option::{Interface, spelt};
 
 use super::document::{Document, origin};
 use super::figures::{self, Scored};
+use super::identification::IdentificationReport;
 use super::number::{fixed, significant};
 
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
 const ERROR_OF_EMS: &str = "the paper reports 0.17 N on its own data";
 
+/// What is shorter is a reversal, no rest, s.
+const SHORTEST_REST: f64 = 0.1;
+
 /// What no recording of strokes can show.
 const NOT_FOR: &str = "motion and forces outside these ranges; another seal, instrument or lubrication; temperature, wear and tilt; decisions about \
                        a patient";
 
-/// The rows of the card: of what was identified from `training`, after `mass` (kg) was subtracted.
-pub(super) fn rows(
-    found: &Identification,
-    training: &[Recording],
-    mass: f64,
-    scored: &Scored,
-) -> Vec<(String, String)> {
+/// The rows of the card.
+pub(super) fn rows(input: &IdentificationReport, scored: &Scored) -> Vec<(String, String)> {
+    let found = input.identification;
     let held_out = if scored.held_out { &scored.recordings[..] } else { &[] };
-    let mut all: Vec<_> = training.iter().map(|r| from("Identified from", r)).collect();
+    let mut all: Vec<_> = input.training.iter().map(|r| from("Identified from", r)).collect();
     all.extend(held_out.iter().map(|r| from("Held out", r)));
-    let mass = significant(mass, 3);
+    let mass = significant(input.moving_mass.mass, 3);
     all.push(origin(
         "Rig",
         format!("{mass} kg between sensor and seal subtracted; no more is known"),
     ));
-    all.push(origin("Holds for", seen(found, training)));
+    all.push(origin("Holds for", seen(&input.range, &found.free_motion)));
     all.push(error(scored));
     let parameters = found.parameters.iter().filter(|p| !p.is_coefficient());
     let (known, unknown): (Vec<_>, Vec<_>) = parameters.partition(|p| p.estimate.determined);
@@ -59,22 +59,25 @@ fn from(label: &str, recording: &Recording) -> (String, String) {
     origin(label, format!("{name}, {seconds} s, {samples} samples, SHA-256 {sha256}"))
 }
 
-fn seen(found: &Identification, training: &[Recording]) -> String {
-    let seen = MotionRange::of(training, found.model.offset);
-    let span = |[low, high]: [f64; 2], scale: f64| {
-        format!("{} to {}", significant(scale * low, 3), significant(scale * high, 3))
+fn seen(range: &MotionRange, motion: &FreeMotion) -> String {
+    let span = |ends: [f64; 2], scale: f64| {
+        let [low, high] = ends.map(|end| significant(scale * end, 3));
+        if low == high { low } else { format!("{low} to {high}") }
     };
-    let reversals = match found.free_motion.partial_reversals {
+    let rests = match range.longest_rest_s {
+        short if short < SHORTEST_REST => "no rest".to_owned(),
+        longest => format!("rests up to {} s", significant(longest, 2)),
+    };
+    let reversals = match motion.partial_reversals {
         0 => "no partial reversal".to_owned(),
         1 => "1 partial reversal".to_owned(),
         count => format!("{count} partial reversals"),
     };
     format!(
-        "strokes of {} mm at {} mm/s, {reversals}, rests up to {} s, forces of {} N",
-        span(seen.stroke_m, 1e3),
-        span(seen.speed_m_s, 1e3),
-        significant(seen.longest_rest_s, 2),
-        span(seen.force_n, 1.0)
+        "strokes of {} mm at {} mm/s, {reversals}, {rests}, forces of {} N",
+        span(range.stroke_m, 1e3),
+        span(range.speed_m_s, 1e3),
+        span(range.force_n, 1.0)
     )
 }
 

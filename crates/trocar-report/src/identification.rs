@@ -10,6 +10,7 @@ use super::document::{Document, Section, origin};
 use super::figures::{self, MOST_CHOSEN, Scored};
 use super::{ReportError, card};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
+use trocar_lab::motion::MotionRange;
 use trocar_lab::validate::Validation;
 use trocar_lab::workflow::MovingMass;
 use trocar_recording::Recording;
@@ -23,6 +24,8 @@ pub struct IdentificationReport<'a> {
     /// subtracted, an unmodelled one ([`Candidate::unmodelled_mass`](trocar_identify::Candidate))
     /// is not.
     pub training: &'a [Recording],
+    /// Their motion and forces.
+    pub range: MotionRange,
     /// The validation recordings as they were scored (unmodelled mass subtracted), and the scores;
     /// an empty list counts as `None`.
     pub validation: Option<(&'a [Recording], &'a Validation)>,
@@ -110,7 +113,7 @@ pub fn document(input: &IdentificationReport) -> Document {
     Document {
         title: input.title.to_owned(),
         subtitle: subtitle(input),
-        card: card::rows(found, input.training, input.moving_mass.mass, &scored),
+        card: card::rows(input, &scored),
         tiles: Vec::new(),
         warnings: warnings(found, &scored),
         notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),

@@ -23,6 +23,7 @@ pub fn workflow_document(
     let input = IdentificationReport {
         identification: &workflow.identification,
         training: &workflow.recordings,
+        range: workflow.range,
         validation: workflow
             .validation
             .as_ref()

@@ -11,7 +11,7 @@ pub mod survey;
 
 pub use trocar_identify as identify;
 pub use trocar_identify::{margin, profile, scatter};
-pub use trocar_lab::{compare, fleet, summary, validate, workflow};
+pub use trocar_lab::{compare, fleet, motion, summary, validate, workflow};
 #[cfg(feature = "bench")]
 pub use trocar_lab::{plan, teleop};
 /// Reading of recordings.

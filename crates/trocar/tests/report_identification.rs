@@ -10,6 +10,7 @@ use trocar::identify::{
     FitSummary, FreeMotion, FrictionScale, Identification, IdentifyOptions, StrokeFriction, Term,
     TermTrial, identify,
 };
+use trocar::motion::MotionRange;
 use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
@@ -69,6 +70,7 @@ fn plain_input<'a>(
     IdentificationReport {
         identification,
         training,
+        range: MotionRange::of(training, identification.model.offset),
         validation: None,
         truth: None,
         options: &OPTIONS,

@@ -26,7 +26,7 @@ macro_rules! pages {
 }
 
 /// Pages of the book on the commands, in the program, because where it runs there may be no sources.
-const PAGES: [(&str, &str); 15] = pages![
+const PAGES: [(&str, &str); 16] = pages![
     "index",
     "how-to/columns",
     "how-to/record",
@@ -35,6 +35,7 @@ const PAGES: [(&str, &str); 15] = pages![
     "how-to/compensation",
     "how-to/teleoperation",
     "how-to/microcontroller",
+    "how-to/values",
     "tutorials/first-identification",
     "explanation/validation",
     "explanation/seal",

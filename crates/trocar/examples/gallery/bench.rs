@@ -61,6 +61,7 @@ pub(crate) fn identified() -> Outcome<Vec<Figure>> {
     let document = identification::document(&IdentificationReport {
         identification: &done.identification,
         training: &done.recordings,
+        range: done.range,
         validation: done.validation.as_ref().map(|v| (done.held_out.as_slice(), v)),
         truth: Some(truth.stages()?.elements()),
         options: &done.options,

@@ -68,6 +68,15 @@ struct Place {
 
 const XML: [&str; 2] = ["<!-- ", " -->"];
 
+const URDF: Place = Place {
+    target: "urdf",
+    remark: "In a prismatic joint (in SDFormat in its axis). 'friction' is called static there; simulators apply it in motion, too.",
+    law: Law::Coulomb,
+    comment: XML,
+    names: &[("damping", ViscousDamping, 1.0), ("friction", CoulombForce, 1.0)],
+    snippet: r#"<dynamics damping="{}" friction="{}"/>"#,
+};
+
 const PLACES: [Place; 7] = [
     Place {
         target: "mujoco",
@@ -94,7 +103,8 @@ const PLACES: [Place; 7] = [
     },
     Place {
         target: "isaac",
-        remark: "Isaac Lab, among the actuators of an ArticulationCfg: efforts in N, no drive. The static effort acts at rest, the dynamic one in motion.",
+        remark: "Isaac Lab with Isaac Sim 5 or later (before, friction was a coefficient), among the actuators of an ArticulationCfg: efforts in N, no drive. \
+                 The static effort acts at rest, the dynamic one in motion.",
         law: Law::Stribeck,
         comment: ["# ", ""],
         names: &[
@@ -105,26 +115,16 @@ const PLACES: [Place; 7] = [
         snippet: "trocar = ImplicitActuatorCfg(\n    joint_names_expr=[\"insertion\"], stiffness=0.0, damping=0.0,\n    \
                   friction={}, dynamic_friction={}, viscous_friction={},\n)",
     },
-    Place {
-        target: "urdf",
-        remark: "URDF, in a joint of type prismatic. 'friction' is called static there; simulators apply it in motion, too.",
-        law: Law::Coulomb,
-        comment: XML,
-        names: &[("damping", ViscousDamping, 1.0), ("friction", CoulombForce, 1.0)],
-        snippet: r#"<dynamics damping="{}" friction="{}"/>"#,
-    },
+    URDF,
     Place {
         target: "sdf",
-        remark: "SDFormat, in the axis of a joint of type prismatic. 'friction' is called static there; simulators apply it in motion, too.",
-        law: Law::Coulomb,
-        comment: XML,
-        names: &[("damping", ViscousDamping, 1.0), ("friction", CoulombForce, 1.0)],
         snippet: "<dynamics><damping>{}</damping><friction>{}</friction></dynamics>",
+        ..URDF
     },
     Place {
         target: "ur",
-        remark: "URScript. viscous_scale and coulomb_scale of UR are parts, 0 to 1, of the friction of the arm's own joints: no trocar belongs there. \
-                 Add its force along the shaft, through the transposed Jacobian, to the torques of direct_torque.",
+        remark: "URScript. UR's viscous_scale and coulomb_scale are fractions, 0 to 1, of the friction of the arm's own joints and cannot describe a trocar. \
+                 Add the force of the trocar, along the shaft, through the transposed Jacobian, to the torques of direct_torque.",
         law: Law::Coulomb,
         comment: ["# ", ""],
         names: &[("coulomb_n", CoulombForce, 1.0), ("viscous_n_s_m", ViscousDamping, 1.0)],
