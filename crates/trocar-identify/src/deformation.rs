@@ -401,7 +401,7 @@ pub(super) fn fit(
     let (insertions, withdrawals) = (count(Direction::Insertion), count(Direction::Withdrawal));
     if insertions + withdrawals < FEWEST_REVERSALS || insertions == 0 || withdrawals == 0 {
         return Err(format!(
-            "{insertions} insertions and {withdrawals} withdrawals deform the seal from one sliding limit to the other; at least \
+            "reversals that deform the seal from one sliding limit to the other: {insertions} on insertion, {withdrawals} on withdrawal; at least \
              {FEWEST_REVERSALS} in all and one in each direction are needed (longer strokes, or more of them)"
         ));
     }

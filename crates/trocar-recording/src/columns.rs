@@ -711,6 +711,7 @@ mod tests {
             ("force_bar", "", Some("a pressure")),
             ("F [Nm]", "", Some("a torque")),
             ("F", "N m", Some("a torque")),
+            ("torque_nm", "", Some("a torque")),
             ("pos [counts]", "", Some("a count")),
             ("pos_ticks", "", Some("a count")),
             // Letters of channels, calibrations, compounds, and units that are read.

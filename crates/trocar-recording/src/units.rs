@@ -321,5 +321,7 @@ pub(crate) fn foreign(name: &str, declared: &str) -> Option<(&'static Foreign, b
     if is_ratio || (is_letter && !is_of_force) {
         return None;
     }
-    foreign_named(last).map(|own| (own, is_alone))
+    // A length of 1e-9 m elsewhere.
+    let is_torque = last == "nm" && words.contains(&"torque");
+    foreign_named(if is_torque { "Nm" } else { last }).map(|own| (own, is_alone))
 }
