@@ -114,3 +114,24 @@ pub(super) fn markdown(document: &Document) -> String {
     );
     spelt(&text, Interface::CommandLine)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_ends_are_one_figure_and_the_stop_of_a_reversal_is_no_rest() {
+        let motion = FreeMotion { reversals: 9, partial_reversals: 1, held_s: 0.0 };
+        let at = |longest_rest_s| {
+            let (speed_m_s, stroke_m) = ([0.005, 0.02], [0.119_99, 0.120_01]);
+            seen(
+                &MotionRange { speed_m_s, stroke_m, force_n: [-3.0, 3.0], longest_rest_s },
+                &motion,
+            )
+        };
+        let short = at(0.003);
+        assert!(short.starts_with("strokes of 120 mm at 5.00 to 20.0 mm/s, 1 partial"), "{short}");
+        assert!(short.contains(", no rest, forces of "), "{short}");
+        assert!(at(2.0).contains(", rests up to 2.0 s, "), "{}", at(2.0));
+    }
+}
