@@ -116,6 +116,8 @@ pub enum ParamError {
         /// F_c, N.
         coulomb_force: f64,
     },
+    /// Rotation of a classical model.
+    RotationOfClassical,
     /// A model has no element or more than [`crate::MAX_ELEMENTS`].
     ElementCount {
         /// Number of elements found.
@@ -200,6 +202,9 @@ impl fmt::Display for ParamError {
                 f,
                 "static_force_n {static_force} N above coulomb_force_n {coulomb_force} N needs viscous_damping_n_s_m or seal damping above zero"
             ),
+            Self::RotationOfClassical => {
+                write!(f, "rotation needs an EMS model: the classical models know the axis only")
+            }
             Self::ElementCount { count } => {
                 write!(f, "a model needs 1 to {MAX_ELEMENTS} elements, got {count}")
             }

@@ -16,6 +16,7 @@ use crate::parallel::{MAX_STAGES, Stages, StagesState};
 use crate::parameter::{Blank, Parameters, Quantity};
 use crate::profile::PositionProfile;
 use crate::relaxation::{MAX_ARMS, RelaxationArm};
+use crate::rotation::Rotation;
 pub use crate::row::FlatError;
 use crate::row::{Numbers, Reader, Row, row};
 use crate::seal::{Seal, SealState, Trocar, TrocarState};
@@ -26,7 +27,7 @@ pub const FORMAT: f64 = 1.0;
 /// Most numbers of a row without a position profile.
 pub const SEAL_NUMBERS: usize = 4 + MAX_STAGES * ELEMENT_NUMBERS;
 /// Numbers of a state, whatever the model: fixed, so that a state fits one place.
-pub const STATE_NUMBERS: usize = 3 + SEAL_STATE_NUMBERS;
+pub const STATE_NUMBERS: usize = 3 + SEAL_STATE_NUMBERS + TURNING_NUMBERS;
 /// The same for the state of a seal alone, without format, position and force.
 pub(crate) const SEAL_STATE_NUMBERS: usize = 2 + MAX_STAGES * STATE_OF_ELEMENT;
 
@@ -37,7 +38,10 @@ const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE)
     + ElementParams::FIELDS.len()
     + MAX_ARMS * RelaxationArm::FIELDS.len();
 const STATE_OF_ELEMENT: usize = 7 + MAX_ARMS;
+const TURNING_NUMBERS: usize = 2 + 2 * MAX_STAGES;
 
+/// In place of the kind: the numbers of a rotation follow, then the kind.
+const TURNS: f64 = -1.0;
 /// Kind of EMS elements; the others: [`Classical::tag`].
 const EMS: f64 = 0.0;
 
@@ -139,7 +143,7 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     pub fn write_numbers(&self, row: &mut [f64]) -> Result<usize, FlatError> {
         let mut out = Writer::new(row);
         out.put(&[FORMAT]);
-        write_seal(&mut out, self.seal());
+        self.write_ahead(&mut out);
         match self.profile() {
             None => out.put(&[0.0]),
             Some(profile) => {
@@ -154,8 +158,19 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// Numbers that [`Trocar::write_numbers`] takes.
     pub fn count_numbers(&self) -> usize {
         let mut out = Writer::new(&mut []);
-        write_seal(&mut out, self.seal());
+        self.write_ahead(&mut out);
         2 + out.count + self.profile().map_or(0, |profile| 2 + 2 * profile.gains().len())
+    }
+}
+
+impl<K: AsRef<[f64]>> Trocar<K> {
+    /// What stands before the profile.
+    fn write_ahead(&self, out: &mut Writer) {
+        if let Some(rotation) = self.rotation() {
+            out.put(&[TURNS]);
+            out.put_fields(rotation);
+        }
+        write_seal(out, self.seal());
     }
 }
 
@@ -168,11 +183,12 @@ impl<'a> Trocar<&'a [f64]> {
     pub fn from_numbers(row: &'a [f64]) -> Result<Self, FlatError> {
         let mut from = Reader::new(of_row(row));
         from.expect(FORMAT)?;
+        let rotation = read_rotation(&mut from)?;
         let seal = read_seal(&mut from)?;
         let place = from.place;
         let knots = from.count(0, usize::MAX)?;
         if knots == 0 {
-            return Ok(Self::new(seal, None));
+            return Ok(Self::new(seal, None).with_rotation(rotation)?);
         }
         let wrong = FlatError::Tag { place, found: knots as f64 };
         let [begin, end] = from.take()?;
@@ -181,7 +197,7 @@ impl<'a> Trocar<&'a [f64]> {
         let (offset, rest) = rest.split_at_checked(knots).ok_or(short)?;
         let gain = rest.get(..knots).ok_or(short)?;
         let profile = PositionProfile::new(begin, end, offset, gain).map_err(|_| wrong)?;
-        Ok(Self::new(seal, Some(profile)))
+        Ok(Self::new(seal, Some(profile)).with_rotation(rotation)?)
     }
 }
 
@@ -212,6 +228,14 @@ fn write_element(out: &mut Writer, params: &ElementParams) {
     out.put_fields(&params.withdrawal);
     out.put_fields(params);
     params.relaxation.arms.iter().for_each(|arm| out.put_fields(arm));
+}
+
+fn read_rotation(from: &mut Reader<impl Numbers>) -> Result<Option<Rotation>, FlatError> {
+    if from.one()? == TURNS {
+        return from.fields(Rotation::BLANK).map(Some);
+    }
+    from.place -= 1;
+    Ok(None)
 }
 
 fn read_seal(from: &mut Reader<impl Numbers>) -> Result<Seal, FlatError> {
@@ -290,6 +314,9 @@ impl TrocarState {
     pub fn for_each_number(&self, mut see: impl FnMut(f64)) {
         [FORMAT, self.position, self.force].into_iter().for_each(&mut see);
         self.seal.see(&mut see);
+        if let Some(turning) = &self.turning {
+            turning.see(&mut see);
+        }
     }
 
     /// Becomes the state of the same kind whose [`TrocarState::to_numbers`] has `number(place)` at
@@ -302,7 +329,8 @@ impl TrocarState {
         let mut from = Reader::new(finite(number));
         from.expect(FORMAT)?;
         [self.position, self.force] = from.take()?;
-        self.seal.set(&mut from)
+        self.seal.set(&mut from)?;
+        self.turning.as_mut().map_or(Ok(()), |turning| turning.set(&mut from))
     }
 }
 

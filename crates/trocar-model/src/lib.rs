@@ -99,6 +99,7 @@ pub mod partial;
 mod plausible;
 pub mod profile;
 pub mod relaxation;
+pub mod rotation;
 mod row;
 mod run;
 pub mod seal;
@@ -120,6 +121,7 @@ pub use parameter::{Blank, Declaration, Field, ParameterId, Parameters, Quantity
 pub use partial::PartialReversals;
 pub use profile::{PositionProfile, ProfileError};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
+pub use rotation::{Rotation, Turning};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
 pub use slip::beside::{BESIDE, Beside, Ordinate};

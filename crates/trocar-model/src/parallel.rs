@@ -187,6 +187,10 @@ impl StagesState {
     pub fn states(&self) -> &[State] {
         &self.states[..self.count.min(MAX_STAGES)]
     }
+
+    pub(crate) fn states_mut(&mut self) -> &mut [State] {
+        &mut self.states[..self.count.min(MAX_STAGES)]
+    }
 }
 
 impl Friction for Stages {
@@ -198,12 +202,7 @@ impl Friction for Stages {
     }
 
     fn step(&self, state: &mut StagesState, displacement: f64, duration: f64) -> f64 {
-        step_parallel(
-            self.elements(),
-            &mut state.states[..self.count.min(MAX_STAGES)],
-            displacement,
-            duration,
-        )
+        step_parallel(self.elements(), state.states_mut(), displacement, duration)
     }
 
     fn force(state: &StagesState) -> f64 {

@@ -175,6 +175,11 @@ quantities! {
     SecondRelaxationStiffness: "second_relaxation_stiffness_n_m", "E_2", NEWTON_PER_METRE, FROM_ZERO,
         "stiffness of the second relaxing spring";
     SecondRelaxationTime: "second_relaxation_time_s", "τ_2", SECOND, AboveZero, "second relaxation time";
+    // Rotation of the instrument.
+    ShaftRadius: "shaft_radius_m", "r", METRE, AboveZero, "radius of the shaft";
+    CircumferentialStiffness: "circumferential_stiffness_n_m", "k_t", NEWTON_PER_METRE, AboveZero,
+        "stiffness around the shaft";
+    CircumferentialRatio: "circumferential_ratio", "F_t/F_c", ONE, AboveZero, "friction around the shaft over that along it";
     // Sensor, in identifications.
     Offset: "offset_n", "F_0", NEWTON, Any, "sensor offset";
     CoulombForceWithOffset: "coulomb_force_with_offset_n", "F_c", NEWTON, Any, "Coulomb force with offset";

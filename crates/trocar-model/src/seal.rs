@@ -3,9 +3,11 @@
 
 use crate::classical::{Classical, ClassicalState};
 use crate::ems::{Element, Mode, State};
+use crate::error::{ParamError, check_fields};
 use crate::friction::{Friction, velocity};
 use crate::parallel::{Stages, StagesState};
 use crate::profile::PositionProfile;
+use crate::rotation::{Rotation, Turning};
 
 /// A friction model: EMS elements in parallel, or a classical one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -191,6 +193,7 @@ impl Friction for Seal {
 pub struct Trocar<K = &'static [f64]> {
     seal: Seal,
     profile: Option<PositionProfile<K>>,
+    rotation: Option<Rotation>,
 }
 
 /// State of a [`Trocar`].
@@ -199,19 +202,40 @@ pub struct TrocarState {
     pub(crate) position: f64,
     pub(crate) force: f64,
     pub(crate) seal: SealState,
+    /// Where the model knows of rotation.
+    pub(crate) turning: Option<Turning>,
 }
 
 impl Trocar {
     /// The trocar of `seal` alone, whose force does not depend on the position.
     pub fn of_seal(seal: impl Into<Seal>) -> Self {
-        Self { seal: seal.into(), profile: None }
+        Self { seal: seal.into(), profile: None, rotation: None }
     }
 }
 
 impl<K: AsRef<[f64]>> Trocar<K> {
     /// The trocar of `seal`, with a force that depends on the position where there is a `profile`.
     pub fn new(seal: impl Into<Seal>, profile: Option<PositionProfile<K>>) -> Self {
-        Self { seal: seal.into(), profile }
+        Self { seal: seal.into(), profile, rotation: None }
+    }
+
+    /// The same trocar, which also resists rotation of the instrument; `None` along the axis only.
+    ///
+    /// # Errors
+    /// A number out of its range; a classical model, which knows the axis only.
+    pub fn with_rotation(self, rotation: Option<Rotation>) -> Result<Self, ParamError> {
+        if let Some(rotation) = rotation {
+            check_fields(&rotation)?;
+            if self.seal.stages().is_none() {
+                return Err(ParamError::RotationOfClassical);
+            }
+        }
+        Ok(Self { rotation, ..self })
+    }
+
+    /// How it resists rotation.
+    pub fn rotation(&self) -> Option<&Rotation> {
+        self.rotation.as_ref()
     }
 
     /// The seal.
@@ -229,7 +253,8 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     where
         K: Clone,
     {
-        Self { seal, profile: self.profile.clone() }
+        let rotation = self.rotation.filter(|_| seal.stages().is_some());
+        Self { seal, profile: self.profile.clone(), rotation }
     }
 
     /// The same trocar with a profile that borrows its knots from this one.
@@ -242,6 +267,7 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         Trocar {
             seal: self.seal,
             profile: self.profile.as_ref().map(|profile| profile.stored_as(store)),
+            rotation: self.rotation,
         }
     }
 
@@ -267,7 +293,8 @@ impl<K: AsRef<[f64]>> Trocar<K> {
 
     fn state(&self, position: f64, seal: SealState) -> TrocarState {
         let position = if position.is_finite() { position } else { 0.0 };
-        TrocarState { position, force: self.force_at(position, &seal), seal }
+        let turning = self.rotation.map(|_| Turning::rest(0.0));
+        TrocarState { position, force: self.force_at(position, &seal), seal, turning }
     }
 
     fn force_at(&self, position: f64, seal: &SealState) -> f64 {
@@ -281,23 +308,85 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// A duration that is not positive, or a displacement, duration or velocity that is not finite,
     /// leaves the state untouched and returns the last force.
     pub fn step(&self, state: &mut TrocarState, displacement: f64, duration: f64) -> f64 {
-        self.advance(state, state.position + displacement, displacement, duration)
+        self.advance(state, (state.position + displacement, displacement), None, duration)
     }
 
     /// Advances to `position` (m) within `duration` (s) at constant velocity; as [`Trocar::step`].
     pub fn step_to(&self, state: &mut TrocarState, position: f64, duration: f64) -> f64 {
-        self.advance(state, position, position - state.position, duration)
+        self.advance(state, (position, position - state.position), None, duration)
+    }
+
+    /// Advances to `position` (m) and turns to `angle` (rad) within `duration` (s), both at constant
+    /// velocity; as [`Trocar::step_to`]. A model without rotation does not heed the angle.
+    ///
+    /// ```
+    /// use trocar_model::{Element, ElementParams, Rotation, Trocar};
+    ///
+    /// # fn main() -> Result<(), trocar_model::ParamError> {
+    /// let rotation = Rotation { shaft_radius: 5e-3, circumferential_stiffness: 425.0, circumferential_ratio: 1.0 };
+    /// let seal = Element::new(ElementParams::plausible_10_5_mm()?)?;
+    /// let trocar = Trocar::of_seal(seal).with_rotation(Some(rotation))?;
+    /// let mut state = trocar.rest(0.0);
+    /// for k in 1..=1000 {
+    ///     let time = 1e-3 * f64::from(k);
+    ///     trocar.turn_to(&mut state, 0.02 * time, core::f64::consts::TAU * time, 1e-3);
+    /// }
+    /// assert!(state.force() < 0.6 * 3.0); // at 20 mm/s and one turn a second
+    /// assert!(state.torque() > 0.8 * 3.0 * 5e-3);
+    /// # Ok(())
+    /// # }
+    /// ```
+    pub fn turn_to(
+        &self,
+        state: &mut TrocarState,
+        position: f64,
+        angle: f64,
+        duration: f64,
+    ) -> f64 {
+        self.advance(state, (position, position - state.position), Some(angle), duration)
     }
 
     fn advance(
         &self,
         state: &mut TrocarState,
-        position: f64,
-        displacement: f64,
+        (position, displacement): (f64, f64),
+        angle: Option<f64>,
         duration: f64,
     ) -> f64 {
+        if self.rotation.is_some() {
+            return self.advance_turning(state, (position, displacement), angle, duration);
+        }
         if position.is_finite() && velocity(displacement, duration).is_some() {
             self.seal.step(&mut state.seal, displacement, duration);
+            state.position = position;
+            state.force = self.force_at(position, &state.seal);
+        }
+        state.force
+    }
+
+    fn advance_turning(
+        &self,
+        state: &mut TrocarState,
+        (position, displacement): (f64, f64),
+        angle: Option<f64>,
+        duration: f64,
+    ) -> f64 {
+        let (Some(rotation), Some(turning)) = (&self.rotation, &mut state.turning) else {
+            return state.force;
+        };
+        let (Seal::Ems(stages), SealState::Ems(seal)) = (&self.seal, &mut state.seal) else {
+            return state.force;
+        };
+        let angle = angle.unwrap_or(turning.angle);
+        if !position.is_finite() {
+            return state.force;
+        }
+        let (seal, around) = (seal, &mut *turning);
+        if let Some(force) =
+            stages.step_turning(rotation, (seal, around), displacement, angle, duration)
+        {
+            let gain = self.profile.as_ref().map_or(1.0, |profile| profile.gain(position));
+            turning.torque = rotation.shaft_radius * gain * force;
             state.position = position;
             state.force = self.force_at(position, &state.seal);
         }
@@ -319,6 +408,26 @@ impl TrocarState {
     /// Force after the last step, N: that of the instrument on the seal.
     pub fn force(&self) -> f64 {
         self.force
+    }
+
+    /// Torque after the last step, N·m: that of the instrument on the seal, positive with the angle;
+    /// 0 without rotation in the model.
+    pub fn torque(&self) -> f64 {
+        self.turning.map_or(0.0, |turning| turning.torque)
+    }
+
+    /// The same state where the instrument stands at `angle`, rad; one that is not finite counts as 0.
+    #[must_use]
+    pub fn with_angle(mut self, angle: f64) -> Self {
+        if let Some(turning) = &mut self.turning {
+            turning.angle = if angle.is_finite() { angle } else { 0.0 };
+        }
+        self
+    }
+
+    /// State around the shaft; `None` without rotation in the model.
+    pub fn turning(&self) -> Option<&Turning> {
+        self.turning.as_ref()
     }
 
     /// State of the seal.

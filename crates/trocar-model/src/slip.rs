@@ -23,6 +23,7 @@ use crate::exponential::decay;
 use crate::relaxation::{ArmForces, StepArms};
 
 pub(crate) mod beside;
+pub(crate) mod turn;
 
 /// Limit on evaluations of r in one search: keeps the work of a step bounded.
 const MAX_EVALUATIONS: usize = 240;
@@ -440,7 +441,8 @@ impl Element {
     fn predict(&self, onset: &Onset, motion: Motion, arms: StepArms) -> (f64, f64) {
         let s = onset.direction.sign();
         let deformation_velocity = motion.velocity - s * onset.speed;
-        let stiffness = self.one_sided_stiffness(onset, deformation_velocity) + arms.stiffness;
+        let stiffness =
+            self.one_sided_stiffness(&onset.local, onset.q, deformation_velocity) + arms.stiffness;
         let stiffening = stiffness * motion.time;
         if stiffening <= 0.0 || onset.drag <= 0.0 {
             return (1.0, onset.speed);
@@ -457,12 +459,12 @@ impl Element {
         (theta, (onset.speed + change).max(0.0))
     }
 
-    /// dF_e/dz at the onset for a motion in the direction of `deformation_velocity`.
-    fn one_sided_stiffness(&self, onset: &Onset, deformation_velocity: f64) -> f64 {
-        let Onset { q, local, .. } = onset;
-        if deformation_velocity >= 0.0 && *q >= local.gap {
+    /// dF_e/dz where the deformation force is `local` and q, for a motion in the direction of
+    /// `deformation_velocity`.
+    fn one_sided_stiffness(&self, local: &Local, q: f64, deformation_velocity: f64) -> f64 {
+        if deformation_velocity >= 0.0 && q >= local.gap {
             local.mid_slope + local.gap_slope
-        } else if deformation_velocity <= 0.0 && *q <= -local.gap {
+        } else if deformation_velocity <= 0.0 && q <= -local.gap {
             local.mid_slope - local.gap_slope
         } else {
             local.mid_slope + self.params.deformation.yield_stiffness()

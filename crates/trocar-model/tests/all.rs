@@ -13,6 +13,7 @@ mod promise;
 mod propositions;
 mod reference;
 mod reference_vectors;
+mod rotation;
 mod run;
 mod seal;
 mod slow;

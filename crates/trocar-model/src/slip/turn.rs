@@ -1,0 +1,570 @@
+//! The step of an element along the axis and around it, [`crate::rotation`].
+//!
+//! At the end of a step of duration dt the slip velocity v = (v_x, v_t) solves
+//!
+//! ```text
+//! P(z⁺) = f(v) + β·v        P = (F_e(z_x⁺) + Σ a⁺ + D(ẋ - v_x), k_t·z_t⁺)
+//! z⁺    = z + V·dt - dt·[Θ·v + (1 - Θ)·v_0]
+//! Θ     = θ_∥·n·nᵀ + θ_⊥·(1 - n·nᵀ)        n = v_0/|v_0|
+//! ```
+//!
+//! The contact is soft along the slip (β) and stiff across it (F_c/|v|), so each direction has a θ
+//! of its own, fitted as in [`super`]. Newton's method finds v from the last one. Where it does not
+//! converge, or slip begins or ends within the step, the implicit step (Θ = 1) is solved by nested
+//! searches with brackets: seen along the axis, a contact that also slips around the shaft is one
+//! that creeps, with the creep velocity (F_t/F_x)·|v_t|.
+
+use super::{
+    DEFLECTION_STRIDE, RESIDUAL, STRIBECK_STRIDE, Search, YIELD_MARGIN, find_root, fit_theta,
+    yield_fraction,
+};
+use crate::creep::Rise;
+use crate::direction::Direction;
+use crate::ems::{Element, Mode, State};
+use crate::exponential::decay;
+use crate::friction::sign;
+use crate::relaxation::{ArmForces, StepArms};
+use crate::rotation::{Around, Turn};
+use crate::sliding::SlidingFriction;
+
+/// Newton iterations from the last slip velocity.
+const ITERATIONS: usize = 10;
+
+/// Square of the change of the slip velocity, as a part of it, that is the last one: to first order
+/// the contact then misses by 1e-9 of its force.
+const NEAR: f64 = 1e-9;
+
+/// Along the axis and around it.
+type Pair = [f64; 2];
+
+/// Start of a step.
+#[derive(Clone, Copy)]
+struct Start {
+    z: Pair,
+    q: f64,
+    arms: ArmForces,
+    /// v_0 and its direction n.
+    slip: Pair,
+    direction: Pair,
+    rise: f64,
+}
+
+/// All of the equation but v.
+struct Slide {
+    start: Start,
+    motion: Pair,
+    time: f64,
+    arms: StepArms,
+    rise: Rise,
+    /// z + V·dt - dt·(1 - Θ)·v_0, m, and dt·Θ, s.
+    target: Pair,
+    weight: [Pair; 2],
+}
+
+/// The contact at one slip velocity: f + β·v and its derivatives.
+struct Contact {
+    force: Pair,
+    slope: [Pair; 2],
+    rise: f64,
+}
+
+/// Where a slide ends with some slip velocity.
+struct End {
+    slip: Pair,
+    z: Pair,
+    q: f64,
+    force: Pair,
+    /// P - f - β·v, and its derivative by -v.
+    residual: Pair,
+    slope: [Pair; 2],
+    contact: Contact,
+}
+
+impl Element {
+    /// As [`Element::step`], at the velocities `motion` (m/s) along the axis and around the shaft.
+    pub(crate) fn step_turning(
+        &self,
+        around: &Around,
+        (state, turn): (&mut State, &mut Turn),
+        motion: [f64; 2],
+        duration: f64,
+    ) {
+        let around = Local {
+            stiffness: around.stiffness,
+            sliding: self.sliding_around(around),
+            constant: self.params.insertion.is_constant() && self.params.withdrawal.is_constant(),
+        };
+        let (mut next, mut turned) = (*state, *turn);
+        self.each_part(length(motion), duration, |time| {
+            (next, turned) = self.advance_turning(&around, (&next, &turned), motion, time);
+        });
+        let finite = next.deflection.abs() <= f64::MAX
+            && next.force.abs() <= f64::MAX
+            && turned.deflection.abs() <= f64::MAX;
+        if finite {
+            (*state, *turn) = (next, turned);
+        }
+    }
+
+    /// Friction around the shaft: the mean of both directions, its forces times F_t/F_c.
+    #[inline(always)]
+    fn sliding_around(&self, around: &Around) -> SlidingFriction {
+        let (up, down) = (&self.params.insertion, &self.params.withdrawal);
+        let mean = |number: fn(&SlidingFriction) -> f64| 0.5 * (number(up) + number(down));
+        SlidingFriction {
+            coulomb_force: around.ratio * mean(|own| own.coulomb_force),
+            static_force: around.ratio * mean(|own| own.static_force),
+            stribeck_velocity: mean(|own| own.stribeck_velocity),
+            stribeck_exponent: mean(|own| own.stribeck_exponent),
+            viscous_damping: mean(|own| own.viscous_damping),
+        }
+    }
+
+    #[inline(always)]
+    fn advance_turning(
+        &self,
+        around: &Local,
+        (state, turn): (&State, &Turn),
+        motion: Pair,
+        time: f64,
+    ) -> (State, Turn) {
+        let slip = [state.slip_velocity, turn.slip_velocity];
+        let z = [state.deflection, turn.deflection];
+        let (q, arms, rise) = (state.yield_force, state.arms, state.rise);
+        let mut start = Start { z, q, arms, slip, direction: [0.0; 2], rise };
+        if slip == [0.0; 2] && !self.creeps {
+            return self.leave_stick_turning(around, start, motion, time);
+        }
+        if self.creeps || !self.params.damping.is_zero() {
+            // The velocity may have changed: the slip at the start is that of the new one.
+            let now = Slide {
+                rise: Rise::at_start(rise, self.params.friction_lag),
+                ..self.at_rest(start, motion)
+            };
+            if let Some(end) = self.newton_apart(around, &now, slip) {
+                start.slip = end.slip;
+            }
+        }
+        let speed = length(start.slip);
+        let inverse = if speed > 0.0 { 1.0 / speed } else { 0.0 };
+        start.direction = [start.slip[0] * inverse, start.slip[1] * inverse];
+        self.slide_turning(around, start, motion, time)
+    }
+
+    /// From stick: deforms with the instrument.
+    #[inline(always)]
+    fn leave_stick_turning(
+        &self,
+        around: &Local,
+        start: Start,
+        motion: Pair,
+        time: f64,
+    ) -> (State, Turn) {
+        let all = self.stuck_slide(start, motion, time);
+        let trial = self.elastic(around, &all);
+        if self.holds(around, trial) {
+            return self.stuck_turning(&all, trial);
+        }
+        self.yield_within_turning(around, start, motion, time)
+    }
+
+    /// Deforms up to the yield point within the step and slides from there.
+    #[inline(never)]
+    fn yield_within_turning(
+        &self,
+        around: &Local,
+        start: Start,
+        motion: Pair,
+        time: f64,
+    ) -> (State, Turn) {
+        let at = |part: f64| self.stuck_slide(start, motion, part * time);
+        let beyond = |slide: &Slide| self.utilisation(around, self.elastic(around, slide)) - 1.0;
+        let trial = beyond(&at(1.0));
+        let part = yield_fraction(|part| beyond(&at(part)), trial);
+        let reached = at(part);
+        let force = self.elastic(around, &reached);
+        let q = self.params.deformation.reach(start.z[0], start.q, reached.target[0]).1;
+        let arms = reached.arms.forces(reached.target[0] - start.z[0]);
+        let direction = self.normal(around, force);
+        let mut onset = Start { z: reached.target, q, arms, slip: [0.0; 2], direction, rise: 1.0 };
+        if !around.constant {
+            // A law that falls at once is left by a jump of the slip speed.
+            let mut now = self.at_rest(onset, motion);
+            let margin = 1.0 + YIELD_MARGIN;
+            now.start.z[1] *= margin;
+            now.target[1] *= margin;
+            now.start.q += (margin - 1.0) * force[0];
+            if let Some(end) =
+                self.newton_apart(around, &now, self.guess(around, &now, force, direction))
+            {
+                onset.slip = end.slip;
+            }
+        }
+        self.slide_turning(around, onset, motion, (1.0 - part) * time)
+    }
+
+    /// The contact at the start alone, for a motion that begins there.
+    fn at_rest(&self, start: Start, motion: Pair) -> Slide {
+        let arms = self.params.relaxation.within(&start.arms, 0.0);
+        let rise = Rise::INSTANT;
+        Slide { start, motion, time: 0.0, arms, rise, target: start.z, weight: [[0.0; 2]; 2] }
+    }
+
+    /// A step without slip.
+    #[inline(always)]
+    fn stuck_slide(&self, start: Start, motion: Pair, time: f64) -> Slide {
+        let arms = self.params.relaxation.within(&start.arms, time);
+        let target = [start.z[0] + motion[0] * time, start.z[1] + motion[1] * time];
+        let weight = [[time, 0.0], [0.0, time]];
+        Slide { start, motion, time, arms, rise: Rise::INSTANT, target, weight }
+    }
+
+    /// P at the end of `slide` without slip.
+    #[inline(always)]
+    fn elastic(&self, around: &Local, slide: &Slide) -> Pair {
+        let Start { z, q, .. } = slide.start;
+        let elastic = self.params.deformation.reach(z[0], q, slide.target[0]).0;
+        let arms = slide.arms.force(slide.target[0] - z[0]);
+        [
+            elastic + arms + self.params.damping.force(slide.motion[0]),
+            around.stiffness * slide.target[1],
+        ]
+    }
+
+    /// Whether `force` lies in the yield set at rest.
+    #[inline(always)]
+    fn holds(&self, around: &Local, force: Pair) -> bool {
+        let axial = self.sliding(Direction::of(force[0])).static_force;
+        let tangential = around.sliding.static_force;
+        let [x, t] = [force[0] * tangential, force[1] * axial];
+        x * x + t * t <= (axial * tangential) * (axial * tangential)
+    }
+
+    /// How much of the yield set at rest `force` takes up: 1 on its boundary.
+    #[inline(always)]
+    fn utilisation(&self, around: &Local, force: Pair) -> f64 {
+        let axial = self.sliding(Direction::of(force[0])).static_force;
+        length([force[0] / axial, force[1] / around.sliding.static_force])
+    }
+
+    /// Outward normal of the yield set at `force`.
+    fn normal(&self, around: &Local, force: Pair) -> Pair {
+        let limits =
+            [self.sliding(Direction::of(force[0])).static_force, around.sliding.static_force];
+        let normal = [force[0] / (limits[0] * limits[0]), force[1] / (limits[1] * limits[1])];
+        let size = length(normal);
+        normal.map(|part| part / size)
+    }
+
+    #[inline(always)]
+    fn stuck_turning(&self, slide: &Slide, force: Pair) -> (State, Turn) {
+        let Start { z, q, .. } = slide.start;
+        let q = self.params.deformation.reach(z[0], q, slide.target[0]).1;
+        let arms = slide.arms.forces(slide.target[0] - z[0]);
+        let turn = Turn { deflection: slide.target[1], slip_velocity: 0.0 };
+        (State::stuck(slide.target[0], q, force[0], arms), turn)
+    }
+
+    #[inline(always)]
+    fn slide_turning(
+        &self,
+        around: &Local,
+        start: Start,
+        motion: Pair,
+        time: f64,
+    ) -> (State, Turn) {
+        let speed = length(start.slip);
+        let axial = self.sliding(Direction::of(start.slip[0]));
+        let before = || if axial.is_constant() { 1.0 } else { decay(axial.exponent(speed)) };
+        let rise = Rise::after(start.rise, self.params.friction_lag, time, before);
+        let implicit = Slide { rise, ..self.stuck_slide(start, motion, time) };
+        let (fitted, guess) = self.weigh(around, &implicit);
+        if let Some(end) = self.newton(around, &fitted, guess) {
+            return self.after_sliding(&fitted, &end);
+        }
+        let trial = self.elastic(around, &implicit);
+        if !self.creeps && self.holds(around, trial) {
+            return self.stuck_turning(&implicit, trial);
+        }
+        let guess = self.guess(around, &implicit, trial, self.normal(around, trial));
+        let end = self.newton_apart(around, &implicit, guess);
+        let end = end.unwrap_or_else(|| self.search_turning(around, &implicit));
+        self.after_sliding(&implicit, &end)
+    }
+
+    /// `implicit` with the weights Θ of the module documentation, and to first order the slip
+    /// velocity at its end.
+    #[inline(always)]
+    fn weigh(&self, around: &Local, implicit: &Slide) -> (Slide, Pair) {
+        let Slide { start, motion, time, .. } = *implicit;
+        let [n, t] = start.direction;
+        let stiffness = [
+            self.one_sided_stiffness(
+                &self.params.deformation.local(start.z[0]),
+                start.q,
+                motion[0] - start.slip[0],
+            ) + implicit.arms.stiffness,
+            around.stiffness,
+        ];
+        let along = stiffness[0] * n * n + stiffness[1] * t * t;
+        let across = stiffness[0] * t * t + stiffness[1] * n * n;
+        let axial = self.sliding(Direction::of(n));
+        let beta = axial.viscous_damping * n * n + around.sliding.viscous_damping * t * t;
+        let contact = if start.slip == [0.0; 2] {
+            None
+        } else {
+            Some(self.contact_turning(around, implicit.rise, start.slip))
+        };
+        let damping = self.params.damping.slope(motion[0] - start.slip[0]);
+        let drag = match &contact {
+            Some(Contact { slope: [[a, b], [c, d]], .. }) if !self.creeps => {
+                a * n * n + (b + c) * n * t + d * t * t
+            }
+            _ => beta,
+        } + damping * n * n;
+        // θ = 1 where the start does not decay.
+        let theta_along =
+            if along > 0.0 && drag > 0.0 { fit_theta(along * time / drag) } else { 1.0 };
+        let travel = length(motion) * time;
+        let theta_across = fit_theta((across * travel / around.sliding.coulomb_force).max(0.0));
+        let more = theta_along - theta_across;
+        let weight = [
+            [time * (theta_across + more * n * n), time * more * n * t],
+            [time * more * n * t, time * (theta_across + more * t * t)],
+        ];
+        let kept = (1.0 - theta_along) * time;
+        let target =
+            [implicit.target[0] - kept * start.slip[0], implicit.target[1] - kept * start.slip[1]];
+        let fitted = Slide { target, weight, ..*implicit };
+        let guess = match contact {
+            Some(Contact { mut slope, .. }) => {
+                slope[0][0] += damping;
+                stiffen(&mut slope, stiffness, &weight);
+                let missing = [
+                    stiffness[0] * time * (motion[0] - start.slip[0]),
+                    stiffness[1] * time * (motion[1] - start.slip[1]),
+                ];
+                let more = solve(&slope, missing);
+                [start.slip[0] + more[0], start.slip[1] + more[1]]
+            }
+            None => self.guess(around, implicit, self.elastic(around, implicit), start.direction),
+        };
+        (fitted, guess)
+    }
+
+    /// Slip velocity in `direction` for the force `trial` without slip, where the seal is straight.
+    fn guess(&self, around: &Local, slide: &Slide, trial: Pair, direction: Pair) -> Pair {
+        let [n, t] = direction;
+        let axial = self.sliding(Direction::of(n));
+        let excess =
+            (self.utilisation(around, trial) - 1.0).max(YIELD_MARGIN) * axial.coulomb_force;
+        let stiffness = self.params.deformation.yield_stiffness().max(around.stiffness);
+        let drag = axial.viscous_damping + stiffness * slide.time;
+        let speed = if drag > 0.0 { excess / drag } else { axial.stribeck_velocity };
+        [speed * n, speed * t]
+    }
+
+    /// Newton's method from `slip`; `None` where it does not arrive, or at a root that is not stable.
+    #[inline(always)]
+    fn newton(&self, around: &Local, slide: &Slide, mut slip: Pair) -> Option<End> {
+        let small =
+            RESIDUAL * self.params.insertion.static_force.min(self.params.withdrawal.static_force);
+        let near = 1e3 * small;
+        for _ in 0..ITERATIONS {
+            let end = self.end_turning(around, slide, slip);
+            let [[a, b], [c, d]] = end.slope;
+            // NaN is above nothing.
+            if !(a * d - b * c > 0.0 && a + d > 0.0) {
+                return None;
+            }
+            if end.residual[0].abs() <= small && end.residual[1].abs() <= small {
+                return Some(end);
+            }
+            let more = solve(&end.slope, end.residual);
+            let [change, size] = [more, slip].map(|[x, t]| x * x + t * t);
+            if end.residual[0].abs() <= near
+                && end.residual[1].abs() <= near
+                && change <= NEAR * size
+            {
+                return Some(self.moved(around, slide, end, more));
+            }
+            slip = [slip[0] + more[0], slip[1] + more[1]];
+        }
+        None
+    }
+
+    /// [`Self::newton`] off the usual way.
+    #[inline(never)]
+    fn newton_apart(&self, around: &Local, slide: &Slide, slip: Pair) -> Option<End> {
+        self.newton(around, slide, slip)
+    }
+
+    /// `end` after a last change of the slip velocity, to first order but for the deformation.
+    #[inline(always)]
+    fn moved(&self, around: &Local, slide: &Slide, end: End, more: Pair) -> End {
+        let [[a, b], [c, d]] = slide.weight;
+        let change = [-a * more[0] - b * more[1], -c * more[0] - d * more[1]];
+        let z = [end.z[0] + change[0], end.z[1] + change[1]];
+        let (elastic, q) = self.params.deformation.reach(slide.start.z[0], slide.start.q, z[0]);
+        let slip = [end.slip[0] + more[0], end.slip[1] + more[1]];
+        let damping = self.params.damping.force(slide.motion[0] - slip[0]);
+        let axial = elastic + slide.arms.force(z[0] - slide.start.z[0]) + damping;
+        End { slip, z, q, force: [axial, around.stiffness * z[1]], ..end }
+    }
+
+    #[inline(always)]
+    fn end_turning(&self, around: &Local, slide: &Slide, slip: Pair) -> End {
+        let Slide { start, weight, target, .. } = slide;
+        let z = [
+            target[0] - weight[0][0] * slip[0] - weight[0][1] * slip[1],
+            target[1] - weight[1][0] * slip[0] - weight[1][1] * slip[1],
+        ];
+        let (elastic, q, stiffness) =
+            self.params.deformation.reach_with_slope(start.z[0], start.q, z[0]);
+        let damping = &self.params.damping;
+        let speed = slide.motion[0] - slip[0]; // EMS (8)
+        let force = [
+            elastic + slide.arms.force(z[0] - start.z[0]) + damping.force(speed),
+            around.stiffness * z[1],
+        ];
+        let contact = self.contact_turning(around, slide.rise, slip);
+        let residual = [force[0] - contact.force[0], force[1] - contact.force[1]];
+        let stiffness = [stiffness + slide.arms.stiffness, around.stiffness];
+        let mut slope = contact.slope;
+        stiffen(&mut slope, stiffness, weight);
+        slope[0][0] += damping.slope(speed);
+        End { slip, z, q, force, residual, slope, contact }
+    }
+
+    /// f + β·v, [`crate::rotation`].
+    #[inline(always)]
+    fn contact_turning(&self, around: &Local, rise: Rise, slip: Pair) -> Contact {
+        let axial = self.sliding(Direction::of(slip[0]));
+        let speed = if around.constant { 0.0 } else { length(slip) };
+        let creep = self.params.creep_velocity;
+        let (g, fall, rise) = self.level(axial, rise, speed);
+        let (g_t, fall_t, _) = self.level(&around.sliding, rise, speed);
+        let squares = [slip[0] * slip[0] + creep * creep, slip[1] * slip[1]];
+        let inverse = 1.0 / libm::sqrt(g * g * squares[0] + g_t * g_t * squares[1]);
+        let secant = [g * g * inverse, g_t * g_t * inverse];
+        let force = [secant[0] * slip[0], secant[1] * slip[1]];
+        let cross = -force[0] * force[1] * inverse;
+        let mut slope = [
+            [secant[0] - force[0] * force[0] * inverse, cross],
+            [cross, secant[1] - force[1] * force[1] * inverse],
+        ];
+        if (fall != 0.0 || fall_t != 0.0) && speed > 0.0 {
+            let common = (g * fall * squares[0] + g_t * fall_t * squares[1]) * (inverse * inverse);
+            let by_speed =
+                [force[0] * (2.0 * fall / g - common), force[1] * (2.0 * fall_t / g_t - common)];
+            for (row, change) in slope.iter_mut().zip(by_speed) {
+                row.iter_mut().zip(slip).for_each(|(entry, part)| *entry += change * part / speed);
+            }
+        }
+        let beta = [axial.viscous_damping, around.sliding.viscous_damping];
+        slope[0][0] += beta[0];
+        slope[1][1] += beta[1];
+        let force = [force[0] + beta[0] * slip[0], force[1] + beta[1] * slip[1]];
+        Contact { force, slope, rise: rise.kept }
+    }
+
+    /// g and dg/du with the lag of [`crate::creep`]; and λ as a rise that is kept.
+    #[inline(always)]
+    fn level(&self, sliding: &SlidingFriction, rise: Rise, speed: f64) -> (f64, f64, Rise) {
+        let (level, fall) = sliding.level_and_slope(speed);
+        if !self.creeps {
+            return (level, fall, Rise { kept: 1.0, now: 0.0 });
+        }
+        let now = rise.kept + rise.now * sliding.rise(level);
+        let surplus = sliding.static_force - sliding.coulomb_force;
+        (sliding.coulomb_force + surplus * now, rise.now * fall, Rise { kept: now, now: 0.0 })
+    }
+
+    /// The implicit step by a search over the slip around the shaft, and for each by one over the
+    /// slip along it, from the stick side.
+    #[inline(never)]
+    fn search_turning(&self, around: &Local, slide: &Slide) -> End {
+        let trial = self.elastic(around, slide);
+        let (s, t) = (Direction::of(trial[0]), sign(trial[1]));
+        let residual = RESIDUAL * self.sliding(s).static_force;
+        let stride = STRIBECK_STRIDE * self.sliding(s).stribeck_velocity;
+        let multivalued = self.is_multivalued(s, slide.rise.now);
+        let in_speed = if multivalued { stride } else { f64::INFINITY };
+        let softens = self.least_stiffness <= 0.0 && slide.time > 0.0;
+        let c = self.params.deformation.half_width();
+        let in_deflection =
+            if softens { DEFLECTION_STRIDE * c / slide.time } else { f64::INFINITY };
+        let axial = |tangential: f64| {
+            let at = |u: f64| self.end_turning(around, slide, [s.sign() * u, t * tangential]);
+            let along = Search { guess: 0.0, stride: in_speed.min(in_deflection), residual };
+            let u = find_root(
+                |u| {
+                    let end = at(u);
+                    (s.sign() * end.residual[0], -end.slope[0][0])
+                },
+                along,
+            );
+            at(u.0)
+        };
+        let mut last = axial(0.0);
+        let guess =
+            trial[1].abs() / (around.stiffness * slide.time + around.sliding.viscous_damping);
+        let search = Search { guess, stride: in_speed, residual };
+        find_root(
+            |tangential| {
+                if tangential == 0.0 {
+                    // Outside the yield set there is always slip around the shaft.
+                    return (trial[1].abs(), -1.0);
+                }
+                last = axial(tangential);
+                let [[a, b], [c, d]] = last.slope;
+                (t * last.residual[1], b * c / a - d)
+            },
+            search,
+        );
+        last
+    }
+
+    #[inline(always)]
+    fn after_sliding(&self, slide: &Slide, end: &End) -> (State, Turn) {
+        let creeping = length(end.slip) <= self.params.creep_velocity;
+        let state = State {
+            deflection: end.z[0],
+            yield_force: end.q,
+            force: end.force[0],
+            slip_velocity: end.slip[0],
+            contact_slope: end.contact.slope[0][0].max(-f64::MAX),
+            rise: end.contact.rise,
+            arms: slide.arms.forces(end.z[0] - slide.start.z[0]),
+            mode: if creeping { Mode::Deforming } else { Mode::Sliding },
+        };
+        (state, Turn { deflection: end.z[1], slip_velocity: end.slip[1] })
+    }
+}
+
+/// What an element has around the shaft: k_t, N/m, and its friction.
+struct Local {
+    stiffness: f64,
+    sliding: SlidingFriction,
+    /// Friction does not depend on the speed.
+    constant: bool,
+}
+
+/// Adds the stiffness of the seal to the derivative of the contact.
+#[inline(always)]
+fn stiffen(slope: &mut [Pair; 2], stiffness: Pair, weight: &[Pair; 2]) {
+    for ((row, weights), stiffness) in slope.iter_mut().zip(weight).zip(stiffness) {
+        row.iter_mut().zip(weights).for_each(|(entry, weight)| *entry += stiffness * weight);
+    }
+}
+
+#[inline(always)]
+fn solve([[a, b], [c, d]]: &[Pair; 2], [r, s]: Pair) -> Pair {
+    let inverse = 1.0 / (a * d - b * c);
+    [(d * r - b * s) * inverse, (a * s - c * r) * inverse]
+}
+
+#[inline(always)]
+fn length([x, t]: Pair) -> f64 {
+    libm::sqrt(x * x + t * t)
+}
