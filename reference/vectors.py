@@ -21,10 +21,11 @@ def versions(*packages):
     return [f"{package} {importlib.metadata.version(package)}" for package in packages]
 
 
-def write(name, model, made_with, parameters, columns, confirmation):
+def write(name, model, made_with, parameters, columns, confirmation, within=CONFIRMED):
     """Writes NAME.csv and the entry NAME of parameters.json.
 
-    columns: dict of equally long lists, the names with units; confirmation: forces of the second computation, N.
+    columns: dict of equally long lists, the names with units; confirmation: forces of the second computation, N;
+    within: largest difference allowed, N.
     """
     forces = columns["force_n"]
     if len(forces) != len(confirmation) or any(force != force for force in confirmation):
@@ -33,8 +34,8 @@ def write(name, model, made_with, parameters, columns, confirmation):
     largest = max(abs(force) for force in forces)
     print(f"{name:28} {len(forces):4} rows, force up to {largest:.3g} N, confirmed to {difference:.1e} N")
     # Written this way round, a difference that is no number is refused too.
-    if not difference <= CONFIRMED:
-        raise SystemExit(f"{name}: refused, {difference} N is more than {CONFIRMED} N")
+    if not difference <= within:
+        raise SystemExit(f"{name}: refused, {difference} N is more than {within} N")
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(columns)

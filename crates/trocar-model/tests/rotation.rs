@@ -3,9 +3,9 @@
 use crate::common::{self, general_elements, seals};
 use proptest::prelude::*;
 use trocar_model::{
-    Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams, Mode, ParamError,
-    PositionProfile, Relaxation, Rotation, SealDamping, SlidingFriction, Stages, Trocar,
-    TrocarState,
+    Branch, Classical, Dahl, DahlParams, DeformationForce, Element, ElementParams, Mode,
+    ParamError, Piece, PositionProfile, Relaxation, Rotation, SealDamping, SlidingFriction, Stages,
+    Trocar, TrocarState,
 };
 
 /// Demanded of the step at 1 kHz, N, with the numbers of the default seal; of a softer contact, or
@@ -447,4 +447,86 @@ fn a_seal_without_torque_slides_again_along_the_axis() {
     assert!(state.torque() < 1e-3 * 0.015, "{} N m", state.torque());
     assert!((state.force() - (3.0 + 5.0 * 0.02)).abs() < 1e-3);
     assert_eq!(state.deformation().unwrap().mode, Mode::Sliding);
+}
+
+/// Times, positions, arcs and both forces of a set of `reference/`, and its parameters.
+fn reference(name: &str) -> (Vec<[f64; 5]>, serde_json::Value) {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../reference/vectors");
+    let text = std::fs::read_to_string(format!("{folder}/{name}.csv")).unwrap();
+    let numbers = |line: &str| -> [f64; 5] {
+        let numbers: Vec<f64> = line.split(',').map(|word| word.parse().unwrap()).collect();
+        numbers.try_into().unwrap()
+    };
+    let rows = text.lines().skip(1).map(numbers).collect();
+    let text = std::fs::read_to_string(format!("{folder}/parameters.json")).unwrap();
+    (rows, serde_json::from_str::<serde_json::Value>(&text).unwrap()[name].clone())
+}
+
+/// Forces at the rows, each interval in `parts`.
+fn along(trocar: &Trocar, rows: &[[f64; 5]], parts: usize) -> Vec<[f64; 2]> {
+    let period = rows[1][0] - rows[0][0];
+    let path = |t: f64| {
+        let row = rows[(t / period).round() as usize];
+        [row[1], row[2]]
+    };
+    let mut forces = vec![[0.0; 2]];
+    forces.extend(run(trocar, &path, rows.len() - 1, period, parts));
+    forces
+}
+
+fn expected(rows: &[[f64; 5]]) -> Vec<[f64; 2]> {
+    rows.iter().map(|row| [row[3], row[4]]).collect()
+}
+
+/// Maxwell-slip elements in two directions, by OpenSees; without β the step knows no time, so equal
+/// ones will do.
+#[test]
+fn opensees_agrees() {
+    for name in ["turning_one", "turning_four"] {
+        let (mut rows, set) = reference(name);
+        rows.iter_mut().enumerate().for_each(|(k, row)| row[0] = k as f64);
+        for (parts, tolerance) in [(1, 5e-3), (512, 5e-6)] {
+            let mut sum = vec![[0.0; 2]; rows.len()];
+            for element in set["elements"].as_array().unwrap() {
+                let number = |key: &str| element[key].as_f64().unwrap();
+                let (stiffness, limit) = (number("stiffness_n_m"), number("limit_force_n"));
+                let sliding = SlidingFriction::coulomb(limit, 0.0);
+                let seal = DeformationForce::linear(stiffness, limit / stiffness).unwrap();
+                let rotation = Rotation { circumferential_stiffness: stiffness, ..ROTATION };
+                let own = turning(ElementParams::new(seal, sliding, sliding), rotation);
+                for (sum, force) in sum.iter_mut().zip(along(&own, &rows, parts)) {
+                    *sum = [sum[0] + force[0], sum[1] + force[1]];
+                }
+            }
+            let difference = worst(&sum, &expected(&rows));
+            println!("{name}: {difference:.1e} N in {parts} parts");
+            assert!(difference < tolerance, "{name} in {parts} parts: {difference} N");
+        }
+    }
+}
+
+/// A seal that snaps through while it turns, by SciPy.
+#[test]
+fn scipy_agrees_where_the_seal_snaps() {
+    let (rows, set) = reference("turning_snap");
+    let number = |key: &str| set[key].as_f64().unwrap();
+    let width = number("half_width_m");
+    let monomial: Vec<f64> =
+        set["monomial"].as_array().unwrap().iter().map(|value| value.as_f64().unwrap()).collect();
+    let piece = |from, to| Piece::from_monomial(from, to, &monomial).unwrap();
+    let branch = Branch::new(piece(-width, 0.0), piece(0.0, width)).unwrap();
+    let sliding =
+        SlidingFriction::coulomb(number("coulomb_force_n"), number("viscous_damping_n_s_m"));
+    let seal = DeformationForce::new(branch, branch, None).unwrap();
+    let circumferential_stiffness = number("circumferential_stiffness_n_m");
+    let trocar = turning(
+        ElementParams::new(seal, sliding, sliding),
+        Rotation { circumferential_stiffness, ..ROTATION },
+    );
+    // The samples are 10 ms apart.
+    for (parts, tolerance) in [(10, 5e-3), (1000, 2e-6)] {
+        let difference = worst(&along(&trocar, &rows, parts), &expected(&rows));
+        println!("turning_snap: {difference:.1e} N in {parts} parts");
+        assert!(difference < tolerance, "in {parts} parts: {difference} N");
+    }
 }

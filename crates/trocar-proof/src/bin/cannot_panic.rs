@@ -14,6 +14,11 @@ fn step_to(trocar: &Trocar<&[f64]>, state: &mut TrocarState, position: f64, dura
 }
 
 #[inline(never)]
+fn turn_to(trocar: &Trocar<&[f64]>, state: &mut TrocarState, position: f64, angle: f64) -> f64 {
+    without_panic(|| trocar.turn_to(state, position, angle, 1e-3) + state.torque())
+}
+
+#[inline(never)]
 fn step_velocity(
     trocar: &Trocar<&[f64]>,
     state: &mut TrocarState,
@@ -35,6 +40,7 @@ fn rest(trocar: &Trocar<&[f64]>, state: &mut TrocarState, position: f64, value: 
 fn main() -> Result<(), ParamError> {
     run(step)?;
     run(step_to)?;
+    run(turn_to)?;
     run(step_velocity)?;
     run(rest)
 }
