@@ -34,17 +34,17 @@
  * Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
  * compiled for one version must not run with a library of another; compare with trocar_abi_version().
  */
-#define TROCAR_ABI_VERSION 3
+#define TROCAR_ABI_VERSION 4
 
 /**
  * Bytes of a state.
  */
-#define TROCAR_STATE_SIZE 384
+#define TROCAR_STATE_SIZE 448
 
 /**
  * Numbers of a saved state, trocar_state_save().
  */
-#define TROCAR_STATE_NUMBERS 41
+#define TROCAR_STATE_NUMBERS 51
 
 /**
  * Bytes that do for nearly all messages.
@@ -558,6 +558,14 @@ trocar_status trocar_state_mode(const trocar_model *model,
                                 int32_t *mode);
 
 /**
+ * Torque after the last step, N·m: that of the instrument on the seal, positive with the angle; 0 for a model without
+ * rotation.
+ */
+trocar_status trocar_state_torque(const trocar_model *model,
+                                  const trocar_state *state,
+                                  double *torque_n_m);
+
+/**
  * Writes the state as TROCAR_STATE_NUMBERS finite numbers, for a file or another program; count is the number that there is
  * place for. The numbers do not name their model.
  *
@@ -607,6 +615,19 @@ trocar_status trocar_step(const trocar_model *model,
 trocar_status trocar_step_to(const trocar_model *model,
                              trocar_state *state,
                              double position_m,
+                             double duration_s,
+                             double *force_n);
+
+/**
+ * The same to position_m (m), while the instrument turns to angle_rad (rad, 0 where the state was initialised) at constant
+ * velocity; the torque is then in trocar_state_torque(). The other steps leave the angle as it is.
+ *
+ * Refuses: TROCAR_STATUS_UNSUPPORTED for a model without rotation.
+ */
+trocar_status trocar_turn_to(const trocar_model *model,
+                             trocar_state *state,
+                             double position_m,
+                             double angle_rad,
                              double duration_s,
                              double *force_n);
 

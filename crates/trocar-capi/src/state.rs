@@ -12,9 +12,9 @@ use crate::pointer::{Array, ArrayMut, OutPointer};
 use crate::status::{Status, guarded};
 
 /// Bytes of a state.
-pub const STATE_SIZE: usize = 384;
+pub const STATE_SIZE: usize = 448;
 /// Numbers of a saved state, trocar_state_save().
-pub const STATE_NUMBERS: usize = 41;
+pub const STATE_NUMBERS: usize = 51;
 /// Bytes that do for nearly all messages.
 pub const MESSAGE_SIZE: usize = 512;
 /// Mode of a seal that sticks to the instrument and deforms, trocar_state_mode().
@@ -25,8 +25,8 @@ pub const MODE_SLIDING: i32 = 1;
 /// Words of a state.
 const WORDS: usize = STATE_SIZE / 8;
 
-/// First word of a state, "TROCARS1"; the digit is its layout.
-const MARK: u64 = u64::from_le_bytes(*b"TROCARS1");
+/// First word of a state, "TROCARS2"; the digit is its layout.
+const MARK: u64 = u64::from_le_bytes(*b"TROCARS2");
 /// The same while a function is changing the state, "TROCARS!".
 const BUSY: u64 = u64::from_le_bytes(*b"TROCARS!");
 
@@ -49,7 +49,7 @@ const _: () = assert!(NUMBERS + STATE_NUMBERS <= WORDS && size_of::<State>() == 
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     /// Not for the caller.
-    pub words: [u64; 48],
+    pub words: [u64; 56],
 }
 
 /// The caller's state as atomic words: defined whatever other threads do to it.
@@ -311,6 +311,23 @@ pub unsafe extern "C" fn trocar_state_mode(
             Mode::Deforming => MODE_DEFORMING,
             Mode::Sliding => MODE_SLIDING,
         });
+        Ok(())
+    })
+}
+
+/// Torque after the last step, N·m: that of the instrument on the seal, positive with the angle; 0 for a model without
+/// rotation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_state_torque(
+    model: *const Model,
+    state: *const State,
+    torque_n_m: *mut f64,
+) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let (model, words, mut place) =
+            unsafe { (Model::borrowed(model)?, Words::new(state)?, OutPointer::new(torque_n_m)?) };
+        place.set(words.decoded(model)?.torque());
         Ok(())
     })
 }

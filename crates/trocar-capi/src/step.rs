@@ -38,6 +38,8 @@ enum Way {
     By(f64),
     /// m
     To(f64),
+    /// m, rad
+    Turn(f64, f64),
 }
 
 /// One step for C.
@@ -65,12 +67,19 @@ unsafe fn step(
         taken.read_into(&mut state)?;
         let (position, displacement) = match way {
             Way::By(displacement) => (state.position() + displacement, displacement),
-            Way::To(position) => (position, position - state.position()),
+            Way::To(position) | Way::Turn(position, _) => (position, position - state.position()),
         };
         Motion { position, displacement, duration }.check()?;
+        if let Way::Turn(_, angle) = way {
+            let turned = angle - state.turning().ok_or(Status::Unsupported)?.angle();
+            Motion { position: angle, displacement: turned, duration }.check()?;
+        }
         let force = match way {
             Way::By(displacement) => model.trocar.step(&mut state, displacement, duration),
             Way::To(position) => model.trocar.step_to(&mut state, position, duration),
+            Way::Turn(position, angle) => {
+                model.trocar.turn_to(&mut state, position, angle, duration)
+            }
         };
         if !force.is_finite() {
             return Err(Status::NotAState);
@@ -110,6 +119,23 @@ pub unsafe extern "C" fn trocar_step_to(
 ) -> Status {
     // SAFETY: by the rule of the crate.
     unsafe { step(model, state, Way::To(position_m), duration_s, force_n) }
+}
+
+/// The same to position_m (m), while the instrument turns to angle_rad (rad, 0 where the state was initialised) at constant
+/// velocity; the torque is then in trocar_state_torque(). The other steps leave the angle as it is.
+///
+/// Refuses: TROCAR_STATUS_UNSUPPORTED for a model without rotation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_turn_to(
+    model: *const Model,
+    state: *mut State,
+    position_m: f64,
+    angle_rad: f64,
+    duration_s: f64,
+    force_n: *mut f64,
+) -> Status {
+    // SAFETY: by the rule of the crate.
+    unsafe { step(model, state, Way::Turn(position_m, angle_rad), duration_s, force_n) }
 }
 
 /// The same at velocity_m_s (m/s, positive is insertion) for duration_s.

@@ -1,7 +1,7 @@
 //! `model.json`: a seal as a file, with units in its keys and its origin.
 //!
 //! A file contains either `elements`, those of the EMS model, with `position_profile` if their
-//! force depends on the position, or `friction`, one classical model. `schema/model.schema.json`
+//! force depends on the position and `rotation` if they resist that of the instrument, or `friction`, one classical model. `schema/model.schema.json`
 //! (JSON Schema, draft 2020-12) describes the format. The schema defines keys and types. Reading
 //! also checks what a schema cannot express, such as continuous branches.
 
@@ -427,6 +427,7 @@ impl ModelFile {
             origin: self.origin.clone(),
             sensor: self.sensor,
             position_profile: self.trocar.profile().map(ProfileText::from),
+            rotation: self.trocar.rotation().map(Members::of),
             elements,
             friction,
             intervals: self.intervals.clone(),
@@ -509,6 +510,8 @@ struct Document {
     sensor: Option<SensorInfo>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     position_profile: Option<ProfileText>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    rotation: Option<Members>,
     #[serde(skip_serializing_if = "Option::is_none")]
     elements: Option<Vec<ElementText>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -588,11 +591,14 @@ impl Document {
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
-        let Self { origin, position_profile, sensor, intervals, force_error, .. } = self;
+        let Self { origin, position_profile, rotation, sensor, intervals, force_error, .. } = self;
         let profile = position_profile.map(PositionProfile::try_from).transpose();
         let profile =
             profile.map_err(|error| impossible("position_profile", &error.to_string()))?;
-        Ok(ModelFile { trocar: Trocar::new(seal, profile), origin, sensor, intervals, force_error })
+        let rotation = rotation.map(|rotation| rotation.params("rotation")).transpose()?;
+        let trocar = Trocar::new(seal, profile).with_rotation(rotation);
+        let trocar = trocar.map_err(parameter("rotation"))?;
+        Ok(ModelFile { trocar, origin, sensor, intervals, force_error })
     }
 
     /// Checks of values that no other type makes.

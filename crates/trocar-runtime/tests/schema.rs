@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::{Value, json};
 use trocar_model::{
     BoucWenParams, DahlParams, ElementParams, GmsElement, LeuvenParams, LuGreParams, Parameters,
-    Range, RelaxationArm, SealDamping, SlidingFriction, SlipElement,
+    Range, RelaxationArm, Rotation, SealDamping, SlidingFriction, SlipElement,
 };
 
 const SCHEMA: &str = include_str!("../../../schema/model.schema.json");
@@ -57,6 +57,7 @@ fn the_schema_lists_the_declared_parameters() {
     let schema: Value = serde_json::from_str(SCHEMA).expect("the schema is JSON");
     lists::<ElementParams>(&schema, "/$defs/element", false);
     lists::<RelaxationArm>(&schema, "/$defs/element/properties/relaxation/items", true);
+    lists::<Rotation>(&schema, "/$defs/rotation", true);
     lists::<SealDamping>(&schema, "/$defs/seal_damping", true);
     lists::<SlidingFriction>(&schema, "/$defs/sliding", true);
     lists::<DahlParams>(&schema, "/$defs/dahl", true);
