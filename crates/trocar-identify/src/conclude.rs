@@ -17,6 +17,7 @@ use super::numbers;
 use super::posterior::{Density, Posterior};
 use super::prior::Kind;
 use super::result::{FitSummary, Identification};
+use super::rotation;
 use super::scale::{FrictionScale, TOO_FAR};
 use super::seal_prior::PriorUse;
 use super::terms::Term;
@@ -74,6 +75,7 @@ pub(super) fn conclude(
     let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
     let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
     warnings.extend(counts::named(recordings));
+    warnings.extend(rotation::unmodelled(recordings));
     warnings.extend(of_prior(input, prior.as_ref()));
     let (posterior, density) = posterior(input, fit.as_ref(), &mut warnings).unzip();
     if posterior.is_some() && input.options.prior.is_none() {

@@ -75,6 +75,7 @@ mod random;
 mod refit;
 mod result;
 mod ripple;
+mod rotation;
 mod scale;
 pub mod scatter;
 mod seal_prior;

@@ -54,7 +54,7 @@ pub(crate) fn bench(
         let run = experiment.run(&config, &elements, seed)?;
         let events = run.events;
         let BenchRun { time, position, velocity, force, .. } = run;
-        let readings = Readings { time, position, force, velocity: Some(velocity) };
+        let readings = Readings { time, position, force, velocity: Some(velocity), angle: None };
         Ok((
             Record::from_readings(experiment.name(), &readings, Some(config.force_sensor.range_n)),
             events,

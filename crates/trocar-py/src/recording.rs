@@ -147,6 +147,7 @@ pub(crate) fn readings_of_frame(
         position: values(position)?,
         force: values(force)?,
         velocity: found.velocity.map(values).transpose()?,
+        angle: found.angle.map(values).transpose()?,
     };
     Ok((readings, found.notes))
 }
@@ -154,8 +155,8 @@ pub(crate) fn readings_of_frame(
 #[pymethods]
 impl Recording {
     #[new]
-    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, name="recording".to_owned(), sensor_limit_n=None,
-        flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, name='recording', \
+    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, name="recording".to_owned(),
+        sensor_limit_n=None, flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, name='recording', \
         sensor_limit_n=None, flip_force=False)")]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn from_arrays(
@@ -164,6 +165,7 @@ impl Recording {
         position_m: &Bound<'_, PyAny>,
         force_n: &Bound<'_, PyAny>,
         velocity_m_s: Option<&Bound<'_, PyAny>>,
+        angle_rad: Option<&Bound<'_, PyAny>>,
         name: String,
         sensor_limit_n: Option<f64>,
         flip_force: bool,
@@ -175,6 +177,7 @@ impl Recording {
             position: values("position_m", position_m)?,
             force: values("force_n", force_n)?,
             velocity: velocity_m_s.map(|velocity| values("velocity_m_s", velocity)).transpose()?,
+            angle: angle_rad.map(|angle| values("angle_rad", angle)).transpose()?,
         };
         let choice = Choice { flip_force, ..Choice::default() };
         Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, choice)?))

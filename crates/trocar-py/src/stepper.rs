@@ -66,6 +66,19 @@ impl Stepper {
         Ok(self.model.get().trocar().step_to(&mut self.state, position_m, duration_s))
     }
 
+    /// Moves to `position_m` and turns to `angle_rad` (0 at the beginning) within `duration_s`, both
+    /// at constant velocity; returns the force at the end, N. The torque is then `torque_n_m`.
+    fn turn_to(&mut self, position_m: f64, angle_rad: f64, duration_s: f64) -> PyResult<f64> {
+        check("position_m", position_m, position_m - self.state.position(), duration_s)?;
+        let Some(turning) = self.state.turning() else {
+            return Err(MotionError::new_err(
+                "the model knows the axis only\n\nhint: a model with 'rotation' in its model.json can turn",
+            ));
+        };
+        check("angle_rad", angle_rad, angle_rad - turning.angle(), duration_s)?;
+        Ok(self.model.get().trocar().turn_to(&mut self.state, position_m, angle_rad, duration_s))
+    }
+
     /// The model.
     #[getter]
     fn model(&self, py: Python<'_>) -> Py<Model> {
@@ -76,6 +89,13 @@ impl Stepper {
     #[getter]
     fn force_n(&self) -> f64 {
         self.state.force()
+    }
+
+    /// Torque after the last step, N·m: that of the instrument on the seal; 0 for a model without
+    /// rotation.
+    #[getter]
+    fn torque_n_m(&self) -> f64 {
+        self.state.torque()
     }
 
     /// Where the instrument is, m.
@@ -155,9 +175,10 @@ impl Stepper {
 
 /// Refuses what the model would ignore.
 fn check(name: &str, given: f64, displacement: f64, duration: f64) -> PyResult<()> {
+    let unit = if name == "angle_rad" { "rad" } else { "m" };
     let refuse = |text: String| Err(MotionError::new_err(text));
     if !given.is_finite() {
-        return refuse(format!("{name} must be finite, got {} m", number(given)));
+        return refuse(format!("{name} must be finite, got {} {unit}", number(given)));
     }
     if !(duration.is_finite() && duration > 0.0) {
         return refuse(format!(
@@ -167,7 +188,7 @@ fn check(name: &str, given: f64, displacement: f64, duration: f64) -> PyResult<(
     }
     if !(displacement / duration).is_finite() {
         return refuse(format!(
-            "{} m within {} s is no finite velocity",
+            "{} {unit} within {} s is no finite velocity",
             number(displacement),
             number(duration)
         ));

@@ -392,6 +392,8 @@ pub struct TableColumns {
     pub needed: [TableColumn; 3],
     /// Velocity, if there is one.
     pub velocity: Option<TableColumn>,
+    /// Angle, if there is one.
+    pub angle: Option<TableColumn>,
     /// Assumptions made.
     pub notes: Vec<String>,
 }
@@ -439,6 +441,7 @@ impl TableColumns {
             layout.slots[index].map(|slot| TableColumn { index, per_si: slot.per_si })
         };
         let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
-        Ok(Self { needed: found, velocity: of(Quantity::Velocity), notes: layout.notes })
+        let (velocity, angle) = (of(Quantity::Velocity), of(Quantity::Angle));
+        Ok(Self { needed: found, velocity, angle, notes: layout.notes })
     }
 }

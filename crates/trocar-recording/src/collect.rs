@@ -59,13 +59,18 @@ pub(super) fn held(most: Option<usize>) -> usize {
 
 impl Collector {
     /// For about `capacity` rows; if there are more than `most`, excerpts.
-    pub(super) fn new(capacity: usize, has_velocity: bool, most: Option<usize>) -> Self {
+    pub(super) fn new(
+        capacity: usize,
+        has: impl Fn(Quantity) -> bool,
+        most: Option<usize>,
+    ) -> Self {
         let column = || Vec::with_capacity(capacity);
         let columns = Columns {
             time: column(),
             position: column(),
             force: column(),
-            velocity: has_velocity.then(column),
+            velocity: has(Quantity::Velocity).then(column),
+            angle: has(Quantity::Angle).then(column),
             lines: Lines::default(),
         };
         let excerpts = Excerpts { most: held(most), level: 0, seen: 0, held: Vec::new() };
@@ -84,8 +89,7 @@ impl Collector {
     }
 
     pub(super) fn take(&mut self, block: &Block) {
-        let wanted = [Quantity::Time, Quantity::Position, Quantity::Force, Quantity::Velocity];
-        let columns = &wanted[..if self.columns.velocity.is_some() { 4 } else { 3 }];
+        let columns: Vec<Quantity> = self.columns.all_mut().map(|(quantity, _)| quantity).collect();
         let fits = self.excerpts.level == 0 && self.len() + block.len() <= self.excerpts.most;
         if !fits
             || !columns
@@ -98,16 +102,13 @@ impl Collector {
         self.excerpts.seen += block.len() as u64;
         self.excerpts.held = (0..self.excerpts.seen.div_ceil(EXCERPT as u64)).collect();
         block.lines.iter().for_each(|&(first, line)| self.columns.lines.push(before + first, line));
-        let own = [&mut self.columns.time, &mut self.columns.position, &mut self.columns.force];
-        for (own, quantity) in own.into_iter().chain(&mut self.columns.velocity).zip(columns) {
-            own.extend_from_slice(&block.columns[*quantity as usize]);
+        for (quantity, own) in self.columns.all_mut() {
+            own.extend_from_slice(&block.columns[quantity as usize]);
         }
     }
 
     pub(super) fn add(&mut self, row: SampleRow) {
-        let [time, position, force, velocity] = row.values;
-        let finite = time.is_finite() && position.is_finite() && force.is_finite();
-        if !finite || (self.columns.velocity.is_some() && !velocity.is_finite()) {
+        if !self.columns.all_mut().all(|(quantity, _)| row.get(quantity).is_finite()) {
             self.non_finite.add(row.line);
             return;
         }
@@ -116,12 +117,7 @@ impl Collector {
         }
         let columns = &mut self.columns;
         columns.lines.push(columns.time.len(), row.line);
-        columns.time.push(time);
-        columns.position.push(position);
-        columns.force.push(force);
-        if let Some(column) = &mut columns.velocity {
-            column.push(velocity);
-        }
+        columns.all_mut().for_each(|(quantity, own)| own.push(row.get(quantity)));
     }
 
     /// Counts a row; returns whether it is kept.
@@ -152,11 +148,7 @@ impl Collector {
             .collect();
         self.excerpts.held = kept.iter().map(|k| all[*k]).collect();
         self.columns.lines.keep(&ranges);
-        let columns = &mut self.columns;
-        for column in [&mut columns.time, &mut columns.position, &mut columns.force]
-            .into_iter()
-            .chain(&mut columns.velocity)
-        {
+        for (_, column) in self.columns.all_mut() {
             for (k, range) in ranges.iter().enumerate() {
                 column.copy_within(range.clone(), k * EXCERPT);
             }

@@ -48,7 +48,7 @@ const MASSES: [&str; 9] = ["g", "kg", "lb", "lbs", "oz", "gram", "grams", "pound
 const WEAK_UNITS: [&str; 6] = ["min", "in", "h", "ft", "mil", "foot"];
 
 /// The quantity that a name without any of its words denotes by its unit alone, as `Weg [mm]` or
-/// `Fz_n`, and the number of units per SI unit. Never a velocity.
+/// `Fz_n`, and the number of units per SI unit. Never a velocity or an angle.
 pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> {
     let lower = lower(name);
     let words = words_of(&lower);
@@ -77,7 +77,7 @@ pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> 
         }
     };
     let mut found = units_named(&unit).filter(|_| !MASSES.contains(&unit.as_str()));
-    found.next().filter(|(quantity, _)| *quantity != Quantity::Velocity)
+    found.next().filter(|(quantity, _)| !Quantity::OPTIONAL.contains(quantity))
 }
 
 /// Recognises `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
@@ -128,7 +128,10 @@ pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> O
 /// The same of a column that may be read: an angle is no position, and a voltage no force, even if nothing
 /// else is.
 pub(crate) fn reading_of(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
-    reading_with(name, unit, notes).filter(|_| foreign(name, unit).is_none())
+    reading_with(name, unit, notes).filter(|own| match own.quantity {
+        Quantity::Angle => own.per_si.is_some(),
+        _ => foreign(name, unit).is_none(),
+    })
 }
 
 /// The quantity whose word the name contains; `None` for two different ones.

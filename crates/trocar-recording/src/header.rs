@@ -119,7 +119,7 @@ fn weak_words(quantity: Quantity) -> &'static [&'static str] {
             "kraft", "fz", "fy", "fx", "loadcell", "cell", "fuerza", "forza", "effort", "reibung",
             "n",
         ],
-        Quantity::Velocity => &[],
+        Quantity::Velocity | Quantity::Angle => &[],
     }
 }
 
@@ -715,7 +715,7 @@ pub(crate) fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
             size if size <= 1e3 * PLAUSIBLE_FORCE => 1e3,
             _ => 1e6,
         },
-        Quantity::Velocity => 1.0,
+        Quantity::Velocity | Quantity::Angle => 1.0,
     }
 }
 

@@ -70,9 +70,9 @@ impl Pieces {
     /// # Errors
     /// As for [`read`](super::read).
     pub fn next_piece(&mut self) -> Result<Option<Recording>, RecordingError> {
-        let has_velocity = self.columns.contains(&Quantity::Velocity);
-        let mut collector = Collector::new(self.samples.min(1 << 16), has_velocity, None)
-            .counting(self.rows.count());
+        let has = |quantity| self.columns.contains(&quantity);
+        let mut collector =
+            Collector::new(self.samples.min(1 << 16), has, None).counting(self.rows.count());
         let first = self.found == 0;
         loop {
             while self.ahead.len() < MIN_SAMPLES {

@@ -136,6 +136,7 @@ impl Recording {
             position: Vec::new(),
             force: Vec::new(),
             velocity: None,
+            angle: None,
             quality: super::Quality::default(),
             choice: choice.clone(),
         }

@@ -13,6 +13,7 @@ use super::quality::{Quality, Saturation};
 use super::samples::{Columns, Count};
 use super::statistics::range;
 use super::text::hex;
+use super::units::Quantity;
 
 /// Range of a force, as a fraction of its largest value, that is rounding.
 const CONSTANT_FORCE: f64 = 1e-9;
@@ -33,6 +34,8 @@ pub struct Recording {
     pub force: Vec<f64>,
     /// Velocity in m/s, if the file has it.
     pub velocity: Option<Vec<f64>>,
+    /// Angle of the instrument about its axis in rad, if the file has it.
+    pub angle: Option<Vec<f64>>,
     /// Quality of the data.
     pub quality: Quality,
     /// How it was read from its file.
@@ -50,15 +53,18 @@ pub struct Readings {
     pub force: Vec<f64>,
     /// Velocity in m/s, if there is one.
     pub velocity: Option<Vec<f64>>,
+    /// Angle of the instrument about its axis in rad, if there is one.
+    pub angle: Option<Vec<f64>>,
 }
 
 impl Readings {
     /// SHA-256 of the columns; lower-case hexadecimal.
     pub fn sha256(&self) -> String {
-        let Self { time, position, force, velocity } = self;
+        let Self { time, position, force, velocity, angle } = self;
         let mut hash = Sha256::new();
-        for column in
-            [Some(time), Some(position), Some(force), velocity.as_ref()].into_iter().flatten()
+        for column in [Some(time), Some(position), Some(force), velocity.as_ref(), angle.as_ref()]
+            .into_iter()
+            .flatten()
         {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
@@ -98,9 +104,9 @@ pub fn check_sensor_limit(limit: Option<f64>) -> Result<(), RecordingError> {
 
 impl Recording {
     pub(crate) fn of(name: String, sha256: String, collected: (Columns, Quality)) -> Self {
-        let (Columns { time, position, force, velocity, .. }, quality) = collected;
+        let (Columns { time, position, force, velocity, angle, .. }, quality) = collected;
         let choice = Choice::default();
-        Self { name, sha256, time, position, force, velocity, quality, choice }
+        Self { name, sha256, time, position, force, velocity, angle, quality, choice }
     }
 
     /// A recording from columns in SI units, checked like one from a file.
@@ -114,7 +120,8 @@ impl Recording {
         position: Vec<f64>,
         force: Vec<f64>,
     ) -> Result<Self, RecordingError> {
-        Self::from_readings(name, &Readings { time, position, force, velocity: None }, None)
+        let readings = Readings { time, position, force, ..Readings::default() };
+        Self::from_readings(name, &readings, None)
     }
 
     /// The same with a velocity column, and with `sensor_limit`, N, as in [`ReadOptions`].
@@ -128,9 +135,13 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         check_sensor_limit(sensor_limit)?;
         let name = name.into();
-        let Readings { time, position, force, velocity } = readings;
-        let given =
-            [("position", Some(position)), ("force", Some(force)), ("velocity", velocity.as_ref())];
+        let Readings { time, position, force, velocity, angle } = readings;
+        let given = [
+            ("position", Some(position)),
+            ("force", Some(force)),
+            ("velocity", velocity.as_ref()),
+            ("angle", angle.as_ref()),
+        ];
         for (column, values) in
             given.into_iter().filter_map(|(column, values)| Some((column, values?)))
         {
@@ -139,11 +150,15 @@ impl Recording {
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
-        let mut collector =
-            Collector::new(time.len(), velocity.is_some(), None).counting(Count::Samples);
+        let has = |quantity| match quantity {
+            Quantity::Angle => angle.is_some(),
+            _ => velocity.is_some(),
+        };
+        let mut collector = Collector::new(time.len(), has, None).counting(Count::Samples);
+        let at =
+            |column: &Option<Vec<f64>>, k: usize| column.as_ref().map_or(f64::NAN, |own| own[k]);
         for k in 0..time.len() {
-            let values =
-                [time[k], position[k], force[k], velocity.as_ref().map_or(f64::NAN, |v| v[k])];
+            let values = [time[k], position[k], force[k], at(velocity, k), at(angle, k)];
             collector.add(SampleRow { line: k as u64, values });
         }
         let collected = collector.finish(&name, sensor_limit)?;
@@ -190,8 +205,8 @@ impl Recording {
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
         let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
         let (time, position, force) = (cut(&self.time), cut(&self.position), cut(&self.force));
-        let readings =
-            Readings { time, position, force, velocity: self.velocity.as_ref().map(cut) };
+        let (velocity, angle) = (self.velocity.as_ref().map(cut), self.angle.as_ref().map(cut));
+        let readings = Readings { time, position, force, velocity, angle };
         let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, None)?;
         part.choice = self.choice.clone();
         part.quality.notes.extend(self.quality.notes.iter().cloned());

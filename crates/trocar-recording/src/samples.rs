@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::Location;
+use super::units::Quantity;
 
 /// The columns of a recording with the line of every sample.
 #[derive(Debug, Default)]
@@ -11,7 +12,17 @@ pub(super) struct Columns {
     pub(super) position: Vec<f64>,
     pub(super) force: Vec<f64>,
     pub(super) velocity: Option<Vec<f64>>,
+    pub(super) angle: Option<Vec<f64>>,
     pub(super) lines: Lines,
+}
+
+impl Columns {
+    /// All that there are, with their quantities.
+    pub(super) fn all_mut(&mut self) -> impl Iterator<Item = (Quantity, &mut Vec<f64>)> {
+        let Self { time, position, force, velocity, angle, .. } = self;
+        let own = [Some(time), Some(position), Some(force), velocity.as_mut(), angle.as_mut()];
+        Quantity::ALL.into_iter().zip(own).filter_map(|(quantity, own)| Some((quantity, own?)))
+    }
 }
 
 /// Unit in which positions are counted.

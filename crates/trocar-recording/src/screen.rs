@@ -184,21 +184,11 @@ impl Columns {
         if from == to {
             return;
         }
-        self.time[to] = self.time[from];
-        self.position[to] = self.position[from];
-        self.force[to] = self.force[from];
-        if let Some(velocity) = &mut self.velocity {
-            velocity[to] = velocity[from];
-        }
+        self.all_mut().for_each(|(_, own)| own[to] = own[from]);
     }
 
     fn truncate(&mut self, length: usize) {
-        self.time.truncate(length);
-        self.position.truncate(length);
-        self.force.truncate(length);
-        if let Some(velocity) = &mut self.velocity {
-            velocity.truncate(length);
-        }
+        self.all_mut().for_each(|(_, own)| own.truncate(length));
     }
 }
 

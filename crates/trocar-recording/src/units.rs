@@ -12,11 +12,16 @@ pub enum Quantity {
     Force,
     /// Velocity, in m/s.
     Velocity,
+    /// Angle of the instrument about its axis, in rad. Never taken without a unit.
+    Angle,
 }
 
 impl Quantity {
     /// All quantities; the index of each is its number.
-    pub const ALL: [Self; 4] = [Self::Time, Self::Position, Self::Force, Self::Velocity];
+    pub const ALL: [Self; 5] =
+        [Self::Time, Self::Position, Self::Force, Self::Velocity, Self::Angle];
+    /// Those that a recording may be without.
+    pub(crate) const OPTIONAL: [Self; 2] = [Self::Velocity, Self::Angle];
 
     /// Its name in messages.
     pub fn name(self) -> &'static str {
@@ -25,6 +30,7 @@ impl Quantity {
             Self::Position => "position",
             Self::Force => "force",
             Self::Velocity => "velocity",
+            Self::Angle => "angle",
         }
     }
 
@@ -34,6 +40,7 @@ impl Quantity {
             Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
             Self::Force => &["force", "f", "load", "friction"],
             Self::Velocity => &["velocity", "vel", "v"],
+            Self::Angle => &["angle", "roll"],
         }
     }
 
@@ -44,6 +51,7 @@ impl Quantity {
             Self::Position => "a position",
             Self::Force => "a force",
             Self::Velocity => "a velocity",
+            Self::Angle => "an angle",
         }
     }
 
@@ -54,6 +62,7 @@ impl Quantity {
             Self::Position => "position_mm",
             Self::Force => "force_n",
             Self::Velocity => "velocity_m_s",
+            Self::Angle => "angle_deg",
         }
     }
 }
@@ -131,6 +140,13 @@ const VELOCITIES: [Unit; 7] = [
     unit("mm/min", &["mm_min"], 1e3 / PER_MINUTE),
 ];
 
+const ANGLES: [Unit; 4] = [
+    unit("rad", &["rad", "rads", "radian", "radians"], 1.0),
+    unit("deg", &["deg", "degs", "degree", "degrees"], 180.0 / std::f64::consts::PI),
+    unit("turns", &["turns", "turn", "rev", "revs"], 0.5 / std::f64::consts::PI),
+    unit("mrad", &["mrad"], 1e3),
+];
+
 impl Quantity {
     /// The SI unit comes first.
     pub(crate) fn units(self) -> &'static [Unit] {
@@ -139,6 +155,7 @@ impl Quantity {
             Self::Position => &POSITIONS,
             Self::Force => &FORCES,
             Self::Velocity => &VELOCITIES,
+            Self::Angle => &ANGLES,
         }
     }
 

@@ -957,7 +957,8 @@ fn a_part_keeps_velocity_notes_and_sensor_limit() {
     let position: Vec<f64> = time.iter().map(|t| 5e-3 * (20.0 * t).sin()).collect();
     let force: Vec<f64> =
         velocity.iter().enumerate().map(|(k, v)| (40.0 * v + noise(k)).clamp(-3.0, 3.0)).collect();
-    let readings = Readings { time, position, force, velocity: Some(velocity.clone()) };
+    let readings =
+        Readings { time, position, force, velocity: Some(velocity.clone()), angle: None };
     let mut whole = Recording::from_readings("whole", &readings, Some(3.0)).unwrap();
     whole.quality.notes.push("declared".to_owned());
     let part = whole.part(100..350, "middle").unwrap();

@@ -12,6 +12,7 @@ use trocar_model::{
 
 use crate::cancel;
 use crate::many::along;
+use crate::simulate::turn;
 use trocar_recording::Recording;
 
 /// Initial states count as forgotten when their forces agree within this, N.
@@ -72,11 +73,14 @@ pub fn replay<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset
         if let Some(after) = forgotten_after(trocar.seal(), increments) {
             out.known.push(range.start + after + 1..range.end);
         }
-        let mut state = trocar.rest_at_force(x[0], recording.force[range.start] - offset);
+        let angle = |k: usize| recording.angle.as_ref().map(|angle| angle[range.start + k]);
+        let mut state = trocar
+            .rest_at_force(x[0], recording.force[range.start] - offset)
+            .with_angle(angle(0).unwrap_or(0.0));
         let (half_width, mut turns) = (trocar.seal().half_width(), PartialReversals::default());
         out.push(&state, half_width, &mut turns);
-        for (x, t) in x[1..].iter().zip(t.windows(2)) {
-            trocar.step_to(&mut state, *x, t[1] - t[0]);
+        for (k, (x, t)) in (1..).zip(x[1..].iter().zip(t.windows(2))) {
+            turn(trocar, &mut state, *x, angle(k), t[1] - t[0]);
             out.push(&state, half_width, &mut turns);
         }
     }

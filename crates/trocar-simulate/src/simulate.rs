@@ -3,8 +3,8 @@
 //! The motion is any file that [`trocar_recording`] can read with time and position. Of a force
 //! column only the first reading is used. Every row gives one row
 //! `time_s,position_m,force_n,deflection_m,mode`, or `time_s,position_m,force_n` for a model
-//! without a deflection. The force is that of the trocar without the sensor offset, positive on
-//! insertion.
+//! without a deflection; `torque_n_m` follows where the model has rotation, for which the motion may
+//! have an angle. The force is that of the trocar without the sensor offset, positive on insertion.
 //!
 //! With posterior draws of the element, each row also has the band `force_low_n`, `force_high_n` that
 //! holds 95 % of their forces. It is the error of the parameters: neither the scatter of the
@@ -16,7 +16,7 @@ use std::str::FromStr;
 
 use rayon::prelude::*;
 use trocar_model::{
-    BacklashFilter, BacklashState, Deformation, Mode, ParamError, Seal, Stages, Trocar, TrocarState,
+    BacklashFilter, BacklashState, Deformation, Mode, ParamError, Stages, Trocar, TrocarState,
 };
 
 use crate::many::evenly;
@@ -128,6 +128,7 @@ impl<'a> Run<'a> {
         };
         let state =
             state.ok_or_else(|| SimulateError::NoDeflection { kind: trocar.seal().kind() })?;
+        let state = state.with_angle(first.angle.unwrap_or(0.0));
         let filter = options.filter.map(|filter| {
             let mut state = BacklashState::default();
             filter.displacement(&mut state, 0.0);
@@ -147,13 +148,33 @@ impl<'a> Run<'a> {
 
     fn step(&mut self, to: &Step) {
         match &mut self.filter {
-            None => self.trocar.step_to(&mut self.state, to.position, to.duration),
+            None => turn(self.trocar, &mut self.state, to.position, to.angle, to.duration),
             Some((filter, state, travelled)) => {
                 *travelled += to.displacement;
                 let displacement = filter.displacement(state, *travelled);
-                self.trocar.step(&mut self.state, displacement, to.duration)
+                let position = self.state.position() + displacement;
+                match to.angle {
+                    Some(angle) => {
+                        self.trocar.turn_to(&mut self.state, position, angle, to.duration)
+                    }
+                    None => self.trocar.step(&mut self.state, displacement, to.duration),
+                }
             }
         };
+    }
+}
+
+/// Advances to `position` (m) and, where one is given, to `angle` (rad).
+pub(crate) fn turn<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    state: &mut TrocarState,
+    position: f64,
+    angle: Option<f64>,
+    duration: f64,
+) -> f64 {
+    match angle {
+        Some(angle) => trocar.turn_to(state, position, angle, duration),
+        None => trocar.step_to(state, position, duration),
     }
 }
 
@@ -200,6 +221,8 @@ pub struct Simulated {
     pub highest: f64,
     /// The initial state; `None` without rows.
     pub beginning: Option<Beginning>,
+    /// Whether the motion turns a model that knows the axis only.
+    pub turns_unheeded: bool,
     /// Whether the columns of the model's recordings were missing.
     pub is_by_own_header: bool,
 }
@@ -227,7 +250,7 @@ pub fn simulate_file<K: AsRef<[f64]>>(
 ) -> Result<Simulated, SimulateError> {
     refuse_inputs([output], &[motion.to_owned()])?;
     let trocar = trocar.borrowed();
-    let mut columns = fields(trocar.seal());
+    let mut columns = fields(&trocar);
     let drawn: Option<Vec<Trocar<&[f64]>>> = draws.map(|draws| {
         columns.extend(BAND.map(Field::number));
         let draws = evenly(draws, MOST_DRAWS);
@@ -299,12 +322,14 @@ impl<'a> Band<'a> {
     }
 }
 
-/// The columns of a simulation: time, position and force, and the deformation if the model has one.
-pub fn fields(seal: &Seal) -> Vec<Field> {
+/// The columns of a simulation: time, position and force, and the deformation and the torque if the
+/// model has them.
+pub fn fields<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Vec<Field> {
     let mut fields: Vec<Field> = ["time_s", "position_m", "force_n"].map(Field::number).into();
-    if seal.stages().is_some() {
+    if trocar.seal().stages().is_some() {
         fields.extend([Field::number("deflection_m"), Field::new("mode", Kind::Text)]);
     }
+    fields.extend(trocar.rotation().map(|_| Field::number("torque_n_m")));
     fields
 }
 
@@ -332,6 +357,7 @@ fn run(
 ) -> Result<Simulated, SimulateError> {
     let mut count = 0;
     let mut under_way: Option<(Run, Beginning)> = None;
+    let (mut row, mut first, mut turns) = (Vec::new(), None, false);
     while let Some(step) = rows.advance()? {
         let run = match &mut under_way {
             Some((run, _)) => run,
@@ -343,17 +369,16 @@ fn run(
             }
         };
         let numbers = [step.time, step.position, run.advance(&step)].map(TableCell::Number);
-        match (&mut band, run.state.deformation()) {
-            (Some(band), deformation) => {
-                let of_state = deformation.into_iter().flat_map(cells);
-                band.add(step, numbers.into_iter().chain(of_state).collect(), output)?;
-            }
-            (None, Some(deformation)) => {
-                let ([time, position, force], [deflection, mode]) = (numbers, cells(deformation));
-                output.row(&[time, position, force, deflection, mode])?;
-            }
-            (None, None) => output.row(&numbers)?,
+        row.clear();
+        row.extend(numbers);
+        row.extend(run.state.deformation().into_iter().flat_map(cells));
+        row.extend(run.state.turning().map(|_| TableCell::Number(run.state.torque())));
+        match &mut band {
+            Some(band) => band.add(step, row.clone(), output)?,
+            None => output.row(&row)?,
         }
+        let from = *first.get_or_insert(step.angle);
+        turns |= step.angle != from;
         count += 1;
         if count % REPORT_EVERY == 0 {
             progress(rows.rows.part(), count);
@@ -368,6 +393,7 @@ fn run(
         lowest: rows.lowest,
         highest: rows.highest,
         beginning,
+        turns_unheeded: turns && trocar.rotation().is_none(),
         is_by_own_header: rows.rows.is_by_own_header(),
     })
 }
@@ -396,6 +422,8 @@ pub struct Step {
     pub duration: f64,
     /// Force reading, N, if the motion has one.
     pub reading: Option<f64>,
+    /// Angle, rad, if the motion has one.
+    pub angle: Option<f64>,
 }
 
 /// Reads a motion row by row and rejects a row that cannot follow the previous one.
@@ -460,8 +488,9 @@ impl<'a> Positions<'a> {
             return Err(self.unfit(row));
         }
         (self.time, self.position) = (time, position);
-        let reading = Some(row.get(Quantity::Force)).filter(|force| force.is_finite());
-        Ok(Some(Step { time, position, displacement, duration, reading }))
+        let known = |quantity| Some(row.get(quantity)).filter(|value: &f64| value.is_finite());
+        let (reading, angle) = (known(Quantity::Force), known(Quantity::Angle));
+        Ok(Some(Step { time, position, displacement, duration, reading, angle }))
     }
 
     #[cold]

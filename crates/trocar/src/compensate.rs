@@ -97,7 +97,7 @@ fn run_along(
     let mut count = Counter::default();
     let mut before = None;
     while let Some(row) = rows.next_row()? {
-        let [time, position, force, _] = row.values;
+        let [time, position, force, ..] = row.values;
         // A live stream cannot be corrected: an invalid time is a fault there, and the model is not
         // stepped.
         let duration = match duration(file, rows.place(row), before, time) {

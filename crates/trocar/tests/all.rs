@@ -28,6 +28,7 @@ mod report;
 mod report_comparison;
 mod report_identification;
 mod report_live;
+mod rotation;
 mod scatter;
 mod simulate;
 mod table;

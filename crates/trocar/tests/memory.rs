@@ -41,7 +41,7 @@ fn memory_does_not_grow_with_the_motion() {
     let trocar =
         Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap());
     let input = Rows { next: 0, count: ROWS, pending: Vec::new() };
-    let mut output = TableWriter::create("/dev/null", &fields(trocar.seal())).unwrap();
+    let mut output = TableWriter::create("/dev/null", &fields(&trocar)).unwrap();
     let before = resident();
     let (mut peak, mut reached) = (before, 0);
     let progress = |_, rows| {

@@ -90,6 +90,12 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console.remark(&start_in_words(&beginning, options.offset));
     }
     console.remark(&format!("{} rows -> {}", done.rows, args.out.display()));
+    if done.turns_unheeded {
+        console.warn(
+            "the instrument turns in this motion, but the model knows the axis only: its force is too large while it turns\n\n\
+             hint: a model with 'rotation' takes the angle into account",
+        );
+    }
     let profile = model.trocar.profile();
     if let Some(departure) =
         profile.and_then(|profile| Departure::of(profile, done.lowest, done.highest))

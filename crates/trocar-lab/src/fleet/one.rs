@@ -255,6 +255,7 @@ fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Re
         position: cut(&readings.position),
         force: cut(&readings.force),
         velocity: readings.velocity.as_ref().map(cut),
+        angle: readings.angle.as_ref().map(cut),
     })
 }
 

@@ -324,6 +324,7 @@ impl<'a> Source<'a> {
                 "creep and relaxation".to_owned(),
             ),
             (self.model.trocar.profile().is_some(), "the dependence on position".to_owned()),
+            (self.model.trocar.rotation().is_some(), "the resistance to rotation".to_owned()),
         ];
         all.into_iter().filter(|(is_lost, _)| *is_lost).map(|(_, words)| words).collect()
     }

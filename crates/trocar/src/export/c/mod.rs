@@ -72,6 +72,11 @@ pub enum CError {
         /// The constant.
         constant: String,
     },
+    /// A model that resists rotation.
+    #[error(
+        "the exported code knows the axis only, and the model has 'rotation'\n\nhint: the C library runs it, by trocar_turn_to(); or take 'rotation' out of the model file"
+    )]
+    Rotation,
     /// The model cannot be read or run.
     #[error(transparent)]
     Model(#[from] ModelFileError),
@@ -176,6 +181,9 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
     let COptions { prefix, stem, precision, compensator, internal } = options;
     check_prefix(prefix)?;
     let trocar = &model.trocar;
+    if trocar.rotation().is_some() {
+        return Err(CError::Rotation);
+    }
     let mut filling = Filling::default();
     filling.set("single", precision == Precision::Single);
     filling.set("profile", trocar.profile().is_some());

@@ -1,0 +1,195 @@
+//! The turning instrument in files: models, motions and recordings.
+
+use std::path::{Path, PathBuf};
+
+use trocar::bench::{self, BenchConfig, Protocol};
+use trocar::export::c::{self as export_c, COptions};
+use trocar::identify::{IdentifyOptions, identify};
+use trocar::model_file::ModelFile;
+use trocar::recording::{Choice, ReadOptions, Readings, Recording, read};
+use trocar::simulate::{SimulateOptions, simulate_file};
+use trocar_model::{Rotation, Trocar};
+
+const ROTATION: Rotation =
+    Rotation { shaft_radius: 5e-3, circumferential_stiffness: 425.0, circumferential_ratio: 1.0 };
+
+fn conformance(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../conformance").join(name)
+}
+
+fn plausible() -> ModelFile {
+    let mut model = ModelFile::plausible_10_5_mm().unwrap();
+    model.trocar = model.trocar.with_rotation(Some(ROTATION)).unwrap();
+    model
+}
+
+#[test]
+fn a_model_file_keeps_its_rotation() {
+    let text = plausible().to_json();
+    assert_eq!(ModelFile::from_json(&text).unwrap(), plausible());
+    assert!(!ModelFile::plausible_10_5_mm().unwrap().to_json().contains("rotation"));
+    let bad = text.replace("\"circumferential_ratio\": 1.0", "\"circumferential_ratio\": 0.0");
+    let error = ModelFile::from_json(&bad).unwrap_err().to_string();
+    assert!(
+        error.contains("rotation: circumferential_ratio must be finite and above 0, got 0"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_classical_model_is_no_model_of_rotation() {
+    let text = std::fs::read_to_string(conformance("models/dahl.json")).unwrap();
+    let rotation = "\"rotation\": {\"shaft_radius_m\": 5e-3, \"circumferential_stiffness_n_m\": 425, \"circumferential_ratio\": 1},";
+    let text = text.replacen("\"friction\"", &format!("{rotation} \"friction\""), 1);
+    let error = ModelFile::from_json(&text).unwrap_err().to_string();
+    assert!(error.contains("the classical models know the axis only"), "{error}");
+}
+
+#[test]
+fn exports_say_what_they_lose() {
+    let options = COptions { internal: false, ..COptions::IN_FMU };
+    let error = export_c::write(&plausible(), "made up", options).unwrap_err().to_string();
+    assert!(error.contains("knows the axis only"), "{error}");
+}
+
+/// All models of the conformance check that can turn have their own bits as long as they do not.
+#[test]
+fn without_turning_every_model_has_its_bits() {
+    let motion = read_motion();
+    let mut turning = 0;
+    for entry in std::fs::read_dir(conformance("models")).unwrap() {
+        let plain = ModelFile::read(&entry.unwrap().path()).unwrap().trocar;
+        let Ok(trocar) = plain.clone().with_rotation(Some(ROTATION)) else { continue };
+        turning += 1;
+        let (mut a, mut b) = (plain.rest(motion[0].1), trocar.rest(motion[0].1).with_angle(0.7));
+        for pair in motion.windows(2) {
+            let duration = pair[1].0 - pair[0].0;
+            let force = plain.step_to(&mut a, pair[1].1, duration);
+            let turned = trocar.turn_to(&mut b, pair[1].1, 0.7, duration);
+            assert_eq!(force.to_bits(), turned.to_bits());
+        }
+        assert_eq!((a.seal(), b.torque()), (b.seal(), 0.0));
+    }
+    assert!(turning >= 6, "{turning} models");
+}
+
+fn read_motion() -> Vec<(f64, f64)> {
+    let text = std::fs::read_to_string(conformance("motion.csv")).unwrap();
+    let row = |line: &str| {
+        let numbers: Vec<f64> = line.split(',').map(|word| word.parse().unwrap()).collect();
+        (numbers[0], numbers[1])
+    };
+    text.lines().skip(1).map(row).collect()
+}
+
+/// A stroke at 20 mm/s during which the instrument turns once a second.
+fn turning_stroke(unit: &str, per_turn: f64) -> String {
+    let mut text = format!("time_s,position_m,angle_{unit}\n");
+    for k in 0..=3000 {
+        let t = 1e-3 * f64::from(k);
+        text += &format!("{t},{},{}\n", 0.02 * t, per_turn * t);
+    }
+    text
+}
+
+fn simulated(trocar: &Trocar<Vec<f64>>, motion: &str) -> (String, bool) {
+    let folder = tempfile::tempdir().unwrap();
+    let (input, output) = (folder.path().join("motion.csv"), folder.path().join("out.csv"));
+    std::fs::write(&input, motion).unwrap();
+    let options = SimulateOptions::default();
+    let choice = Choice::default();
+    let done = simulate_file(&input, &choice, trocar, None, &options, &output, |_, _| ()).unwrap();
+    (std::fs::read_to_string(output).unwrap(), done.turns_unheeded)
+}
+
+#[test]
+fn a_simulation_takes_the_angle_and_gives_the_torque() {
+    let model = plausible().trocar;
+    let (text, unheeded) = simulated(&model, &turning_stroke("rad", std::f64::consts::TAU));
+    assert!(text.starts_with("time_s,position_m,force_n,deflection_m,mode,torque_n_m\n"));
+    let last: Vec<&str> = text.lines().last().unwrap().split(',').collect();
+    let number = |k: usize| last[k].parse::<f64>().unwrap();
+    // Steady sliding: F_c·ẋ/|v| + β·ẋ, and the torque of the rest.
+    let around = 5e-3 * std::f64::consts::TAU;
+    let speed = 0.02_f64.hypot(around);
+    assert!((number(2) - (3.0 * 0.02 / speed + 5.0 * 0.02)).abs() < 2e-3, "{last:?}");
+    assert!((number(5) - 5e-3 * (3.0 * around / speed + 5.0 * around)).abs() < 1e-5, "{last:?}");
+    assert!(!unheeded);
+    let (same, _) = simulated(&model, &turning_stroke("turns", 1.0));
+    let last: Vec<&str> = same.lines().last().unwrap().split(',').collect();
+    assert!((last[2].parse::<f64>().unwrap() - number(2)).abs() < 1e-9);
+}
+
+#[test]
+fn a_model_of_the_axis_does_not_heed_the_angle() {
+    let plain = ModelFile::plausible_10_5_mm().unwrap().trocar;
+    let (text, unheeded) = simulated(&plain, &turning_stroke("deg", 360.0));
+    assert!(unheeded && text.starts_with("time_s,position_m,force_n,deflection_m,mode\n"));
+    let (_, unheeded) = simulated(&plain, &turning_stroke("deg", 0.0));
+    assert!(!unheeded);
+}
+
+#[test]
+fn a_recording_holds_its_angle() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("recording.csv");
+    for (name, per_rad) in [
+        ("angle_rad", 1.0),
+        ("roll [deg]", 180.0 / std::f64::consts::PI),
+        ("angle (turns)", 0.5 / std::f64::consts::PI),
+    ] {
+        let mut text = format!("time_s,position_mm,force_n,{name}\n");
+        for k in 0..20 {
+            text += &format!(
+                "{},{},{},{}\n",
+                0.1 * f64::from(k),
+                k,
+                0.1 * f64::from(k),
+                f64::from(k) * per_rad
+            );
+        }
+        std::fs::write(&path, text).unwrap();
+        let angle = read(&path, &ReadOptions::default()).unwrap().angle.expect("an angle");
+        assert!((angle[19] - 19.0).abs() < 1e-9, "{name}: {}", angle[19]);
+    }
+    // Without a unit nothing is read.
+    std::fs::write(
+        &path,
+        "time_s,position_mm,force_n,angle\n".to_owned()
+            + &"0,1,2,3\n".repeat(0)
+            + &(0..9).map(|k| format!("{k},{k},{k},{k}\n")).collect::<String>(),
+    )
+    .unwrap();
+    assert!(read(&path, &ReadOptions::default()).unwrap().angle.is_none());
+}
+
+/// Steady strokes of the bench, with an angle that turns at `rate`, rad/s.
+fn strokes(rate: f64) -> Recording {
+    let seal = ModelFile::plausible_10_5_mm().unwrap();
+    let elements = seal.stages().unwrap().elements().to_vec();
+    let run = bench::run(&BenchConfig::default(), Protocol::Steady, &elements, 1).unwrap();
+    let plain = run.to_recording("steady").unwrap();
+    let angle = plain.time.iter().map(|t| rate * t).collect();
+    let readings = Readings {
+        time: plain.time,
+        position: plain.position,
+        force: plain.force,
+        velocity: None,
+        angle: Some(angle),
+    };
+    Recording::from_readings("steady", &readings, None).unwrap()
+}
+
+#[test]
+fn identification_names_a_recording_that_turned() {
+    let warnings = |rate| {
+        let recordings = [strokes(rate)];
+        let options = IdentifyOptions { free_motion: false, along: false, ..Default::default() };
+        let found = identify(&recordings, &options, &|_, _| {}).unwrap();
+        found.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+    };
+    let turned = warnings(std::f64::consts::TAU);
+    assert!(turned.contains("turns by up to 360 deg/s while it slides"), "{turned}");
+    assert!(turned.contains("record strokes without turning"), "{turned}");
+    assert!(!warnings(0.0).contains("turns"));
+}
