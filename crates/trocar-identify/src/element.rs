@@ -583,7 +583,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
     let steady = &two.steady;
     let is_wanted = |term: Term| !options.without.contains(&term);
     let kept = options.kept;
-    let own_slopes = !kept.forbids(Term::Asymmetry)
+    let own_slopes = !Term::Asymmetry.is_ruled_out(&kept)
         && is_wanted(Term::Asymmetry)
         && steady.symmetry_p_value.is_some_and(|p| p < SURE);
     let layout = Layout {
@@ -642,7 +642,7 @@ fn starts(input: &Input) -> Vec<EmsTrial> {
 /// The start with every term of which a parameter is kept, at each shape that is tried.
 fn with_kept_terms(start: EmsTrial, speeds: [f64; 2]) -> Vec<EmsTrial> {
     let kept = start.layout.kept;
-    let wanted = |term: &Term| kept.wants(*term);
+    let wanted = |term: &Term| term.is_kept(&kept);
     Term::ALL.into_iter().filter(wanted).fold(vec![start], |all, term| {
         let with_term = |start: EmsTrial| match term.is_in(&start.layout) {
             true => vec![start],

@@ -5,8 +5,6 @@ use std::str::FromStr;
 
 use trocar_model::Quantity;
 
-use super::terms::Term;
-
 /// What can be kept.
 const QUANTITIES: [Quantity; 10] = [
     Quantity::CoulombForce,
@@ -96,29 +94,6 @@ impl Kept {
     /// Whether nothing is kept.
     pub fn is_empty(&self) -> bool {
         self.0.iter().all(Option::is_none)
-    }
-
-    /// Whether the model has the term whatever the recordings say.
-    pub(super) fn wants(&self, term: Term) -> bool {
-        let own: &[Quantity] = match term {
-            Term::Stribeck => &[Quantity::StaticForce, Quantity::StribeckVelocity],
-            Term::SealDamping => &[Quantity::SealDamping],
-            Term::UnmodelledMass => &[Quantity::UnmodelledMass],
-            Term::Creep => &[Quantity::CreepVelocity],
-            Term::Relaxation => &[Quantity::RelaxationStiffness, Quantity::RelaxationTime],
-            _ => &[],
-        };
-        own.iter().any(|quantity| self.range(*quantity).is_some())
-    }
-
-    /// Whether the model cannot have the term.
-    pub(super) fn forbids(&self, term: Term) -> bool {
-        let is_kept = |quantity| self.range(quantity).is_some();
-        match term {
-            Term::SecondStage => !self.is_empty(),
-            Term::Asymmetry => is_kept(Quantity::CoulombForce) || is_kept(Quantity::ViscousDamping),
-            _ => false,
-        }
     }
 }
 

@@ -25,6 +25,7 @@ use trocar_model::{Direction, ParameterId, Quantity, RelaxationArm};
 use super::candidate::{Candidate, EmsTrial, GAUSSIAN, Layout};
 use super::estimate::{f_p_value, t_p_value};
 use super::findings::Progress;
+use super::kept::Kept;
 use super::likelihood::{self, Extra, Fitted, Free, Normal, Stop};
 use super::numbers;
 use super::spread::variance;
@@ -145,6 +146,29 @@ impl Term {
         }
     }
 
+    /// Whether the model has the term whatever the recordings say, since a parameter of it is kept.
+    pub(super) fn is_kept(self, kept: &Kept) -> bool {
+        let own: &[Quantity] = match self {
+            Self::Stribeck => &[Quantity::StaticForce, Quantity::StribeckVelocity],
+            Self::SealDamping => &[Quantity::SealDamping],
+            Self::UnmodelledMass => &[Quantity::UnmodelledMass],
+            Self::Creep => &[Quantity::CreepVelocity],
+            Self::Relaxation => &[Quantity::RelaxationStiffness, Quantity::RelaxationTime],
+            _ => &[],
+        };
+        own.iter().any(|quantity| kept.range(*quantity).is_some())
+    }
+
+    /// Whether the model cannot have the term beside what is kept.
+    pub(super) fn is_ruled_out(self, kept: &Kept) -> bool {
+        let is_kept = |quantity| kept.range(quantity).is_some();
+        match self {
+            Self::SecondStage => !kept.is_empty(),
+            Self::Asymmetry => is_kept(Quantity::CoulombForce) || is_kept(Quantity::ViscousDamping),
+            _ => false,
+        }
+    }
+
     /// Whether the inertia of an unmodelled mass could be mistaken for the term.
     fn may_be_inertia(self) -> bool {
         matches!(self, Self::Stribeck | Self::SealDamping | Self::Creep | Self::Relaxation)
@@ -242,7 +266,7 @@ impl Term {
     /// its part of the force, and for a term next to one that needs it, which has to be removed
     /// first.
     pub(super) fn left_out_of(self, with: &EmsTrial) -> Option<EmsTrial> {
-        if with.layout.kept.wants(self) {
+        if self.is_kept(&with.layout.kept) {
             return None;
         }
         let mut smaller = with.clone();
@@ -310,7 +334,7 @@ impl Term {
             Self::Asymmetry => layout.viscous,
             _ => true,
         };
-        has_place && !self.is_in(layout) && !layout.kept.forbids(self)
+        has_place && !self.is_in(layout) && !self.is_ruled_out(&layout.kept)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The model card: on one page what a model was identified from, where it holds, how well, and what it
 //! is not for. Its facts are those of `summary.json`.
 
-use trocar_identify::FreeMotion;
+use trocar_identify::{FreeMotion, Identification};
 use trocar_lab::motion::MotionRange;
 use trocar_lab::summary::PROGRAM;
 use trocar_lab::validate::Validation;
@@ -10,7 +10,6 @@ use trocar_tables::option::{Interface, spelt};
 
 use super::document::{Document, origin};
 use super::figures::{self, Scored};
-use super::identification::IdentificationReport;
 use super::number::{fixed, significant};
 
 /// Root mean square error, N, that EMS section IV-C reports on its own data.
@@ -23,18 +22,26 @@ const SHORTEST_REST: f64 = 0.1;
 const NOT_FOR: &str = "motion and forces outside these ranges; another seal, instrument or lubrication; temperature, wear and tilt; decisions about \
                        a patient";
 
-/// The rows of the card.
-pub(super) fn rows(input: &IdentificationReport, scored: &Scored) -> Vec<(String, String)> {
-    let found = input.identification;
+/// The rows of the card: of what was identified from `training`, which moved in `range`, after `mass`
+/// (kg) was subtracted.
+pub(super) fn rows(
+    found: &Identification,
+    (training, range): (&[Recording], &MotionRange),
+    mass: f64,
+    scored: &Scored,
+) -> Vec<(String, String)> {
     let held_out = if scored.held_out { &scored.recordings[..] } else { &[] };
-    let mut all: Vec<_> = input.training.iter().map(|r| from("Identified from", r)).collect();
+    let mut all: Vec<_> = training.iter().map(|r| from("Identified from", r)).collect();
     all.extend(held_out.iter().map(|r| from("Held out", r)));
-    let mass = significant(input.moving_mass.mass, 3);
-    all.push(origin(
-        "Rig",
-        format!("{mass} kg between sensor and seal subtracted; no more is known"),
-    ));
-    all.push(origin("Holds for", seen(&input.range, &found.free_motion)));
+    let rig = match mass {
+        0.0 => "no mass declared; no more is known".to_owned(),
+        mass => format!(
+            "{} kg between sensor and seal subtracted; no more is known",
+            significant(mass, 3)
+        ),
+    };
+    all.push(origin("Rig", rig));
+    all.push(origin("Holds for", seen(range, &found.free_motion)));
     all.push(error(scored));
     let parameters = found.parameters.iter().filter(|p| !p.is_coefficient());
     let (known, unknown): (Vec<_>, Vec<_>) = parameters.partition(|p| p.estimate.determined);

@@ -113,7 +113,7 @@ pub fn document(input: &IdentificationReport) -> Document {
     Document {
         title: input.title.to_owned(),
         subtitle: subtitle(input),
-        card: card::rows(input, &scored),
+        card: card::rows(found, (input.training, &input.range), input.moving_mass.mass, &scored),
         tiles: Vec::new(),
         warnings: warnings(found, &scored),
         notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),

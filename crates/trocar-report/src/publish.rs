@@ -49,6 +49,7 @@ fn value_and_interval(p: &Parameter, scale: f64) -> [String; 2] {
     let value = scale * p.estimate.value;
     match decimals_for(low, high).filter(|_| p.estimate.determined) {
         Some(n) => [fixed(value, n), format!("$[{}, {}]$", fixed(low, n), fixed(high, n))],
+        None if low == high => [significant(value, 4), "given".to_owned()],
         None => [significant(value, 3), "not determined".to_owned()],
     }
 }

@@ -157,6 +157,9 @@ pub(super) fn in_words(estimate: &Estimate) -> String {
 pub(super) fn value_and_interval(estimate: &Estimate) -> (String, String) {
     let Unit { scale, shown: unit, .. } = tables::unit_of(estimate);
     let [low, high] = estimate.ci95.map(|end| scale * end);
+    if low == high {
+        return (format!("{} {unit}", significant(low, 4)), "given".to_owned());
+    }
     match decimals_for(low, high) {
         Some(decimals) if estimate.determined => {
             let [value, low, high] =
