@@ -113,6 +113,8 @@ def test_what_cannot_be_identified_is_told(training: list[trocar.Recording]) -> 
         ({"gravity_m_s2": -9.81}, trocar.ParameterError, "gravity_m_s2 is -9.81 m/s² without a moving mass"),
         ({"gravity_m_s2": np.inf}, trocar.ParameterError, "gravity_m_s2 must be finite"),
         ({"offset_n": np.inf}, trocar.ParameterError, "offset_n must be a finite number, got inf"),
+        ({"fix": {"half_width": 0.006}}, trocar.ParameterError, 'fix: "half_width": expected one of coulomb_force_n'),
+        ({"fix": {"half_width_m": "6 mm"}}, trocar.ParameterError, "fix: half_width_m must be a number or two"),
     ],
 )
 def test_options_out_of_range_are_refused(
@@ -121,6 +123,14 @@ def test_options_out_of_range_are_refused(
     with pytest.raises(error) as raised:
         trocar.identify(training, **options)  # type: ignore[arg-type]
     assert words in str(raised.value)
+
+
+def test_parameters_are_kept(training: list[trocar.Recording]) -> None:
+    kept = trocar.identify(training, moving_mass_kg=ROD_KG, fix={"half_width_m": 8e-3, "coulomb_force_n": (1.0, 2.9)})
+    width, force = (kept.parameters[name] for name in ("half_width_m", "coulomb_force_n"))
+    assert width.value == width.ci95_low == width.ci95_high == 8e-3
+    # The truth lies beyond the range, at whose end it is no finding.
+    assert force.value == pytest.approx(2.9) and not force.determined
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ import os
 import warnings as _python_warnings
 from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
+from numbers import Real
 from typing import TYPE_CHECKING, Optional, Union
 
 from . import _core, fleet
@@ -385,8 +386,8 @@ def _recordings(name: str, given: Recordings) -> list[Recording]:
 def _ranges(fix: Mapping[str, Union[float, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
     ranges = []
     for name, given in fix.items():
-        ends = (given, given) if isinstance(given, (int, float)) else tuple(given)
-        if len(ends) != 2 or not all(isinstance(end, (int, float)) for end in ends):
+        ends = (given, given) if isinstance(given, (Real, str)) else tuple(given)
+        if len(ends) != 2 or not all(isinstance(end, Real) for end in ends):
             raise ParameterError(f"fix: {name} must be a number or two, (low, high), got {given!r}")
         ranges.append((str(name), (float(ends[0]), float(ends[1]))))
     return ranges
