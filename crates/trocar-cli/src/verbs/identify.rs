@@ -76,7 +76,7 @@ pub(crate) struct Args {
     /// in the model: coulomb_force_n, viscous_damping_n_s_m, half_width_m, static_force_n,
     /// stribeck_velocity_m_s, seal_damping_n_s_m, unmodelled_mass_kg, creep_velocity_m_s,
     /// relaxation_stiffness_n_m, relaxation_time_s
-    #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', conflicts_with_all = ["paper", "prior", "posterior"], help_heading = STATISTICS)]
+    #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', conflicts_with_all = ["paper", "prior", "posterior"], help_heading = STATISTICS, hide_short_help = true)]
     fix: Vec<KeptParameter>,
     /// Model of a trocar of the same type, from which the recordings depart: a few strokes then give
     /// its parameters for the trocar in use
