@@ -186,7 +186,7 @@ fn identification_names_a_recording_that_turned() {
         let recordings = [strokes(rate)];
         let options = IdentifyOptions { free_motion: false, along: false, ..Default::default() };
         let found = identify(&recordings, &options, &|_, _| {}).unwrap();
-        found.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n")
+        found.warnings.iter().map(|warning| warning.message.clone()).collect::<Vec<_>>().join("\n")
     };
     let turned = warnings(std::f64::consts::TAU);
     assert!(turned.contains("turns by up to 360 deg/s while it slides"), "{turned}");
