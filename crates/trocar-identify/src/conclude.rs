@@ -103,6 +103,7 @@ pub(super) fn conclude(
         position_delay,
         position_profile,
         no_position_profile,
+        rotation: None,
         free_parameters: of_seal + of_profile,
         residual_rms: judged.residual_rms,
         warnings,

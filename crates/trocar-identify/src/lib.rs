@@ -123,6 +123,14 @@ pub fn identify(
         }
     }
     recordings.iter().try_for_each(shows_force)?;
+    rotation::identified(recordings, options, |own| along_the_axis(own, options, progress))
+}
+
+fn along_the_axis(
+    recordings: &[Recording],
+    options: &IdentifyOptions,
+    progress: Progress,
+) -> Result<Identification, IdentifyError> {
     let recordings = &*counts::resolved(recordings);
     // Draws take about as long as all before them.
     let (last, share) = match options.posterior {

@@ -32,6 +32,9 @@ pub struct IdentifyOptions {
     pub offset: Option<f64>,
     /// Parameters that are kept at a value or within a range.
     pub kept: Kept,
+    /// Radius of the shaft in the seal, m, to identify its resistance to rotation from recordings
+    /// with an angle; `None` identifies along the axis only.
+    pub shaft_radius: Option<f64>,
     /// Whether to use only the procedure of the paper.
     pub paper: bool,
     /// A model of the same trocar type, whose parameters the recordings update.
@@ -54,6 +57,7 @@ impl Default for IdentifyOptions {
             inertia_removed: false,
             offset: None,
             kept: Kept::default(),
+            shaft_radius: None,
             paper: false,
             prior: None,
             posterior: None,

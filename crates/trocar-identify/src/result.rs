@@ -1,7 +1,7 @@
 //! The result of an identification.
 
 use serde::Serialize;
-use trocar_model::{Element, ParameterId, Stages, Trocar};
+use trocar_model::{Element, ParameterId, Rotation, Stages, Trocar};
 
 use super::adequacy::Phase;
 use super::candidate::Candidate;
@@ -78,6 +78,8 @@ pub struct Identification {
     pub position_profile: Option<ProfileFit>,
     /// Why repeated strokes gave no position profile.
     pub no_position_profile: Option<String>,
+    /// Resistance to rotation; `None` where it was not asked for or not recorded.
+    pub rotation: Option<Rotation>,
     /// Number of model parameters estimated from the recordings, without the sensor offset and an
     /// unmodelled mass.
     pub free_parameters: usize,
@@ -108,7 +110,8 @@ impl Identification {
     pub fn trocar(&self) -> Trocar<&[f64]> {
         let profile =
             self.position_profile.as_ref().map(|fit| fit.profile.stored_as(|knots| knots));
-        Trocar::new(self.stages, profile)
+        let axial = Trocar::new(self.stages, profile);
+        axial.with_rotation(self.rotation).unwrap_or(axial)
     }
 
     /// The recordings for comparison with the model: with the position delay compensated.

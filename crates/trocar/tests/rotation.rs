@@ -153,13 +153,11 @@ fn a_recording_holds_its_angle() {
         assert!((angle[19] - 19.0).abs() < 1e-9, "{name}: {}", angle[19]);
     }
     // Without a unit nothing is read.
-    std::fs::write(
-        &path,
-        "time_s,position_mm,force_n,angle\n".to_owned()
-            + &"0,1,2,3\n".repeat(0)
-            + &(0..9).map(|k| format!("{k},{k},{k},{k}\n")).collect::<String>(),
-    )
-    .unwrap();
+    let mut text = "time_s,position_mm,force_n,angle\n".to_owned();
+    for k in 0..20 {
+        text += &format!("{},{},{},{k}\n", 0.1 * f64::from(k), k, 0.1 * f64::from(k));
+    }
+    std::fs::write(&path, text).unwrap();
     assert!(read(&path, &ReadOptions::default()).unwrap().angle.is_none());
 }
 
@@ -190,6 +188,166 @@ fn identification_names_a_recording_that_turned() {
     };
     let turned = warnings(std::f64::consts::TAU);
     assert!(turned.contains("turns by up to 360 deg/s while it slides"), "{turned}");
-    assert!(turned.contains("record strokes without turning"), "{turned}");
+    assert!(turned.contains("leave out the part that turns"), "{turned}");
     assert!(!warnings(0.0).contains("turns"));
+}
+
+/// The plausible seal at its limit, held and turned.
+fn left_at(circumferential_stiffness: f64, degrees: f64) -> f64 {
+    let rotation = Rotation { circumferential_stiffness, ..ROTATION };
+    let trocar = plausible().trocar.with_rotation(Some(rotation)).unwrap();
+    let mut state = trocar.rest_at_deflection(0.0, 8e-3).unwrap();
+    for k in 1..=1000 {
+        trocar.turn_to(&mut state, 0.0, 1e-3 * f64::from(k) * degrees.to_radians(), 1e-3);
+    }
+    state.force()
+}
+
+#[test]
+fn the_page_has_the_numbers_of_the_model() {
+    let page = include_str!("../../../docs/explanation/rotation.md");
+    let straight = 3.0 / (425.0 * 5e-3 * std::f64::consts::FRAC_PI_2 / 3.0).cosh();
+    let numbers = [
+        straight,
+        left_at(425.0, 90.0),
+        left_at(425.0, 180.0),
+        left_at(212.5, 90.0),
+        left_at(850.0, 90.0),
+    ];
+    for number in numbers {
+        assert!(page.contains(&format!("{number:.2} N")), "{number} N");
+    }
+    let around = 5e-3 * std::f64::consts::TAU;
+    assert!(
+        page.contains(&format!("{:.0} % of $F_c$ is left", 1e2 * 0.02 / 0.02_f64.hypot(around)))
+    );
+}
+
+/// A recording of the plausible seal along `path` (m, rad): 4 µm and 1 mrad of resolution, 20 mN of
+/// slow and 20 mN of fast noise.
+fn drawn(
+    name: &str,
+    seed: u64,
+    truth: &Trocar<Vec<f64>>,
+    seconds: f64,
+    path: &dyn Fn(f64) -> [f64; 2],
+) -> Recording {
+    let mut random = trocar::bench::noise::Noise::new(seed, trocar::bench::noise::Source::Movement);
+    let [x, angle] = path(0.0);
+    let mut state = truth.rest(x).with_angle(angle);
+    let (mut readings, mut slow) =
+        (Readings { angle: Some(Vec::new()), ..Readings::default() }, 0.0);
+    for k in 0..(1e3 * seconds) as usize {
+        let t = 1e-3 * k as f64;
+        let [x, angle] = path(t);
+        let force = truth.turn_to(&mut state, x, angle, 1e-3);
+        slow += -0.01 * slow + 0.02 * (2.0_f64 * 0.01).sqrt() * random.normal();
+        readings.time.push(t);
+        readings.position.push((x / 4e-6).round() * 4e-6);
+        readings.angle.as_mut().unwrap().push((angle * 1e3).round() * 1e-3);
+        readings.force.push(force + slow + 0.02 * random.normal());
+    }
+    Recording::from_readings(name, &readings, None).unwrap()
+}
+
+/// To and fro over 40 mm at `speed`, m/s.
+fn to_and_fro(speed: f64, t: f64) -> f64 {
+    let phase = (speed * t / 0.04) % 2.0;
+    0.04 * if phase < 1.0 { phase } else { 2.0 - phase }
+}
+
+/// Strokes without turning; strokes at four ratios of the speeds, holds with a quarter turn to and
+/// fro, and turning alone.
+fn bench_of_rotation(truth: &Trocar<Vec<f64>>, seed: u64) -> Vec<Recording> {
+    let still = |t: f64| {
+        let speed = [0.015, 0.03, 0.06, 0.1][(t / 12.0) as usize % 4];
+        [to_and_fro(speed, t % 12.0), 0.0]
+    };
+    let turned = |t: f64| {
+        let (stage, own) = ((t / 8.0) as usize, t % 8.0);
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let rate = [1.0, 4.0, 12.0, 25.0][stage.min(3)];
+        let turned: f64 = [8.0, 32.0, 96.0, 200.0][..stage.min(4)].iter().sum();
+        match stage {
+            0..4 => [to_and_fro(0.02, own), turned + rate * own],
+            4..7 => {
+                let x = 0.02 * own.min(1.5);
+                [x, turned + quarter * ((own - 2.0).max(0.0) * 0.8).sin()]
+            }
+            _ => [0.02 * own.min(0.5), turned + 1.5 * (2.0 * (own - 1.0).max(0.0)).sin()],
+        }
+    };
+    vec![
+        drawn("still", seed, truth, 48.0, &still),
+        drawn("turned", seed + 1000, truth, 64.0, &turned),
+    ]
+}
+
+/// Six benches, or as many as `TROCAR_STATISTICS` says where it is above 1. Both numbers are within
+/// their intervals, and the Coulomb force, identified beside them, is as without rotation.
+#[test]
+fn rotation_is_recovered() {
+    let wanted = std::env::var("TROCAR_STATISTICS").ok().and_then(|text| text.parse().ok());
+    let count = wanted.filter(|count: &u64| *count > 1).unwrap_or(6);
+    let seal = ModelFile::plausible_10_5_mm().unwrap().trocar;
+    let mut covered = [0; 3];
+    for seed in 0..count {
+        // Evenly over a factor of four in k_t and of two in the ratio.
+        let part = |step: f64| (step * (seed as f64 + 0.5)).fract();
+        let stiffness = 220.0 * 4.0_f64.powf(part(0.618_034));
+        let ratio = 0.7 * 2.0_f64.powf(part(0.754_878));
+        let rotation = Rotation {
+            circumferential_stiffness: stiffness,
+            circumferential_ratio: ratio,
+            ..ROTATION
+        };
+        let truth = seal.clone().with_rotation(Some(rotation)).unwrap();
+        let found = identify(&bench_of_rotation(&truth, seed), &of_rotation(), &|_, _| {}).unwrap();
+        let truth = [
+            ("circumferential_stiffness_n_m", stiffness, 0.25),
+            ("circumferential_ratio", ratio, 0.15),
+            ("coulomb_force_n", 3.0, 0.02),
+        ];
+        for ((name, value, tolerance), covered) in truth.into_iter().zip(&mut covered) {
+            let estimate = found.parameter(name).unwrap();
+            *covered += u64::from(estimate.covers(value));
+            let off = estimate.value / value - 1.0;
+            println!("{seed} {name} {value:.4} {:+.2} % {:?}", 1e2 * off, estimate.ci95);
+            assert!(off.abs() < tolerance, "{seed}: {name} {} for {value}", estimate.value);
+        }
+        assert_eq!(found.trocar().rotation().unwrap().shaft_radius, 5e-3);
+    }
+    println!("covered of {count}: {covered:?}");
+    let least = (0.85 * count as f64).floor() as u64 - 1;
+    assert!(covered.iter().all(|covered| *covered >= least), "{covered:?} of {count}");
+}
+
+fn of_rotation() -> IdentifyOptions {
+    IdentifyOptions {
+        shaft_radius: Some(ROTATION.shaft_radius),
+        free_motion: false,
+        along: false,
+        ..Default::default()
+    }
+}
+
+#[test]
+fn nothing_is_determined_without_rolling() {
+    let truth = plausible().trocar;
+    let options = of_rotation();
+    let all = bench_of_rotation(&truth, 1);
+    let identified = |own: &[Recording]| {
+        let found = identify(own, &options, &|_, _| {}).unwrap();
+        let words = found
+            .warnings
+            .iter()
+            .map(|warning| warning.message.clone())
+            .collect::<Vec<_>>()
+            .join("\n");
+        (found.rotation, words)
+    };
+    let (rotation, words) = identified(&all[..1]);
+    assert!(rotation.is_none() && words.contains("nothing is known of rotation"), "{words}");
+    let (rotation, words) = identified(&all[1..]);
+    assert!(rotation.is_none() && words.contains("add strokes without turning"), "{words}");
 }

@@ -78,6 +78,10 @@ pub(crate) struct Args {
     /// relaxation_stiffness_n_m, relaxation_time_s
     #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', conflicts_with_all = ["paper", "prior", "posterior"], help_heading = STATISTICS, hide_short_help = true)]
     fix: Vec<KeptParameter>,
+    /// Diameter of the shaft, mm: also identifies how the seal resists rotation, from recordings with an
+    /// angle in addition to strokes without turning
+    #[arg(long, value_name = "MM", value_parser = positive, help_heading = STATISTICS, hide_short_help = true)]
+    shaft_diameter_mm: Option<f64>,
     /// Model of a trocar of the same type, from which the recordings depart: a few strokes then give
     /// its parameters for the trocar in use
     #[arg(long, value_name = "MODEL", conflicts_with = "paper", help_heading = STATISTICS)]
@@ -149,6 +153,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         without: args.without.clone(),
         offset: args.offset_n,
         kept: Kept::try_from(&*args.fix)?,
+        shaft_radius: args.shaft_diameter_mm.map(|diameter| 0.5e-3 * diameter),
         paper: args.paper,
         posterior: args.posterior,
         ..IdentifyOptions::default()
