@@ -86,7 +86,7 @@ impl IdentifyOptions {
         let without: Vec<&str> = self.without.iter().map(|term| term.name()).collect();
         format!(
             "seed {}, degrees {},{}, offset {}, the paper's procedure alone {}, terms of free motion {}, \
-             terms not tried: {}, position profile {}, unmodelled mass {}{}{}{}",
+             terms not tried: {}, position profile {}, unmodelled mass {}{}{}{}{}",
             self.seed,
             self.degrees[0],
             self.degrees[1],
@@ -96,6 +96,7 @@ impl IdentifyOptions {
             if without.is_empty() { "none".to_owned() } else { without.join(", ") },
             yes_no(self.along),
             yes_no(self.estimate_unmodelled_mass),
+            self.shaft_radius.map_or_else(String::new, |r| format!(", shaft of {} mm", 2e3 * r)),
             if self.kept.is_empty() { String::new() } else { format!(", kept: {}", self.kept) },
             self.prior.as_ref().map_or_else(String::new, |prior| format!(", {}", prior.in_words())),
             self.posterior.map_or_else(String::new, |draws| format!(", {draws} posterior draws"))
