@@ -247,8 +247,8 @@ impl Header<'_> {
         for quantity in missing(doubts) {
             let mut stands =
                 (0..self.names.len()).filter(|k| match name_in_front(&self.names[*k]) {
+                    Some(Quantity::Angle) | None => quantity != Quantity::Time,
                     Some(named) => named == quantity,
-                    None => quantity != Quantity::Time,
                 });
             let first = stands.find_map(|k| Some((k, self.foreign(k)?)));
             if let Some((k, foreign)) = first
