@@ -9,8 +9,8 @@ use std::time::Instant;
 
 use trocar_model::{
     Dahl, DahlParams, Element, ElementParams, Friction, Gms, GmsElement, Leuven, LeuvenParams,
-    LuGre, LuGreParams, MaxwellSlip, ParamError, Relaxation, RelaxationArm, SealDamping,
-    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve,
+    LuGre, LuGreParams, MaxwellSlip, ParamError, Relaxation, RelaxationArm, Rotation, SealDamping,
+    SlidingFriction, SlipElement, SlipRate, StaticFriction, StribeckCurve, Trocar,
 };
 
 const SAMPLES: usize = 40_000;
@@ -94,6 +94,44 @@ fn report_elements(displacements: &[f64]) -> Result<(), ParamError> {
     Ok(())
 }
 
+/// The default seal in a model that knows of rotation, at rest around the shaft and while the
+/// instrument turns once a second; and one that turns to and fro without sliding around it.
+fn report_rotation(displacements: &[f64]) -> Result<(), ParamError> {
+    let rotation = Rotation {
+        shaft_radius: 5e-3,
+        circumferential_stiffness: 425.0,
+        circumferential_ratio: 1.0,
+    };
+    let seal = Element::new(ElementParams::plausible_10_5_mm()?)?;
+    let trocar = Trocar::of_seal(seal).with_rotation(Some(rotation))?;
+    let turning: fn(f64) -> f64 = |time| core::f64::consts::TAU * time;
+    let cases: [(&str, fn(f64) -> f64); 3] = [
+        ("with rotation, not turning", |_| 0.0),
+        ("turning once a second", turning),
+        ("turning to and fro", |time| 0.5 * (9.0 * time).sin()),
+    ];
+    for (name, angle) in cases {
+        let angles: Vec<f64> = (1..SAMPLES).map(|k| angle(k as f64 * PERIOD)).collect();
+        let mut times = Vec::with_capacity(REPETITIONS);
+        for _ in 0..REPETITIONS {
+            let mut state = trocar.rest(0.0);
+            let start = Instant::now();
+            for (displacement, angle) in displacements.iter().zip(&angles) {
+                let position = state.position() + black_box(displacement);
+                black_box(trocar.turn_to(&mut state, position, *angle, PERIOD));
+            }
+            times.push(start.elapsed().as_secs_f64() * 1e9 / displacements.len() as f64);
+        }
+        times.sort_by(f64::total_cmp);
+        println!(
+            "{name:32} {:7.1} ns per sample, fastest {:7.1}",
+            times[REPETITIONS / 2],
+            times[0]
+        );
+    }
+    Ok(())
+}
+
 fn report_classical(displacements: &[f64]) -> Result<(), ParamError> {
     report(
         "static, Coulomb",
@@ -159,6 +197,7 @@ fn report_banks(displacements: &[f64]) -> Result<(), ParamError> {
 fn main() -> Result<(), ParamError> {
     let displacements = motion();
     report_elements(&displacements)?;
+    report_rotation(&displacements)?;
     report_classical(&displacements)?;
     report_banks(&displacements)
 }

@@ -107,7 +107,6 @@ impl Element {
     }
 
     /// Friction around the shaft: the mean of both directions, its forces times F_t/F_c.
-    #[inline(always)]
     fn sliding_around(&self, around: &Around) -> SlidingFriction {
         let (up, down) = (&self.params.insertion, &self.params.withdrawal);
         let mean = |number: fn(&SlidingFriction) -> f64| 0.5 * (number(up) + number(down));
@@ -120,7 +119,6 @@ impl Element {
         }
     }
 
-    #[inline(always)]
     fn advance_turning(
         &self,
         around: &Local,
@@ -152,7 +150,6 @@ impl Element {
     }
 
     /// From stick: deforms with the instrument.
-    #[inline(always)]
     fn leave_stick_turning(
         &self,
         around: &Local,
@@ -211,7 +208,6 @@ impl Element {
     }
 
     /// A step without slip.
-    #[inline(always)]
     fn stuck_slide(&self, start: Start, motion: Pair, time: f64) -> Slide {
         let arms = self.params.relaxation.within(&start.arms, time);
         let target = [start.z[0] + motion[0] * time, start.z[1] + motion[1] * time];
@@ -220,7 +216,6 @@ impl Element {
     }
 
     /// P at the end of `slide` without slip.
-    #[inline(always)]
     fn elastic(&self, around: &Local, slide: &Slide) -> Pair {
         let Start { z, q, .. } = slide.start;
         let elastic = self.params.deformation.reach(z[0], q, slide.target[0]).0;
@@ -256,7 +251,6 @@ impl Element {
         normal.map(|part| part / size)
     }
 
-    #[inline(always)]
     fn stuck_turning(&self, slide: &Slide, force: Pair) -> (State, Turn) {
         let Start { z, q, .. } = slide.start;
         let q = self.params.deformation.reach(z[0], q, slide.target[0]).1;
@@ -265,7 +259,6 @@ impl Element {
         (State::stuck(slide.target[0], q, force[0], arms), turn)
     }
 
-    #[inline(always)]
     fn slide_turning(
         &self,
         around: &Local,
@@ -436,6 +429,12 @@ impl Element {
         End { slip, z, q, force, residual, slope, contact }
     }
 
+    /// [`Self::end_turning`] off the usual way.
+    #[inline(never)]
+    fn end_apart(&self, around: &Local, slide: &Slide, slip: Pair) -> End {
+        self.end_turning(around, slide, slip)
+    }
+
     /// f + β·v, [`crate::rotation`].
     #[inline(always)]
     fn contact_turning(&self, around: &Local, rise: Rise, slip: Pair) -> Contact {
@@ -495,7 +494,7 @@ impl Element {
         let in_deflection =
             if softens { DEFLECTION_STRIDE * c / slide.time } else { f64::INFINITY };
         let axial = |tangential: f64| {
-            let at = |u: f64| self.end_turning(around, slide, [s.sign() * u, t * tangential]);
+            let at = |u: f64| self.end_apart(around, slide, [s.sign() * u, t * tangential]);
             let along = Search { guess: 0.0, stride: in_speed.min(in_deflection), residual };
             let u = find_root(
                 |u| {
@@ -525,7 +524,6 @@ impl Element {
         last
     }
 
-    #[inline(always)]
     fn after_sliding(&self, slide: &Slide, end: &End) -> (State, Turn) {
         let creeping = length(end.slip) <= self.params.creep_velocity;
         let state = State {
