@@ -39,6 +39,7 @@ pub(crate) fn bench(
         Some((time_s, position_m)) => Some(Course {
             time: column("time_s", &time_s)?.as_slice()?.to_vec(),
             position: column("position_m", &position_m)?.as_slice()?.to_vec(),
+            angle: None,
         }),
         None => None,
     };

@@ -149,7 +149,7 @@ fn a_motion_keeps_to_the_limits_of_its_rig_and_is_smooth() {
         let config = PlanConfig { seed, draws: 3, ..PlanConfig::default() };
         let planned =
             plan(&config, &goal.parse().expect("a goal"), &[], &[], &|_, _| {}).expect("a plan");
-        let Course { time, position } = &planned.course;
+        let Course { time, position, .. } = &planned.course;
         let rig = config.rig;
         assert!(time[time.len() - 1] <= config.duration_s, "{goal} takes {}", time[time.len() - 1]);
         assert!(position.iter().all(|x| (rig.lowest_m..=rig.highest_m).contains(x)));

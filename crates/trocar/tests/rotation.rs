@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use trocar::bench::{self, BenchConfig, Protocol};
+use trocar::bench::{self, BenchConfig, Course, Protocol};
 use trocar::export::c::{self as export_c, COptions};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
@@ -350,4 +350,38 @@ fn nothing_is_determined_without_rolling() {
     assert!(rotation.is_none() && words.contains("nothing is known of rotation"), "{words}");
     let (rotation, words) = identified(&all[1..]);
     assert!(rotation.is_none() && words.contains("add strokes without turning"), "{words}");
+}
+
+/// The rig with a rod that turns: the force of the seal is that of the model along the true motion.
+#[test]
+fn the_bench_turns_the_rod() {
+    let seal = ModelFile::plausible_10_5_mm().unwrap();
+    let elements = seal.stages().unwrap().elements().to_vec();
+    let time: Vec<f64> = (0..4000).map(|k| 1e-3 * f64::from(k)).collect();
+    let position = time.iter().map(|t| 0.02 + to_and_fro(0.02, *t)).collect();
+    let angle = time.iter().map(|t| std::f64::consts::TAU * t).collect();
+    let mut motion = Course { time, position, angle: Some(angle) };
+    let mut config = BenchConfig { rotation: Some(ROTATION), ..BenchConfig::default() };
+    (config.fluctuation.stroke_fraction, config.fluctuation.ripple_fraction) = (0.0, 0.0);
+    config.fluctuation.drift_fraction = 0.0;
+    let run = bench::run_motion(&config, &motion, &elements, 1).unwrap();
+    let middle = 1900; // near the end of the first stroke, at 20 mm/s
+    let around = 5e-3 * std::f64::consts::TAU;
+    let expected = 3.0 * 0.02 / 0.02_f64.hypot(around) + 5.0 * 0.02;
+    assert!(
+        (run.truth.seal_force[middle] / expected - 1.0).abs() < 0.05,
+        "{} N",
+        run.truth.seal_force[middle]
+    );
+    assert!((run.angle[middle] - std::f64::consts::TAU * 1.9).abs() < 0.02);
+    assert!(run.truth.torque[middle] > 0.012);
+    assert!(run.to_recording("turned").unwrap().angle.is_some());
+    motion.angle = None;
+    let axial = bench::run_motion(&config, &motion, &elements, 1).unwrap();
+    let plain = bench::run_motion(&BenchConfig { rotation: None, ..config }, &motion, &elements, 1)
+        .unwrap();
+    assert!(axial.angle.is_empty() && axial.to_recording("still").unwrap().angle.is_none());
+    let difference =
+        axial.force.iter().zip(&plain.force).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    assert!(difference < 1e-2, "{difference} N");
 }

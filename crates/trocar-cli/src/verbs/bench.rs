@@ -8,7 +8,7 @@ use trocar::bench::{self, BenchConfig, Course, Experiment, Protocol};
 use trocar::model_file::ModelFile;
 use trocar::recording::Choice;
 use trocar::simulate::Positions;
-use trocar_model::{Element, ElementParams};
+use trocar_model::{Element, ElementParams, Rotation};
 
 use crate::Completion;
 use crate::console::{self, BadArgument, Console};
@@ -32,8 +32,8 @@ pub(crate) struct Args {
     /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion)
     #[arg(required_unless_present_any = ["print_config", "motion"])]
     protocol: Option<Protocol>,
-    /// Motion to make in place of an experiment: a table with time and position, such as `trocar
-    /// plan` writes
+    /// Motion to make in place of an experiment: a table with time, position and, if the rod turns, an
+    /// angle, such as `trocar plan` writes
     #[arg(long, value_name = "FILE", conflicts_with = "protocol")]
     motion: Option<PathBuf>,
     /// Recording to write, '-' for standard output; the extension selects CSV, .parquet, .arrow,
@@ -78,7 +78,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         Some(key) => vec![seal_like(console, key, args.seed)?],
         None => seal(console, args.seal.as_deref())?,
     };
-    let config = config.unwrap_or_default();
+    let mut config = config.unwrap_or_default();
+    config.rotation = args.seal.as_deref().map(rotation).transpose()?.flatten();
     let progress = Progress::new(console);
     let motion = args.motion.as_deref().map(|path| read_motion(path, &choice)).transpose()?;
     let experiment = Experiment::of(args.protocol, motion)?;
@@ -123,6 +124,9 @@ fn read_motion(path: &Path, choice: &Choice) -> anyhow::Result<Course> {
         if course.time.is_empty() || step.duration > 0.0 {
             course.time.push(step.time);
             course.position.push(step.position);
+            if let Some(angle) = step.angle {
+                course.angle.get_or_insert_default().push(angle);
+            }
         }
     }
     Ok(course)
@@ -136,6 +140,11 @@ fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> 
     let model = ModelFile::read(path)?;
     let stages = model.stages().map_err(|error| error.in_file(path))?;
     Ok(stages.elements().to_vec())
+}
+
+/// How the seal of the file at `path` resists rotation.
+fn rotation(path: &Path) -> anyhow::Result<Option<Rotation>> {
+    Ok(ModelFile::read(path)?.trocar.rotation().copied())
 }
 
 /// A seal drawn from the published ranges of `key`.

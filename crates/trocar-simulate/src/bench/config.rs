@@ -3,6 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+use trocar_model::Rotation;
 
 use super::Protocol;
 
@@ -34,6 +35,9 @@ pub struct BenchConfig {
     pub tissue: Tissue,
     /// One section per protocol.
     pub protocol: Protocols,
+    /// How the seal under test resists rotation; from its model, not from the document.
+    #[serde(skip)]
+    pub rotation: Option<Rotation>,
 }
 
 /// Travel, start and sampling of the rig.

@@ -97,7 +97,11 @@ impl BenchRun {
             ("velocity_m_s", &self.velocity),
             ("force_n", &self.force),
         ];
-        write(path, columns.map(|(name, column)| (name.to_owned(), column)).into())
+        let mut columns = columns.map(|(name, column)| (name.to_owned(), column)).to_vec();
+        if !self.angle.is_empty() {
+            columns.push(("angle_rad".into(), &self.angle));
+        }
+        write(path, columns)
     }
 
     /// Writes the true values; each of several elements has its own deflection.
@@ -118,6 +122,9 @@ impl BenchRun {
             ("wetting", &truth.wetting),
         ];
         let mut columns = columns.map(|(name, column)| (name.to_owned(), column)).to_vec();
+        if !truth.torque.is_empty() {
+            columns.push(("torque_n_m".into(), &truth.torque));
+        }
         for (i, column) in truth.deflections.iter().enumerate() {
             columns.push((format!("deflection_{}_m", i + 1), column));
         }

@@ -46,7 +46,7 @@ use core::str::FromStr;
 use thiserror::Error;
 use trocar_model::Element;
 
-use trocar_recording::{Recording, RecordingError};
+use trocar_recording::{Readings, Recording, RecordingError};
 
 use motion::Reference;
 use rig::{Push, RigState};
@@ -119,6 +119,8 @@ pub struct BenchRun {
     pub velocity: Vec<f64>,
     /// Reading of the force sensor, N.
     pub force: Vec<f64>,
+    /// Angle of the rod, rad; empty where the motion has none.
+    pub angle: Vec<f64>,
     /// The true values of the recorded signals.
     pub truth: Truth,
     /// Events that an experimenter should know about.
@@ -144,19 +146,24 @@ pub struct Truth {
     pub tissue_force: Vec<f64>,
     /// Friction of the seal relative to the dry one.
     pub wetting: Vec<f64>,
+    /// Torque of the rod on the seal, N·m; empty where the motion has no angle.
+    pub torque: Vec<f64>,
     /// Deflection of each element, m: `deflections[element][sample]`.
     pub deflections: Vec<Vec<f64>>,
 }
 
 impl BenchRun {
-    /// Time, position and force as a recording called `name`: the data available to the
+    /// Time, position, force and the angle, if there is one, as a recording called `name`: the data available to the
     /// identification.
     ///
     /// # Errors
     /// [`RecordingError`] when the run is too short for a recording.
     pub fn to_recording(&self, name: impl Into<String>) -> Result<Recording, RecordingError> {
         let (time, position) = (self.time.clone(), self.position.clone());
-        Recording::from_columns(name, time, position, self.force.clone())
+        let angle = Some(self.angle.clone()).filter(|angle| !angle.is_empty());
+        let readings =
+            Readings { time, position, force: self.force.clone(), velocity: None, angle };
+        Recording::from_readings(name, &readings, None)
     }
 }
 
@@ -309,16 +316,21 @@ pub fn run_motion(
     let duration = motion.time[motion.time.len() - 1] - motion.time[0];
     samples(&config, "the motion", duration, "take a part of it")?;
     let reference = Reference::through(&motion.time, &motion.position);
-    recorded(&config, seal, seed, |rig, log| rig.follow(reference, log))
+    recorded(&config, seal, seed, |rig, log| {
+        rig.turn_along(motion);
+        rig.follow(reference, log)
+    })
 }
 
-/// A motion: positions at times.
+/// A motion: positions, and angles if the rod turns, at times.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Course {
     /// Time, s, increasing.
     pub time: Vec<f64>,
     /// Position, m, increasing on insertion.
     pub position: Vec<f64>,
+    /// Angle of the rod, rad, if it turns.
+    pub angle: Option<Vec<f64>>,
 }
 
 /// Longest recording, in samples: its columns take half a gigabyte.
@@ -327,6 +339,16 @@ const MOST_SAMPLES: f64 = 5e6;
 const MOST_STEPS: f64 = 1e9;
 
 impl Course {
+    /// The angle `time` s after the first sample, rad, straight between samples; 0 without any.
+    fn angle_at(&self, time: f64) -> f64 {
+        let Some(angle) = &self.angle else { return 0.0 };
+        let time = self.time[0] + time.max(0.0);
+        let next = self.time.partition_point(|own| *own <= time).min(self.time.len() - 1).max(1);
+        let (from, to) = (self.time[next - 1], self.time[next]);
+        let part = ((time - from) / (to - from)).min(1.0);
+        angle[next - 1] + part * (angle[next] - angle[next - 1])
+    }
+
     fn check(&self, travel: f64) -> Result<(), BenchError> {
         let wrong = |what: String| Err(BenchError::Motion(what));
         if self.time.len() < 2 || self.time.len() != self.position.len() {
@@ -335,8 +357,13 @@ impl Course {
                 "it has {times} times and {positions} positions; at least two of each are needed"
             ));
         }
+        let angles = self.angle.as_deref().unwrap_or_default();
+        if self.angle.is_some() && angles.len() != self.time.len() {
+            let (times, angles) = (self.time.len(), angles.len());
+            return wrong(format!("it has {times} times and {angles} angles, expected as many"));
+        }
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-        if !finite(&self.time) || !finite(&self.position) {
+        if !finite(&self.time) || !finite(&self.position) || !finite(angles) {
             return wrong("it holds a number that is not finite".to_owned());
         }
         if let Some(pair) = self.time.windows(2).find(|pair| pair[0] >= pair[1]) {
@@ -352,11 +379,11 @@ impl Course {
 }
 
 /// A recording of what `drive` makes the rig do after homing.
-fn recorded(
-    config: &BenchConfig,
-    seal: &[Element],
+fn recorded<'a>(
+    config: &'a BenchConfig,
+    seal: &'a [Element],
     seed: u64,
-    drive: impl FnOnce(&mut RigState<'_>, &mut Log) -> Result<(), BenchError>,
+    drive: impl FnOnce(&mut RigState<'a>, &mut Log) -> Result<(), BenchError>,
 ) -> Result<BenchRun, BenchError> {
     let mut rig = RigState::new(config, seal, seed);
     rig.home();
@@ -391,6 +418,7 @@ impl Log {
                 position: Vec::new(),
                 velocity: Vec::new(),
                 force: Vec::new(),
+                angle: Vec::new(),
                 truth: Truth { deflections: vec![Vec::new(); elements], ..Truth::default() },
                 events: RigEvents::default(),
             },
@@ -416,6 +444,10 @@ impl Log {
         truth.seal_force.push(rig.seal_force());
         truth.tissue_force.push(rig.tissue_force());
         truth.wetting.push(rig.wetting());
+        if let Some((angle, torque)) = rig.roll() {
+            run.angle.push(angle);
+            truth.torque.push(torque);
+        }
         for (column, deflection) in truth.deflections.iter_mut().zip(rig.deflections()) {
             column.push(deflection);
         }

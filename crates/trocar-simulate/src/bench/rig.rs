@@ -1,12 +1,14 @@
 //! Motor, guide, rod and seal, integrated together.
 
-use trocar_model::{Element, SlidingFriction, State, step_parallel};
+use trocar_model::{
+    Element, SealState, SlidingFriction, Stages, State, Trocar, TrocarState, step_parallel,
+};
 
 use super::config::{BenchConfig, Controller, Motor, PushCycles};
 use super::fluctuation::{SealLevel, drift};
 use super::motion::Reference;
 use super::surroundings::{Wetting, tissue_force};
-use super::{BenchError, Log, RigEvents};
+use super::{BenchError, Course, Log, RigEvents};
 
 /// PI speed controller with anti-windup: the integral is held while the motor is at its limit and
 /// the error would increase it.
@@ -67,6 +69,10 @@ pub(super) struct RigState<'a> {
     config: &'a BenchConfig,
     seal: &'a [Element],
     states: Vec<State>,
+    /// The seal where it resists rotation, and what turns the rod.
+    turning: Option<(Trocar, TrocarState)>,
+    course: Option<&'a Course>,
+    torque: f64,
     level: SealLevel,
     control: SpeedControl,
     moving_mass: f64,
@@ -92,9 +98,17 @@ impl<'a> RigState<'a> {
         let position = rig.start_m + rig.homing_m;
         let states: Vec<State> = seal.iter().map(|element| element.rest_state(0.0)).collect();
         let lag = -libm::expm1(-step_duration / config.motor.force_time_constant_s);
+        let turning = config.rotation.and_then(|rotation| {
+            let trocar = Trocar::of_seal(Stages::new(seal)?).with_rotation(Some(rotation)).ok()?;
+            let state = trocar.rest(position);
+            Some((trocar, state))
+        });
         let mut this = Self {
             config,
             seal,
+            turning,
+            course: None,
+            torque: 0.0,
             level: SealLevel::new(&config.fluctuation, position, seed),
             control: SpeedControl { gains: config.controller.clone(), integral: 0.0 },
             moving_mass: config.motor.slider_mass_kg + config.rod.mass_kg,
@@ -116,6 +130,19 @@ impl<'a> RigState<'a> {
         this.motor_force = load;
         this.control.integral = load;
         this
+    }
+
+    /// Turns the rod as `course` says.
+    pub(super) fn turn_along(&mut self, course: &'a Course) {
+        self.course = course.angle.is_some().then_some(course);
+        if let Some((_, state)) = &mut self.turning {
+            *state = state.with_angle(course.angle_at(0.0));
+        }
+    }
+
+    /// Angle of the rod, rad, and torque on the seal, N·m, of a motion with an angle.
+    pub(super) fn roll(&self) -> Option<(f64, f64)> {
+        Some((self.course?.angle_at(self.time), self.torque))
     }
 
     pub(super) fn position(&self) -> f64 {
@@ -256,7 +283,7 @@ impl<'a> RigState<'a> {
         self.position = reached;
         self.time += dt;
         let wetting = Wetting::at(&self.config.lubrication, self.time);
-        let force = step_parallel(self.seal, &mut self.states, wetting.of_dry(displacement), dt);
+        let force = self.step_seal(wetting.of_dry(displacement), dt);
         let viscous = self
             .seal
             .iter()
@@ -267,6 +294,23 @@ impl<'a> RigState<'a> {
             self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
         self.seal_force = wetting.of_wet(force, viscous) * fluctuation;
         self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
+    }
+
+    /// Force of the dry seal, N, after `displacement`, m.
+    fn step_seal(&mut self, displacement: f64, dt: f64) -> f64 {
+        let Some((trocar, state)) = &mut self.turning else {
+            return step_parallel(self.seal, &mut self.states, displacement, dt);
+        };
+        let position = state.position() + displacement;
+        let force = match self.course {
+            Some(course) => trocar.turn_to(state, position, course.angle_at(self.time), dt),
+            None => trocar.step(state, displacement, dt),
+        };
+        self.torque = state.torque();
+        if let SealState::Ems(own) = state.seal() {
+            self.states.copy_from_slice(own.states());
+        }
+        force
     }
 
     /// All forces against the motor except inertia, N.
