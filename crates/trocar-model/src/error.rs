@@ -208,11 +208,7 @@ impl fmt::Display for ParamError {
             Self::ElementCount { count } => {
                 write!(f, "a model needs 1 to {MAX_ELEMENTS} elements, got {count}")
             }
-            Self::LimitDeflection { index, rate } => write!(
-                f,
-                "attraction·stiffness/(share·coulomb_force) of element {} must be finite and above 0, got {rate} 1/s",
-                index + 1
-            ),
+            Self::LimitDeflection { index, rate } => limit_deflection(f, index, rate),
             Self::SharesNotOne { sum } => {
                 write!(f, "the shares of the elements must add up to 1, got {sum}")
             }
@@ -225,6 +221,14 @@ impl fmt::Display for ParamError {
 }
 
 impl core::error::Error for ParamError {}
+
+fn limit_deflection(f: &mut fmt::Formatter<'_>, index: usize, rate: f64) -> fmt::Result {
+    let element = index + 1;
+    write!(
+        f,
+        "attraction·stiffness/(share·coulomb_force) of element {element} must be finite and above 0, got {rate} 1/s"
+    )
+}
 
 fn out_of_range(f: &mut fmt::Formatter<'_>, id: ParameterId, value: f64) -> fmt::Result {
     let Declaration { range, unit, .. } = id.declaration();
