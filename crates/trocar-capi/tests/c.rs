@@ -13,6 +13,7 @@ use skipped::skipped;
 use trocar::compensate::{CompensateOptions, Compensator};
 use trocar::model_file::{ModelFile, VERSION};
 use trocar_c::{CompensatorOptions, Drift, Estimate, Fault, State, Status, Tunable};
+use trocar_model::Rotation;
 
 #[path = "../../trocar-model/tests/common/skipped.rs"]
 mod skipped;
@@ -377,6 +378,35 @@ fn faults_of_the_caller_are_reported_and_harm_nothing() {
             .arg(newer_model());
         done(&mut command);
     }
+}
+
+#[test]
+fn an_instrument_turns_as_in_rust() {
+    if !compilers() {
+        return;
+    }
+    let path = conformance("models/ems_stages.json");
+    let rotation = Rotation {
+        shaft_radius: 5e-3,
+        circumferential_stiffness: 425.0,
+        circumferential_ratio: 0.8,
+    };
+    let mut model = ModelFile::read(&path).unwrap();
+    model.trocar = model.trocar.with_rotation(Some(rotation)).unwrap();
+    let turning = installed().programs.join("turning.json");
+    fs::write(&turning, model.to_json()).unwrap();
+    let program = compiled("tests/c/turning.c", Link::Static, &[]);
+    let output = done(Command::new(program).args([&turning, &path]));
+    let mut state = model.trocar.rest(0.0);
+    let mut lines = 0;
+    for (k, line) in (1..).zip(String::from_utf8_lossy(&output.stdout).lines()) {
+        let k = f64::from(k);
+        let force = model.trocar.turn_to(&mut state, 2e-5 * k, 6.25e-3 * k, 1e-3);
+        let numbers: Vec<f64> = line.split(' ').map(|word| word.parse().unwrap()).collect();
+        assert_eq!(numbers, [force, state.torque()], "step {k}");
+        lines += 1;
+    }
+    assert_eq!(lines, 1000);
 }
 
 #[test]
