@@ -49,11 +49,13 @@ pub(super) fn fitted(
         let input = found.input(options);
         let more = begun.as_ref().and_then(|begun| begun.position_delay(&input));
         let Some(lag) = later(found.lag, more) else { break };
+        // What explains more goes first: the delay is tested again beside the mass.
         let is_first = found.lag.is_none();
-        // What explains more goes first: the delay is tested again beside all terms.
-        let explains_less = |begun: &Begun| begun.largest_gain(&input) > lag.gain;
-        if is_first && begun.as_ref().is_some_and(explains_less) {
-            break;
+        if let Some(with_mass) =
+            begun.as_ref().filter(|_| is_first).and_then(|b| b.with_mass(&input, lag))
+        {
+            begun = Some(with_mass);
+            continue;
         }
         let Ok(shifted) = shifted(recordings, lag) else { break };
         (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;

@@ -97,6 +97,8 @@ struct Scaled {
 pub(super) struct Begun {
     training: Training,
     pub(super) fitted: Fitted<EmsTrial>,
+    /// Root mean square error, N, of the paper's element.
+    paper_rms: f64,
 }
 
 /// Fits the paper's element; `None` where no start gives a model that runs or there are too few
@@ -120,7 +122,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
-    Some(Begun { training, fitted })
+    Some(Begun { paper_rms: fitted.rms[1], training, fitted })
 }
 
 /// Fewest clusters for a fit from a prior.
@@ -162,7 +164,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
-    Some(Begun { training, fitted })
+    Some(Begun { paper_rms: fitted.rms[1], training, fitted })
 }
 
 /// Takes the weight of the prior, and of the friction scales, from the error of a fit.
@@ -249,8 +251,7 @@ fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsT
 /// Adds the optional terms that the data support, and fits to convergence.
 pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
     let excluded = begun.excluded(input);
-    let Begun { training, fitted } = begun;
-    let paper_rms = fitted.rms[1];
+    let Begun { training, fitted, paper_rms } = begun;
     if input.options.prior.is_some() {
         let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
         return Some(scaled(input, training, without_drift, LAST)?.with(
@@ -306,10 +307,18 @@ impl Begun {
         Unexplained::new(input.recordings, &self.training, &self.fitted)?.lag_left()
     }
 
-    /// The largest fraction of the squared error that an optional term removes, to first order.
-    pub(super) fn largest_gain(&self, input: &Input) -> f64 {
-        let excluded = self.excluded(input);
-        terms::largest_gain(&self.training, &self.fitted, &excluded, speeds(input))
+    /// The same with an unmodelled mass, where that removes more of the squared error than the delay
+    /// `lag`, each beside the other.
+    pub(super) fn with_mass(&self, input: &Input, lag: PositionDelay) -> Option<Self> {
+        let Self { training, fitted, paper_rms } = self;
+        let is_open = !self.excluded(input).contains(&Term::UnmodelledMass);
+        let tests = Unexplained::new(input.recordings, training, fitted).filter(|_| is_open)?;
+        if tests.gain_of_mass()? <= lag.gain {
+            return None;
+        }
+        let start = Term::UnmodelledMass.variants(&fitted.best, speeds(input)).pop()?;
+        let fitted = likelihood::fit(training, &start, NEXT)?;
+        Some(Self { training: training.clone(), fitted, paper_rms: *paper_rms })
     }
 
     /// Terms that are not tried.

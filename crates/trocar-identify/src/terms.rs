@@ -691,18 +691,6 @@ fn growth_p_value(
     f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
 }
 
-/// The largest gain of a term that can be added, at the level at which it would be.
-pub(super) fn largest_gain(
-    training: &Training,
-    fitted: &Fitted<EmsTrial>,
-    excluded: &[Term],
-    speeds: [f64; 2],
-) -> f64 {
-    let Some((scores, columns)) = scores(training, fitted, excluded, speeds) else { return 0.0 };
-    let clear = scores.iter().filter(|score| score.is_clear(LEVEL / columns));
-    clear.map(|score| score.gain).fold(0.0, f64::max)
-}
-
 /// The best column of each term that can be added, and the number of columns tried.
 fn scores(
     training: &Training,
