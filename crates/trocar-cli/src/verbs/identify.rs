@@ -72,10 +72,8 @@ pub(crate) struct Args {
     /// Known reading of the sensor without load, N (its tare) [default: estimated]
     #[arg(long, value_name = "VALUE", allow_negative_numbers = true, value_parser = finite, help_heading = STATISTICS, hide_short_help = true)]
     offset_n: Option<f64>,
-    /// Parameter that keeps a value or a range (NAME=LOW..HIGH), in the unit of its name, and whose term is
-    /// in the model: coulomb_force_n, viscous_damping_n_s_m, half_width_m, static_force_n,
-    /// stribeck_velocity_m_s, seal_damping_n_s_m, unmodelled_mass_kg, creep_velocity_m_s,
-    /// relaxation_stiffness_n_m, relaxation_time_s
+    /// Parameter that keeps a value, or a range (NAME=LOW..HIGH), in the unit of its name, such as
+    /// half_width_m=0.006; its term is in the model
     #[arg(long, value_name = "NAME=VALUE", value_delimiter = ',', conflicts_with_all = ["paper", "prior", "posterior"], help_heading = STATISTICS, hide_short_help = true)]
     fix: Vec<KeptParameter>,
     /// Diameter of the shaft, mm: also identifies how the seal resists rotation, from recordings with an
