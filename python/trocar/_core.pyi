@@ -67,6 +67,8 @@ class Recording:
     @property
     def velocity_m_s(self) -> _Array | None: ...
     @property
+    def angle_rad(self) -> _Array | None: ...
+    @property
     def duration_s(self) -> float: ...
     @property
     def stroke_m(self) -> float: ...
@@ -95,6 +97,7 @@ class Recording:
         name: str,
         sha256: str,
         quality: str,
+        angle_rad: npt.ArrayLike | None,
     ) -> Recording: ...
 
 @final

@@ -276,7 +276,9 @@ impl<'a> Fit<'a> {
             let blocks = self.informative(i, count);
             let error = covariance.map(|c| (c[(i, i)] * blocks / (blocks - 2.0)).sqrt());
             let half = error.map_or(f64::INFINITY, |error| t_quantile(blocks - 2.0) * error);
-            if !(half < DETERMINED.ln()) {
+            // NaN where too few blocks tell of it.
+            let is_determined = half < DETERMINED.ln();
+            if !is_determined {
                 return Estimate::undetermined(
                     value,
                     unit,

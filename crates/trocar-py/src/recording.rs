@@ -33,12 +33,12 @@ use crate::shared::{Picture, figures, finite};
 #[pyclass(module = "trocar", frozen)]
 pub(crate) struct Recording {
     record: Arc<Record>,
-    columns: [PyOnceLock<Py<PyArray1<f64>>>; 4],
+    columns: [PyOnceLock<Py<PyArray1<f64>>>; 5],
 }
 
 impl Recording {
     pub(crate) fn new(record: Record) -> Self {
-        Self { record: Arc::new(record), columns: [const { PyOnceLock::new() }; 4] }
+        Self { record: Arc::new(record), columns: [const { PyOnceLock::new() }; 5] }
     }
 
     pub(crate) fn record(&self) -> &Record {
@@ -247,6 +247,12 @@ impl Recording {
         self.record.velocity.as_ref().map(|velocity| self.column(py, 3, velocity)).transpose()
     }
 
+    /// Angle of the instrument about its axis, rad, or None.
+    #[getter]
+    fn angle_rad(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.record.angle.as_ref().map(|angle| self.column(py, 4, angle)).transpose()
+    }
+
     /// Time from the first to the last sample, s.
     #[getter]
     fn duration_s(&self) -> f64 {
@@ -385,12 +391,14 @@ impl Recording {
         let quality = quality_json(&own.record.quality)?;
         let columns =
             (own.time_s(py)?, own.position_m(py)?, own.force_n(py)?, own.velocity_m_s(py)?);
-        let state = (columns.0, columns.1, columns.2, columns.3, own.name(), own.sha256(), quality);
+        let (name, sha256, angle) = (own.name(), own.sha256(), own.angle_rad(py)?);
+        let state = (columns.0, columns.1, columns.2, columns.3, name, sha256, quality, angle);
         Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state.into_pyobject(py)?))
     }
 
     /// What unpickling calls.
     #[staticmethod]
+    #[allow(clippy::too_many_arguments)] // the columns of a pickle
     fn _restore(
         time_s: &Bound<'_, PyAny>,
         position_m: &Bound<'_, PyAny>,
@@ -399,10 +407,20 @@ impl Recording {
         name: String,
         sha256: String,
         quality: &str,
+        angle_rad: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let py = time_s.py();
-        let mut own =
-            Self::from_arrays(py, time_s, position_m, force_n, velocity_m_s, name, None, false)?;
+        let mut own = Self::from_arrays(
+            py,
+            time_s,
+            position_m,
+            force_n,
+            velocity_m_s,
+            angle_rad,
+            name,
+            None,
+            false,
+        )?;
         let length = column("time_s", time_s)?.as_slice()?.len();
         let quality: Quality = serde_json::from_str(quality)
             .map_err(|error| InternalError::new_err(error.to_string()))?;
