@@ -32,7 +32,7 @@ def test_turning_takes_axial_friction_away(turning: trocar.Model) -> None:
 def test_what_cannot_turn_is_refused(turning: trocar.Model) -> None:
     with pytest.raises(trocar.MotionError, match="knows the axis only"):
         trocar.Stepper(trocar.Model.plausible()).turn_to(0.0, 1.0, 1e-3)
-    with pytest.raises(trocar.MotionError, match="angle_rad must be finite, got nan rad"):
+    with pytest.raises(trocar.MotionError, match="angle_rad must be finite, got NaN rad"):
         trocar.Stepper(turning).turn_to(0.0, math.nan, 1e-3)
 
 
