@@ -386,7 +386,7 @@ def _recordings(name: str, given: Recordings) -> list[Recording]:
 def _ranges(fix: Mapping[str, Union[float, tuple[float, float]]]) -> list[tuple[str, tuple[float, float]]]:
     ranges = []
     for name, given in fix.items():
-        ends = (given, given) if isinstance(given, (Real, str)) else tuple(given)
+        ends = tuple(given) if isinstance(given, (tuple, list)) else (given, given)
         if len(ends) != 2 or not all(isinstance(end, Real) for end in ends):
             raise ParameterError(f"fix: {name} must be a number or two, (low, high), got {given!r}")
         ranges.append((str(name), (float(ends[0]), float(ends[1]))))
