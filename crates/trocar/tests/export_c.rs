@@ -691,7 +691,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "damping.rs",
             "parallel.rs",
         ],
-        0x6315_e713_105e_3b27,
+        0xa135_0064_4539_d1c2,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),
@@ -701,7 +701,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
     ("leuven.c", &["classical/leuven.rs", "classical/chord.rs"], 0xd658_005b_8b34_5e81),
     ("maxwell_slip.c", &["classical/maxwell_slip.rs"], 0xa3a6_bfdf_bd75_cc1e),
     ("gms.c", &["classical/gms.rs"], 0xd306_cdeb_b106_11f5),
-    ("public.c", &["seal.rs", "profile.rs"], 0x95f5_49ef_fe0d_d6fc),
+    ("public.c", &["seal.rs", "profile.rs"], 0xad46_5247_16a7_3b4d),
     ("arithmetic.c", &["friction.rs"], 0xa692_e401_398f_6008),
     (
         "compensator.c",
