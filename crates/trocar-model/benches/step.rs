@@ -104,8 +104,9 @@ fn report_rotation(displacements: &[f64]) -> Result<(), ParamError> {
     };
     let seal = Element::new(ElementParams::plausible_10_5_mm()?)?;
     let trocar = Trocar::of_seal(seal).with_rotation(Some(rotation))?;
-    let turning: fn(f64) -> f64 = |time| core::f64::consts::TAU * time;
-    let cases: [(&str, fn(f64) -> f64); 3] = [
+    type AngleAt = fn(f64) -> f64;
+    let turning: AngleAt = |time| core::f64::consts::TAU * time;
+    let cases: [(&str, AngleAt); 3] = [
         ("with rotation, not turning", |_| 0.0),
         ("turning once a second", turning),
         ("turning to and fro", |time| 0.5 * (9.0 * time).sin()),

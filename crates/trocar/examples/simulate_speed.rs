@@ -70,7 +70,7 @@ fn whole_recording(text: &str) -> Result<(), Box<dyn std::error::Error>> {
 }
 
 fn replay(text: &str, trocar: &Trocar) -> Result<(), Box<dyn std::error::Error>> {
-    let mut output = TableWriter::create("/dev/null", &fields(&trocar))?;
+    let mut output = TableWriter::create("/dev/null", &fields(trocar))?;
     let motion = Positions::from_text("made", text.as_bytes(), &Choice::default())?;
     simulate(motion, trocar, &SimulateOptions::default(), &mut output, |_, _| ())?;
     Ok(())
