@@ -302,18 +302,22 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 }
 
 impl Begun {
-    /// The delay of the positions.
-    pub(super) fn position_delay(&self, input: &Input) -> Option<PositionDelay> {
-        Unexplained::new(input.recordings, &self.training, &self.fitted)?.lag_left()
+    /// What the fit leaves unexplained.
+    pub(super) fn unexplained(&self, input: &Input) -> Option<Unexplained> {
+        Unexplained::new(input.recordings, &self.training, &self.fitted)
     }
 
-    /// The same with an unmodelled mass, where that removes more of the squared error than the delay
-    /// `lag`, each beside the other.
-    pub(super) fn with_mass(&self, input: &Input, lag: PositionDelay) -> Option<Self> {
+    /// The same with an unmodelled mass, where by `tests` that removes more of the squared error than
+    /// the delay `lag`, each beside the other.
+    pub(super) fn with_mass(
+        &self,
+        input: &Input,
+        tests: &Unexplained,
+        lag: PositionDelay,
+    ) -> Option<Self> {
         let Self { training, fitted, paper_rms } = self;
         let is_open = !self.excluded(input).contains(&Term::UnmodelledMass);
-        let tests = Unexplained::new(input.recordings, training, fitted).filter(|_| is_open)?;
-        if tests.gain_of_mass()? <= lag.gain {
+        if !is_open || tests.gain_of_mass()? <= lag.gain {
             return None;
         }
         let start = Term::UnmodelledMass.variants(&fitted.best, speeds(input)).pop()?;

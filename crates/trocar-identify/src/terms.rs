@@ -148,15 +148,10 @@ impl Term {
 
     /// Whether the model has the term whatever the recordings say, since a parameter of it is kept.
     pub(super) fn is_kept(self, kept: &Kept) -> bool {
-        let own: &[Quantity] = match self {
-            Self::Stribeck => &[Quantity::StaticForce, Quantity::StribeckVelocity],
-            Self::SealDamping => &[Quantity::SealDamping],
-            Self::UnmodelledMass => &[Quantity::UnmodelledMass],
-            Self::Creep => &[Quantity::CreepVelocity],
-            Self::Relaxation => &[Quantity::RelaxationStiffness, Quantity::RelaxationTime],
-            _ => &[],
-        };
-        own.iter().any(|quantity| kept.range(*quantity).is_some())
+        let velocity = Quantity::StribeckVelocity.id();
+        let more = (self == Self::Stribeck).then_some(&velocity);
+        let mut own = self.parameters().iter().chain(more);
+        own.any(|id| *id == id.quantity.id() && kept.range(id.quantity).is_some())
     }
 
     /// Whether the model cannot have the term beside what is kept.

@@ -74,12 +74,12 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         console::print(&config.map_or(DEFAULT_TOML.to_owned(), |config| config.to_toml()))?;
         return Ok(Completion::Clean);
     };
-    let elements = match &args.like {
-        Some(key) => vec![seal_like(console, key, args.seed)?],
+    let (elements, rotation) = match &args.like {
+        Some(key) => (vec![seal_like(console, key, args.seed)?], None),
         None => seal(console, args.seal.as_deref())?,
     };
     let mut config = config.unwrap_or_default();
-    config.rotation = args.seal.as_deref().map(rotation).transpose()?.flatten();
+    config.rotation = rotation;
     let progress = Progress::new(console);
     let motion = args.motion.as_deref().map(|path| read_motion(path, &choice)).transpose()?;
     let experiment = Experiment::of(args.protocol, motion)?;
@@ -132,19 +132,18 @@ fn read_motion(path: &Path, choice: &Choice) -> anyhow::Result<Course> {
     Ok(course)
 }
 
-fn seal(console: &Console, path: Option<&Path>) -> anyhow::Result<Vec<Element>> {
+/// The seal of the file at `path`, and how it resists rotation.
+fn seal(
+    console: &Console,
+    path: Option<&Path>,
+) -> anyhow::Result<(Vec<Element>, Option<Rotation>)> {
     let Some(path) = path else {
         console.remark("seal: a plausible, made-up 10.5 mm trocar; give another with --seal");
-        return Ok(ModelFile::plausible_10_5_mm()?.stages()?.elements().to_vec());
+        return Ok((ModelFile::plausible_10_5_mm()?.stages()?.elements().to_vec(), None));
     };
     let model = ModelFile::read(path)?;
     let stages = model.stages().map_err(|error| error.in_file(path))?;
-    Ok(stages.elements().to_vec())
-}
-
-/// How the seal of the file at `path` resists rotation.
-fn rotation(path: &Path) -> anyhow::Result<Option<Rotation>> {
-    Ok(ModelFile::read(path)?.trocar.rotation().copied())
+    Ok((stages.elements().to_vec(), model.trocar.rotation().copied()))
 }
 
 /// A seal drawn from the published ranges of `key`.

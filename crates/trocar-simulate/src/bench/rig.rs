@@ -72,7 +72,6 @@ pub(super) struct RigState<'a> {
     /// The seal where it resists rotation, and what turns the rod.
     turning: Option<(Trocar, TrocarState)>,
     course: Option<&'a Course>,
-    torque: f64,
     level: SealLevel,
     control: SpeedControl,
     moving_mass: f64,
@@ -108,7 +107,6 @@ impl<'a> RigState<'a> {
             seal,
             turning,
             course: None,
-            torque: 0.0,
             level: SealLevel::new(&config.fluctuation, position, seed),
             control: SpeedControl { gains: config.controller.clone(), integral: 0.0 },
             moving_mass: config.motor.slider_mass_kg + config.rod.mass_kg,
@@ -142,7 +140,8 @@ impl<'a> RigState<'a> {
 
     /// Angle of the rod, rad, and torque on the seal, N·m, of a motion with an angle.
     pub(super) fn roll(&self) -> Option<(f64, f64)> {
-        Some((self.course?.angle_at(self.time), self.torque))
+        let torque = self.turning.as_ref().map_or(0.0, |(_, state)| state.torque());
+        Some((self.course?.angle_at(self.time), torque))
     }
 
     pub(super) fn position(&self) -> f64 {
@@ -306,7 +305,6 @@ impl<'a> RigState<'a> {
             Some(course) => trocar.turn_to(state, position, course.angle_at(self.time), dt),
             None => trocar.step(state, displacement, dt),
         };
-        self.torque = state.torque();
         if let SealState::Ems(own) = state.seal() {
             self.states.copy_from_slice(own.states());
         }
