@@ -84,6 +84,7 @@ impl Recording {
         let mut all = Self {
             quality: self.quality.clone(),
             name: self.name.clone(),
+            angle: self.angle.as_ref().map(|_| Vec::new()),
             ..Self::empty(&self.sha256, &self.choice)
         };
         let quality = &mut all.quality;
@@ -113,6 +114,10 @@ impl Recording {
                 let part = (later - t[k]) / (t[k + 1] - t[k]);
                 all.time.push(t[i]);
                 all.position.push(x[k] + part * (x[k + 1] - x[k]));
+                if let (Some(all), Some(own)) = (&mut all.angle, &self.angle) {
+                    let [from, to] = [0, 1].map(|next| own[range.start + k + next]);
+                    all.push(from + part * (to - from));
+                }
                 all.force.push(self.force[range.start + i]);
             }
             if from > 0 && all.time.len() > from {

@@ -179,6 +179,15 @@ fn strokes(rate: f64) -> Recording {
 }
 
 #[test]
+fn an_angle_is_compensated_with_the_positions() {
+    let turned = strokes(2.0);
+    let shifted = turned.with_position_delay(0.01).unwrap();
+    let (angle, time) = (shifted.angle.expect("it still has one"), &shifted.time);
+    assert_eq!(angle.len(), time.len());
+    assert!(angle.iter().zip(time).all(|(angle, t)| (angle - 2.0 * (t + 0.01)).abs() < 1e-9));
+}
+
+#[test]
 fn identification_names_a_recording_that_turned() {
     let warnings = |rate| {
         let recordings = [strokes(rate)];
