@@ -46,16 +46,8 @@ pub(super) fn fitted(
     };
     let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
     for _ in 0..PositionDelay::MOST {
-        let input = found.input(options);
-        let tests = begun.as_ref().and_then(|begun| begun.unexplained(&input));
-        let (Some(own), Some(tests)) = (&begun, &tests) else { break };
-        let Some(lag) = later(found.lag, tests.lag_left()) else { break };
-        // What explains more goes first: the delay is tested again beside the mass.
-        let is_first = found.lag.is_none();
-        if is_first && let Some(with_mass) = own.with_mass(&input, tests, lag) {
-            begun = Some(with_mass);
-            continue;
-        }
+        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
+        let Some(lag) = later(found.lag, more) else { break };
         let Ok(shifted) = shifted(recordings, lag) else { break };
         (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
     }

@@ -97,8 +97,6 @@ struct Scaled {
 pub(super) struct Begun {
     training: Training,
     pub(super) fitted: Fitted<EmsTrial>,
-    /// Root mean square error, N, of the paper's element.
-    paper_rms: f64,
 }
 
 /// Fits the paper's element; `None` where no start gives a model that runs or there are too few
@@ -122,7 +120,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
-    Some(Begun { paper_rms: fitted.rms[1], training, fitted })
+    Some(Begun { training, fitted })
 }
 
 /// Fewest clusters for a fit from a prior.
@@ -164,7 +162,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     let fitted = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
     progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
-    Some(Begun { paper_rms: fitted.rms[1], training, fitted })
+    Some(Begun { training, fitted })
 }
 
 /// Takes the weight of the prior, and of the friction scales, from the error of a fit.
@@ -250,8 +248,8 @@ fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsT
 
 /// Adds the optional terms that the data support, and fits to convergence.
 pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
-    let excluded = begun.excluded(input);
-    let Begun { training, fitted, paper_rms } = begun;
+    let Begun { training, fitted } = begun;
+    let paper_rms = fitted.rms[1];
     if input.options.prior.is_some() {
         let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
         return Some(scaled(input, training, without_drift, LAST)?.with(
@@ -261,6 +259,11 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
         ));
     }
     progress("optional terms", terms::TERMS_FROM);
+    let mut excluded = excluded(input, fitted.best.candidate.half_width);
+    if !training.scale.is_free {
+        // Differences between few strokes cannot be separated from their scatter.
+        excluded.push(Term::Stribeck);
+    }
     let mut chosen = terms::choose(&training, fitted, &excluded, speeds(input), progress);
     if is_assumed(input) && chosen.fitted.best.layout.shape {
         // The width was found without the terms: with them another may fit better.
@@ -302,37 +305,9 @@ fn free_scales(input: &Input, training: &mut Training, trial: &EmsTrial, lambda:
 }
 
 impl Begun {
-    /// What the fit leaves unexplained.
-    pub(super) fn unexplained(&self, input: &Input) -> Option<Unexplained> {
-        Unexplained::new(input.recordings, &self.training, &self.fitted)
-    }
-
-    /// The same with an unmodelled mass, where by `tests` that removes more of the squared error than
-    /// the delay `lag`, each beside the other.
-    pub(super) fn with_mass(
-        &self,
-        input: &Input,
-        tests: &Unexplained,
-        lag: PositionDelay,
-    ) -> Option<Self> {
-        let Self { training, fitted, paper_rms } = self;
-        let is_open = !self.excluded(input).contains(&Term::UnmodelledMass);
-        if !is_open || tests.gain_of_mass()? <= lag.gain {
-            return None;
-        }
-        let start = Term::UnmodelledMass.variants(&fitted.best, speeds(input)).pop()?;
-        let fitted = likelihood::fit(training, &start, NEXT)?;
-        Some(Self { training: training.clone(), fitted, paper_rms: *paper_rms })
-    }
-
-    /// Terms that are not tried.
-    fn excluded(&self, input: &Input) -> Vec<Term> {
-        let mut excluded = excluded(input, self.fitted.best.candidate.half_width);
-        if !self.training.scale.is_free {
-            // Differences between few strokes cannot be separated from their scatter.
-            excluded.push(Term::Stribeck);
-        }
-        excluded
+    /// The delay of the positions.
+    pub(super) fn position_delay(&self, recordings: &[Recording]) -> Option<PositionDelay> {
+        Unexplained::new(recordings, &self.training, &self.fitted)?.lag_left()
     }
 }
 

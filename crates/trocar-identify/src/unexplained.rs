@@ -143,12 +143,6 @@ impl Unexplained {
         self.lag_beside(&[Cause::Mass, Cause::Damping])
     }
 
-    /// Fraction of the squared error that an unmodelled mass removes beside a delay and a damping.
-    pub(super) fn gain_of_mass(&self) -> Option<f64> {
-        let step = self.step(Cause::Mass, &[Cause::Delay, Cause::Damping])?;
-        (step.amplitude > 0.0).then_some(step.gain)
-    }
-
     fn lag_beside(&self, beside: &[Cause]) -> Option<PositionDelay> {
         let step = self.step(Cause::Delay, beside)?;
         let p_value = t_p_value(step.amplitude / step.standard_error, step.degrees);
