@@ -24,6 +24,13 @@ pub(super) struct InTime {
     pub(super) two: TwoSteps,
 }
 
+/// Recordings in time with the fit begun to them, and with the terms it has grown.
+type Start = (InTime, Option<Begun>);
+type Grown = (InTime, Option<element::Grown>);
+
+/// The error that a delay must leave, relative to that without one.
+const BETTER: f64 = 0.995;
+
 /// Compensates the position delay and fits the element, again if the optional terms change the
 /// delay. There is no fit where none was requested or possible.
 ///
@@ -44,31 +51,43 @@ pub(super) fn fitted(
             && lag.delay_s < PositionDelay::LONGEST)
             .then_some(lag)
     };
-    let (mut found, mut begun) = InTime::of(recordings.to_vec(), None, options, progress)?;
+    let of = |recordings, lag| InTime::of(recordings, lag, options, progress);
+    let plain = of(recordings.to_vec(), None)?;
+    let mut delayed: Option<Start> = None;
     for _ in 0..PositionDelay::MOST {
+        let (found, begun) = delayed.as_ref().unwrap_or(&plain);
         let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
         let Some(lag) = later(found.lag, more) else { break };
         let Ok(shifted) = shifted(recordings, lag) else { break };
-        (found, begun) = InTime::of(shifted, Some(lag), options, progress)?;
+        delayed = Some(of(shifted, Some(lag))?);
     }
-    let finish = |found: &InTime, begun: Option<Begun>| {
-        element::finish(&found.input(options), begun?, progress)
+    let grow = |(found, begun): Start| {
+        let grown = begun.and_then(|begun| element::grow(&found.input(options), begun, progress));
+        (found, grown)
     };
-    let mut fit = finish(&found, begun);
+    let error = |(found, grown): &Grown| {
+        grown.as_ref().map_or(f64::INFINITY, |grown| grown.error(&found.input(options)))
+    };
+    // Without the terms, a delay imitates some of them.
+    let (plain, delayed) = rayon::join(|| grow(plain), || delayed.map(grow));
+    let mut best = match delayed {
+        Some(delayed) if error(&delayed) < BETTER * error(&plain) => delayed,
+        _ => plain,
+    };
     for _ in 0..PositionDelay::MOST_AFTER {
-        let left = fit.as_ref().map(|fit| &fit.left);
+        let (found, grown) = &best;
+        let left = grown.as_ref().map(|grown| grown.left(&found.recordings));
         let more = left.and_then(|left| if found.lag.is_some() { left.lag_left } else { left.lag });
         let Some(lag) = later(found.lag, more) else { break };
         let Ok(shifted) = shifted(recordings, lag) else { break };
-        let (other, begun) = InTime::of(shifted, Some(lag), options, progress)?;
-        let other_fit = finish(&other, begun);
-        let error =
-            |fit: &Option<ElementFit>| fit.as_ref().map_or(f64::INFINITY, |f| f.fitted.rms[1]);
-        if error(&other_fit) >= error(&fit) {
+        let other = grow(of(shifted, Some(lag))?);
+        if error(&other) >= error(&best) {
             break;
         }
-        (found, fit) = (other, other_fit);
+        best = other;
     }
+    let (mut found, grown) = best;
+    let fit = grown.and_then(|grown| element::finish(&found.input(options), grown, progress));
     found.lag = found.lag.filter(|lag| lag.delay_s >= PositionDelay::NEGLIGIBLE * interval);
     Ok((found, fit))
 }

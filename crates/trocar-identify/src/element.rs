@@ -25,7 +25,7 @@ use super::shape::BranchShape;
 use super::spread::variance;
 use super::terms::{self, Chosen, Term, TermTrial};
 use super::training::acceleration_is_resolved;
-use super::training::{ASSUMED_WIDTH, INDEPENDENT, Ripple, Scale, Segmented, Training};
+use super::training::{ASSUMED_WIDTH, Coarseness, INDEPENDENT, Ripple, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
 use super::unexplained::{Unexplained, UnexplainedEffects};
@@ -108,7 +108,7 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     let starts = starts(input);
     let widest =
         starts.iter().max_by(|a, b| a.candidate.half_width.total_cmp(&b.candidate.half_width))?;
-    let plain = training(input, &widest.candidate)?;
+    let plain = training(input, &widest.candidate, Coarseness::SEARCH)?;
     progress("fitting the element", 0.02);
     let best = unresolved(best_of(&plain, &starts, is_assumed(input))?, input);
     let (mut training, mut fitted) = fitted_from(input, &best)?;
@@ -138,7 +138,7 @@ fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Be
     };
     let mut start = prior.trial(from_readings).ok()?;
     start.candidate.offset = input.options.offset.unwrap_or(start.candidate.offset);
-    let mut training = training(input, &start.candidate)?;
+    let mut training = training(input, &start.candidate, Coarseness::NONE)?;
     if training.clusters() < FEWEST_WITH_PRIOR {
         return None;
     }
@@ -241,22 +241,25 @@ pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
 
 /// The training data for a trial, and the fit to them with one friction scale.
 fn fitted_from(input: &Input, trial: &EmsTrial) -> Option<(Training, Fitted<EmsTrial>)> {
-    let training = training(input, &trial.candidate)?;
+    let training = training(input, &trial.candidate, Coarseness::SEARCH)?;
     let fitted = likelihood::fit(&training, trial, NEXT)?;
     (training.clusters() >= FEWEST_CLUSTERS).then_some((training, fitted))
 }
 
-/// Adds the optional terms that the data support, and fits to convergence.
-pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<ElementFit> {
+/// The element with the terms that the data support, not yet fitted to convergence.
+pub(super) struct Grown {
+    training: Training,
+    fitted: Fitted<EmsTrial>,
+    trials: Vec<TermTrial>,
+    paper_rms: f64,
+}
+
+/// Adds the optional terms that the data support.
+pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Grown> {
     let Begun { training, fitted } = begun;
     let paper_rms = fitted.rms[1];
     if input.options.prior.is_some() {
-        let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
-        return Some(scaled(input, training, without_drift, LAST)?.with(
-            input,
-            Vec::new(),
-            paper_rms,
-        ));
+        return Some(Grown { training, fitted, trials: Vec::new(), paper_rms });
     }
     progress("optional terms", terms::TERMS_FROM);
     let mut excluded = excluded(input, fitted.best.candidate.half_width);
@@ -274,11 +277,43 @@ pub(super) fn finish(input: &Input, begun: Begun, progress: Progress) -> Option<
             chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
     }
-    let Chosen { fitted, trials } = chosen;
-    let fitted = restarted(input, &training, fitted);
+    // The terms explain much of what hid others, and of what looked like scatter.
+    let Scaled { training, fitted, .. } =
+        scaled(input, training, without_drift(chosen.fitted), NEXT)?;
+    let Chosen { fitted, trials } =
+        terms::choose(&training, fitted, &excluded, speeds(input), progress);
+    Some(Grown { training, fitted, trials, paper_rms })
+}
+
+/// Fits to convergence, following the deformation as finely as it is sampled.
+pub(super) fn finish(input: &Input, grown: Grown, progress: Progress) -> Option<ElementFit> {
+    let Grown { mut training, fitted, trials, paper_rms } = grown;
     progress("last fit", terms::TERMS_TO);
-    let without_drift = EmsTrial { drift: Vec::new(), ..fitted.best };
-    Some(scaled(input, training, without_drift, LAST)?.with(input, trials, paper_rms))
+    let from = without_drift(fitted);
+    // A fit from a prior was as fine from the start.
+    if input.options.prior.is_none() {
+        let lambda = training.scale.lambda;
+        training = self::training(input, &from.candidate, Coarseness::NONE)?;
+        free_scales(input, &mut training, &from, lambda);
+    }
+    Some(scaled(input, training, from, LAST)?.with(input, trials, paper_rms))
+}
+
+fn without_drift(fitted: Fitted<EmsTrial>) -> EmsTrial {
+    EmsTrial { drift: Vec::new(), ..fitted.best }
+}
+
+impl Grown {
+    /// Effects that its terms leave unexplained.
+    pub(super) fn left(&self, recordings: &[Recording]) -> UnexplainedEffects {
+        UnexplainedEffects::by(recordings, &self.training, &self.fitted)
+    }
+
+    /// Root mean square error of the model over all samples, N: friction scales of strokes, which
+    /// may imitate a part of the model, have no share in it.
+    pub(super) fn error(&self, input: &Input) -> f64 {
+        sampled_rms(input, &self.fitted.best.candidate)
+    }
 }
 
 impl Scaled {
@@ -527,7 +562,7 @@ fn slowest_creep(recordings: &[Recording]) -> f64 {
 }
 
 /// All samples; those of settled sliding are averaged into longer steps.
-fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
+fn training<'a>(input: &Input<'a>, of: &Candidate, coarseness: Coarseness) -> Option<Training> {
     let Input { recordings, segments, accelerations, two, .. } = input;
     let segmented =
         |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
@@ -539,7 +574,7 @@ fn training<'a>(input: &Input<'a>, of: &Candidate) -> Option<Training> {
         };
     let data: Vec<Segmented> =
         recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
-    let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT);
+    let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT, coarseness);
     training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
     let stages = of.stages().ok()?;
     training.forget_unknown_starts(stages);
@@ -761,7 +796,7 @@ fn best_of(training: &Training, starts: &[EmsTrial], wide: bool) -> Option<EmsTr
 
 /// The same terms fitted to other readings of the same motion.
 pub(super) fn again(input: &Input, found: &ElementFit) -> Option<ElementFit> {
-    let mut training = training(input, &found.fitted.best.candidate)?;
+    let mut training = training(input, &found.fitted.best.candidate, Coarseness::NONE)?;
     let start = EmsTrial { drift: Vec::new(), ..found.fitted.best.clone() };
     let lambda = found.fitted.rms[1].powi(2) / found.scale.scatter.max(1e-4).powi(2);
     free_scales(input, &mut training, &start, lambda);

@@ -20,7 +20,7 @@ use super::estimate::t_quantile;
 use super::likelihood::{self, Column, Row, Trial};
 use super::numbers::{branch_ids, factor_of, quantities};
 use super::spread::{Dependent, PRIOR_WIDTH};
-use super::training::{INDEPENDENT, Scale, Segmented, Training};
+use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
@@ -159,7 +159,13 @@ impl Rows {
         let candidate = Candidate::of(element)?;
         let stages = candidate.stages()?;
         let data: Vec<Segmented> = motions.iter().copied().map(Motion::segmented).collect();
-        let mut training = Training::new(&data, candidate.half_width, MOST_CLUSTERS, INDEPENDENT);
+        let mut training = Training::new(
+            &data,
+            candidate.half_width,
+            MOST_CLUSTERS,
+            INDEPENDENT,
+            Coarseness::NONE,
+        );
         training.forget_unknown_starts(stages);
         training.blend_over(noise.scatter_travel_m);
         training.scale = Scale { is_free: true, lambda: 1.0, ..Scale::default() };

@@ -583,11 +583,7 @@ impl Chosen {
         // slow to be measured may be present.
         let may_be_open = match best.term {
             Term::Stribeck => true,
-            // The slowest creep is as good as none.
-            Term::Creep => {
-                larger.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost()
-                    && !numbers::is_held(larger, Quantity::CreepVelocity.id())
-            }
+            Term::Creep => larger.cost() < (1.0 - LARGE_GAIN) * self.fitted.cost(),
             _ => false,
         };
         match may_be_open || numbers::are_determined(larger, best.term.parameters()) {

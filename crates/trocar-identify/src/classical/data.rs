@@ -1,12 +1,10 @@
 //! The recordings as simulation steps for the classical models, with the scales that the
 //! identification found.
 
-use trocar_model::Stages;
-
 use crate::options::IdentifyOptions;
 use crate::result::Identification;
 use crate::segments::{Segments, segment};
-use crate::training::{ASSUMED_WIDTH, Segmented, Training};
+use crate::training::{ASSUMED_WIDTH, Coarseness, Segmented, Training};
 use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
 use trocar_simulate::segment::SteadySegment;
@@ -18,9 +16,15 @@ use super::coordinate::Scales;
 const MOST_CLUSTERS: usize = 40;
 
 /// Steps to simulate, and the scales of the data.
+///
+/// All samples have equal weights. The criterion is thus nearly the score, except for samples
+/// averaged into one step (by the half width, m) and for those before the element's stages forget
+/// their unknown initial state.
 #[derive(Debug, Clone)]
 pub struct ClassicalData {
     pub(crate) training: Training,
+    /// The same in longer steps.
+    pub(super) search: Training,
     pub(crate) scales: Scales,
 }
 
@@ -34,10 +38,22 @@ impl ClassicalData {
         let stroke = recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
         let half_width =
             if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
-        let training =
-            plain_training(recordings, found, options, (half_width, found.stages), |r| {
-                vec![0.0; r.len()]
-            });
+        let found_in: Vec<_> = recordings.iter().map(|r| segmented(r, found, options)).collect();
+        let acceleration: Vec<_> = recordings.iter().map(|r| vec![0.0; r.len()]).collect();
+        let mut parts = Vec::new();
+        for ((recording, (segments, settled)), acceleration) in
+            recordings.iter().zip(&found_in).zip(&acceleration)
+        {
+            let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
+            parts.push(Segmented { recording, strokes, settled, acceleration });
+        }
+        let of = |coarseness| {
+            let mut training =
+                Training::new(&parts, half_width, MOST_CLUSTERS, f64::INFINITY, coarseness);
+            training.forget_unknown_starts(found.stages);
+            training
+        };
+        let [training, search] = [Coarseness::NONE, Coarseness::SEARCH].map(of);
         let scales = Scales {
             offset: found.model.offset,
             force: found.model.insertion.coulomb_force,
@@ -46,30 +62,8 @@ impl ClassicalData {
             stroke,
             speeds: found.steady.speed_range_m_s,
         };
-        Self { training, scales }
+        Self { training, search, scales }
     }
-}
-
-/// All samples of `recordings` with equal weights. The criterion is thus nearly the score, except
-/// for samples averaged into one step (by the half width, m) and for those before `stages` forget
-/// their unknown initial state.
-pub(crate) fn plain_training(
-    recordings: &[Recording],
-    found: &Identification,
-    options: &IdentifyOptions,
-    (half_width, stages): (f64, Stages),
-    acceleration: impl Fn(&Recording) -> Vec<f64>,
-) -> Training {
-    let parts: Vec<_> =
-        recordings.iter().map(|r| (segmented(r, found, options), acceleration(r))).collect();
-    let mut all = Vec::new();
-    for (recording, ((segments, settled), acceleration)) in recordings.iter().zip(&parts) {
-        let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
-        all.push(Segmented { recording, strokes, settled, acceleration });
-    }
-    let mut training = Training::new(&all, half_width, MOST_CLUSTERS, f64::INFINITY);
-    training.forget_unknown_starts(stages);
-    training
 }
 
 fn segmented(

@@ -17,7 +17,8 @@ use super::data::ClassicalData;
 use super::family::Related;
 use super::kind::Kind;
 
-/// Rounds of the fit: the stopping criteria of each, and how many of its fits go on.
+/// Rounds of the fit: the stopping criteria of each, and how many of its fits go on. All but the
+/// last take longer steps.
 const ROUNDS: [(Stop, usize); 3] = [(FIRST, 4), (SHORT, 2), (LONG, 1)];
 const FIRST: Stop = Stop { iterations: 3, ..SHORT };
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
@@ -165,7 +166,8 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     let starts = kind.starts(data, related);
     let starts = trials(starts).into_iter().chain(trials(from_kin(kind.bank(), data, related)));
     let carried = |starts: Vec<ClassicalTrial>, stop, count| {
-        let fits = starts.par_iter().filter_map(|from| likelihood::fit(&data.training, from, stop));
+        let training = if count > 1 { &data.search } else { &data.training };
+        let fits = starts.par_iter().filter_map(|from| likelihood::fit(training, from, stop));
         let mut fits: Vec<Fitted<ClassicalTrial>> = fits.collect();
         fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
         fits.truncate(count);
