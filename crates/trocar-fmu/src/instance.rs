@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use trocar_model::{Deformation, Mode, Trocar, TrocarState};
+use trocar_model::{Deformation, Mode, Trocar, TrocarState, Turning};
 
 use crate::error::{FmuError, Phase};
 use crate::resource::Resource;
@@ -188,14 +188,15 @@ impl Instance {
             Input::Position => self.live.input,
             Input::Velocity => self.live.initial_position,
         };
+        let angle = if self.input == Input::Position { self.live.turn } else { 0.0 };
         if force != 0.0 && deflection != 0.0 {
             return Err(FmuError::TwoStarts { force, deflection });
         }
         if force != 0.0 {
-            return Ok(self.trocar.rest_at_force(position, force));
+            return Ok(self.trocar.rest_at_force(position, force).with_angle(angle));
         }
         let rest = self.trocar.rest_at_deflection(position, deflection);
-        Ok(rest.unwrap_or_else(|| self.trocar.rest(position)))
+        Ok(rest.unwrap_or_else(|| self.trocar.rest(position)).with_angle(angle))
     }
 
     /// Advances from `point` by `duration`, s.
@@ -220,21 +221,25 @@ impl Instance {
             return Err(FmuError::BeyondStop { to, stop });
         }
         self.settle()?;
-        let (state, input) = (&mut self.live.state, self.live.input);
-        let goal = match self.input {
+        let Snapshot { ref mut state, input, turn, .. } = self.live;
+        let from = state.turning().map_or(0.0, Turning::angle);
+        let (goal, angle) = match self.input {
             Input::Position => {
-                self.trocar.step_to(state, input, duration);
-                input
+                self.trocar.turn_to(state, input, turn, duration);
+                (input, turn)
             }
             Input::Velocity => {
-                let goal = state.position() + input * duration;
-                self.trocar.step_velocity(state, input, duration);
+                let goal = (state.position() + input * duration, from + turn * duration);
+                self.trocar.turn(state, input * duration, goal.1, duration);
                 goal
             }
         };
         // The model leaves its state unchanged if it cannot step.
         if state.position() != goal {
             return Err(FmuError::TooFast { input, duration });
+        }
+        if state.turning().is_some_and(|turning| turning.angle() != angle) {
+            return Err(FmuError::TooFast { input: turn, duration });
         }
         self.live.time = to;
         Ok(())
@@ -268,6 +273,8 @@ impl Instance {
             Role::InitialForce => self.live.initial_force,
             Role::InitialDeflection => self.live.initial_deflection,
             Role::InitialPosition => self.live.initial_position,
+            Role::Turn => self.live.turn,
+            Role::Torque => self.live.state.torque(),
             Role::Tunable(place) => self.live.tunables.get(place).copied().unwrap_or(0.0),
         }
     }
@@ -317,9 +324,14 @@ impl Instance {
         let name = || variable.name.clone();
         let is_before = matches!(phase, Phase::Instantiated | Phase::Initialization);
         let is_open = match variable.role {
-            Role::Input(_) | Role::Tunable(_) => is_before || phase == Phase::Step,
+            Role::Input(_) | Role::Turn | Role::Tunable(_) => is_before || phase == Phase::Step,
             Role::InitialForce | Role::InitialDeflection | Role::InitialPosition => is_before,
-            Role::Time | Role::Force | Role::Deflection | Role::Mode | Role::Position => {
+            Role::Time
+            | Role::Force
+            | Role::Torque
+            | Role::Deflection
+            | Role::Mode
+            | Role::Position => {
                 return Err(FmuError::NotSettable { name: name(), phase: None });
             }
         };
@@ -341,13 +353,19 @@ impl Instance {
         let live = &mut self.live;
         match role {
             Role::Input(_) => live.input = value,
+            Role::Turn => live.turn = value,
             Role::InitialForce => live.initial_force = value,
             Role::InitialDeflection => live.initial_deflection = value,
             Role::InitialPosition => live.initial_position = value,
             Role::Tunable(place) => {
                 live.tunables.iter_mut().skip(place).take(1).for_each(|slot| *slot = value)
             }
-            Role::Time | Role::Force | Role::Deflection | Role::Mode | Role::Position => {}
+            Role::Time
+            | Role::Force
+            | Role::Torque
+            | Role::Deflection
+            | Role::Mode
+            | Role::Position => {}
         }
     }
 

@@ -10,11 +10,11 @@ use crate::error::{FmuError, Phase};
 use crate::hash::fnv_64;
 
 /// First bytes of every serialized state; the last of them is the version.
-const MAGIC: [u8; 8] = *b"TROCFMU\x01";
+const MAGIC: [u8; 8] = *b"TROCFMU\x02";
 const HEAD: usize = 8 + 16;
 const TAIL: usize = 8;
 /// Numbers in addition to the parameters and the state of the model.
-const OWN: usize = 8;
+const OWN: usize = 9;
 
 /// The complete variable state of an instance.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,6 +33,8 @@ pub(crate) struct Snapshot {
     pub(crate) initial_deflection: f64,
     /// m.
     pub(crate) initial_position: f64,
+    /// rad or rad/s.
+    pub(crate) turn: f64,
     /// In the order of the model's parameters.
     pub(crate) tunables: Vec<f64>,
     pub(crate) state: TrocarState,
@@ -52,6 +54,7 @@ impl Snapshot {
             initial_force: 0.0,
             initial_deflection: 0.0,
             initial_position: 0.0,
+            turn: 0.0,
             tunables,
             state,
         }
@@ -74,6 +77,7 @@ impl Snapshot {
             self.initial_force,
             self.initial_deflection,
             self.initial_position,
+            self.turn,
         ];
         let state = self.state.to_numbers();
         let numbers =
@@ -117,8 +121,17 @@ impl Snapshot {
     ) -> Option<Self> {
         let (own, rest) = numbers.split_first_chunk::<OWN>()?;
         let (values, state) = rest.split_at_checked(tunables)?;
-        let [phase, time, stops, stop, input, initial_force, initial_deflection, initial_position] =
-            *own;
+        let [
+            phase,
+            time,
+            stops,
+            stop,
+            input,
+            initial_force,
+            initial_deflection,
+            initial_position,
+            turn,
+        ] = *own;
         let finite = own.iter().all(|number| number.is_finite());
         let trocar = tuned(values).ok().filter(|_| finite)?;
         Some(Self {
@@ -130,6 +143,7 @@ impl Snapshot {
             initial_force,
             initial_deflection,
             initial_position,
+            turn,
             tunables: values.to_vec(),
             state: trocar.state_from_numbers(state).ok()?,
         })

@@ -6,7 +6,7 @@ use trocar_model::{Declaration, Seal, Trocar, Tunable};
 use crate::hash::fnv_128;
 
 /// Version of the table and of serialized states; part of every token.
-const LAYOUT: &[u8] = b"trocar-fmu 1";
+const LAYOUT: &[u8] = b"trocar-fmu 2";
 
 /// Driving input of the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -43,6 +43,10 @@ pub(crate) enum Role {
     InitialDeflection,
     /// Initial position of the instrument, if it is driven by velocity.
     InitialPosition,
+    /// How the instrument turns: its angle, or its angular velocity where it is driven by velocity.
+    Turn,
+    /// Torque of the instrument on the seal.
+    Torque,
     /// Parameter of the model, by its index in [`Seal::tunables`].
     Tunable(usize),
 }
@@ -63,6 +67,8 @@ impl Role {
             Self::InitialForce => 6,
             Self::InitialDeflection => 7,
             Self::InitialPosition => 8,
+            Self::Turn => 9,
+            Self::Torque => 10,
             Self::Tunable(place) => FIRST_TUNABLE + place as u32,
         }
     }
@@ -151,8 +157,31 @@ pub(crate) fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Ve
             Some(0.0),
         ));
     }
+    if trocar.rotation().is_some() {
+        table.extend(turning_variables(input));
+    }
     table.extend(parameters(trocar.seal()));
     table
+}
+
+fn turning_variables(input: Input) -> [Variable; 2] {
+    let (name, unit, is) = match input {
+        Input::Position => (
+            "angle_rad",
+            "rad",
+            "angle of the instrument at the end of the step; before the first step: where it stands",
+        ),
+        Input::Velocity => (
+            "angular_velocity_rad_s",
+            "rad/s",
+            "angular velocity of the instrument during the step",
+        ),
+    };
+    let torque = "torque of the instrument on the seal, positive with the angle; the instrument feels its negative";
+    [
+        Variable::new(Role::Turn, name, unit, is, Some(0.0)),
+        Variable::new(Role::Torque, "torque_n_m", "N m", torque, None),
+    ]
 }
 
 fn input_variable(input: Input) -> Variable {

@@ -16,7 +16,7 @@ use trocar_fmu::fmi::*;
 use trocar_fmu::fmi2::*;
 use trocar_fmu::fmi3::*;
 use trocar_fmu::{Input, Logger2, token};
-use trocar_model::{Element, ElementParams, MaxwellSlip, SlipElement, Trocar};
+use trocar_model::{Element, ElementParams, MaxwellSlip, Rotation, SlipElement, Trocar};
 
 const OK: c_int = 0;
 const WARNING: c_int = 1;
@@ -27,6 +27,8 @@ const DEFLECTION: u32 = 3;
 const MODE: u32 = 4;
 const INITIAL_FORCE: u32 = 6;
 const INITIAL_DEFLECTION: u32 = 7;
+const TURN: u32 = 9;
+const TORQUE: u32 = 10;
 /// c of the element.
 const HALF_WIDTH: u32 = 100;
 /// v_c and T: a lag needs creep.
@@ -134,7 +136,12 @@ impl Model {
 
     /// Driven by position.
     fn instance(&self) -> Unit {
-        let handle = self.fmi2(&self.tokens[0], &self.uri());
+        self.driven_by(Input::Position)
+    }
+
+    fn driven_by(&self, input: Input) -> Unit {
+        let token = &self.tokens[usize::from(input == Input::Velocity)];
+        let handle = self.fmi2(token, &self.uri());
         assert!(!handle.is_null(), "{}", told());
         Unit(handle)
     }
@@ -590,4 +597,74 @@ fn threads() {
     for (k, forces) in together.iter().enumerate() {
         assert_eq!(*forces, alone[k % 2]);
     }
+}
+
+fn turning() -> Trocar {
+    let rotation = Rotation {
+        shaft_radius: 5e-3,
+        circumferential_stiffness: 425.0,
+        circumferential_ratio: 0.8,
+    };
+    Trocar::of_seal(Element::new(ElementParams::plausible_10_5_mm().unwrap()).unwrap())
+        .with_rotation(Some(rotation))
+        .unwrap()
+}
+
+/// By position and angle, and by both velocities, with a state by bytes in the middle.
+#[test]
+fn force_and_torque_are_those_of_the_model() {
+    let trocar = turning();
+    let model = Model::new(trocar);
+    for input in Input::ALL {
+        let mut unit = model.driven_by(input);
+        let start = if input == Input::Position { 0.3 } else { 0.0 };
+        assert_eq!(unit.set(&[(TURN, start)]), OK);
+        assert_eq!([unit.enter(), unit.exit()], [OK; 2]);
+        let mut state = trocar.rest(0.0).with_angle(start);
+        for k in 0..2000 {
+            let time = 1e-3 * f64::from(k);
+            let (speed, turn) = (0.03 * (7.0 * time).sin(), 8.0 * (5.0 * time).cos());
+            let angle = state.turning().unwrap().angle() + turn * 1e-3;
+            let inputs = match input {
+                Input::Position => (state.position() + speed * 1e-3, angle),
+                Input::Velocity => (speed, turn),
+            };
+            match input {
+                Input::Position => trocar.turn_to(&mut state, inputs.0, angle, 1e-3),
+                Input::Velocity => trocar.turn(&mut state, speed * 1e-3, angle, 1e-3),
+            };
+            assert_eq!(unit.set(&[(INPUT, inputs.0), (TURN, inputs.1)]), OK);
+            assert_eq!(unit.step(time, 1e-3), OK, "{}", told());
+            assert_eq!(
+                [unit.get(FORCE), unit.get(TORQUE)],
+                [state.force(), state.torque()].map(Ok)
+            );
+            if k == 1000 {
+                let state = unit.state();
+                let bytes = unit.bytes(state);
+                unit.free(state);
+                unit = model.driven_by(input);
+                let (status, copy) = unit.read(&bytes);
+                assert_eq!([status, unsafe { fmi2SetFMUstate(unit.0, copy) }], [OK; 2]);
+                unit.free(copy);
+            }
+        }
+        assert!(state.torque().abs() > 5e-3);
+    }
+}
+
+#[test]
+fn angles_that_are_none_are_refused() {
+    let unit = Unit::started(&Model::new(turning()));
+    assert_eq!(unit.set(&[(TURN, f64::NAN)]), ERROR);
+    assert!(told().contains("angle_rad must be finite"));
+    assert_eq!(unit.set(&[(TURN, f64::MAX)]), OK);
+    let before = unit.get(TORQUE);
+    assert_eq!(unit.step(0.0, 1e-3), ERROR);
+    assert!(told().contains("finite"));
+    assert_eq!([unit.get(TORQUE), unit.get(TURN)], [before, Ok(f64::MAX)]);
+    assert_eq!(unit.set(&[(TORQUE, 1.0)]), ERROR);
+    assert!(told().contains("torque_n_m cannot be set"));
+    let plain = Unit::started(&Model::ems());
+    assert_eq!([plain.set(&[(TURN, 1.0)]), plain.get(TORQUE).unwrap_err()], [ERROR; 2]);
 }

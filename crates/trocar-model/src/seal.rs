@@ -346,6 +346,17 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         self.advance(state, (position, position - state.position), Some(angle), duration)
     }
 
+    /// As [`Trocar::step`], and turns to `angle` (rad); as [`Trocar::turn_to`].
+    pub fn turn(
+        &self,
+        state: &mut TrocarState,
+        displacement: f64,
+        angle: f64,
+        duration: f64,
+    ) -> f64 {
+        self.advance(state, (state.position + displacement, displacement), Some(angle), duration)
+    }
+
     fn advance(
         &self,
         state: &mut TrocarState,

@@ -132,8 +132,8 @@ pub(super) fn build_description(identifier: &str) -> String {
 pub(super) fn causality(role: Role, form: Form) -> &'static str {
     match role {
         Role::Time => "independent",
-        Role::Input(_) => "input",
-        Role::Force | Role::Deflection | Role::Mode | Role::Position => "output",
+        Role::Input(_) | Role::Turn => "input",
+        Role::Force | Role::Torque | Role::Deflection | Role::Mode | Role::Position => "output",
         Role::Tunable(_) if form == Form::Source => "local",
         Role::InitialForce | Role::InitialDeflection | Role::InitialPosition | Role::Tunable(_) => {
             "parameter"
@@ -143,9 +143,13 @@ pub(super) fn causality(role: Role, form: Form) -> &'static str {
 
 pub(super) fn variability(role: Role, form: Form) -> &'static str {
     match role {
-        Role::Time | Role::Input(_) | Role::Force | Role::Deflection | Role::Position => {
-            "continuous"
-        }
+        Role::Time
+        | Role::Input(_)
+        | Role::Turn
+        | Role::Force
+        | Role::Torque
+        | Role::Deflection
+        | Role::Position => "continuous",
         Role::Mode => "discrete",
         Role::InitialForce | Role::InitialDeflection | Role::InitialPosition => "fixed",
         Role::Tunable(_) if form == Form::Source => "constant",
