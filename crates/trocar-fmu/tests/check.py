@@ -436,6 +436,31 @@ def check_linked(trocar, models, motion, folder):
     print(f"two FMUs with source code in one program: {len(found)} rows bit-identical", flush=True)
 
 
+def check_turning(trocar, model, motion, folder, by_source):
+    """A model that turns: force and torque by position to the last bit, by velocity to rounding, with a library and from source."""
+    name, rows = pathlib.Path(model).stem, read_motion(motion)
+    command = [trocar, "--quiet", "simulate", model, motion, "--out", "-"]
+    lines = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout.splitlines()
+    columns = [lines[0].split(",").index(column) for column in ["force_n", "torque_n_m"]]
+    truth = [float(line.split(",")[column]) for line in lines[1:] for column in columns]
+    for fmi in "23":
+        for drive, tolerance in [("position", 0.0), ("velocity", VELOCITY_TOLERANCE_N)]:
+            for form in [[], ["--source"]] if by_source else [[]]:
+                path = os.path.join(folder, f"{name}.{drive}.{fmi}{len(form)}.fmu")
+                command = [trocar, "--quiet", "export", "fmu", model, *form, "--fmi", fmi, "--input", drive]
+                subprocess.run([*command, "--out", path], check=True)
+                problems = validate_fmu(path)
+                check(problems == [], f"{path}: {problems}")
+                with Unit(path) as unit:
+                    instance = Instance(unit)
+                    off = max(abs(a - b) for a, b in zip(instance.turn(rows), truth, strict=True))
+                    check(off <= tolerance, f"{path}: {off}")
+                    turn = "angle_rad" if drive == "position" else "angular_velocity_rad_s"
+                    refused(instance, lambda: instance.set({turn: math.nan}), "must be finite")
+                    instance.close()
+    print(f"{name}: force and torque of {len(rows)} rows bit-identical", flush=True)
+
+
 def has_cmake():
     """FMPy compiles source code by CMake."""
     if shutil.which("cmake"):
@@ -453,6 +478,9 @@ def main():
     foreign = {}
     by_source = has_cmake()
     check_linked(trocar, models, motion, folder)
+    turning = pathlib.Path(models).parent / "turning"
+    for model in sorted((turning / "models").iterdir()):
+        check_turning(trocar, str(model), str(turning / "motion.csv"), folder, by_source)
     for file in sorted(os.listdir(models)):
         name, model = os.path.splitext(file)[0], os.path.join(models, file)
         truth = simulate(trocar, model, motion)

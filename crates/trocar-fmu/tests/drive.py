@@ -2,7 +2,8 @@
 
 MOTION is a CSV file with the columns time_s and position_m. Prints one force in newtons per row, with as many digits as
 give the number back. The first row is where the instrument stands; a row at the time of the row before changes nothing.
-An FMU driven by velocity gets the velocity that leads to the position of the row.
+An FMU driven by velocity gets the velocity that leads to the position of the row. With a third column angle_rad, which begins
+at 0, it also turns, and a torque in newton metres follows each force.
 
 Needs FMPy 0.3.32, and with it Python 3.10, for FMUs with source code also CMake: pip install --no-deps -r requirements.txt
 """
@@ -90,7 +91,7 @@ class Instance:
 
     def start(self, time, position):
         """Begins at rest at `position`, m."""
-        self.time = time
+        self.time, self.angle = time, 0.0
         if self.is_fmi2:
             self.fmu.setupExperiment(startTime=time)
             self.fmu.enterInitializationMode()
@@ -99,10 +100,14 @@ class Instance:
         self.set({"initial_position_m" if self.input == "velocity_m_s" else "position_m": position})
         self.fmu.exitInitializationMode()
 
-    def advance(self, time, position):
-        """Steps to `position` (m) at `time` (s), unless that is now."""
+    def advance(self, time, position, angle=None):
+        """Steps to `position` (m) and `angle` (rad) at `time` (s), unless that is now."""
         duration = time - self.time
         if duration > 0.0:
+            if angle is not None:
+                name = "angle_rad" if self.input == "position_m" else "angular_velocity_rad_s"
+                self.set({name: angle if self.input == "position_m" else (angle - self.angle) / duration})
+                self.angle = angle
             if self.input == "position_m":
                 self.set({"position_m": position})
             else:
@@ -113,8 +118,17 @@ class Instance:
 
     def run(self, motion):
         """Forces along all of `motion`, N."""
-        self.start(*motion[0])
+        self.start(*motion[0][:2])
         return [self.force()] + [self.advance(*row) for row in motion[1:]]
+
+    def turn(self, motion):
+        """Force (N) and torque (N m) along all of `motion`, in turn."""
+        self.start(*motion[0][:2])
+        pairs = [self.get("force_n", "torque_n_m")]
+        for row in motion[1:]:
+            self.advance(*row)
+            pairs.append(self.get("force_n", "torque_n_m"))
+        return [value for pair in pairs for value in pair]
 
     def state(self):
         return (self.fmu.getFMUstate if self.is_fmi2 else self.fmu.getFMUState)(), self.time
@@ -138,9 +152,11 @@ class Instance:
 
 
 def read_motion(path):
-    """Rows (time in s, position in m)."""
+    """Rows (time in s, position in m, and where there is one the angle in rad)."""
     with open(path, newline="") as file:
-        return [(float(row["time_s"]), float(row["position_m"])) for row in csv.DictReader(file)]
+        rows = csv.DictReader(file)
+        names = [name for name in ["time_s", "position_m", "angle_rad"] if name in rows.fieldnames]
+        return [tuple(float(row[name]) for name in names) for row in rows]
 
 
 def main():
@@ -149,7 +165,8 @@ def main():
     with Unit(sys.argv[1]) as unit:
         instance = Instance(unit)
         try:
-            forces = instance.run(read_motion(sys.argv[2]))
+            motion = read_motion(sys.argv[2])
+            forces = instance.turn(motion) if len(motion[0]) == 3 else instance.run(motion)
         except FMICallException as error:
             sys.exit("\n".join([str(error)] + instance.messages))
         instance.close()

@@ -121,7 +121,7 @@ pub use parameter::{Blank, Declaration, Field, ParameterId, Parameters, Quantity
 pub use partial::PartialReversals;
 pub use profile::{PositionProfile, ProfileError};
 pub use relaxation::{MAX_ARMS, Relaxation, RelaxationArm};
-pub use rotation::{Rotation, Turning};
+pub use rotation::{Around, Rotation, Turning};
 pub use seal::{Deformation, Seal, SealState, Trocar, TrocarState};
 pub use sliding::SlidingFriction;
 pub use slip::beside::{BESIDE, Beside, Ordinate};

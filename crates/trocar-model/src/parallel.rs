@@ -51,6 +51,11 @@ impl Stages {
         &self.elements[..self.count.min(MAX_STAGES)]
     }
 
+    /// The same up to the most there can be; those past the last repeat the first.
+    pub(crate) fn all(&self) -> [Element; MAX_STAGES] {
+        self.elements
+    }
+
     /// State at rest with every element at `deflection`, m; one that is not finite counts as 0.
     pub fn rest_state(&self, deflection: f64) -> StagesState {
         self.rest_at(|_| deflection)

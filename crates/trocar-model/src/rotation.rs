@@ -26,6 +26,7 @@ use crate::friction::velocity;
 use crate::parallel::{MAX_STAGES, Stages, StagesState};
 use crate::parameter::parameters;
 use crate::row::row;
+use crate::sliding::SlidingFriction;
 
 /// How a trocar resists rotation of the instrument. Elements in parallel turn alike: each has the
 /// part of k_t that its static forces are of all, so that all begin to slide at the same arc.
@@ -52,10 +53,46 @@ parameters!(Rotation {
 });
 
 /// One element around the shaft.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Around {
-    pub(crate) stiffness: f64,
-    pub(crate) ratio: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Around {
+    /// Its part of k_t, N/m.
+    pub stiffness: f64,
+    /// Friction: the mean of both directions along the axis, its forces times F_t/F_c.
+    pub sliding: SlidingFriction,
+    /// Friction of the element depends on the speed nowhere.
+    pub(crate) constant: bool,
+}
+
+impl Rotation {
+    /// Each of `stages` around the shaft; those past the last repeat the first.
+    pub(crate) fn around(&self, stages: &Stages) -> [Around; MAX_STAGES] {
+        let elements = stages.elements();
+        let limit = |own: &Element| {
+            own.params().insertion.static_force + own.params().withdrawal.static_force
+        };
+        let total: f64 = elements.iter().map(limit).sum();
+        let part = |own: &Element| if elements.len() > 1 { limit(own) / total } else { 1.0 };
+        stages.all().map(|own| {
+            let (up, down) = (&own.params().insertion, &own.params().withdrawal);
+            let mean = |number: fn(&SlidingFriction) -> f64| 0.5 * (number(up) + number(down));
+            let sliding = SlidingFriction {
+                coulomb_force: self.circumferential_ratio * mean(|own| own.coulomb_force),
+                static_force: self.circumferential_ratio * mean(|own| own.static_force),
+                stribeck_velocity: mean(|own| own.stribeck_velocity),
+                stribeck_exponent: mean(|own| own.stribeck_exponent),
+                viscous_damping: mean(|own| own.viscous_damping),
+            };
+            let constant = up.is_constant() && down.is_constant();
+            Around { stiffness: self.circumferential_stiffness * part(&own), sliding, constant }
+        })
+    }
+}
+
+/// A rotation with what its step knows of each element.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Prepared {
+    pub(crate) own: Rotation,
+    pub(crate) around: [Around; MAX_STAGES],
 }
 
 /// State of one element around the shaft.
@@ -112,31 +149,23 @@ impl Stages {
     /// [`crate::Friction::step`] leaves its state untouched.
     pub(crate) fn step_turning(
         &self,
-        rotation: &Rotation,
+        rotation: &Prepared,
         (state, turning): (&mut StagesState, &mut Turning),
         displacement: f64,
         angle: f64,
         duration: f64,
     ) -> Option<f64> {
-        let arc = rotation.shaft_radius * (angle - turning.angle);
+        let arc = rotation.own.shaft_radius * (angle - turning.angle);
         let motion = [velocity(displacement, duration)?, velocity(arc, duration)?];
-        let (stiffness, ratio) =
-            (rotation.circumferential_stiffness, rotation.circumferential_ratio);
-        let limit = |own: &Element| {
-            own.params().insertion.static_force + own.params().withdrawal.static_force
-        };
-        let total: f64 = self.elements().iter().map(limit).sum();
-        let part = |own: &Element| if self.elements().len() > 1 { limit(own) / total } else { 1.0 };
         let mut force = 0.0;
         let states: &mut [State] = state.states_mut();
-        for ((element, state), turn) in
-            self.elements().iter().zip(states).zip(&mut turning.elements)
+        for (((element, around), state), turn) in
+            self.elements().iter().zip(&rotation.around).zip(states).zip(&mut turning.elements)
         {
-            let around = Around { stiffness: stiffness * part(element), ratio };
             if arc == 0.0 && *turn == Turn::REST {
                 element.step(state, displacement, duration);
             } else {
-                element.step_turning(&around, (state, turn), motion, duration);
+                element.step_turning(around, (state, turn), motion, duration);
                 force += around.stiffness * turn.deflection;
             }
         }

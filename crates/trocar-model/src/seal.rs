@@ -5,9 +5,9 @@ use crate::classical::{Classical, ClassicalState};
 use crate::ems::{Element, Mode, State};
 use crate::error::{ParamError, check_fields};
 use crate::friction::{Friction, velocity};
-use crate::parallel::{Stages, StagesState};
+use crate::parallel::{MAX_STAGES, Stages, StagesState};
 use crate::profile::PositionProfile;
-use crate::rotation::{Rotation, Turning};
+use crate::rotation::{Around, Prepared, Rotation, Turning};
 
 /// A friction model: EMS elements in parallel, or a classical one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -193,7 +193,7 @@ impl Friction for Seal {
 pub struct Trocar<K = &'static [f64]> {
     seal: Seal,
     profile: Option<PositionProfile<K>>,
-    rotation: Option<Rotation>,
+    rotation: Option<Prepared>,
 }
 
 /// State of a [`Trocar`].
@@ -230,12 +230,23 @@ impl<K: AsRef<[f64]>> Trocar<K> {
                 return Err(ParamError::RotationOfClassical);
             }
         }
+        let rotation = rotation.and_then(|own| prepared(own, &self.seal));
         Ok(Self { rotation, ..self })
     }
 
     /// How it resists rotation.
     pub fn rotation(&self) -> Option<&Rotation> {
-        self.rotation.as_ref()
+        self.rotation.as_ref().map(|rotation| &rotation.own)
+    }
+
+    /// The elements around the shaft; none without rotation.
+    pub fn around(&self) -> &[Around] {
+        match (&self.rotation, &self.seal) {
+            (Some(rotation), Seal::Ems(stages)) => {
+                &rotation.around[..stages.elements().len().min(MAX_STAGES)]
+            }
+            _ => &[],
+        }
     }
 
     /// The seal.
@@ -253,7 +264,7 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     where
         K: Clone,
     {
-        let rotation = self.rotation.filter(|_| seal.stages().is_some());
+        let rotation = self.rotation().and_then(|own| prepared(*own, &seal));
         Self { seal, profile: self.profile.clone(), rotation }
     }
 
@@ -397,7 +408,7 @@ impl<K: AsRef<[f64]>> Trocar<K> {
             stages.step_turning(rotation, (seal, around), displacement, angle, duration)
         {
             let gain = self.profile.as_ref().map_or(1.0, |profile| profile.gain(position));
-            turning.torque = rotation.shaft_radius * gain * force;
+            turning.torque = rotation.own.shaft_radius * gain * force;
             state.position = position;
             state.force = self.force_at(position, &state.seal);
         }
@@ -408,6 +419,11 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     pub fn step_velocity(&self, state: &mut TrocarState, velocity: f64, duration: f64) -> f64 {
         self.step(state, velocity * duration, duration)
     }
+}
+
+/// `rotation` of `seal`, where that is one that turns.
+fn prepared(own: Rotation, seal: &Seal) -> Option<Prepared> {
+    Some(Prepared { own, around: own.around(seal.stages()?) })
 }
 
 impl TrocarState {

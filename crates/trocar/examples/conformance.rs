@@ -4,7 +4,8 @@
 //! cargo run --release -p trocar --example conformance FOLDER
 //! ```
 //! `conformance/` in the repository holds what it wrote: models that are made up, and a motion with
-//! slides, partial reversals, holds, uneven times, steps longer than the seal, and repeated rows.
+//! slides, partial reversals, holds, uneven times, steps longer than the seal, and repeated rows; and in
+//! `turning/` models and a motion that turn.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -18,7 +19,7 @@ use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar_model::{
     BoucWen, BoucWenParams, Classical, Dahl, DahlParams, Element, ElementParams, Gms, GmsElement,
     Leuven, LeuvenParams, LuGre, LuGreParams, MaxwellSlip, PositionProfile, Relaxation,
-    RelaxationArm, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
+    RelaxationArm, Rotation, Seal, SealDamping, SlidingFriction, SlipElement, SlipRate, Stages,
     StaticFriction, StribeckCurve, Trocar,
 };
 
@@ -32,8 +33,32 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, file) in models()? {
         fs::write(folder.join("models").join(format!("{name}.json")), file.to_json())?;
     }
-    fs::write(folder.join("motion.csv"), motion()?)?;
+    fs::write(folder.join("motion.csv"), motion(false)?)?;
+    let turning = folder.join("turning");
+    fs::create_dir_all(turning.join("models"))?;
+    for (name, mut file) in models()? {
+        let Some(ratio) = ratio_of(name) else { continue };
+        let rotation = Rotation {
+            shaft_radius: 5e-3,
+            circumferential_stiffness: 425.0,
+            circumferential_ratio: ratio,
+        };
+        file.trocar = file.trocar.with_rotation(Some(rotation))?;
+        fs::write(turning.join("models").join(format!("{name}_turning.json")), file.to_json())?;
+    }
+    fs::write(turning.join("motion.csv"), motion(true)?)?;
     Ok(())
+}
+
+/// F_t/F_c of the models that turn.
+fn ratio_of(name: &str) -> Option<f64> {
+    match name {
+        "ems" => Some(1.0),
+        "ems_stages" => Some(0.8),
+        "ems_slow" => Some(0.6),
+        "ems_profile" => Some(1.2),
+        _ => None,
+    }
 }
 
 fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
@@ -169,14 +194,18 @@ fn gms(sliding: SlidingFriction, slip_rate: SlipRate) -> Result<Gms, Box<dyn Err
     Ok(Gms::new(&[element(1), element(2), element(3), element(4)], sliding, slip_rate)?)
 }
 
-/// Time and position, seeded: piecewise constant velocity, every fifth row at an uneven time.
-fn motion() -> Result<String, Box<dyn Error>> {
+/// Time and position, seeded: piecewise constant velocity, every fifth row at an uneven time; where it
+/// `turns` also the angle, at up to three turns a second.
+fn motion(turns: bool) -> Result<String, Box<dyn Error>> {
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let unit = Uniform::new(0.0, 1.0)?;
-    let mut text = "time_s,position_m\n".to_owned();
+    let mut text =
+        if turns { "time_s,position_m,angle_rad\n" } else { "time_s,position_m\n" }.to_owned();
+    let (mut angle, mut turn) = (0.0_f64, 0.0_f64);
     let (mut time, mut position, mut velocity, mut left) = (0.0_f64, 0.1_f64, 0.0_f64, 0_u32);
     for row in 0..ROWS {
-        writeln!(text, "{time:.6},{position:.9}")?;
+        write!(text, "{time:.6},{position:.9}")?;
+        writeln!(text, "{}", if turns { format!(",{angle:.6}") } else { String::new() })?;
         if left == 0 {
             left = 5 + (150.0 * unit.sample(&mut random)) as u32;
             velocity = [0.0, 1.0, -1.0][(3.0 * unit.sample(&mut random)) as usize % 3]
@@ -184,6 +213,11 @@ fn motion() -> Result<String, Box<dyn Error>> {
             let towards = if position > 0.1 { -1.0 } else { 1.0 };
             velocity =
                 if (position - 0.1).abs() > 0.04 { towards * velocity.abs() } else { velocity };
+            if turns {
+                let most = 6.0 * std::f64::consts::PI;
+                turn = (most * (2.4 * unit.sample(&mut random) - 1.4)).clamp(-most, most).max(0.0)
+                    * if angle > 6.0 { -1.0 } else { 1.0 };
+            }
         }
         left -= 1;
         let duration = match row % 100 {
@@ -194,6 +228,7 @@ fn motion() -> Result<String, Box<dyn Error>> {
         };
         time = 1e-6 * ((time + duration) * 1e6).round();
         position = 1e-9 * ((position + velocity * duration) * 1e9).round();
+        angle = 1e-6 * ((angle + turn * duration) * 1e6).round();
     }
     Ok(text)
 }

@@ -4,6 +4,7 @@ mod builds;
 mod compensator;
 mod promise;
 mod single;
+mod turning;
 
 use std::fmt::Write as _;
 use std::fs;

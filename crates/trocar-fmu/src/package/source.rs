@@ -48,9 +48,11 @@ pub(super) fn header(description: &Description, version: Version, model: Model) 
          * library {without} is defined. */\n\n\
          #ifndef {prefix}\n#define {prefix} {identifier}_\n#endif\n\
          #define FMU_TOKEN \"{token}\"\n#define FMU_DRIVEN_BY_VELOCITY {}\n\
-         #define FMU_ELEMENTS {elements} /* of an EMS model; 0 for another */\n\n\
+         #define FMU_ELEMENTS {elements} /* of an EMS model; 0 for another */\n\
+         #define FMU_TURNS {}\n\n\
          static const struct {{\n    unsigned reference;\n    double value;\n}} fmu_constants[] = {{\n",
         u8::from(input == Input::Velocity),
+        u8::from(variables.iter().any(|variable| variable.role == Role::Turn)),
     );
     for variable in *variables {
         if let (Role::Tunable(_), Some(value)) = (variable.role, variable.start) {

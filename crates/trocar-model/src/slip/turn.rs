@@ -89,14 +89,9 @@ impl Element {
         motion: [f64; 2],
         duration: f64,
     ) {
-        let around = Local {
-            stiffness: around.stiffness,
-            sliding: self.sliding_around(around),
-            constant: self.params.insertion.is_constant() && self.params.withdrawal.is_constant(),
-        };
         let (mut next, mut turned) = (*state, *turn);
         self.each_part(length(motion), duration, |time| {
-            (next, turned) = self.advance_turning(&around, (&next, &turned), motion, time);
+            (next, turned) = self.advance_turning(around, (&next, &turned), motion, time);
         });
         let finite = next.deflection.abs() <= f64::MAX
             && next.force.abs() <= f64::MAX
@@ -106,22 +101,9 @@ impl Element {
         }
     }
 
-    /// Friction around the shaft: the mean of both directions, its forces times F_t/F_c.
-    fn sliding_around(&self, around: &Around) -> SlidingFriction {
-        let (up, down) = (&self.params.insertion, &self.params.withdrawal);
-        let mean = |number: fn(&SlidingFriction) -> f64| 0.5 * (number(up) + number(down));
-        SlidingFriction {
-            coulomb_force: around.ratio * mean(|own| own.coulomb_force),
-            static_force: around.ratio * mean(|own| own.static_force),
-            stribeck_velocity: mean(|own| own.stribeck_velocity),
-            stribeck_exponent: mean(|own| own.stribeck_exponent),
-            viscous_damping: mean(|own| own.viscous_damping),
-        }
-    }
-
     fn advance_turning(
         &self,
-        around: &Local,
+        around: &Around,
         (state, turn): (&State, &Turn),
         motion: Pair,
         time: f64,
@@ -152,7 +134,7 @@ impl Element {
     /// From stick: deforms with the instrument.
     fn leave_stick_turning(
         &self,
-        around: &Local,
+        around: &Around,
         start: Start,
         motion: Pair,
         time: f64,
@@ -169,7 +151,7 @@ impl Element {
     #[inline(never)]
     fn yield_within_turning(
         &self,
-        around: &Local,
+        around: &Around,
         start: Start,
         motion: Pair,
         time: f64,
@@ -216,7 +198,7 @@ impl Element {
     }
 
     /// P at the end of `slide` without slip.
-    fn elastic(&self, around: &Local, slide: &Slide) -> Pair {
+    fn elastic(&self, around: &Around, slide: &Slide) -> Pair {
         let Start { z, q, .. } = slide.start;
         let elastic = self.params.deformation.reach(z[0], q, slide.target[0]).0;
         let arms = slide.arms.force(slide.target[0] - z[0]);
@@ -228,7 +210,7 @@ impl Element {
 
     /// Whether `force` lies in the yield set at rest.
     #[inline(always)]
-    fn holds(&self, around: &Local, force: Pair) -> bool {
+    fn holds(&self, around: &Around, force: Pair) -> bool {
         let axial = self.sliding(Direction::of(force[0])).static_force;
         let tangential = around.sliding.static_force;
         let [x, t] = [force[0] * tangential, force[1] * axial];
@@ -237,13 +219,13 @@ impl Element {
 
     /// How much of the yield set at rest `force` takes up: 1 on its boundary.
     #[inline(always)]
-    fn utilisation(&self, around: &Local, force: Pair) -> f64 {
+    fn utilisation(&self, around: &Around, force: Pair) -> f64 {
         let axial = self.sliding(Direction::of(force[0])).static_force;
         length([force[0] / axial, force[1] / around.sliding.static_force])
     }
 
     /// Outward normal of the yield set at `force`.
-    fn normal(&self, around: &Local, force: Pair) -> Pair {
+    fn normal(&self, around: &Around, force: Pair) -> Pair {
         let limits =
             [self.sliding(Direction::of(force[0])).static_force, around.sliding.static_force];
         let normal = [force[0] / (limits[0] * limits[0]), force[1] / (limits[1] * limits[1])];
@@ -261,7 +243,7 @@ impl Element {
 
     fn slide_turning(
         &self,
-        around: &Local,
+        around: &Around,
         start: Start,
         motion: Pair,
         time: f64,
@@ -288,7 +270,7 @@ impl Element {
     /// `implicit` with the weights Θ of the module documentation, and to first order the slip
     /// velocity at its end.
     #[inline(always)]
-    fn weigh(&self, around: &Local, implicit: &Slide) -> (Slide, Pair) {
+    fn weigh(&self, around: &Around, implicit: &Slide) -> (Slide, Pair) {
         let Slide { start, motion, time, .. } = *implicit;
         let [n, t] = start.direction;
         let stiffness = [
@@ -346,7 +328,7 @@ impl Element {
     }
 
     /// Slip velocity in `direction` for the force `trial` without slip, where the seal is straight.
-    fn guess(&self, around: &Local, slide: &Slide, trial: Pair, direction: Pair) -> Pair {
+    fn guess(&self, around: &Around, slide: &Slide, trial: Pair, direction: Pair) -> Pair {
         let [n, t] = direction;
         let axial = self.sliding(Direction::of(n));
         let excess =
@@ -359,7 +341,7 @@ impl Element {
 
     /// Newton's method from `slip`; `None` where it does not arrive, or at a root that is not stable.
     #[inline(always)]
-    fn newton(&self, around: &Local, slide: &Slide, mut slip: Pair) -> Option<End> {
+    fn newton(&self, around: &Around, slide: &Slide, mut slip: Pair) -> Option<End> {
         let small =
             RESIDUAL * self.params.insertion.static_force.min(self.params.withdrawal.static_force);
         let near = 1e3 * small;
@@ -388,13 +370,13 @@ impl Element {
 
     /// [`Self::newton`] off the usual way.
     #[inline(never)]
-    fn newton_apart(&self, around: &Local, slide: &Slide, slip: Pair) -> Option<End> {
+    fn newton_apart(&self, around: &Around, slide: &Slide, slip: Pair) -> Option<End> {
         self.newton(around, slide, slip)
     }
 
     /// `end` after a last change of the slip velocity, to first order but for the deformation.
     #[inline(always)]
-    fn moved(&self, around: &Local, slide: &Slide, end: End, more: Pair) -> End {
+    fn moved(&self, around: &Around, slide: &Slide, end: End, more: Pair) -> End {
         let [[a, b], [c, d]] = slide.weight;
         let change = [-a * more[0] - b * more[1], -c * more[0] - d * more[1]];
         let z = [end.z[0] + change[0], end.z[1] + change[1]];
@@ -406,7 +388,7 @@ impl Element {
     }
 
     #[inline(always)]
-    fn end_turning(&self, around: &Local, slide: &Slide, slip: Pair) -> End {
+    fn end_turning(&self, around: &Around, slide: &Slide, slip: Pair) -> End {
         let Slide { start, weight, target, .. } = slide;
         let z = [
             target[0] - weight[0][0] * slip[0] - weight[0][1] * slip[1],
@@ -431,13 +413,13 @@ impl Element {
 
     /// [`Self::end_turning`] off the usual way.
     #[inline(never)]
-    fn end_apart(&self, around: &Local, slide: &Slide, slip: Pair) -> End {
+    fn end_apart(&self, around: &Around, slide: &Slide, slip: Pair) -> End {
         self.end_turning(around, slide, slip)
     }
 
     /// f + β·v, [`crate::rotation`].
     #[inline(always)]
-    fn contact_turning(&self, around: &Local, rise: Rise, slip: Pair) -> Contact {
+    fn contact_turning(&self, around: &Around, rise: Rise, slip: Pair) -> Contact {
         let axial = self.sliding(Direction::of(slip[0]));
         let speed = if around.constant { 0.0 } else { length(slip) };
         let creep = self.params.creep_velocity;
@@ -482,7 +464,7 @@ impl Element {
     /// The implicit step by a search over the slip around the shaft, and for each by one over the
     /// slip along it, from the stick side.
     #[inline(never)]
-    fn search_turning(&self, around: &Local, slide: &Slide) -> End {
+    fn search_turning(&self, around: &Around, slide: &Slide) -> End {
         let trial = self.elastic(around, slide);
         let (s, t) = (Direction::of(trial[0]), sign(trial[1]));
         let residual = RESIDUAL * self.sliding(s).static_force;
@@ -538,14 +520,6 @@ impl Element {
         };
         (state, Turn { deflection: end.z[1], slip_velocity: end.slip[1] })
     }
-}
-
-/// What an element has around the shaft: k_t, N/m, and its friction.
-struct Local {
-    stiffness: f64,
-    sliding: SlidingFriction,
-    /// Friction does not depend on the speed.
-    constant: bool,
 }
 
 /// Adds the stiffness of the seal to the derivative of the contact.

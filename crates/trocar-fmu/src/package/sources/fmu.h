@@ -21,7 +21,7 @@ typedef enum { FMU_INSTANTIATED, FMU_INITIALIZATION, FMU_STEP, FMU_TERMINATED } 
 typedef struct {
     char token[sizeof(FMU_TOKEN)]; /* of the model; bytes of another one are refused */
     fmu_phase phase;
-    double time_s, stop_s, input, initial_position_m;
+    double time_s, stop_s, input, initial_position_m, turn;
     seal_state state;
 } fmu_values;
 
@@ -39,7 +39,9 @@ enum {
     FMU_DEFLECTION = 3,
     FMU_MODE = 4,
     FMU_POSITION = 5,
-    FMU_INITIAL_POSITION = 8
+    FMU_INITIAL_POSITION = 8,
+    FMU_TURN = 9,
+    FMU_TORQUE = 10
 };
 
 static const char *fmu_reset(fmu_values *fmu)
@@ -62,6 +64,9 @@ static void fmu_settle(fmu_values *fmu)
 {
     if (fmu_is_before(fmu)) {
         seal_rest(&fmu->state, FMU_DRIVEN_BY_VELOCITY ? fmu->initial_position_m : fmu->input);
+#if FMU_TURNS
+        fmu->state.angle_rad = FMU_DRIVEN_BY_VELOCITY ? 0.0 : fmu->turn;
+#endif
     }
 }
 
@@ -116,6 +121,14 @@ static int fmu_get(const fmu_values *fmu, fmu_reference reference, double *value
         *value = fmu->initial_position_m;
         return 1;
 #endif
+#if FMU_TURNS
+    case FMU_TURN:
+        *value = fmu->turn;
+        return 1;
+    case FMU_TORQUE:
+        *value = fmu->state.torque_n_m;
+        return 1;
+#endif
     default:
         break;
     }
@@ -132,7 +145,7 @@ static int fmu_get(const fmu_values *fmu, fmu_reference reference, double *value
 static const char *fmu_refusal(const fmu_values *fmu, fmu_reference reference, double value)
 {
     double present;
-    const int is_input = reference == FMU_INPUT;
+    const int is_input = reference == FMU_INPUT || reference == FMU_TURN;
     const int is_initial = FMU_DRIVEN_BY_VELOCITY && reference == FMU_INITIAL_POSITION;
     if (!fmu_get(fmu, reference, &present)) {
         return FMU_UNKNOWN;
@@ -198,7 +211,9 @@ static const char *fmu_set_reals(fmu_values *fmu, const fmu_reference references
         wrong = fmu_refusal(fmu, references[k], values[k]);
     }
     for (k = 0; !wrong && k < count; ++k) {
-        *(references[k] == FMU_INPUT ? &fmu->input : &fmu->initial_position_m) = values[k];
+        *(references[k] == FMU_INPUT  ? &fmu->input
+          : references[k] == FMU_TURN ? &fmu->turn
+                                      : &fmu->initial_position_m) = values[k];
     }
     return wrong;
 }
@@ -253,6 +268,9 @@ static const char *fmu_set_time(fmu_values *fmu, double start, double stop)
 static const char *fmu_step(fmu_values *fmu, double point, double duration)
 {
     double tolerance, displacement;
+#if FMU_TURNS
+    double angle;
+#endif
     if (fmu->phase != FMU_STEP) {
         return FMU_NOT_NOW;
     }
@@ -270,11 +288,25 @@ static const char *fmu_step(fmu_values *fmu, double point, double duration)
     if (!isfinite(fmu->state.position_m + displacement) || !isfinite(displacement / duration)) {
         return "the motion of the step is not finite";
     }
+#if FMU_TURNS
+    angle = FMU_DRIVEN_BY_VELOCITY ? fmu->state.angle_rad + fmu->turn * duration : fmu->turn;
+    if (FMU_DRIVEN_BY_VELOCITY) {
+        seal_advance_to(&fmu->state, fmu->state.position_m + displacement, displacement, angle, duration);
+    } else {
+        seal_turn_to(&fmu->state, fmu->input, angle, duration);
+    }
+    if (fmu->state.angle_rad != angle) {
+        return "the rotation of the step is not finite";
+    }
+    (void)seal_step;
+    (void)seal_step_to;
+#else
     if (FMU_DRIVEN_BY_VELOCITY) {
         seal_step(&fmu->state, displacement, duration);
     } else {
         seal_step_to(&fmu->state, fmu->input, duration);
     }
+#endif
     fmu->time_s = point + duration;
     return 0;
 }

@@ -3,39 +3,51 @@
 use std::fmt::Write as _;
 
 use trocar_model::constants::{ContactConstants, ElementConstants, SpanConstants};
-use trocar_model::{Element, ElementParams, SlidingFriction};
+use trocar_model::{Around, Element, ElementParams, Rotation, SlidingFriction};
 
 use super::template::{Filling, number};
-use super::{Parts, pairs, stribeck_shapes};
+use super::{Parts, constant, pairs, stribeck_shapes};
 
 /// Types, constants and code of `elements` in parallel, and of `stiff` ones of which a second table
-/// is needed; enters their requirements in `filling`.
+/// is needed; enters their requirements in `filling`. With a `rotation` each is one of `around`, too.
 pub(super) fn parts(
     elements: &[Element],
     stiff: &[Element],
+    (rotation, around): (Option<&Rotation>, &[Around]),
     filling: &mut Filling,
     prefix: &str,
 ) -> Parts {
     let all = [elements, stiff].concat();
     let constants: Vec<ElementConstants> = all.iter().map(Element::constants).collect();
+    filling.set("turning", rotation.is_some());
     find_features(&all, &constants, filling);
+    let exponents = around.iter().filter(|own| !own.sliding.is_constant());
+    stribeck_shapes(exponents.map(|own| own.sliding.stribeck_exponent), filling);
     let terms = terms(&constants);
     fill_values(filling, prefix, elements.len(), terms);
     let count = elements.len();
     let mut text = format!("enum {{ trocar_elements = {count} }};\n\n");
+    if let Some(rotation) = rotation {
+        constant(&mut text, "trocar_shaft_radius_m", rotation.shaft_radius);
+        text.push('\n');
+    }
     for (name, part) in [("element", 0..count), ("stiff", count..all.len())] {
         if part.is_empty() {
             continue;
         }
         let _ = writeln!(text, "static const trocar_element trocar_{name}_constants[{count}] = {{");
-        for (element, constants) in all[part.clone()].iter().zip(&constants[part]) {
-            write_element(&mut text, element.params(), constants, terms, filling);
+        for (k, (element, constants)) in all[part.clone()].iter().zip(&constants[part]).enumerate()
+        {
+            write_element(&mut text, element.params(), constants, around.get(k), terms, filling);
         }
         text.push_str("};\n\n");
     }
     let mut code = [include_str!("ems_elastic.c"), include_str!("ems_stick.c")].concat();
     if filling.has("general") {
         code.push_str(include_str!("ems_general.c"));
+    }
+    if filling.has("turning") {
+        code.push_str(include_str!("ems_turn.c"));
     }
     code.push_str(include_str!("ems.c"));
     Parts { state: "", types: include_str!("ems_types.c"), constants: text, code }
@@ -46,7 +58,7 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
     let general: Vec<&ElementParams> = elements
         .iter()
         .zip(constants)
-        .filter(|(_, c)| !c.confined)
+        .filter(|(_, c)| !c.confined || filling.has("turning"))
         .map(|(element, _)| element.params())
         .collect();
     filling.need(&["ems", "decay", "bits"]);
@@ -110,6 +122,7 @@ fn write_element(
     text: &mut String,
     params: &ElementParams,
     known: &ElementConstants,
+    around: Option<&Around>,
     terms: usize,
     filling: &Filling,
 ) {
@@ -127,9 +140,17 @@ fn write_element(
     for (sliding, contact) in
         [&params.withdrawal, &params.insertion].into_iter().zip(&known.contacts)
     {
-        write_contact(text, sliding, contact, filling);
+        text.push_str("            {\n");
+        write_contact(text, 16, (sliding, Some(contact)), filling);
+        text.push_str("            },\n");
     }
     text.push_str("        },\n");
+    if let Some(around) = around {
+        member(text, 8, "around_stiffness_n_m", &number(around.stiffness));
+        text.push_str("        .around = {\n");
+        write_contact(text, 12, (&around.sliding, None), filling);
+        text.push_str("        },\n");
+    }
     let arms = &params.relaxation.arms;
     let members = [
         ("general", "least_stiffness_n_m", number(known.least_stiffness)),
@@ -157,32 +178,40 @@ fn write_span(text: &mut String, span: &SpanConstants, terms: usize, filling: &F
     text.push_str("            },\n");
 }
 
+/// Friction, and along the axis what is known of the contact.
 fn write_contact(
     text: &mut String,
-    sliding: &SlidingFriction,
-    known: &ContactConstants,
+    indent: usize,
+    (sliding, known): (&SlidingFriction, Option<&ContactConstants>),
     filling: &Filling,
 ) {
-    text.push_str("            {\n");
+    let known = |value: fn(&ContactConstants) -> String| known.map(value);
+    let own = |value: f64| Some(number(value));
+    let plain = if filling.has("turning") { "turning" } else { "stribeck" };
     let members = [
-        ("confined", "end_force_n", number(known.end_force)),
-        ("confined", "end_stiffness_n_m", number(known.end_stiffness)),
-        ("confined", "rate_1_s", number(known.rate)),
-        ("confined", "lag_s", number(known.lag)),
-        ("general", "coulomb_force_n", number(sliding.coulomb_force)),
-        ("general", "static_force_n", number(sliding.static_force)),
-        ("general", "viscous_damping_n_s_m", number(sliding.viscous_damping)),
-        ("general", "least_damping_n_s_m", number(known.damping)),
-        ("general", "force_is_free", u8::from(known.free).to_string()),
-        ("stribeck", "surplus_force_n", number(sliding.static_force - sliding.coulomb_force)),
-        ("stribeck", "stribeck_velocity_m_s", number(sliding.stribeck_velocity)),
-        ("stribeck", "inverse_stribeck_velocity_s_m", number(1.0 / sliding.stribeck_velocity)),
-        ("stribeck", "stribeck_exponent", number(sliding.stribeck_exponent)),
-        ("stribeck", "steepest_fall_n_s_m", number(known.steepest_fall)),
-        ("stribeck", "velocity_weakening", u8::from(known.velocity_weakening).to_string()),
+        ("confined", "end_force_n", known(|known| number(known.end_force))),
+        ("confined", "end_stiffness_n_m", known(|known| number(known.end_stiffness))),
+        ("confined", "rate_1_s", known(|known| number(known.rate))),
+        ("confined", "lag_s", known(|known| number(known.lag))),
+        ("general", "coulomb_force_n", own(sliding.coulomb_force)),
+        ("general", "static_force_n", own(sliding.static_force)),
+        ("general", "viscous_damping_n_s_m", own(sliding.viscous_damping)),
+        ("general", "least_damping_n_s_m", known(|known| number(known.damping))),
+        ("general", "force_is_free", known(|known| u8::from(known.free).to_string())),
+        ("stribeck", "surplus_force_n", own(sliding.static_force - sliding.coulomb_force)),
+        (plain, "stribeck_velocity_m_s", own(sliding.stribeck_velocity)),
+        ("stribeck", "inverse_stribeck_velocity_s_m", own(1.0 / sliding.stribeck_velocity)),
+        ("stribeck", "stribeck_exponent", own(sliding.stribeck_exponent)),
+        ("stribeck", "steepest_fall_n_s_m", known(|known| number(known.steepest_fall))),
+        (
+            "stribeck",
+            "velocity_weakening",
+            known(|known| u8::from(known.velocity_weakening).to_string()),
+        ),
     ];
-    write_members(text, 16, filling, &members);
-    text.push_str("            },\n");
+    let members = members.map(|(feature, name, value)| Some((feature, name, value?)));
+    let members: Vec<_> = members.into_iter().flatten().collect();
+    write_members(text, indent, filling, &members);
 }
 
 /// The members of a struct that the model needs.

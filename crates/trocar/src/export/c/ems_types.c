@@ -29,6 +29,10 @@ typedef struct {
     double stribeck_exponent;            /* delta */
     double steepest_fall_n_s_m;          /* max|g'| */
     int velocity_weakening;              /* one force may belong to several slip speeds */
+//@else
+//@if turning
+    double stribeck_velocity_m_s; /* v_s */
+//@end
 //@end
 //@end
 } trocar_contact;
@@ -57,6 +61,10 @@ typedef struct {
 //@if arms
     double arm_stiffness_n_m[2]; /* E */
     double arm_time_s[2];        /* tau */
+//@end
+//@if turning
+    double around_stiffness_n_m; /* k_t, its part of it */
+    trocar_contact around;       /* around the shaft; friction alone */
 //@end
 //@if mixed
     int confined; /* slides on the straight ends only, without damping: the step is exact */

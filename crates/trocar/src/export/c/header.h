@@ -38,6 +38,10 @@ typedef struct {
 //@if arms
     double arm_force_n[2]; /* what relaxes with time */
 //@end
+//@if turning
+    double around_deflection_m;      /* around the shaft, at its surface */
+    double around_slip_velocity_m_s;
+//@end
     int sliding; /* 1: the instrument slides through the seal; 0: the seal deforms with it */
 } trocar_element_state;
 
@@ -46,6 +50,10 @@ typedef struct {
 typedef struct {
     double position_m; /* of the instrument */
     double force_n;    /* after the last step: that of the instrument on the seal */
+//@if turning
+    double angle_rad;  /* of the instrument; set it after trocar_rest where it does not begin at 0 */
+    double torque_n_m; /* after the last step: that of the instrument on the seal, positive with the angle */
+//@end
 //@if ems
     trocar_element_state element[@ELEMENTS@];
 //@end
@@ -62,3 +70,9 @@ typedef struct {
 
 /* Advances to position_m within duration_s; as trocar_step. */
 @LINKAGE@double trocar_step_to(trocar_state *state, double position_m, double duration_s);
+//@if turning
+
+/* Advances to position_m and turns to angle_rad within duration_s, both at constant velocity; as trocar_step_to. The
+ * other steps leave the angle as it is. The torque is then in the state. */
+@LINKAGE@double trocar_turn_to(trocar_state *state, double position_m, double angle_rad, double duration_s);
+//@end

@@ -72,9 +72,9 @@ pub enum CError {
         /// The constant.
         constant: String,
     },
-    /// A model that resists rotation.
+    /// The observer of a model that resists rotation.
     #[error(
-        "the exported code knows the axis only, and the model has 'rotation'\n\nhint: the C library runs it, by trocar_turn_to(); or take 'rotation' out of the model file"
+        "the exported observer knows the axis only, and the model has 'rotation'\n\nhint: the observer of the C library takes the angle; or export the model alone; or take 'rotation' out of the model file"
     )]
     Rotation,
     /// The model cannot be read or run.
@@ -181,7 +181,7 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
     let COptions { prefix, stem, precision, compensator, internal } = options;
     check_prefix(prefix)?;
     let trocar = &model.trocar;
-    if trocar.rotation().is_some() {
+    if trocar.rotation().is_some() && compensator.is_some() {
         return Err(CError::Rotation);
     }
     let mut filling = Filling::default();
@@ -193,10 +193,14 @@ pub fn write(model: &ModelFile, origin: &str, options: COptions) -> Result<CFile
         known.map_or_else(String::new, |known| compensator::constants(&known, &mut filling));
     let stiff = known.and_then(|known| known.stiff?.stages()).map_or(&[][..], Stages::elements);
     let Parts { state, types, constants, code } = match trocar.seal() {
-        Seal::Ems(stages) => element::parts(stages.elements(), stiff, &mut filling, prefix),
+        Seal::Ems(stages) => {
+            let rotation = (trocar.rotation(), trocar.around());
+            element::parts(stages.elements(), stiff, rotation, &mut filling, prefix)
+        }
         Seal::Classical(model) => classical::parts(model, &mut filling),
     };
     filling.value("STEM", stem);
+    filling.value("ANGLE", if filling.has("turning") { "state->angle_rad, " } else { "" });
     filling.value("LINKAGE", if internal { "static " } else { "" });
     filling.value(
         "TITLE",
