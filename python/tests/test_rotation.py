@@ -41,3 +41,33 @@ def test_a_recording_may_have_an_angle() -> None:
     with pytest.raises(trocar.RecordingError):
         trocar.Recording(time_s, 0.01 * time_s, time_s, angle_rad=time_s[:-1])
     assert trocar.Recording(time_s, 0.01 * time_s, time_s, angle_rad=time_s) is not None
+
+
+def test_the_observer_takes_the_angle(turning: trocar.Model) -> None:
+    time_s = np.arange(0.0, 3.0, 1e-3)
+    position_m, angle_rad = 0.05 + 0.01 * np.sin(2.0 * time_s), np.sin(3.0 * time_s)
+    seal = trocar.Stepper(turning, position_m[0])
+    force_n, torque_n_m = [seal.force_n], [seal.torque_n_m]
+    for x, angle in zip(position_m[1:], angle_rad[1:]):
+        force_n.append(seal.turn_to(x, angle, 1e-3))
+        torque_n_m.append(seal.torque_n_m)
+    reading_n = np.array(force_n) + 0.5
+
+    options = {"force_error_n": 0.05, "adaptation": False, "offset_n": 0.5}
+    turned = trocar.Recording(time_s, position_m, reading_n, angle_rad=angle_rad)
+    found = trocar.compensate(turning, turned, **options)
+    assert np.abs(found.tissue_force_n).max() < 1e-6
+    assert found.torque_n_m == pytest.approx(np.array(torque_n_m), abs=1e-9)
+    assert found.columns()["torque_n_m"] is found.torque_n_m
+
+    with pytest.warns(UserWarning, match="no angle, and the model has 'rotation'"):
+        blind = trocar.compensate(turning, trocar.Recording(time_s, position_m, reading_n), **options)
+    assert np.abs(blind.tissue_force_n).max() > 0.5 and not blind.torque_n_m.any()
+    plain = trocar.compensate(trocar.Model.plausible(), turned, **options)
+    assert plain.torque_n_m is None and "torque_n_m" not in plain.columns()
+
+    live = trocar.Compensator(turning, **options)
+    samples = [live.step(x, f, 1e-3, angle) for x, f, angle in zip(position_m, reading_n, angle_rad)]
+    assert [sample.torque_n_m for sample in samples] == found.torque_n_m.tolist()
+    again = trocar.Compensator(turning, **options).run(time_s, position_m, reading_n, angle_rad)
+    assert again.torque_n_m == pytest.approx(found.torque_n_m, abs=1e-12)

@@ -333,9 +333,11 @@ def compensate(
     """
     (scored,) = _recordings("recording", recording)
     columns = (scored.time_s, scored.position_m, scored.force_n)
+    angle_rad = scored.angle_rad
     estimate, drift = _core.compensate(
         model,
         *columns,
+        angle_rad=angle_rad,
         offset_n=offset_n,
         flip_force=False,
         moving_mass_kg=moving_mass_kg,
@@ -345,7 +347,11 @@ def compensate(
         adaptation=adaptation,
         posterior=posterior,
     )
-    return Compensation._of(columns, estimate, drift)
+    found = Compensation._of(columns, estimate, drift)
+    if found.torque_n_m is not None and angle_rad is None:
+        text = f"{scored.name}: no angle, and the model has 'rotation': the instrument is taken not to turn"
+        _python_warnings.warn(text, stacklevel=2)
+    return found
 
 
 def simulate_full(

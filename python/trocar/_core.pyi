@@ -210,6 +210,8 @@ class TissueForce:
     @property
     def trocar_force_n(self) -> float: ...
     @property
+    def torque_n_m(self) -> float: ...
+    @property
     def tissue_force_n(self) -> float: ...
     @property
     def std_n(self) -> float: ...
@@ -225,6 +227,7 @@ class TissueForce:
         std_n: float,
         adapting: bool,
         fault: str | None,
+        torque_n_m: float,
     ) -> TissueForce: ...
 
 @final
@@ -242,9 +245,15 @@ class Compensator:
         adaptation: bool = True,
         posterior: Posterior | _Path | None = None,
     ) -> Compensator: ...
-    def step(self, position_m: float, force_n: float, duration_s: float) -> TissueForce: ...
+    def step(
+        self, position_m: float, force_n: float, duration_s: float, angle_rad: float | None = None
+    ) -> TissueForce: ...
     def run(
-        self, time_s: npt.ArrayLike, position_m: npt.ArrayLike, force_n: npt.ArrayLike
+        self,
+        time_s: npt.ArrayLike,
+        position_m: npt.ArrayLike,
+        force_n: npt.ArrayLike,
+        angle_rad: npt.ArrayLike | None = None,
     ) -> Compensation: ...
     @property
     def drift(self) -> tuple[float, float, float, float]: ...
@@ -467,6 +476,7 @@ def compensate(
     position_m: npt.ArrayLike,
     force_n: npt.ArrayLike,
     *,
+    angle_rad: npt.ArrayLike | None,
     posterior: Posterior | _Path | None,
     **options: object,
 ) -> tuple[_Said, tuple[float, float, float, float]]: ...

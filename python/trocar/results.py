@@ -932,6 +932,8 @@ class Compensation:
     adapting: npt.NDArray[np.bool_]
     #: Index of each sample's fault in ``FAULTS``; -1 for none.
     fault: npt.NDArray[np.int8]
+    #: Torque on the seal; None for a model without rotation.
+    torque_n_m: Optional[npt.NDArray[np.float64]]
     #: Friction and viscosity after the last sample.
     drift: Drift
 
@@ -957,7 +959,8 @@ class Compensation:
     def columns(self) -> dict[str, npt.NDArray[Any]]:
         """The columns, in a form that ``pandas.DataFrame`` and ``polars.DataFrame`` accept."""
         names = ("time_s", "position_m", "force_n", "trocar_force_n", "tissue_force_n", "tissue_force_std_n", "adapting")
-        return {name: getattr(self, name) for name in names}
+        found = {name: getattr(self, name) for name in names}
+        return found if self.torque_n_m is None else {**found, "torque_n_m": self.torque_n_m}
 
     def __len__(self) -> int:
         return len(self.time_s)

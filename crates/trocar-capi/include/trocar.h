@@ -161,7 +161,7 @@ enum trocar_fault
      */
     TROCAR_FAULT_NO_READING = 1,
     /**
-     * The position is NaN or infinite: no tissue force, the model waits.
+     * The position, or the angle, is NaN or infinite: no tissue force, the model waits.
      */
     TROCAR_FAULT_NO_POSITION = 2,
     /**
@@ -177,7 +177,7 @@ enum trocar_fault
      */
     TROCAR_FAULT_FROZEN = 5,
     /**
-     * The position moved faster than 1 m/s, and by more than 1 mm: a new zero of the encoder, not a motion.
+     * The position, or the surface of a turning shaft, moved faster than 1 m/s, and by more than 1 mm: a new zero of the encoder, not a motion.
      */
     TROCAR_FAULT_JUMP = 6,
     /**
@@ -407,6 +407,20 @@ trocar_status trocar_compensator_step(trocar_compensator *compensator,
                                       double force_n,
                                       double duration_s,
                                       trocar_estimate *estimate);
+
+/**
+ * The same where the instrument is at angle_rad (rad), with the torque of the instrument on the seal (N·m) in *torque_n_m, 0
+ * if the call is refused. trocar_compensator_step() leaves the angle as it is.
+ *
+ * Refuses: as trocar_compensator_step(), and TROCAR_STATUS_UNSUPPORTED for a model without rotation.
+ */
+trocar_status trocar_compensator_turn(trocar_compensator *compensator,
+                                      double position_m,
+                                      double angle_rad,
+                                      double force_n,
+                                      double duration_s,
+                                      trocar_estimate *estimate,
+                                      double *torque_n_m);
 
 /**
  * Where friction and viscosity stand.

@@ -73,7 +73,7 @@ pub enum Fault {
     None = 0,
     /// The reading is NaN or infinite: no tissue force, the model goes on.
     NoReading = 1,
-    /// The position is NaN or infinite: no tissue force, the model waits.
+    /// The position, or the angle, is NaN or infinite: no tissue force, the model waits.
     NoPosition = 2,
     /// The duration is not above 0 and finite: the model waits.
     NoDuration = 3,
@@ -81,7 +81,7 @@ pub enum Fault {
     Saturated = 4,
     /// The reading has not changed although the force must have: no tissue force.
     Frozen = 5,
-    /// The position moved faster than 1 m/s, and by more than 1 mm: a new zero of the encoder, not a motion.
+    /// The position, or the surface of a turning shaft, moved faster than 1 m/s, and by more than 1 mm: a new zero of the encoder, not a motion.
     Jump = 6,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap = 7,
@@ -123,7 +123,7 @@ impl Fault {
     const ALL: [(Self, &CStr); 9] = [
         (Self::None, c"nothing is wrong"),
         (Self::NoReading, c"no force reading: no tissue force"),
-        (Self::NoPosition, c"no position: no tissue force, the model waits"),
+        (Self::NoPosition, c"no position or angle: no tissue force, the model waits"),
         (Self::NoDuration, c"time does not advance: the model waits"),
         (Self::Saturated, c"the force reading is at the sensor's limit: no tissue force"),
         (Self::Frozen, c"the force reading is frozen while the force must have changed: no tissue force"),
@@ -410,6 +410,38 @@ pub unsafe extern "C" fn trocar_compensator_step(
         // SAFETY: by the rule of the crate.
         let mut taken = unsafe { Taken::new(compensator) }?;
         place.set(taken.with(|observer| observer.step(position_m, force_n, duration_s)).into());
+        Ok(())
+    })
+}
+
+/// The same where the instrument is at angle_rad (rad), with the torque of the instrument on the seal (N·m) in *torque_n_m, 0
+/// if the call is refused. trocar_compensator_step() leaves the angle as it is.
+///
+/// Refuses: as trocar_compensator_step(), and TROCAR_STATUS_UNSUPPORTED for a model without rotation.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn trocar_compensator_turn(
+    compensator: *mut Compensator,
+    position_m: f64,
+    angle_rad: f64,
+    force_n: f64,
+    duration_s: f64,
+    estimate: *mut Estimate,
+    torque_n_m: *mut f64,
+) -> Status {
+    guarded(|| {
+        // SAFETY: by the rule of the crate.
+        let (mut place, mut torque) =
+            unsafe { (OutPointer::new(estimate)?, OutPointer::new(torque_n_m)?) };
+        place.set(Estimate::NONE);
+        torque.set(0.0);
+        // SAFETY: by the rule of the crate.
+        let found = unsafe { Taken::new(compensator) }?.with(|observer| {
+            let turns = observer.turns();
+            turns.then(|| observer.turn(position_m, angle_rad, force_n, duration_s))
+        });
+        let found = found.ok_or(Status::Unsupported)?;
+        place.set(found.into());
+        torque.set(found.trocar_torque);
         Ok(())
     })
 }

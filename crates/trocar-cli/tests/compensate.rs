@@ -6,6 +6,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use trocar::model_file::{ModelFile, SensorInfo};
+use trocar_model::Rotation;
 
 use crate::common::{Place, names_in};
 
@@ -156,4 +157,35 @@ fn what_cannot_be_run_leaves_nothing() {
     fs::remove_file(place.path("back.csv")).unwrap();
     fs::remove_file(place.path("two.csv")).unwrap();
     assert_eq!(names_in(place.0.path()), before);
+}
+
+/// A model with rotation and a recording without an angle: said, with the way out.
+#[test]
+fn a_missing_angle_is_said() {
+    let place = place();
+    let mut model = ModelFile::read(&place.path("model.json")).unwrap();
+    let rotation = Rotation {
+        shaft_radius: 5e-3,
+        circumferential_stiffness: 425.0,
+        circumferential_ratio: 1.0,
+    };
+    model.trocar = model.trocar.with_rotation(Some(rotation)).unwrap();
+    fs::write(place.path("turning.json"), model.to_json()).unwrap();
+    place
+        .run(&format!("compensate turning.json hand.csv --out out.csv {OPTIONS}"))
+        .ends_with(0)
+        .says(&["hand.csv: no angle in the first row", "hint: name the column angle_rad"]);
+    let text = fs::read_to_string(place.path("out.csv")).unwrap();
+    assert!(text.lines().next().unwrap().ends_with(",adapting,torque_n_m"));
+    let text = fs::read_to_string(place.path("hand.csv")).unwrap();
+    let with_angle = text.lines().enumerate().map(|(k, line)| match k {
+        0 => format!("{line},angle_deg\n"),
+        _ => format!("{line},{:.4}\n", 0.05 * k as f64),
+    });
+    fs::write(place.path("turned.csv"), with_angle.collect::<String>()).unwrap();
+    let ran = place.run(&format!("compensate turning.json turned.csv --out out.csv {OPTIONS}"));
+    ran.ends_with(0);
+    let text = fs::read_to_string(place.path("out.csv")).unwrap();
+    let torque: f64 = text.trim_end().rsplit_once(',').unwrap().1.parse().unwrap();
+    assert!(torque > 5e-3, "{torque} N m");
 }

@@ -268,6 +268,11 @@ impl<K: AsRef<[f64]>> Trocar<K> {
         Self { seal, profile: self.profile.clone(), rotation }
     }
 
+    /// The seal with the same rotation, whose force does not depend on the position.
+    pub fn without_profile(&self) -> Trocar {
+        Trocar { seal: self.seal, profile: None, rotation: self.rotation }
+    }
+
     /// The same trocar with a profile that borrows its knots from this one.
     pub fn borrowed(&self) -> Trocar<&[f64]> {
         self.stored_as(|knots| knots)
@@ -300,6 +305,12 @@ impl<K: AsRef<[f64]>> Trocar<K> {
     /// model.
     pub fn rest_at_deflection(&self, position: f64, deflection: f64) -> Option<TrocarState> {
         Some(self.state(position, self.seal.rest_at_deflection(deflection)?))
+    }
+
+    /// At rest at `position` (m) between the extreme states, `part` from -1 to 1; as
+    /// [`Seal::rest_between`].
+    pub fn rest_between(&self, position: f64, part: f64) -> TrocarState {
+        self.state(position, self.seal.rest_between(part))
     }
 
     fn state(&self, position: f64, seal: SealState) -> TrocarState {

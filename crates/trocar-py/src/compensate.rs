@@ -28,6 +28,8 @@ const CHUNK: usize = 1 << 15;
 pub(crate) struct TissueForce {
     /// Force of the instrument on seal and trocar, N.
     trocar_force_n: f64,
+    /// Torque of the instrument on the seal, N·m; 0 for a model without rotation.
+    torque_n_m: f64,
     /// Force of the instrument on the tissue, N; nan where the reading does not determine it.
     tissue_force_n: f64,
     /// Standard deviation of both, N.
@@ -55,7 +57,8 @@ impl TissueForce {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
         let (py, own) = (slf.py(), slf.get());
-        let fields = (own.trocar_force_n, own.tissue_force_n, own.std_n, own.adapting, own.fault);
+        let forces = (own.trocar_force_n, own.tissue_force_n, own.std_n);
+        let fields = (forces.0, forces.1, forces.2, own.adapting, own.fault, own.torque_n_m);
         let restore = slf.get_type().getattr(intern!(py, "_restore"))?;
         Ok((restore, fields.into_pyobject(py)?.into_any()))
     }
@@ -68,11 +71,12 @@ impl TissueForce {
         std_n: f64,
         adapting: bool,
         fault: Option<&str>,
+        torque_n_m: f64,
     ) -> PyResult<Self> {
         let known = |given: &str| Fault::ALL.into_iter().map(name).find(|known| *known == given);
         let wrong = |given| ArrayError::new_err(format!("{given:?} is no fault of a sample"));
         let fault = fault.map(|given| known(given).ok_or_else(|| wrong(given))).transpose()?;
-        Ok(Self { trocar_force_n, tissue_force_n, std_n, adapting, fault })
+        Ok(Self { trocar_force_n, torque_n_m, tissue_force_n, std_n, adapting, fault })
     }
 }
 
@@ -127,15 +131,26 @@ impl Compensator {
     }
 
     /// Takes the next sample, `duration_s` after the last one; the first one starts, whatever its
-    /// duration.
-    fn step(&mut self, position_m: f64, force_n: f64, duration_s: f64) -> TissueForce {
-        let estimate = self.observer.step(position_m, force_n, duration_s);
+    /// duration. Without `angle_rad` the instrument does not turn.
+    #[pyo3(signature = (position_m, force_n, duration_s, angle_rad=None))]
+    fn step(
+        &mut self,
+        position_m: f64,
+        force_n: f64,
+        duration_s: f64,
+        angle_rad: Option<f64>,
+    ) -> TissueForce {
+        let estimate = match angle_rad {
+            Some(angle) => self.observer.turn(position_m, angle, force_n, duration_s),
+            None => self.observer.step(position_m, force_n, duration_s),
+        };
         self.time = Some(
             self.time.unwrap_or(0.0)
                 + if duration_s > 0.0 && duration_s.is_finite() { duration_s } else { 0.0 },
         );
         TissueForce {
             trocar_force_n: estimate.trocar_force,
+            torque_n_m: estimate.trocar_torque,
             tissue_force_n: estimate.tissue_force,
             std_n: estimate.std,
             adapting: estimate.adapting,
@@ -146,20 +161,23 @@ impl Compensator {
     /// Takes many samples; times are those of a clock that goes on from call to call.
     ///
     /// Gives a `Compensation`. Positions and readings may be nan: that is a fault of the sample,
-    /// not an error.
+    /// not an error. Without `angle_rad` the instrument does not turn.
+    #[pyo3(signature = (time_s, position_m, force_n, angle_rad=None))]
     fn run<'py>(
         &mut self,
         py: Python<'py>,
         time_s: &Bound<'py, PyAny>,
         position_m: &Bound<'py, PyAny>,
         force_n: &Bound<'py, PyAny>,
+        angle_rad: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let columns = [
             column("time_s", time_s)?,
             column("position_m", position_m)?,
             column("force_n", force_n)?,
         ];
-        let (estimates, time) = along(py, &mut self.observer, self.time, &columns)?;
+        let angle = angle_rad.map(|angle| column("angle_rad", angle)).transpose()?;
+        let (estimates, time) = along(py, &mut self.observer, self.time, &columns, angle)?;
         self.time = time;
         let result =
             py.import(intern!(py, "trocar.results"))?.getattr(intern!(py, "Compensation"))?;
@@ -264,13 +282,14 @@ fn observer(
 }
 
 /// Trocar force, tissue force, standard deviation, adapting, fault (place in `faults`, -1 for
-/// none).
+/// none), and of a model with rotation the torque.
 type Estimates<'py> = (
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<f64>>,
     Bound<'py, PyArray1<bool>>,
     Bound<'py, PyArray1<i8>>,
+    Option<Bound<'py, PyArray1<f64>>>,
 );
 
 /// Names of the faults, and what they mean.
@@ -281,13 +300,14 @@ pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
 
 /// Takes the force of the trocar out of a whole recording; `trocar.compensate` wraps it.
 #[pyfunction]
-#[pyo3(signature = (model, time_s, position_m, force_n, *, posterior, **options))]
+#[pyo3(signature = (model, time_s, position_m, force_n, *, angle_rad, posterior, **options))]
 pub(crate) fn compensate<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = given_model)] model: Bound<'py, Model>,
     time_s: &Bound<'py, PyAny>,
     position_m: &Bound<'py, PyAny>,
     force_n: &Bound<'py, PyAny>,
+    angle_rad: Option<&Bound<'py, PyAny>>,
     posterior: Option<&Bound<'py, PyAny>>,
     options: Option<&Bound<'py, PyDict>>,
 ) -> PyResult<(Estimates<'py>, (f64, f64, f64, f64))> {
@@ -295,7 +315,8 @@ pub(crate) fn compensate<'py>(
     let (mut observer, _) = observer(model.get(), &options, posterior)?;
     let columns =
         [column("time_s", time_s)?, column("position_m", position_m)?, column("force_n", force_n)?];
-    let (estimates, _) = along(py, &mut observer, None, &columns)?;
+    let angle = angle_rad.map(|angle| column("angle_rad", angle)).transpose()?;
+    let (estimates, _) = along(py, &mut observer, None, &columns, angle)?;
     Ok((estimates, numbers(observer.drift())))
 }
 
@@ -309,9 +330,14 @@ fn along<'py>(
     observer: &mut Observer,
     mut before: Option<f64>,
     [time, position, force]: &[PyReadonlyArray1<'py, f64>; 3],
+    angle: Option<PyReadonlyArray1<'py, f64>>,
 ) -> PyResult<(Estimates<'py>, Option<f64>)> {
     let (time, position, force) = (time.as_slice()?, position.as_slice()?, force.as_slice()?);
-    for (name, length) in [("position_m", position.len()), ("force_n", force.len())] {
+    let angle = angle.as_ref().map(|angle| angle.as_slice()).transpose()?;
+    let angles = angle.map_or(time.len(), <[f64]>::len);
+    for (name, length) in
+        [("position_m", position.len()), ("force_n", force.len()), ("angle_rad", angles)]
+    {
         if length != time.len() {
             let expected = time.len();
             return Err(MotionError::new_err(format!(
@@ -325,11 +351,11 @@ fn along<'py>(
         let range = chunk..time.len().min(chunk + CHUNK);
         py.detach(|| {
             for i in range {
-                estimates.push(observer.step(
-                    position[i],
-                    force[i],
-                    before.map_or(0.0, |before| time[i] - before),
-                ));
+                let duration = before.map_or(0.0, |before| time[i] - before);
+                estimates.push(match angle {
+                    Some(angle) => observer.turn(position[i], angle[i], force[i], duration),
+                    None => observer.step(position[i], force[i], duration),
+                });
                 before = Some(time[i]);
             }
         });
@@ -344,6 +370,9 @@ fn along<'py>(
             py,
             estimates.iter().map(|estimate| estimate.fault.map_or(-1, |fault| fault as i8)),
         ),
+        observer.turns().then(|| {
+            PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.trocar_torque))
+        }),
     );
     Ok((arrays, before))
 }

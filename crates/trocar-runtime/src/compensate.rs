@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! F_tissue = reading − F_offset − m·(a + g) − F_trocar           force of the instrument on the tissue, N
-//! F_trocar = F_0(x) + gain(x)·λ·[F − F_β + ν·F_β]     model driven by x/λ, F_β its viscous part
+//! F_trocar = F_0(x) + gain(x)·λ·[F − F_β + ν·F_β]     model driven by x/λ and φ/λ, F_β its viscous part
+//! M_trocar = gain(x)·λ·M
 //! ```
 //!
 //! | symbol | meaning | unit |
@@ -51,8 +52,8 @@
 
 use serde::{Deserialize, Serialize};
 use trocar_model::{
-    Deformation, DeformationForce, Element, Friction, Mode, ParameterId, PartialReversals,
-    PositionProfile, Quantity, Seal, SealState, Stages, Trocar,
+    Deformation, DeformationForce, Element, Mode, ParameterId, PartialReversals, PositionProfile,
+    Quantity, Seal, Stages, Trocar, TrocarState, Turning,
 };
 
 pub use adapt::Drift;
@@ -99,7 +100,7 @@ const FORGOTTEN: f64 = 1e-3;
 /// then 7 %.
 pub const MOST_DRAWS: usize = 100;
 /// First number of a saved state: the version of its form.
-const STATE_FORMAT: f64 = 2.0;
+const STATE_FORMAT: f64 = 3.0;
 /// 95 % quantile of a normal distribution, two-sided.
 const NORMAL_95: f64 = 1.96;
 
@@ -208,6 +209,8 @@ pub enum CompensateError {
 pub struct Estimate {
     /// Force of the instrument on seal and trocar, N.
     pub trocar_force: f64,
+    /// Torque of the instrument on the seal, N·m; 0 for a model without rotation.
+    pub trocar_torque: f64,
     /// Force of the instrument on the tissue, N; NaN where the reading cannot determine it.
     pub tissue_force: f64,
     /// Standard deviation of both, N.
@@ -223,6 +226,7 @@ impl Estimate {
     /// Before the first sample.
     const NONE: Self = Self {
         trocar_force: 0.0,
+        trocar_torque: 0.0,
         tissue_force: f64::NAN,
         std: f64::NAN,
         adapting: false,
@@ -230,7 +234,12 @@ impl Estimate {
     };
 
     fn exchange(&mut self, row: &mut StateRow) {
-        let numbers = [&mut self.trocar_force, &mut self.tissue_force, &mut self.std];
+        let numbers = [
+            &mut self.trocar_force,
+            &mut self.trocar_torque,
+            &mut self.tissue_force,
+            &mut self.std,
+        ];
         numbers.into_iter().for_each(|number| row.number(number));
         row.flag(&mut self.adapting);
         Fault::exchange(&mut self.fault, row);
@@ -241,6 +250,8 @@ impl Estimate {
 #[derive(Debug, Clone)]
 struct Setup {
     trocar: Trocar<Vec<f64>>,
+    /// The same without the position-dependent force.
+    bare: Trocar,
     /// Whether readings have the other sign than the model.
     flips: bool,
     /// With the sign of the model.
@@ -263,11 +274,13 @@ impl Setup {
 #[derive(Debug, Clone)]
 pub struct Compensator {
     setup: Setup,
-    /// State of the model driven by x/λ.
-    state: SealState,
+    /// State of the model driven by x/λ and φ/λ.
+    state: TrocarState,
     /// The same from extreme initial states, as long as they differ.
-    extremes: Option<[SealState; 2]>,
+    extremes: Option<[TrocarState; 2]>,
     position: Option<f64>,
+    /// Of the instrument, rad.
+    angle: f64,
     speed: f64,
     /// Mean over about [`SPEED_TIME`].
     mean_speed: f64,
@@ -337,25 +350,22 @@ impl Compensator {
         let of = |quantity: Quantity| if shown { 0.0 } else { relative_std(file, quantity) };
         let spread = [of(Quantity::CoulombForce), of(Quantity::ViscousDamping)];
         let watch = Watch::new(limit, sigma);
+        let trocar = file.trocar.with_seal(seal);
+        let bare = trocar.without_profile();
         Ok(Self {
-            setup: Setup {
-                trocar: file.trocar.with_seal(seal),
-                flips,
-                offset,
-                error,
-                adaptation: options.adaptation,
-            },
-            state: seal.rest_at_force(0.0),
+            setup: Setup { trocar, bare, flips, offset, error, adaptation: options.adaptation },
+            state: bare.rest_at_force(0.0, 0.0),
             extremes: None,
             position: None,
+            angle: 0.0,
             speed: 0.0,
             mean_speed: 0.0,
             turns: PartialReversals::default(),
             has_turned: false,
-            minor: if error.partial_n.is_some() { None } else { MinorLoops::new(&seal) },
+            minor: if error.partial_n.is_some() { None } else { MinorLoops::new(&bare) },
             draws: Vec::new(),
             inertia: Inertia::new(mass, gravity),
-            bank: Bank::new(&seal, sigma),
+            bank: Bank::new(&bare, sigma),
             adapter: Adapter::new(options.adaptation, spread, sigma),
             sign: SignWatch::new(&seal, watch.least_change()),
             watch,
@@ -374,7 +384,7 @@ impl Compensator {
     pub fn with_draws(mut self, draws: &[Stages]) -> Result<Self, CompensateError> {
         let seal = self.setup.seal();
         let model = seal.stages().ok_or(CompensateError::NoElements { kind: seal.kind() })?;
-        self.draws = Drawn::all(draws, model, self.setup.adaptation);
+        self.draws = Drawn::all(draws, &self.setup.bare, model, self.setup.adaptation);
         if !self.setup.adaptation {
             let sigma = self.setup.error.in_phase(Phase::Sliding).max(LEAST_ERROR);
             self.adapter = Adapter::new(false, [0.0; 2], sigma);
@@ -384,14 +394,14 @@ impl Compensator {
 
     /// Resets the observer; it starts again with the next sample. Allocates nothing.
     pub fn reset(&mut self) {
-        self.state = self.setup.seal().rest_at_force(0.0);
-        (self.extremes, self.position) = (None, None);
+        self.state = self.setup.bare.rest_at_force(0.0, 0.0);
+        (self.extremes, self.position, self.angle) = (None, None, 0.0);
         (self.speed, self.mean_speed, self.time, self.waited) = (0.0, 0.0, 0.0, 0.0);
         (self.turns, self.has_turned) = (PartialReversals::default(), false);
         self.draws.iter_mut().for_each(|draw| draw.rest(0.0));
         self.inertia.restart(0.0, 0.0);
         self.adapter.reset();
-        self.bank.reset(self.setup.seal());
+        self.bank.reset(&self.setup.bare);
         self.watch.reset();
         self.sign.reset();
         self.last = Estimate::NONE;
@@ -429,14 +439,15 @@ impl Compensator {
 
     /// Writes or reads all that changes.
     fn exchange(&mut self, row: &mut StateRow) {
-        let seal = *self.setup.seal();
+        let model = self.setup.bare;
         row.expect(STATE_FORMAT);
-        row.state(&seal, &mut self.state);
+        row.state(&model, &mut self.state);
         let either = [self.state; 2];
         row.optional(&mut self.extremes, either, |own, row| {
-            own.iter_mut().for_each(|state| row.state(&seal, state));
+            own.iter_mut().for_each(|state| row.state(&model, state));
         });
         row.optional(&mut self.position, 0.0, |own, row| row.number(own));
+        row.number(&mut self.angle);
         let numbers = [&mut self.speed, &mut self.mean_speed, &mut self.time, &mut self.waited];
         numbers.into_iter().for_each(|number| row.number(number));
         let mut turns = self.turns.to_numbers();
@@ -444,12 +455,12 @@ impl Compensator {
         self.turns = PartialReversals::from_numbers(turns);
         row.flag(&mut self.has_turned);
         if let Some(minor) = &mut self.minor {
-            row.state(&minor.seal, &mut minor.state);
+            row.state(&minor.model, &mut minor.state);
         }
         self.draws.iter_mut().for_each(|draw| draw.exchange(row));
         self.inertia.exchange(row);
         self.adapter.exchange(row);
-        self.bank.exchange(&seal, row);
+        self.bank.exchange(&model, row);
         self.watch.exchange(row);
         self.sign.exchange(row);
         self.last.exchange(row);
@@ -459,6 +470,11 @@ impl Compensator {
     /// position profile.
     pub fn departure(&self, lowest: f64, highest: f64) -> Option<Departure> {
         Departure::of(self.setup.profile()?, lowest, highest)
+    }
+
+    /// Whether the model resists rotation: [`Compensator::turn`] then takes the angle.
+    pub fn turns(&self) -> bool {
+        self.setup.bare.rotation().is_some()
     }
 
     /// Current estimates of λ and ν.
@@ -480,23 +496,32 @@ impl Compensator {
     /// the sign that the sensor gives it), `duration` (s) after the last one.
     ///
     /// The first sample starts the observer, whatever its duration. The model is not stepped if the
-    /// duration is not positive and finite or the position is not finite.
+    /// duration is not positive and finite or the position is not finite. The instrument does not
+    /// turn.
     pub fn step(&mut self, position: f64, force: f64, duration: f64) -> Estimate {
+        self.turn(position, self.angle, force, duration)
+    }
+
+    /// The same where the instrument is at `angle`, rad; a model without rotation does not heed it.
+    pub fn turn(&mut self, position: f64, angle: f64, force: f64, duration: f64) -> Estimate {
         let force = if self.setup.flips { -force } else { force };
         let goes_on = duration > 0.0 && duration.is_finite();
         self.waited += if goes_on { duration } else { 0.0 };
         let elapsed = if goes_on { self.waited } else { duration };
-        let found = self.watch.look(self.position, position, force, elapsed);
+        let radius = self.setup.bare.rotation().map_or(0.0, |rotation| rotation.shaft_radius);
+        let angle = if radius > 0.0 { angle } else { 0.0 };
+        let before = self.position.map(|position| [position, radius * self.angle]);
+        let found = self.watch.look(before, [position, radius * angle], force, elapsed);
         match (self.position, found.motion) {
-            (None, _) if position.is_finite() => self.start(position, force),
+            (None, None) => self.start(position, angle, force),
             // A sample too soon after the last one is stepped together with the next.
             (Some(_), None) if self.waited < SHORTEST => {}
-            (Some(before), None) => self.move_to(position, position - before),
+            (Some(before), None) => self.move_to(before, position, angle),
             (Some(before), Some(Fault::Gap)) => {
-                self.move_to(position, position - before);
+                self.move_to(before, position, angle);
                 self.forget();
             }
-            (Some(_), Some(Fault::Jump)) => self.rebase(position),
+            (Some(_), Some(Fault::Jump)) => self.rebase(position, angle),
             _ => {}
         }
         self.last = self.estimate(force, found.first());
@@ -505,23 +530,23 @@ impl Compensator {
 
     /// At rest with the first reading; extreme initial states in parallel bound the remaining
     /// uncertainty.
-    fn start(&mut self, position: f64, force: f64) {
+    fn start(&mut self, position: f64, angle: f64, force: f64) {
         let weight = self.inertia.weight();
         let reading = if force.is_finite() { force - self.setup.offset - weight } else { 0.0 };
         let own =
             self.setup.profile().map_or(reading, |profile| profile.without(position, reading));
-        self.state = self.setup.seal().rest_at_force(own);
+        self.state = self.setup.bare.rest_at_force(0.0, own);
         self.follow();
-        self.bank.start(self.setup.seal(), own);
-        self.position = Some(position);
+        self.bank.start(&self.setup.bare, own);
+        (self.position, self.angle) = (Some(position), angle);
         self.waited = 0.0;
         self.inertia.restart(self.time, position);
         self.forget();
     }
 
     /// The position was redefined; the motion in between is unknown.
-    fn rebase(&mut self, position: f64) {
-        self.position = Some(position);
+    fn rebase(&mut self, position: f64, angle: f64) {
+        (self.position, self.angle) = (Some(position), angle);
         self.time += std::mem::take(&mut self.waited);
         self.inertia.restart(self.time, position);
         self.forget();
@@ -529,42 +554,42 @@ impl Compensator {
 
     /// The state is unknown until the seal has slid.
     fn forget(&mut self) {
-        self.extremes = Some(extremes(self.setup.seal()));
+        self.extremes = Some([-1.0, 1.0].map(|part| self.setup.bare.rest_between(0.0, part)));
         self.adapter.break_off();
         self.bank.break_off();
         self.sign.break_off();
     }
 
-    /// Moves the model by `displacement`, m, within the time since it last moved.
-    fn move_to(&mut self, position: f64, displacement: f64) {
+    /// Moves the model from the position `before` and the last angle within the time since it last
+    /// moved.
+    fn move_to(&mut self, before: f64, position: f64, angle: f64) {
+        let motion = [position - before, angle - self.angle];
         let duration = std::mem::take(&mut self.waited);
         let level = self.adapter.drift().level;
-        let own = displacement / level;
-        self.setup.seal().step(&mut self.state, own, duration);
+        let own = motion.map(|part| part / level);
+        move_by(&self.setup.bare, &mut self.state, own, duration);
         if let Some(deformation) = self.state.deformation() {
             self.has_turned = self.turns.take(deformation, self.setup.seal().half_width());
         }
         if let Some(minor) = &mut self.minor {
-            minor.seal.step(&mut minor.state, own, duration);
+            move_by(&minor.model, &mut minor.state, own, duration);
         }
         self.draws.iter_mut().for_each(|draw| draw.step(own, duration));
         if let Some(extremes) = &mut self.extremes {
-            extremes.iter_mut().for_each(|state| {
-                self.setup.seal().step(state, own, duration);
-            });
+            extremes.iter_mut().for_each(|state| move_by(&self.setup.bare, state, own, duration));
             if spread(extremes, &self.state) * level < FORGOTTEN {
                 self.extremes = None;
             }
         }
-        self.position = Some(position);
-        self.speed = displacement / duration;
+        (self.position, self.angle) = (Some(position), angle);
+        self.speed = motion[0] / duration;
         self.mean_speed +=
             (1.0 - libm::exp(-duration / SPEED_TIME)) * (self.speed - self.mean_speed);
         self.time += duration;
         self.inertia.advance(self.time, position);
         self.adapter.pass(duration);
         if self.setup.adaptation {
-            self.bank.advance(self.setup.seal(), displacement, duration);
+            self.bank.advance(&self.setup.bare, motion, duration);
         }
     }
 
@@ -574,9 +599,11 @@ impl Compensator {
         let along =
             |seal: f64| self.setup.profile().map_or(seal, |profile| profile.apply(position, seal));
         let slope = self.setup.profile().map_or(1.0, |profile| profile.gain(position));
-        let viscous = level * self.setup.seal().viscous_force(&self.state, self.speed / level);
-        let dry = level * Seal::force(&self.state) - viscous;
+        let viscous =
+            level * self.setup.seal().viscous_force(self.state.seal(), self.speed / level);
+        let dry = level * self.state.force() - viscous;
         let trocar_force = along(dry + viscosity * viscous);
+        let trocar_torque = slope * level * self.state.torque();
         let own = force - self.setup.offset - self.inertia.force();
         let fault = self.with_sign(position, own, fault);
         let reading = if fault.is_some_and(Fault::spoils_reading) { f64::NAN } else { own };
@@ -603,7 +630,8 @@ impl Compensator {
         }
         let tissue_force = reading - trocar_force;
         self.watch.follow(trocar_force, force);
-        Estimate { trocar_force, tissue_force, std, adapting: self.adapter.is_adapting(), fault }
+        let adapting = self.adapter.is_adapting();
+        Estimate { trocar_force, trocar_torque, tissue_force, std, adapting, fault }
     }
 
     /// The fault of a sample whose reading is `own`, N, when its sign is compared with the model's.
@@ -615,7 +643,7 @@ impl Compensator {
         if slides && self.speed * self.mean_speed > 0.0 {
             let reading =
                 self.setup.profile().map_or(own, |profile| profile.without(position, own));
-            let now = Slid { reading, model: Seal::force(&self.state) };
+            let now = Slid { reading, model: self.state.force() };
             self.sign.take(position, self.speed > 0.0, now);
         }
         if self.sign.is_opposite() { Some(Fault::OppositeSign) } else { fault }
@@ -646,7 +674,7 @@ impl Compensator {
         if let Some(minor) = &mut self.minor {
             minor.state = self.state;
         }
-        let force = Seal::force(&self.state);
+        let force = self.state.force();
         self.draws.iter_mut().for_each(|draw| draw.rest(force));
     }
 
@@ -682,8 +710,8 @@ impl Compensator {
 /// may lie anywhere between the two, and full strokes do not determine where.
 #[derive(Debug, Clone)]
 struct MinorLoops {
-    seal: Seal,
-    state: SealState,
+    model: Trocar,
+    state: TrocarState,
 }
 
 impl MinorLoops {
@@ -694,12 +722,12 @@ impl MinorLoops {
     const POINTS: u32 = 64;
 
     /// None for a seal without branches that differ.
-    fn new(seal: &Seal) -> Option<Self> {
-        let Seal::Ems(stages) = seal else { return None };
+    fn new(bare: &Trocar) -> Option<Self> {
+        let stages = bare.seal().stages()?;
         let elements: Option<Vec<Element>> = stages.elements().iter().map(Self::stiff).collect();
         let elements = elements?;
-        let seal = Seal::Ems(Stages::new(&elements)?);
-        Some(Self { seal, state: seal.rest_at_force(0.0) })
+        let model = bare.with_seal(Seal::Ems(Stages::new(&elements)?));
+        Some(Self { model, state: model.rest_at_force(0.0, 0.0) })
     }
 
     /// The element with branches that are crossed within [`Self::CROSSING`].
@@ -717,8 +745,8 @@ impl MinorLoops {
 
     /// Half the difference between the two laws, N: the 95 % band then reaches from one to the
     /// other.
-    fn std(&self, model: &SealState) -> f64 {
-        0.5 * (Seal::force(&self.state) - Seal::force(model)).abs()
+    fn std(&self, model: &TrocarState) -> f64 {
+        0.5 * (self.state.force() - model.force()).abs()
     }
 }
 
@@ -752,15 +780,16 @@ impl ForceError {
     }
 }
 
-/// The two extreme initial states of the seal.
-fn extremes(seal: &Seal) -> [SealState; 2] {
-    [-1.0, 1.0].map(|part| seal.rest_between(part))
+/// Moves the state of `model` by a displacement, m, and an angle, rad, within `duration`, s.
+fn move_by(model: &Trocar, state: &mut TrocarState, [displacement, turn]: [f64; 2], duration: f64) {
+    let angle = state.turning().map_or(0.0, Turning::angle) + turn;
+    model.turn(state, displacement, angle, duration);
 }
 
 /// Half the range of the forces, N: an upper bound of the standard deviation of any force in
 /// between.
-fn spread(extremes: &[SealState; 2], state: &SealState) -> f64 {
-    let forces = [Seal::force(&extremes[0]), Seal::force(&extremes[1]), Seal::force(state)];
+fn spread(extremes: &[TrocarState; 2], state: &TrocarState) -> f64 {
+    let forces = [extremes[0].force(), extremes[1].force(), state.force()];
     let (low, high) =
         forces.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), f| (l.min(*f), h.max(*f)));
     0.5 * (high - low)

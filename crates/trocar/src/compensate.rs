@@ -43,6 +43,8 @@ pub struct Compensation {
     pub departure: Option<Departure>,
     /// Whether the columns of the model's recordings were missing.
     pub is_by_own_header: bool,
+    /// Whether the model resists rotation and the first row has no angle: the instrument then does not turn.
+    pub angle_missing: bool,
 }
 
 /// Options for reading and writing a stream.
@@ -91,11 +93,12 @@ fn run_along(
 ) -> Result<Compensation, SimulateError> {
     refuse_inputs([output], &[path.to_owned()])?;
     let file = &path.display().to_string();
-    let mut result = TableWriter::create(output, &fields())?.with_missing("nan");
+    let mut result = TableWriter::create(output, &fields(observer.turns()))?.with_missing("nan");
     let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
     let mut rows = Rows::open(path, options.choice, &needed, false)?;
     let mut count = Counter::default();
     let mut before = None;
+    let mut has_angle = None;
     while let Some(row) = rows.next_row()? {
         let [time, position, force, ..] = row.values;
         // A live stream cannot be corrected: an invalid time is a fault there, and the model is not
@@ -105,7 +108,11 @@ fn run_along(
             other => other?,
         };
         before = if time.is_finite() { Some(time) } else { before };
-        let estimate = observer.step(position, force, duration);
+        let angle = row.get(Quantity::Angle);
+        let estimate = match *has_angle.get_or_insert(angle.is_finite()) {
+            true => observer.turn(position, angle, force, duration),
+            false => observer.step(position, force, duration),
+        };
         if let Some(fault) = estimate.fault.filter(|fault| count.is_new(*fault)) {
             on_fault(fault, row.line);
         }
@@ -114,7 +121,10 @@ fn run_along(
             [time, position, force, estimate.trocar_force, estimate.tissue_force, estimate.std];
         let [a, b, c, d, e, f] = numbers
             .map(|number| TableCell::Number(if number.is_finite() { number } else { f64::NAN }));
-        result.row(&[a, b, c, d, e, f, TableCell::Integer(i64::from(estimate.adapting))])?;
+        let adapting = TableCell::Integer(i64::from(estimate.adapting));
+        let torque = TableCell::Number(estimate.trocar_torque);
+        let cells = [a, b, c, d, e, f, adapting, torque];
+        result.row(&cells[..7 + usize::from(observer.turns())])?;
         if options.live {
             result.flush()?;
         }
@@ -123,7 +133,11 @@ fn run_along(
         }
     }
     result.commit()?;
-    Ok(Compensation { is_by_own_header: rows.is_by_own_header(), ..count.summary(observer) })
+    Ok(Compensation {
+        is_by_own_header: rows.is_by_own_header(),
+        angle_missing: observer.turns() && has_angle == Some(false),
+        ..count.summary(observer)
+    })
 }
 
 /// Time since the row before, s; 0 for the first and for a repeated time.
@@ -147,8 +161,8 @@ fn duration(
     }
 }
 
-/// The columns written.
-fn fields() -> Vec<Field> {
+/// The columns written; of a model that `turns` the torque, too.
+fn fields(turns: bool) -> Vec<Field> {
     let numbers = [
         "time_s",
         "position_m",
@@ -158,7 +172,8 @@ fn fields() -> Vec<Field> {
         "tissue_force_std_n",
     ];
     let adapting = Field::new("adapting", Kind::Integer);
-    numbers.into_iter().map(Field::number).chain([adapting]).collect()
+    let torque = turns.then(|| Field::number("torque_n_m"));
+    numbers.into_iter().map(Field::number).chain([adapting]).chain(torque).collect()
 }
 
 struct Counter {
@@ -210,6 +225,7 @@ impl Counter {
             drift,
             departure,
             is_by_own_header: false,
+            angle_missing: false,
         }
     }
 }

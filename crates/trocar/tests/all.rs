@@ -8,6 +8,7 @@ mod any_length;
 mod architecture;
 mod bench;
 mod compensate;
+mod compensate_turning;
 mod drawn;
 mod ensemble;
 mod export_c;

@@ -20,7 +20,7 @@ use crate::table::number;
 /// body
 ///
 /// Simulates an identified model along the measured motion and writes time_s, position_m, force_n,
-/// trocar_force_n, tissue_force_n, tissue_force_std_n and adapting, one row per input row. Causal:
+/// trocar_force_n, tissue_force_n, tissue_force_std_n, adapting and, with rotation, torque_n_m. Causal:
 /// with '-' as recording and output, each row is answered at once. Adapts to friction that has
 /// changed since the identification (wetting lowers it by 15 to 45 %) from strokes in both
 /// directions, never while tissue is touched. Where a reading gives no tissue force (missing,
@@ -113,6 +113,13 @@ fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
         let (words, line, rows) = (count.fault.words(), count.first_line, count.rows);
         console.warn(&format!(
             "{}: {rows} rows, from line {line} on: {words}",
+            args.recording.display()
+        ));
+    }
+    if done.angle_missing {
+        console.warn(&format!(
+            "{}: no angle in the first row, and the model has 'rotation': the instrument is taken not to turn\n\n\
+             hint: name the column angle_rad, angle_deg or angle_turns",
             args.recording.display()
         ));
     }

@@ -14,9 +14,10 @@
 //! The observer switches to the scale h only if 20 of the last 24 pairs, from at least three
 //! strokes, agree about it and leave little load. A varying tissue force makes them disagree.
 
-use trocar_model::{Friction, Seal, SealState};
+use trocar_model::{Trocar, TrocarState};
 
 use super::adapt::{CELL, CELLS, CONTACT, LONGEST_AGE};
+use super::move_by;
 use super::saved::StateRow;
 
 /// Friction scales run in parallel, evenly spaced on a logarithmic scale.
@@ -84,7 +85,7 @@ struct Pair {
 /// The model at several friction scales.
 #[derive(Debug, Clone)]
 pub(super) struct Bank {
-    states: [SealState; COUNT],
+    states: [TrocarState; COUNT],
     sigma: f64,
     memory: Box<[[Option<Crossing>; CELLS]; 2]>,
     current: Option<Current>,
@@ -98,9 +99,9 @@ pub(super) struct Bank {
 }
 
 impl Bank {
-    pub(super) fn new(seal: &Seal, sigma: f64) -> Self {
+    pub(super) fn new(model: &Trocar, sigma: f64) -> Self {
         Self {
-            states: [seal.rest_at_force(0.0); COUNT],
+            states: [model.rest_at_force(0.0, 0.0); COUNT],
             sigma,
             memory: Box::new([[None; CELLS]; 2]),
             current: None,
@@ -113,14 +114,14 @@ impl Bank {
     }
 
     /// Resets the bank.
-    pub(super) fn reset(&mut self, seal: &Seal) {
-        self.start(seal, 0.0);
+    pub(super) fn reset(&mut self, model: &Trocar) {
+        self.start(model, 0.0);
         (self.time, self.stroke, self.inserted) = (0.0, 0, false);
     }
 
     /// All models at rest with `force`, N.
-    pub(super) fn start(&mut self, seal: &Seal, force: f64) {
-        let states = LEVELS.map(|level| seal.rest_at_force(force / level));
+    pub(super) fn start(&mut self, model: &Trocar, force: f64) {
+        let states = LEVELS.map(|level| model.rest_at_force(0.0, force / level));
         self.states = states;
         self.break_off();
     }
@@ -133,8 +134,8 @@ impl Bank {
     }
 
     /// Writes or reads all that changes.
-    pub(super) fn exchange(&mut self, seal: &Seal, row: &mut StateRow) {
-        self.states.iter_mut().for_each(|state| row.state(seal, state));
+    pub(super) fn exchange(&mut self, model: &Trocar, row: &mut StateRow) {
+        self.states.iter_mut().for_each(|state| row.state(model, state));
         for crossing in self.memory.iter_mut().flatten() {
             row.optional(crossing, Crossing::default(), |own, row| {
                 row.cell(&mut own.cell);
@@ -168,9 +169,10 @@ impl Bank {
         (self.pairs, self.next) = ([None; PAIRS], 0);
     }
 
-    pub(super) fn advance(&mut self, seal: &Seal, displacement: f64, duration: f64) {
+    /// Moves by a displacement, m, and an angle, rad.
+    pub(super) fn advance(&mut self, model: &Trocar, motion: [f64; 2], duration: f64) {
         for (state, level) in self.states.iter_mut().zip(LEVELS) {
-            seal.step(state, displacement / level, duration);
+            move_by(model, state, motion.map(|part| part / level), duration);
         }
         self.time += duration;
     }
@@ -196,7 +198,7 @@ impl Bank {
         current.reading += reading;
         current.variance += variance;
         for ((sum, state), level) in current.forces.iter_mut().zip(&self.states).zip(LEVELS) {
-            *sum += level * Seal::force(state);
+            *sum += level * state.force();
         }
     }
 
@@ -275,7 +277,7 @@ impl Bank {
 
     /// A friction scale on which the last pairs agree and that differs from `present`, with the
     /// nearest state of the bank; returned once.
-    pub(super) fn better_than(&mut self, present: f64) -> Option<(f64, SealState)> {
+    pub(super) fn better_than(&mut self, present: f64) -> Option<(f64, TrocarState)> {
         let mut levels = [0.0; PAIRS];
         for (level, pair) in levels.iter_mut().zip(&self.pairs) {
             *level = pair.as_ref()?.level;

@@ -43,7 +43,7 @@ impl Compensator {
             [Phase::Deforming, Phase::Partial, Phase::Sliding, Phase::Held, Phase::PartialHeld];
         CompensatorConstants {
             trocar: &self.setup.trocar,
-            stiff: self.minor.as_ref().map(|minor| &minor.seal),
+            stiff: self.minor.as_ref().map(|minor| minor.model.seal()),
             flips: self.setup.flips,
             sign_travel: self.sign.settled(),
             offset: self.setup.offset,

@@ -8,33 +8,39 @@
 //! seal is, and var λ, var ν state how well; s_k and n_k then give each draw the Coulomb force and
 //! the viscous damping of the model, so that δ_k is what λ and ν cannot follow.
 
-use trocar_model::{Element, Friction, Seal, SealState, Stages};
+use trocar_model::{Element, Seal, Stages, Trocar, TrocarState};
 
+use super::move_by;
 use super::saved::StateRow;
 
 /// One draw.
 #[derive(Debug, Clone)]
 pub(super) struct Drawn {
-    seal: Seal,
-    state: SealState,
+    model: Trocar,
+    state: TrocarState,
     /// s and n.
     scale: f64,
     viscosity: f64,
 }
 
 impl Drawn {
-    /// `draws` of `model`; each with the Coulomb force and viscous damping of the model where it
+    /// `draws` of the element of `whole`, whose stages are `model`; each with the Coulomb force and viscous damping of the model where it
     /// `follows`.
-    pub(super) fn all(draws: &[Stages], model: &Stages, follows: bool) -> Vec<Self> {
+    pub(super) fn all(
+        draws: &[Stages],
+        whole: &Trocar,
+        model: &Stages,
+        follows: bool,
+    ) -> Vec<Self> {
         let ratio = |own: f64, wanted: f64| {
             if follows && own > 0.0 && wanted > 0.0 { wanted / own } else { 1.0 }
         };
         let of = |stages: &Stages| {
-            let seal = Seal::Ems(*stages);
+            let own = whole.with_seal(Seal::Ems(*stages));
             let scale = ratio(coulomb_force(stages), coulomb_force(model));
             Self {
-                seal,
-                state: seal.rest_at_force(0.0),
+                model: own,
+                state: own.rest_at_force(0.0, 0.0),
                 scale,
                 // Driven by x/s with the force multiplied by s, β stays what it is.
                 viscosity: ratio(viscous_damping(stages), viscous_damping(model)),
@@ -45,22 +51,23 @@ impl Drawn {
 
     /// At rest with `force`, N.
     pub(super) fn rest(&mut self, force: f64) {
-        self.state = self.seal.rest_at_force(force / self.scale);
+        self.state = self.model.rest_at_force(0.0, force / self.scale);
     }
 
-    /// Moves by `displacement` (m, of the model's own motion) within `duration`, s.
-    pub(super) fn step(&mut self, displacement: f64, duration: f64) {
-        self.seal.step(&mut self.state, displacement / self.scale, duration);
+    /// Moves by `displacement` (m) and `turn` (rad) of the model's own motion within `duration`, s.
+    pub(super) fn step(&mut self, [displacement, turn]: [f64; 2], duration: f64) {
+        let motion = [displacement / self.scale, turn / self.scale];
+        move_by(&self.model, &mut self.state, motion, duration);
     }
 
     pub(super) fn exchange(&mut self, row: &mut StateRow) {
-        row.state(&self.seal, &mut self.state);
+        row.state(&self.model, &mut self.state);
     }
 
     /// Its force with ν = `viscosity`, N; the seal slips with `speed`, m/s.
     fn force(&self, viscosity: f64, speed: f64) -> f64 {
-        let viscous = self.seal.viscous_force(&self.state, speed / self.scale);
-        let dry = Seal::force(&self.state) - viscous;
+        let viscous = self.model.seal().viscous_force(self.state.seal(), speed / self.scale);
+        let dry = self.state.force() - viscous;
         self.scale * (dry + self.viscosity * viscosity * viscous)
     }
 }

@@ -28,7 +28,7 @@ const NEWEST: f64 = 0.02;
 pub enum Fault {
     /// The reading is not a finite number.
     NoReading,
-    /// The position is not a finite number: the model is not stepped.
+    /// The position, or the angle, is not a finite number: the model is not stepped.
     NoPosition,
     /// The time is constant or runs backwards: the model is not stepped.
     NoDuration,
@@ -36,8 +36,8 @@ pub enum Fault {
     Saturated,
     /// The reading has not changed although the force must have.
     Frozen,
-    /// The position moved faster than 1 m/s, and by more than 1 mm: treated as a new zero of the
-    /// encoder, not as a motion.
+    /// The position, or the surface of a turning shaft, moved faster than 1 m/s, and by more than
+    /// 1 mm: treated as a new zero of the encoder, not as a motion.
     Jump,
     /// More than 0.2 s since the last sample: the state of the seal is unknown until it has slid.
     Gap,
@@ -82,7 +82,7 @@ impl Fault {
     pub fn words(self) -> &'static str {
         match self {
             Self::NoReading => "no force reading: no tissue force",
-            Self::NoPosition => "no position: no tissue force, the model waits",
+            Self::NoPosition => "no position or angle: no tissue force, the model waits",
             Self::NoDuration => "time does not advance: the model waits",
             Self::Saturated => "the force reading is at the sensor's limit: no tissue force",
             Self::Frozen => {
@@ -170,16 +170,17 @@ impl Watch {
         row.number(&mut self.usual);
     }
 
-    /// Faults of a sample `duration`, s, after the last one at position `before`, m.
+    /// Faults of a sample `duration`, s, after the last one, by position and arc, m; none are `before`
+    /// the first sample.
     pub(super) fn look(
         &mut self,
-        before: Option<f64>,
-        position: f64,
+        before: Option<[f64; 2]>,
+        place: [f64; 2],
         force: f64,
         duration: f64,
     ) -> SampleFaults {
         SampleFaults {
-            motion: motion(before, position, duration),
+            motion: motion(before, place, duration),
             reading: self.reading(force, duration),
         }
     }
@@ -222,11 +223,12 @@ impl Watch {
     }
 }
 
-fn motion(before: Option<f64>, position: f64, duration: f64) -> Option<Fault> {
-    if !position.is_finite() {
+fn motion(before: Option<[f64; 2]>, place: [f64; 2], duration: f64) -> Option<Fault> {
+    if !place.iter().all(|part| part.is_finite()) {
         return Some(Fault::NoPosition);
     }
-    let way = (position - before?).abs();
+    let [x, arc] = before?;
+    let way = (place[0] - x).abs().max((place[1] - arc).abs());
     if !(duration > 0.0 && duration.is_finite()) {
         return Some(Fault::NoDuration);
     }

@@ -1,7 +1,7 @@
 //! The state of an observer as a row of numbers. The same lines write and read it, so that both
 //! have the same order.
 
-use trocar_model::{Seal, SealState};
+use trocar_model::{Trocar, TrocarState};
 
 /// A row under way: to be written, or to be read.
 pub(super) enum StateRow<'a> {
@@ -95,11 +95,11 @@ impl<'a> StateRow<'a> {
         });
     }
 
-    /// The state of `seal`.
-    pub(super) fn state(&mut self, seal: &Seal, state: &mut SealState) {
+    /// The state of `model`.
+    pub(super) fn state(&mut self, model: &Trocar, state: &mut TrocarState) {
         let mut numbers = state.to_numbers();
         self.numbers(&mut numbers);
-        match seal.state_from_numbers(&numbers) {
+        match model.state_from_numbers(&numbers) {
             Ok(read) => *state = read,
             Err(_) => self.refuse(),
         }

@@ -4,9 +4,9 @@ use trocar_model::{Rotation, Seal};
 
 use super::*;
 
-/// Largest difference of the force in single precision along the smooth motion, as a part of the
-/// largest force of the model.
-const SINGLE: f64 = 5e-3;
+/// Mean difference in single precision along the smooth motion, as a part of the largest force or
+/// torque of the model. A slip that begins a step earlier or later is off by as much as it changes.
+const SINGLE: f64 = 1e-3;
 
 /// One call of `turn_to`, or of `step` where there is no angle.
 #[derive(Clone, Copy)]
@@ -179,8 +179,8 @@ fn single_precision_stays_near() {
         let exact = library(model, &calls);
         for (k, scale) in [(0, 1.0), (1, 5e-3)] {
             let largest = exact.iter().map(|pair| pair[k].abs()).fold(0.0, f64::max);
-            let off =
-                exact.iter().zip(&found).map(|(a, b)| (a[k] - b[k]).abs()).fold(0.0, f64::max);
+            let off: f64 = exact.iter().zip(&found).map(|(a, b)| (a[k] - b[k]).abs()).sum();
+            let off = off / exact.len() as f64;
             println!("{name:15} {:.1e} of the largest", off / largest);
             assert!(largest > 0.1 * scale && off <= SINGLE * largest, "{name}: {off} of {largest}");
         }
