@@ -13,6 +13,9 @@
  * with F the step of the model from the seal's stored state (implicit Euler). Once the engine has taken the step, the seal
  * follows to where the joint really is.
  *
+ * A model with rotation may also turn with a hinge joint about the same axis. Its angle and torque satisfy the same equation,
+ * and the two are solved in turn, each with the end of the other, until neither changes.
+ *
  * Licence: MIT OR Apache-2.0.
  */
 #include <math.h>
@@ -33,8 +36,9 @@ typedef struct {
     atomic_size_t users;
     trocar_model *model;
     int joint;
-    int position; /* index in qpos */
-    int dof;      /* index in qvel */
+    int axes;        /* 1, or 2 with a hinge joint */
+    int position[2]; /* index in qpos: of the slide joint, and of the hinge joint */
+    int dof[2];      /* index in qvel */
 } trocar_instance;
 
 /* When a seal begins: at rest where the joint is as the first step begins. */
@@ -44,13 +48,14 @@ enum phase { PHASE_UNSET, PHASE_AT_REST, PHASE_RUNNING };
 typedef struct {
     double phase;
     double seal[TROCAR_STATE_NUMBERS]; /* trocar_state_save(), at the end of the last step */
-    double seal_force_n;               /* its force, where the joint is */
-    double other_m_s2;                 /* acceleration by all other forces in the last step */
-    double force_n;                    /* on the seal, in the step under way */
+    double from_rad;                   /* angle of the hinge joint where the seal began */
+    double seal_load[2];               /* its force, N, and torque, N m, where the joints are */
+    double other[2];                   /* acceleration by all other forces in the last step, m/s^2 and rad/s^2 */
+    double load[2];                    /* on the seal, in the step under way */
     double open;                       /* 1 from the force of a step to its end; the next three belong to it */
     double time_s;
-    double velocity_m_s;
-    double mobility_per_kg;
+    double velocity[2];
+    double mobility[2];
     double reported; /* trocar_status that was reported; 0 once a step has ended well */
 } trocar_slots;
 
@@ -133,8 +138,39 @@ static int find_joint(const mjModel *m, int instance)
     return joint;
 }
 
+/* The hinge joint that an instance turns with, -1 for none, or -2 with a warning. */
+static int find_hinge(const mjModel *m, int instance, int slide)
+{
+    const char *name = mj_getPluginConfig(m, instance, "hinge");
+    const int joint = name == NULL || *name == '\0' ? -1 : mj_name2id(m, mjOBJ_JOINT, name);
+
+    if (name == NULL || *name == '\0') {
+        return -1;
+    }
+    if (joint < 0) {
+        mju_warning(PLUGIN " '%s': no joint '%s' in the model", instance_name(m, instance), name);
+        return -2;
+    }
+    if (m->jnt_type[joint] != mjJNT_HINGE || m->jnt_bodyid[joint] != m->jnt_bodyid[slide]) {
+        mju_warning(PLUGIN " '%s': joint '%s' is no hinge joint of the body of joint '%s'", instance_name(m, instance), name,
+                    mj_id2name(m, mjOBJ_JOINT, slide));
+        return -2;
+    }
+    return joint;
+}
+
+/* Whether a model resists rotation. */
+static int turns(const trocar_model *model)
+{
+    double force_n;
+    trocar_state seal;
+
+    return trocar_state_init(model, &seal, 0.0) == TROCAR_STATUS_OK &&
+           trocar_turn_to(model, &seal, 0.0, 0.0, 1.0, &force_n) == TROCAR_STATUS_OK;
+}
+
 /* The model of an instance, or NULL with a warning. */
-static trocar_model *load_model(const mjModel *m, int instance)
+static trocar_model *load_model(const mjModel *m, int instance, int has_hinge)
 {
     const char *path = mj_getPluginConfig(m, instance, "model");
     char message[TROCAR_MESSAGE_SIZE];
@@ -145,6 +181,11 @@ static trocar_model *load_model(const mjModel *m, int instance)
                     instance_name(m, instance));
     } else if (trocar_model_load(path, &model, message, sizeof message) != TROCAR_STATUS_OK) {
         mju_warning(PLUGIN " '%s': %s", instance_name(m, instance), message);
+    } else if (has_hinge && !turns(model)) {
+        mju_warning(PLUGIN " '%s': a hinge joint is given, but %s has no 'rotation': leave the key hinge out",
+                    instance_name(m, instance), path);
+        trocar_model_free(model);
+        model = NULL;
     }
     return model;
 }
@@ -152,7 +193,8 @@ static trocar_model *load_model(const mjModel *m, int instance)
 static int init(const mjModel *m, mjData *d, int instance)
 {
     const int joint = find_joint(m, instance);
-    trocar_model *model = joint < 0 ? NULL : load_model(m, instance);
+    const int hinge = joint < 0 ? -2 : find_hinge(m, instance, joint);
+    trocar_model *model = hinge == -2 ? NULL : load_model(m, instance, hinge >= 0);
     trocar_instance *block = model == NULL ? NULL : malloc(sizeof *block);
 
     d->plugin_data[instance] = 0;
@@ -163,8 +205,13 @@ static int init(const mjModel *m, mjData *d, int instance)
     atomic_init(&block->users, 1);
     block->model = model;
     block->joint = joint;
-    block->position = m->jnt_qposadr[joint];
-    block->dof = m->jnt_dofadr[joint];
+    block->axes = hinge >= 0 ? 2 : 1;
+    block->position[0] = m->jnt_qposadr[joint];
+    block->dof[0] = m->jnt_dofadr[joint];
+    if (hinge >= 0) {
+        block->position[1] = m->jnt_qposadr[hinge];
+        block->dof[1] = m->jnt_dofadr[hinge];
+    }
     d->plugin_data[instance] = (uintptr_t)block;
     return 0;
 }
@@ -186,8 +233,8 @@ static void report(const mjModel *m, const mjData *d, int instance, trocar_slots
         mju_warning(PLUGIN " '%s': time %g s, joint '%s' at %g m, %g m/s, timestep %g s: %s; "
                     "the seal keeps its state and the force %g N",
                     instance_name(m, instance), d->time, mj_id2name(m, mjOBJ_JOINT, block->joint),
-                    d->qpos[block->position], d->qvel[block->dof], m->opt.timestep, trocar_status_message(status),
-                    slots->force_n);
+                    d->qpos[block->position[0]], d->qvel[block->dof[0]], m->opt.timestep, trocar_status_message(status),
+                    slots->load[0]);
         slots->reported = status;
     }
 }
@@ -197,13 +244,15 @@ static trocar_status begin(const mjData *d, int instance, trocar_slots *slots)
 {
     const trocar_instance *block = shared(d, instance);
     trocar_state seal;
-    const trocar_status status = trocar_state_init(block->model, &seal, d->qpos[block->position]);
+    const trocar_status status = trocar_state_init(block->model, &seal, d->qpos[block->position[0]]);
 
     if (status != TROCAR_STATUS_OK) {
         return status;
     }
     slots->phase = PHASE_AT_REST;
-    trocar_state_force(&seal, &slots->seal_force_n);
+    slots->from_rad = block->axes > 1 ? d->qpos[block->position[1]] : 0.0;
+    trocar_state_force(&seal, &slots->seal_load[0]);
+    slots->seal_load[1] = 0.0;
     return trocar_state_save(&seal, slots->seal, TROCAR_STATE_NUMBERS);
 }
 
@@ -212,11 +261,27 @@ static trocar_status stored_seal(const mjData *d, int instance, const trocar_slo
     return trocar_state_restore(shared(d, instance)->model, seal, slots->seal, TROCAR_STATE_NUMBERS, NULL, 0);
 }
 
-/* Where a step ends, by the force that acts in it. */
+/* Moves a seal to a position and, where it turns, to an angle from where it began; gives force and torque. */
+static trocar_status move_to(const trocar_instance *block, trocar_state *seal, const double at[2], double duration_s,
+                             double load[2])
+{
+    trocar_status status;
+
+    if (block->axes == 1) {
+        return trocar_step_to(block->model, seal, at[0], duration_s, &load[0]);
+    }
+    status = trocar_turn_to(block->model, seal, at[0], at[1], duration_s, &load[0]);
+    return status == TROCAR_STATUS_OK ? trocar_state_torque(block->model, seal, &load[1]) : status;
+}
+
+/* Where a step ends, by the force that acts in it. With a hinge joint the same for the angle (rad) and the torque (N m), each
+ * with the end of the other as it is. */
 typedef struct {
-    const trocar_model *model;
+    const trocar_instance *block;
     const trocar_state *seal;
     double duration_s;
+    int axis;              /* 0: position and force are sought, 1: angle and torque */
+    double at[2];          /* the end so far */
     double free_m;         /* where the joint gets without the trocar */
     double compliance_m_n; /* how much each newton on the seal takes off that: h^2 w */
     trocar_status status;
@@ -234,8 +299,12 @@ static trial try_end(step_end *end, double position_m)
 {
     trocar_state seal = *end->seal;
     trial tried = {position_m, 0.0, 0.0};
-    const trocar_status status = trocar_step_to(end->model, &seal, position_m, end->duration_s, &tried.force_n);
+    double at[2] = {end->at[0], end->at[1]}, load[2] = {0.0, 0.0};
+    trocar_status status;
 
+    at[end->axis] = position_m;
+    status = move_to(end->block, &seal, at, end->duration_s, load);
+    tried.force_n = load[end->axis];
     if (status != TROCAR_STATUS_OK) {
         end->status = status;
     }
@@ -293,6 +362,29 @@ static double force_of_step(step_end *end)
     return free.excess_m > 0.0 ? force_between(end, other, free) : force_between(end, free, other);
 }
 
+/* Rounds in which force and torque settle. A round brings them nearer the more inertia the joints have. */
+enum { ROUNDS = 100 };
+
+/* Force and torque on the seal: in a step that ends, without the trocar, at `free`. */
+static void loads_of_step(step_end *end, int axes, const double free[2], const double compliance[2], double load[2])
+{
+    int round;
+    double last[2] = {HUGE_VAL, HUGE_VAL};
+
+    for (round = 0; round < ROUNDS && end->status == TROCAR_STATUS_OK; round++) {
+        for (end->axis = 0; end->axis < axes; end->axis++) {
+            end->free_m = free[end->axis];
+            end->compliance_m_n = compliance[end->axis];
+            load[end->axis] = force_of_step(end);
+            end->at[end->axis] = end->free_m - end->compliance_m_n * load[end->axis];
+        }
+        if (axes == 1 || (fabs(load[0] - last[0]) <= FORCE_ERROR_N && fabs(load[1] - last[1]) <= FORCE_ERROR_N)) {
+            return;
+        }
+        last[0] = load[0], last[1] = load[1];
+    }
+}
+
 /* Acceleration of a dof by a unit force on it, 1/kg. */
 static double mobility(const mjModel *m, mjData *d, int dof)
 {
@@ -316,16 +408,12 @@ static trocar_status open_step(const mjModel *m, mjData *d, int instance, trocar
 {
     const trocar_instance *block = shared(d, instance);
     const double step_s = m->opt.timestep;
-    const double velocity_m_s = d->qvel[block->dof];
-    const double mobility_per_kg = mobility(m, d, block->dof);
+    double load[2] = {0.0, 0.0}, free[2] = {0.0, 0.0}, compliance[2] = {0.0, 0.0}, velocity[2], mobilities[2];
     trocar_state seal;
     trocar_status status = slots->phase == PHASE_RUNNING ? TROCAR_STATUS_OK : begin(d, instance, slots);
-    step_end end = {block->model, &seal, step_s, 0.0, 0.0, status};
-    double force_n;
+    step_end end = {block, &seal, step_s, 0, {0.0, 0.0}, 0.0, 0.0, TROCAR_STATUS_OK};
+    int axis;
 
-    end.free_m = d->qpos[block->position] + step_s * velocity_m_s;
-    end.free_m += step_s * step_s * slots->other_m_s2;
-    end.compliance_m_n = step_s * step_s * mobility_per_kg;
     slots->open = 0.0;
     if (status == TROCAR_STATUS_OK) {
         status = stored_seal(d, instance, slots, &seal);
@@ -333,15 +421,26 @@ static trocar_status open_step(const mjModel *m, mjData *d, int instance, trocar
     if (status != TROCAR_STATUS_OK) {
         return status;
     }
-    force_n = force_of_step(&end);
+    for (axis = 0; axis < block->axes; axis++) {
+        velocity[axis] = d->qvel[block->dof[axis]];
+        mobilities[axis] = mobility(m, d, block->dof[axis]);
+        free[axis] = d->qpos[block->position[axis]] - (axis == 1 ? slots->from_rad : 0.0);
+        free[axis] += step_s * velocity[axis];
+        free[axis] += step_s * step_s * slots->other[axis];
+        compliance[axis] = step_s * step_s * mobilities[axis];
+        end.at[axis] = free[axis];
+    }
+    loads_of_step(&end, block->axes, free, compliance, load);
     if (end.status != TROCAR_STATUS_OK) {
         return end.status;
     }
     slots->open = 1.0;
     slots->time_s = d->time;
-    slots->velocity_m_s = velocity_m_s;
-    slots->mobility_per_kg = mobility_per_kg;
-    slots->force_n = force_n;
+    for (axis = 0; axis < block->axes; axis++) {
+        slots->velocity[axis] = velocity[axis];
+        slots->mobility[axis] = mobilities[axis];
+        slots->load[axis] = load[axis];
+    }
     return TROCAR_STATUS_OK;
 }
 
@@ -356,28 +455,33 @@ static int later_stage(const mjModel *m, const mjData *d, const trocar_slots *sl
 
 /* ---- what the engine calls ---- */
 
+/* A sensor reads the force, and with a hinge joint the torque. */
 static int nsensordata(const mjModel *m, int instance, int sensor)
 {
-    (void)m, (void)instance, (void)sensor;
-    return 1;
+    const char *hinge = mj_getPluginConfig(m, instance, "hinge");
+
+    (void)sensor;
+    return hinge == NULL || *hinge == '\0' ? 1 : 2;
 }
 
-/* A sensor of the instance reads the force of the seal where the joint is. */
+/* A sensor of the instance reads what the seal takes where the joints are. */
 static void write_sensors(const mjModel *m, mjData *d, int instance)
 {
-    const double force_n = slots_of(m, d, instance)->seal_force_n;
+    const trocar_slots *slots = slots_of(m, d, instance);
     int sensor;
 
     for (sensor = 0; sensor < m->nsensor; sensor++) {
         if (m->sensor_type[sensor] == mjSENS_PLUGIN && m->sensor_plugin[sensor] == instance) {
-            d->sensordata[m->sensor_adr[sensor]] = force_n;
+            mju_copy(d->sensordata + m->sensor_adr[sensor], slots->seal_load, shared(d, instance)->axes);
         }
     }
 }
 
 static void compute(const mjModel *m, mjData *d, int instance, int capability)
 {
+    const trocar_instance *block = shared(d, instance);
     trocar_slots *slots = slots_of(m, d, instance);
+    int axis;
 
     if (capability == mjPLUGIN_SENSOR) {
         write_sensors(m, d, instance);
@@ -389,7 +493,9 @@ static void compute(const mjModel *m, mjData *d, int instance, int capability)
             report(m, d, instance, slots, status);
         }
     }
-    d->qfrc_passive[shared(d, instance)->dof] -= slots->force_n;
+    for (axis = 0; axis < block->axes; axis++) {
+        d->qfrc_passive[block->dof[axis]] -= slots->load[axis];
+    }
 }
 
 /* The step is taken: the seal follows to where the joint is. */
@@ -399,35 +505,41 @@ static void advance(const mjModel *m, mjData *d, int instance)
     const double step_s = m->opt.timestep;
     trocar_slots *slots = slots_of(m, d, instance);
     trocar_state seal;
-    double force_n = 0.0;
+    double load[2] = {0.0, 0.0}, at[2] = {0.0, 0.0};
+    int axis;
     trocar_status status = slots->phase == PHASE_UNSET ? begin(d, instance, slots) : TROCAR_STATUS_OK;
 
     if (status == TROCAR_STATUS_OK) {
         status = stored_seal(d, instance, slots, &seal);
     }
+    for (axis = 0; axis < block->axes; axis++) {
+        at[axis] = d->qpos[block->position[axis]] - (axis == 1 ? slots->from_rad : 0.0);
+    }
     if (status == TROCAR_STATUS_OK) {
-        status = trocar_step_to(block->model, &seal, d->qpos[block->position], step_s, &force_n);
+        status = move_to(block, &seal, at, step_s, load);
     }
     if (status != TROCAR_STATUS_OK) {
         report(m, d, instance, slots, status);
     } else {
         trocar_state_save(&seal, slots->seal, TROCAR_STATE_NUMBERS);
-        slots->seal_force_n = force_n;
+        mju_copy(slots->seal_load, load, 2);
         slots->phase = PHASE_RUNNING;
         slots->reported = TROCAR_STATUS_OK;
     }
-    slots->other_m_s2 = 0.0;
-    if (slots->open != 0.0 && status == TROCAR_STATUS_OK) {
-        const double gained_m_s2 = (d->qvel[block->dof] - slots->velocity_m_s) / step_s;
-        const double other_m_s2 = gained_m_s2 + slots->mobility_per_kg * slots->force_n;
-        slots->other_m_s2 = isfinite(other_m_s2) ? other_m_s2 : 0.0;
+    for (axis = 0; axis < block->axes; axis++) {
+        slots->other[axis] = 0.0;
+        if (slots->open != 0.0 && status == TROCAR_STATUS_OK) {
+            const double gained = (d->qvel[block->dof[axis]] - slots->velocity[axis]) / step_s;
+            const double other = gained + slots->mobility[axis] * slots->load[axis];
+            slots->other[axis] = isfinite(other) ? other : 0.0;
+        }
     }
     slots->open = 0.0;
 }
 
 mjPLUGIN_LIB_INIT(trocar)
 {
-    static const char *const attributes[] = {"model", "joint"};
+    static const char *const attributes[] = {"model", "joint", "hinge"};
     mjpPlugin plugin;
 
     /* The layout of mjModel and mjData is that of the header. */

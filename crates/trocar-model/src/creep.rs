@@ -47,6 +47,8 @@ pub(crate) struct Rise {
 impl Rise {
     /// The curve without lag.
     pub(crate) const INSTANT: Self = Self { kept: 0.0, now: 1.0 };
+    /// λ = 1 whatever the slip speed.
+    pub(crate) const KEPT: Self = Self { kept: 1.0, now: 0.0 };
 
     /// λ = `rise` before a step has begun, with lag `lag`, s.
     #[inline(always)]

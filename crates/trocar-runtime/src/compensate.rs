@@ -15,7 +15,8 @@
 //!
 //! λ scales forces and deflections alike, since wetting changes the friction but not the stiffness
 //! of the rubber: F_wet(x) = λ·F(x/λ). λ and ν are estimated online ([`adapt`]) and are 1 without
-//! adaptation.
+//! adaptation. While the instrument turns, the two directions of a stroke hardly ever agree about λ: a
+//! change then waits for strokes without turning.
 //!
 //! # Uncertainty
 //!

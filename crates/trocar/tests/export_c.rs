@@ -691,8 +691,10 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "relaxation.rs",
             "damping.rs",
             "parallel.rs",
+            "rotation.rs",
+            "slip/turn.rs",
         ],
-        0xa135_0064_4539_d1c2,
+        0x5732_8967_01ba_aa88,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),
@@ -702,7 +704,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
     ("leuven.c", &["classical/leuven.rs", "classical/chord.rs"], 0xd658_005b_8b34_5e81),
     ("maxwell_slip.c", &["classical/maxwell_slip.rs"], 0xa3a6_bfdf_bd75_cc1e),
     ("gms.c", &["classical/gms.rs"], 0xd306_cdeb_b106_11f5),
-    ("public.c", &["seal.rs", "profile.rs"], 0xad46_5247_16a7_3b4d),
+    ("public.c", &["seal.rs", "profile.rs"], 0x6f7b_3947_f988_c638),
     ("arithmetic.c", &["friction.rs"], 0xa692_e401_398f_6008),
     (
         "compensator.c",
@@ -715,7 +717,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "../../trocar-runtime/src/compensate/inertia.rs",
             "../../trocar-runtime/src/compensate/sign.rs",
         ],
-        0xd3fd_b2b3_5a2e_143d,
+        0x63b2_a36b_b5c5_76b7,
     ),
 ];
 

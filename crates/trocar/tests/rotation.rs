@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use trocar::bench::{self, BenchConfig, Course, Protocol};
-use trocar::export::c::{self as export_c, COptions};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::{Choice, ReadOptions, Readings, Recording, read};
@@ -43,13 +42,6 @@ fn a_classical_model_is_no_model_of_rotation() {
     let text = text.replacen("\"friction\"", &format!("{rotation} \"friction\""), 1);
     let error = ModelFile::from_json(&text).unwrap_err().to_string();
     assert!(error.contains("the classical models know the axis only"), "{error}");
-}
-
-#[test]
-fn exports_say_what_they_lose() {
-    let options = COptions { internal: false, ..COptions::IN_FMU };
-    let error = export_c::write(&plausible(), "made up", options).unwrap_err().to_string();
-    assert!(error.contains("knows the axis only"), "{error}");
 }
 
 /// All models of the conformance check that can turn have their own bits as long as they do not.

@@ -7,6 +7,7 @@ import mujoco
 import pytest
 
 REPOSITORY = pathlib.Path(__file__).resolve().parents[3]
+TURNING = sorted((REPOSITORY / "conformance" / "turning" / "models").glob("*.json"))
 MODELS = sorted((REPOSITORY / "conformance" / "models").glob("*.json"))
 
 
@@ -38,6 +39,12 @@ def smooth_model(request):
     return request.param
 
 
+@pytest.fixture(params=TURNING, ids=by_name)
+def turning_model(request):
+    """Each model file of the conformance check that turns."""
+    return request.param
+
+
 @pytest.fixture
 def ems():
     return REPOSITORY / "conformance" / "models" / "ems_stribeck.json"
@@ -45,16 +52,20 @@ def ems():
 
 @pytest.fixture
 def simulate(tmp_path):
-    """Forces (N) of `trocar simulate` along a motion: what all other programs are compared with."""
+    """Forces (N) of `trocar simulate` along a motion, with angles also the torques (N m), row by row: what all other programs
+    are compared with."""
 
-    def forces(model, times, positions):
+    def forces(model, times, positions, angles=None):
         motion = tmp_path / "motion.csv"
-        rows = [f"{float(t)!r},{float(x)!r}" for t, x in zip(times, positions)]
-        motion.write_text("\n".join(["time_s,position_m", *rows, ""]))
+        columns = [times, positions] if angles is None else [times, positions, angles]
+        rows = [",".join(repr(float(value)) for value in row) for row in zip(*columns)]
+        header = "time_s,position_m" if angles is None else "time_s,position_m,angle_rad"
+        motion.write_text("\n".join([header, *rows, ""]))
         program = [os.environ["TROCAR_PROGRAM"], "--quiet", "simulate", str(model), str(motion), "--out", "-"]
         lines = subprocess.run(program, check=True, capture_output=True, text=True).stdout.splitlines()
-        column = lines[0].split(",").index("force_n")
-        return [float(line.split(",")[column]) for line in lines[1:]]
+        names = ["force_n"] if angles is None else ["force_n", "torque_n_m"]
+        found = [lines[0].split(",").index(name) for name in names]
+        return [float(line.split(",")[column]) for line in lines[1:] for column in found]
 
     return forces
 

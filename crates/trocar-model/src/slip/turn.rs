@@ -344,7 +344,7 @@ impl Element {
     fn newton(&self, around: &Around, slide: &Slide, mut slip: Pair) -> Option<End> {
         let small =
             RESIDUAL * self.params.insertion.static_force.min(self.params.withdrawal.static_force);
-        let near = 1e3 * small;
+        let near = 1e5 * small;
         for _ in 0..ITERATIONS {
             let end = self.end_turning(around, slide, slip);
             let [[a, b], [c, d]] = end.slope;
@@ -423,8 +423,13 @@ impl Element {
         let axial = self.sliding(Direction::of(slip[0]));
         let speed = if around.constant { 0.0 } else { length(slip) };
         let creep = self.params.creep_velocity;
-        let (g, fall, rise) = self.level(axial, rise, speed);
-        let (g_t, fall_t, _) = self.level(&around.sliding, rise, speed);
+        let (g, fall, g_t, fall_t, rise) = if around.constant && !self.creeps {
+            (axial.coulomb_force, 0.0, around.sliding.coulomb_force, 0.0, Rise::KEPT)
+        } else {
+            let (g, fall, rise) = self.level(axial, rise, speed);
+            let (g_t, fall_t, _) = self.level(&around.sliding, rise, speed);
+            (g, fall, g_t, fall_t, rise)
+        };
         let squares = [slip[0] * slip[0] + creep * creep, slip[1] * slip[1]];
         let inverse = 1.0 / libm::sqrt(g * g * squares[0] + g_t * g_t * squares[1]);
         let secant = [g * g * inverse, g_t * g_t * inverse];
@@ -454,7 +459,7 @@ impl Element {
     fn level(&self, sliding: &SlidingFriction, rise: Rise, speed: f64) -> (f64, f64, Rise) {
         let (level, fall) = sliding.level_and_slope(speed);
         if !self.creeps {
-            return (level, fall, Rise { kept: 1.0, now: 0.0 });
+            return (level, fall, Rise::KEPT);
         }
         let now = rise.kept + rise.now * sliding.rise(level);
         let surplus = sliding.static_force - sliding.coulomb_force;
@@ -507,7 +512,11 @@ impl Element {
     }
 
     fn after_sliding(&self, slide: &Slide, end: &End) -> (State, Turn) {
-        let creeping = length(end.slip) <= self.params.creep_velocity;
+        let creeping = if self.creeps {
+            length(end.slip) <= self.params.creep_velocity
+        } else {
+            end.slip == [0.0; 2]
+        };
         let state = State {
             deflection: end.z[0],
             yield_force: end.q,

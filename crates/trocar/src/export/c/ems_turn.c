@@ -288,9 +288,9 @@ static int trocar_newton(const trocar_element *e, const trocar_turn *turn, troca
 {
     const double withdrawal = e->contact[0].static_force_n, insertion = e->contact[1].static_force_n;
 //@if single
-    const double small = 1e-6 * trocar_least(insertion, withdrawal), near = 1e3 * small;
+    const double small = 1e-6 * trocar_least(insertion, withdrawal), near = 1e5 * small;
 //@else
-    const double small = 1e-9 * trocar_least(insertion, withdrawal), near = 1e3 * small;
+    const double small = 1e-9 * trocar_least(insertion, withdrawal), near = 1e5 * small;
 //@end
     int k;
     for (k = 0; k < 10; ++k) {
@@ -534,11 +534,14 @@ static void trocar_end_turn(const trocar_element *e, trocar_element_state *state
 //@else
     (void)turn;
 //@end
+    state->sliding = !(end->slip.x == 0.0 && end->slip.t == 0.0);
 //@if creep
+    if (trocar_creeps(e)) {
+        state->sliding = !(trocar_length(end->slip) <= e->creep_velocity_m_s);
+    }
 //@else
     (void)e;
 //@end
-    state->sliding = !(trocar_length(end->slip) <= @CREEP_VELOCITY@);
     state->around_deflection_m = end->z.t;
     state->around_slip_velocity_m_s = end->slip.t;
 }
