@@ -509,14 +509,14 @@ fn turning() -> Outcome<Figure> {
     let marks: Vec<[f64; 3]> = [0, 60, 180, 360].iter().map(|k| rows[*k]).collect();
     let words = marks.iter().map(|row| format!("{}°", row[0])).collect();
     let circle = Panel::new(Axis::new("force along the shaft", "N"), Axis::new("around it", "N"))
-        .aspect(0.62)
+        .aspect(0.52)
         .series(ellipse("K, isotropic", Role::Reference, 1.0))
         .series(ellipse("half the friction around", Role::Neutral, 0.5))
         .series(Series::line("turned", Role::Model, column(&rows, 1), column(&rows, 2)))
         .series(Series::labelled("", Role::Fit, column(&marks, 1), column(&marks, 2), words));
     let mut over_angle =
         Panel::new(Axis::new("angle", "degrees"), Axis::new("force along the shaft", "N"))
-            .aspect(0.62);
+            .aspect(0.52);
     for (k, stiffness) in (0..).zip([212.5, 425.0, 850.0]) {
         let rows = turned(stiffness)?;
         let name = format!("k_t = {stiffness} N/m");
@@ -524,6 +524,6 @@ fn turning() -> Outcome<Figure> {
         over_angle = over_angle.series(line);
     }
     Ok(Figure::new("turning", 1, "Held and turned").columns(2).panel(circle).panel(over_angle).caption(
-        "The plausible seal, slid in, held and turned: the force leaves the axis along the yield set K. The stiffer around the shaft, the          sooner.",
+        "The plausible seal, slid in, held and turned: the force leaves the axis along the yield set K.",
     ))
 }
