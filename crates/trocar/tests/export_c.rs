@@ -694,7 +694,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "rotation.rs",
             "slip/turn.rs",
         ],
-        0x5732_8967_01ba_aa88,
+        0x8567_9e12_29df_686e,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),

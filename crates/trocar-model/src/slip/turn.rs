@@ -344,7 +344,7 @@ impl Element {
     fn newton(&self, around: &Around, slide: &Slide, mut slip: Pair) -> Option<End> {
         let small =
             RESIDUAL * self.params.insertion.static_force.min(self.params.withdrawal.static_force);
-        let near = 1e5 * small;
+        let near = 1e3 * small;
         for _ in 0..ITERATIONS {
             let end = self.end_turning(around, slide, slip);
             let [[a, b], [c, d]] = end.slope;

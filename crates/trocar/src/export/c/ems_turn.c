@@ -288,9 +288,9 @@ static int trocar_newton(const trocar_element *e, const trocar_turn *turn, troca
 {
     const double withdrawal = e->contact[0].static_force_n, insertion = e->contact[1].static_force_n;
 //@if single
-    const double small = 1e-6 * trocar_least(insertion, withdrawal), near = 1e5 * small;
+    const double small = 1e-6 * trocar_least(insertion, withdrawal), near = 1e3 * small;
 //@else
-    const double small = 1e-9 * trocar_least(insertion, withdrawal), near = 1e5 * small;
+    const double small = 1e-9 * trocar_least(insertion, withdrawal), near = 1e3 * small;
 //@end
     int k;
     for (k = 0; k < 10; ++k) {
