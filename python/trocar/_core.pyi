@@ -40,6 +40,7 @@ class Recording:
         velocity_m_s: npt.ArrayLike | None = None,
         *,
         angle_rad: npt.ArrayLike | None = None,
+        torque_n_m: npt.ArrayLike | None = None,
         name: str = "recording",
         sensor_limit_n: float | None = None,
         flip_force: bool = False,
@@ -68,6 +69,8 @@ class Recording:
     def velocity_m_s(self) -> _Array | None: ...
     @property
     def angle_rad(self) -> _Array | None: ...
+    @property
+    def torque_n_m(self) -> _Array | None: ...
     @property
     def duration_s(self) -> float: ...
     @property
@@ -98,6 +101,7 @@ class Recording:
         sha256: str,
         quality: str,
         angle_rad: npt.ArrayLike | None,
+        torque_n_m: npt.ArrayLike | None,
     ) -> Recording: ...
 
 @final
@@ -461,7 +465,7 @@ def compare(
     progress: Callable[[str, float], object] | None,
 ) -> Compared: ...
 def bench(
-    protocol: Literal["steady", "dynamic", "validation", "step", "surgeon"] | None = None,
+    protocol: Literal["steady", "dynamic", "validation", "step", "surgeon", "roll", "hold-and-turn"] | None = None,
     *,
     motion: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     seal: Model | None = None,

@@ -2,8 +2,8 @@
 
 use pyo3::prelude::*;
 use trocar::bench::config::DEFAULT_TOML;
-use trocar::bench::{BenchConfig, BenchError, BenchRun, Course, Experiment, UnknownProtocol};
-use trocar::recording::{Readings, Recording as Record};
+use trocar::bench::{BenchConfig, BenchError, Course, Experiment, UnknownProtocol};
+use trocar::recording::Recording as Record;
 
 use crate::arrays::column;
 use crate::errors::{ParameterError, Raise};
@@ -14,7 +14,7 @@ use crate::work::{How, run};
 /// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors
 /// record it.
 ///
-/// `protocol` is "steady", "dynamic", "validation", "step" or "surgeon"; or `motion` holds the times, s, and
+/// `protocol` is "steady", "dynamic", "validation", "step", "surgeon", "roll" or "hold-and-turn"; or `motion` holds the times, s, and
 /// positions, m, of a motion to make in its place, such as `plan` gives. `seal` is a model of EMS
 /// elements, by default the made-up plausible one. `config` is TOML text as `bench_config()` gives
 /// it; keys left out keep their defaults.
@@ -44,22 +44,19 @@ pub(crate) fn bench(
         None => None,
     };
     let experiment = Experiment::of(protocol, motion).map_err(Raise::raise)?;
-    let config =
+    let mut config =
         config.map(BenchConfig::from_toml).transpose().map_err(Raise::raise)?.unwrap_or_default();
     let file = match seal {
         Some(seal) => seal.get().file().clone(),
         None => trocar::model_file::ModelFile::plausible_10_5_mm().map_err(Raise::raise)?.into(),
     };
+    config.rotation = file.trocar.rotation().copied();
     let elements = file.stages().map_err(Raise::raise)?.elements().to_vec();
     let record = run(py, How::default(), move |_| {
         let run = experiment.run(&config, &elements, seed)?;
         let events = run.events;
-        let BenchRun { time, position, velocity, force, .. } = run;
-        let readings = Readings { time, position, force, velocity: Some(velocity), angle: None };
-        Ok((
-            Record::from_readings(experiment.name(), &readings, Some(config.force_sensor.range_n)),
-            events,
-        ))
+        let limit = Some(config.force_sensor.range_n);
+        Ok((Record::from_readings(experiment.name(), &run.readings(), limit), events))
     })?;
     let (record, events) = record.map_err(|error: BenchError| error.raise())?;
     let mut record = record.map_err(Raise::raise)?;

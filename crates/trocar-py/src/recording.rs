@@ -13,7 +13,7 @@ use pyo3::types::{PyAny, PySlice, PyTuple, PyType};
 use trocar::option::{Interface, spelt};
 use trocar::output::AtomicFile;
 use trocar::recording::{
-    self, Choice, Quality, Readings, Recording as Record, TableColumn, TableColumns,
+    self, Choice, Quality, Quantity, Readings, Recording as Record, TableColumn, TableColumns,
 };
 use trocar::report::recording::document;
 
@@ -33,12 +33,12 @@ use crate::shared::{Picture, figures, finite};
 #[pyclass(module = "trocar", frozen)]
 pub(crate) struct Recording {
     record: Arc<Record>,
-    columns: [PyOnceLock<Py<PyArray1<f64>>>; 5],
+    columns: [PyOnceLock<Py<PyArray1<f64>>>; Quantity::ALL.len()],
 }
 
 impl Recording {
     pub(crate) fn new(record: Record) -> Self {
-        Self { record: Arc::new(record), columns: [const { PyOnceLock::new() }; 5] }
+        Self { record: Arc::new(record), columns: [const { PyOnceLock::new() }; Quantity::ALL.len()] }
     }
 
     pub(crate) fn record(&self) -> &Record {
@@ -141,22 +141,22 @@ pub(crate) fn readings_of_frame(
             false => Ok(column(&names[time.index], &seconds)?.as_slice()?.to_vec()),
         }
     };
-    let [time, position, force] = found.needed;
-    let readings = Readings {
-        time: times(time)?,
-        position: values(position)?,
-        force: values(force)?,
-        velocity: found.velocity.map(values).transpose()?,
-        angle: found.angle.map(values).transpose()?,
-    };
+    let mut columns = Quantity::ALL.map(|_| None);
+    for (quantity, of) in Quantity::ALL.into_iter().zip(found.columns) {
+        columns[quantity as usize] = match (quantity, of) {
+            (Quantity::Time, Some(time)) => Some(times(time)?),
+            (_, of) => of.map(values).transpose()?,
+        };
+    }
+    let readings = Readings::from(columns);
     Ok((readings, found.notes))
 }
 
 #[pymethods]
 impl Recording {
     #[new]
-    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, name="recording".to_owned(),
-        sensor_limit_n=None, flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, name='recording', \
+    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, torque_n_m=None, name="recording".to_owned(),
+        sensor_limit_n=None, flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, torque_n_m=None, name='recording', \
         sensor_limit_n=None, flip_force=False)")]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn from_arrays(
@@ -166,6 +166,7 @@ impl Recording {
         force_n: &Bound<'_, PyAny>,
         velocity_m_s: Option<&Bound<'_, PyAny>>,
         angle_rad: Option<&Bound<'_, PyAny>>,
+        torque_n_m: Option<&Bound<'_, PyAny>>,
         name: String,
         sensor_limit_n: Option<f64>,
         flip_force: bool,
@@ -178,6 +179,7 @@ impl Recording {
             force: values("force_n", force_n)?,
             velocity: velocity_m_s.map(|velocity| values("velocity_m_s", velocity)).transpose()?,
             angle: angle_rad.map(|angle| values("angle_rad", angle)).transpose()?,
+            torque: torque_n_m.map(|torque| values("torque_n_m", torque)).transpose()?,
         };
         let choice = Choice { flip_force, ..Choice::default() };
         Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, choice)?))
@@ -251,6 +253,12 @@ impl Recording {
     #[getter]
     fn angle_rad(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.record.angle.as_ref().map(|angle| self.column(py, 4, angle)).transpose()
+    }
+
+    /// Torque of the instrument on the seal, N m, positive with the angle, or None.
+    #[getter]
+    fn torque_n_m(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.record.torque.as_ref().map(|torque| self.column(py, 5, torque)).transpose()
     }
 
     /// Time from the first to the last sample, s.
@@ -350,11 +358,9 @@ impl Recording {
 
     /// Writes the recording as CSV, in SI units; the file appears whole or not at all.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let Record { time, position, force, velocity, .. } = &*self.record;
         py.detach(|| {
             let mut file = AtomicFile::create(&path)?;
-            let outcome = recording::write(&mut file, time, position, velocity.as_deref(), force);
-            outcome.map_err(|source| file.write_error(source))?;
+            self.record.write(&mut file).map_err(|source| file.write_error(source))?;
             file.commit()
         })
         .map_err(Raise::raise)
@@ -391,8 +397,10 @@ impl Recording {
         let quality = quality_json(&own.record.quality)?;
         let columns =
             (own.time_s(py)?, own.position_m(py)?, own.force_n(py)?, own.velocity_m_s(py)?);
-        let (name, sha256, angle) = (own.name(), own.sha256(), own.angle_rad(py)?);
-        let state = (columns.0, columns.1, columns.2, columns.3, name, sha256, quality, angle);
+        let (name, sha256) = (own.name(), own.sha256());
+        let (angle, torque) = (own.angle_rad(py)?, own.torque_n_m(py)?);
+        let state =
+            (columns.0, columns.1, columns.2, columns.3, name, sha256, quality, angle, torque);
         Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state.into_pyobject(py)?))
     }
 
@@ -408,6 +416,7 @@ impl Recording {
         sha256: String,
         quality: &str,
         angle_rad: Option<&Bound<'_, PyAny>>,
+        torque_n_m: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let py = time_s.py();
         let mut own = Self::from_arrays(
@@ -417,6 +426,7 @@ impl Recording {
             force_n,
             velocity_m_s,
             angle_rad,
+            torque_n_m,
             name,
             None,
             false,

@@ -388,12 +388,8 @@ pub struct TableColumn {
 /// Which columns of a table are which quantity.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TableColumns {
-    /// Time, position and force, in this order.
-    pub needed: [TableColumn; 3],
-    /// Velocity, if there is one.
-    pub velocity: Option<TableColumn>,
-    /// Angle, if there is one.
-    pub angle: Option<TableColumn>,
+    /// By index of the [`Quantity`]; time, position and force are there.
+    pub columns: [Option<TableColumn>; Quantity::ALL.len()],
     /// Assumptions made.
     pub notes: Vec<String>,
 }
@@ -424,7 +420,6 @@ impl TableColumns {
         timestamps: &[usize],
         mapping: Option<&str>,
     ) -> Result<Self, RecordingError> {
-        let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
         let header = Header {
             file: table,
             place: "",
@@ -435,13 +430,11 @@ impl TableColumns {
             first_text: &|_| None,
         };
         let choice = Choice { columns: mapping.map(str::to_owned), ..Choice::default() };
-        let layout = choice.layout_of_table(&header, &needed)?;
+        let layout = choice.layout_of_table(&header, &Quantity::NEEDED)?;
         let of = |quantity: Quantity| {
             let index = layout.column(quantity)?;
             layout.slots[index].map(|slot| TableColumn { index, per_si: slot.per_si })
         };
-        let found = needed.map(|quantity| of(quantity).expect("the layout holds what is needed"));
-        let (velocity, angle) = (of(Quantity::Velocity), of(Quantity::Angle));
-        Ok(Self { needed: found, velocity, angle, notes: layout.notes })
+        Ok(Self { columns: Quantity::ALL.map(of), notes: layout.notes })
     }
 }

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::RecordingError;
 use super::block::{Block, SampleRow};
 use super::quality::{Quality, RowList};
+use super::recording::Readings;
 use super::samples::{Columns, Count, Lines};
 use super::screen;
 use super::units::Quantity;
@@ -64,15 +65,8 @@ impl Collector {
         has: impl Fn(Quantity) -> bool,
         most: Option<usize>,
     ) -> Self {
-        let column = || Vec::with_capacity(capacity);
-        let columns = Columns {
-            time: column(),
-            position: column(),
-            force: column(),
-            velocity: has(Quantity::Velocity).then(column),
-            angle: has(Quantity::Angle).then(column),
-            lines: Lines::default(),
-        };
+        let columns = Quantity::ALL.map(|own| has(own).then(|| Vec::with_capacity(capacity)));
+        let columns = Columns { readings: Readings::from(columns), lines: Lines::default() };
         let excerpts = Excerpts { most: held(most), level: 0, seen: 0, held: Vec::new() };
         Self { columns, non_finite: RowList::default(), excerpts }
     }

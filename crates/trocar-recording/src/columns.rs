@@ -4,7 +4,7 @@ use trocar_tables::text::Format;
 
 use super::RecordingError;
 pub use super::units::Quantity;
-use super::units::{bracketed, foreign, is_unit, key, lower, units_named, words_of};
+use super::units::{Foreign, bracketed, foreign, is_unit, key, lower, units_named, words_of};
 
 /// Interpretation of a single name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,7 +48,7 @@ const MASSES: [&str; 9] = ["g", "kg", "lb", "lbs", "oz", "gram", "grams", "pound
 const WEAK_UNITS: [&str; 6] = ["min", "in", "h", "ft", "mil", "foot"];
 
 /// The quantity that a name without any of its words denotes by its unit alone, as `Weg [mm]` or
-/// `Fz_n`, and the number of units per SI unit. Never a velocity or an angle.
+/// `Fz_n`, and the number of units per SI unit. Never an optional quantity.
 pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> {
     let lower = lower(name);
     let words = words_of(&lower);
@@ -77,7 +77,7 @@ pub(crate) fn unit_alone(name: &str, declared: &str) -> Option<(Quantity, f64)> 
         }
     };
     let mut found = units_named(&unit).filter(|_| !MASSES.contains(&unit.as_str()));
-    found.next().filter(|(quantity, _)| !Quantity::OPTIONAL.contains(quantity))
+    found.next().filter(|(quantity, _)| Quantity::NEEDED.contains(quantity))
 }
 
 /// Recognises `force_N`, `Position (mm)`, `time [s]`, `t_ms`, `velocity m/s`.
@@ -128,9 +128,9 @@ pub(crate) fn reading_with(name: &str, unit: &str, notes: &mut Vec<String>) -> O
 /// The same of a column that may be read: an angle is no position, and a voltage no force, even if nothing
 /// else is.
 pub(crate) fn reading_of(name: &str, unit: &str, notes: &mut Vec<String>) -> Option<Reading> {
-    reading_with(name, unit, notes).filter(|own| match own.quantity {
-        Quantity::Angle => own.per_si.is_some(),
-        _ => foreign(name, unit).is_none(),
+    reading_with(name, unit, notes).filter(|own| match own.quantity.needs_unit() {
+        true => own.per_si.is_some(),
+        false => foreign(name, unit).is_none(),
     })
 }
 
@@ -142,6 +142,9 @@ fn quantity_of(words: &[&str]) -> Option<Quantity> {
     let mut found = Quantity::ALL.into_iter().filter(|quantity| named(quantity, AXES[0]));
     let has_x = words.contains(&AXES[0]);
     match (found.next(), found.next()) {
+        // `force_torque_fz` is a force, `roll_torque` none but a torque.
+        (Some(Quantity::Force), Some(Quantity::Torque)) => Some(Quantity::Force),
+        (Some(Quantity::Angle), Some(Quantity::Torque)) => Some(Quantity::Torque),
         // Beside another word x is an axis, but `x(t)` is none.
         (Some(quantity), None) => Some(quantity).filter(|own| !has_x || *own != Quantity::Time),
         (None, _) => has_x.then_some(Quantity::Position),
@@ -170,10 +173,11 @@ pub(crate) fn other_axes(names: &[String], index: usize) -> Vec<usize> {
 /// The unit at the end of a name behind another word: how many words, and the number per SI unit.
 fn trailing_unit(words: &[&str], quantity: Quantity) -> Option<(usize, f64)> {
     let power = usize::from(words.len() > 2 && words.last() == Some(&"1"));
-    let parts = power + if quantity == Quantity::Velocity { 2 } else { 1 };
-    let at = words.len().checked_sub(parts).filter(|&at| at > 0)?;
-    let unit = words[at..words.len() - power].join("_");
-    Some((parts, quantity.unit(&unit)?.per_si))
+    [2, 1].into_iter().find_map(|parts| {
+        let at = words.len().checked_sub(power + parts).filter(|&at| at > 0)?;
+        let unit = words[at..words.len() - power].join("_");
+        Some((power + parts, quantity.unit(&unit)?.per_si))
+    })
 }
 
 /// A column to read: the destination of its numbers, and the divisor that converts them to SI,
@@ -350,15 +354,21 @@ fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
         None => (name, false),
     };
     let read_as = recognise(name).map_or(Quantity::Force, |reading| reading.quantity);
-    if let Some((foreign, _)) = foreign(name, "") {
+    if let Some((foreign, _)) = foreign(name, "").filter(|(own, _)| own.own != Some(read_as)) {
         return Err(bad(foreign.refused(read_as)));
     }
     let reading = recognise(name)
-        .ok_or_else(|| bad("not understood, expected time, position, force or velocity".into()))?;
+        .ok_or_else(|| bad(format!("not understood, expected {}", quantity_list())))?;
     let per_si = reading.per_si.ok_or_else(|| {
         bad(format!("without a unit, expected one of {}", reading.quantity.unit_list()))
     })?;
     Ok(Some(Slot::of(reading.quantity, if reversed { -per_si } else { per_si })))
+}
+
+/// All quantities, for messages.
+fn quantity_list() -> String {
+    let [front @ .., last] = Quantity::ALL.map(Quantity::name);
+    format!("{} or {last}", front.join(", "))
 }
 
 /// The entries of `--columns`, separated by commas except within a name that begins and ends with
@@ -437,7 +447,7 @@ impl Given {
             .split_once('=')
             .ok_or_else(|| bad("without '=', while others have one: name all by column"))?;
         let reading = recognise(what).ok_or_else(|| {
-            bad("not understood, expected time, position, force or velocity in front of '='")
+            bad(&format!("not understood, expected {} in front of '='", quantity_list()))
         })?;
         if reading.per_si.is_none() && !reading.exact {
             let units = reading.quantity.unit_list();
@@ -512,7 +522,8 @@ impl Given {
     /// Rejects a column of another quantity, such as angles or volts, by the unit of its name or by
     /// its declared one. A factor is what makes a force of volts.
     pub(crate) fn check_unit(&self, name: &str, declared: &str) -> Result<(), RecordingError> {
-        match foreign(name, declared).filter(|_| self.factor.is_none()) {
+        let is_other = |own: &Foreign| self.factor.is_none() && own.own != Some(self.quantity);
+        match foreign(name, declared).filter(|(own, _)| is_other(own)) {
             Some((foreign, is_alone))
                 if is_alone || foreign.instead_of.contains(&self.quantity) =>
             {

@@ -119,7 +119,7 @@ fn weak_words(quantity: Quantity) -> &'static [&'static str] {
             "kraft", "fz", "fy", "fx", "loadcell", "cell", "fuerza", "forza", "effort", "reibung",
             "n",
         ],
-        Quantity::Velocity | Quantity::Angle => &[],
+        _ => &[],
     }
 }
 
@@ -247,8 +247,8 @@ impl Header<'_> {
         for quantity in missing(doubts) {
             let mut stands =
                 (0..self.names.len()).filter(|k| match name_in_front(&self.names[*k]) {
-                    Some(Quantity::Angle) | None => quantity != Quantity::Time,
-                    Some(named) => named == quantity,
+                    Some(named) if !named.needs_unit() => named == quantity,
+                    _ => quantity != Quantity::Time,
                 });
             let first = stands.find_map(|k| Some((k, self.foreign(k)?)));
             if let Some((k, foreign)) = first
@@ -715,7 +715,7 @@ pub(crate) fn likely_unit(quantity: Quantity, numbers: &[f64]) -> f64 {
             size if size <= 1e3 * PLAUSIBLE_FORCE => 1e3,
             _ => 1e6,
         },
-        Quantity::Velocity | Quantity::Angle => 1.0,
+        _ => 1.0,
     }
 }
 

@@ -5,14 +5,11 @@
 //! velocity and force are positive on insertion. Missing data are reported in [`Quality`], never
 //! repaired on reading. `docs/reference/formats.md` and `docs/reference/robot-logs.md` are the pages for users.
 
-use std::io::Write;
 use std::path::Path;
 
 use collect::Collector;
 use rows::Rows;
 pub use rows::digest_of;
-use trocar_tables::line::Line;
-use units::Quantity;
 
 pub use choice::{Choice, TableColumn, TableColumns};
 pub use container::{Column, Table};
@@ -26,6 +23,7 @@ pub use recording::{ReadOptions, Readings, Recording, check_sensor_limit};
 pub use screen::OPPOSED;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};
+pub use units::Quantity;
 
 pub mod block;
 mod choice;
@@ -75,13 +73,11 @@ pub fn read_in_words(
 ) -> Result<(Recording, Vec<String>), RecordingError> {
     check_sensor_limit(options.sensor_limit)?;
     let file = path.display().to_string();
-    let needed = [Quantity::Time, Quantity::Position, Quantity::Force];
-    let mut reader = Rows::open(path, &options.choice, &needed, true)?;
+    let mut reader = Rows::open(path, &options.choice, &Quantity::NEEDED, true)?;
     let rows = reader.expected().unwrap_or(0);
     let kept = options.most_samples.map_or(rows, |most| rows.min(most as u64));
     let has = |quantity| reader.layout().has(quantity);
-    let columns =
-        3 + Quantity::OPTIONAL.into_iter().filter(|quantity| has(*quantity)).count() as u64;
+    let columns = Quantity::ALL.into_iter().filter(|quantity| has(*quantity)).count() as u64;
     check_memory(&file, kept, columns, options.memory_limit)?;
     let kept = kept.min(rows::justified(path) / columns);
     // The estimate avoids copies of a growing column; a few percent allow for lines that become
@@ -168,37 +164,4 @@ fn check_memory(
         }),
         _ => Ok(()),
     }
-}
-
-/// Writes columns in SI units as `time_s,position_m,velocity_m_s,force_n`, the velocity only if it
-/// is given.
-///
-/// Every number is the shortest that reads back as the same value.
-///
-/// # Errors
-/// The error of the operating system when the output cannot be written.
-pub fn write(
-    mut output: impl Write,
-    time: &[f64],
-    position: &[f64],
-    velocity: Option<&[f64]>,
-    force: &[f64],
-) -> std::io::Result<()> {
-    let header = if velocity.is_some() {
-        "time_s,position_m,velocity_m_s,force_n"
-    } else {
-        "time_s,position_m,force_n"
-    };
-    writeln!(output, "{header}")?;
-    let mut line = Line::default();
-    for k in 0..time.len() {
-        line.number(time[k]).number(position[k]);
-        if let Some(velocity) = velocity {
-            line.number(velocity[k]);
-        }
-        line.number(force[k]);
-        line.finish(&mut output)?;
-    }
-    line.flush(&mut output)?;
-    output.flush()
 }

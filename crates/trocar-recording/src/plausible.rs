@@ -6,6 +6,7 @@ use std::ops::RangeInclusive;
 use super::choice::Choice;
 use super::columns::{Layout, Quantity};
 use super::header::{EXAMPLE_RATE, PLAUSIBLE_FORCE, PUT_IN_RATE, counts_by_one};
+use super::recording::Readings;
 use super::samples::Columns;
 use super::statistics::{median, range};
 use super::{Quality, RecordingError, Warning, WarningKind};
@@ -120,7 +121,8 @@ pub(crate) fn ask(
     collected: &(Columns, Quality),
     whole: bool,
 ) -> Result<(), RecordingError> {
-    let (Columns { time, position, force, .. }, quality) = collected;
+    let (columns, quality) = collected;
+    let Readings { time, position, force, .. } = &columns.readings;
     let mut doubts = doubts(time, position, force, quality.median_interval);
     doubts.retain(|own| {
         (whole || own.quantity == Quantity::Time) && !is_explicit(own.quantity, choice, layout)

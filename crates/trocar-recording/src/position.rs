@@ -85,6 +85,7 @@ impl Recording {
             quality: self.quality.clone(),
             name: self.name.clone(),
             angle: self.angle.as_ref().map(|_| Vec::new()),
+            torque: self.torque.as_ref().map(|_| Vec::new()),
             ..Self::empty(&self.sha256, &self.choice)
         };
         let quality = &mut all.quality;
@@ -119,6 +120,9 @@ impl Recording {
                     all.push(from + part * (to - from));
                 }
                 all.force.push(self.force[range.start + i]);
+                if let (Some(all), Some(own)) = (&mut all.torque, &self.torque) {
+                    all.push(own[range.start + i]);
+                }
             }
             if from > 0 && all.time.len() > from {
                 quality.breaks.push(from);
@@ -142,6 +146,7 @@ impl Recording {
             force: Vec::new(),
             velocity: None,
             angle: None,
+            torque: None,
             quality: super::Quality::default(),
             choice: choice.clone(),
         }

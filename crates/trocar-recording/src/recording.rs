@@ -1,16 +1,18 @@
 //! A recording: samples of one motion in SI units, with their quality.
 
+use std::io::Write;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
+use trocar_tables::line::Line;
 
 use super::RecordingError;
 use super::block::SampleRow;
 use super::choice::Choice;
 use super::collect::Collector;
 use super::quality::{Quality, Saturation};
-use super::samples::{Columns, Count};
+use super::samples::{self, Count};
 use super::statistics::range;
 use super::text::hex;
 use super::units::Quantity;
@@ -36,6 +38,8 @@ pub struct Recording {
     pub velocity: Option<Vec<f64>>,
     /// Angle of the instrument about its axis in rad, if the file has it.
     pub angle: Option<Vec<f64>>,
+    /// Torque of the instrument on the seal in N·m, positive with the angle, if the file has it.
+    pub torque: Option<Vec<f64>>,
     /// Quality of the data.
     pub quality: Quality,
     /// How it was read from its file.
@@ -55,17 +59,54 @@ pub struct Readings {
     pub velocity: Option<Vec<f64>>,
     /// Angle of the instrument about its axis in rad, if there is one.
     pub angle: Option<Vec<f64>>,
+    /// Torque of the instrument on the seal in N·m, positive with the angle, if there is one.
+    pub torque: Option<Vec<f64>>,
+}
+
+/// By index of the [`Quantity`].
+type Columns<'a> = [Option<&'a Vec<f64>>; Quantity::ALL.len()];
+
+fn columns<'a>(needed: [&'a Vec<f64>; 3], optional: [&'a Option<Vec<f64>>; 3]) -> Columns<'a> {
+    let ([a, b, c], [d, e, f]) = (needed.map(Some), optional.map(Option::as_ref));
+    [a, b, c, d, e, f]
+}
+
+fn cut(columns: Columns<'_>, kept: impl Iterator<Item = usize> + Clone) -> Readings {
+    let cut = |own: &Vec<f64>| kept.clone().filter_map(|k| own.get(k).copied()).collect();
+    columns.map(|own| own.map(cut)).into()
+}
+
+impl From<[Option<Vec<f64>>; Quantity::ALL.len()]> for Readings {
+    fn from(columns: [Option<Vec<f64>>; Quantity::ALL.len()]) -> Self {
+        let [time, position, force, velocity, angle, torque] = columns;
+        let [time, position, force] = [time, position, force].map(Option::unwrap_or_default);
+        Self { time, position, force, velocity, angle, torque }
+    }
 }
 
 impl Readings {
+    fn columns(&self) -> Columns<'_> {
+        let Self { time, position, force, velocity, angle, torque } = self;
+        columns([time, position, force], [velocity, angle, torque])
+    }
+
+    pub(crate) fn columns_mut(&mut self) -> [Option<&mut Vec<f64>>; Quantity::ALL.len()] {
+        let Self { time, position, force, velocity, angle, torque } = self;
+        let optional = [velocity.as_mut(), angle.as_mut(), torque.as_mut()];
+        let [velocity, angle, torque] = optional;
+        [Some(time), Some(position), Some(force), velocity, angle, torque]
+    }
+
+    /// The samples at `kept`, in this order.
+    #[must_use]
+    pub fn at(&self, kept: impl Iterator<Item = usize> + Clone) -> Self {
+        cut(self.columns(), kept)
+    }
+
     /// SHA-256 of the columns; lower-case hexadecimal.
     pub fn sha256(&self) -> String {
-        let Self { time, position, force, velocity, angle } = self;
         let mut hash = Sha256::new();
-        for column in [Some(time), Some(position), Some(force), velocity.as_ref(), angle.as_ref()]
-            .into_iter()
-            .flatten()
-        {
+        for column in self.columns().into_iter().flatten() {
             column.iter().for_each(|value| hash.update(value.to_le_bytes()));
         }
         hex(&hash.finalize())
@@ -103,10 +144,11 @@ pub fn check_sensor_limit(limit: Option<f64>) -> Result<(), RecordingError> {
 }
 
 impl Recording {
-    pub(crate) fn of(name: String, sha256: String, collected: (Columns, Quality)) -> Self {
-        let (Columns { time, position, force, velocity, angle, .. }, quality) = collected;
+    pub(crate) fn of(name: String, sha256: String, collected: (samples::Columns, Quality)) -> Self {
+        let (columns, quality) = collected;
+        let Readings { time, position, force, velocity, angle, torque } = columns.readings;
         let choice = Choice::default();
-        Self { name, sha256, time, position, force, velocity, angle, quality, choice }
+        Self { name, sha256, time, position, force, velocity, angle, torque, quality, choice }
     }
 
     /// A recording from columns in SI units, checked like one from a file.
@@ -135,34 +177,46 @@ impl Recording {
     ) -> Result<Self, RecordingError> {
         check_sensor_limit(sensor_limit)?;
         let name = name.into();
-        let Readings { time, position, force, velocity, angle } = readings;
-        let given = [
-            ("position", Some(position)),
-            ("force", Some(force)),
-            ("velocity", velocity.as_ref()),
-            ("angle", angle.as_ref()),
-        ];
-        for (column, values) in
-            given.into_iter().filter_map(|(column, values)| Some((column, values?)))
-        {
-            if values.len() != time.len() {
-                let (file, found, expected) = (name, values.len(), time.len());
+        let (columns, samples) = (readings.columns(), readings.time.len());
+        for (quantity, values) in Quantity::ALL.into_iter().zip(columns) {
+            if let Some(found) = values.map(Vec::len).filter(|found| *found != samples) {
+                let (file, column, expected) = (name, quantity.name(), samples);
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
-        let has = |quantity| match quantity {
-            Quantity::Angle => angle.is_some(),
-            _ => velocity.is_some(),
-        };
-        let mut collector = Collector::new(time.len(), has, None).counting(Count::Samples);
-        let at =
-            |column: &Option<Vec<f64>>, k: usize| column.as_ref().map_or(f64::NAN, |own| own[k]);
-        for k in 0..time.len() {
-            let values = [time[k], position[k], force[k], at(velocity, k), at(angle, k)];
+        let has = |quantity| columns[quantity as usize].is_some();
+        let mut collector = Collector::new(samples, has, None).counting(Count::Samples);
+        for k in 0..samples {
+            let values = columns.map(|column| column.map_or(f64::NAN, |own| own[k]));
             collector.add(SampleRow { line: k as u64, values });
         }
         let collected = collector.finish(&name, sensor_limit)?;
         Ok(Self::of(name, readings.sha256(), collected))
+    }
+
+    fn columns(&self) -> Columns<'_> {
+        let Self { time, position, force, velocity, angle, torque, .. } = self;
+        columns([time, position, force], [velocity, angle, torque])
+    }
+
+    /// Writes the columns as CSV in SI units, such as `time_s,position_m,force_n`.
+    ///
+    /// Every number is the shortest that reads back as the same value.
+    ///
+    /// # Errors
+    /// The error of the operating system when the output cannot be written.
+    pub fn write(&self, mut output: impl Write) -> std::io::Result<()> {
+        let named = Quantity::ALL.map(Quantity::column_name).into_iter().zip(self.columns());
+        let (names, columns): (Vec<String>, Vec<&Vec<f64>>) =
+            named.filter_map(|(name, own)| Some((name, own?))).unzip();
+        writeln!(output, "{}", names.join(","))?;
+        let mut line = Line::default();
+        for k in 0..self.len() {
+            columns.iter().for_each(|own| _ = line.number(own[k]));
+            line.finish(&mut output)?;
+        }
+        line.flush(&mut output)?;
+        output.flush()
     }
 
     /// Number of samples.
@@ -203,10 +257,7 @@ impl Recording {
     /// # Errors
     /// As for [`Recording::from_columns`].
     pub fn part(&self, range: Range<usize>, what: &str) -> Result<Self, RecordingError> {
-        let cut = |column: &Vec<f64>| column[range.clone()].to_vec();
-        let (time, position, force) = (cut(&self.time), cut(&self.position), cut(&self.force));
-        let (velocity, angle) = (self.velocity.as_ref().map(cut), self.angle.as_ref().map(cut));
-        let readings = Readings { time, position, force, velocity, angle };
+        let readings = cut(self.columns(), range);
         let mut part = Self::from_readings(format!("{}, {what}", self.name), &readings, None)?;
         part.choice = self.choice.clone();
         part.quality.notes.extend(self.quality.notes.iter().cloned());

@@ -1,27 +1,31 @@
 //! The samples of a recording while it is read, with the line of each.
 
-use std::ops::Range;
+use std::ops::{Deref, Range};
 
 use super::Location;
+use super::recording::Readings;
 use super::units::Quantity;
 
 /// The columns of a recording with the line of every sample.
 #[derive(Debug, Default)]
 pub(super) struct Columns {
-    pub(super) time: Vec<f64>,
-    pub(super) position: Vec<f64>,
-    pub(super) force: Vec<f64>,
-    pub(super) velocity: Option<Vec<f64>>,
-    pub(super) angle: Option<Vec<f64>>,
+    pub(super) readings: Readings,
     pub(super) lines: Lines,
+}
+
+impl Deref for Columns {
+    type Target = Readings;
+
+    fn deref(&self) -> &Readings {
+        &self.readings
+    }
 }
 
 impl Columns {
     /// All that there are, with their quantities.
     pub(super) fn all_mut(&mut self) -> impl Iterator<Item = (Quantity, &mut Vec<f64>)> {
-        let Self { time, position, force, velocity, angle, .. } = self;
-        let own = [Some(time), Some(position), Some(force), velocity.as_mut(), angle.as_mut()];
-        Quantity::ALL.into_iter().zip(own).filter_map(|(quantity, own)| Some((quantity, own?)))
+        let all = Quantity::ALL.into_iter().zip(self.readings.columns_mut());
+        all.filter_map(|(quantity, own)| Some((quantity, own?)))
     }
 }
 

@@ -6,6 +6,7 @@ use std::ops::Range;
 use super::RecordingError;
 use super::plausible::{self, LONGEST_STROKE};
 use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
+use super::recording::Readings;
 use super::samples::{Columns, Lines};
 use super::statistics::{median, range};
 
@@ -86,7 +87,7 @@ pub(super) fn screen(
     quality.breaks.sort_unstable();
     quality.breaks.dedup();
     quality.warnings = warnings(&quality, columns.lines.count.unit());
-    let Columns { time, position, force, .. } = &columns;
+    let Readings { time, position, force, .. } = &columns.readings;
     let doubts = plausible::doubts(time, position, force, quality.median_interval);
     quality.warnings.extend(doubts.iter().map(plausible::Doubt::warning));
     Ok((columns, quality))

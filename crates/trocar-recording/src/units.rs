@@ -1,7 +1,7 @@
 //! The one table of units: those that each quantity is read in, and those of other quantities,
 //! with what to do about a column of them.
 
-/// Quantities that a column can hold.
+/// Quantities that a column can hold, as [`QUANTITIES`] declares them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Time, in s.
@@ -14,56 +14,118 @@ pub enum Quantity {
     Velocity,
     /// Angle of the instrument about its axis, in rad. Never taken without a unit.
     Angle,
+    /// Torque of the instrument on the seal about its axis, in N·m, positive with the angle. Never
+    /// taken without a unit.
+    Torque,
 }
+
+struct Declaration {
+    quantity: Quantity,
+    name: &'static str,
+    with_article: &'static str,
+    words: &'static [&'static str],
+    /// A recognised name.
+    example: &'static str,
+    /// The SI unit comes first.
+    units: &'static [Unit],
+}
+
+const QUANTITIES: [Declaration; 6] = [
+    Declaration {
+        quantity: Quantity::Time,
+        name: "time",
+        with_article: "a time",
+        words: &["time", "t", "timestamp", "elapsed", "stamp"],
+        example: "time_s",
+        units: &TIMES,
+    },
+    Declaration {
+        quantity: Quantity::Position,
+        name: "position",
+        with_article: "a position",
+        words: &["position", "pos", "x", "displacement", "insertion", "depth"],
+        example: "position_mm",
+        units: &POSITIONS,
+    },
+    Declaration {
+        quantity: Quantity::Force,
+        name: "force",
+        with_article: "a force",
+        words: &["force", "f", "load", "friction"],
+        example: "force_n",
+        units: &FORCES,
+    },
+    Declaration {
+        quantity: Quantity::Velocity,
+        name: "velocity",
+        with_article: "a velocity",
+        words: &["velocity", "vel", "v"],
+        example: "velocity_m_s",
+        units: &VELOCITIES,
+    },
+    Declaration {
+        quantity: Quantity::Angle,
+        name: "angle",
+        with_article: "an angle",
+        words: &["angle", "roll"],
+        example: "angle_deg",
+        units: &ANGLES,
+    },
+    Declaration {
+        quantity: Quantity::Torque,
+        name: "torque",
+        with_article: "a torque",
+        words: &["torque", "moment"],
+        example: "torque_n_m",
+        units: &TORQUES,
+    },
+];
 
 impl Quantity {
     /// All quantities; the index of each is its number.
-    pub const ALL: [Self; 5] =
-        [Self::Time, Self::Position, Self::Force, Self::Velocity, Self::Angle];
-    /// Those that a recording may be without.
-    pub(crate) const OPTIONAL: [Self; 2] = [Self::Velocity, Self::Angle];
+    pub const ALL: [Self; QUANTITIES.len()] = {
+        let mut all = [Self::Time; QUANTITIES.len()];
+        let mut k = 0;
+        while k < all.len() {
+            all[k] = QUANTITIES[k].quantity;
+            k += 1;
+        }
+        all
+    };
+    /// Those that every recording has.
+    pub(crate) const NEEDED: [Self; 3] = [Self::Time, Self::Position, Self::Force];
+
+    fn declaration(self) -> &'static Declaration {
+        &QUANTITIES[self as usize]
+    }
+
+    /// Whether a column is it only with a unit: a torque without one may be an effort in per cent.
+    pub(crate) fn needs_unit(self) -> bool {
+        matches!(self, Self::Angle | Self::Torque)
+    }
 
     /// Its name in messages.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Time => "time",
-            Self::Position => "position",
-            Self::Force => "force",
-            Self::Velocity => "velocity",
-            Self::Angle => "angle",
-        }
+        self.declaration().name
     }
 
     pub(crate) fn words(self) -> &'static [&'static str] {
-        match self {
-            Self::Time => &["time", "t", "timestamp", "elapsed", "stamp"],
-            Self::Position => &["position", "pos", "x", "displacement", "insertion", "depth"],
-            Self::Force => &["force", "f", "load", "friction"],
-            Self::Velocity => &["velocity", "vel", "v"],
-            Self::Angle => &["angle", "roll"],
-        }
+        self.declaration().words
     }
 
     /// Its name with an article, in messages.
     pub(crate) fn with_article(self) -> &'static str {
-        match self {
-            Self::Time => "a time",
-            Self::Position => "a position",
-            Self::Force => "a force",
-            Self::Velocity => "a velocity",
-            Self::Angle => "an angle",
-        }
+        self.declaration().with_article
+    }
+
+    /// The name of a column of it in SI units.
+    pub fn column_name(self) -> String {
+        format!("{}_{}", self.name(), self.units()[0].names[0])
     }
 
     /// A recognised name, for messages.
     pub(crate) fn example(self) -> &'static str {
-        match self {
-            Self::Time => "time_s",
-            Self::Position => "position_mm",
-            Self::Force => "force_n",
-            Self::Velocity => "velocity_m_s",
-            Self::Angle => "angle_deg",
-        }
+        self.declaration().example
     }
 }
 
@@ -147,16 +209,17 @@ const ANGLES: [Unit; 4] = [
     unit("mrad", &["mrad"], 1e3),
 ];
 
+const TORQUES: [Unit; 4] = [
+    unit("N m", &["n_m", "Nm", "nm"], 1.0),
+    unit("mN m", &["mn_m", "mnm"], 1e3),
+    unit("N mm", &["n_mm", "nmm"], 1e3),
+    unit("N cm", &["n_cm", "ncm"], 1e2),
+];
+
 impl Quantity {
     /// The SI unit comes first.
     pub(crate) fn units(self) -> &'static [Unit] {
-        match self {
-            Self::Time => &TIMES,
-            Self::Position => &POSITIONS,
-            Self::Force => &FORCES,
-            Self::Velocity => &VELOCITIES,
-            Self::Angle => &ANGLES,
-        }
+        self.declaration().units
     }
 
     /// The unit of this name, as by [`key`].
@@ -180,11 +243,13 @@ impl Quantity {
     }
 }
 
-/// A quantity that is none of those read, known by its units.
+/// A quantity that stands in the place of another, known by its units.
 pub(crate) struct Foreign {
     /// In messages, with its article.
     pub(crate) what: &'static str,
     units: &'static [&'static str],
+    /// The same quantity where it is read in a column of its own.
+    pub(crate) own: Option<Quantity>,
     /// The quantities that are recorded in its place.
     pub(crate) instead_of: &'static [Quantity],
     /// What to do with a column of it.
@@ -211,6 +276,7 @@ const FOREIGN: [Foreign; 6] = [
             "deg", "degs", "degree", "degrees", "grad", "rad", "rads", "radian", "radians", "mrad",
             "rev", "revs", "turn", "turns",
         ],
+        own: Some(Quantity::Angle),
         instead_of: &[Quantity::Position],
         remedy: "multiply the angle by its lever arm, as in position_mm=12.5*phi for 12.5 mm per radian \
                  (1 deg = 0.0174533 rad); the lever arm of a spindle is its lead / (2 pi)",
@@ -218,24 +284,28 @@ const FOREIGN: [Foreign; 6] = [
     Foreign {
         what: "a voltage",
         units: &["v", "mv", "uv", "volt", "volts", "millivolt", "millivolts", "mv_v"],
+        own: None,
         instead_of: &[Quantity::Force, Quantity::Position],
         remedy: "multiply the voltage by the sensor's calibration, as in force_n=22.2*U for 22.2 N/V",
     },
     Foreign {
         what: "a current",
         units: &["a", "ma", "amp", "amps", "ampere"],
+        own: None,
         instead_of: &[Quantity::Force],
         remedy: "multiply the current by the motor's force per ampere, as in force_n=4.5*I for 4.5 N/A; better, use a force sensor",
     },
     Foreign {
         what: "a pressure",
         units: &["pa", "hpa", "kpa", "mpa", "bar", "mbar", "psi", "mmhg"],
+        own: None,
         instead_of: &[Quantity::Force],
         remedy: "multiply the pressure by the area on which it acts, as in force_n=0.08*p for kPa on 80 mm^2",
     },
     Foreign {
         what: "a torque",
         units: &["Nm", "n_m", "mn_m", "mnm", "nmm", "n_mm", "ncm", "n_cm"],
+        own: Some(Quantity::Torque),
         instead_of: &[Quantity::Force],
         remedy: "divide the torque by its lever arm, as in force_n=40*M for N m at 25 mm",
     },
@@ -256,6 +326,7 @@ const FOREIGN: [Foreign; 6] = [
             "increments",
             "incr",
         ],
+        own: None,
         instead_of: &[Quantity::Position, Quantity::Force, Quantity::Time],
         remedy: "multiply the counts by what one of them stands for, as in position_mm=0.004*counts for 4 µm a count",
     },

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use skipped::skipped;
 use trocar_recording::{
     Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity,
-    read, write,
+    read,
 };
 use trocar_tables::option::{Interface, spelt};
 
@@ -958,7 +958,7 @@ fn a_part_keeps_velocity_notes_and_sensor_limit() {
     let force: Vec<f64> =
         velocity.iter().enumerate().map(|(k, v)| (40.0 * v + noise(k)).clamp(-3.0, 3.0)).collect();
     let readings =
-        Readings { time, position, force, velocity: Some(velocity.clone()), angle: None };
+        Readings { time, position, force, velocity: Some(velocity.clone()), ..Default::default() };
     let mut whole = Recording::from_readings("whole", &readings, Some(3.0)).unwrap();
     whole.quality.notes.push("declared".to_owned());
     let part = whole.part(100..350, "middle").unwrap();
@@ -1294,15 +1294,16 @@ proptest! {
         let time: Vec<f64> = steps.iter().scan(0.0, |t, step| { *t += step.0; Some(*t) }).collect();
         let of = |take: fn(&(f64, f64, f64, f64)) -> f64| steps.iter().map(take).collect::<Vec<_>>();
         let (position, force, velocity) = (of(|s| s.1), of(|s| s.2), of(|s| s.3));
+        let (angle, torque) = (Some(of(|s| 9.0 * s.1)), Some(of(|s| 1e-3 * s.2)));
+        let velocity = Some(velocity);
+        let written = Readings { time, position, force, velocity, angle, torque };
         let mut bytes = Vec::new();
-        write(&mut bytes, &time, &position, Some(&velocity), &force).unwrap();
+        Recording::from_readings("all", &written, None).unwrap().write(&mut bytes).unwrap();
         // Whatever the size: the units are named.
         let named = columns("time_s=time_s,position_m=position_m,force_n=force_n");
         let recording = read(&Scratch::new().file(&bytes), &named).unwrap();
-        prop_assert_eq!(recording.time, time);
-        prop_assert_eq!(recording.position, position);
-        prop_assert_eq!(recording.force, force);
-        prop_assert_eq!(recording.velocity, Some(velocity));
+        let Recording { time, position, force, velocity, angle, torque, .. } = recording;
+        prop_assert_eq!(Readings { time, position, force, velocity, angle, torque }, written);
     }
 
     #[test]
@@ -1535,4 +1536,46 @@ fn the_published_friction_of_the_real_axis_appears_once_its_mass_is_out() {
     let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
     println!("rms {rms}");
     assert!(rms < 4.0, "{rms}");
+}
+
+/// As a column of any unit, named or mapped, in its place or by its name; never without a unit.
+#[test]
+fn a_torque_is_read_with_its_unit() {
+    let text_of = |name: &str, per_si: f64| {
+        let row = |k: u32| {
+            let k = f64::from(k);
+            format!("{},{k},{},{}\n", 0.1 * k, 0.1 * k, 1e-3 * k * per_si)
+        };
+        format!("time_s,position_mm,force_n,{name}\n{}", (0..20).map(row).collect::<String>())
+    };
+    let torque = |text: &str, options: &ReadOptions| {
+        read(&Scratch::new().file(text), options).unwrap_or_else(|e| panic!("{e}")).torque
+    };
+    for (name, per_si) in [
+        ("torque_n_m", 1.0),
+        ("Torque [Nm]", 1.0),
+        ("torque_nm", 1.0),
+        ("moment (N mm)", 1e3),
+        ("roll torque mNm", 1e3),
+        ("torque_n_cm", 1e2),
+    ] {
+        let found = torque(&text_of(name, per_si), &ReadOptions::default());
+        let found = found.unwrap_or_else(|| panic!("{name} is a torque"));
+        assert!((found[19] - 0.019).abs() < 1e-12, "{name}: {}", found[19]);
+    }
+    for name in ["torque", "torque [N]", "effort"] {
+        assert_eq!(torque(&text_of(name, 1.0), &ReadOptions::default()), None, "{name}");
+    }
+    for (name, mapping) in [
+        ("Mz", "time_s=time_s,position_mm=position_mm,force_n=force_n,torque_n_mm=-Mz"),
+        ("Mz [Nm]", "time_s=time_s,position_mm=position_mm,force_n=force_n,torque_n_m=-1e-3*Mz [Nm]"),
+        ("Mz", "time_s,position_mm,force_n,-torque_n_mm"),
+    ] {
+        let found = torque(&text_of(name, 1e3), &columns(mapping)).expect(mapping);
+        assert!((found[19] + 0.019).abs() < 1e-12, "{mapping}: {}", found[19]);
+    }
+    // Both are in the reading of a force-torque sensor.
+    let sensor = text_of("torque_n_m", 1.0).replace("force_n", "force_torque_fz_n");
+    let found = read(&Scratch::new().file(sensor), &ReadOptions::default()).unwrap();
+    assert!((found.force[19] - 1.9).abs() < 1e-12 && found.torque.is_some());
 }

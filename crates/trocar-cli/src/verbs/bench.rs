@@ -19,17 +19,19 @@ use crate::table::number;
 use crate::verbs::ranges::seals_like;
 
 /// Columns of the recording and of its true values.
-const BYTES_OF_A_SAMPLE: usize = 13 * size_of::<f64>();
+const BYTES_OF_A_SAMPLE: usize = 16 * size_of::<f64>();
 
 /// Record an experiment on the virtual test bench
 ///
 /// A linear motor moves a rod through a seal; position and force are recorded through an encoder
 /// and a force sensor, as on a rig. Writes the columns time_s, position_m, velocity_m_s and
-/// force_n. Exit code 3: the force sensor was saturated, or the carriage ran into a safety stop.
+/// force_n; angle_rad and torque_n_m where the rod turns. Exit code 3: a sensor was saturated, or
+/// the carriage ran into a safety stop.
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force),
-    /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion)
+    /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion), roll (strokes
+    /// while turning), hold-and-turn (by 90 degrees)
     #[arg(required_unless_present_any = ["print_config", "motion"])]
     protocol: Option<Protocol>,
     /// Motion to make in place of an experiment: a table with time, position and, if the rod turns, an

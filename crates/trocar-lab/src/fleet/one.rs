@@ -249,14 +249,7 @@ fn flipped<'a>(readings: &'a Readings, reading: &ReadOptions) -> Cow<'a, Reading
 /// The readings between the requested times, counted from the first.
 fn cropped<'a>(readings: Cow<'a, Readings>, reading: &ReadOptions) -> Cow<'a, Readings> {
     let Some(kept) = Crop::new(&reading.choice).kept(&readings.time) else { return readings };
-    let cut = |column: &Vec<f64>| kept.iter().filter_map(|k| column.get(*k).copied()).collect();
-    Cow::Owned(Readings {
-        time: cut(&readings.time),
-        position: cut(&readings.position),
-        force: cut(&readings.force),
-        velocity: readings.velocity.as_ref().map(cut),
-        angle: readings.angle.as_ref().map(cut),
-    })
+    Cow::Owned(readings.at(kept.iter().copied()))
 }
 
 /// The hash of a file, as for its recording; `None` if it cannot be read.

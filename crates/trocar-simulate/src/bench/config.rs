@@ -25,6 +25,8 @@ pub struct BenchConfig {
     pub encoder: Encoder,
     /// Force sensor between motor and rod.
     pub force_sensor: ForceSensor,
+    /// Torque sensor beside it.
+    pub torque_sensor: TorqueSensor,
     /// Instrument shaft between sensor and seal.
     pub rod: Rod,
     /// Slow changes of the seal's force.
@@ -128,6 +130,8 @@ pub struct Encoder {
     pub noise_m: f64,
     /// Noise of the drive's speed signal in m/s rms, ≥ 0.
     pub speed_noise_m_s: f64,
+    /// One count of the roll axis in rad, positive.
+    pub angle_resolution_rad: f64,
 }
 
 /// Force sensor between motor and rod.
@@ -144,6 +148,35 @@ pub struct ForceSensor {
     pub noise_bandwidth_hz: f64,
     /// Reading of the unloaded sensor in N.
     pub tare_n: f64,
+}
+
+/// Torque sensor between motor and rod.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TorqueSensor {
+    /// Reading at which the sensor saturates in N m, positive.
+    pub range_n_m: f64,
+    /// Resolution of a reading in N m, ≥ 0.
+    pub resolution_n_m: f64,
+    /// Noise in N m rms, ≥ 0.
+    pub noise_n_m: f64,
+    /// Bandwidth of the noise in Hz, positive.
+    pub noise_bandwidth_hz: f64,
+    /// Reading of the unloaded sensor in N m.
+    pub tare_n_m: f64,
+}
+
+impl TorqueSensor {
+    /// The sensor that reads N m as the other reads N.
+    pub(super) fn in_si(&self) -> ForceSensor {
+        ForceSensor {
+            range_n: self.range_n_m,
+            resolution_n: self.resolution_n_m,
+            noise_n: self.noise_n_m,
+            noise_bandwidth_hz: self.noise_bandwidth_hz,
+            tare_n: self.tare_n_m,
+        }
+    }
 }
 
 /// Instrument shaft between sensor and seal.
@@ -249,6 +282,11 @@ pub struct Protocols {
     pub step: VelocityStep,
     /// Hand-like motion.
     pub surgeon: Surgeon,
+    /// Strokes while turning, and turning alone.
+    pub roll: Roll,
+    /// Strokes, holds and turns.
+    #[serde(rename = "hold-and-turn")]
+    pub hold_and_turn: HoldAndTurn,
 }
 
 impl Protocols {
@@ -268,6 +306,18 @@ impl Protocols {
                     .sum()
             }
             Protocol::Surgeon => self.surgeon.duration_s,
+            Protocol::Roll => {
+                let Roll { speed_m_s, stroke_m, acceleration_m_s2, .. } = self.roll;
+                let strokes = 2.0 * stroke_s(speed_m_s, stroke_m, acceleration_m_s2);
+                let reversal = self.roll.reversal_rad / self.roll.reversal_rad_s;
+                f64::from(self.roll.rates) * strokes + f64::from(self.roll.reversals) * reversal
+            }
+            Protocol::HoldAndTurn => {
+                let own = &self.hold_and_turn;
+                let stroke = stroke_s(own.speed_m_s, own.stroke_m, own.acceleration_m_s2);
+                let turn = own.hold_s + own.turn_rad / own.turn_rad_s;
+                2.0 * f64::from(own.cycles) * (stroke + 2.0 * turn)
+            }
         }
     }
 }
@@ -275,6 +325,59 @@ impl Protocols {
 /// Duration of a stroke at `speed` from rest to rest, s.
 fn stroke_s(speed: f64, stroke: f64, acceleration: f64) -> f64 {
     stroke / speed + speed / acceleration
+}
+
+/// Strokes while turning, and turning alone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Roll {
+    /// Speed of the strokes in m/s, positive.
+    pub speed_m_s: f64,
+    /// Length of a stroke in m.
+    pub stroke_m: f64,
+    /// Acceleration limit in m/s², positive.
+    pub acceleration_m_s2: f64,
+    /// Slowest turning of a cycle in rad/s, positive.
+    pub slowest_rad_s: f64,
+    /// Fastest turning in rad/s, at least `slowest_rad_s`.
+    pub fastest_rad_s: f64,
+    /// Cycles, one at each rate of turning, evenly spaced by ratio; at least 1.
+    pub rates: u32,
+    /// Turns without a stroke, to and fro.
+    pub reversals: u32,
+    /// Angle of such a turn in rad, positive.
+    pub reversal_rad: f64,
+    /// Its rate in rad/s, positive.
+    pub reversal_rad_s: f64,
+}
+
+impl Roll {
+    /// Rates of turning during the strokes, rad/s.
+    pub(super) fn rates(&self) -> impl Iterator<Item = f64> {
+        let last = f64::from(self.rates.max(2) - 1);
+        let (slowest, ratio) = (self.slowest_rad_s, self.fastest_rad_s / self.slowest_rad_s);
+        (0..self.rates).map(move |k| slowest * libm::pow(ratio, f64::from(k) / last))
+    }
+}
+
+/// Strokes, each followed by a hold and a turn to and fro.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HoldAndTurn {
+    /// Cycles of two strokes, at least 1.
+    pub cycles: u32,
+    /// Length of a stroke in m.
+    pub stroke_m: f64,
+    /// Speed of the strokes in m/s, positive.
+    pub speed_m_s: f64,
+    /// Acceleration limit in m/s², positive.
+    pub acceleration_m_s2: f64,
+    /// Rest before each turn in s, ≥ 0.
+    pub hold_s: f64,
+    /// Angle of a turn in rad, positive.
+    pub turn_rad: f64,
+    /// Its rate in rad/s, positive.
+    pub turn_rad_s: f64,
 }
 
 /// Order of the speeds of the cycles.
@@ -529,7 +632,8 @@ impl BenchConfig {
         self.validate_speeds("protocol.validation", &self.protocol.validation)?;
         self.validate_dynamic()?;
         self.validate_step()?;
-        self.validate_surgeon()
+        self.validate_surgeon()?;
+        self.validate_turning()
     }
 
     /// The same without the protocols, which another motion does not use.
@@ -574,6 +678,13 @@ impl BenchConfig {
         positive("encoder.resolution_m", encoder.resolution_m)?;
         not_negative("encoder.noise_m", encoder.noise_m)?;
         not_negative("encoder.speed_noise_m_s", encoder.speed_noise_m_s)?;
+        positive("encoder.angle_resolution_rad", encoder.angle_resolution_rad)?;
+        let torque = &self.torque_sensor;
+        positive("torque_sensor.range_n_m", torque.range_n_m)?;
+        not_negative("torque_sensor.resolution_n_m", torque.resolution_n_m)?;
+        not_negative("torque_sensor.noise_n_m", torque.noise_n_m)?;
+        positive("torque_sensor.noise_bandwidth_hz", torque.noise_bandwidth_hz)?;
+        finite("torque_sensor.tare_n_m", torque.tare_n_m)?;
         let sensor = &self.force_sensor;
         positive("force_sensor.range_n", sensor.range_n)?;
         not_negative("force_sensor.resolution_n", sensor.resolution_n)?;
@@ -682,6 +793,29 @@ impl BenchConfig {
         positive(&key("tremor_low_hz"), hand.tremor_low_hz)?;
         let nyquist = 0.5 * self.rig.sample_rate_hz;
         within(&key("tremor_high_hz"), hand.tremor_high_hz, hand.tremor_low_hz, nyquist)
+    }
+
+    fn validate_turning(&self) -> Result<(), ConfigError> {
+        let Protocols { roll, hold_and_turn: turn, .. } = &self.protocol;
+        let strokes = [
+            ("roll", roll.speed_m_s, roll.acceleration_m_s2, roll.stroke_m),
+            ("hold-and-turn", turn.speed_m_s, turn.acceleration_m_s2, turn.stroke_m),
+        ];
+        for (section, speed, acceleration, stroke) in strokes {
+            let key = |name: &str| format!("protocol.{section}.{name}");
+            positive(&key("speed_m_s"), speed)?;
+            within(&key("acceleration_m_s2"), acceleration, 1e-3, 1e3)?;
+            self.stroke(&key("stroke_m"), stroke, speed, acceleration)?;
+        }
+        positive("protocol.roll.slowest_rad_s", roll.slowest_rad_s)?;
+        within("protocol.roll.fastest_rad_s", roll.fastest_rad_s, roll.slowest_rad_s, 1e3)?;
+        at_least_one("protocol.roll.rates", roll.rates)?;
+        positive("protocol.roll.reversal_rad", roll.reversal_rad)?;
+        positive("protocol.roll.reversal_rad_s", roll.reversal_rad_s)?;
+        at_least_one("protocol.hold-and-turn.cycles", turn.cycles)?;
+        not_negative("protocol.hold-and-turn.hold_s", turn.hold_s)?;
+        positive("protocol.hold-and-turn.turn_rad", turn.turn_rad)?;
+        positive("protocol.hold-and-turn.turn_rad_s", turn.turn_rad_s)
     }
 
     /// A stroke must reach its speed and end before the safety stop.

@@ -62,9 +62,13 @@ impl RigEvents {
     /// What makes the recording doubtful.
     pub fn warnings(&self) -> Vec<String> {
         let saturated =
-            format!("the force sensor was saturated in {} samples", self.saturated_samples);
+            |sensor, samples| format!("the {sensor} sensor was saturated in {samples} samples");
         let stopped = format!("the carriage ran into a safety stop {} times", self.stop_hits);
-        let all = [(self.saturated_samples, saturated), (self.stop_hits, stopped)];
+        let all = [
+            (self.saturated_samples, saturated("force", self.saturated_samples)),
+            (self.saturated_torques, saturated("torque", self.saturated_torques)),
+            (self.stop_hits, stopped),
+        ];
         all.into_iter().filter(|(count, _)| *count > 0).map(|(_, words)| words).collect()
     }
 
@@ -100,6 +104,7 @@ impl BenchRun {
         let mut columns = columns.map(|(name, column)| (name.to_owned(), column)).to_vec();
         if !self.angle.is_empty() {
             columns.push(("angle_rad".into(), &self.angle));
+            columns.push(("torque_n_m".into(), &self.torque));
         }
         write(path, columns)
     }
@@ -123,6 +128,7 @@ impl BenchRun {
         ];
         let mut columns = columns.map(|(name, column)| (name.to_owned(), column)).to_vec();
         if !truth.torque.is_empty() {
+            columns.push(("angle_rad".into(), &truth.angle));
             columns.push(("torque_n_m".into(), &truth.torque));
         }
         for (i, column) in truth.deflections.iter().enumerate() {

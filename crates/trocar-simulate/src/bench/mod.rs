@@ -21,6 +21,7 @@
 //!
 //! - **Integration**: semi-implicit Euler at `sample_rate_hz · substeps`; the seal is stepped by
 //!   displacement.
+//! - **Roll**: the rod's angle follows its course exactly, without inertia.
 //! - **Reproducible**: the same configuration, seal and seed give the same bytes; every noise
 //!   source has its own random stream.
 //! - **Not modelled**: elasticity of rod and frame, heating of the motor, communication delays.
@@ -44,13 +45,14 @@ use core::fmt;
 use core::str::FromStr;
 
 use thiserror::Error;
-use trocar_model::Element;
+use trocar_model::{Element, Rotation};
 
 use trocar_recording::{Readings, Recording, RecordingError};
 
 use motion::Reference;
+use noise::{Noise, Source};
 use rig::{Push, RigState};
-use sensors::{ForceReading, PositionSensor};
+use sensors::{PositionSensor, SensorReading};
 
 /// Experiments of the bench.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -66,12 +68,28 @@ pub enum Protocol {
     Step,
     /// Hand-like motion: sub-movements, holds, small reversals, tremor.
     Surgeon,
+    /// Strokes while turning, at several ratios of the speeds, and reversals by turning alone.
+    Roll,
+    /// Strokes, each followed by a hold and a turn to and fro.
+    HoldAndTurn,
 }
 
 impl Protocol {
     /// All protocols, in the order in which an identification uses them.
-    pub const ALL: [Self; 5] =
-        [Self::Steady, Self::Dynamic, Self::Validation, Self::Step, Self::Surgeon];
+    pub const ALL: [Self; 7] = [
+        Self::Steady,
+        Self::Dynamic,
+        Self::Validation,
+        Self::Step,
+        Self::Surgeon,
+        Self::Roll,
+        Self::HoldAndTurn,
+    ];
+
+    /// Whether the rod turns.
+    pub fn turns(self) -> bool {
+        matches!(self, Self::Roll | Self::HoldAndTurn)
+    }
 
     /// Name in files and on the command line.
     pub const fn name(self) -> &'static str {
@@ -81,6 +99,8 @@ impl Protocol {
             Self::Validation => "validation",
             Self::Step => "step",
             Self::Surgeon => "surgeon",
+            Self::Roll => "roll",
+            Self::HoldAndTurn => "hold-and-turn",
         }
     }
 }
@@ -93,7 +113,7 @@ impl fmt::Display for Protocol {
 
 /// A string that names no protocol.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
-#[error("unknown protocol {0:?}, expected steady, dynamic, validation, step or surgeon")]
+#[error("unknown protocol {0:?}, expected one of {all}", all = Protocol::ALL.map(Protocol::name).join(", "))]
 pub struct UnknownProtocol(pub String);
 
 impl FromStr for Protocol {
@@ -119,8 +139,10 @@ pub struct BenchRun {
     pub velocity: Vec<f64>,
     /// Reading of the force sensor, N.
     pub force: Vec<f64>,
-    /// Angle of the rod, rad; empty where the motion has none.
+    /// Angle of the rod, rad: whole counts; empty where the motion has none.
     pub angle: Vec<f64>,
+    /// Reading of the torque sensor, N·m; empty where the motion has no angle.
+    pub torque: Vec<f64>,
     /// The true values of the recorded signals.
     pub truth: Truth,
     /// Events that an experimenter should know about.
@@ -146,6 +168,8 @@ pub struct Truth {
     pub tissue_force: Vec<f64>,
     /// Friction of the seal relative to the dry one.
     pub wetting: Vec<f64>,
+    /// Angle of the rod, rad; empty where the motion has none.
+    pub angle: Vec<f64>,
     /// Torque of the rod on the seal, N·m; empty where the motion has no angle.
     pub torque: Vec<f64>,
     /// Deflection of each element, m: `deflections[element][sample]`.
@@ -153,16 +177,21 @@ pub struct Truth {
 }
 
 impl BenchRun {
-    /// Time, position, force and the angle, if there is one, as a recording called `name`: the data available to the
+    /// The columns; angle and torque where the rod turns.
+    pub fn readings(&self) -> Readings {
+        let Self { time, position, velocity, force, angle, torque, .. } = self.clone();
+        let recorded = |column: Vec<f64>| Some(column).filter(|column| !column.is_empty());
+        let (angle, torque) = (recorded(angle), recorded(torque));
+        Readings { time, position, force, velocity: Some(velocity), angle, torque }
+    }
+
+    /// The columns but the velocity as a recording called `name`: the data available to the
     /// identification.
     ///
     /// # Errors
     /// [`RecordingError`] when the run is too short for a recording.
     pub fn to_recording(&self, name: impl Into<String>) -> Result<Recording, RecordingError> {
-        let (time, position) = (self.time.clone(), self.position.clone());
-        let angle = Some(self.angle.clone()).filter(|angle| !angle.is_empty());
-        let readings =
-            Readings { time, position, force: self.force.clone(), velocity: None, angle };
+        let readings = Readings { velocity: None, ..self.readings() };
         Recording::from_readings(name, &readings, None)
     }
 }
@@ -172,6 +201,8 @@ impl BenchRun {
 pub struct RigEvents {
     /// Samples at which the force sensor was saturated.
     pub saturated_samples: usize,
+    /// The same of the torque sensor.
+    pub saturated_torques: usize,
     /// Integration steps in which the motor force was below the command of the controller.
     pub motor_limited_steps: usize,
     /// Number of times the carriage hit a safety stop.
@@ -253,12 +284,39 @@ pub fn run(
         Protocol::Validation => Reference::speed_cycles(&protocols.validation, seed),
         Protocol::Step => Reference::step(&protocols.step),
         Protocol::Surgeon => Reference::surgeon(&protocols.surgeon, seed),
+        Protocol::Roll | Protocol::HoldAndTurn => {
+            let (reference, angles) = match protocol {
+                Protocol::Roll => Reference::roll(&protocols.roll),
+                _ => Reference::hold_and_turn(&protocols.hold_and_turn),
+            };
+            let config = turning(config, seal);
+            return recorded(&config, seal, seed, |rig, log| {
+                rig.turn_along(angles);
+                rig.follow(reference, log)
+            });
+        }
         Protocol::Dynamic => {
             let push = Push::new(config, seal);
             return recorded(config, seal, seed, |rig, log| rig.push(push, log));
         }
     };
     recorded(config, seal, seed, |rig, log| rig.follow(reference, log))
+}
+
+/// The bench with a seal that resists rotation: as its model says, or alike around the shaft of the
+/// rod and along it.
+pub fn turning(config: &BenchConfig, seal: &[Element]) -> BenchConfig {
+    let slope = |element: &Element| {
+        let params = element.params();
+        let limits = params.insertion.static_force + params.withdrawal.static_force;
+        0.5 * limits / params.deformation.half_width()
+    };
+    let alike = || Rotation {
+        shaft_radius: 0.5 * config.rod.diameter_m,
+        circumferential_stiffness: seal.iter().map(slope).sum(),
+        circumferential_ratio: 1.0,
+    };
+    BenchConfig { rotation: Some(config.rotation.unwrap_or_else(alike)), ..config.clone() }
 }
 
 /// Most samples of the recording that `protocol` gives, known before it is made.
@@ -273,6 +331,8 @@ pub fn length(config: &BenchConfig, protocol: Protocol) -> Result<usize, BenchEr
         Protocol::Dynamic => "lower cycles or stroke_timeout_s",
         Protocol::Step => "raise the speeds or lower stroke_m",
         Protocol::Surgeon => "lower duration_s",
+        Protocol::Roll => "raise the speeds, or lower stroke_m, rates or reversals",
+        Protocol::HoldAndTurn => "raise the speeds, or lower stroke_m, cycles or hold_s",
     };
     let homing = "raise rig.homing_speed_m_s, or lower rig.homing_m or rig.homing_hold_s";
     samples(config, "homing (section rig)", config.rig.homing_s(), homing)?;
@@ -308,7 +368,10 @@ pub fn run_motion(
     seed: u64,
 ) -> Result<BenchRun, BenchError> {
     motion.check(config.rig.stroke_limit_m)?;
-    let mut config = config.clone();
+    let mut config = match motion.angle {
+        Some(_) => turning(config, seal),
+        None => config.clone(),
+    };
     config.rig.start_m = motion.position[0];
     // Homing comes from deeper inside.
     config.rig.homing_m = config.rig.homing_m.min(config.rig.stroke_limit_m - config.rig.start_m);
@@ -317,7 +380,7 @@ pub fn run_motion(
     samples(&config, "the motion", duration, "take a part of it")?;
     let reference = Reference::through(&motion.time, &motion.position);
     recorded(&config, seal, seed, |rig, log| {
-        rig.turn_along(motion);
+        rig.turn_along(motion.clone());
         rig.follow(reference, log)
     })
 }
@@ -399,7 +462,8 @@ struct Log {
     gravity: f64,
     gas_force: f64,
     position_sensor: PositionSensor,
-    force_reading: ForceReading,
+    force_reading: SensorReading,
+    torque_reading: SensorReading,
     run: BenchRun,
 }
 
@@ -412,13 +476,23 @@ impl Log {
             gravity: config.rod.gravity_m_s2,
             gas_force: config.rod.gas_force(),
             position_sensor: PositionSensor::new(&config.encoder, seed),
-            force_reading: ForceReading::new(&config.force_sensor, sample_rate, seed),
+            force_reading: SensorReading::new(
+                &config.force_sensor,
+                sample_rate,
+                Noise::new(seed, Source::ForceSensor),
+            ),
+            torque_reading: SensorReading::new(
+                &config.torque_sensor.in_si(),
+                sample_rate,
+                Noise::new(seed, Source::TorqueSensor),
+            ),
             run: BenchRun {
                 time: Vec::new(),
                 position: Vec::new(),
                 velocity: Vec::new(),
                 force: Vec::new(),
                 angle: Vec::new(),
+                torque: Vec::new(),
                 truth: Truth { deflections: vec![Vec::new(); elements], ..Truth::default() },
                 events: RigEvents::default(),
             },
@@ -445,7 +519,11 @@ impl Log {
         truth.tissue_force.push(rig.tissue_force());
         truth.wetting.push(rig.wetting());
         if let Some((angle, torque)) = rig.roll() {
-            run.angle.push(angle);
+            let (reading, saturated) = self.torque_reading.read(torque);
+            run.events.saturated_torques += usize::from(saturated);
+            run.angle.push(self.position_sensor.angle(angle));
+            run.torque.push(reading);
+            truth.angle.push(angle);
             truth.torque.push(torque);
         }
         for (column, deflection) in truth.deflections.iter_mut().zip(rig.deflections()) {
@@ -455,7 +533,8 @@ impl Log {
 
     fn finish(self, events: RigEvents) -> BenchRun {
         let mut run = self.run;
-        run.events = RigEvents { saturated_samples: run.events.saturated_samples, ..events };
+        let RigEvents { saturated_samples, saturated_torques, .. } = run.events;
+        run.events = RigEvents { saturated_samples, saturated_torques, ..events };
         run
     }
 }

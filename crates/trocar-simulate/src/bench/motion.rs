@@ -1,6 +1,9 @@
 //! Speed references: trapezoids, the velocity step, and hand-like motion.
 
-use super::config::{BenchConfig, SpeedCycles, SpeedOrder, Surgeon, VelocityStep};
+use super::Course;
+use super::config::{
+    BenchConfig, HoldAndTurn, Roll, SpeedCycles, SpeedOrder, Surgeon, VelocityStep,
+};
 use super::noise::{Noise, Source};
 
 /// Number of sinusoids in the tremor: enough for its amplitude to vary as in a hand.
@@ -165,6 +168,40 @@ impl Reference {
         reference
     }
 
+    /// Strokes at one speed while turning at several, then reversals by turning alone.
+    pub(super) fn roll(roll: &Roll) -> (Self, Course) {
+        let (mut reference, mut angles) = (Self::empty(), Angles::begin());
+        for rate in roll.rates() {
+            for direction in [1.0, -1.0] {
+                let velocity = direction * roll.speed_m_s;
+                reference.stroke(velocity, roll.stroke_m, roll.acceleration_m_s2);
+            }
+            angles.turn_until(reference.duration, rate);
+        }
+        for reversal in 0..roll.reversals {
+            reference.hold(roll.reversal_rad / roll.reversal_rad_s);
+            let direction = if reversal % 2 == 0 { 1.0 } else { -1.0 };
+            angles.turn_until(reference.duration, direction * roll.reversal_rad_s);
+        }
+        (reference, angles.0)
+    }
+
+    /// Strokes, each followed by a hold and a turn to and fro.
+    pub(super) fn hold_and_turn(turn: &HoldAndTurn) -> (Self, Course) {
+        let (mut reference, mut angles) = (Self::empty(), Angles::begin());
+        for direction in [1.0, -1.0].repeat(turn.cycles as usize) {
+            let velocity = direction * turn.speed_m_s;
+            reference.stroke(velocity, turn.stroke_m, turn.acceleration_m_s2);
+            for rate in [direction, -direction].map(|sign| sign * turn.turn_rad_s) {
+                reference.hold(turn.hold_s);
+                angles.turn_until(reference.duration, 0.0);
+                reference.hold(turn.turn_rad / turn.turn_rad_s);
+                angles.turn_until(reference.duration, rate);
+            }
+        }
+        (reference, angles.0)
+    }
+
     /// Length of the reference in s.
     pub(super) fn duration(&self) -> f64 {
         self.duration
@@ -187,6 +224,24 @@ impl Reference {
             self.current += 1;
         }
         0.0
+    }
+}
+
+/// The course of the angle beside a reference; it has no positions.
+struct Angles(Course);
+
+impl Angles {
+    fn begin() -> Self {
+        Self(Course { time: vec![0.0], position: Vec::new(), angle: Some(vec![0.0]) })
+    }
+
+    /// Turns at `rate`, rad/s, from the last time to `time`, s.
+    fn turn_until(&mut self, time: f64, rate: f64) {
+        let Course { time: times, angle: Some(angles), .. } = &mut self.0 else { return };
+        if let (Some(from), Some(angle)) = (times.last(), angles.last()) {
+            angles.push(angle + rate * (time - from));
+            times.push(time);
+        }
     }
 }
 

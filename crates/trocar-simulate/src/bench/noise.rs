@@ -37,6 +37,8 @@ pub enum Source {
     Draws = 14,
     /// Draws of the model in the compensator.
     CompensatorDraws = 15,
+    /// Noise of the torque sensor.
+    TorqueSensor = 16,
 }
 
 /// One reproducible stream of uniform and normal numbers.

@@ -1,7 +1,7 @@
 //! Motor, guide, rod and seal, integrated together.
 
 use trocar_model::{
-    Element, SealState, SlidingFriction, Stages, State, Trocar, TrocarState, step_parallel,
+    Element, SealState, SlidingFriction, Stages, State, Trocar, TrocarState, Turning, step_parallel,
 };
 
 use super::config::{BenchConfig, Controller, Motor, PushCycles};
@@ -71,7 +71,7 @@ pub(super) struct RigState<'a> {
     states: Vec<State>,
     /// The seal where it resists rotation, and what turns the rod.
     turning: Option<(Trocar, TrocarState)>,
-    course: Option<&'a Course>,
+    course: Option<Course>,
     level: SealLevel,
     control: SpeedControl,
     moving_mass: f64,
@@ -83,6 +83,7 @@ pub(super) struct RigState<'a> {
     reference_velocity: f64,
     motor_force: f64,
     seal_force: f64,
+    torque: f64,
     tissue_force: f64,
     /// Since the first sample, s; below 0 before.
     time: f64,
@@ -118,6 +119,7 @@ impl<'a> RigState<'a> {
             reference_velocity: 0.0,
             motor_force: 0.0,
             seal_force: states.iter().map(State::force).sum(),
+            torque: 0.0,
             tissue_force: 0.0,
             time: f64::NEG_INFINITY,
             states,
@@ -131,17 +133,13 @@ impl<'a> RigState<'a> {
     }
 
     /// Turns the rod as `course` says.
-    pub(super) fn turn_along(&mut self, course: &'a Course) {
-        self.course = course.angle.is_some().then_some(course);
-        if let Some((_, state)) = &mut self.turning {
-            *state = state.with_angle(course.angle_at(0.0));
-        }
+    pub(super) fn turn_along(&mut self, course: Course) {
+        self.course = Some(course).filter(|course| course.angle.is_some());
     }
 
     /// Angle of the rod, rad, and torque on the seal, N·m, of a motion with an angle.
     pub(super) fn roll(&self) -> Option<(f64, f64)> {
-        let torque = self.turning.as_ref().map_or(0.0, |(_, state)| state.torque());
-        Some((self.course?.angle_at(self.time), torque))
+        Some((self.course.as_ref()?.angle_at(self.time), self.torque))
     }
 
     pub(super) fn position(&self) -> f64 {
@@ -282,7 +280,7 @@ impl<'a> RigState<'a> {
         self.position = reached;
         self.time += dt;
         let wetting = Wetting::at(&self.config.lubrication, self.time);
-        let force = self.step_seal(wetting.of_dry(displacement), dt);
+        let force = self.step_seal(displacement, wetting, dt);
         let viscous = self
             .seal
             .iter()
@@ -292,17 +290,25 @@ impl<'a> RigState<'a> {
         let fluctuation =
             self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
         self.seal_force = wetting.of_wet(force, viscous) * fluctuation;
+        // Its viscous part is small, and wetted like the rest.
+        let torque = self.turning.as_ref().map_or(0.0, |(_, state)| state.torque());
+        self.torque = wetting.of_wet(torque, 0.0) * fluctuation;
         self.tissue_force = tissue_force(&self.config.tissue, self.time, reached, velocity);
     }
 
     /// Force of the dry seal, N, after `displacement`, m.
-    fn step_seal(&mut self, displacement: f64, dt: f64) -> f64 {
+    fn step_seal(&mut self, displacement: f64, wetting: Wetting, dt: f64) -> f64 {
+        let displacement = wetting.of_dry(displacement);
         let Some((trocar, state)) = &mut self.turning else {
             return step_parallel(self.seal, &mut self.states, displacement, dt);
         };
         let position = state.position() + displacement;
-        let force = match self.course {
-            Some(course) => trocar.turn_to(state, position, course.angle_at(self.time), dt),
+        let force = match &self.course {
+            Some(course) => {
+                let turned = course.angle_at(self.time) - course.angle_at(self.time - dt);
+                let from = state.turning().map_or(0.0, Turning::angle);
+                trocar.turn_to(state, position, from + wetting.of_dry(turned), dt)
+            }
             None => trocar.step(state, displacement, dt),
         };
         if let SealState::Ems(own) = state.seal() {

@@ -1,4 +1,4 @@
-//! Sensors of the rig: counts of the encoder, readings of the force sensor.
+//! Sensors of the rig: counts of the encoders, readings of force and torque.
 
 use super::config::{Encoder, ForceSensor, Rounding};
 use super::noise::{Noise, Source};
@@ -31,6 +31,11 @@ impl PositionSensor {
         whole * self.encoder.resolution_m
     }
 
+    /// A whole number of counts of the roll axis.
+    pub(super) fn angle(&self, angle: f64) -> f64 {
+        (angle / self.encoder.angle_resolution_rad).round() * self.encoder.angle_resolution_rad
+    }
+
     /// The drive interpolates between counts, so its speed has a finer resolution than their
     /// differences.
     pub(super) fn speed(&mut self, velocity: f64) -> f64 {
@@ -38,26 +43,25 @@ impl PositionSensor {
     }
 }
 
-/// Force sensor between motor and rod.
+/// Force or torque sensor between motor and rod.
 #[derive(Debug)]
-pub(super) struct ForceReading {
+pub(super) struct SensorReading {
     sensor: ForceSensor,
     noise: Noise,
     memory: f64,
     coloured: f64,
 }
 
-impl ForceReading {
-    pub(super) fn new(sensor: &ForceSensor, sample_rate_hz: f64, seed: u64) -> Self {
+impl SensorReading {
+    pub(super) fn new(sensor: &ForceSensor, sample_rate_hz: f64, mut noise: Noise) -> Self {
         let memory =
             libm::exp(-core::f64::consts::TAU * sensor.noise_bandwidth_hz / sample_rate_hz);
-        let mut noise = Noise::new(seed, Source::ForceSensor);
         // Starts in its stationary distribution, so the first samples are as noisy as the rest.
         let coloured = noise.normal();
         Self { sensor: sensor.clone(), noise, memory, coloured }
     }
 
-    /// One logged reading of `force`, the load on the sensor in N, and whether it saturated.
+    /// One logged reading of `force`, the load on the sensor, and whether it saturated.
     pub(super) fn read(&mut self, force: f64) -> (f64, bool) {
         let innovation = libm::sqrt(1.0 - self.memory * self.memory);
         self.coloured = self.memory * self.coloured + innovation * self.noise.normal();

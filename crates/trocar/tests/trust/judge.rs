@@ -90,8 +90,11 @@ pub(crate) fn judge(kind: &'static str, bench: &Bench, seed: u64) -> Result<Outc
     let noise = kind.bytes().fold(seed, |sum, byte| 31 * (sum % 1_000_000_007) + u64::from(byte));
     let recordings = bench.recordings(noise)?;
     let truths = bench.truths();
-    let options =
-        IdentifyOptions { inertia_removed: bench.mass_declared, ..IdentifyOptions::default() };
+    let options = IdentifyOptions {
+        inertia_removed: bench.mass_declared,
+        shaft_radius: bench.shaft_radius(),
+        ..IdentifyOptions::default()
+    };
     let begin = Instant::now();
     let found = identify(&recordings, &options, &|_, _| {});
     let mut outcome = Outcome {

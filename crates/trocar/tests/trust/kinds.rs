@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 use trocar::bench::config::{SpeedCycles, SpeedOrder, TissueKind};
-use trocar::bench::{BenchConfig, Protocol, random_plausible_seal, run};
+use trocar::bench::{self, BenchConfig, Protocol, random_plausible_seal, run};
 use trocar::identify::Term;
 use trocar::recording::{Recording, RecordingError};
 use trocar_model::{
@@ -44,6 +44,9 @@ pub(crate) struct Bench {
 
 /// Protocols of the paper's two steps.
 pub(super) const TWO_STEPS: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
+/// Strokes that turn beside those that do not.
+pub(super) const TURNING: [Protocol; 3] =
+    [Protocol::Steady, Protocol::Roll, Protocol::HoldAndTurn];
 const STEADY: [Protocol; 1] = [Protocol::Steady];
 const VALIDATION: [Protocol; 1] = [Protocol::Validation];
 pub(super) const HAND: [Protocol; 1] = [Protocol::Surgeon];
@@ -232,7 +235,24 @@ impl Bench {
         self
     }
 
-    fn edited(mut self, edit: Edit) -> Self {
+    /// With k_t and F_t/F_c over those of a seal alike in both directions.
+    pub(super) fn turning(mut self, stiffness: f64, ratio: f64) -> Result<Self, AnyError> {
+        let elements: Vec<Element> =
+            self.seal.iter().map(|p| Element::new(*p)).collect::<Result<_, _>>()?;
+        self.config = bench::turning(&self.config, &elements);
+        if let Some(rotation) = &mut self.config.rotation {
+            rotation.circumferential_stiffness *= stiffness;
+            rotation.circumferential_ratio *= ratio;
+        }
+        Ok(self)
+    }
+
+    /// Of the shaft, if it turns.
+    pub(crate) fn shaft_radius(&self) -> Option<f64> {
+        self.config.rotation.map(|rotation| rotation.shaft_radius)
+    }
+
+    pub(super) fn edited(mut self, edit: Edit) -> Self {
         self.edit = edit;
         self
     }
@@ -346,6 +366,11 @@ impl Bench {
             all.insert("insertion_join_force_n", force(insertion.force(insertion.join())));
             all.insert("withdrawal_join_force_n", force(withdrawal.force(withdrawal.join())));
             all.insert("yield_stiffness_n_m", range(drift, first.deformation.yield_stiffness()));
+        }
+        if let Some(rotation) = self.config.rotation {
+            let stiffness = rotation.circumferential_stiffness;
+            all.insert("circumferential_stiffness_n_m", range(drift, stiffness));
+            all.insert("circumferential_ratio", [rotation.circumferential_ratio; 2]);
         }
         all.extend(self.others.iter().copied());
         all

@@ -5,9 +5,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::bench::config::SpeedOrder;
 use trocar::bench::{PlausibleSeals, Protocol, random_seal};
+use trocar::recording::Recording;
 use trocar_model::{Relaxation, SlidingFriction};
 
-use super::kinds::{AnyError, Bench, HAND, Kind, TWO_STEPS, kind, rod, scaled};
+use super::kinds::{AnyError, Bench, HAND, Kind, TURNING, TWO_STEPS, kind, rod, scaled};
 
 /// F_c, N, and c, m.
 const COULOMB_FORCE: [f64; 2] = [0.3, 8.0];
@@ -33,6 +34,12 @@ const MASS: [f64; 2] = [0.02, 0.4];
 /// Scatter from stroke to stroke, and drift.
 const SCATTER: f64 = 0.03;
 const DRIFT: f64 = 0.05;
+
+/// Shafts, m; k_t over F_s/c, and F_t/F_c; rms of the torque readings, N·m.
+const DIAMETERS: [f64; 5] = [3e-3, 5e-3, 8e-3, 10e-3, 12e-3];
+const STIFFNESS_RATIO: [f64; 2] = [0.3, 3.0];
+const FRICTION_RATIO: [f64; 2] = [0.6, 1.7];
+const TORQUE_NOISE: [f64; 2] = [2e-5, 5e-4];
 
 /// How often a seal has what the default one lacks.
 const HAS_STRIBECK: f64 = 0.4;
@@ -104,6 +111,22 @@ impl Drawn {
     }
 }
 
+impl Drawn {
+    /// A bench whose rod turns in two of its recordings.
+    fn turning(&mut self, seed: u64) -> Result<Bench, AnyError> {
+        let bench = self.bench(seed, &TURNING)?;
+        let diameter = DIAMETERS[self.between([0.0, 5.0]) as usize % 5];
+        let (stiffness, ratio) =
+            (self.on_a_logarithm(STIFFNESS_RATIO), self.on_a_logarithm(FRICTION_RATIO));
+        let noise = self.on_a_logarithm(TORQUE_NOISE);
+        let bench = bench.with(|config| {
+            config.rod.diameter_m = diameter;
+            config.torque_sensor.noise_n_m = noise;
+        })?;
+        bench.turning(stiffness, ratio)
+    }
+}
+
 /// Benches drawn by their seed.
 pub(super) fn random() -> Vec<Kind> {
     let of = |name: &'static str, protocols: Vec<Protocol>| {
@@ -113,5 +136,10 @@ pub(super) fn random() -> Vec<Kind> {
         of("drawn_strokes", TWO_STEPS.to_vec()),
         of("drawn_strokes_and_hand", [&TWO_STEPS[..], &HAND[..]].concat()),
         of("drawn_hand", HAND.to_vec()),
+        kind("drawn_turning", |seed| Drawn(ChaCha8Rng::seed_from_u64(seed)).turning(seed)),
+        kind("drawn_turning_without_torque", |seed| {
+            let without = |recording| Ok(Recording { torque: None, ..recording });
+            Ok(Drawn(ChaCha8Rng::seed_from_u64(seed)).turning(seed)?.edited(without))
+        }),
     ]
 }
