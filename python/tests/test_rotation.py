@@ -1,7 +1,9 @@
-"""An instrument that turns: Stepper.turn_to, and the angle of a recording."""
+"""An instrument that turns: Stepper.turn_to, angle and torque of a recording, and what they determine."""
 
 import json
 import math
+import pathlib
+import pickle
 
 import numpy as np
 import pytest
@@ -36,11 +38,34 @@ def test_what_cannot_turn_is_refused(turning: trocar.Model) -> None:
         trocar.Stepper(turning).turn_to(0.0, math.nan, 1e-3)
 
 
-def test_a_recording_may_have_an_angle() -> None:
+def test_a_recording_may_have_an_angle_and_a_torque(tmp_path: pathlib.Path) -> None:
     time_s = np.arange(0.0, 1.0, 1e-3)
     with pytest.raises(trocar.RecordingError):
         trocar.Recording(time_s, 0.01 * time_s, time_s, angle_rad=time_s[:-1])
-    assert trocar.Recording(time_s, 0.01 * time_s, time_s, angle_rad=time_s) is not None
+    columns = {"angle_rad": 3.0 * time_s, "torque_n_m": 0.1 * time_s}
+    own = trocar.Recording(time_s, 0.01 * time_s, time_s, **columns)
+    frame = {"time_s": time_s, "position_m": 0.01 * time_s, "force_n": time_s, **columns}
+    own.save(tmp_path / "own.csv")
+    others = [trocar.Recording.from_frame(frame), trocar.read(tmp_path / "own.csv"), pickle.loads(pickle.dumps(own))]
+    for other in [own, *others]:
+        for name, column in columns.items():
+            np.testing.assert_array_equal(getattr(other, name), column)
+    with pytest.raises(trocar.RecordingError, match="torque"):
+        trocar.Recording(time_s, 0.01 * time_s, time_s, torque_n_m=time_s[:-1])
+
+
+def test_rotation_is_identified(turning: trocar.Model) -> None:
+    recordings = [trocar.bench(name, seal=turning) for name in ("validation", "roll", "hold-and-turn")]
+    assert recordings[0].torque_n_m is None and recordings[1].torque_n_m is not None
+    options = {"moving_mass_kg": 0.04, "free_motion": False}
+    found = trocar.identify(recordings, shaft_diameter_m=0.01, **options)
+    for name, true in [("circumferential_stiffness_n_m", 425.0), ("circumferential_ratio", 1.0)]:
+        parameter = found.parameters[name]
+        assert parameter.ci95[0] < true < parameter.ci95[1]
+        assert parameter.value == pytest.approx(true, rel=0.1)
+    assert json.loads(found.model.to_json())["rotation"]["shaft_radius_m"] == 5e-3
+    with pytest.raises(trocar.ParameterError, match="shaft_diameter_m must be finite and above 0, got -1 m"):
+        trocar.identify(recordings, shaft_diameter_m=-1.0)
 
 
 def test_the_observer_takes_the_angle(turning: trocar.Model) -> None:

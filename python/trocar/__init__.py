@@ -159,6 +159,7 @@ def identify(
     without: Sequence[str] = (),
     offset_n: Optional[float] = None,
     fix: Optional[Mapping[str, Union[float, tuple[float, float]]]] = None,
+    shaft_diameter_m: Optional[float] = None,
     paper: bool = False,
     posterior: Optional[int] = None,
     prior: Optional[Model] = None,
@@ -181,6 +182,8 @@ def identify(
         second_relaxation, unmodelled_mass, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated if not given
     :param fix: parameters that keep a value, or a range (low, high), in the unit of their name: ``{"half_width_m": 0.006}``
+    :param shaft_diameter_m: also identifies how the seal resists rotation, from recordings with an angle, and a torque if there
+        is one, in addition to strokes without turning
     :param paper: use only the two identification steps of the paper
     :param posterior: number of draws of the parameters from their posterior, a multiple of 4 from 400; None takes none
     :param prior: model of a trocar of the same type, whose parameters the recordings update
@@ -215,6 +218,7 @@ def identify(
         without=[without] if isinstance(without, str) else list(without),
         offset_n=offset_n,
         fix=_ranges(fix or {}),
+        shaft_diameter_m=shaft_diameter_m,
         paper=paper,
         posterior=None if posterior is None else _count("posterior", posterior),
         prior=prior,

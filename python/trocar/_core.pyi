@@ -434,6 +434,7 @@ def identify(
     without: Sequence[str],
     offset_n: float | None,
     fix: Sequence[tuple[str, tuple[float, float]]],
+    shaft_diameter_m: float | None,
     paper: bool,
     posterior: int | None,
     prior: Model | None,

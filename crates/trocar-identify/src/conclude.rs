@@ -73,6 +73,9 @@ pub(super) fn conclude(
     counts::add_error(&mut parameters, input.recordings);
     parameters.sort_by_key(|p| numbers::rank(p.id));
     let covariance = fit.as_ref().map(|fit| numbers::covariance(&fit.fitted, &parameters));
+    // Only who goes on from the fit asks for them.
+    let goes_on = fit.as_ref().filter(|_| input.options.shaft_radius.is_some());
+    let deviations = goes_on.map_or_else(Vec::new, |fit| numbers::deviations(&fit.fitted));
     let mut warnings = warnings(input, &model, fit.as_ref(), &judged, &scale, &parameters);
     warnings.extend(counts::named(recordings));
     warnings.extend(rotation::unmodelled(recordings));
@@ -94,6 +97,7 @@ pub(super) fn conclude(
         deformation: two.deformation.clone(),
         fit: fit.map(summary),
         covariance,
+        deviations,
         prior,
         posterior,
         density,

@@ -9,6 +9,7 @@ use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
+use super::result::Deviation;
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
 
 /// Joins, forces there, and the paper's θ (25), of both branches.
@@ -207,6 +208,21 @@ pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) ->
     let rows = spread.covariance(&ids.iter().map(gradient).collect::<Vec<_>>());
     Covariance { parameters: ids.iter().map(ToString::to_string).collect(), rows }
 }
+
+/// The models a standard deviation from the best one along each of the axes of its covariance.
+pub(super) fn deviations(fitted: &Fitted<EmsTrial>) -> Vec<Deviation> {
+    let best = &fitted.best;
+    let values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
+    let moved = |off: &[f64], part: f64| {
+        let values: Vec<f64> = values.iter().zip(off).map(|(own, off)| own + part * off).collect();
+        best.with(&values).model().map(|stages| Deviation { stages, part })
+    };
+    let axes = Spread::new(fitted).axes();
+    axes.iter().filter_map(|off| PARTS.iter().find_map(|part| moved(off, *part))).collect()
+}
+
+/// Parts of a deviation that are tried until one is a model.
+const PARTS: [f64; 4] = [1.0, -1.0, 0.1, -0.1];
 
 /// Half width of an interval over that to first order up to which a standard error describes it.
 const NEARLY_NORMAL: f64 = 1.5;

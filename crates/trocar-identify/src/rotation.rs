@@ -3,17 +3,18 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
 use rayon::prelude::*;
-use trocar_model::{Quantity, Rotation, Trocar, Tunable};
+use trocar_model::{Quantity, Rotation, Trocar};
 
-use super::estimate::{Estimate, MANY_DEGREES, t_quantile};
+use super::estimate::{Estimate, t_quantile};
 use super::findings::{IdentifyError, Parameter, Warning};
 use super::numbers;
 use super::options::IdentifyOptions;
-use super::result::Identification;
+use super::result::{Deviation, Identification};
 use trocar_recording::{Recording, range};
 use trocar_simulate::replay::replay;
+use trocar_simulate::segment::{reversal_threshold, strokes};
 
 /// Shaft of the usual 10 mm instrument, m: the radius for the size of the effect.
 const SHAFT_RADIUS: f64 = 5e-3;
@@ -79,8 +80,10 @@ pub(super) fn unmodelled(recordings: &[Recording]) -> impl Iterator<Item = Warni
 const SCALE_DEVIATION: f64 = 0.02;
 const OFFSET_DEVIATION: f64 = 0.1;
 
-/// Samples whose errors count as dependent, s.
-const BLOCK: f64 = 1.0;
+/// Passes of the fit: the first finds the sizes of the errors, by which the next weights.
+const PASSES: usize = 2;
+/// Most samples that count as one for their correlation.
+const MOST_ALIKE: f64 = 1e3;
 /// Widest interval of a number that counts as determined, as a factor to either side.
 const DETERMINED: f64 = 1.5;
 /// Least arc around the shaft that is turning, m: an angle sensor at rest shows none.
@@ -88,6 +91,8 @@ const TURNING: f64 = 5e-4;
 /// Step of the derivatives, in logarithms of the numbers, and most iterations.
 const STEP: f64 = 1e-3;
 const ITERATIONS: usize = 20;
+/// Where the fit may start: k_t over the mean slope along the axis.
+const STARTS: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
 
 const ADVICE: [&str; 2] = [
     "hold the instrument after a stroke and turn it by 90 degrees, to and fro",
@@ -104,7 +109,7 @@ pub(super) fn identified(
     axial: impl Fn(&[Recording]) -> Result<Identification, IdentifyError>,
 ) -> Result<Identification, IdentifyError> {
     let Some(radius) = options.shaft_radius else { return axial(recordings) };
-    let (turned, still): (Vec<_>, Vec<_>) =
+    let (mut turned, still): (Vec<_>, Vec<_>) =
         recordings.iter().cloned().partition(|recording| turns(recording, radius));
     if turned.is_empty() || still.is_empty() {
         let mut found = axial(recordings)?;
@@ -118,6 +123,14 @@ pub(super) fn identified(
         return Ok(found);
     }
     let mut found = axial(&still)?;
+    let delay = found.position_delay.as_ref().map_or(0.0, |delay| delay.delay_s);
+    for recording in &mut turned {
+        // One that is too short for the delay tells nothing of rotation.
+        if let Ok(in_time) = recording.with_position_delay(delay) {
+            *recording = in_time;
+        }
+        recording.force = recording.force_without_inertia(found.model.unmodelled_mass);
+    }
     let fit = Fit::new(&found, &turned, radius)?;
     let [stiffness, ratio] = fit.estimates();
     found.rotation = Some(fit.rotation(fit.best));
@@ -140,46 +153,156 @@ fn turns(recording: &Recording, radius: f64) -> bool {
     radius * (high - low) > TURNING
 }
 
-/// Least squares of k_t and F_t/F_c by simulation. Each recording has a friction scale and an offset
-/// of its own, eliminated in closed form.
+/// Least squares of k_t and F_t/F_c by simulation, of the forces and of the torques where they are
+/// recorded.
 struct Fit<'a> {
     found: &'a Identification,
-    turned: &'a [Recording],
+    turned: Vec<Turned<'a>>,
     radius: f64,
+    /// Standard deviations of independent errors, N and N·m.
+    noise: [f64; 2],
     /// ln k_t and ln F_t/F_c.
     best: [f64; 2],
-    /// Errors (N), their derivatives by `best`, and the block of each sample.
-    errors: Vec<f64>,
+    /// Errors and their derivatives by `best`.
+    errors: Vec<Error>,
     slopes: [Vec<f64>; 2],
-    blocks: Vec<usize>,
+}
+
+/// An error in units of its standard deviation.
+#[derive(Clone, Copy)]
+struct Error {
+    value: f64,
+    /// 0 of the force, 1 of the torque, `None` of a prior.
+    channel: Option<usize>,
+    /// The movement, from reversal to reversal, in which it arose.
+    movement: usize,
+}
+
+/// A recording that turns.
+struct Turned<'a> {
+    recording: &'a Recording,
+    /// The stroke and the movement, along the axis or around it, of every sample.
+    strokes: Vec<usize>,
+    movements: Vec<usize>,
+}
+
+impl<'a> Turned<'a> {
+    fn new(recording: &'a Recording, radius: f64, first_movement: usize) -> Self {
+        let reversals = |own: &Recording, threshold| {
+            let mut is_first = vec![0; own.len()];
+            strokes(own, threshold).iter().skip(1).for_each(|stroke| is_first[stroke.start] = 1);
+            is_first
+        };
+        let arc = recording.angle.iter().flatten().map(|angle| radius * angle).collect();
+        let around = Recording { position: arc, ..recording.clone() };
+        let along = reversals(recording, reversal_threshold(recording));
+        let both = along.iter().zip(reversals(&around, TURNING)).map(|(a, b)| a | b);
+        let sum = |sum: &mut usize, is_first: usize| {
+            *sum += is_first;
+            Some(*sum)
+        };
+        let movements = both.scan(first_movement, sum).collect();
+        let strokes = along.iter().copied().scan(0, sum).collect();
+        Self { recording, strokes, movements }
+    }
+
+    /// Errors of a model that gives `forces` and `torques` at `known` samples. Each stroke has a
+    /// friction scale of its own, the recording has one and offsets; all are the likeliest by their
+    /// priors, in closed form.
+    fn errors(&self, known: &[usize], model: [&[f64]; 2], how: &Level) -> Vec<Error> {
+        let count = self.strokes.last().map_or(0, |last| last + 1);
+        let (of_recording, offsets) = (count, [count + 1, count + 2]);
+        let (mut h, mut g) =
+            (DMatrix::<f64>::zeros(count + 3, count + 3), DVector::zeros(count + 3));
+        let mut priors: Vec<_> = (0..count).map(|stroke| (stroke, 0.0, how.scatter)).collect();
+        priors.push((of_recording, 1.0, SCALE_DEVIATION));
+        priors.push((offsets[0], how.offset, OFFSET_DEVIATION));
+        // A torque sensor may be tared in any way.
+        priors.push((offsets[1], 0.0, 1e3 * how.noise[1]));
+        for (j, mean, deviation) in &priors {
+            h[(*j, *j)] += deviation.powi(-2);
+            g[*j] += mean * deviation.powi(-2);
+        }
+        let readings = [Some(&self.recording.force), self.recording.torque.as_ref()];
+        let channels = || readings.iter().enumerate().filter_map(|(i, own)| Some((i, (*own)?)));
+        let row = |channel: usize, k: usize| {
+            let weight = 1.0 / how.noise[channel];
+            let m = weight * model[channel][k];
+            [(self.strokes[k], m), (of_recording, m), (offsets[channel], weight)]
+        };
+        for (channel, readings) in channels() {
+            for k in known {
+                let row = row(channel, *k);
+                for (i, a) in row {
+                    g[i] += a * readings[*k] / how.noise[channel];
+                    row.into_iter().for_each(|(j, b)| h[(i, j)] += a * b);
+                }
+            }
+        }
+        let own = h.cholesky().map_or(g.clone(), |factor| factor.solve(&g));
+        let mut errors = Vec::with_capacity(2 * known.len() + priors.len());
+        for (channel, readings) in channels() {
+            errors.extend(known.iter().map(|k| {
+                let fitted: f64 = row(channel, *k).iter().map(|(j, a)| a * own[*j]).sum();
+                let value = readings[*k] / how.noise[channel] - fitted;
+                Error { value, channel: Some(channel), movement: self.movements[*k] }
+            }));
+        }
+        errors.extend(priors.into_iter().map(|(j, mean, deviation)| {
+            let first = self.strokes.iter().position(|stroke| *stroke == j).unwrap_or(0);
+            let value = (mean - own[j]) / deviation;
+            Error { value, channel: None, movement: self.movements[first] }
+        }));
+        errors
+    }
+}
+
+/// What is known of friction scales and offsets.
+struct Level {
+    noise: [f64; 2],
+    /// Standard deviation of the friction scale of a stroke.
+    scatter: f64,
+    /// Sensor offset, N.
+    offset: f64,
 }
 
 impl<'a> Fit<'a> {
     fn new(
         found: &'a Identification,
-        turned: &'a [Recording],
+        recordings: &'a [Recording],
         radius: f64,
     ) -> Result<Self, IdentifyError> {
         let element = found.element().params();
         let c = element.deformation.half_width();
         let slope = 0.5 * (element.insertion.static_force + element.withdrawal.static_force) / c;
-        let own = Self {
+        let mut turned: Vec<Turned> = Vec::new();
+        for recording in recordings {
+            let first =
+                turned.last().map_or(0, |last| last.movements[last.movements.len() - 1] + 1);
+            turned.push(Turned::new(recording, radius, first));
+        }
+        let force = found.residual_rms.max(f64::MIN_POSITIVE);
+        let mut own = Self {
             found,
             turned,
             radius,
+            noise: [force, radius * force],
             best: [slope.ln(), 0.0],
             errors: Vec::new(),
             slopes: [Vec::new(), Vec::new()],
-            blocks: blocks(turned),
         };
         found.trocar().with_rotation(Some(own.rotation(own.best)))?;
-        let start = |factor: f64| own.descend([(factor * slope).ln(), 0.0]);
-        let all = [start(1.0), start(0.2), start(5.0)];
-        let best =
-            all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)).map_or(own.best, |best| best.0);
-        let errors = own.errors(best);
-        let slopes = own.slopes(best, &errors);
-        Ok(Self { best, errors, slopes, ..own })
+        let sum = |factor: &f64| squares(&own.errors([(factor * slope).ln(), 0.0]));
+        let starts = STARTS.iter().map(|factor| (factor, sum(factor)));
+        let (start, _) = starts.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((&1.0, 0.0));
+        own.best = own.descend([(start * slope).ln(), 0.0]).0;
+        for _ in 1..PASSES {
+            own.noise = own.noise_found(&own.errors(own.best));
+            own.best = own.descend(own.best).0;
+        }
+        own.errors = own.errors(own.best);
+        own.slopes = own.slopes(own.best, &own.errors);
+        Ok(own)
     }
 
     fn rotation(&self, [stiffness, ratio]: [f64; 2]) -> Rotation {
@@ -190,32 +313,48 @@ impl<'a> Fit<'a> {
         }
     }
 
-    /// Readings less the simulation at all samples; 0 where the initial state matters.
-    fn errors(&self, at: [f64; 2]) -> Vec<f64> {
+    /// Standard deviations of independent errors that would be as uncertain as those found, which
+    /// are alike from sample to sample.
+    fn noise_found(&self, errors: &[Error]) -> [f64; 2] {
+        [0, 1].map(|channel| {
+            let own: Vec<f64> =
+                errors.iter().filter(|e| e.channel == Some(channel)).map(|e| e.value).collect();
+            let sum = |lag: usize| own.iter().zip(&own[lag..]).map(|(a, b)| a * b).sum::<f64>();
+            let squares = if own.is_empty() { 0.0 } else { sum(0) };
+            if squares <= 0.0 {
+                return self.noise[channel];
+            }
+            let most = (own.len() / 10).min(MOST_ALIKE as usize);
+            let lags = (1..most).map(|lag| sum(lag) / squares).take_while(|own| *own > 0.05);
+            let alike = 1.0 + 2.0 * lags.sum::<f64>();
+            self.noise[channel] * (squares / own.len() as f64 * alike).sqrt()
+        })
+    }
+
+    fn errors(&self, at: [f64; 2]) -> Vec<Error> {
         self.errors_of(self.found.trocar(), at)
     }
 
-    fn errors_of(&self, trocar: Trocar<&[f64]>, at: [f64; 2]) -> Vec<f64> {
+    fn errors_of(&self, trocar: Trocar<&[f64]>, at: [f64; 2]) -> Vec<Error> {
         let trocar = trocar.with_rotation(Some(self.rotation(at))).unwrap_or(trocar);
         let offset = self.found.model.offset;
-        let noise = self.found.residual_rms.max(f64::MIN_POSITIVE);
-        let of = |recording: &Recording| {
-            let model = replay(&trocar, recording, offset);
+        let scale = &self.found.friction_scale;
+        // As far as it changes without turning.
+        let scatter = scale.scatter.hypot(0.5 * scale.drift).max(1e-3);
+        let how = Level { noise: self.noise, scatter, offset };
+        let of = |own: &Turned| {
+            let model = replay(&trocar, own.recording, offset);
             let known: Vec<usize> = model.known.into_iter().flatten().collect();
-            let mut errors = vec![0.0; recording.len()];
-            let pairs = || known.iter().map(|k| (model.force[*k], recording.force[*k]));
-            let [scale, own] = level(pairs(), offset, noise);
-            known.iter().zip(pairs()).for_each(|(k, (m, y))| errors[*k] = y - own - scale * m);
-            errors
+            own.errors(&known, [&model.force, &model.torque], &how)
         };
         self.turned.par_iter().flat_map_iter(of).collect()
     }
 
-    fn slopes(&self, at: [f64; 2], errors: &[f64]) -> [Vec<f64>; 2] {
+    fn slopes(&self, at: [f64; 2], errors: &[Error]) -> [Vec<f64>; 2] {
         [0, 1].map(|i| {
             let mut moved = at;
             moved[i] += STEP;
-            self.errors(moved).iter().zip(errors).map(|(a, b)| (a - b) / STEP).collect()
+            self.errors(moved).iter().zip(errors).map(|(a, b)| (a.value - b.value) / STEP).collect()
         })
     }
 
@@ -226,7 +365,7 @@ impl<'a> Fit<'a> {
         let mut damping = 1e-3;
         for _ in 0..ITERATIONS {
             let slopes = self.slopes(at, &errors);
-            let (h, g) = normal(&slopes, &errors);
+            let (h, g) = normal(&slopes, errors.iter().map(|error| error.value));
             let damped = h + Matrix2::from_diagonal(&(h.diagonal() * damping));
             let Some(step) = damped.try_inverse().map(|inverse| -(inverse * g)) else { break };
             let next = [0, 1].map(|i| at[i] + step[i].clamp(-1.0, 1.0));
@@ -249,34 +388,53 @@ impl<'a> Fit<'a> {
         (at, least)
     }
 
-    /// Intervals from the scatter of the blocks, whose errors are independent of each other.
-    fn estimates(&self) -> [Estimate; 2] {
-        let (h, _) = normal(&self.slopes, &self.errors);
-        let count = self.blocks.last().map_or(0, |last| last + 1);
-        let mut scores = vec![Vector2::zeros(); count];
-        for ((k, block), error) in self.blocks.iter().enumerate().zip(&self.errors) {
-            scores[*block] += Vector2::new(self.slopes[0][k], self.slopes[1][k]) * *error;
+    /// Information and score of each movement.
+    fn movements(&self) -> Vec<(Matrix2<f64>, Vector2<f64>)> {
+        let count = self.errors.iter().map(|error| error.movement + 1).max().unwrap_or(0);
+        let mut all = vec![(Matrix2::zeros(), Vector2::zeros()); count];
+        for ((a, b), error) in self.slopes[0].iter().zip(&self.slopes[1]).zip(&self.errors) {
+            let (h, g) = &mut all[error.movement];
+            let row = Vector2::new(*a, *b);
+            *h += row * row.transpose();
+            *g += row * error.value;
         }
-        let meat: Matrix2<f64> = scores.iter().map(|score| score * score.transpose()).sum();
-        // What no number of the model explains is not independent from block to block.
-        let samples = self.errors.iter().filter(|error| **error != 0.0).count().max(1) as f64;
-        let misfit = squares(&self.errors) / samples / self.found.residual_rms.powi(2);
-        let covariance = h.try_inverse().map(|inverse| {
-            let axial: Matrix2<f64> = self
-                .axial_errors()
-                .map(|errors| inverse * normal(&self.slopes, &errors).1)
-                .map(|shift| shift * shift.transpose())
-                .sum();
-            inverse * meat * inverse * misfit.max(1.0) + axial
+        all
+    }
+
+    /// Intervals by the jackknife over movements, and by the errors of the axial model.
+    fn estimates(&self) -> [Estimate; 2] {
+        let movements = self.movements();
+        let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
+        let inverse = h.try_inverse();
+        let without = |(own, score): &(Matrix2<f64>, Vector2<f64>)| {
+            (h - own).try_inverse().map(|inverse| inverse * score)
+        };
+        let left_out: Option<Vec<Vector2<f64>>> = movements.iter().map(without).collect();
+        let variance = left_out.zip(inverse).map(|(left_out, inverse)| {
+            let count = left_out.len() as f64;
+            let mean = left_out.iter().sum::<Vector2<f64>>() / count;
+            let square = |off: Vector2<f64>| off * off.transpose();
+            let own: Matrix2<f64> = left_out.iter().map(|own| square(own - mean)).sum();
+            let shift = |slope: Vec<f64>| square(inverse * normal(&self.slopes, slope).1);
+            // Errors that recur in every movement show no scatter; by their size they are seen.
+            let scatter = own * ((count - 1.0) / count);
+            let variance = |i: usize| scatter[(i, i)].max(inverse[(i, i)]);
+            let axial: Matrix2<f64> = self.axial_errors().map(shift).sum();
+            axial.diagonal() + Vector2::new(variance(0), variance(1))
         });
         let quantities = [Quantity::CircumferentialStiffness, Quantity::CircumferentialRatio];
         [0, 1].map(|i| {
             let unit = quantities[i].declaration().unit.si;
             let value = self.best[i].exp();
-            let blocks = self.informative(i, count);
-            let error = covariance.map(|c| (c[(i, i)] * blocks / (blocks - 2.0)).sqrt());
-            let half = error.map_or(f64::INFINITY, |error| t_quantile(blocks - 2.0) * error);
-            // NaN where too few blocks tell of it.
+            // Student's t of the movements that tell of it, as if they told alike (CARTER).
+            let shares = movements.iter().map(|(own, _)| {
+                inverse.map_or(0.0, |inverse| (inverse.row(i) * own * inverse.column(i))[0])
+            });
+            let (sum, squares) = shares.fold((0.0, 0.0), |(a, b), w| (a + w, b + w * w));
+            let degrees = sum * sum / squares - 1.0;
+            let half =
+                variance.map_or(f64::INFINITY, |variance| t_quantile(degrees) * variance[i].sqrt());
+            // NaN where no movement tells of it.
             let is_determined = half < DETERMINED.ln();
             if !is_determined {
                 return Estimate::undetermined(
@@ -290,70 +448,31 @@ impl<'a> Fit<'a> {
         })
     }
 
-    /// Change of the errors, N, with each number of the axial model by its standard error.
+    /// Changes of the errors with the axial model, by the deviations whose squares add up to its
+    /// covariance.
     fn axial_errors(&self) -> impl Iterator<Item = Vec<f64>> {
-        let trocar = self.found.trocar();
-        let numbers: Vec<Tunable> = trocar.seal().tunables().collect();
-        [Quantity::HalfWidth, Quantity::CoulombForce, Quantity::ViscousDamping]
-            .into_iter()
-            .filter_map(move |quantity| {
-                let error = self.found.estimate(quantity)?.half_width() / t_quantile(MANY_DEGREES);
-                let more = |own: &Tunable| {
-                    own.value + if own.id.quantity == quantity { error } else { 0.0 }
-                };
-                let values: Vec<f64> = numbers.iter().map(more).collect();
-                let seal = trocar.seal().tuned(&values).ok()?;
-                let moved = self.errors_of(trocar.with_seal(seal), self.best);
-                Some(moved.iter().zip(&self.errors).map(|(a, b)| a - b).collect())
-            })
-    }
-
-    /// How many blocks tell of number `i`.
-    fn informative(&self, i: usize, count: usize) -> f64 {
-        let mut weights = vec![0.0; count];
-        for (k, block) in self.blocks.iter().enumerate() {
-            weights[*block] += self.slopes[i][k] * self.slopes[i][k];
-        }
-        let (sum, sum_of_squares) = weights.iter().fold((0.0, 0.0), |(a, b), w| (a + w, b + w * w));
-        if sum_of_squares > 0.0 { sum * sum / sum_of_squares } else { 0.0 }
+        self.found.deviations.iter().map(|Deviation { stages, part }| {
+            let profile = self.found.trocar().profile().copied();
+            let moved = self.errors_of(Trocar::new(*stages, profile), self.best);
+            moved.iter().zip(&self.errors).map(|(a, b)| (a.value - b.value) / part).collect()
+        })
     }
 }
 
-/// The block of every sample, counted through all recordings.
-fn blocks(recordings: &[Recording]) -> Vec<usize> {
-    let mut all = Vec::new();
-    for recording in recordings {
-        let first = all.last().map_or(0, |last| last + 1);
-        let start = recording.time[0];
-        all.extend(recording.time.iter().map(|t| first + ((t - start) / BLOCK) as usize));
-    }
-    all
-}
-
-/// Friction scale and offset (N) of readings y = offset + scale·m, with their priors.
-fn level(pairs: impl Iterator<Item = (f64, f64)>, offset: f64, noise: f64) -> [f64; 2] {
-    let weights = [SCALE_DEVIATION, OFFSET_DEVIATION].map(|sd| (noise / sd).powi(2));
-    let mut h = Matrix2::from_diagonal(&Vector2::from(weights));
-    let mut g = Vector2::new(weights[0], weights[1] * offset);
-    for (m, y) in pairs {
-        let row = Vector2::new(m, 1.0);
-        h += row * row.transpose();
-        g += row * y;
-    }
-    h.try_inverse().map_or([1.0, offset], |inverse| (inverse * g).into())
-}
-
-fn squares(errors: &[f64]) -> f64 {
-    errors.iter().map(|error| error * error).sum()
+fn squares(errors: &[Error]) -> f64 {
+    errors.iter().map(|error| error.value * error.value).sum()
 }
 
 /// JᵀJ and Jᵀe.
-fn normal(slopes: &[Vec<f64>; 2], errors: &[f64]) -> (Matrix2<f64>, Vector2<f64>) {
+fn normal(
+    slopes: &[Vec<f64>; 2],
+    errors: impl IntoIterator<Item = f64>,
+) -> (Matrix2<f64>, Vector2<f64>) {
     let (mut h, mut g) = (Matrix2::zeros(), Vector2::zeros());
     for ((a, b), error) in slopes[0].iter().zip(&slopes[1]).zip(errors) {
         let row = Vector2::new(*a, *b);
         h += row * row.transpose();
-        g += row * *error;
+        g += row * error;
     }
     (h, g)
 }

@@ -1,6 +1,6 @@
 //! Intervals of a plain output-error fit, and whether the data determine its parameters.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::estimate::{Estimate, MANY_DEGREES, t_quantile};
 use super::likelihood::{Fitted, MODEL_DEGREES, Trial};
@@ -177,6 +177,19 @@ impl<'a, T: Trial> Spread<'a, T> {
         };
         let sum = self.departures.iter().fold(DMatrix::zeros(p, p), squares);
         (sum * ((g - 1.0) / g.max(1.0)), self.departures.len())
+    }
+
+    /// Deviations of the free parameters whose squares add up to their covariance.
+    pub(super) fn axes(&self) -> Vec<Vec<f64>> {
+        let all = match &self.moderated {
+            Some(moderated) => moderated.clone(),
+            None => self.jackknifed().0,
+        };
+        let SymmetricEigen { eigenvalues, eigenvectors } = all.symmetric_eigen();
+        let axes = eigenvalues.iter().zip(eigenvectors.column_iter());
+        axes.filter(|(own, _)| **own > 0.0)
+            .map(|(own, axis)| (axis * own.sqrt()).iter().copied().collect())
+            .collect()
     }
 
     /// Degrees of freedom of Student's t (CARTER): the equivalent number of equal clusters that

@@ -168,6 +168,10 @@ pub struct RecordingValidation {
     pub by_phase: Phases,
     /// Whiteness of the residuals; `None` when too short.
     pub whiteness: Option<Whiteness>,
+    /// Root mean square error of the torque, N·m, about its mean, which may be a tare; `None`
+    /// without rotation in the model or a torque in the recording.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub torque_rms_n_m: Option<f64>,
     /// The error compared with the scatter between strokes; `None` where no strokes repeat.
     #[serde(default)]
     pub strokes: Option<AgainstStrokes>,
@@ -286,6 +290,10 @@ impl Scored {
                 .sqrt(),
             samples: a.samples + b.samples,
             samples_before_known: a.samples_before_known + b.samples_before_known,
+            torque_rms_n_m: match (a.torque_rms_n_m, b.torque_rms_n_m) {
+                (Some(first), Some(next)) => Some(both_rms((first, a.samples), (next, b.samples))),
+                (first, next) => first.or(next),
+            },
             by_speed: both_speeds(a.by_speed, &b.by_speed),
             by_phase: a.by_phase.plus(&b.by_phase),
             warnings,
@@ -504,6 +512,7 @@ pub fn validate_one<K: AsRef<[f64]>>(
         rms_with_start_n: all.rms(),
         samples: scored.len(),
         samples_before_known: recording.len() - scored.len(),
+        torque_rms_n_m: torque_error(trocar, recording, &run, &scored),
         by_speed: by_speed(recording, &error, &scored),
         by_phase: Phases::of(
             phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i])),
@@ -515,6 +524,20 @@ pub fn validate_one<K: AsRef<[f64]>>(
     let (lowest, highest) = range(&recording.position);
     let departure = trocar.profile().and_then(|profile| Departure::of(profile, lowest, highest));
     Scored { result, sums, pieces: 1, known: !run.known.is_empty(), departure }
+}
+
+fn torque_error<K: AsRef<[f64]>>(
+    trocar: &Trocar<K>,
+    recording: &Recording,
+    run: &Replay,
+    scored: &[usize],
+) -> Option<f64> {
+    let readings = recording.torque.as_ref().filter(|_| trocar.rotation().is_some())?;
+    let error = |k: &usize| readings[*k] - run.torque[*k];
+    let count = scored.len().max(1) as f64;
+    let mean = scored.iter().map(error).sum::<f64>() / count;
+    let squares: f64 = scored.iter().map(|k| (error(k) - mean).powi(2)).sum();
+    Some((squares / count).sqrt())
 }
 
 fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<SpeedPart> {

@@ -37,7 +37,8 @@ impl Raise for WorkflowError {
 
 /// Identifies a model; `trocar.identify` wraps it.
 #[pyfunction]
-#[pyo3(signature = (recordings, held_out, *, seed, degrees, free_motion, without, offset_n, fix, paper,
+#[pyo3(signature = (recordings, held_out, *, seed, degrees, free_motion, without, offset_n, fix,
+    shaft_diameter_m, paper,
     posterior, prior, prior_spread, moving_mass_kg, gravity_m_s2, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn identify(
@@ -50,6 +51,7 @@ pub(crate) fn identify(
     without: Vec<String>,
     offset_n: Option<f64>,
     fix: Vec<(String, [f64; 2])>,
+    shaft_diameter_m: Option<f64>,
     paper: bool,
     posterior: Option<usize>,
     prior: Option<PyRef<'_, Model>>,
@@ -65,6 +67,11 @@ pub(crate) fn identify(
             "offset_n must be a finite number, got {offset}"
         )));
     }
+    if let Some(diameter) = shaft_diameter_m.filter(|own| !(own.is_finite() && *own > 0.0)) {
+        return Err(ParameterError::new_err(format!(
+            "shaft_diameter_m must be finite and above 0, got {diameter} m"
+        )));
+    }
     let prior = prior.map(|model| seal_prior(&model, prior_spread)).transpose()?;
     let options = IdentifyOptions {
         prior,
@@ -75,6 +82,7 @@ pub(crate) fn identify(
         without: without.iter().map(term).collect::<PyResult<_>>()?,
         offset: offset_n,
         kept: kept(&fix)?,
+        shaft_radius: shaft_diameter_m.map(|diameter| 0.5 * diameter),
         paper,
         ..IdentifyOptions::default()
     };

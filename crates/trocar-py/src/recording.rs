@@ -38,7 +38,10 @@ pub(crate) struct Recording {
 
 impl Recording {
     pub(crate) fn new(record: Record) -> Self {
-        Self { record: Arc::new(record), columns: [const { PyOnceLock::new() }; Quantity::ALL.len()] }
+        Self {
+            record: Arc::new(record),
+            columns: [const { PyOnceLock::new() }; Quantity::ALL.len()],
+        }
     }
 
     pub(crate) fn record(&self) -> &Record {

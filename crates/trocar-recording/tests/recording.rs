@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use proptest::prelude::*;
 use skipped::skipped;
 use trocar_recording::{
-    Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity,
-    read,
+    Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity, read,
 };
 use trocar_tables::option::{Interface, spelt};
 
@@ -1568,7 +1567,10 @@ fn a_torque_is_read_with_its_unit() {
     }
     for (name, mapping) in [
         ("Mz", "time_s=time_s,position_mm=position_mm,force_n=force_n,torque_n_mm=-Mz"),
-        ("Mz [Nm]", "time_s=time_s,position_mm=position_mm,force_n=force_n,torque_n_m=-1e-3*Mz [Nm]"),
+        (
+            "Mz [Nm]",
+            "time_s=time_s,position_mm=position_mm,force_n=force_n,torque_n_m=-1e-3*Mz [Nm]",
+        ),
         ("Mz", "time_s,position_mm,force_n,-torque_n_mm"),
     ] {
         let found = torque(&text_of(name, 1e3), &columns(mapping)).expect(mapping);

@@ -49,6 +49,8 @@ pub fn forgotten_after(seal: &Seal, steps: impl Iterator<Item = (f64, f64)>) -> 
 pub struct Replay {
     /// Seal force, N, without sensor offset.
     pub force: Vec<f64>,
+    /// Torque on the seal, N·m; 0 without rotation in the model.
+    pub torque: Vec<f64>,
     /// Deflection, m, the mean of several elements; empty for a model without one.
     pub deflection: Vec<f64>,
     /// Whether every element slides; empty for a model without a deflection.
@@ -106,6 +108,7 @@ pub fn forces<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset
 impl Replay {
     fn push(&mut self, state: &TrocarState, half_width: f64, turns: &mut PartialReversals) {
         self.force.push(state.force());
+        self.torque.push(state.torque());
         if let Some(deformation) = state.deformation() {
             let Deformation { deflection, mode } = deformation;
             self.turned.push(turns.take(deformation, half_width));

@@ -7,6 +7,7 @@
 //! | `‹without=second_stage›`   | `--without second_stage`        | `without='second_stage'`       |
 //! | `‹columns='force_n=the F'›`| `--columns 'force_n=the F'`     | `columns='force_n=the F'`      |
 //! | `‹flip_force=True›`        | `--flip-force`                  | `flip_force=True`              |
+//! | `‹shaft_diameter_mm›`      | `--shaft-diameter-mm`           | `shaft_diameter_m`             |
 //! | `‹validate=...›`           | `--validate`                    | `validate=...`                 |
 //! | `‹identify(posterior=N)›`  | `trocar identify --posterior N` | `trocar.identify(posterior=N)` |
 //! | `‹plan_config()›`          | `trocar plan --print-config`    | `trocar.plan_config()`         |
@@ -75,7 +76,11 @@ fn in_python(marked: &str) -> String {
     match parts(marked) {
         // What is written has a path of its own in Python, whatever writes it.
         ("out", None) => "path".to_owned(),
-        (name, None) => name.to_owned(),
+        // Millimetres are for the command line.
+        (name, None) => match name.strip_suffix("_mm") {
+            Some(front) => format!("{front}_m"),
+            None => name.to_owned(),
+        },
         (name, Some(value)) if is_no_text(value) => format!("{name}={value}"),
         (name, Some(value)) => {
             let text = within_quotes(value).unwrap_or(value).replace('\\', r"\\");

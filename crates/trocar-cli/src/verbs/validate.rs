@@ -102,7 +102,10 @@ pub(crate) fn table(validation: &Validation) -> String {
     let common = ["recording", "rms N", "fit %", "bias N", "worst N"];
     let repeats = validation.recordings.iter().any(|r| r.strokes.is_some());
     let floor = if repeats { vec!["repeatability N", "rms/repeatability"] } else { Vec::new() };
-    let mut table = Table::headed(common.into_iter().chain(phases).chain(["samples"]).chain(floor));
+    let torque = validation.recordings.iter().any(|r| r.torque_rms_n_m.is_some());
+    let torque = torque.then_some("torque rms N m");
+    let headers = common.into_iter().chain(phases).chain(["samples"]).chain(torque).chain(floor);
+    let mut table = Table::headed(headers);
     for r in &validation.recordings {
         let Phases { deformation, sliding, moving, hold, .. } = r.by_phase;
         let parts = if classical {
@@ -120,6 +123,7 @@ pub(crate) fn table(validation: &Validation) -> String {
             common
                 .chain(parts.into_iter().map(phase))
                 .chain([r.samples.to_string()])
+                .chain(torque.map(|_| r.torque_rms_n_m.map_or("-".to_owned(), number)))
                 .chain(strokes),
         );
     }

@@ -45,8 +45,7 @@ pub(crate) struct Bench {
 /// Protocols of the paper's two steps.
 pub(super) const TWO_STEPS: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
 /// Strokes that turn beside those that do not.
-pub(super) const TURNING: [Protocol; 3] =
-    [Protocol::Steady, Protocol::Roll, Protocol::HoldAndTurn];
+pub(super) const TURNING: [Protocol; 3] = [Protocol::Steady, Protocol::Roll, Protocol::HoldAndTurn];
 const STEADY: [Protocol; 1] = [Protocol::Steady];
 const VALIDATION: [Protocol; 1] = [Protocol::Validation];
 pub(super) const HAND: [Protocol; 1] = [Protocol::Surgeon];
