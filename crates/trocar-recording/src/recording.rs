@@ -76,6 +76,20 @@ fn cut(columns: Columns<'_>, kept: impl Iterator<Item = usize> + Clone) -> Readi
     columns.map(|own| own.map(cut)).into()
 }
 
+fn write(columns: Columns<'_>, mut output: impl Write) -> std::io::Result<()> {
+    let named = Quantity::ALL.map(Quantity::column_name).into_iter().zip(columns);
+    let (names, columns): (Vec<String>, Vec<&Vec<f64>>) =
+        named.filter_map(|(name, own)| Some((name, own?))).unzip();
+    writeln!(output, "{}", names.join(","))?;
+    let mut line = Line::default();
+    for k in 0..columns.first().map_or(0, |own| own.len()) {
+        columns.iter().for_each(|own| _ = line.number(own[k]));
+        line.finish(&mut output)?;
+    }
+    line.flush(&mut output)?;
+    output.flush()
+}
+
 impl From<[Option<Vec<f64>>; Quantity::ALL.len()]> for Readings {
     fn from(columns: [Option<Vec<f64>>; Quantity::ALL.len()]) -> Self {
         let [time, position, force, velocity, angle, torque] = columns;
@@ -101,6 +115,16 @@ impl Readings {
     #[must_use]
     pub fn at(&self, kept: impl Iterator<Item = usize> + Clone) -> Self {
         cut(self.columns(), kept)
+    }
+
+    /// Writes the columns as CSV in SI units, such as `time_s,position_m,force_n`.
+    ///
+    /// Every number is the shortest that reads back as the same value.
+    ///
+    /// # Errors
+    /// The error of the operating system when the output cannot be written.
+    pub fn write(&self, output: impl Write) -> std::io::Result<()> {
+        write(self.columns(), output)
     }
 
     /// SHA-256 of the columns; lower-case hexadecimal.
@@ -199,24 +223,12 @@ impl Recording {
         columns([time, position, force], [velocity, angle, torque])
     }
 
-    /// Writes the columns as CSV in SI units, such as `time_s,position_m,force_n`.
-    ///
-    /// Every number is the shortest that reads back as the same value.
+    /// Writes the columns, as [`Readings::write`].
     ///
     /// # Errors
-    /// The error of the operating system when the output cannot be written.
-    pub fn write(&self, mut output: impl Write) -> std::io::Result<()> {
-        let named = Quantity::ALL.map(Quantity::column_name).into_iter().zip(self.columns());
-        let (names, columns): (Vec<String>, Vec<&Vec<f64>>) =
-            named.filter_map(|(name, own)| Some((name, own?))).unzip();
-        writeln!(output, "{}", names.join(","))?;
-        let mut line = Line::default();
-        for k in 0..self.len() {
-            columns.iter().for_each(|own| _ = line.number(own[k]));
-            line.finish(&mut output)?;
-        }
-        line.flush(&mut output)?;
-        output.flush()
+    /// As for that.
+    pub fn write(&self, output: impl Write) -> std::io::Result<()> {
+        write(self.columns(), output)
     }
 
     /// Number of samples.

@@ -129,6 +129,7 @@ mod tests {
         are("use ‹flip_force=True›, or", "use --flip-force, or", "use flip_force=True, or");
         are("‹from_s=10› ‹to_s=60›", "--from-s 10 --to-s 60", "from_s=10 to_s=60");
         are("(‹offset_n›)", "(--offset-n)", "(offset_n)");
+        are("‹shaft_diameter_mm› takes", "--shaft-diameter-mm takes", "shaft_diameter_m takes");
         are("‹validate=...›, or", "--validate, or", "validate=..., or");
         are(
             "‹identify(posterior=N)› writes",

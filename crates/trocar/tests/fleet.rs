@@ -8,7 +8,6 @@ use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::cancel::Cancel;
 use trocar::fleet::{self, Collector, Config, Dataset, FleetError, identify_source};
 use trocar::model_file::ModelFile;
-use trocar::recording;
 
 /// Four recordings in folders, and a file that is none.
 fn dataset(folder: &Path) -> Dataset {
@@ -21,7 +20,7 @@ fn dataset(folder: &Path) -> Dataset {
         let inner = folder.join(format!("insertion_count={}", 10 * seed));
         fs::create_dir_all(&inner).unwrap();
         let file = File::create(inner.join("strokes.csv")).unwrap();
-        recording::write(file, &recorded.time, &recorded.position, None, &recorded.force).unwrap();
+        recorded.to_recording("strokes").unwrap().write(file).unwrap();
     }
     fs::write(folder.join("words.csv"), "these,are,words\n").unwrap();
     Dataset::open(folder, &[]).unwrap()

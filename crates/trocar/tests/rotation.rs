@@ -7,6 +7,7 @@ use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::{Choice, ReadOptions, Readings, Recording, read};
 use trocar::simulate::{SimulateOptions, simulate_file};
+use trocar::validate::{Validation, validate_one};
 use trocar_model::{Rotation, Trocar};
 
 const ROTATION: Rotation =
@@ -164,8 +165,8 @@ fn strokes(rate: f64) -> Recording {
         time: plain.time,
         position: plain.position,
         force: plain.force,
-        velocity: None,
         angle: Some(angle),
+        ..Readings::default()
     };
     Recording::from_readings("steady", &readings, None).unwrap()
 }
@@ -385,4 +386,109 @@ fn the_bench_turns_the_rod() {
     let difference =
         axial.force.iter().zip(&plain.force).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(difference < 1e-2, "{difference} N");
+}
+
+/// What the protocols promise: strokes at four ratios of the speeds and turning alone; holds with a
+/// quarter turn. A seal without rotation in its model resists it alike in both directions.
+#[test]
+fn protocols_turn_the_rod() {
+    let seal = ModelFile::plausible_10_5_mm().unwrap();
+    let elements = seal.stages().unwrap().elements().to_vec();
+    let config = BenchConfig::default();
+    let run = |protocol| bench::run(&config, protocol, &elements, 1).unwrap();
+    let alike = bench::turning(&config, &elements).rotation.unwrap();
+    assert_eq!((alike.shaft_radius, alike.circumferential_ratio), (5e-3, 1.0));
+    assert!((alike.circumferential_stiffness - 3.0 / 8e-3).abs() < 1e-9);
+
+    let turned = run(Protocol::HoldAndTurn);
+    let range = |own: &[f64]| trocar::recording::range(own);
+    let (low, high) = range(&turned.truth.angle);
+    assert!((low + 1.5708).abs() < 1e-9 && (high - 1.5708).abs() < 1e-9, "{low} to {high} rad");
+    let turns = |k: &usize| turned.truth.angle[*k] != turned.truth.angle[*k - 1];
+    let moves = |k: &usize| turned.truth.reference_velocity[*k].abs() > 1e-9;
+    let all = 1..turned.time.len();
+    assert!(all.clone().filter(turns).filter(moves).count() <= 12, "it turns while it holds");
+    // At the end of the first stroke nearly F_c; the quarter turn leaves a part, as the model does.
+    let first = all.clone().find(turns).unwrap();
+    let end = (first..).find(|k| turned.truth.angle[*k] == turned.truth.angle[*k + 1]).unwrap();
+    let [before, after] = [first - 1, end].map(|k| turned.truth.seal_force[k]);
+    assert!(before > 2.7 && after < 0.6 * before, "{before} N, then {after} N");
+    assert!(turned.torque[end] > 5e-3 * 2.0, "{} N m", turned.torque[end]);
+
+    let roll = run(Protocol::Roll);
+    let rates: Vec<f64> = (0..4).map(|k| 25.0_f64.powf(f64::from(k) / 3.0)).collect();
+    let rate_at = |time: f64| {
+        let k = (time * config.rig.sample_rate_hz) as usize;
+        (roll.truth.angle[k + 1] - roll.truth.angle[k]) * config.rig.sample_rate_hz
+    };
+    for (k, rate) in rates.iter().enumerate() {
+        let found = rate_at(1.0 + 4.04 * k as f64);
+        assert!((found / rate - 1.0).abs() < 1e-6, "{found} rad/s for {rate}");
+    }
+    // Its torque and its angle pass through sensors, and the reversals leave the position.
+    let error = |k: usize| roll.torque[k] - roll.truth.torque[k];
+    let squares = (0..roll.time.len()).map(|k| error(k).powi(2)).sum::<f64>();
+    let noise = (squares / roll.time.len() as f64).sqrt();
+    assert!((noise / config.torque_sensor.noise_n_m - 1.0).abs() < 0.05, "{noise} N m");
+    assert!(roll.angle.iter().all(|own| (own / 1e-3 - (own / 1e-3).round()).abs() < 1e-9));
+    let last = roll.time.len() - 15_000;
+    let (low, high) = range(&roll.truth.position[last..]);
+    assert!(high - low < 1e-4, "{} m while it turns alone", high - low);
+    let again = run(Protocol::Roll);
+    assert_eq!((again.force, again.torque), (roll.force, roll.torque));
+}
+
+/// Torque and force of one seal: the same numbers as by force alone, with intervals half as wide or
+/// less.
+#[test]
+fn a_torque_makes_rotation_certain() {
+    let seal = ModelFile::plausible_10_5_mm().unwrap();
+    let elements = seal.stages().unwrap().elements().to_vec();
+    let config = BenchConfig { rotation: Some(ROTATION), ..BenchConfig::default() };
+    let record = |protocol: Protocol| {
+        let run = bench::run(&config, protocol, &elements, 3).unwrap();
+        run.to_recording(protocol.name()).unwrap().without_moving_mass(0.04, 0.0).unwrap()
+    };
+    let mut recordings: Vec<Recording> =
+        [Protocol::Validation, Protocol::Roll, Protocol::HoldAndTurn].map(record).to_vec();
+    let options = IdentifyOptions { inertia_removed: true, ..of_rotation() };
+    let with = identify(&recordings, &options, &|_, _| {}).unwrap();
+    let axial = identify(&recordings[..1], &options, &|_, _| {}).unwrap();
+    recordings.iter_mut().for_each(|own| own.torque = None);
+    let without = identify(&recordings, &options, &|_, _| {}).unwrap();
+    for (name, truth) in [("circumferential_stiffness_n_m", 425.0), ("circumferential_ratio", 1.0)]
+    {
+        let [with, without] = [&with, &without].map(|own| own.parameter(name).unwrap());
+        println!("{name} {with:?} {without:?}");
+        assert!(with.covers(truth) && without.covers(truth), "{name} {with:?} {without:?}");
+        assert!(with.half_width() < 0.5 * without.half_width(), "{name} {with:?} {without:?}");
+    }
+    // Turning neither biases nor narrows what is known along the axis.
+    for parameter in &axial.parameters {
+        assert_eq!(with.estimate(parameter.id), Some(&parameter.estimate));
+    }
+}
+
+#[test]
+fn validation_has_the_error_of_the_torque() {
+    let model = plausible();
+    let elements = model.stages().unwrap().elements().to_vec();
+    let config = BenchConfig { rotation: Some(ROTATION), ..BenchConfig::default() };
+    let run = bench::run(&config, Protocol::Roll, &elements, 1).unwrap();
+    let mut recording = run.to_recording("roll").unwrap();
+    let rms = |trocar: &Trocar<Vec<f64>>, recording: &Recording| {
+        Validation::of(vec![validate_one(trocar, recording, 0.0)]).recordings[0].torque_rms_n_m
+    };
+    let own = rms(&model.trocar, &recording).unwrap();
+    // Noise of 0.2 mN m, and 1 % from stroke to stroke of 15 mN m.
+    assert!((2e-4..6e-4).contains(&own), "{own} N m");
+    let stiff = Rotation { circumferential_stiffness: 900.0, ..ROTATION };
+    let other = model.trocar.clone().with_rotation(Some(stiff)).unwrap();
+    assert!(rms(&other, &recording).unwrap() > 3.0 * own);
+    assert_eq!(rms(&model.trocar.clone().with_rotation(None).unwrap(), &recording), None);
+    // A tare is no error.
+    recording.torque.iter_mut().flatten().for_each(|torque| *torque += 0.3);
+    assert!((rms(&model.trocar, &recording).unwrap() / own - 1.0).abs() < 1e-6);
+    recording.torque = None;
+    assert_eq!(rms(&model.trocar, &recording), None);
 }

@@ -170,3 +170,23 @@ fn a_force_without_friction_is_refused() {
     assert!(with_force(&|i, _| scatter(i)).contains("no more than its noise"));
     assert!(with_force(&|_, f| 1e300 * f).contains("which no instrument exerts"));
 }
+
+/// Stiffness and friction around the shaft, over seals, shafts and sensors drawn at random; with a
+/// torque and by the force alone.
+#[test]
+fn intervals_of_rotation_hold_the_truth() {
+    let outcomes = outcomes(&["drawn_turning", "drawn_turning_without_torque"], 6);
+    let all = outcomes.iter().flat_map(|o| o.judged.iter().map(move |judged| (o, judged)));
+    let (mut right, mut determined) = (0, 0);
+    for (o, judged) in all.filter(|(_, judged)| judged.parameter.starts_with("circumferential")) {
+        println!("{} {} {judged:?}", o.kind, o.seed);
+        if judged.verdict != Verdict::Undetermined {
+            determined += 1;
+            right += usize::from(judged.verdict == Verdict::Right);
+            let off = judged.value.unwrap() / judged.truth[0];
+            assert!((0.6..1.6).contains(&off), "{} {}: {judged:?}", o.kind, o.seed);
+        }
+    }
+    assert!(outcomes.iter().all(|o| o.refused.is_none()) && determined >= 16, "{determined}");
+    assert!(10 * right >= 8 * determined, "{right} of {determined}");
+}

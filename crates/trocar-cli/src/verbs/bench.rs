@@ -88,6 +88,14 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     if let Experiment::Protocol(protocol) = experiment {
         say_if_long(console, bench::length(&config, protocol)?);
     }
+    if experiment.turns() && config.rotation.is_none() {
+        config = bench::turning(&config, &elements);
+        let stiffness = config.rotation.map_or(0.0, |own| own.circumferential_stiffness);
+        console.remark(&format!(
+            "rotation: as along the shaft, k_t {} N/m and F_t/F_c 1; the seal's model has none",
+            number(stiffness)
+        ));
+    }
     progress.report(experiment.name(), 0.0);
     let run = experiment.run(&config, &elements, args.seed);
     let run = match &args.motion {

@@ -41,6 +41,14 @@ impl Experiment {
         }
     }
 
+    /// Whether the rod turns.
+    pub fn turns(&self) -> bool {
+        match self {
+            Self::Protocol(protocol) => protocol.turns(),
+            Self::Motion(course) => course.angle.is_some(),
+        }
+    }
+
     /// Records it, as [`run`] and [`run_motion`] do.
     ///
     /// # Errors

@@ -6,7 +6,7 @@ use std::io::BufWriter;
 use std::path::Path;
 
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::recording;
+use trocar::recording::Readings;
 use trocar_model::Element;
 
 /// Name, F_c in N, β in N s/m, c in m.
@@ -48,8 +48,7 @@ pub(crate) fn record(
     fs::create_dir_all(folder.join(&place))?;
     let path = format!("{place}/strokes.csv");
     let file = BufWriter::new(File::create(folder.join(&path))?);
-    let [time, position, force_n] =
-        [&run.time[..samples], &run.position[..samples], &run.force[..samples]];
-    recording::write(file, time, position, None, force_n)?;
+    let readings = Readings { velocity: None, ..run.readings() };
+    readings.at(0..samples).write(file)?;
     Ok((path, [force, viscous, width]))
 }

@@ -49,11 +49,23 @@ const HAS_OWN_SLOPES: f64 = 0.15;
 const IS_DECLARED: f64 = 0.5;
 
 /// Draws of one bench.
-struct Drawn(ChaCha8Rng);
+struct Drawn {
+    random: ChaCha8Rng,
+    /// Whether the seal has nothing that the default one lacks.
+    is_plain: bool,
+}
 
 impl Drawn {
+    fn by(seed: u64, is_plain: bool) -> Self {
+        Self { random: ChaCha8Rng::seed_from_u64(seed), is_plain }
+    }
+
+    fn has(&mut self, probability: f64) -> bool {
+        self.happens(probability) && !self.is_plain
+    }
+
     fn between(&mut self, [low, high]: [f64; 2]) -> f64 {
-        low + (high - low) * self.0.random::<f64>()
+        low + (high - low) * self.random.random::<f64>()
     }
 
     fn on_a_logarithm(&mut self, range: [f64; 2]) -> f64 {
@@ -61,14 +73,14 @@ impl Drawn {
     }
 
     fn happens(&mut self, probability: f64) -> bool {
-        self.0.random::<f64>() < probability
+        self.random.random::<f64>() < probability
     }
 
     fn friction(&mut self) -> SlidingFriction {
         let coulomb_force = self.on_a_logarithm(COULOMB_FORCE);
         let viscous_damping = coulomb_force * self.on_a_logarithm(VISCOUS);
         let mut friction = SlidingFriction::coulomb(coulomb_force, viscous_damping);
-        if self.happens(HAS_STRIBECK) {
+        if self.has(HAS_STRIBECK) {
             friction.static_force = coulomb_force * self.between(STATIC_RATIO);
             friction.stribeck_velocity = self.on_a_logarithm(STRIBECK_VELOCITY);
         }
@@ -79,23 +91,25 @@ impl Drawn {
     fn bench(&mut self, seed: u64, protocols: &[Protocol]) -> Result<Bench, AnyError> {
         let insertion = self.friction();
         let mut withdrawal = insertion;
-        if self.happens(HAS_OWN_SLOPES) {
+        if self.has(HAS_OWN_SLOPES) {
             withdrawal.viscous_damping *= self.on_a_logarithm(SLOPE_RATIO);
         }
         let half_width = self.on_a_logarithm(HALF_WIDTH);
         // Its friction is replaced.
         let shapes = PlausibleSeals { friction_asymmetry: 0.0, ..PlausibleSeals::default() };
         let mut seal = scaled(&random_seal(&shapes, seed), half_width, insertion, withdrawal)?;
-        if self.happens(HAS_CREEP) {
+        if self.has(HAS_CREEP) {
             seal.creep_velocity = self.on_a_logarithm(CREEP_VELOCITY);
         }
-        if self.happens(HAS_RELAXATION) {
+        if self.has(HAS_RELAXATION) {
             let stiffness = self.between(RELAXATION) * insertion.coulomb_force / half_width;
             seal.relaxation = Relaxation::single(stiffness, self.on_a_logarithm(RELAXATION_TIME));
         }
         let rate = self.on_a_logarithm(SAMPLE_RATE).round();
         let (encoder, noise) = (self.on_a_logarithm(ENCODER), self.on_a_logarithm(NOISE));
         let (scatter, drift) = (self.between([0.0, SCATTER]), self.between([-DRIFT, DRIFT]));
+        // A drift would leave open what is true.
+        let drift = if self.is_plain { 0.0 } else { drift };
         let bench = Bench::of(vec![seal]).under(protocols).with(|config| {
             config.rig.sample_rate_hz = rate;
             config.rig.substeps = (INNER_RATE / rate).ceil() as u32;
@@ -130,16 +144,16 @@ impl Drawn {
 /// Benches drawn by their seed.
 pub(super) fn random() -> Vec<Kind> {
     let of = |name: &'static str, protocols: Vec<Protocol>| {
-        kind(name, move |seed| Drawn(ChaCha8Rng::seed_from_u64(seed)).bench(seed, &protocols))
+        kind(name, move |seed| Drawn::by(seed, false).bench(seed, &protocols))
     };
     vec![
         of("drawn_strokes", TWO_STEPS.to_vec()),
         of("drawn_strokes_and_hand", [&TWO_STEPS[..], &HAND[..]].concat()),
         of("drawn_hand", HAND.to_vec()),
-        kind("drawn_turning", |seed| Drawn(ChaCha8Rng::seed_from_u64(seed)).turning(seed)),
+        kind("drawn_turning", |seed| Drawn::by(seed, true).turning(seed)),
         kind("drawn_turning_without_torque", |seed| {
             let without = |recording| Ok(Recording { torque: None, ..recording });
-            Ok(Drawn(ChaCha8Rng::seed_from_u64(seed)).turning(seed)?.edited(without))
+            Ok(Drawn::by(seed, true).turning(seed)?.edited(without))
         }),
     ]
 }
