@@ -37,10 +37,11 @@ pub struct FitSummary {
 
 /// A model beside that of a fit.
 #[derive(Debug, Clone)]
-pub(crate) struct Deviation {
-    pub(crate) stages: Stages,
+pub struct Deviation {
+    /// The model.
+    pub stages: Stages,
     /// How much of the deviation it has: less than 1, or negative, where the whole is no model.
-    pub(crate) part: f64,
+    pub part: f64,
 }
 
 /// Result of an identification.
@@ -66,7 +67,7 @@ pub struct Identification {
     /// Covariance of the parameters of the fit; `None` without a fit.
     pub covariance: Option<Covariance>,
     /// Models beside that of the fit whose deviations make up its covariance.
-    pub(crate) deviations: Vec<Deviation>,
+    pub deviations: Vec<Deviation>,
     /// What the recordings added to the model that was given as prior; `None` without one.
     pub prior: Option<PriorUse>,
     /// Draws of the parameters, if they were asked for and there is a fit.

@@ -451,7 +451,7 @@ fn a_torque_makes_rotation_certain() {
     };
     let mut recordings: Vec<Recording> =
         [Protocol::Validation, Protocol::Roll, Protocol::HoldAndTurn].map(record).to_vec();
-    let options = IdentifyOptions { inertia_removed: true, ..of_rotation() };
+    let options = of_rotation();
     let with = identify(&recordings, &options, &|_, _| {}).unwrap();
     let axial = identify(&recordings[..1], &options, &|_, _| {}).unwrap();
     recordings.iter_mut().for_each(|own| own.torque = None);
