@@ -301,6 +301,7 @@ pub(crate) fn faults() -> Vec<(&'static str, &'static str)> {
 /// Takes the force of the trocar out of a whole recording; `trocar.compensate` wraps it.
 #[pyfunction]
 #[pyo3(signature = (model, time_s, position_m, force_n, *, angle_rad, posterior, **options))]
+#[allow(clippy::too_many_arguments)] // keywords in Python
 pub(crate) fn compensate<'py>(
     py: Python<'py>,
     #[pyo3(from_py_with = given_model)] model: Bound<'py, Model>,

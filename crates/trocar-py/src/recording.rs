@@ -13,7 +13,7 @@ use pyo3::types::{PyAny, PySlice, PyTuple, PyType};
 use trocar::option::{Interface, spelt};
 use trocar::output::AtomicFile;
 use trocar::recording::{
-    self, Choice, Quality, Quantity, Readings, Recording as Record, TableColumn, TableColumns,
+    Choice, Quality, Quantity, Readings, Recording as Record, TableColumn, TableColumns,
 };
 use trocar::report::recording::document;
 

@@ -403,7 +403,8 @@ fn protocols_turn_the_rod() {
     let turned = run(Protocol::HoldAndTurn);
     let range = |own: &[f64]| trocar::recording::range(own);
     let (low, high) = range(&turned.truth.angle);
-    assert!((low + 1.5708).abs() < 1e-9 && (high - 1.5708).abs() < 1e-9, "{low} to {high} rad");
+    let angle = config.protocol.hold_and_turn.turn_rad;
+    assert!((low + angle).abs() < 1e-9 && (high - angle).abs() < 1e-9, "{low} to {high} rad");
     let turns = |k: &usize| turned.truth.angle[*k] != turned.truth.angle[*k - 1];
     let moves = |k: &usize| turned.truth.reference_velocity[*k].abs() > 1e-9;
     let all = 1..turned.time.len();
