@@ -171,11 +171,11 @@ fn a_force_without_friction_is_refused() {
     assert!(with_force(&|_, f| 1e300 * f).contains("which no instrument exerts"));
 }
 
-/// Stiffness and friction around the shaft, over seals, shafts and sensors drawn at random; with a
-/// torque and by the force alone.
+/// Stiffness and friction around the shaft, over seals, shafts and sensors drawn at random, with a
+/// torque; by the force alone in `./test --long`.
 #[test]
 fn intervals_of_rotation_hold_the_truth() {
-    let outcomes = outcomes(&["drawn_turning", "drawn_turning_without_torque"], 6);
+    let outcomes = outcomes(&["drawn_turning"], 4);
     let all = outcomes.iter().flat_map(|o| o.judged.iter().map(move |judged| (o, judged)));
     let (mut right, mut determined) = (0, 0);
     for (o, judged) in all.filter(|(_, judged)| judged.parameter.starts_with("circumferential")) {
@@ -187,6 +187,6 @@ fn intervals_of_rotation_hold_the_truth() {
             assert!((0.6..1.6).contains(&off), "{} {}: {judged:?}", o.kind, o.seed);
         }
     }
-    assert!(outcomes.iter().all(|o| o.refused.is_none()) && determined >= 16, "{determined}");
+    assert!(outcomes.iter().all(|o| o.refused.is_none()) && determined >= 6, "{determined}");
     assert!(10 * right >= 8 * determined, "{right} of {determined}");
 }
