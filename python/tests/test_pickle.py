@@ -178,7 +178,7 @@ def test_damaged_pickles_are_refused(instances: dict[type, Any]) -> None:
             restore(model, options, damaged, *rest)
     restore, fields = instances[trocar.TissueForce].__reduce__()
     with pytest.raises(trocar.ArrayError, match='"tired" is no fault of a sample'):
-        restore(*fields[:-1], "tired")
+        restore(*fields[:-2], "tired", fields[-1])
     restore, (_, value) = instances[trocar.Tunable].__reduce__()
     with pytest.raises(trocar.ParameterError, match='no parameter is named "colour"'):
         restore("colour", value)

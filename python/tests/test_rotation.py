@@ -61,7 +61,7 @@ def test_rotation_is_identified(turning: trocar.Model) -> None:
     found = trocar.identify(recordings, shaft_diameter_m=0.01, **options)
     for name, true in [("circumferential_stiffness_n_m", 425.0), ("circumferential_ratio", 1.0)]:
         parameter = found.parameters[name]
-        assert parameter.ci95[0] < true < parameter.ci95[1]
+        assert parameter.ci95_low < true < parameter.ci95_high
         assert parameter.value == pytest.approx(true, rel=0.1)
     assert json.loads(found.model.to_json())["rotation"]["shaft_radius_m"] == 5e-3
     with pytest.raises(trocar.ParameterError, match="shaft_diameter_m must be finite and above 0, got -1 m"):
@@ -93,6 +93,7 @@ def test_the_observer_takes_the_angle(turning: trocar.Model) -> None:
 
     live = trocar.Compensator(turning, **options)
     samples = [live.step(x, f, 1e-3, angle) for x, f, angle in zip(position_m, reading_n, angle_rad)]
-    assert [sample.torque_n_m for sample in samples] == found.torque_n_m.tolist()
+    torques_n_m = [sample.torque_n_m for sample in samples]
+    assert torques_n_m == pytest.approx(found.torque_n_m.tolist(), abs=1e-12)  # durations differ by rounding
     again = trocar.Compensator(turning, **options).run(time_s, position_m, reading_n, angle_rad)
     assert again.torque_n_m == pytest.approx(found.torque_n_m, abs=1e-12)
