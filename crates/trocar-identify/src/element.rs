@@ -2,7 +2,7 @@
 //! cost, with the friction scale of each stroke and the optional terms that the data support.
 //!
 //! ```text
-//! starts -> fit with one scale -> fit with a scale per stroke -> τ², ω² (restricted likelihood) -> terms -> τ², ω² -> last fit
+//! starts -> fit with one scale -> fit with a scale per stroke -> τ², ω² (restricted likelihood) -> terms -> τ², ω² -> terms again -> last fit, finer
 //! ```
 
 use std::f64::consts::PI;

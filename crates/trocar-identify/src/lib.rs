@@ -16,6 +16,8 @@
 //! parameter that the data do not determine is reported with an infinite interval, the reason, and
 //! a warning.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use trocar_recording::{Recording, range};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
@@ -137,7 +139,12 @@ fn along_the_axis(
         Some(_) => ("posterior draws", 0.5),
         None => ("intervals", 1.0),
     };
-    let progress = &|stage: &str, part: f64| progress(stage, share * part);
+    // Fits side by side, and stages that are repeated, do not take it back.
+    let furthest = AtomicU64::new(0);
+    let progress = &|stage: &str, part: f64| {
+        let before = furthest.fetch_max(part.to_bits(), Ordering::Relaxed);
+        progress(stage, share * part.max(f64::from_bits(before)));
+    };
     progress("steady state", 0.0);
     let (in_time, fit) = delay::fitted(recordings, options, progress)?;
     let (input, lag) = (in_time.input(options), in_time.lag);

@@ -295,10 +295,10 @@ impl<'a> Fit<'a> {
         let sum = |factor: &f64| squares(&own.errors([(factor * slope).ln(), 0.0]));
         let starts = STARTS.iter().map(|factor| (factor, sum(factor)));
         let (start, _) = starts.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((&1.0, 0.0));
-        own.best = own.descend([(start * slope).ln(), 0.0]).0;
+        own.best = own.descend([(start * slope).ln(), 0.0]);
         for _ in 1..PASSES {
             own.noise = own.noise_found(&own.errors(own.best));
-            own.best = own.descend(own.best).0;
+            own.best = own.descend(own.best);
         }
         own.errors = own.errors(own.best);
         own.slopes = own.slopes(own.best, &own.errors);
@@ -358,8 +358,8 @@ impl<'a> Fit<'a> {
         })
     }
 
-    /// Levenberg's method from `at`; where it ends, and the sum of squares there.
-    fn descend(&self, mut at: [f64; 2]) -> ([f64; 2], f64) {
+    /// Where Levenberg's method from `at` ends.
+    fn descend(&self, mut at: [f64; 2]) -> [f64; 2] {
         let mut errors = self.errors(at);
         let mut least = squares(&errors);
         let mut damping = 1e-3;
@@ -385,7 +385,7 @@ impl<'a> Fit<'a> {
                 }
             }
         }
-        (at, least)
+        at
     }
 
     /// Information and score of each movement.

@@ -240,6 +240,7 @@ impl Training {
         independent: f64,
         Coarseness(coarseness): Coarseness,
     ) -> Self {
+        // At a steady acceleration the velocity changes with the root of the travel.
         let change = coarseness.sqrt();
         let duration: f64 = data.iter().map(|d| d.recording.duration()).sum();
         let longest = data.iter().map(|d| d.recording.quality.stroke).fold(0.0, f64::max);
