@@ -1,7 +1,7 @@
 //! The one table of units: those that each quantity is read in, and those of other quantities,
 //! with what to do about a column of them.
 
-/// Quantities that a column can hold, as [`QUANTITIES`] declares them.
+/// Quantities that a column can hold, as the table below declares them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Time, in s.
