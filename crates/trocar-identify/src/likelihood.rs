@@ -1061,12 +1061,16 @@ fn step_down<T: Trial>(
     None
 }
 
+/// Steps in a row with a negligible fall after which a larger one that is promised is not waited for.
+const UNKEPT: usize = 1;
+
 /// Minimises C from `from`; `None` when `from` is not a valid model.
 pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option<Fitted<T>> {
     let mut best = from.within();
     let mut normal = normal_equations(training, &best, &[])?;
     let first = normal.data_cost();
     let (mut lambda, mut iterations, mut converged) = (FIRST_DAMPING, 0, false);
+    let mut small = 0;
     let mut held = vec![false; best.free().len()];
     while iterations < stop.iterations && !converged {
         iterations += 1;
@@ -1081,7 +1085,9 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         // With a scale for each stroke, the common force of all strokes is a flat direction: a
         // small decrease does not indicate convergence.
         let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
-        converged = cost > (1.0 - stop.fall) * before && !is_flat();
+        // A promise that the next steps did not keep is none: there the model is not linear.
+        small = if cost > (1.0 - stop.fall) * before { small + 1 } else { 0 };
+        converged = small > UNKEPT || small > 0 && !is_flat();
     }
     held.fill(false);
     step_within(&normal.sums(), &best.free(), LEAST_DAMPING, &mut held);
@@ -1213,6 +1219,18 @@ pub(crate) struct OneStep {
 }
 
 impl Normal {
+    /// Growth of C, to first order, where the prediction changes by the whole of `column` and the
+    /// parameters `free`, which come first, follow, but for those that are `fixed`.
+    pub(crate) fn growth_along(&self, free: &[Free], fixed: &[bool], column: usize) -> Option<f64> {
+        let (hessian, score) = self.sums();
+        let p = score.len();
+        let mut held: Vec<bool> = (0..p).map(|j| fixed.get(j).copied().unwrap_or(true)).collect();
+        let changed = &score - hessian.column(column);
+        let sums = (hessian, changed);
+        let step = step_within(&sums, free, 1e-9, &mut held)?;
+        Some(sums.0[(column, column)] - 2.0 * score[column] - step.dot(&sums.1))
+    }
+
     /// Adds the column `column` to those of the parameters `free`, which come first, and to `beside`;
     /// `sigma2` (N²) is σ². Parameters `held` at a bound may leave it with the column.
     ///

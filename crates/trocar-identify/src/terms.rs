@@ -14,7 +14,9 @@
 //! together with it. Thus at most one in a hundred recordings without any term gets one. When no
 //! significant term remains, a term with p < [`SUSPECTED`] that predicts a large improvement
 //! ([`LARGE_GAIN`]) is fitted and judged by the F test of the improvement. Finally, a term is
-//! removed again if the fit without it is not significantly worse (the same F test).
+//! removed again if the fit without it is not significantly worse (the same F test). Most are needed
+//! so clearly that the secant to the model without the term, the others following in one step, shows
+//! it for all terms in one pass.
 
 use std::str::FromStr;
 
@@ -284,8 +286,13 @@ impl Term {
             }
             Self::Relaxation if layout.arms > 1 => return None,
             Self::Relaxation | Self::SecondRelaxation => {
+                // The fit may have left the force to the arm that was added last.
                 layout.arms -= 1;
-                candidate.relaxation.arms[layout.arms].stiffness = 0.0;
+                let arms = &mut candidate.relaxation.arms;
+                if arms[0].stiffness < arms[layout.arms].stiffness {
+                    arms.swap(0, layout.arms);
+                }
+                arms[layout.arms].stiffness = 0.0;
             }
             Self::UnmodelledMass => {
                 (layout.unmodelled_mass, candidate.unmodelled_mass) = (false, 0.0)
@@ -361,8 +368,8 @@ pub struct TermTrial {
     pub kept: bool,
     /// p value of the term together with the others of the model.
     pub p_value: f64,
-    /// Fraction of the squared error that it removes: by its fit where it is kept, else to first
-    /// order.
+    /// Fraction of the squared error that it removes: by a fit without it where it is kept and that
+    /// is not clear without one, else to first order.
     pub gain: f64,
     /// Why it was left out despite a significant p value.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -553,7 +560,7 @@ impl Chosen {
         let hoped = begun.cost() * (1.0 - HOPE * begun.promised_fall());
         let growth = self.fitted.cost() - hoped;
         if hoped >= self.cost_to_beat(best)
-            || growth_p_value(training, &self.fitted, &begun, growth) >= LEVEL
+            || growth_p_value(training, &self.fitted.best, &begun, growth) >= LEVEL
         {
             return Err(why);
         }
@@ -595,27 +602,29 @@ impl Chosen {
     /// Removes each term without which the squared error is not significantly larger, the last one
     /// added first; returns them.
     fn take_out_needless(&mut self, training: &Training, slowest: f64) -> Vec<Term> {
-        let (mut needless, mut needed) = (Vec::new(), Vec::new());
+        let mut needless = Vec::new();
         loop {
-            let is_open = |t: &&mut TermTrial| t.kept && !needed.contains(&t.term);
-            let mut open: Vec<&mut TermTrial> =
-                self.trials.iter_mut().rev().filter(is_open).collect();
             let least_gain = |term: Term| term.least_gain(&self.fitted.best, slowest);
-            let fit = |t: &&mut TermTrial| {
-                Without::term(t.term, training, &self.fitted, least_gain(t.term))
+            let open: Vec<(Term, EmsTrial)> = (self.trials.iter().rev())
+                .filter(|t| t.kept)
+                .filter_map(|t| Some((t.term, t.term.left_out_of(&self.fitted.best)?)))
+                .collect();
+            let at_first =
+                Without::clear_to_first_order(training, &self.fitted, &open, &least_gain);
+            let judged = |((term, from), clear): ((Term, EmsTrial), Option<Without>)| {
+                let fitted = || Without::fitted(training, &self.fitted, from, least_gain(term));
+                Some((term, clear.or_else(fitted)?))
             };
-            let fits: Vec<Option<Without>> = open.par_iter().map(fit).collect();
+            let all: Vec<(Term, Without)> =
+                open.into_par_iter().zip(at_first).filter_map(judged).collect();
             let mut taken = None;
-            for (trial, fit) in open.iter_mut().zip(fits) {
-                let Some(fit) = fit else { continue };
-                (trial.p_value, trial.gain) = (fit.p_value, fit.gain);
-                let least_gain = least_gain(trial.term);
-                if fit.is_clear {
-                    needed.push(trial.term);
-                } else if taken.is_none() && (fit.p_value >= LEVEL || fit.gain < least_gain) {
-                    trial.kept = false;
-                    needless.push(trial.term);
-                    taken = Some(fit.fitted);
+            for (term, without) in all {
+                let is_needless = without.is_needless(least_gain(term)) && taken.is_none();
+                let own = self.trials.iter_mut().find(|t| t.term == term).expect("it was tried");
+                (own.p_value, own.gain, own.kept) = (without.p_value, without.gain, !is_needless);
+                if is_needless {
+                    needless.push(term);
+                    taken = without.fitted;
                 }
             }
             let Some(fit) = taken else { return needless };
@@ -624,41 +633,87 @@ impl Chosen {
     }
 }
 
-/// A fit without one of its terms.
+/// What leaving out one of the terms of a fit does.
 struct Without {
-    fitted: Fitted<EmsTrial>,
+    /// The fit without it; `None` where the first order was enough.
+    fitted: Option<Fitted<EmsTrial>>,
     /// p value of the increase of the squared error, and the fraction of it that the term removes.
     p_value: f64,
     gain: f64,
-    /// Whether the fit is only begun, since no further step can make the term needless.
-    is_clear: bool,
 }
 
 impl Without {
-    /// `None` where the term has to stay.
-    fn term(
-        term: Term,
+    /// Leaving out each of the `terms`, with the trial that lacks it, to first order: the secant to
+    /// that trial, and the other parameters in one step. `None` where it might be needless if the
+    /// fall to come were several times as large as that step's.
+    fn clear_to_first_order(
         training: &Training,
         with: &Fitted<EmsTrial>,
+        terms: &[(Term, EmsTrial)],
+        least_gain: &impl Fn(Term) -> f64,
+    ) -> Vec<Option<Self>> {
+        let secants: Vec<Extra<EmsTrial>> =
+            terms.iter().map(|(_, without)| Extra::Secant(without.clone())).collect();
+        let Some(normal) = with.with_columns(training, &secants) else {
+            return terms.iter().map(|_| None).collect();
+        };
+        let free = likelihood::Trial::free(&with.best);
+        let of = |(k, (term, without)): (usize, &(Term, EmsTrial))| {
+            let lacking = lacking(&free, &likelihood::Trial::free(without));
+            let growth = normal.growth_along(&free, &lacking, free.len() + k)?;
+            let judged = |growth| Self::judged(training, None, (without, with), growth);
+            judged(growth / HOPE).is_clear(least_gain(*term)).then(|| judged(growth))
+        };
+        terms.iter().enumerate().map(of).collect()
+    }
+
+    /// The fit `from` a trial without the term, which is only begun where no further step can make
+    /// the term needless; `None` where there is none.
+    fn fitted(
+        training: &Training,
+        with: &Fitted<EmsTrial>,
+        mut from: EmsTrial,
         least_gain: f64,
     ) -> Option<Self> {
         let judged = |fitted: Fitted<EmsTrial>, hope: f64| {
             let cost = fitted.cost() * (1.0 - hope * fitted.promised_fall()).max(0.0);
-            let p_value = growth_p_value(training, &fitted, with, cost - with.cost());
-            let gain = 1.0 - with.cost() / cost;
-            let is_clear = p_value < CLEARLY_NEEDED && gain > CLEAR_GAIN * least_gain;
-            Self { fitted, p_value, gain, is_clear }
+            let trial = fitted.best.clone();
+            Self::judged(training, Some(fitted), (&trial, with), cost - with.cost())
         };
-        let mut from = term.left_out_of(&with.best)?;
         for _ in 0..FIRSTS {
             let begun = judged(likelihood::fit(training, &from, FIRST)?, HOPE);
-            if begun.is_clear {
+            if begun.is_clear(least_gain) {
                 return Some(begun);
             }
-            from = begun.fitted.best;
+            from = begun.fitted?.best;
         }
         Some(judged(likelihood::fit(training, &from, NEXT)?, 0.0))
     }
+
+    fn judged(
+        training: &Training,
+        fitted: Option<Fitted<EmsTrial>>,
+        (smaller, with): (&EmsTrial, &Fitted<EmsTrial>),
+        growth: f64,
+    ) -> Self {
+        let p_value = growth_p_value(training, smaller, with, growth);
+        Self { fitted, p_value, gain: growth / (with.cost() + growth) }
+    }
+
+    /// Whether the term is needed, whatever further steps may still gain.
+    fn is_clear(&self, least_gain: f64) -> bool {
+        self.p_value < CLEARLY_NEEDED && self.gain > CLEAR_GAIN * least_gain
+    }
+
+    fn is_needless(&self, least_gain: f64) -> bool {
+        self.p_value >= LEVEL || self.gain < least_gain
+    }
+}
+
+/// Those of the parameters `larger` that `smaller` lacks; both are in one order.
+fn lacking(larger: &[Free], smaller: &[Free]) -> Vec<bool> {
+    let mut rest = smaller.iter().peekable();
+    larger.iter().map(|free| rest.next_if(|own| own.kind == free.kind).is_none()).collect()
 }
 
 /// p value of the increase of the squared error from the larger model to the smaller, over the
@@ -668,17 +723,17 @@ fn improvement_p_value(
     smaller: &Fitted<EmsTrial>,
     larger: &Fitted<EmsTrial>,
 ) -> f64 {
-    growth_p_value(training, smaller, larger, smaller.cost() - larger.cost())
+    growth_p_value(training, &smaller.best, larger, smaller.cost() - larger.cost())
 }
 
 /// The same if the increase were `growth`.
 fn growth_p_value(
     training: &Training,
-    smaller: &Fitted<EmsTrial>,
+    smaller: &EmsTrial,
     larger: &Fitted<EmsTrial>,
     growth: f64,
 ) -> f64 {
-    let added = (larger.best.free_numbers() - smaller.best.free_numbers()) as f64;
+    let added = (larger.best.free_numbers() - smaller.free_numbers()) as f64;
     f_p_value(growth / variance(larger) / added, added, training.clusters() as f64 - 1.0)
 }
 
