@@ -38,7 +38,7 @@ pub use options::{Draws, IdentifyOptions};
 pub use posterior::Posterior;
 pub use refit::EmsRefit;
 pub use refit::refit;
-pub use result::{Deviation, FitSummary, Identification};
+pub use result::{FitSummary, Identification};
 pub use scale::{FrictionScale, Jump, StrokeFriction};
 pub use seal_prior::{PriorUse, SealPrior};
 pub use shape::{BranchShape, EndForces};

@@ -6,10 +6,9 @@ use trocar_model::{Direction, ParameterId, Quantity, Unit};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::Estimate;
-use super::findings::{Covariance, Parameter};
+use super::findings::{Covariance, Deviation, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
-use super::result::Deviation;
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
 
 /// Joins, forces there, and the paper's θ (25), of both branches.

@@ -7,7 +7,7 @@ use super::adequacy::Phase;
 use super::candidate::Candidate;
 use super::deformation::DeformationFit;
 use super::estimate::Estimate;
-use super::findings::{Covariance, Parameter, Warning};
+use super::findings::{Covariance, Deviation, Parameter, Warning};
 use super::free_motion::FreeMotion;
 use super::posterior::{Density, Posterior};
 use super::scale::FrictionScale;
@@ -35,15 +35,6 @@ pub struct FitSummary {
     pub converged: bool,
 }
 
-/// A model beside that of a fit.
-#[derive(Debug, Clone)]
-pub struct Deviation {
-    /// The model.
-    pub stages: Stages,
-    /// How much of the deviation it has: less than 1, or negative, where the whole is no model.
-    pub part: f64,
-}
-
 /// Result of an identification.
 #[derive(Debug, Clone)]
 pub struct Identification {
@@ -67,7 +58,7 @@ pub struct Identification {
     /// Covariance of the parameters of the fit; `None` without a fit.
     pub covariance: Option<Covariance>,
     /// Models beside that of the fit whose deviations make up its covariance.
-    pub deviations: Vec<Deviation>,
+    pub(crate) deviations: Vec<Deviation>,
     /// What the recordings added to the model that was given as prior; `None` without one.
     pub prior: Option<PriorUse>,
     /// Draws of the parameters, if they were asked for and there is a fit.

@@ -406,10 +406,10 @@ impl<'a> Fit<'a> {
         let movements = self.movements();
         let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
         let inverse = h.try_inverse();
-        let without = |(own, score): &(Matrix2<f64>, Vector2<f64>)| {
-            (h - own).try_inverse().map(|inverse| inverse * score)
-        };
-        let left_out: Option<Vec<Vector2<f64>>> = movements.iter().map(without).collect();
+        let left_out: Option<Vec<Vector2<f64>>> = movements
+            .iter()
+            .map(|(own, score)| (h - own).try_inverse().map(|inverse| inverse * score))
+            .collect();
         let variance = left_out.zip(inverse).map(|(left_out, inverse)| {
             let count = left_out.len() as f64;
             let mean = left_out.iter().sum::<Vector2<f64>>() / count;

@@ -77,10 +77,8 @@ impl FrictionScale {
                 counted: !training.scale.is_unconstrained(g),
             }
         };
-        let seen = |(_, (scale, _)): &(usize, (&super::likelihood::StrokeScale, _))| {
-            scale.information > 0.0
-        };
-        let strokes = used().filter(seen).map(stroke).collect();
+        let strokes =
+            used().filter(|(_, (scale, _))| scale.information > 0.0).map(stroke).collect();
         let basis = &training.scale.basis;
         let slow = |g: usize| -> f64 {
             fitted.best.drift.iter().zip(basis).map(|(d, phi)| d * phi[g]).sum()

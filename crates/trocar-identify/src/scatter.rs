@@ -240,8 +240,7 @@ fn groups(recording: &Recording, strokes: &[Stroke]) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for track in (0..strokes.len()).filter_map(|k| Track::new(recording, &velocity, strokes, k)) {
         let direction = track.stroke.direction;
-        let like = |g: &&mut Group| g.direction == direction && g.tracks[0].repeats(&track);
-        match groups.iter_mut().find(like) {
+        match groups.iter_mut().find(|g| g.direction == direction && g.tracks[0].repeats(&track)) {
             Some(group) => group.tracks.push(track),
             None => groups.push(Group { direction, tracks: vec![track] }),
         }

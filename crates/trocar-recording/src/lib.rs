@@ -19,7 +19,7 @@ pub use motion::{local_acceleration, local_velocity};
 pub use pieces::Pieces;
 pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-pub use recording::{ReadOptions, Readings, Recording, check_sensor_limit};
+pub use recording::{ReadOptions, Recording, check_sensor_limit};
 pub use screen::OPPOSED;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};

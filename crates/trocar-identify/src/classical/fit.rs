@@ -200,10 +200,9 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
 fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let best = &found.best;
     let spread = Spread::new(found);
-    let scale_of = |j: &usize| SCALE * best.coordinates[*j].step;
     let estimate = |q: coordinate::Reported| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
-        let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
+        let scale = q.from.iter().map(|j| SCALE * best.coordinates[*j].step).fold(0.0, f64::max);
         let how = Reported {
             unit: q.id.unit().si,
             log: q.log,

@@ -159,10 +159,7 @@ impl Posterior {
             |trial: &EmsTrial| -> Vec<f64> { ids.iter().map(|id| value(trial, *id)).collect() };
         let rows: Vec<Vec<Vec<Vec<f64>>>> = sampled
             .iter()
-            .map(|s| {
-                let of_chain = |chain: &Vec<EmsTrial>| chain.par_iter().map(values).collect();
-                s.chains.iter().map(of_chain).collect()
-            })
+            .map(|s| s.chains.iter().map(|chain| chain.par_iter().map(values).collect()).collect())
             .collect();
         let weights: Vec<f64> = structures.iter().map(|s| s.weight).collect();
         let order = in_turn(&weights, rows[0][0].len());
@@ -333,15 +330,14 @@ fn summarised(
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
     let has = |k: &usize| value(&structures[*k].fitted.best, id).is_finite();
-    let worst = |a: Convergence, b: Convergence| Convergence {
-        r_hat: a.r_hat.max(b.r_hat),
-        ess_bulk: a.ess_bulk.min(b.ess_bulk),
-        ess_tail: a.ess_tail.min(b.ess_tail),
-    };
     let convergence = (0..structures.len())
         .filter(has)
         .filter_map(|k| Convergence::of(&of_structure(k)))
-        .reduce(worst);
+        .reduce(|a, b| Convergence {
+            r_hat: a.r_hat.max(b.r_hat),
+            ess_bulk: a.ess_bulk.min(b.ess_bulk),
+            ess_tail: a.ess_tail.min(b.ess_tail),
+        });
     let prior_ratio = (0..structures.len()).find(has).and_then(|k| {
         let own: Vec<f64> = of_structure(k).into_iter().flatten().collect();
         let mean = own.iter().sum::<f64>() / own.len() as f64;
