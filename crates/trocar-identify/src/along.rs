@@ -10,9 +10,9 @@ use super::segments::Segments;
 use trocar_model::Trocar;
 
 use crate::profile::{self, ProfileFit, ProfileSample};
-use crate::scatter::StrokeScatter;
 use trocar_recording::Recording;
 use trocar_simulate::replay::replay;
+use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
 /// The profile, or why repeated strokes gave none; `Ok(None)` where none was requested or possible.

@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use trocar_model::{Quantity, Rotation, Trocar};
 
 use super::estimate::{Estimate, t_quantile};
-use super::findings::{IdentifyError, Parameter, Warning};
+use super::findings::{Deviation, IdentifyError, Parameter, Warning};
 use super::numbers;
 use super::options::IdentifyOptions;
-use super::result::{Deviation, Identification};
+use super::result::Identification;
 use trocar_recording::{Recording, range};
 use trocar_simulate::replay::replay;
 use trocar_simulate::segment::{reversal_threshold, strokes};

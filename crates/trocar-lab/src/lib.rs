@@ -3,9 +3,11 @@
 
 pub mod compare;
 pub mod fleet;
+pub mod margin;
 pub mod motion;
 #[cfg(feature = "bench")]
 pub mod plan;
+pub mod simpler;
 pub mod summary;
 #[cfg(feature = "bench")]
 pub mod teleop;

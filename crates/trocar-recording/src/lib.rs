@@ -20,6 +20,7 @@ pub use pieces::Pieces;
 pub use plausible::{HEAVIEST_UNMODELLED_MASS, LONGEST_STROKE};
 pub use quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
 pub use recording::{ReadOptions, Recording, check_sensor_limit};
+pub use samples::Readings;
 pub use screen::OPPOSED;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};

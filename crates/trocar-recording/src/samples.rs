@@ -30,7 +30,10 @@ pub struct Readings {
 /// By index of the [`Quantity`].
 pub(super) type ByQuantity<'a> = [Option<&'a Vec<f64>>; Quantity::ALL.len()];
 
-pub(super) fn columns<'a>(needed: [&'a Vec<f64>; 3], optional: [&'a Option<Vec<f64>>; 3]) -> ByQuantity<'a> {
+pub(super) fn columns<'a>(
+    needed: [&'a Vec<f64>; 3],
+    optional: [&'a Option<Vec<f64>>; 3],
+) -> ByQuantity<'a> {
     let ([a, b, c], [d, e, f]) = (needed.map(Some), optional.map(Option::as_ref));
     [a, b, c, d, e, f]
 }

@@ -9,10 +9,10 @@ use serde::Serialize;
 
 use trocar_model::Trocar;
 
+use crate::margin::Margin;
 use crate::summary::{PROGRAM, by_name, intervals, origin_of};
 use crate::validate::{Phases, validate};
 use crate::workflow::MovingMass;
-use trocar_identify::margin::Margin;
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
 use trocar_runtime::model_file::{ModelFile, Origin};
