@@ -103,18 +103,12 @@ impl Candidate {
 
     /// Sliding force in `direction`.
     pub fn sliding(&self, direction: Direction) -> &SlidingFriction {
-        match direction {
-            Direction::Insertion => &self.insertion,
-            Direction::Withdrawal => &self.withdrawal,
-        }
+        direction.pick([&self.insertion, &self.withdrawal])
     }
 
     /// Branch in `direction`.
     pub fn branch(&self, direction: Direction) -> &BranchShape {
-        match direction {
-            Direction::Insertion => &self.insertion_branch,
-            Direction::Withdrawal => &self.withdrawal_branch,
-        }
+        direction.pick([&self.insertion_branch, &self.withdrawal_branch])
     }
 
     /// The value of a parameter, SI; NaN for what the candidate does not have. Sliding and damping
@@ -256,10 +250,8 @@ impl Candidate {
         let Ok(branch) = self.branch(direction).branch(self.half_width, self.end_forces()) else {
             return true;
         };
-        let (end, piece) = match direction {
-            Direction::Insertion => (self.half_width, branch.right()),
-            Direction::Withdrawal => (-self.half_width, branch.left()),
-        };
+        let ends = [(self.half_width, branch.right()), (-self.half_width, branch.left())];
+        let (end, piece) = direction.pick(ends);
         branch.stiffness(2.0 * end) > piece.stiffness(end)
     }
 }
@@ -594,10 +586,8 @@ impl EmsTrial {
         let moved =
             self.candidate.branch(direction).with_join(join, self.candidate.end_forces())?;
         let mut other = self.clone();
-        match direction {
-            Direction::Insertion => other.candidate.insertion_branch = moved,
-            Direction::Withdrawal => other.candidate.withdrawal_branch = moved,
-        }
+        let Candidate { insertion_branch, withdrawal_branch, .. } = &mut other.candidate;
+        *direction.pick([insertion_branch, withdrawal_branch]) = moved;
         Some(other)
     }
 

@@ -69,17 +69,7 @@ impl Limits {
     }
 
     fn of(&self, direction: Direction) -> f64 {
-        match direction {
-            Direction::Insertion => self.insertion - self.margin,
-            Direction::Withdrawal => self.withdrawal - self.margin,
-        }
-    }
-
-    fn against(&self, direction: Direction) -> f64 {
-        match direction {
-            Direction::Insertion => self.withdrawal - self.margin,
-            Direction::Withdrawal => self.insertion - self.margin,
-        }
+        direction.pick([self.insertion, self.withdrawal]) - self.margin
     }
 
     /// The end points of both branches: (−c, −F_s) and (+c, +F_s).
@@ -205,10 +195,7 @@ pub struct DeformationFit {
 impl DeformationFit {
     /// Branch in `direction`.
     pub fn branch(&self, direction: Direction) -> &BranchFit {
-        match direction {
-            Direction::Insertion => &self.insertion_branch,
-            Direction::Withdrawal => &self.withdrawal_branch,
-        }
+        direction.pick([&self.insertion_branch, &self.withdrawal_branch])
     }
 }
 
@@ -237,20 +224,18 @@ pub(super) fn full_reversals(
         let own = level(number);
         let before =
             slid_before.filter(|(d, _)| *d != stroke.direction && stroke.starts_at_reversal);
-        let start = before.map_or(own, |(_, level)| level) * limits.against(stroke.direction);
+        let start = before.map_or(own, |(_, level)| level) * limits.of(stroke.direction.opposite());
         let crossing =
             crossings(recording, stroke, limits.offset, start, own * limits.of(stroke.direction));
         if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
-            let levels = match stroke.direction {
-                Direction::Insertion => [level_before, own],
-                Direction::Withdrawal => [own, level_before],
-            };
+            let levels = stroke.direction.pick([[level_before, own], [own, level_before]]);
+            let samples = [from, to];
+            let direction = stroke.direction;
             found.extend(full_reversal(
                 index,
                 recording,
-                stroke.direction,
-                from,
-                to,
+                direction,
+                samples,
                 limits.offset,
                 levels,
             ));
@@ -288,8 +273,7 @@ fn full_reversal(
     index: usize,
     recording: &Recording,
     direction: Direction,
-    from: usize,
-    to: usize,
+    [from, to]: [usize; 2],
     offset: f64,
     levels: [f64; 2],
 ) -> Option<FullReversal> {

@@ -10,15 +10,18 @@ use super::findings::{Covariance, Deviation, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
+use super::stage::SecondStage;
 
 /// Joins, forces there, and the paper's θ (25), of both branches.
 pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
+    ids_of(|direction| candidate.branch(direction).degrees())
+}
+
+/// Those of branches of such degrees.
+fn ids_of(degrees: impl Fn(Direction) -> [usize; 2]) -> Vec<ParameterId> {
     let of_branch = |direction: Direction| {
-        let coefficients = Quantity::coefficients(candidate.branch(direction).degrees());
-        [Quantity::Join, Quantity::JoinForce]
-            .into_iter()
-            .chain(coefficients)
-            .map(move |q| q.of(direction))
+        let own = [Quantity::Join, Quantity::JoinForce].into_iter();
+        own.chain(Quantity::coefficients(degrees(direction))).map(move |q| q.of(direction))
     };
     Direction::BOTH.into_iter().flat_map(of_branch).collect()
 }
@@ -48,17 +51,10 @@ pub(super) fn rank(id: ParameterId) -> usize {
 
 /// c and the parameters of both branches, of every stage.
 pub(super) fn shape_ids(candidate: &Candidate) -> Vec<ParameterId> {
-    let second = candidate.second.as_ref().map(|stage| {
-        Direction::BOTH.into_iter().flat_map(|direction| {
-            let coefficients = Quantity::coefficients(stage.branch(direction).degrees());
-            [Quantity::Join, Quantity::JoinForce]
-                .into_iter()
-                .chain(coefficients)
-                .map(move |quantity| quantity.of(direction).of_element(1))
-        })
-    });
+    let of_stage = |stage: &SecondStage| ids_of(|direction| stage.branch(direction).degrees());
+    let second = candidate.second.as_ref().map_or_else(Vec::new, of_stage);
     let first = std::iter::once(Quantity::HalfWidth.id()).chain(branch_ids(candidate));
-    first.chain(second.into_iter().flatten()).collect()
+    first.chain(second.into_iter().map(|id| id.of_element(1))).collect()
 }
 
 /// All parameters that an identification may report, in the order of tables; branches of `degrees`.

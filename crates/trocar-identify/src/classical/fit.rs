@@ -52,12 +52,6 @@ pub struct ClassicalFit {
     numbers: Vec<f64>,
 }
 
-impl ClassicalFit {
-    fn numbers(&self) -> &[f64] {
-        &self.numbers
-    }
-}
-
 /// A classical model under trial; logarithms where the fit uses them.
 #[derive(Debug, Clone)]
 pub(super) struct ClassicalTrial {
@@ -155,9 +149,9 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     };
     let similar = kind.similar().and_then(|other| fit(other, data, RelatedFits::default()).ok());
     let related = Related {
-        smaller: kin.smaller.map(ClassicalFit::numbers),
-        special: kin.special.or(special.as_ref()).map(ClassicalFit::numbers),
-        similar: similar.as_ref().map(ClassicalFit::numbers),
+        smaller: kin.smaller.map(|fit| &*fit.numbers),
+        special: kin.special.or(special.as_ref()).map(|fit| &*fit.numbers),
+        similar: similar.as_ref().map(|fit| &*fit.numbers),
     };
     let coordinates: Arc<[Coordinate]> = kind.coordinates(&data.scales).into();
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
