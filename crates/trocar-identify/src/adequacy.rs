@@ -142,8 +142,9 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let mut undetermined = Vec::new();
     if model.has_shape {
         let why = sliding_reversals(input, model, &seen);
-        let both = |why: String| [(Group::Sliding, why.clone()), (Group::Shape, why)];
-        undetermined.extend(why.into_iter().flat_map(both));
+        undetermined.extend(
+            why.into_iter().flat_map(|why| [(Group::Sliding, why.clone()), (Group::Shape, why)]),
+        );
     }
     let speeds = Speeds::new(&seen);
     undetermined.extend(speeds.separated());

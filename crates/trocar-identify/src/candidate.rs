@@ -721,11 +721,12 @@ fn companies<'a>(models: &'a [Stages], states: &[StagesState]) -> Vec<(Beside<'a
     let (leading, state) = (&models[0], &states[0]);
     let mut all = Vec::new();
     for stage in 0..leading.elements().len() {
-        let is_different = |k: &usize| {
-            models[*k].elements().get(stage) != leading.elements().get(stage)
-                || states[*k].states().get(stage) != state.states().get(stage)
-        };
-        let different: Vec<usize> = (1..models.len()).filter(is_different).collect();
+        let different: Vec<usize> = (1..models.len())
+            .filter(|k| {
+                models[*k].elements().get(stage) != leading.elements().get(stage)
+                    || states[*k].states().get(stage) != state.states().get(stage)
+            })
+            .collect();
         for places in different.chunks(BESIDE) {
             let own: Vec<_> = places.iter().map(|k| (&models[*k], states[*k])).collect();
             let beside = leading.beside(state, stage, &own).expect("models of equal stages");

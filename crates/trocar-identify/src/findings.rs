@@ -3,7 +3,7 @@
 use std::fmt;
 
 use serde::{Serialize, Serializer};
-use trocar_model::{ParameterId, Quantity, Stages};
+use trocar_model::{ParameterId, Quantity};
 
 use super::estimate::Estimate;
 use super::motion_found::MotionFound;
@@ -217,15 +217,6 @@ impl Parameter {
     pub fn is_coefficient(&self) -> bool {
         matches!(self.id.quantity, Quantity::Coefficient { .. })
     }
-}
-
-/// A model beside that of a fit.
-#[derive(Debug, Clone)]
-pub(crate) struct Deviation {
-    /// The model.
-    pub(crate) stages: Stages,
-    /// How much of the deviation it has: less than 1, or negative, where the whole is no model.
-    pub(crate) part: f64,
 }
 
 /// Covariance of the parameters of a fit that have a standard error.

@@ -590,10 +590,10 @@ impl Along {
     /// The joins within reach as fractions of the half width; `None` where they reach an end of the
     /// range or are half of it.
     pub(super) fn within(&self) -> Option<[f64; 2]> {
-        let within = || self.points.iter().filter(|point| point.excess <= 1.0);
         let [low, high] = self.hull(0.0, &|t| t.candidate.branch(self.direction).join);
-        let is_known = !within().any(|point| point.join.abs() > 0.99 * BranchShape::JOIN_RANGE)
-            && high - low < BranchShape::JOIN_RANGE;
+        let is_at_end =
+            |p: &Point| p.excess <= 1.0 && p.join.abs() > 0.99 * BranchShape::JOIN_RANGE;
+        let is_known = !self.points.iter().any(is_at_end) && high - low < BranchShape::JOIN_RANGE;
         is_known.then_some([low, high])
     }
 

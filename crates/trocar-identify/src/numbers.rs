@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use trocar_model::{Direction, ParameterId, Quantity, Unit};
+use trocar_model::{Direction, ParameterId, Quantity, Stages, Unit};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::Estimate;
-use super::findings::{Covariance, Deviation, Parameter};
+use super::findings::{Covariance, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
@@ -174,8 +174,7 @@ pub(super) fn parameter_or_held(
 pub(super) fn is_held(fitted: &Fitted<EmsTrial>, id: ParameterId) -> bool {
     let free = fitted.best.free();
     let value = fitted.best.candidate.value(id);
-    let at_bound = |j: &usize| fitted.held[*j] && free[*j].low < free[*j].high;
-    (0..free.len()).filter(at_bound).any(|j| {
+    (0..free.len()).filter(|j| fitted.held[*j] && free[*j].low < free[*j].high).any(|j| {
         let mut values: Vec<f64> = free.iter().map(|f| f.value).collect();
         values[j] += free[j].step;
         fitted.best.with_any(&values).candidate.value(id) != value
@@ -205,12 +204,12 @@ pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) ->
 }
 
 /// The models a standard deviation from the best one along each of the axes of its covariance.
-pub(super) fn deviations(fitted: &Fitted<EmsTrial>) -> Vec<Deviation> {
+pub(super) fn deviations(fitted: &Fitted<EmsTrial>) -> Vec<(Stages, f64)> {
     let best = &fitted.best;
     let values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
     let moved = |off: &[f64], part: f64| {
         let values: Vec<f64> = values.iter().zip(off).map(|(own, off)| own + part * off).collect();
-        best.with(&values).model().map(|stages| Deviation { stages, part })
+        best.with(&values).model().map(|stages| (stages, part))
     };
     let axes = Spread::new(fitted).axes();
     axes.iter().filter_map(|off| PARTS.iter().find_map(|part| moved(off, *part))).collect()
@@ -280,8 +279,9 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>, joins: &Joins) -> Vec<Parame
         Parameter::new(q.0, along_joins(&spread, joins, q, found.estimate))
     };
     let mut all: Vec<Parameter> = quantities(*layout).into_iter().map(of).collect();
-    let of_lag = |p: &&mut Parameter| p.id.quantity == Quantity::FrictionLag;
-    all.iter_mut().filter(of_lag).for_each(|p| p.estimate = shortest_lag(&p.estimate));
+    all.iter_mut()
+        .filter(|p| p.id.quantity == Quantity::FrictionLag)
+        .for_each(|p| p.estimate = shortest_lag(&p.estimate));
     if layout.shape {
         all.extend(
             branch_ids(best)

@@ -7,7 +7,7 @@ use super::adequacy::Phase;
 use super::candidate::Candidate;
 use super::deformation::DeformationFit;
 use super::estimate::Estimate;
-use super::findings::{Covariance, Deviation, Parameter, Warning};
+use super::findings::{Covariance, Parameter, Warning};
 use super::free_motion::FreeMotion;
 use super::posterior::{Density, Posterior};
 use super::scale::FrictionScale;
@@ -57,8 +57,9 @@ pub struct Identification {
     pub fit: Option<FitSummary>,
     /// Covariance of the parameters of the fit; `None` without a fit.
     pub covariance: Option<Covariance>,
-    /// Models beside that of the fit whose deviations make up its covariance.
-    pub(crate) deviations: Vec<Deviation>,
+    /// Models beside that of the fit whose deviations make up its covariance, each with how much of
+    /// the deviation it has: less than 1, or negative, where the whole is no model.
+    pub deviations: Vec<(Stages, f64)>,
     /// What the recordings added to the model that was given as prior; `None` without one.
     pub prior: Option<PriorUse>,
     /// Draws of the parameters, if they were asked for and there is a fit.

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use trocar_model::{Quantity, Rotation, Trocar};
 
 use super::estimate::{Estimate, t_quantile};
-use super::findings::{Deviation, IdentifyError, Parameter, Warning};
+use super::findings::{IdentifyError, Parameter, Warning};
 use super::numbers;
 use super::options::IdentifyOptions;
 use super::result::Identification;
@@ -451,7 +451,7 @@ impl<'a> Fit<'a> {
     /// Changes of the errors with the axial model, by the deviations whose squares add up to its
     /// covariance.
     fn axial_errors(&self) -> impl Iterator<Item = Vec<f64>> {
-        self.found.deviations.iter().map(|Deviation { stages, part }| {
+        self.found.deviations.iter().map(|(stages, part)| {
             let profile = self.found.trocar().profile().copied();
             let moved = self.errors_of(Trocar::new(*stages, profile), self.best);
             moved.iter().zip(&self.errors).map(|(a, b)| (a.value - b.value) / part).collect()

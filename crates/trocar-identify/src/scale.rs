@@ -140,12 +140,13 @@ impl Jump {
         let strokes = &training.strokes;
         let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
         let of = |recording: usize| {
-            let counted = |g: &usize| {
-                strokes[*g].recording == recording
-                    && !training.scale.is_unconstrained(*g)
-                    && fitted.normal.scales[*g].information > 0.0
-            };
-            let own: Vec<usize> = (0..strokes.len()).filter(counted).collect();
+            let own: Vec<usize> = (0..strokes.len())
+                .filter(|g| {
+                    strokes[*g].recording == recording
+                        && !training.scale.is_unconstrained(*g)
+                        && fitted.normal.scales[*g].information > 0.0
+                })
+                .collect();
             let value = |g: usize| fitted.normal.scales[g].own;
             let mean =
                 |part: &[usize]| part.iter().map(|g| value(*g)).sum::<f64>() / part.len() as f64;

@@ -183,8 +183,9 @@ fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment 
     let x = &recording.position;
     let middle = 0.5 * (x[segment.start] + x[segment.end - 1]);
     let inserting = x[segment.end - 1] > x[segment.start];
-    let behind = |i: &usize| if inserting { x[*i] >= middle } else { x[*i] <= middle };
-    let start = (segment.start..segment.end).find(behind).unwrap_or(segment.start);
+    let start = (segment.start..segment.end)
+        .find(|i| if inserting { x[*i] >= middle } else { x[*i] <= middle })
+        .unwrap_or(segment.start);
     SteadySegment { start, ..*segment }
 }
 
@@ -428,9 +429,10 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
 /// Join and coefficients of both branches; a join at the end of its range is not determined,
 /// whatever the strokes left out give.
 fn branch_parameters(best: &Candidate, left_out: &[Candidate]) -> Vec<Parameter> {
-    let at_bound = |direction: Direction| best.branch(direction).join_at_bound();
     let parameter = |id: ParameterId| {
-        let estimate = if id.quantity == Quantity::Join && id.direction.is_some_and(at_bound) {
+        let estimate = if id.quantity == Quantity::Join
+            && id.direction.is_some_and(|direction| best.branch(direction).join_at_bound())
+        {
             Estimate::undetermined(
                 best.value(id),
                 id.unit().si,

@@ -114,8 +114,9 @@ impl Recording {
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
-        let has = |quantity| columns[quantity as usize].is_some();
-        let mut collector = Collector::new(samples, has, None).counting(Count::Samples);
+        let mut collector =
+            Collector::new(samples, |quantity| columns[quantity as usize].is_some(), None)
+                .counting(Count::Samples);
         for k in 0..samples {
             let values = columns.map(|column| column.map_or(f64::NAN, |own| own[k]));
             collector.add(SampleRow { line: k as u64, values });

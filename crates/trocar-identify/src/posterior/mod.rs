@@ -388,11 +388,12 @@ fn sample(
     };
     let mut chains: Vec<Chain> = (0..CHAINS).map(begin).collect::<Option<_>>()?;
     let steps = |chain: &mut Chain, reference: &Reference, count: usize| -> Vec<DVector<f64>> {
-        let step = |_| {
-            chain.step(log, reference);
-            chain.at.clone()
-        };
-        (0..count).map(step).collect()
+        (0..count)
+            .map(|_| {
+                chain.step(log, reference);
+                chain.at.clone()
+            })
+            .collect()
     };
     let standard = Reference::standard(d);
     let warm: Vec<Vec<DVector<f64>>> =

@@ -141,13 +141,14 @@ pub fn models(table: &Table) -> Result<Vec<Stages>, DrawsError> {
             _ => None,
         })
         .collect();
-    let model = |row: usize| {
-        let numbers =
-            columns.iter().map(|cells| cells[row]).take_while(|number| number.is_finite());
-        elements(&numbers.collect::<Vec<f64>>())
-            .map_err(|source| DrawsError::Row { row: row + 1, source })
-    };
-    (0..table.rows()).map(model).collect()
+    (0..table.rows())
+        .map(|row| {
+            let numbers =
+                columns.iter().map(|cells| cells[row]).take_while(|number| number.is_finite());
+            elements(&numbers.collect::<Vec<f64>>())
+                .map_err(|source| DrawsError::Row { row: row + 1, source })
+        })
+        .collect()
 }
 
 fn elements(numbers: &[f64]) -> Result<Stages, FlatError> {
