@@ -283,14 +283,10 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>, joins: &Joins) -> Vec<Parame
         .filter(|p| p.id.quantity == Quantity::FrictionLag)
         .for_each(|p| p.estimate = shortest_lag(&p.estimate));
     if layout.shape {
-        all.extend(
-            branch_ids(best)
-                .into_iter()
-                .map(|id| parameter(&spread, best, (id, false), factor_of(id)))
-                .map(|p| {
-                    Parameter::new(p.id, along_joins(&spread, joins, (p.id, false), p.estimate))
-                }),
-        );
+        for id in branch_ids(best) {
+            let found = parameter(&spread, best, (id, false), factor_of(id)).estimate;
+            all.push(Parameter::new(id, along_joins(&spread, joins, (id, false), found)));
+        }
     }
     all
 }

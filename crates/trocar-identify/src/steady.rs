@@ -157,7 +157,7 @@ pub(super) fn stroke_means(
 ) -> Vec<StrokeMean> {
     let parts = after_start(recording, strokes, steady_segments, settled);
     let mut means: Vec<StrokeMean> = Vec::new();
-    for direction in [Direction::Insertion, Direction::Withdrawal] {
+    for direction in Direction::BOTH {
         let own: Vec<SteadySegment> =
             parts.iter().filter(|s| strokes[s.stroke].direction == direction).copied().collect();
         for segment in over_common_positions(recording, own) {
@@ -275,8 +275,7 @@ fn mean_of(
 pub(super) fn imposed(means: Vec<StrokeMean>) -> Vec<StrokeMean> {
     const IMPOSED: f64 = 0.5;
     let own: Vec<StrokeMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
-    let determined =
-        [Direction::Insertion, Direction::Withdrawal].into_iter().all(|d| speeds_differ(&own, d));
+    let determined = Direction::BOTH.into_iter().all(|d| speeds_differ(&own, d));
     if determined && own.len() >= 6 { own } else { means }
 }
 

@@ -2,6 +2,7 @@
 //! planned for, put into loops of teleoperation, and made from whole fleets of recordings.
 
 pub mod compare;
+pub mod draws;
 pub mod fleet;
 pub mod margin;
 pub mod motion;

@@ -47,14 +47,27 @@ pub(crate) struct RecordingSummary<'a> {
     pub name: &'a str,
     /// SHA-256 of the file's bytes.
     pub sha256: &'a str,
-    /// `identification` or `validation`.
+    /// `identification` or `training`, or `validation`.
     pub used_for: &'static str,
     /// Samples.
     pub samples: usize,
     /// Time from the first to the last sample, s.
     pub duration_s: f64,
     /// Properties of the data.
-    pub quality: &'a Quality,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quality: Option<&'a Quality>,
+    /// Data losses and doubts, where the properties are left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub warnings: Option<Vec<String>>,
+}
+
+impl<'a> RecordingSummary<'a> {
+    /// Without the properties of the data or what has been lost of them.
+    pub(crate) fn of(recording: &'a Recording, used_for: &'static str) -> Self {
+        let Recording { name, sha256, .. } = recording;
+        let (samples, duration_s) = (recording.len(), recording.duration());
+        Self { name, sha256, used_for, samples, duration_s, quality: None, warnings: None }
+    }
 }
 
 /// One branch of the deformation force in the summary.
@@ -290,20 +303,13 @@ impl Workflow {
     }
 
     fn recording_summaries(&self) -> Vec<RecordingSummary<'_>> {
-        fn of<'a>(
-            used_for: &'static str,
-            recordings: &'a [Recording],
-        ) -> impl Iterator<Item = RecordingSummary<'a>> {
-            recordings.iter().map(move |recording| RecordingSummary {
-                name: &recording.name,
-                sha256: &recording.sha256,
-                used_for,
-                samples: recording.len(),
-                duration_s: recording.duration(),
-                quality: &recording.quality,
-            })
-        }
-        of("identification", &self.recordings).chain(of("validation", &self.held_out)).collect()
+        let identification = self.recordings.iter().map(|own| (own, "identification"));
+        let all = identification.chain(self.held_out.iter().map(|own| (own, "validation")));
+        all.map(|(own, used_for)| RecordingSummary {
+            quality: Some(&own.quality),
+            ..RecordingSummary::of(own, used_for)
+        })
+        .collect()
     }
 }
 
@@ -311,9 +317,14 @@ impl Summary<'_> {
     /// The text of `summary.json`: equal results give equal text. An infinite or undefined number
     /// is `null`.
     pub fn to_json(&self) -> String {
-        let text = serde_json::to_string_pretty(self).expect("every key is a string") + "\n";
-        spelt(&text, Interface::Json)
+        json_text(self)
     }
+}
+
+/// The text of a summary, with options as JSON writes them.
+pub(crate) fn json_text(summary: &impl Serialize) -> String {
+    let text = serde_json::to_string_pretty(summary).expect("every key is a string") + "\n";
+    spelt(&text, Interface::Json)
 }
 
 pub(crate) fn by_name(parameters: &[Parameter]) -> BTreeMap<String, &Estimate> {

@@ -11,7 +11,7 @@ pub mod survey;
 
 pub use trocar_identify as identify;
 pub use trocar_identify::profile;
-pub use trocar_lab::{compare, fleet, margin, motion, summary, validate, workflow};
+pub use trocar_lab::{compare, draws, fleet, margin, motion, summary, validate, workflow};
 #[cfg(feature = "bench")]
 pub use trocar_lab::{plan, teleop};
 /// Reading of recordings.

@@ -37,11 +37,9 @@ mod diagnostics;
 mod joins;
 mod slice;
 mod structures;
-mod table;
 
 pub use super::options::{CHAINS, Draws};
 pub use super::prior::weak_priors;
-pub use table::{DrawsError, FILE_NAME, evenly, is_of_model, models, read, read_models, write};
 
 /// Steps of a chain before the reference is adapted, those of which it is adapted to the last half,
 /// and steps after that before the draws.

@@ -10,13 +10,12 @@ use serde::Serialize;
 use trocar_model::Trocar;
 
 use crate::margin::Margin;
-use crate::summary::{PROGRAM, by_name, intervals, origin_of};
+use crate::summary::{PROGRAM, RecordingSummary, by_name, intervals, json_text, origin_of};
 use crate::validate::{Phases, validate};
 use crate::workflow::MovingMass;
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
 use trocar_runtime::model_file::{ModelFile, Origin};
-use trocar_tables::option::{Interface, spelt};
 
 use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 
@@ -127,23 +126,6 @@ pub(crate) struct ClaimSummary {
     pub sentence: String,
 }
 
-/// A recording in the summary.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub(crate) struct RecordingSummary<'a> {
-    /// File name without its folder.
-    pub name: &'a str,
-    /// SHA-256 of the file's bytes.
-    pub sha256: &'a str,
-    /// `training` or `validation`.
-    pub used_for: &'static str,
-    /// Samples.
-    pub samples: usize,
-    /// Time from the first to the last sample, s.
-    pub duration_s: f64,
-    /// Data losses and doubts.
-    pub warnings: Vec<String>,
-}
-
 impl Comparison {
     /// The test of the claim of EMS section II-C for each compared family of banks.
     pub fn claims(&self) -> Vec<ReversalMatch> {
@@ -210,8 +192,7 @@ impl Summary<'_> {
     /// The text of `compare.json`: equal results give equal text. An infinite or undefined number
     /// is `null`.
     pub fn to_json(&self) -> String {
-        let text = serde_json::to_string_pretty(self).expect("every key is a string") + "\n";
-        spelt(&text, Interface::Json)
+        json_text(self)
     }
 }
 
@@ -247,12 +228,6 @@ fn model<'a>(entry: &'a Entry, comparison: &'a Comparison) -> ModelSummary<'a> {
 }
 
 fn recording<'a>(recording: &'a Recording, used_for: &'static str) -> RecordingSummary<'a> {
-    RecordingSummary {
-        name: &recording.name,
-        sha256: &recording.sha256,
-        used_for,
-        samples: recording.len(),
-        duration_s: recording.duration(),
-        warnings: recording.quality.warnings.iter().map(ToString::to_string).collect(),
-    }
+    let warnings = recording.quality.warnings.iter().map(ToString::to_string).collect();
+    RecordingSummary { warnings: Some(warnings), ..RecordingSummary::of(recording, used_for) }
 }
