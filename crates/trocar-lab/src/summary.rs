@@ -47,27 +47,14 @@ pub(crate) struct RecordingSummary<'a> {
     pub name: &'a str,
     /// SHA-256 of the file's bytes.
     pub sha256: &'a str,
-    /// `identification` or `training`, or `validation`.
+    /// `identification` or `validation`.
     pub used_for: &'static str,
     /// Samples.
     pub samples: usize,
     /// Time from the first to the last sample, s.
     pub duration_s: f64,
     /// Properties of the data.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub quality: Option<&'a Quality>,
-    /// Data losses and doubts, where the properties are left out.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub warnings: Option<Vec<String>>,
-}
-
-impl<'a> RecordingSummary<'a> {
-    /// Without the properties of the data or what has been lost of them.
-    pub(crate) fn of(recording: &'a Recording, used_for: &'static str) -> Self {
-        let Recording { name, sha256, .. } = recording;
-        let (samples, duration_s) = (recording.len(), recording.duration());
-        Self { name, sha256, used_for, samples, duration_s, quality: None, warnings: None }
-    }
+    pub quality: &'a Quality,
 }
 
 /// One branch of the deformation force in the summary.
@@ -303,13 +290,20 @@ impl Workflow {
     }
 
     fn recording_summaries(&self) -> Vec<RecordingSummary<'_>> {
-        let identification = self.recordings.iter().map(|own| (own, "identification"));
-        let all = identification.chain(self.held_out.iter().map(|own| (own, "validation")));
-        all.map(|(own, used_for)| RecordingSummary {
-            quality: Some(&own.quality),
-            ..RecordingSummary::of(own, used_for)
-        })
-        .collect()
+        fn of<'a>(
+            used_for: &'static str,
+            recordings: &'a [Recording],
+        ) -> impl Iterator<Item = RecordingSummary<'a>> {
+            recordings.iter().map(move |recording| RecordingSummary {
+                name: &recording.name,
+                sha256: &recording.sha256,
+                used_for,
+                samples: recording.len(),
+                duration_s: recording.duration(),
+                quality: &recording.quality,
+            })
+        }
+        of("identification", &self.recordings).chain(of("validation", &self.held_out)).collect()
     }
 }
 

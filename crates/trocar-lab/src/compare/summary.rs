@@ -10,7 +10,7 @@ use serde::Serialize;
 use trocar_model::Trocar;
 
 use crate::margin::Margin;
-use crate::summary::{PROGRAM, RecordingSummary, by_name, intervals, json_text, origin_of};
+use crate::summary::{PROGRAM, by_name, intervals, json_text, origin_of};
 use crate::validate::{Phases, validate};
 use crate::workflow::MovingMass;
 use trocar_identify::{Estimate, Identification, Warning};
@@ -126,6 +126,23 @@ pub(crate) struct ClaimSummary {
     pub sentence: String,
 }
 
+/// A recording in the summary.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub(crate) struct RecordingSummary<'a> {
+    /// File name without its folder.
+    pub name: &'a str,
+    /// SHA-256 of the file's bytes.
+    pub sha256: &'a str,
+    /// `training` or `validation`.
+    pub used_for: &'static str,
+    /// Samples.
+    pub samples: usize,
+    /// Time from the first to the last sample, s.
+    pub duration_s: f64,
+    /// Data losses and doubts.
+    pub warnings: Vec<String>,
+}
+
 impl Comparison {
     /// The test of the claim of EMS section II-C for each compared family of banks.
     pub fn claims(&self) -> Vec<ReversalMatch> {
@@ -228,6 +245,12 @@ fn model<'a>(entry: &'a Entry, comparison: &'a Comparison) -> ModelSummary<'a> {
 }
 
 fn recording<'a>(recording: &'a Recording, used_for: &'static str) -> RecordingSummary<'a> {
-    let warnings = recording.quality.warnings.iter().map(ToString::to_string).collect();
-    RecordingSummary { warnings: Some(warnings), ..RecordingSummary::of(recording, used_for) }
+    RecordingSummary {
+        name: &recording.name,
+        sha256: &recording.sha256,
+        used_for,
+        samples: recording.len(),
+        duration_s: recording.duration(),
+        warnings: recording.quality.warnings.iter().map(ToString::to_string).collect(),
+    }
 }
