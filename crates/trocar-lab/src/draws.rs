@@ -101,7 +101,7 @@ pub fn write(table: &Table, path: &Path) -> Result<(), OutputError> {
     writer.commit()
 }
 
-/// The table of draws in a Parquet file that [`write`] wrote.
+/// The table of draws in a Parquet file that [`write()`] wrote.
 ///
 /// # Errors
 /// [`DrawsError`] when the file is no table of draws.
@@ -148,7 +148,7 @@ fn elements(numbers: &[f64]) -> Result<Stages, FlatError> {
     stages.ok_or(FlatError::Tag { place: 1, found: numbers[1] })
 }
 
-/// The elements of the draws in a file that [`write`] wrote, in the order of its rows.
+/// The elements of the draws in a file that [`write()`] wrote, in the order of its rows.
 ///
 /// # Errors
 /// As for [`read`] and [`models`].
