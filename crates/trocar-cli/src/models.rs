@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use trocar::compare::Choice;
-use trocar::identify::posterior;
+use trocar::draws;
 use trocar::model_file::ModelFile;
 use trocar_model::Stages;
 
@@ -53,7 +53,7 @@ pub(crate) fn read_draws(
     (model, of): (&ModelFile, &Path),
 ) -> anyhow::Result<Vec<Stages>> {
     model.stages().map_err(|error| error.in_file(of))?;
-    Ok(posterior::read_models(path)?)
+    Ok(draws::read_models(path)?)
 }
 
 /// Whether it may be a model: a recording is not read just to see that it is none.

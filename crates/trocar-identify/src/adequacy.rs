@@ -141,7 +141,10 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
         (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
     let mut undetermined = Vec::new();
     if model.has_shape {
-        undetermined.extend(sliding_reversals(input, model, &seen));
+        let why = sliding_reversals(input, model, &seen);
+        undetermined.extend(
+            why.into_iter().flat_map(|why| [(Group::Sliding, why.clone()), (Group::Shape, why)]),
+        );
     }
     let speeds = Speeds::new(&seen);
     undetermined.extend(speeds.separated());
@@ -213,20 +216,16 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
 }
 
 /// Checks that there are enough reversals with sliding before and after, and that the force is
-/// constant where the model slides.
-fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Vec<(Group, String)> {
+/// constant where the model slides; else says why neither sliding nor shape is determined.
+fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Option<String> {
     let count: usize = seen.iter().map(|s| s.sliding_reversals).sum();
     let longest = input.recordings.iter().map(|r| r.quality.stroke).fold(0.0, f64::max);
-    let mut all = Vec::new();
     if count < FEWEST_REVERSALS {
-        let why = format!(
+        return Some(format!(
             "{count} reversals with sliding before and after, at least {FEWEST_REVERSALS} are needed: record strokes of several \
              centimetres in both directions (longest here: {:.1} mm)",
             1e3 * longest
-        );
-        all.push((Group::Sliding, why.clone()));
-        all.push((Group::Shape, why));
-        return all;
+        ));
     }
     let halves: Vec<f64> =
         seen.iter().flat_map(|s| &s.halves).map(|[a, b]| b - a).filter(|d| d.is_finite()).collect();
@@ -238,17 +237,14 @@ fn sliding_reversals(input: &Input, model: &Model, seen: &[RecordingSums]) -> Ve
     let short = longest
         < 4.0 * SHOWS_SLIDING * model.candidate.half_width + 2.0 * model.candidate.half_width;
     let changes = mean.abs() > FLAT && t_p_value(mean / error, n - 1.0) < 0.01;
-    if changes || (short && mean.abs() > 0.5 * FLAT) {
-        let why = format!(
+    (changes || (short && mean.abs() > 0.5 * FLAT)).then(|| {
+        format!(
             "the force still changes by {:.0} % while the model slides, so nothing shows that the instrument slides at all: record \
              strokes that are longer than the deformation (longest here: {:.1} mm)",
             1e2 * mean,
             1e3 * longest
-        );
-        all.push((Group::Sliding, why.clone()));
-        all.push((Group::Shape, why));
-    }
-    all
+        )
+    })
 }
 
 /// Fraction of the rise from F_c to F_s that remains at `speed`, m/s; `None` without a rise.

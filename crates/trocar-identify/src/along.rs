@@ -10,9 +10,9 @@ use super::segments::Segments;
 use trocar_model::Trocar;
 
 use crate::profile::{self, ProfileFit, ProfileSample};
-use crate::scatter::StrokeScatter;
-use trocar_recording::Recording;
+use trocar_recording::{Recording, range};
 use trocar_simulate::replay::replay;
+use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
 /// The profile, or why repeated strokes gave none; `Ok(None)` where none was requested or possible.
@@ -89,9 +89,7 @@ impl Segments {
         let x = &recording.position;
         let ends = |of: fn(f64, f64) -> f64| {
             let all: Vec<f64> = self.strokes.iter().map(|p| of(x[p.start], x[p.end])).collect();
-            let (low, high) = all
-                .iter()
-                .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+            let (low, high) = range(&all);
             high - low
         };
         self.strokes.len() >= 4 && ends(f64::min) + ends(f64::max) < 0.1 * recording.quality.stroke

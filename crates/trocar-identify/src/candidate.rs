@@ -103,18 +103,12 @@ impl Candidate {
 
     /// Sliding force in `direction`.
     pub fn sliding(&self, direction: Direction) -> &SlidingFriction {
-        match direction {
-            Direction::Insertion => &self.insertion,
-            Direction::Withdrawal => &self.withdrawal,
-        }
+        direction.pick([&self.insertion, &self.withdrawal])
     }
 
     /// Branch in `direction`.
     pub fn branch(&self, direction: Direction) -> &BranchShape {
-        match direction {
-            Direction::Insertion => &self.insertion_branch,
-            Direction::Withdrawal => &self.withdrawal_branch,
-        }
+        direction.pick([&self.insertion_branch, &self.withdrawal_branch])
     }
 
     /// The value of a parameter, SI; NaN for what the candidate does not have. Sliding and damping
@@ -256,10 +250,8 @@ impl Candidate {
         let Ok(branch) = self.branch(direction).branch(self.half_width, self.end_forces()) else {
             return true;
         };
-        let (end, piece) = match direction {
-            Direction::Insertion => (self.half_width, branch.right()),
-            Direction::Withdrawal => (-self.half_width, branch.left()),
-        };
+        let ends = [(self.half_width, branch.right()), (-self.half_width, branch.left())];
+        let (end, piece) = direction.pick(ends);
         branch.stiffness(2.0 * end) > piece.stiffness(end)
     }
 }
@@ -594,10 +586,8 @@ impl EmsTrial {
         let moved =
             self.candidate.branch(direction).with_join(join, self.candidate.end_forces())?;
         let mut other = self.clone();
-        match direction {
-            Direction::Insertion => other.candidate.insertion_branch = moved,
-            Direction::Withdrawal => other.candidate.withdrawal_branch = moved,
-        }
+        let Candidate { insertion_branch, withdrawal_branch, .. } = &mut other.candidate;
+        *direction.pick([insertion_branch, withdrawal_branch]) = moved;
         Some(other)
     }
 
@@ -731,11 +721,12 @@ fn companies<'a>(models: &'a [Stages], states: &[StagesState]) -> Vec<(Beside<'a
     let (leading, state) = (&models[0], &states[0]);
     let mut all = Vec::new();
     for stage in 0..leading.elements().len() {
-        let is_different = |k: &usize| {
-            models[*k].elements().get(stage) != leading.elements().get(stage)
-                || states[*k].states().get(stage) != state.states().get(stage)
-        };
-        let different: Vec<usize> = (1..models.len()).filter(is_different).collect();
+        let different: Vec<usize> = (1..models.len())
+            .filter(|k| {
+                models[*k].elements().get(stage) != leading.elements().get(stage)
+                    || states[*k].states().get(stage) != state.states().get(stage)
+            })
+            .collect();
         for places in different.chunks(BESIDE) {
             let own: Vec<_> = places.iter().map(|k| (&models[*k], states[*k])).collect();
             let beside = leading.beside(state, stage, &own).expect("models of equal stages");

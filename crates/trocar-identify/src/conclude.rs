@@ -49,10 +49,8 @@ pub(super) fn conclude(
 ) -> Result<Identification, IdentifyError> {
     let Input { recordings, segments, two, options, .. } = input;
     let two_step_parameters = two_steps::parameters(two, options);
-    let (position_profile, no_position_profile) = match profile {
-        Ok(found) => (found, None),
-        Err(why) => (None, Some(why)),
-    };
+    let no_position_profile = profile.as_ref().err().cloned();
+    let position_profile = profile.unwrap_or_default();
     let mut model =
         fit.as_ref().map_or_else(|| two.candidate.clone(), |f| f.fitted.best.candidate.clone());
     if let Some(fit) = &position_profile {

@@ -69,17 +69,7 @@ impl Limits {
     }
 
     fn of(&self, direction: Direction) -> f64 {
-        match direction {
-            Direction::Insertion => self.insertion - self.margin,
-            Direction::Withdrawal => self.withdrawal - self.margin,
-        }
-    }
-
-    fn against(&self, direction: Direction) -> f64 {
-        match direction {
-            Direction::Insertion => self.withdrawal - self.margin,
-            Direction::Withdrawal => self.insertion - self.margin,
-        }
+        direction.pick([self.insertion, self.withdrawal]) - self.margin
     }
 
     /// The end points of both branches: (−c, −F_s) and (+c, +F_s).
@@ -94,14 +84,18 @@ fn median(mut values: Vec<f64>) -> f64 {
     values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// Half the travels, m, of one direction.
+fn half_travels(all: &[FullReversal], direction: Direction) -> impl Iterator<Item = f64> + '_ {
+    all.iter().filter(move |t| t.direction == direction).map(|t| t.half_travel)
+}
+
 /// Drops full reversals whose travel is an outlier of their direction: a switching instant caused
 /// by a disturbance.
 fn without_outliers(mut full_reversals: Vec<FullReversal>) -> Vec<FullReversal> {
-    for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own =
-            || full_reversals.iter().filter(|t| t.direction == direction).map(|t| t.half_travel);
-        let middle = median(own().collect());
-        let spread = 1.4826 * median(own().map(|c| (c - middle).abs()).collect());
+    for direction in Direction::BOTH {
+        let own: Vec<f64> = half_travels(&full_reversals, direction).collect();
+        let middle = median(own.clone());
+        let spread = 1.4826 * median(own.iter().map(|c| (c - middle).abs()).collect());
         let limit = (5.0 * spread).max(0.05 * middle);
         full_reversals
             .retain(|t| t.direction != direction || (t.half_travel - middle).abs() <= limit);
@@ -112,12 +106,8 @@ fn without_outliers(mut full_reversals: Vec<FullReversal>) -> Vec<FullReversal> 
 /// Standard deviation, m, of the half travel about its direction's mean.
 fn spread_of(full_reversals: &[FullReversal]) -> f64 {
     let mut squares = 0.0;
-    for direction in [Direction::Insertion, Direction::Withdrawal] {
-        let own: Vec<f64> = full_reversals
-            .iter()
-            .filter(|t| t.direction == direction)
-            .map(|t| t.half_travel)
-            .collect();
+    for direction in Direction::BOTH {
+        let own: Vec<f64> = half_travels(full_reversals, direction).collect();
         let mean = own.iter().sum::<f64>() / own.len().max(1) as f64;
         squares += own.iter().map(|c| (c - mean).powi(2)).sum::<f64>();
     }
@@ -205,10 +195,7 @@ pub struct DeformationFit {
 impl DeformationFit {
     /// Branch in `direction`.
     pub fn branch(&self, direction: Direction) -> &BranchFit {
-        match direction {
-            Direction::Insertion => &self.insertion_branch,
-            Direction::Withdrawal => &self.withdrawal_branch,
-        }
+        direction.pick([&self.insertion_branch, &self.withdrawal_branch])
     }
 }
 
@@ -237,20 +224,18 @@ pub(super) fn full_reversals(
         let own = level(number);
         let before =
             slid_before.filter(|(d, _)| *d != stroke.direction && stroke.starts_at_reversal);
-        let start = before.map_or(own, |(_, level)| level) * limits.against(stroke.direction);
+        let start = before.map_or(own, |(_, level)| level) * limits.of(stroke.direction.opposite());
         let crossing =
             crossings(recording, stroke, limits.offset, start, own * limits.of(stroke.direction));
         if let (Some((from, to)), Some((_, level_before))) = (crossing, before) {
-            let levels = match stroke.direction {
-                Direction::Insertion => [level_before, own],
-                Direction::Withdrawal => [own, level_before],
-            };
+            let levels = stroke.direction.pick([[level_before, own], [own, level_before]]);
+            let samples = [from, to];
+            let direction = stroke.direction;
             found.extend(full_reversal(
                 index,
                 recording,
-                stroke.direction,
-                from,
-                to,
+                direction,
+                samples,
                 limits.offset,
                 levels,
             ));
@@ -288,8 +273,7 @@ fn full_reversal(
     index: usize,
     recording: &Recording,
     direction: Direction,
-    from: usize,
-    to: usize,
+    [from, to]: [usize; 2],
     offset: f64,
     levels: [f64; 2],
 ) -> Option<FullReversal> {
@@ -539,7 +523,7 @@ fn damping_test(
     let columns = 2 * levels + 1;
     let mut design = DMatrix::zeros(levels * full_reversals.len(), columns);
     let mut data = DVector::zeros(levels * full_reversals.len());
-    for direction in [Direction::Insertion, Direction::Withdrawal] {
+    for direction in Direction::BOTH {
         let curves = curves_of(full_reversals, direction);
         let mean = mean_points(&curves);
         let stiffness: Vec<f64> = bins.iter().map(|b| slope(&mean, *b, half_width)).collect();

@@ -103,10 +103,9 @@ impl Candidate {
         second.insertion_branch.join_force = 0.5 * (end_forces.low + end_forces.high);
         second.withdrawal_branch.join_force = second.insertion_branch.join_force;
         let with = Candidate { second: Some(second), ..smaller };
-        let first_alone = |d, travel| {
+        let rest = self.rebuilt(1.0 - share_of_force, self.half_width, |d, travel| {
             Some(self.first_upon_stroke(d, travel)? - with.second_upon_stroke(d, travel)?)
-        };
-        let rest = self.rebuilt(1.0 - share_of_force, self.half_width, first_alone)?;
+        })?;
         Some(Candidate { second: with.second.clone(), ..rest })
     }
 }

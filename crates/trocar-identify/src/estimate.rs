@@ -46,15 +46,8 @@ impl Estimate {
         if !half.is_finite() {
             return Self::undetermined(value, unit, "too few independent data for an interval");
         }
-        let ci95 = [value - half, value + half];
-        Self {
-            value,
-            ci95,
-            unit,
-            determined: true,
-            standard_error: Some(standard_error),
-            note: None,
-        }
+        let (low, high) = (value - half, value + half);
+        Self { standard_error: Some(standard_error), ..Self::from_bounds(value, low, high, unit) }
     }
 
     /// Estimate with given bounds, widened if necessary to contain the value.
@@ -69,12 +62,12 @@ impl Estimate {
         Self { value, ci95, unit, determined: false, standard_error: None, note: Some(why.into()) }
     }
 
-    /// The same estimate with a remark.
     /// A value that was given, not identified.
     pub(crate) fn given(value: f64, unit: &'static str) -> Self {
         Self::from_bounds(value, value, value, unit).with_note("given, not identified")
     }
 
+    /// The same estimate with a remark.
     pub(crate) fn with_note(mut self, note: impl Into<String>) -> Self {
         self.note = Some(note.into());
         self

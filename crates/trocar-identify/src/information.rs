@@ -247,8 +247,9 @@ impl Rows {
             let sigma2 = inflation * plain;
             let gain = gain(&normal, &prior, sigma2, own)?;
             covariance = self.covariance(noise, &prior, &gain, sigma2);
-            let ratio = |j: usize| covariance[(j, j)] / gain[(j, j)].max(f64::MIN_POSITIVE);
-            let mut ratios: Vec<f64> = (0..own).map(ratio).collect();
+            let mut ratios: Vec<f64> = (0..own)
+                .map(|j| covariance[(j, j)] / gain[(j, j)].max(f64::MIN_POSITIVE))
+                .collect();
             ratios.sort_by(f64::total_cmp);
             inflation = (inflation * ratios[own / 2]).clamp(1.0, 100.0);
         }

@@ -202,9 +202,8 @@ impl Others {
         let (hessian, score) = normal.sums();
         let own = fitted.held.len();
         let ordinates: Vec<usize> = (own..score.len()).collect();
-        let is_other = |j: &usize| sides.iter().all(|side| !side.numbers().contains(j));
         let places: Vec<usize> = (0..own)
-            .filter(is_other)
+            .filter(|j| sides.iter().all(|side| !side.numbers().contains(j)))
             .filter(|j| !fitted.held[*j] && hessian[(*j, *j)] > 0.0)
             .collect();
         let mixed = hessian.select_rows(&places).select_columns(&ordinates);
@@ -389,11 +388,10 @@ impl<'a> Landscape<'a> {
 
     /// The trial with the lowest cost of all points of both sides that lie below `excess`.
     fn lowest(&self, points: &[Vec<Point>; 2], excess: f64) -> Option<EmsTrial> {
-        let of_side = |(side, points): (&Side, &'_ Vec<Point>)| {
+        let both = self.sides.iter().zip(points).filter_map(|(side, points)| {
             let lowest = points.iter().min_by(by_excess).filter(|point| point.excess < excess)?;
             Some((lowest.excess * side.reach, lowest.trial.clone()))
-        };
-        let both = self.sides.iter().zip(points).filter_map(of_side);
+        });
         both.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, trial)| trial)
     }
 }
@@ -592,10 +590,10 @@ impl Along {
     /// The joins within reach as fractions of the half width; `None` where they reach an end of the
     /// range or are half of it.
     pub(super) fn within(&self) -> Option<[f64; 2]> {
-        let within = || self.points.iter().filter(|point| point.excess <= 1.0);
-        let at_end = |point: &Point| point.join.abs() > 0.99 * BranchShape::JOIN_RANGE;
         let [low, high] = self.hull(0.0, &|t| t.candidate.branch(self.direction).join);
-        let is_known = !within().any(at_end) && high - low < BranchShape::JOIN_RANGE;
+        let is_at_end =
+            |p: &Point| p.excess <= 1.0 && p.join.abs() > 0.99 * BranchShape::JOIN_RANGE;
+        let is_known = !self.points.iter().any(is_at_end) && high - low < BranchShape::JOIN_RANGE;
         is_known.then_some([low, high])
     }
 

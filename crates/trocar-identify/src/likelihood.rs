@@ -87,10 +87,11 @@ impl Free {
 /// The weakly informative priors of the free parameters `free`, in their order and without those of
 /// the drift.
 pub(super) fn weak_priors_of(free: &[Free]) -> Vec<Prior> {
-    let of = |free: &Free| {
-        free.kind.map(|kind| kind.weak().unwrap_or_else(|| Prior::about_zero(free.expected)))
-    };
-    free.iter().filter_map(of).collect()
+    free.iter()
+        .filter_map(|free| {
+            free.kind.map(|kind| kind.weak().unwrap_or_else(|| Prior::about_zero(free.expected)))
+        })
+        .collect()
 }
 
 /// A model under trial: free parameters, and the model that they define.
@@ -238,14 +239,15 @@ struct ClusterSums {
 impl ClusterSums {
     fn new(strokes: Range<usize>, p: usize) -> Self {
         let zeros = || DVector::zeros(p);
-        let of_stroke = || StrokeSums { cross: [zeros(), zeros()], scale: ScaleSums::default() };
         Self {
             hessian: DMatrix::zeros(p, p),
             score: zeros(),
             cost: 0.0,
             steps: 0.0,
             first: strokes.start,
-            strokes: strokes.map(|_| of_stroke()).collect(),
+            strokes: strokes
+                .map(|_| StrokeSums { cross: [zeros(), zeros()], scale: ScaleSums::default() })
+                .collect(),
         }
     }
 }
@@ -299,9 +301,9 @@ impl Scatter {
 /// Z' times a vector, from the contributions of each stroke to itself (`own`) and to the one before
 /// (`before`); the first element belongs to the stroke before all.
 fn gathered(count: usize, own: impl Fn(usize) -> f64, before: impl Fn(usize) -> f64) -> Vec<f64> {
-    let of =
-        |k: usize| if k > 0 { own(k - 1) } else { 0.0 } + if k < count { before(k) } else { 0.0 };
-    (0..=count).map(of).collect()
+    (0..=count)
+        .map(|k| if k > 0 { own(k - 1) } else { 0.0 } + if k < count { before(k) } else { 0.0 })
+        .collect()
 }
 
 /// The sums of the strokes of one cluster, preceded by the empty sums of the stroke before.
@@ -386,8 +388,9 @@ fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Frict
 /// Scale of each stroke without its own scatter: the drift.
 fn drifts<T: Trial>(training: &Training, trial: &T) -> Vec<f64> {
     let basis = &training.scale.basis;
-    let at = |g: usize| trial.drift().iter().zip(basis).map(|(d, phi)| d * phi[g]).sum();
-    (0..training.strokes.len()).map(at).collect()
+    (0..training.strokes.len())
+        .map(|g| trial.drift().iter().zip(basis).map(|(d, phi)| d * phi[g]).sum())
+        .collect()
 }
 
 /// Quantities that do not depend on the scatter of the strokes.
@@ -1011,8 +1014,8 @@ fn relaxed(part: f64, is_first: bool) -> f64 {
 
 /// Fall of C along the step `delta`, damped by `lambda`, if the model were linear.
 fn fall_along((hessian, score): &Sums, delta: &DVector<f64>, lambda: f64) -> f64 {
-    let square = |(j, d): (usize, &f64)| hessian[(j, j)] * d * d;
-    delta.dot(score) + lambda * delta.iter().enumerate().map(square).sum::<f64>()
+    delta.dot(score)
+        + lambda * delta.iter().enumerate().map(|(j, d)| hessian[(j, j)] * d * d).sum::<f64>()
 }
 
 /// A step that lowers C: its trial, C and the normal equations there, and the damping for the next.
@@ -1084,10 +1087,11 @@ pub(crate) fn fit<T: Trial>(training: &Training, from: &T, stop: Stop) -> Option
         (best, normal, lambda) = (trial, there, next.max(LEAST_DAMPING));
         // With a scale for each stroke, the common force of all strokes is a flat direction: a
         // small decrease does not indicate convergence.
-        let is_flat = || stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise;
         // A promise that the next steps did not keep is none: there the model is not linear.
         small = if cost > (1.0 - stop.fall) * before { small + 1 } else { 0 };
-        converged = small > UNKEPT || small > 0 && !is_flat();
+        converged = small > UNKEPT
+            || small > 0
+                && !(stop.promise.is_finite() && promised(&normal, &best.free()) > stop.promise);
     }
     held.fill(false);
     step_within(&normal.sums(), &best.free(), LEAST_DAMPING, &mut held);
@@ -1256,10 +1260,11 @@ impl Normal {
         let before = damped_step(hessian, score, 1e-9, &without)?;
         let used =
             self.hessians.iter().zip(&self.scores).filter(|(h, _)| h[(column, column)] > 0.0);
-        let left_out = |(h, s): (&DMatrix<f64>, &DVector<f64>)| {
-            damped_step(&(hessian - h), &(score - s), 1e-9, &fixed).map(|d| d[column])
-        };
-        let all: Vec<f64> = used.filter_map(left_out).collect();
+        let all: Vec<f64> = used
+            .filter_map(|(h, s)| {
+                damped_step(&(hessian - h), &(score - s), 1e-9, &fixed).map(|d| d[column])
+            })
+            .collect();
         let g = all.len() as f64;
         let mean = all.iter().sum::<f64>() / g.max(1.0);
         let variance = (g - 1.0) / g * all.iter().map(|v| (v - mean).powi(2)).sum::<f64>();

@@ -2,24 +2,26 @@
 
 use std::collections::BTreeMap;
 
-use trocar_model::{Direction, ParameterId, Quantity, Unit};
+use trocar_model::{Direction, ParameterId, Quantity, Stages, Unit};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
-use super::result::Deviation;
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
+use super::stage::SecondStage;
 
 /// Joins, forces there, and the paper's θ (25), of both branches.
 pub(super) fn branch_ids(candidate: &Candidate) -> Vec<ParameterId> {
+    ids_of(|direction| candidate.branch(direction).degrees())
+}
+
+/// Those of branches of such degrees.
+fn ids_of(degrees: impl Fn(Direction) -> [usize; 2]) -> Vec<ParameterId> {
     let of_branch = |direction: Direction| {
-        let coefficients = Quantity::coefficients(candidate.branch(direction).degrees());
-        [Quantity::Join, Quantity::JoinForce]
-            .into_iter()
-            .chain(coefficients)
-            .map(move |q| q.of(direction))
+        let own = [Quantity::Join, Quantity::JoinForce].into_iter();
+        own.chain(Quantity::coefficients(degrees(direction))).map(move |q| q.of(direction))
     };
     Direction::BOTH.into_iter().flat_map(of_branch).collect()
 }
@@ -49,17 +51,10 @@ pub(super) fn rank(id: ParameterId) -> usize {
 
 /// c and the parameters of both branches, of every stage.
 pub(super) fn shape_ids(candidate: &Candidate) -> Vec<ParameterId> {
-    let second = candidate.second.as_ref().map(|stage| {
-        Direction::BOTH.into_iter().flat_map(|direction| {
-            let coefficients = Quantity::coefficients(stage.branch(direction).degrees());
-            [Quantity::Join, Quantity::JoinForce]
-                .into_iter()
-                .chain(coefficients)
-                .map(move |quantity| quantity.of(direction).of_element(1))
-        })
-    });
+    let of_stage = |stage: &SecondStage| ids_of(|direction| stage.branch(direction).degrees());
+    let second = candidate.second.as_ref().map_or_else(Vec::new, of_stage);
     let first = std::iter::once(Quantity::HalfWidth.id()).chain(branch_ids(candidate));
-    first.chain(second.into_iter().flatten()).collect()
+    first.chain(second.into_iter().map(|id| id.of_element(1))).collect()
 }
 
 /// All parameters that an identification may report, in the order of tables; branches of `degrees`.
@@ -179,8 +174,7 @@ pub(super) fn parameter_or_held(
 pub(super) fn is_held(fitted: &Fitted<EmsTrial>, id: ParameterId) -> bool {
     let free = fitted.best.free();
     let value = fitted.best.candidate.value(id);
-    let at_bound = |j: &usize| fitted.held[*j] && free[*j].low < free[*j].high;
-    (0..free.len()).filter(at_bound).any(|j| {
+    (0..free.len()).filter(|j| fitted.held[*j] && free[*j].low < free[*j].high).any(|j| {
         let mut values: Vec<f64> = free.iter().map(|f| f.value).collect();
         values[j] += free[j].step;
         fitted.best.with_any(&values).candidate.value(id) != value
@@ -210,12 +204,12 @@ pub(super) fn covariance(fitted: &Fitted<EmsTrial>, parameters: &[Parameter]) ->
 }
 
 /// The models a standard deviation from the best one along each of the axes of its covariance.
-pub(super) fn deviations(fitted: &Fitted<EmsTrial>) -> Vec<Deviation> {
+pub(super) fn deviations(fitted: &Fitted<EmsTrial>) -> Vec<(Stages, f64)> {
     let best = &fitted.best;
     let values: Vec<f64> = best.free().iter().map(|free| free.value).collect();
     let moved = |off: &[f64], part: f64| {
         let values: Vec<f64> = values.iter().zip(off).map(|(own, off)| own + part * off).collect();
-        best.with(&values).model().map(|stages| Deviation { stages, part })
+        best.with(&values).model().map(|stages| (stages, part))
     };
     let axes = Spread::new(fitted).axes();
     axes.iter().filter_map(|off| PARTS.iter().find_map(|part| moved(off, *part))).collect()
@@ -285,17 +279,14 @@ pub(super) fn parameters(fitted: &Fitted<EmsTrial>, joins: &Joins) -> Vec<Parame
         Parameter::new(q.0, along_joins(&spread, joins, q, found.estimate))
     };
     let mut all: Vec<Parameter> = quantities(*layout).into_iter().map(of).collect();
-    let of_lag = |p: &&mut Parameter| p.id.quantity == Quantity::FrictionLag;
-    all.iter_mut().filter(of_lag).for_each(|p| p.estimate = shortest_lag(&p.estimate));
+    all.iter_mut()
+        .filter(|p| p.id.quantity == Quantity::FrictionLag)
+        .for_each(|p| p.estimate = shortest_lag(&p.estimate));
     if layout.shape {
-        all.extend(
-            branch_ids(best)
-                .into_iter()
-                .map(|id| parameter(&spread, best, (id, false), factor_of(id)))
-                .map(|p| {
-                    Parameter::new(p.id, along_joins(&spread, joins, (p.id, false), p.estimate))
-                }),
-        );
+        for id in branch_ids(best) {
+            let found = parameter(&spread, best, (id, false), factor_of(id)).estimate;
+            all.push(Parameter::new(id, along_joins(&spread, joins, (id, false), found)));
+        }
     }
     all
 }

@@ -73,8 +73,7 @@ impl IdentifyOptions {
             return Ok(());
         }
         let is_alone = !self.paper && self.prior.is_none() && self.posterior.is_none();
-        let is_open = |term: &Term| !term.is_kept(&self.kept);
-        match is_alone && self.without.iter().all(is_open) {
+        match is_alone && self.without.iter().all(|term| !term.is_kept(&self.kept)) {
             true => Ok(()),
             false => Err(IdentifyError::Kept(self.kept.to_string())),
         }

@@ -47,8 +47,8 @@ impl Prior {
     }
 }
 
-/// What a free parameter is. The names of those whose logarithm is free begin with `Log`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+/// What a free parameter is. Those whose logarithm is free come last, and their names begin with `Log`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Kind {
     /// Sensor offset, N.
@@ -90,24 +90,25 @@ pub(crate) enum Kind {
 const DECADE: f64 = std::f64::consts::LN_10;
 
 impl Kind {
-    const ALL: [Self; 17] = [
-        Self::SlidingForce,
-        Self::Damping,
-        Self::Offset,
-        Self::UnmodelledMass,
-        Self::HalfWidth,
-        Self::Join,
-        Self::JoinForce,
-        Self::Bend,
-        Self::StribeckVelocity,
-        Self::StribeckExponent,
-        Self::YieldRatio,
-        Self::LogCreepVelocity,
-        Self::LogFrictionLag,
-        Self::LogStiffness,
-        Self::LogRelaxationTime,
-        Self::LogShare,
-        Self::LogHalfWidth,
+    /// All in the order of tables, in words, with symbol and unit.
+    const ALL: [(Self, &str, &str, &str); 17] = [
+        (Self::SlidingForce, "Coulomb force, static force", "F_c, F_s", "N"),
+        (Self::Damping, "viscous damping, seal damping", "β, σ", "N·s/m"),
+        (Self::Offset, "sensor offset", "F_0", "N"),
+        (Self::UnmodelledMass, "unmodelled mass", "m", "kg"),
+        (Self::HalfWidth, "half width of the deformation", "c", "m"),
+        (Self::Join, "join, relative to the half width", "a/c", ""),
+        (Self::JoinForce, "force at the join", "F(a)", "N"),
+        (Self::Bend, "curvature of a branch", "", "N"),
+        (Self::StribeckVelocity, "Stribeck velocity", "v_s", "m/s"),
+        (Self::StribeckExponent, "Stribeck exponent", "δ", ""),
+        (Self::YieldRatio, "minor-loop stiffness over its least value", "κ/κ_min", ""),
+        (Self::LogCreepVelocity, "creep velocity", "v_c", "m/s"),
+        (Self::LogFrictionLag, "lag of the Stribeck curve", "T", "s"),
+        (Self::LogStiffness, "stiffness of a relaxing spring", "E", "N/m"),
+        (Self::LogRelaxationTime, "relaxation time", "τ", "s"),
+        (Self::LogShare, "second stage: share of the sliding force", "", ""),
+        (Self::LogHalfWidth, "second stage: half width", "", "m"),
     ];
 
     /// The weakly informative prior; `None` where the fit has one of its own.
@@ -139,50 +140,14 @@ impl Kind {
             Quantity::Offset | Quantity::UnmodelledMass | Quantity::CoulombForceWithOffset
         )
     }
-
-    /// In words, with symbol and unit.
-    const fn words(self) -> (&'static str, &'static str, &'static str) {
-        match self {
-            Self::SlidingForce => ("Coulomb force, static force", "F_c, F_s", "N"),
-            Self::Damping => ("viscous damping, seal damping", "β, σ", "N·s/m"),
-            Self::Offset => ("sensor offset", "F_0", "N"),
-            Self::UnmodelledMass => ("unmodelled mass", "m", "kg"),
-            Self::HalfWidth => ("half width of the deformation", "c", "m"),
-            Self::Join => ("join, relative to the half width", "a/c", ""),
-            Self::JoinForce => ("force at the join", "F(a)", "N"),
-            Self::Bend => ("curvature of a branch", "", "N"),
-            Self::StribeckVelocity => ("Stribeck velocity", "v_s", "m/s"),
-            Self::StribeckExponent => ("Stribeck exponent", "δ", ""),
-            Self::YieldRatio => ("minor-loop stiffness over its least value", "κ/κ_min", ""),
-            Self::LogCreepVelocity => ("creep velocity", "v_c", "m/s"),
-            Self::LogFrictionLag => ("lag of the Stribeck curve", "T", "s"),
-            Self::LogStiffness => ("stiffness of a relaxing spring", "E", "N/m"),
-            Self::LogRelaxationTime => ("relaxation time", "τ", "s"),
-            Self::LogShare => ("second stage: share of the sliding force", "", ""),
-            Self::LogHalfWidth => ("second stage: half width", "", "m"),
-        }
-    }
-
-    const fn is_log(self) -> bool {
-        matches!(
-            self,
-            Self::LogCreepVelocity
-                | Self::LogFrictionLag
-                | Self::LogStiffness
-                | Self::LogRelaxationTime
-                | Self::LogShare
-                | Self::LogHalfWidth
-        )
-    }
 }
 
 /// The weakly informative priors as rows of words: parameter, symbol, prior with its unit.
 pub fn weak_priors() -> Vec<[String; 3]> {
-    let of = |kind: Kind| {
-        let (words, symbol, unit) = kind.words();
+    let of = |(kind, words, symbol, unit): (Kind, &str, &str, &str)| {
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let prior = match kind.weak() {
-            Some(Prior { mean, .. }) if kind.is_log() => {
+            Some(Prior { mean, .. }) if kind >= Kind::LogCreepVelocity => {
                 let median = (1e6 * mean.exp()).round() / 1e6;
                 format!("log-normal, median {median}{unit}, a factor of 10 either way")
             }

@@ -35,15 +35,6 @@ pub struct FitSummary {
     pub converged: bool,
 }
 
-/// A model beside that of a fit.
-#[derive(Debug, Clone)]
-pub struct Deviation {
-    /// The model.
-    pub stages: Stages,
-    /// How much of the deviation it has: less than 1, or negative, where the whole is no model.
-    pub part: f64,
-}
-
 /// Result of an identification.
 #[derive(Debug, Clone)]
 pub struct Identification {
@@ -66,8 +57,9 @@ pub struct Identification {
     pub fit: Option<FitSummary>,
     /// Covariance of the parameters of the fit; `None` without a fit.
     pub covariance: Option<Covariance>,
-    /// Models beside that of the fit whose deviations make up its covariance.
-    pub deviations: Vec<Deviation>,
+    /// Models beside that of the fit whose deviations make up its covariance, each with how much of
+    /// the deviation it has: less than 1, or negative, where the whole is no model.
+    pub deviations: Vec<(Stages, f64)>,
     /// What the recordings added to the model that was given as prior; `None` without one.
     pub prior: Option<PriorUse>,
     /// Draws of the parameters, if they were asked for and there is a fit.

@@ -11,7 +11,7 @@ use super::estimate::{Estimate, t_quantile};
 use super::findings::{IdentifyError, Parameter, Warning};
 use super::numbers;
 use super::options::IdentifyOptions;
-use super::result::{Deviation, Identification};
+use super::result::Identification;
 use trocar_recording::{Recording, range};
 use trocar_simulate::replay::replay;
 use trocar_simulate::segment::{reversal_threshold, strokes};
@@ -406,10 +406,10 @@ impl<'a> Fit<'a> {
         let movements = self.movements();
         let h: Matrix2<f64> = movements.iter().map(|(own, _)| own).sum();
         let inverse = h.try_inverse();
-        let without = |(own, score): &(Matrix2<f64>, Vector2<f64>)| {
-            (h - own).try_inverse().map(|inverse| inverse * score)
-        };
-        let left_out: Option<Vec<Vector2<f64>>> = movements.iter().map(without).collect();
+        let left_out: Option<Vec<Vector2<f64>>> = movements
+            .iter()
+            .map(|(own, score)| (h - own).try_inverse().map(|inverse| inverse * score))
+            .collect();
         let variance = left_out.zip(inverse).map(|(left_out, inverse)| {
             let count = left_out.len() as f64;
             let mean = left_out.iter().sum::<Vector2<f64>>() / count;
@@ -451,7 +451,7 @@ impl<'a> Fit<'a> {
     /// Changes of the errors with the axial model, by the deviations whose squares add up to its
     /// covariance.
     fn axial_errors(&self) -> impl Iterator<Item = Vec<f64>> {
-        self.found.deviations.iter().map(|Deviation { stages, part }| {
+        self.found.deviations.iter().map(|(stages, part)| {
             let profile = self.found.trocar().profile().copied();
             let moved = self.errors_of(Trocar::new(*stages, profile), self.best);
             moved.iter().zip(&self.errors).map(|(a, b)| (a.value - b.value) / part).collect()

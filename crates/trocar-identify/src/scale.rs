@@ -77,10 +77,8 @@ impl FrictionScale {
                 counted: !training.scale.is_unconstrained(g),
             }
         };
-        let seen = |(_, (scale, _)): &(usize, (&super::likelihood::StrokeScale, _))| {
-            scale.information > 0.0
-        };
-        let strokes = used().filter(seen).map(stroke).collect();
+        let strokes =
+            used().filter(|(_, (scale, _))| scale.information > 0.0).map(stroke).collect();
         let basis = &training.scale.basis;
         let slow = |g: usize| -> f64 {
             fitted.best.drift.iter().zip(basis).map(|(d, phi)| d * phi[g]).sum()
@@ -142,12 +140,13 @@ impl Jump {
         let strokes = &training.strokes;
         let recordings = strokes.iter().map(|s| s.recording).max().map_or(0, |last| last + 1);
         let of = |recording: usize| {
-            let counted = |g: &usize| {
-                strokes[*g].recording == recording
-                    && !training.scale.is_unconstrained(*g)
-                    && fitted.normal.scales[*g].information > 0.0
-            };
-            let own: Vec<usize> = (0..strokes.len()).filter(counted).collect();
+            let own: Vec<usize> = (0..strokes.len())
+                .filter(|g| {
+                    strokes[*g].recording == recording
+                        && !training.scale.is_unconstrained(*g)
+                        && fitted.normal.scales[*g].information > 0.0
+                })
+                .collect();
             let value = |g: usize| fitted.normal.scales[g].own;
             let mean =
                 |part: &[usize]| part.iter().map(|g| value(*g)).sum::<f64>() / part.len() as f64;

@@ -185,11 +185,10 @@ impl SealPrior {
             let [low, high] = self.intervals.get(&name)?.ci95;
             Some((high? - low?) / (2.0 * IN_95))
         };
-        let by_direction = || {
+        of(quantity.id().to_string()).or_else(|| {
             let both = Direction::BOTH.map(|direction| of(quantity.of(direction).to_string()));
             Some(0.5 * (both[0]? + both[1]?))
-        };
-        of(quantity.id().to_string()).or_else(by_direction)
+        })
     }
 
     /// What the strokes added, for the parameters of `fitted` with a standard error.
@@ -226,7 +225,7 @@ fn name<S: serde::Serializer>(id: &ParameterId, serializer: S) -> Result<S::Ok, 
 impl Contradiction {
     /// The farthest of F_c, β and c outside the prior.
     fn most(free: &[Free], priors: &[Prior]) -> Option<Self> {
-        let off = |(free, prior): (&Free, &Prior)| {
+        let all = free.iter().zip(priors).filter_map(|(free, prior)| {
             let quantity = match free.kind? {
                 Kind::SlidingForce => Quantity::CoulombForce,
                 Kind::Damping => Quantity::ViscousDamping,
@@ -238,8 +237,7 @@ impl Contradiction {
             let own = Self { parameter: quantity.id(), prior_range: range, estimate: free.value };
             let off = (free.value - mean).abs() / deviation;
             (off > IN_95).then_some((off, own))
-        };
-        let all = free.iter().zip(priors).filter_map(off);
+        });
         all.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, own)| own)
     }
 

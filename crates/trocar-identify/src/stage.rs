@@ -46,10 +46,7 @@ impl SecondStage {
 
     /// Branch in `direction`.
     pub(super) fn branch(&self, direction: Direction) -> &BranchShape {
-        match direction {
-            Direction::Insertion => &self.insertion_branch,
-            Direction::Withdrawal => &self.withdrawal_branch,
-        }
+        direction.pick([&self.insertion_branch, &self.withdrawal_branch])
     }
 
     /// Its parameters beside the first element.

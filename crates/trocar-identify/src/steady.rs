@@ -157,7 +157,7 @@ pub(super) fn stroke_means(
 ) -> Vec<StrokeMean> {
     let parts = after_start(recording, strokes, steady_segments, settled);
     let mut means: Vec<StrokeMean> = Vec::new();
-    for direction in [Direction::Insertion, Direction::Withdrawal] {
+    for direction in Direction::BOTH {
         let own: Vec<SteadySegment> =
             parts.iter().filter(|s| strokes[s.stroke].direction == direction).copied().collect();
         for segment in over_common_positions(recording, own) {
@@ -275,8 +275,7 @@ fn mean_of(
 pub(super) fn imposed(means: Vec<StrokeMean>) -> Vec<StrokeMean> {
     const IMPOSED: f64 = 0.5;
     let own: Vec<StrokeMean> = means.iter().filter(|m| m.dwell >= IMPOSED).cloned().collect();
-    let determined =
-        [Direction::Insertion, Direction::Withdrawal].into_iter().all(|d| speeds_differ(&own, d));
+    let determined = Direction::BOTH.into_iter().all(|d| speeds_differ(&own, d));
     if determined && own.len() >= 6 { own } else { means }
 }
 
@@ -421,37 +420,24 @@ fn common_line(means: &[StrokeMean]) -> SteadyFit {
     }
     let one_way = "steady sliding in one direction only: a Coulomb force and a sensor offset cannot be distinguished";
     let one_speed = "each direction has one speed: the viscous part cannot be distinguished from the Coulomb force";
-    match (both, slope) {
-        (true, true) => {
-            let (fit, scatter) = weighted(means, &[|_| 1.0, sign, |v| v]);
-            let Some(fit) = fit else { return common_line(&[]) };
-            let line = blank(fit.estimate(1, "N"), fit.estimate(2, "N s/m"), fit.estimate(0, "N"));
-            SteadyFit { stroke_mean_scatter_n: scatter, ..line }
-        }
-        (true, false) => {
-            let (fit, scatter) = weighted(means, &[|_| 1.0, sign]);
-            let Some(fit) = fit else { return common_line(&[]) };
-            let coulomb = Estimate::undetermined(fit.coefficients[1], "N", one_speed);
-            let line = blank(
-                coulomb,
-                Estimate::undetermined(0.0, "N s/m", one_speed),
-                fit.estimate(0, "N"),
-            );
-            SteadyFit { stroke_mean_scatter_n: scatter, ..line }
-        }
-        (false, _) => {
-            let columns: &[fn(f64) -> f64] = if slope { &[sign, |v| v] } else { &[sign] };
-            let (fit, scatter) = weighted(means, columns);
-            let Some(fit) = fit else { return common_line(&[]) };
-            let viscous = match slope {
-                true => fit.estimate(1, "N s/m"),
-                false => Estimate::undetermined(0.0, "N s/m", one_speed),
-            };
-            let coulomb = Estimate::undetermined(fit.coefficients[0], "N", one_way);
-            let line = blank(coulomb, viscous, Estimate::undetermined(0.0, "N", one_way));
-            SteadyFit { stroke_mean_scatter_n: scatter, ..line }
-        }
-    }
+    let level = usize::from(both);
+    let columns: [fn(f64) -> f64; 3] = [|_| 1.0, sign, |v| v];
+    let (fit, scatter) = weighted(means, &columns[1 - level..2 + usize::from(slope)]);
+    let Some(fit) = fit else { return common_line(&[]) };
+    let coulomb = match (both, slope) {
+        (true, true) => fit.estimate(level, "N"),
+        (true, false) => Estimate::undetermined(fit.coefficients[level], "N", one_speed),
+        (false, _) => Estimate::undetermined(fit.coefficients[level], "N", one_way),
+    };
+    let viscous = match slope {
+        true => fit.estimate(level + 1, "N s/m"),
+        false => Estimate::undetermined(0.0, "N s/m", one_speed),
+    };
+    let offset = match both {
+        true => fit.estimate(0, "N"),
+        false => Estimate::undetermined(0.0, "N", one_way),
+    };
+    SteadyFit { stroke_mean_scatter_n: scatter, ..blank(coulomb, viscous, offset) }
 }
 
 /// The line of one direction alone, through the readings including the offset.

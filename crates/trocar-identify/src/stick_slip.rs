@@ -217,10 +217,9 @@ fn period_over_position(recordings: &[Vec<Oscillation>]) -> Option<f64> {
     let mut correlations = Vec::new();
     for all in recordings {
         for (k, one) in all.iter().enumerate() {
-            let differs = |o: &&Oscillation| {
+            let next = all[k + 1..].iter().find(|o| {
                 o.inserts == one.inserts && (o.speed / one.speed).ln().abs() > OTHER_SPEED.ln()
-            };
-            let next = all[k + 1..].iter().find(differs);
+            });
             correlations.extend(next.and_then(|other| correlation(one, other, period / CELLS)));
         }
     }

@@ -54,15 +54,10 @@ fn alternately(
 ) -> Result<(SteadyFit, Result<DeformationFit, String>), IdentifyError> {
     let means = |settled: &dyn Fn(f64) -> f64, second_half: bool| -> Vec<StrokeMean> {
         let of = |(i, (r, s)): (usize, (&Recording, &Segments))| {
-            let halved: Vec<SteadySegment> =
-                s.steady_segments.iter().map(|st| latter_half(r, st)).collect();
-            steady::stroke_means(
-                i,
-                r,
-                &s.strokes,
-                if second_half { &halved } else { &s.steady_segments },
-                settled,
-            )
+            let whole = s.steady_segments.iter();
+            let parts: Vec<SteadySegment> =
+                whole.map(|own| if second_half { latter_half(r, own) } else { *own }).collect();
+            steady::stroke_means(i, r, &s.strokes, &parts, settled)
         };
         recordings.iter().zip(segments).enumerate().flat_map(of).collect()
     };
@@ -183,8 +178,9 @@ fn latter_half(recording: &Recording, segment: &SteadySegment) -> SteadySegment 
     let x = &recording.position;
     let middle = 0.5 * (x[segment.start] + x[segment.end - 1]);
     let inserting = x[segment.end - 1] > x[segment.start];
-    let behind = |i: &usize| if inserting { x[*i] >= middle } else { x[*i] <= middle };
-    let start = (segment.start..segment.end).find(behind).unwrap_or(segment.start);
+    let start = (segment.start..segment.end)
+        .find(|i| if inserting { x[*i] >= middle } else { x[*i] <= middle })
+        .unwrap_or(segment.start);
     SteadySegment { start, ..*segment }
 }
 
@@ -267,28 +263,19 @@ fn candidate_of(
     recordings: &[Recording],
 ) -> (Candidate, bool) {
     let (offset, insertion, withdrawal) = sliding(steady);
-    let straight = || BranchShape {
-        join: 0.0,
-        join_force: 0.5 * (insertion.static_force - withdrawal.static_force),
-        left: vec![0.0],
-        right: vec![0.0],
-    };
-    let step = sensors(recordings).position_step;
-    let (half_width, insertion_branch, withdrawal_branch, seal_damping) = match deformation {
+    let (half_width, [insertion_branch, withdrawal_branch], seal_damping) = match deformation {
         Ok(found) => {
-            let kept = found
-                .damping
-                .as_ref()
-                .filter(|d| d.kept)
-                .map_or(0.0, |d| d.seal_damping_n_s_m.value);
-            (
-                found.half_width.value,
-                found.insertion_branch.shape.clone(),
-                found.withdrawal_branch.shape.clone(),
-                kept,
-            )
+            let branches = [&found.insertion_branch, &found.withdrawal_branch];
+            let kept = found.damping.as_ref().filter(|d| d.kept);
+            let damping = kept.map_or(0.0, |d| d.seal_damping_n_s_m.value);
+            (found.half_width.value, branches.map(|own| own.shape.clone()), damping)
         }
-        Err(_) => ((20.0 * step).max(5e-5), straight(), straight(), 0.0),
+        Err(_) => {
+            let join_force = 0.5 * (insertion.static_force - withdrawal.static_force);
+            let straight = BranchShape { join_force, ..BranchShape::straight([2, 2]) };
+            let half_width = (20.0 * sensors(recordings).position_step).max(5e-5);
+            (half_width, [straight.clone(), straight], 0.0)
+        }
     };
     let candidate = Candidate {
         offset,
@@ -308,26 +295,6 @@ fn candidate_of(
     (candidate, deformation.is_err())
 }
 
-/// Lines of both directions from the steady state, through the readings including the offset.
-fn direction_parameters(steady: &SteadyFit) -> Vec<Parameter> {
-    let lines = Direction::BOTH.into_iter().zip([&steady.insertion, &steady.withdrawal]);
-    let found = lines.filter_map(|(direction, line)| Some((direction, line.as_ref()?)));
-    found
-        .flat_map(|(direction, line)| {
-            [
-                Parameter::new(
-                    Quantity::CoulombForceWithOffset.of(direction),
-                    line.coulomb_force_n.clone(),
-                ),
-                Parameter::new(
-                    Quantity::ViscousDamping.of(direction),
-                    line.viscous_damping_n_s_m.clone(),
-                ),
-            ]
-        })
-        .collect()
-}
-
 pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Parameter> {
     let steady = &two.steady;
     let mut all = vec![
@@ -335,7 +302,16 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
         Parameter::new(Quantity::ViscousDamping, steady.viscous_damping_n_s_m.clone()),
         Parameter::new(Quantity::Offset, steady.offset_n.clone()),
     ];
-    all.extend(direction_parameters(steady));
+    // Lines of both directions, through the readings including the offset.
+    for (direction, line) in
+        Direction::BOTH.into_iter().zip([&steady.insertion, &steady.withdrawal])
+    {
+        let Some(DirectionLine { coulomb_force_n, viscous_damping_n_s_m }) = line else { continue };
+        let level = Quantity::CoulombForceWithOffset.of(direction);
+        all.push(Parameter::new(level, coulomb_force_n.clone()));
+        let slope = Quantity::ViscousDamping.of(direction);
+        all.push(Parameter::new(slope, viscous_damping_n_s_m.clone()));
+    }
     if let Some(s) = &steady.stribeck {
         all.push(Parameter::new(Quantity::StaticForce, s.static_force_n.clone()));
         all.push(Parameter::new(Quantity::StribeckVelocity, s.stribeck_velocity_m_s.clone()));
@@ -350,10 +326,8 @@ pub(super) fn parameters(two: &TwoSteps, options: &IdentifyOptions) -> Vec<Param
             all.extend(branch_parameters(&two.candidate, &left_out));
         }
         Err(why) => {
-            all.push(Parameter::new(
-                Quantity::HalfWidth,
-                Estimate::undetermined(two.candidate.half_width, "m", why.clone()),
-            ));
+            let none = Estimate::undetermined(two.candidate.half_width, "m", why.clone());
+            all.push(Parameter::new(Quantity::HalfWidth, none));
         }
     }
     all
@@ -366,8 +340,7 @@ fn strokes_left_out(
     degrees: [usize; 2],
 ) -> Vec<Candidate> {
     let end_forces = best.end_forces();
-    let [insertion, withdrawal] = [Direction::Insertion, Direction::Withdrawal]
-        .map(|direction| curves_of(&found.full_reversals, direction));
+    let [insertion, withdrawal] = Direction::BOTH.map(|d| curves_of(&found.full_reversals, d));
     let refit = |branch: &BranchShape, curves: &[&[f64]], left_out: usize| {
         let points = mean_points(&without(curves, left_out));
         BranchShape::fit(degrees, end_forces, &points)
@@ -428,16 +401,13 @@ pub(super) fn tested_damping(test: &DampingTest) -> Estimate {
 /// Join and coefficients of both branches; a join at the end of its range is not determined,
 /// whatever the strokes left out give.
 fn branch_parameters(best: &Candidate, left_out: &[Candidate]) -> Vec<Parameter> {
-    let at_bound = |direction: Direction| best.branch(direction).join_at_bound();
     let parameter = |id: ParameterId| {
-        let estimate = if id.quantity == Quantity::Join && id.direction.is_some_and(at_bound) {
-            Estimate::undetermined(
-                best.value(id),
-                id.unit().si,
-                "no best join inside the range searched",
-            )
-        } else {
-            jackknife(best, left_out, id)
+        let (value, unit) = (best.value(id), id.unit().si);
+        let is_at_bound = |direction| best.branch(direction).join_at_bound();
+        let estimate = match id.quantity == Quantity::Join && id.direction.is_some_and(is_at_bound)
+        {
+            true => Estimate::undetermined(value, unit, "no best join inside the range searched"),
+            false => jackknife(best, left_out, id),
         };
         Parameter::new(id, estimate)
     };

@@ -311,9 +311,14 @@ impl Summary<'_> {
     /// The text of `summary.json`: equal results give equal text. An infinite or undefined number
     /// is `null`.
     pub fn to_json(&self) -> String {
-        let text = serde_json::to_string_pretty(self).expect("every key is a string") + "\n";
-        spelt(&text, Interface::Json)
+        json_text(self)
     }
+}
+
+/// The text of a summary, with options as JSON writes them.
+pub(crate) fn json_text(summary: &impl Serialize) -> String {
+    let text = serde_json::to_string_pretty(summary).expect("every key is a string") + "\n";
+    spelt(&text, Interface::Json)
 }
 
 pub(crate) fn by_name(parameters: &[Parameter]) -> BTreeMap<String, &Estimate> {

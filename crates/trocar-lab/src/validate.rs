@@ -16,10 +16,10 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trocar_model::Trocar;
 
 use trocar_identify::profile::Departure;
-use trocar_identify::scatter::StrokeScatter;
 use trocar_recording::{OPPOSED, Quality, Recording, local_velocity, range};
 use trocar_runtime::model_file::{ErrorSource, ForceError, ModelFile};
 use trocar_simulate::replay::{Replay, replay};
+use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
 /// Speed below which the instrument counts as held, m/s.

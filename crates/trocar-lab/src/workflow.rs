@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::motion::MotionRange;
+use crate::simpler;
 use crate::validate::{Validation, validate};
-use trocar_identify::simpler;
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::{ModelFile, SensorInfo};

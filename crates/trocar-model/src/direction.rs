@@ -29,25 +29,25 @@ impl Direction {
     /// The other one.
     #[must_use]
     pub fn opposite(self) -> Self {
+        self.pick([Self::Withdrawal, Self::Insertion])
+    }
+
+    /// The one of two that is its own, that of insertion first.
+    #[inline]
+    pub fn pick<T>(self, [insertion, withdrawal]: [T; 2]) -> T {
         match self {
-            Self::Insertion => Self::Withdrawal,
-            Self::Withdrawal => Self::Insertion,
+            Self::Insertion => insertion,
+            Self::Withdrawal => withdrawal,
         }
     }
 
     /// In a word.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Insertion => "insertion",
-            Self::Withdrawal => "withdrawal",
-        }
+        self.pick(["insertion", "withdrawal"])
     }
 
     /// Beginning of the names of its parameters.
     pub(crate) fn prefix(self) -> &'static str {
-        match self {
-            Self::Insertion => "insertion_",
-            Self::Withdrawal => "withdrawal_",
-        }
+        self.pick(["insertion_", "withdrawal_"])
     }
 }

@@ -12,44 +12,28 @@ use pyo3::exceptions::{
 };
 use trocar::option::{Interface, spelt};
 
-create_exception!(
-    trocar,
-    TrocarError,
-    PyValueError,
-    "Input that cannot be used; the base of all errors of trocar."
-);
-create_exception!(
-    trocar,
-    ArrayError,
-    TrocarError,
-    "An array of the wrong kind, shape or length, or one not writable."
-);
-create_exception!(trocar, RecordingError, TrocarError, "A recording that cannot be used.");
-create_exception!(trocar, MotionError, TrocarError, "A motion that a model cannot follow.");
-create_exception!(trocar, ModelFileError, TrocarError, "A file or text that is no model.");
-create_exception!(trocar, ParameterError, TrocarError, "A parameter or option out of its range.");
-create_exception!(
-    trocar,
-    IdentifyError,
-    TrocarError,
-    "Recordings that no model can be identified from."
-);
-create_exception!(
-    trocar,
-    CompareError,
-    TrocarError,
-    "Recordings that models cannot be compared on."
-);
-create_exception!(
-    trocar,
-    NotConverged,
-    CompareError,
-    "A model that could not be fitted from any start."
-);
-create_exception!(trocar, BenchError, TrocarError, "A virtual bench that cannot run.");
-create_exception!(trocar, TeleopError, TrocarError, "A teleoperation loop that cannot run.");
-create_exception!(trocar, PlanError, TrocarError, "A motion that cannot be planned.");
-create_exception!(trocar, InternalError, PyRuntimeError, "A defect of trocar; please report it.");
+/// Exceptions by name, each with its base and its words.
+macro_rules! exceptions {
+    ($($name:ident($base:ident) = $words:literal;)*) => {$(
+        create_exception!(trocar, $name, $base, $words);
+    )*};
+}
+
+exceptions! {
+    TrocarError(PyValueError) = "Input that cannot be used; the base of all errors of trocar.";
+    ArrayError(TrocarError) = "An array of the wrong kind, shape or length, or one not writable.";
+    RecordingError(TrocarError) = "A recording that cannot be used.";
+    MotionError(TrocarError) = "A motion that a model cannot follow.";
+    ModelFileError(TrocarError) = "A file or text that is no model.";
+    ParameterError(TrocarError) = "A parameter or option out of its range.";
+    IdentifyError(TrocarError) = "Recordings that no model can be identified from.";
+    CompareError(TrocarError) = "Recordings that models cannot be compared on.";
+    NotConverged(CompareError) = "A model that could not be fitted from any start.";
+    BenchError(TrocarError) = "A virtual bench that cannot run.";
+    TeleopError(TrocarError) = "A teleoperation loop that cannot run.";
+    PlanError(TrocarError) = "A motion that cannot be planned.";
+    InternalError(PyRuntimeError) = "A defect of trocar; please report it.";
+}
 
 /// An error of the library on its way to Python.
 pub(crate) trait Raise {

@@ -156,7 +156,7 @@ impl Identified {
     /// The posterior draws; None where there are none.
     fn posterior(&self) -> PyResult<Option<PosteriorTable>> {
         let found = self.0.identification.posterior.as_ref();
-        found.map(|posterior| PosteriorTable::new(posterior.table())).transpose()
+        found.map(|posterior| PosteriorTable::new(trocar::draws::table(posterior))).transpose()
     }
 
     /// ln of the density of the draws' most probable structure at each row of `z`, and parameters there

@@ -6,7 +6,7 @@ use numpy::PyArray1;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyList;
-use trocar::identify::posterior::{self, DrawsError};
+use trocar::draws::{self, DrawsError};
 use trocar::model_file::{ModelFile, Origin, OriginKind};
 use trocar::table::{Column, Table, TableError};
 use trocar_model::Stages;
@@ -34,7 +34,7 @@ impl Raise for DrawsError {
 
 impl PosteriorTable {
     pub(crate) fn new(table: Table) -> PyResult<Self> {
-        let models = posterior::models(&table).map_err(Raise::raise)?;
+        let models = draws::models(&table).map_err(Raise::raise)?;
         Ok(Self { table, models })
     }
 }
@@ -63,7 +63,7 @@ impl Draws {
 /// Reads the draws that `identify` wrote.
 #[pyfunction]
 pub(crate) fn read_posterior(path: PathBuf) -> PyResult<PosteriorTable> {
-    PosteriorTable::new(posterior::read(&path).map_err(Raise::raise)?)
+    PosteriorTable::new(draws::read(&path).map_err(Raise::raise)?)
 }
 
 #[pymethods]
@@ -84,7 +84,7 @@ impl PosteriorTable {
             })
         };
         let both = self.table.fields.iter().zip(&self.table.columns);
-        both.filter(|(name, _)| !posterior::is_of_model(name))
+        both.filter(|(name, _)| !draws::is_of_model(name))
             .map(|(name, column)| Ok((name.clone(), cells(column)?)))
             .collect()
     }
@@ -100,6 +100,6 @@ impl PosteriorTable {
     /// Writes the draws.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let table = self.table.clone();
-        run(py, How::default(), move |_| posterior::write(&table, &path))?.map_err(Raise::raise)
+        run(py, How::default(), move |_| draws::write(&table, &path))?.map_err(Raise::raise)
     }
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use trocar::many::along;
 use trocar::many::ensemble::Start;
-use trocar::recording::LONGEST_STROKE;
+use trocar::recording::{LONGEST_STROKE, range};
 use trocar_model::{Deformation, Mode, Trocar, TrocarState};
 
 use crate::arrays::{apart, column, place};
@@ -218,9 +218,7 @@ fn check(time: &[f64], position: &[f64]) -> Result<(), String> {
     if !all_finite(time) || !all_finite(position) || !pairs.all(|(t, x)| follows(t, x)) {
         return Err(first_fault(time, position));
     }
-    let (low, high) = position
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let (low, high) = range(position);
     let stroke = high - low;
     if stroke > LONGEST_STROKE {
         return Err(format!(

@@ -381,11 +381,10 @@ fn entries(mapping: &str) -> Result<Vec<&str>, RecordingError> {
             '"' if quoted => quoted = !(rest.is_empty() || rest.starts_with(',')),
             '"' => {
                 let front = mapping[begin..at].split_once('=').map(|(_, front)| front);
-                let opens = |front: &str| {
+                quoted = front.is_some_and(|front| {
                     front.trim_end().ends_with('*')
                         || front.chars().all(|c| c == '-' || c.is_whitespace())
-                };
-                quoted = front.is_some_and(opens);
+                });
             }
             ',' if !quoted => {
                 found.push(&mapping[begin..at]);

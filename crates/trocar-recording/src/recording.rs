@@ -4,17 +4,14 @@ use std::io::Write;
 use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
-use trocar_tables::line::Line;
 
 use super::RecordingError;
 use super::block::SampleRow;
 use super::choice::Choice;
 use super::collect::Collector;
 use super::quality::{Quality, Saturation};
-use super::samples::{self, Count};
+use super::samples::{self, ByQuantity, Count, Readings, columns, cut};
 use super::statistics::range;
-use super::text::hex;
 use super::units::Quantity;
 
 /// Range of a force, as a fraction of its largest value, that is rounding.
@@ -44,97 +41,6 @@ pub struct Recording {
     pub quality: Quality,
     /// How it was read from its file.
     pub choice: Choice,
-}
-
-/// Columns that do not come from a file, in SI units.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Readings {
-    /// Time in s.
-    pub time: Vec<f64>,
-    /// Position in m, increasing on insertion.
-    pub position: Vec<f64>,
-    /// Force in N, of the device on the seal.
-    pub force: Vec<f64>,
-    /// Velocity in m/s, if there is one.
-    pub velocity: Option<Vec<f64>>,
-    /// Angle of the instrument about its axis in rad, if there is one.
-    pub angle: Option<Vec<f64>>,
-    /// Torque of the instrument on the seal in N·m, positive with the angle, if there is one.
-    pub torque: Option<Vec<f64>>,
-}
-
-/// By index of the [`Quantity`].
-type Columns<'a> = [Option<&'a Vec<f64>>; Quantity::ALL.len()];
-
-fn columns<'a>(needed: [&'a Vec<f64>; 3], optional: [&'a Option<Vec<f64>>; 3]) -> Columns<'a> {
-    let ([a, b, c], [d, e, f]) = (needed.map(Some), optional.map(Option::as_ref));
-    [a, b, c, d, e, f]
-}
-
-fn cut(columns: Columns<'_>, kept: impl Iterator<Item = usize> + Clone) -> Readings {
-    let cut = |own: &Vec<f64>| kept.clone().filter_map(|k| own.get(k).copied()).collect();
-    columns.map(|own| own.map(cut)).into()
-}
-
-fn write(columns: Columns<'_>, mut output: impl Write) -> std::io::Result<()> {
-    let named = Quantity::ALL.map(Quantity::column_name).into_iter().zip(columns);
-    let (names, columns): (Vec<String>, Vec<&Vec<f64>>) =
-        named.filter_map(|(name, own)| Some((name, own?))).unzip();
-    writeln!(output, "{}", names.join(","))?;
-    let mut line = Line::default();
-    for k in 0..columns.first().map_or(0, |own| own.len()) {
-        columns.iter().for_each(|own| _ = line.number(own[k]));
-        line.finish(&mut output)?;
-    }
-    line.flush(&mut output)?;
-    output.flush()
-}
-
-impl From<[Option<Vec<f64>>; Quantity::ALL.len()]> for Readings {
-    fn from(columns: [Option<Vec<f64>>; Quantity::ALL.len()]) -> Self {
-        let [time, position, force, velocity, angle, torque] = columns;
-        let [time, position, force] = [time, position, force].map(Option::unwrap_or_default);
-        Self { time, position, force, velocity, angle, torque }
-    }
-}
-
-impl Readings {
-    fn columns(&self) -> Columns<'_> {
-        let Self { time, position, force, velocity, angle, torque } = self;
-        columns([time, position, force], [velocity, angle, torque])
-    }
-
-    pub(crate) fn columns_mut(&mut self) -> [Option<&mut Vec<f64>>; Quantity::ALL.len()] {
-        let Self { time, position, force, velocity, angle, torque } = self;
-        let optional = [velocity.as_mut(), angle.as_mut(), torque.as_mut()];
-        let [velocity, angle, torque] = optional;
-        [Some(time), Some(position), Some(force), velocity, angle, torque]
-    }
-
-    /// The samples at `kept`, in this order.
-    #[must_use]
-    pub fn at(&self, kept: impl Iterator<Item = usize> + Clone) -> Self {
-        cut(self.columns(), kept)
-    }
-
-    /// Writes the columns as CSV in SI units, such as `time_s,position_m,force_n`.
-    ///
-    /// Every number is the shortest that reads back as the same value.
-    ///
-    /// # Errors
-    /// The error of the operating system when the output cannot be written.
-    pub fn write(&self, output: impl Write) -> std::io::Result<()> {
-        write(self.columns(), output)
-    }
-
-    /// SHA-256 of the columns; lower-case hexadecimal.
-    pub fn sha256(&self) -> String {
-        let mut hash = Sha256::new();
-        for column in self.columns().into_iter().flatten() {
-            column.iter().for_each(|value| hash.update(value.to_le_bytes()));
-        }
-        hex(&hash.finalize())
-    }
 }
 
 /// Options for reading a file.
@@ -208,8 +114,9 @@ impl Recording {
                 return Err(RecordingError::Lengths { file, column, found, expected });
             }
         }
-        let has = |quantity| columns[quantity as usize].is_some();
-        let mut collector = Collector::new(samples, has, None).counting(Count::Samples);
+        let mut collector =
+            Collector::new(samples, |quantity| columns[quantity as usize].is_some(), None)
+                .counting(Count::Samples);
         for k in 0..samples {
             let values = columns.map(|column| column.map_or(f64::NAN, |own| own[k]));
             collector.add(SampleRow { line: k as u64, values });
@@ -218,7 +125,7 @@ impl Recording {
         Ok(Self::of(name, readings.sha256(), collected))
     }
 
-    fn columns(&self) -> Columns<'_> {
+    fn columns(&self) -> ByQuantity<'_> {
         let Self { time, position, force, velocity, angle, torque, .. } = self;
         columns([time, position, force], [velocity, angle, torque])
     }
@@ -228,7 +135,7 @@ impl Recording {
     /// # Errors
     /// As for that.
     pub fn write(&self, output: impl Write) -> std::io::Result<()> {
-        write(self.columns(), output)
+        samples::write(self.columns(), output)
     }
 
     /// Number of samples.

@@ -119,7 +119,7 @@ impl Quantity {
     }
 
     /// The name of a column of it in SI units.
-    pub fn column_name(self) -> String {
+    pub(crate) fn column_name(self) -> String {
         format!("{}_{}", self.name(), self.units()[0].names[0])
     }
 

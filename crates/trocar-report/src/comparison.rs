@@ -176,9 +176,9 @@ fn claim(comparison: &Comparison) -> Section {
 }
 
 fn criteria(comparison: &Comparison) -> Section {
-    let name = |entry: Option<&Entry>| entry.map_or_else(String::new, Entry::title);
     let [aic, bic]: [fn(&Entry) -> f64; 2] = [|e| e.scores.aic, |e| e.scores.bic];
-    let [aic, bic] = [aic, bic].map(|of| name(least_by(comparison, of)));
+    let [aic, bic] =
+        [aic, bic].map(|of| least_by(comparison, of).map_or_else(String::new, Entry::title));
     let section = Section::new("Criteria and cost")
         .paragraph(format!(
             "AIC = n·ln(mean squared error) + 2·k and BIC = n·ln(mean squared error) + k·ln n, on the training recordings; k counts the \

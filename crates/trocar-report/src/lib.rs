@@ -233,8 +233,7 @@ fn fault(document: &Document) -> Option<String> {
         }
     }
     let mut tables = document.sections.iter().flat_map(|section| &section.tables);
-    let is_ragged = |table: &&Table| table.rows.iter().any(|row| row.len() != table.columns.len());
-    match tables.find(is_ragged) {
+    match tables.find(|table| table.rows.iter().any(|row| row.len() != table.columns.len())) {
         Some(table) => Some(format!("table {:?}: rows of different lengths", table.caption)),
         None => live_fault(document).map(|fault| format!("live model: {fault}")),
     }

@@ -149,8 +149,9 @@ fn draw(out: &mut String, primitive: &Primitive, ink: &Color) {
             );
         }
         Primitive::RichText { x, y, spans, size, anchor, color } => {
-            let of_span = |bold: bool| move |c| Glyph::of(c, if bold { 'B' } else { 'R' });
-            let glyphs = spans.iter().flat_map(|span| span.text.chars().map(of_span(span.bold)));
+            let glyphs = spans.iter().flat_map(|span| {
+                span.text.chars().map(move |c| Glyph::of(c, if span.bold { 'B' } else { 'R' }))
+            });
             let colour = color.as_ref().unwrap_or(ink);
             words(out, glyphs.collect(), ([*x, *y], 0.0), f64::from(*size), *anchor, colour);
         }

@@ -5,7 +5,7 @@ use trocar_model::Element;
 use super::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use super::{Document, ReportError, stage_document};
 use super::{card, publish};
-use trocar_identify::posterior;
+use trocar_lab::draws;
 use trocar_lab::workflow::Workflow;
 use trocar_runtime::model_file::FILE_NAME;
 use trocar_tables::output::StagedFolder;
@@ -58,8 +58,8 @@ pub fn write_workflow(
     staged.write("table.csv", publish::csv(found).as_bytes())?;
     staged.write("table.tex", publish::tex(found).as_bytes())?;
     staged.write("citation.bib", publish::CITATION.as_bytes())?;
-    if let Some(draws) = &workflow.identification.posterior {
-        draws.write(&staged.path().join(posterior::FILE_NAME))?;
+    if let Some(posterior) = &found.posterior {
+        draws::write(&draws::table(posterior), &staged.path().join(draws::FILE_NAME))?;
     }
     stage_document(staged, &document)
 }

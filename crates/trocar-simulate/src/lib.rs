@@ -6,5 +6,6 @@ pub mod bench;
 pub mod cancel;
 pub mod many;
 pub mod replay;
+pub mod scatter;
 pub mod segment;
 pub mod simulate;

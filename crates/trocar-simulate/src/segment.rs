@@ -148,11 +148,7 @@ fn strokes_of_range(
         }
     }
     if let Some(direction) = heading {
-        let end = match direction {
-            Direction::Insertion => high,
-            Direction::Withdrawal => low,
-        };
-        push(start, end, direction);
+        push(start, direction.pick([high, low]), direction);
     }
 }
 

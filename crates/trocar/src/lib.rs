@@ -10,8 +10,8 @@ pub mod inspect;
 pub mod survey;
 
 pub use trocar_identify as identify;
-pub use trocar_identify::{margin, profile, scatter};
-pub use trocar_lab::{compare, fleet, motion, summary, validate, workflow};
+pub use trocar_identify::profile;
+pub use trocar_lab::{compare, draws, fleet, margin, motion, summary, validate, workflow};
 #[cfg(feature = "bench")]
 pub use trocar_lab::{plan, teleop};
 /// Reading of recordings.
@@ -21,7 +21,7 @@ pub use trocar_report as report;
 pub use trocar_runtime::model_file;
 #[cfg(feature = "bench")]
 pub use trocar_simulate::bench;
-pub use trocar_simulate::{cancel, many, replay, segment, simulate};
+pub use trocar_simulate::{cancel, many, replay, scatter, segment, simulate};
 pub use trocar_tables::{option, output, table};
 
 /// Errors of all code that reads or writes files: what failed, where, what was found, what was

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use trocar::compensate::{CompensateError, CompensateOptions, Compensator};
-use trocar::identify::posterior::{models, read_models};
+use trocar::draws::{self, models, read_models};
 use trocar::many::evenly;
 use trocar::model_file::{ErrorSource, ForceError, Interval, ModelFile, Origin, OriginKind};
 use trocar::plan::{Goal, PlanConfig, PlanError, State, plan};
@@ -210,7 +210,7 @@ static DRAWN: LazyLock<Drawn> = LazyLock::new(|| {
     let found = found(&recordings(truth, 2), 400, 2);
     let folder = tempfile::tempdir().unwrap();
     let posterior = found.posterior.as_ref().unwrap();
-    posterior.write(&folder.path().join("posterior.parquet")).unwrap();
+    draws::write(&draws::table(posterior), &folder.path().join("posterior.parquet")).unwrap();
     let mut file = ModelFile::new(found.stages, Origin::new(OriginKind::Identified));
     for parameter in &found.parameters {
         let ci95 = parameter.estimate.ci95.map(|end| end.is_finite().then_some(end));
@@ -220,7 +220,7 @@ static DRAWN: LazyLock<Drawn> = LazyLock::new(|| {
     std::fs::write(folder.path().join("model.json"), file.to_json()).unwrap();
     let draws = read_models(&folder.path().join("posterior.parquet")).unwrap();
     assert_eq!(column(posterior, "half_width_m").len(), draws.len());
-    Drawn { folder, table: posterior.table(), draws, truth }
+    Drawn { folder, table: trocar::draws::table(posterior), draws, truth }
 });
 
 fn file() -> ModelFile {

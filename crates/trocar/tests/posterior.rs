@@ -6,8 +6,9 @@ use std::collections::BTreeMap;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use trocar::draws::{models, read, table, write};
 use trocar::identify::Identification;
-use trocar::identify::posterior::{Convergence, Posterior, models, read, weak_priors};
+use trocar::identify::posterior::{Convergence, Posterior, weak_priors};
 use trocar::recording::Recording;
 use trocar_model::{Element, ElementParams, Friction, Quantity};
 
@@ -88,7 +89,7 @@ fn draws_agree_with_the_intervals_of_identify_and_with_their_file() {
     assert!(posterior.r_hat() <= 1.01 && posterior.ess() >= 400.0, "{}", posterior.in_words());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("posterior.parquet");
-    posterior.write(&path).unwrap();
+    write(&table(posterior), &path).unwrap();
     let table = read(&path).unwrap();
     assert_eq!(table.rows(), 3000);
     let width = column(posterior, "half_width_m");

@@ -120,9 +120,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         TeleopReport { study: &study, sources }.write(&staged)?;
         staged.commit()?;
     }
-    let json = || study.summary().to_json();
     let words = || format!("{}{}{}", which(args, &study.config), text(&study), meaning(&study));
-    console::print(&if args.json { json() } else { words() })?;
+    console::print(&if args.json { study.summary().to_json() } else { words() })?;
     if let Some(folder) = &args.out {
         console.remark(&format!("report: {}", folder.join("report.html").display()));
     }

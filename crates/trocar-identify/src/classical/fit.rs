@@ -52,12 +52,6 @@ pub struct ClassicalFit {
     numbers: Vec<f64>,
 }
 
-impl ClassicalFit {
-    fn numbers(&self) -> &[f64] {
-        &self.numbers
-    }
-}
-
 /// A classical model under trial; logarithms where the fit uses them.
 #[derive(Debug, Clone)]
 pub(super) struct ClassicalTrial {
@@ -155,9 +149,9 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     };
     let similar = kind.similar().and_then(|other| fit(other, data, RelatedFits::default()).ok());
     let related = Related {
-        smaller: kin.smaller.map(ClassicalFit::numbers),
-        special: kin.special.or(special.as_ref()).map(ClassicalFit::numbers),
-        similar: similar.as_ref().map(ClassicalFit::numbers),
+        smaller: kin.smaller.map(|fit| &*fit.numbers),
+        special: kin.special.or(special.as_ref()).map(|fit| &*fit.numbers),
+        similar: similar.as_ref().map(|fit| &*fit.numbers),
     };
     let coordinates: Arc<[Coordinate]> = kind.coordinates(&data.scales).into();
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
@@ -200,10 +194,9 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
 fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let best = &found.best;
     let spread = Spread::new(found);
-    let scale_of = |j: &usize| SCALE * best.coordinates[*j].step;
     let estimate = |q: coordinate::Reported| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
-        let scale = q.from.iter().map(scale_of).fold(0.0, f64::max);
+        let scale = q.from.iter().map(|j| SCALE * best.coordinates[*j].step).fold(0.0, f64::max);
         let how = Reported {
             unit: q.id.unit().si,
             log: q.log,

@@ -70,8 +70,8 @@ impl Density {
         let free = fitted.best.free();
         let covariance = inverse(&fitted.sums().0)? * training.variance;
         let adjusted = adjusted(fitted, &covariance, &free, training.variance);
-        let is_join = |j: &usize| free[*j].kind == Some(Kind::Join);
-        let (knots, others): (Vec<usize>, Vec<usize>) = (0..free.len()).partition(is_join);
+        let (knots, others): (Vec<usize>, Vec<usize>) =
+            (0..free.len()).partition(|j| free[*j].kind == Some(Kind::Join));
         let order = [knots.as_slice(), others.as_slice()].concat();
         let [working, adjusted] = [factor(&covariance, &order)?, factor(&adjusted, &order)?];
         let log_volume = order.iter().enumerate().map(|(k, row)| working[(*row, k)].ln()).sum();

@@ -2,6 +2,7 @@
 //! sizes of the bulk and of the tails.
 
 use statrs::distribution::{ContinuousCDF, Normal};
+use trocar_recording::range;
 
 /// Convergence of one parameter over several chains of equal length.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
@@ -26,8 +27,7 @@ impl Convergence {
             })
             .collect();
         let all: Vec<f64> = halves.iter().flat_map(|half| half.iter().copied()).collect();
-        let (low, high) =
-            all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(*v), h.max(*v)));
+        let (low, high) = range(&all);
         if low >= high || all.iter().any(|v| v.is_nan()) {
             return None;
         }

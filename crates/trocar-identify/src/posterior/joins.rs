@@ -44,15 +44,14 @@ impl FollowedJoin {
             shapes.push((stage.withdrawal_branch.clone(), ends, None));
         }
         let joins = (0..free.len()).filter(|j| free[*j].kind == Some(Kind::Join));
-        let of = |(join, (shape, end_forces, along)): (
-            usize,
-            (BranchShape, EndForces, Option<Along>),
-        )| {
-            let along =
-                along.map(|along| (along.distribution(), along)).map(|(q, along)| (along, q));
-            Self { join, shape, end_forces, along }
-        };
-        joins.zip(shapes).map(of).collect()
+        joins
+            .zip(shapes)
+            .map(|(join, (shape, end_forces, along))| {
+                let along =
+                    along.map(|along| (along.distribution(), along)).map(|(q, along)| (along, q));
+                Self { join, shape, end_forces, along }
+            })
+            .collect()
     }
 
     /// The join at `deviates` standard deviations of a normal draw, and the branch with it.

@@ -37,11 +37,9 @@ mod diagnostics;
 mod joins;
 mod slice;
 mod structures;
-mod table;
 
 pub use super::options::{CHAINS, Draws};
 pub use super::prior::weak_priors;
-pub use table::{DrawsError, FILE_NAME, evenly, is_of_model, models, read, read_models, write};
 
 /// Steps of a chain before the reference is adapted, those of which it is adapted to the last half,
 /// and steps after that before the draws.
@@ -159,10 +157,7 @@ impl Posterior {
             |trial: &EmsTrial| -> Vec<f64> { ids.iter().map(|id| value(trial, *id)).collect() };
         let rows: Vec<Vec<Vec<Vec<f64>>>> = sampled
             .iter()
-            .map(|s| {
-                let of_chain = |chain: &Vec<EmsTrial>| chain.par_iter().map(values).collect();
-                s.chains.iter().map(of_chain).collect()
-            })
+            .map(|s| s.chains.iter().map(|chain| chain.par_iter().map(values).collect()).collect())
             .collect();
         let weights: Vec<f64> = structures.iter().map(|s| s.weight).collect();
         let order = in_turn(&weights, rows[0][0].len());
@@ -333,15 +328,14 @@ fn summarised(
     let mean = values.iter().sum::<f64>() / n;
     let squares: f64 = values.iter().map(|v| (v - mean).powi(2)).sum();
     let has = |k: &usize| value(&structures[*k].fitted.best, id).is_finite();
-    let worst = |a: Convergence, b: Convergence| Convergence {
-        r_hat: a.r_hat.max(b.r_hat),
-        ess_bulk: a.ess_bulk.min(b.ess_bulk),
-        ess_tail: a.ess_tail.min(b.ess_tail),
-    };
     let convergence = (0..structures.len())
         .filter(has)
         .filter_map(|k| Convergence::of(&of_structure(k)))
-        .reduce(worst);
+        .reduce(|a, b| Convergence {
+            r_hat: a.r_hat.max(b.r_hat),
+            ess_bulk: a.ess_bulk.min(b.ess_bulk),
+            ess_tail: a.ess_tail.min(b.ess_tail),
+        });
     let prior_ratio = (0..structures.len()).find(has).and_then(|k| {
         let own: Vec<f64> = of_structure(k).into_iter().flatten().collect();
         let mean = own.iter().sum::<f64>() / own.len() as f64;
@@ -392,11 +386,12 @@ fn sample(
     };
     let mut chains: Vec<Chain> = (0..CHAINS).map(begin).collect::<Option<_>>()?;
     let steps = |chain: &mut Chain, reference: &Reference, count: usize| -> Vec<DVector<f64>> {
-        let step = |_| {
-            chain.step(log, reference);
-            chain.at.clone()
-        };
-        (0..count).map(step).collect()
+        (0..count)
+            .map(|_| {
+                chain.step(log, reference);
+                chain.at.clone()
+            })
+            .collect()
     };
     let standard = Reference::standard(d);
     let warm: Vec<Vec<DVector<f64>>> =

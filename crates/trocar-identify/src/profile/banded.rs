@@ -45,10 +45,11 @@ impl Banded {
     /// The trace of the product of this matrix and `other`, where one of the two is zero outside
     /// the band.
     pub(super) fn trace_of_product(&self, other: &Self) -> f64 {
-        let row = |(a, b): (&[f64; BAND + 1], &[f64; BAND + 1])| {
-            a[0] * b[0] + 2.0 * (1..=BAND).map(|d| a[d] * b[d]).sum::<f64>()
-        };
-        self.rows.iter().zip(&other.rows).map(row).sum()
+        self.rows
+            .iter()
+            .zip(&other.rows)
+            .map(|(a, b)| a[0] * b[0] + 2.0 * (1..=BAND).map(|d| a[d] * b[d]).sum::<f64>())
+            .sum()
     }
 
     /// The factor L of L·Lᵀ; `None` for a matrix that is not positive definite.

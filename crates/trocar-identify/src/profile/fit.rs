@@ -239,12 +239,8 @@ struct Sums {
 
 impl Sums {
     fn zero(knots: usize) -> Self {
-        Self {
-            matrix: Banded::zero(2 * knots),
-            vector: vec![0.0; 2 * knots],
-            power: 0.0,
-            weight: 0.0,
-        }
+        let (matrix, vector) = (Banded::zero(2 * knots), vec![0.0; 2 * knots]);
+        Self { matrix, vector, power: 0.0, weight: 0.0 }
     }
 
     fn combine(&self, other: &Self, sign: f64) -> Self {
@@ -389,11 +385,8 @@ impl<'a> Data<'a> {
 
     fn penalty(&self, knots: usize, roughness: f64) -> Banded {
         let unit = self.samples.len() as f64 / knots as f64;
-        penalty(
-            knots,
-            roughness * unit,
-            [RIDGE * unit, if self.gain_is_free { RIDGE } else { HELD } * unit],
-        )
+        let of_gain = if self.gain_is_free { RIDGE } else { HELD };
+        penalty(knots, roughness * unit, [RIDGE * unit, of_gain * unit])
     }
 
     /// Unweighted held-out errors of the candidate and of the constant, N.

@@ -17,9 +17,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::Trocar;
 
+use crate::margin::Margin;
 use crate::validate::{Phases, validate};
 use trocar_identify::classical::{ClassicalData, ClassicalFit, Kind, RelatedFits};
-use trocar_identify::margin::Margin;
 use trocar_identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning,
     identify, refit,

@@ -2,9 +2,9 @@
 
 use trocar_model::Trocar;
 
+use crate::margin::by_stroke;
 use crate::validate::{Phase, Phases, Sums, phases_of};
 use trocar_identify::Identification;
-use trocar_identify::margin::by_stroke;
 use trocar_recording::Recording;
 use trocar_simulate::replay::{forces, replay};
 use trocar_simulate::segment::{reversal_threshold, strokes, travel};

@@ -9,14 +9,13 @@ use serde::Serialize;
 
 use trocar_model::Trocar;
 
-use crate::summary::{PROGRAM, by_name, intervals, origin_of};
+use crate::margin::Margin;
+use crate::summary::{PROGRAM, by_name, intervals, json_text, origin_of};
 use crate::validate::{Phases, validate};
 use crate::workflow::MovingMass;
-use trocar_identify::margin::Margin;
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
 use trocar_runtime::model_file::{ModelFile, Origin};
-use trocar_tables::option::{Interface, spelt};
 
 use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
 
@@ -210,8 +209,7 @@ impl Summary<'_> {
     /// The text of `compare.json`: equal results give equal text. An infinite or undefined number
     /// is `null`.
     pub fn to_json(&self) -> String {
-        let text = serde_json::to_string_pretty(self).expect("every key is a string") + "\n";
-        spelt(&text, Interface::Json)
+        json_text(self)
     }
 }
 

@@ -13,8 +13,8 @@ use super::merit::Merit;
 use super::model::{Candidates, candidates};
 use super::outcome::Outcome;
 use super::stability::{Disturbance, ZWidth};
+use crate::summary::json_text;
 use trocar_runtime::model_file::ModelFile;
-use trocar_tables::option::{Interface, spelt};
 
 /// What to compute besides the course, its figures and the stiffnesses with which the loop is stable.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -294,7 +294,6 @@ impl std::fmt::Display for StepError {
 impl Summary<'_> {
     /// As the text of a file.
     pub fn to_json(&self) -> String {
-        let text = serde_json::to_string_pretty(self).expect("numbers, names and lists") + "\n";
-        spelt(&text, Interface::Json)
+        json_text(self)
     }
 }

@@ -150,9 +150,9 @@ pub(crate) fn distributions(types: &ByType) -> Figure {
             let step = values.len().div_ceil(MOST_POINTS);
             let drawn: Vec<f64> = values.iter().copied().step_by(step).collect();
             // Golden-ratio steps separate points that would coincide.
-            let row =
-                |k: usize| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12;
-            let rows = (0..drawn.len()).map(row).collect();
+            let rows = (0..drawn.len())
+                .map(|k| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12)
+                .collect();
             values.sort_by(f64::total_cmp);
             let [low, middle, high] = [0.25, 0.5, 0.75].map(|part| quantile(&values, part));
             let at = kind as f64 - 0.27;

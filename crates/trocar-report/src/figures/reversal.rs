@@ -9,7 +9,6 @@ use crate::document::{Axis, Figure, Mark, Panel, Role};
 use trocar_identify::{DeformationFit, FullReversal, Identification};
 use trocar_recording::{Recording, local_velocity};
 use trocar_simulate::replay::replay;
-use trocar_simulate::segment::Direction;
 
 /// Shown durations of sliding before the reversal and after the transients, in durations of the
 /// deformation.
@@ -63,10 +62,8 @@ fn caption(
     } else {
         ""
     };
-    let motion = match shown.direction {
-        Direction::Insertion => "from withdrawal to insertion",
-        Direction::Withdrawal => "from insertion to withdrawal",
-    };
+    let motion =
+        shown.direction.pick(["from withdrawal to insertion", "from insertion to withdrawal"]);
     format!(
         "(a) Velocity and (b) force upon one reversal {motion} in {name}, at {:.0} mm/s, as in figure 3 of the paper. {}{stages} Sensor offset \
          and inertia of any mass between sensor and seal are subtracted from the measured force; the model's force is the seal's alone.",
@@ -156,10 +153,7 @@ impl Transients {
             Self::Single => return vec![Mark::x_range(start, end, "transient")],
         };
         // A withdrawal follows its branch from +c to -c.
-        let (first, second) = match shown.direction {
-            Direction::Insertion => (first, second),
-            Direction::Withdrawal => (second, first),
-        };
+        let [first, second] = shown.direction.pick([[first, second], [second, first]]);
         let [first, second] = [first, second].map(|u| time_at(recording, shown, u) - origin);
         let mut marks = vec![Mark::x_range(start, first, "T1"), Mark::x_range(second, end, "T2")];
         if first == second {

@@ -79,11 +79,7 @@ impl Curves<'_> {
     }
 
     fn reading(&self, v: f64) -> f64 {
-        let bump = self.steady.stribeck.as_ref().map_or(0.0, |s| {
-            let height = s.static_force_n.value - self.steady.coulomb_force_n.value;
-            height * (-(v.abs() / s.stribeck_velocity_m_s.value).powf(s.stribeck_exponent)).exp()
-        });
-        self.steady.line(v) + bump * v.signum() - self.offset
+        self.steady.line(v) - self.offset
     }
 
     fn fitted(&self) -> Vec<Series> {

@@ -252,7 +252,7 @@ fn histogram(values: &[f64]) -> (Vec<f64>, Vec<f64>) {
 
 /// The branches of many draws.
 fn branch(posterior: &Posterior) -> Outcome<Figure> {
-    let models = trocar::identify::posterior::models(&posterior.table())?;
+    let models = trocar::draws::models(&trocar::draws::table(posterior))?;
     let truth = *ModelFile::plausible_10_5_mm()?.stages()?.first().params();
     let grid: Vec<f64> = (-120..=120).map(|k| 1e-4 * f64::from(k)).collect();
     let [mut low, mut high, mut x] = [Vec::new(), Vec::new(), Vec::new()];

@@ -1,13 +1,13 @@
-//! Draws as a table, and the models of a table of draws.
+//! Draws of a posterior as a table, and the models of a table of draws.
 
 use std::path::{Path, PathBuf};
 
 use trocar_model::flat::FlatError;
 use trocar_model::{Stages, Trocar};
 
-use super::{Draw, Posterior};
+use trocar_identify::posterior::{Draw, Posterior};
 use trocar_tables::error::{OutputError, TableError};
-use trocar_tables::table::{self, Column, Field, Table, TableWriter};
+use trocar_tables::table::{self as tables, Column, Field, Table, TableWriter};
 
 /// Name of the file of draws in the folder of a result.
 pub const FILE_NAME: &str = "posterior.parquet";
@@ -50,34 +50,25 @@ pub enum DrawsError {
     },
 }
 
-impl Posterior {
-    /// The draws as a table: `chain`, `draw`, `structure`, the parameters by name with unit, and the
-    /// numbers of each model.
-    #[must_use]
-    pub fn table(&self) -> Table {
-        let whole = |of: fn(&Draw) -> usize| {
-            Column::Integer(self.draws.iter().map(|d| i64::try_from(of(d)).ok()).collect())
-        };
-        let name = |d: &Draw| Some(self.structures[d.structure].name.clone().into());
-        let number = |j: usize| Column::Number(self.draws.iter().map(|d| d.values[j]).collect());
-        let structure = Column::Text(self.draws.iter().map(name).collect());
-        let head = [whole(|d| d.chain), whole(|d| d.draw), structure];
-        let names = self.parameters.iter().map(|p| p.id.to_string());
-        let models = model_columns(&self.draws);
-        let places = (0..models.len()).map(|place| format!("{MODEL}{place}"));
-        let parameters = (0..self.parameters.len()).map(number);
-        Table {
-            fields: HEAD.into_iter().map(str::to_owned).chain(names).chain(places).collect(),
-            columns: head.into_iter().chain(parameters).chain(models).collect(),
-        }
-    }
-
-    /// Writes the draws; the extension of `path` selects the format.
-    ///
-    /// # Errors
-    /// [`OutputError`] when the file cannot be written; nothing is left of it then.
-    pub fn write(&self, path: &Path) -> Result<(), OutputError> {
-        write(&self.table(), path)
+/// The draws as a table: `chain`, `draw`, `structure`, the parameters by name with unit, and the
+/// numbers of each model.
+#[must_use]
+pub fn table(posterior: &Posterior) -> Table {
+    let Posterior { structures, parameters, draws } = posterior;
+    let whole = |of: fn(&Draw) -> usize| {
+        Column::Integer(draws.iter().map(|d| i64::try_from(of(d)).ok()).collect())
+    };
+    let name = |d: &Draw| Some(structures[d.structure].name.clone().into());
+    let number = |j: usize| Column::Number(draws.iter().map(|d| d.values[j]).collect());
+    let structure = Column::Text(draws.iter().map(name).collect());
+    let head = [whole(|d| d.chain), whole(|d| d.draw), structure];
+    let names = parameters.iter().map(|p| p.id.to_string());
+    let models = model_columns(draws);
+    let places = (0..models.len()).map(|place| format!("{MODEL}{place}"));
+    let parameters = (0..parameters.len()).map(number);
+    Table {
+        fields: HEAD.into_iter().map(str::to_owned).chain(names).chain(places).collect(),
+        columns: head.into_iter().chain(parameters).chain(models).collect(),
     }
 }
 
@@ -110,12 +101,12 @@ pub fn write(table: &Table, path: &Path) -> Result<(), OutputError> {
     writer.commit()
 }
 
-/// The table of draws in a Parquet file that [`Posterior::write`] wrote.
+/// The table of draws in a Parquet file that [`write()`] wrote.
 ///
 /// # Errors
 /// [`DrawsError`] when the file is no table of draws.
 pub fn read(path: &Path) -> Result<Table, DrawsError> {
-    let table = table::read(path)?;
+    let table = tables::read(path)?;
     let first = format!("{MODEL}0");
     let needed = HEAD.into_iter().chain([first.as_str()]);
     let missing = needed.into_iter().find(|name| table.column(name).is_none());
@@ -141,13 +132,14 @@ pub fn models(table: &Table) -> Result<Vec<Stages>, DrawsError> {
             _ => None,
         })
         .collect();
-    let model = |row: usize| {
-        let numbers =
-            columns.iter().map(|cells| cells[row]).take_while(|number| number.is_finite());
-        elements(&numbers.collect::<Vec<f64>>())
-            .map_err(|source| DrawsError::Row { row: row + 1, source })
-    };
-    (0..table.rows()).map(model).collect()
+    (0..table.rows())
+        .map(|row| {
+            let numbers =
+                columns.iter().map(|cells| cells[row]).take_while(|number| number.is_finite());
+            elements(&numbers.collect::<Vec<f64>>())
+                .map_err(|source| DrawsError::Row { row: row + 1, source })
+        })
+        .collect()
 }
 
 fn elements(numbers: &[f64]) -> Result<Stages, FlatError> {
@@ -156,17 +148,10 @@ fn elements(numbers: &[f64]) -> Result<Stages, FlatError> {
     stages.ok_or(FlatError::Tag { place: 1, found: numbers[1] })
 }
 
-/// The elements of the draws in a file that [`Posterior::write`] wrote, in the order of its rows.
+/// The elements of the draws in a file that [`write()`] wrote, in the order of its rows.
 ///
 /// # Errors
 /// As for [`read`] and [`models`].
 pub fn read_models(path: &Path) -> Result<Vec<Stages>, DrawsError> {
     models(&read(path)?)
-}
-
-/// At most `most` of the draws `all`, evenly spaced, so that each chain has its share.
-#[must_use]
-pub fn evenly(all: &[Stages], most: usize) -> Vec<Stages> {
-    let count = all.len().min(most);
-    (0..count).map(|k| all[k * all.len() / count]).collect()
 }

@@ -4,9 +4,9 @@
 
 use trocar_model::Trocar;
 
-use crate::classical::{self, ClassicalData, Kind, RelatedFits};
 use crate::margin::{Margin, by_stroke};
-use crate::{Identification, IdentifyOptions, Warning};
+use trocar_identify::classical::{self, ClassicalData, Kind, RelatedFits};
+use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::replay::{forces, replay};
 

@@ -40,7 +40,7 @@ impl Margin {
 
 /// Mean squared error, N², of each stroke of `recording`; `errors` are those of the samples
 /// `scored`, in ascending order. Strokes without such samples are left out.
-pub fn by_stroke(recording: &Recording, scored: &[usize], errors: &[f64]) -> Vec<f64> {
+pub(crate) fn by_stroke(recording: &Recording, scored: &[usize], errors: &[f64]) -> Vec<f64> {
     let mean_square = |stroke: trocar_simulate::segment::Stroke| {
         let from = scored.partition_point(|i| *i < stroke.start);
         let own = &errors[from..scored.partition_point(|i| *i < stroke.end)];

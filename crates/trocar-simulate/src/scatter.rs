@@ -28,13 +28,13 @@
 
 use serde::Serialize;
 
+use super::segment::{Direction, Stroke, reversal_threshold, strokes};
 use trocar_recording::{Recording, local_velocity};
-use trocar_simulate::segment::{Direction, Stroke, reversal_threshold, strokes};
 
 /// Largest relative difference of the median speeds of repeats.
-pub const LIKE_SPEED: f64 = 0.25;
+const LIKE_SPEED: f64 = 0.25;
 /// Least fraction of the longer range of positions that two repeats share.
-pub(crate) const LIKE_RANGE: f64 = 0.5;
+const LIKE_RANGE: f64 = 0.5;
 /// Window of the velocity, s.
 const VELOCITY_WINDOW: f64 = 0.05;
 /// Lengths tried about a reversal, as fractions of the median range of the repeats.
@@ -46,7 +46,7 @@ const MOST_OTHERS: usize = 32;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct DirectionScatter {
     /// Direction.
-    #[serde(serialize_with = "trocar_simulate::segment::direction_as_word")]
+    #[serde(serialize_with = "super::segment::direction_as_word")]
     pub direction: Direction,
     /// Standard deviation of a reading about the mean of infinitely many repeats, N.
     pub scatter_n: f64,
@@ -240,8 +240,7 @@ fn groups(recording: &Recording, strokes: &[Stroke]) -> Vec<Group> {
     let mut groups: Vec<Group> = Vec::new();
     for track in (0..strokes.len()).filter_map(|k| Track::new(recording, &velocity, strokes, k)) {
         let direction = track.stroke.direction;
-        let like = |g: &&mut Group| g.direction == direction && g.tracks[0].repeats(&track);
-        match groups.iter_mut().find(like) {
+        match groups.iter_mut().find(|g| g.direction == direction && g.tracks[0].repeats(&track)) {
             Some(group) => group.tracks.push(track),
             None => groups.push(Group { direction, tracks: vec![track] }),
         }
