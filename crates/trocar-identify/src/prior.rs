@@ -70,6 +70,8 @@ pub(crate) enum Kind {
     JoinForce,
     /// Curvature term of a branch, N.
     Bend,
+    /// Friction after rest, N.
+    DwellForce,
     /// Minor-loop stiffness relative to its least value.
     YieldRatio,
     /// m/s.
@@ -90,7 +92,7 @@ pub(crate) enum Kind {
 const DECADE: f64 = std::f64::consts::LN_10;
 
 impl Kind {
-    const ALL: [Self; 17] = [
+    const ALL: [Self; 18] = [
         Self::SlidingForce,
         Self::Damping,
         Self::Offset,
@@ -101,6 +103,7 @@ impl Kind {
         Self::Bend,
         Self::StribeckVelocity,
         Self::StribeckExponent,
+        Self::DwellForce,
         Self::YieldRatio,
         Self::LogCreepVelocity,
         Self::LogFrictionLag,
@@ -115,7 +118,7 @@ impl Kind {
         let about = |median: f64| Prior::new(median.ln(), DECADE);
         Some(match self {
             Self::Offset | Self::SlidingForce | Self::JoinForce => Prior::about_zero(10.0),
-            Self::UnmodelledMass => Prior::about_zero(1.0),
+            Self::UnmodelledMass | Self::DwellForce => Prior::about_zero(1.0),
             Self::Damping => Prior::about_zero(50.0),
             Self::StribeckVelocity => Prior::about_zero(0.05),
             Self::StribeckExponent => Prior::new(1.5, 1.0),
@@ -153,6 +156,7 @@ impl Kind {
             Self::Bend => ("curvature of a branch", "", "N"),
             Self::StribeckVelocity => ("Stribeck velocity", "v_s", "m/s"),
             Self::StribeckExponent => ("Stribeck exponent", "δ", ""),
+            Self::DwellForce => ("friction after rest, per e-fold", "ΔF", "N"),
             Self::YieldRatio => ("minor-loop stiffness over its least value", "κ/κ_min", ""),
             Self::LogCreepVelocity => ("creep velocity", "v_c", "m/s"),
             Self::LogFrictionLag => ("lag of the Stribeck curve", "T", "s"),
