@@ -345,7 +345,7 @@ typedef struct {
     /**
      * Not for the caller.
      */
-    uint64_t words[56];
+    uint64_t words[60];
 } trocar_state;
 
 #ifdef __cplusplus

@@ -49,7 +49,7 @@ const _: () = assert!(NUMBERS + STATE_NUMBERS <= WORDS && size_of::<State>() == 
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     /// Not for the caller.
-    pub words: [u64; 56],
+    pub words: [u64; 60],
 }
 
 /// The caller's state as atomic words: defined whatever other threads do to it.
