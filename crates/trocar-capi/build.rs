@@ -3,7 +3,7 @@
 use std::env;
 
 /// Number behind the name; raised with `ABI_VERSION` (a test compares them).
-const SONAME_VERSION: u32 = 4;
+const SONAME_VERSION: u32 = 5;
 
 fn main() {
     println!("cargo:rerun-if-changed=build.rs");

@@ -177,8 +177,8 @@ def identify(
     :param seed: seed of all random numbers; equal recordings and seed give equal results
     :param degrees: degrees of the two joined polynomials of each branch, 2 to 7
     :param free_motion: try the optional model terms that rests and partial reversals determine: creep,
-        relaxation, second_relaxation, minor_loops, second_stage
-    :param without: optional model terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, relaxation,
+        dwell, relaxation, second_relaxation, minor_loops, second_stage
+    :param without: optional model terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, dwell, relaxation,
         second_relaxation, unmodelled_mass, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated if not given
     :param fix: parameters that keep a value, or a range (low, high), in the unit of their name: ``{"half_width_m": 0.006}``

@@ -466,7 +466,7 @@ def compare(
     progress: Callable[[str, float], object] | None,
 ) -> Compared: ...
 def bench(
-    protocol: Literal["steady", "dynamic", "validation", "step", "surgeon", "roll", "hold-and-turn"] | None = None,
+    protocol: Literal["steady", "dynamic", "validation", "step", "surgeon", "rest", "roll", "hold-and-turn"] | None = None,
     *,
     motion: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
     seal: Model | None = None,

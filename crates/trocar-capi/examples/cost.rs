@@ -155,7 +155,7 @@ fn report(path: &Path) -> Result<(), Box<dyn Error>> {
     let file = ModelFile::read(path)?;
     let (trocar, model) = (file.trocar.borrowed(), loaded(path)?);
     let step_to: StepTo = black_box(trocar_step_to);
-    let (mut state, mut forces) = (State { words: [0; 56] }, vec![0.0; STEPS]);
+    let (mut state, mut forces) = (State { words: [0; 60] }, vec![0.0; STEPS]);
     let mut best = [f64::INFINITY; 3];
     for _ in 0..REPETITIONS {
         let mut own = trocar.rest(START);

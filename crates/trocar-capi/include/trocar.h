@@ -34,17 +34,17 @@
  * Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
  * compiled for one version must not run with a library of another; compare with trocar_abi_version().
  */
-#define TROCAR_ABI_VERSION 4
+#define TROCAR_ABI_VERSION 5
 
 /**
  * Bytes of a state.
  */
-#define TROCAR_STATE_SIZE 448
+#define TROCAR_STATE_SIZE 480
 
 /**
  * Numbers of a saved state, trocar_state_save().
  */
-#define TROCAR_STATE_NUMBERS 51
+#define TROCAR_STATE_NUMBERS 55
 
 /**
  * Bytes that do for nearly all messages.
@@ -345,7 +345,7 @@ typedef struct {
     /**
      * Not for the caller.
      */
-    uint64_t words[56];
+    uint64_t words[60];
 } trocar_state;
 
 #ifdef __cplusplus

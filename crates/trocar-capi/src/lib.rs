@@ -37,7 +37,7 @@ use std::ffi::{CStr, c_char};
 
 /// Version of this interface: of its functions, their meaning, and the layout of a state and of all structs. Programs
 /// compiled for one version must not run with a library of another; compare with trocar_abi_version().
-pub const ABI_VERSION: u32 = 4;
+pub const ABI_VERSION: u32 = 5;
 
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), "\0");
 

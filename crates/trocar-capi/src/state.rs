@@ -12,9 +12,9 @@ use crate::pointer::{Array, ArrayMut, OutPointer};
 use crate::status::{Status, guarded};
 
 /// Bytes of a state.
-pub const STATE_SIZE: usize = 448;
+pub const STATE_SIZE: usize = 480;
 /// Numbers of a saved state, trocar_state_save().
-pub const STATE_NUMBERS: usize = 51;
+pub const STATE_NUMBERS: usize = 55;
 /// Bytes that do for nearly all messages.
 pub const MESSAGE_SIZE: usize = 512;
 /// Mode of a seal that sticks to the instrument and deforms, trocar_state_mode().
@@ -25,8 +25,8 @@ pub const MODE_SLIDING: i32 = 1;
 /// Words of a state.
 const WORDS: usize = STATE_SIZE / 8;
 
-/// First word of a state, "TROCARS2"; the digit is its layout.
-const MARK: u64 = u64::from_le_bytes(*b"TROCARS2");
+/// First word of a state, "TROCARS3"; the digit is its layout.
+const MARK: u64 = u64::from_le_bytes(*b"TROCARS3");
 /// The same while a function is changing the state, "TROCARS!".
 const BUSY: u64 = u64::from_le_bytes(*b"TROCARS!");
 
@@ -49,7 +49,7 @@ const _: () = assert!(NUMBERS + STATE_NUMBERS <= WORDS && size_of::<State>() == 
 #[derive(Clone, Copy, Debug)]
 pub struct State {
     /// Not for the caller.
-    pub words: [u64; 56],
+    pub words: [u64; 60],
 }
 
 /// The caller's state as atomic words: defined whatever other threads do to it.

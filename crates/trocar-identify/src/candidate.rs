@@ -40,6 +40,8 @@ pub struct Candidate {
     pub creep_velocity: f64,
     /// T, s: lag of the Stribeck curve of a creeping contact.
     pub friction_lag: f64,
+    /// ΔF, N: friction after rest.
+    pub dwell_force: f64,
     /// Relaxation of the rubber.
     pub relaxation: Relaxation,
     /// A second stage in parallel.
@@ -83,6 +85,7 @@ impl Candidate {
                 / softest.yield_stiffness(),
             creep_velocity: params.creep_velocity,
             friction_lag: params.friction_lag,
+            dwell_force: params.dwell_force,
             relaxation: params.relaxation,
             second: None,
         })
@@ -149,6 +152,7 @@ impl Candidate {
             }
             (None, None, Q::CreepVelocity) => Some(self.creep_velocity),
             (None, None, Q::FrictionLag) => Some(self.friction_lag),
+            (None, None, Q::DwellForce) => Some(self.stage_factor() * self.dwell_force),
             (None, None, Q::SecondRelaxationStiffness) => Some(second.stiffness),
             (None, None, Q::SecondRelaxationTime) => Some(second.time),
             (None, None, Q::StribeckVelocity | Q::StribeckExponent | Q::StaticRatio) => {
@@ -197,6 +201,7 @@ impl Candidate {
             damping: SealDamping { coefficients: [self.seal_damping, 0.0, 0.0] },
             creep_velocity: self.creep_velocity,
             friction_lag: if self.creep_velocity > 0.0 { self.friction_lag } else { 0.0 },
+            dwell_force: self.dwell_force,
             relaxation: self.relaxation,
             ..ElementParams::new(deformation, self.insertion, self.withdrawal)
         })
@@ -308,6 +313,8 @@ pub(super) struct Layout {
     pub(super) slowest_creep: f64,
     /// Lag of the Stribeck curve.
     pub(super) lag: bool,
+    /// Friction after rest.
+    pub(super) dwell: bool,
     /// Relaxing arms.
     pub(super) arms: usize,
     /// A second stage.
@@ -337,6 +344,7 @@ impl Layout {
         creep: false,
         slowest_creep: 0.0,
         lag: false,
+        dwell: false,
         arms: 0,
         second: false,
         kept: Kept::NONE,
@@ -354,6 +362,7 @@ impl Layout {
             yielding: candidate.yield_ratio > 1.001 * Candidate::DEFAULT_YIELD_RATIO,
             creep: candidate.creep_velocity > 0.0,
             lag: candidate.creep_velocity > 0.0 && candidate.friction_lag > 0.0,
+            dwell: candidate.dwell_force > 0.0,
             arms: arms.iter().filter(|arm| arm.stiffness > 0.0).count(),
             ..Self::PAPER
         }
@@ -370,6 +379,7 @@ impl Layout {
         yielding: true,
         creep: true,
         lag: true,
+        dwell: true,
         arms: MAX_ARMS,
         second: true,
         ..Self::PAPER
@@ -514,6 +524,11 @@ impl Layout {
         }
         if self.lag {
             on_log(Kind::LogFrictionLag, &mut candidate.friction_lag, LAG_RANGE, &mut on);
+        }
+        if self.dwell {
+            let force = 1e-4 * candidate.insertion.coulomb_force;
+            let [low, high] = self.range(Quantity::DwellForce, [0.0, f64::INFINITY]);
+            on(&mut candidate.dwell_force, Span::new(Kind::DwellForce, force, low, high));
         }
         // A trial may hold impossible values: the range must remain valid.
         let stiffest =

@@ -515,10 +515,35 @@ fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     if !options.free_motion {
         excluded.extend([Term::Creep, Term::Relaxation]);
     }
+    if !options.free_motion || !has_long_rests(input.recordings, half_width) {
+        excluded.push(Term::Dwell);
+    }
     if !options.free_motion || !has_partial_reversals(input, half_width) {
         excluded.extend(Term::OF_FREE_MOTION);
     }
     excluded
+}
+
+/// Whether the instrument rests, between two motions, long enough to tell friction after rest from the
+/// static force, which every reversal shows.
+fn has_long_rests(recordings: &[Recording], half_width: f64) -> bool {
+    /// Of a rest, s: three times the time after which friction rises, [`trocar_model::dwell`].
+    const LONG: f64 = 3.0;
+    /// Of the half width: what the contact forgets.
+    const REACH: f64 = 0.125;
+    recordings.iter().any(|recording| {
+        let (t, x) = (&recording.time, &recording.position);
+        let mut from = 0;
+        (0..t.len()).any(|i| {
+            if (x[i] - x[from]).abs() < REACH * half_width {
+                return false;
+            }
+            // How long the seal rested before the recording is unknown.
+            let is_long = from > 0 && t[i] - t[from] >= LONG;
+            from = i;
+            is_long
+        })
+    })
 }
 
 /// Whether the readings can show an unmodelled mass. With a declared one, a small remainder is its

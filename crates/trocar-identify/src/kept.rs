@@ -6,7 +6,7 @@ use std::str::FromStr;
 use trocar_model::Quantity;
 
 /// What can be kept.
-const QUANTITIES: [Quantity; 10] = [
+const QUANTITIES: [Quantity; 11] = [
     Quantity::CoulombForce,
     Quantity::ViscousDamping,
     Quantity::HalfWidth,
@@ -15,6 +15,7 @@ const QUANTITIES: [Quantity; 10] = [
     Quantity::SealDamping,
     Quantity::UnmodelledMass,
     Quantity::CreepVelocity,
+    Quantity::DwellForce,
     Quantity::RelaxationStiffness,
     Quantity::RelaxationTime,
 ];

@@ -100,6 +100,7 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
         (layout.yielding, Q::YieldStiffness.id(), true),
         (layout.creep, Q::CreepVelocity.id(), true),
         (layout.lag, Q::FrictionLag.id(), true),
+        (layout.dwell, Q::DwellForce.id(), false),
         (layout.arms > 0, Q::RelaxationStiffness.id(), true),
         (layout.arms > 0, Q::RelaxationTime.id(), true),
         (layout.arms > 1, Q::SecondRelaxationStiffness.id(), true),

@@ -70,6 +70,8 @@ pub(crate) enum Kind {
     JoinForce,
     /// Curvature term of a branch, N.
     Bend,
+    /// Friction after rest, N.
+    DwellForce,
     /// Minor-loop stiffness relative to its least value.
     YieldRatio,
     /// m/s.
@@ -91,7 +93,7 @@ const DECADE: f64 = std::f64::consts::LN_10;
 
 impl Kind {
     /// All in the order of tables, in words, with symbol and unit.
-    const ALL: [(Self, &str, &str, &str); 17] = [
+    const ALL: [(Self, &str, &str, &str); 18] = [
         (Self::SlidingForce, "Coulomb force, static force", "F_c, F_s", "N"),
         (Self::Damping, "viscous damping, seal damping", "β, σ", "N·s/m"),
         (Self::Offset, "sensor offset", "F_0", "N"),
@@ -102,6 +104,7 @@ impl Kind {
         (Self::Bend, "curvature of a branch", "", "N"),
         (Self::StribeckVelocity, "Stribeck velocity", "v_s", "m/s"),
         (Self::StribeckExponent, "Stribeck exponent", "δ", ""),
+        (Self::DwellForce, "friction after rest, per e-fold", "ΔF", "N"),
         (Self::YieldRatio, "minor-loop stiffness over its least value", "κ/κ_min", ""),
         (Self::LogCreepVelocity, "creep velocity", "v_c", "m/s"),
         (Self::LogFrictionLag, "lag of the Stribeck curve", "T", "s"),
@@ -116,7 +119,7 @@ impl Kind {
         let about = |median: f64| Prior::new(median.ln(), DECADE);
         Some(match self {
             Self::Offset | Self::SlidingForce | Self::JoinForce => Prior::about_zero(10.0),
-            Self::UnmodelledMass => Prior::about_zero(1.0),
+            Self::UnmodelledMass | Self::DwellForce => Prior::about_zero(1.0),
             Self::Damping => Prior::about_zero(50.0),
             Self::StribeckVelocity => Prior::about_zero(0.05),
             Self::StribeckExponent => Prior::new(1.5, 1.0),

@@ -168,6 +168,7 @@ impl SealPrior {
             Kind::Join => (0.5, error(Q::Join).map_or(0.0, |e| e / candidate.half_width)),
             Kind::StribeckVelocity => (value, error(Q::StribeckVelocity).unwrap_or(0.0)),
             Kind::StribeckExponent => (value, error(Q::StribeckExponent).unwrap_or(0.0)),
+            Kind::DwellForce => (value, error(Q::DwellForce).unwrap_or(0.0)),
             Kind::YieldRatio => (value, value * relative(Q::YieldStiffness)),
             Kind::LogCreepVelocity => (1.0, relative(Q::CreepVelocity)),
             Kind::LogFrictionLag => (1.0, relative(Q::FrictionLag)),

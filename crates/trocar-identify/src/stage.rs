@@ -63,6 +63,7 @@ impl SecondStage {
             damping: SealDamping { coefficients: [damping, 0.0, 0.0] },
             creep_velocity: first.creep_velocity,
             friction_lag: first.friction_lag,
+            dwell_force: self.share * first.dwell_force,
             ..ElementParams::new(deformation, insertion, withdrawal)
         })
     }

@@ -50,6 +50,8 @@ pub enum Term {
     MinorLoops,
     /// Slip below the static force.
     Creep,
+    /// Friction after rest.
+    Dwell,
     /// Relaxation of the rubber.
     Relaxation,
     /// A second relaxation time.
@@ -79,12 +81,13 @@ impl FromStr for Term {
 
 impl Term {
     /// All, in the order of the tables.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Stribeck,
         Self::StribeckExponent,
         Self::SealDamping,
         Self::MinorLoops,
         Self::Creep,
+        Self::Dwell,
         Self::Relaxation,
         Self::SecondRelaxation,
         Self::UnmodelledMass,
@@ -104,6 +107,7 @@ impl Term {
             Self::SealDamping => "seal_damping",
             Self::MinorLoops => "minor_loops",
             Self::Creep => "creep",
+            Self::Dwell => "dwell",
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second_relaxation",
             Self::UnmodelledMass => "unmodelled_mass",
@@ -120,6 +124,7 @@ impl Term {
             Self::SealDamping => "seal damping",
             Self::MinorLoops => "minor-loop stiffness",
             Self::Creep => "creep of the contact",
+            Self::Dwell => "friction after rest",
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second relaxation time",
             Self::UnmodelledMass => "unmodelled mass",
@@ -140,6 +145,7 @@ impl Term {
             Self::SealDamping => const { &[Q::SealDamping.id()] },
             Self::MinorLoops => const { &[Q::YieldStiffness.id()] },
             Self::Creep => const { &[Q::CreepVelocity.id()] },
+            Self::Dwell => const { &[Q::DwellForce.id()] },
             Self::Relaxation => &RELAXATION,
             Self::SecondRelaxation => &SECOND,
             Self::UnmodelledMass => const { &[Q::UnmodelledMass.id()] },
@@ -178,6 +184,7 @@ impl Term {
             Self::SealDamping => layout.damping,
             Self::MinorLoops => layout.yielding,
             Self::Creep => layout.creep,
+            Self::Dwell => layout.dwell,
             Self::Relaxation => layout.arms > 0,
             Self::SecondRelaxation => layout.arms > 1,
             Self::UnmodelledMass => layout.unmodelled_mass,
@@ -225,6 +232,10 @@ impl Term {
                 {
                     add(Candidate { creep_velocity, friction_lag, ..candidate.clone() }, layout);
                 }
+            }
+            Self::Dwell => {
+                layout.dwell = true;
+                add(Candidate { dwell_force: 0.02 * force, ..candidate }, layout);
             }
             Self::Relaxation | Self::SecondRelaxation => {
                 let arm = layout.arms;
@@ -284,6 +295,7 @@ impl Term {
                 (layout.creep, layout.lag) = (false, false);
                 (candidate.creep_velocity, candidate.friction_lag) = (0.0, 0.0);
             }
+            Self::Dwell => (layout.dwell, candidate.dwell_force) = (false, 0.0),
             Self::Relaxation if layout.arms > 1 => return None,
             Self::Relaxation | Self::SecondRelaxation => {
                 // The fit may have left the force to the arm that was added last.
@@ -332,6 +344,7 @@ impl Term {
             | Self::SecondStage
             | Self::SealDamping
             | Self::Relaxation
+            | Self::Dwell
             | Self::Creep => layout.shape,
             Self::Asymmetry => layout.viscous,
             _ => true,

@@ -289,6 +289,7 @@ fn candidate_of(
         yield_ratio: Candidate::DEFAULT_YIELD_RATIO,
         creep_velocity: 0.0,
         friction_lag: 0.0,
+        dwell_force: 0.0,
         relaxation: Relaxation::NONE,
         second: None,
     };

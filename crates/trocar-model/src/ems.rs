@@ -16,7 +16,7 @@ use crate::sliding::SlidingFriction;
 const PIN_TOLERANCE: f64 = 1e-6;
 
 /// Longest part of a general step, as a fraction of c.
-const LONGEST_PART: f64 = 0.125;
+pub(crate) const LONGEST_PART: f64 = 0.125;
 
 /// Parts of a general step before the rest is taken in as many longer ones: 4 half widths of
 /// travel, two full reversals.
@@ -39,6 +39,8 @@ pub struct ElementParams {
     /// T, s, >= 0: lag of the Stribeck curve, [`crate::creep`]; above 0 for a creeping contact
     /// only. 0 is EMS (11).
     pub friction_lag: f64,
+    /// ΔF, N, >= 0: friction after rest, [`crate::dwell`]. 0 is EMS.
+    pub dwell_force: f64,
     /// Slow relaxation of the rubber; [`Relaxation::NONE`] is EMS.
     pub relaxation: Relaxation,
 }
@@ -65,6 +67,8 @@ pub struct State {
     /// λ of [`crate::creep`], 0 to 1.
     pub(crate) rise: f64,
     pub(crate) arms: ArmForces,
+    /// θ of [`crate::dwell`], s.
+    pub(crate) contact_age: f64,
     pub(crate) mode: Mode,
 }
 
@@ -80,6 +84,7 @@ impl State {
             contact_slope: 0.0,
             rise: 1.0,
             arms,
+            contact_age: 0.0,
             mode: Mode::Deforming,
         }
     }
@@ -102,6 +107,11 @@ impl State {
     /// Σ a, N: part of the force that relaxes, [`Relaxation`].
     pub fn relaxing_force(&self) -> f64 {
         self.arms.iter().sum()
+    }
+
+    /// θ, s: how long the contact has rested, [`crate::dwell`]; 0 without friction after rest.
+    pub fn contact_age(&self) -> f64 {
+        self.contact_age
     }
 
     /// Takes over `next` unless a number grew beyond all bounds.
@@ -171,7 +181,7 @@ pub(crate) struct Contact {
 /// The numbers of the element itself; those of the paper's element are in its parts.
 impl Parameters for ElementParams {
     const FIELDS: &'static [Field<Self>] =
-        fields![creep_velocity: CreepVelocity, friction_lag: FrictionLag];
+        fields![creep_velocity: CreepVelocity, friction_lag: FrictionLag, dwell_force: DwellForce];
 }
 
 impl ElementParams {
@@ -188,6 +198,7 @@ impl ElementParams {
             withdrawal,
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
         }
     }
@@ -225,6 +236,7 @@ impl Element {
                 && params.damping.is_zero()
                 && params.relaxation.is_none()
                 && params.creep_velocity == 0.0
+                && params.dwell_force == 0.0
                 && extremes.highest_force <= highest
                 && extremes.lowest_force >= lowest,
             creeps: params.creep_velocity > 0.0,
@@ -296,6 +308,7 @@ impl Element {
     /// max(F_s + β·v + D(2v), max|F_e|) with v the greatest speed so far, and |ΔF| <= (max|F_e'| +
     /// κ)·|Δx| + D'(2v)·|Δv| + F_max - F_c: the last part is what one change between deforming and
     /// sliding can release. Relaxing arms add their stiffness and force; creep gives way in time.
+    /// Friction after rest raises F_s and F_c by ΔF·ln(1 + θ/t_0), [`crate::dwell`].
     pub fn step(&self, state: &mut State, displacement: f64, duration: f64) -> f64 {
         if let Some(velocity) = velocity(displacement, duration) {
             // Two commits, so that the exact step stays in registers.
@@ -316,7 +329,11 @@ impl Element {
     fn advance_in_parts(&self, state: &State, velocity: f64, duration: f64) -> State {
         let mut state = *state;
         self.each_part(velocity, duration, |time| {
-            state = self.advance_general(&state, velocity, time)
+            state = if self.params.dwell_force > 0.0 {
+                self.advance_ageing(&state, velocity, time)
+            } else {
+                self.advance_general(&state, velocity, time)
+            }
         });
         state
     }
@@ -454,6 +471,7 @@ impl Element {
             contact_slope: 0.0,
             rise: 1.0,
             arms: [0.0; MAX_ARMS],
+            contact_age: 0.0,
             mode: if slip_velocity == 0.0 { Mode::Deforming } else { Mode::Sliding },
         };
         (state, left)

@@ -37,7 +37,7 @@ const ELEMENT_NUMBERS: usize = 4 * (4 + MAX_DEGREE)
     + 2 * SlidingFriction::FIELDS.len()
     + ElementParams::FIELDS.len()
     + MAX_ARMS * RelaxationArm::FIELDS.len();
-const STATE_OF_ELEMENT: usize = 7 + MAX_ARMS;
+const STATE_OF_ELEMENT: usize = 8 + MAX_ARMS;
 const TURNING_NUMBERS: usize = 2 + 2 * MAX_STAGES;
 
 /// In place of the kind: the numbers of a rotation follow, then the kind.
@@ -379,7 +379,17 @@ impl Row for Mode {
     }
 }
 
-row!(State { deflection, yield_force, force, slip_velocity, contact_slope, rise, mode, arms });
+row!(State {
+    deflection,
+    yield_force,
+    force,
+    slip_velocity,
+    contact_slope,
+    rise,
+    mode,
+    arms,
+    contact_age,
+});
 
 impl Row for StagesState {
     fn see(&self, see: &mut impl FnMut(f64)) {

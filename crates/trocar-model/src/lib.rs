@@ -86,6 +86,7 @@ pub mod constants;
 pub mod creep;
 pub mod damping;
 mod direction;
+pub mod dwell;
 pub mod elastic;
 pub mod ems;
 pub mod error;

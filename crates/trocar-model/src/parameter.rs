@@ -170,6 +170,7 @@ quantities! {
         "seal damping, quadratic part";
     CreepVelocity: "creep_velocity_m_s", "v_c", METRE_PER_SECOND, FROM_ZERO, "creep velocity of the contact";
     FrictionLag: "friction_lag_s", "T", MILLISECOND, FROM_ZERO, "lag of the Stribeck curve";
+    DwellForce: "dwell_force_n", "ΔF", NEWTON, FROM_ZERO, "friction after rest, per e-fold";
     RelaxationStiffness: "relaxation_stiffness_n_m", "E", NEWTON_PER_METRE, FROM_ZERO, "stiffness of the relaxing spring";
     RelaxationTime: "relaxation_time_s", "τ", SECOND, AboveZero, "relaxation time";
     SecondRelaxationStiffness: "second_relaxation_stiffness_n_m", "E_2", NEWTON_PER_METRE, FROM_ZERO,

@@ -377,6 +377,7 @@ impl Element {
             contact_slope: end.contact.slope.max(-f64::MAX),
             rise: end.contact.rise,
             arms: arms.forces(end.deflection - z),
+            contact_age: 0.0,
             mode,
         }
     }

@@ -7,6 +7,7 @@ mod backlash;
 mod batch;
 mod beside;
 mod classical;
+mod dwell;
 mod energy;
 mod maxwell;
 mod promise;

@@ -36,6 +36,10 @@ fn weakening() -> Params {
     Ok(with_stribeck(ElementParams::plausible_10_5_mm()?, 6.0))
 }
 
+fn resting() -> Params {
+    Ok(ElementParams { dwell_force: 0.3, ..all_terms()? })
+}
+
 fn all_terms() -> Params {
     let damping = SealDamping::constant(1.0);
     let relaxation = Relaxation::single(60.0, 0.3);
@@ -73,6 +77,7 @@ fn changed(mut params: ElementParams, k: usize, factor: f64) -> Stages {
         10 => params.damping.coefficients[0] *= factor,
         11 => params.relaxation.arms[0].stiffness *= factor,
         12 => params.relaxation.arms[0].time *= factor,
+        13 => params.dwell_force *= factor,
         _ => {}
     }
     Element::new(params).unwrap().into()
@@ -98,7 +103,7 @@ fn reshaped(params: &ElementParams, [width, force, bend, join]: [f64; 4]) -> Def
         .unwrap()
 }
 
-const NUMBERS: usize = 13;
+const NUMBERS: usize = 14;
 /// Relative changes for the derivative by steps alone, and beside. Both upwards: the least yield
 /// stiffness that follows both branches has a kink.
 const ALONE: f64 = 3e-4;
@@ -147,6 +152,7 @@ fn differences_are_derivatives() {
         ("creep", creeping()),
         ("damping", damped()),
         ("all terms", all_terms()),
+        ("friction after rest", resting()),
     ] {
         let params = params.unwrap();
         let model = changed(params, 0, 1.0);
@@ -258,7 +264,8 @@ fn by_ordinates(model: &Stages, bent: &Stages, size: f64) -> Vec<f64> {
 
 #[test]
 fn ordinates_of_a_branch_tell_how_the_force_changes_with_the_branch() {
-    for params in [ElementParams::plausible_10_5_mm(), creeping(), damped(), all_terms()] {
+    for params in [ElementParams::plausible_10_5_mm(), creeping(), damped(), all_terms(), resting()]
+    {
         let params = params.expect("valid numbers");
         let [model, bent] = stiff_and_bent(params, BESIDE);
         let (before, (after, _)) = (alone(&model), beside(&model, &bent));

@@ -269,13 +269,13 @@ fn work_on(elements: &[Element], start: f64, cycle: &Cycle) -> Work {
 }
 
 /// Any optional model terms alone or together: branches, κ, β, σ, Stribeck friction with or without
-/// a multivalued law, creep, relaxing arms.
+/// a multivalued law, creep, relaxing arms, friction after rest.
 fn elements() -> impl Strategy<Value = Element> {
     let some = |values: std::ops::Range<f64>| prop_oneof![Just(0.0), values];
     let arm = (some(10.0..2000.0), 0.01..10.0_f64)
         .prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
-    (general_elements(), 1.0..4.0_f64, some(1e-6..1e-3), [arm.clone(), arm]).prop_map(
-        |(element, kappa, creep, arms)| {
+    (general_elements(), 1.0..4.0_f64, some(1e-6..1e-3), [arm.clone(), arm], some(0.01..1.0))
+        .prop_map(|(element, kappa, creep, arms, dwell_force)| {
             let mut params = *element.params();
             let deformation = &params.deformation;
             let kappa = Some(kappa * deformation.yield_stiffness());
@@ -284,9 +284,9 @@ fn elements() -> impl Strategy<Value = Element> {
                     .unwrap();
             params.creep_velocity = creep;
             params.relaxation = Relaxation { arms };
+            params.dwell_force = dwell_force;
             Element::new(params).unwrap()
-        },
-    )
+        })
 }
 
 proptest! {

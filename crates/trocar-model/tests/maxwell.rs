@@ -301,6 +301,7 @@ fn ems_elements_with_linear_springs_are_maxwell_slip() {
             withdrawal: sliding,
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
         })
         .unwrap()

@@ -120,6 +120,7 @@ proptest! {
             withdrawal: SlidingFriction::coulomb(seal.withdrawal_force, 0.0),
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
             ..seal.params()
         };
@@ -229,6 +230,7 @@ proptest! {
             withdrawal: SlidingFriction::coulomb(seal.withdrawal_force, beta),
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
             ..seal.params()
         };
@@ -358,6 +360,7 @@ fn velocity_weakening_friction_sticks_and_slips() {
         withdrawal: weakening_friction(),
         creep_velocity: 0.0,
         friction_lag: 0.0,
+        dwell_force: 0.0,
         relaxation: Relaxation::NONE,
     };
     let element = Element::new(params).unwrap();

@@ -54,6 +54,7 @@ fn params(sigma: f64, half_width: f64) -> ElementParams {
         withdrawal: sliding,
         creep_velocity: 0.0,
         friction_lag: 0.0,
+        dwell_force: 0.0,
         relaxation: Relaxation::NONE,
     }
 }

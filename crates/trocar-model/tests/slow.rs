@@ -19,6 +19,7 @@ fn spring(creep_velocity: f64, relaxation: Relaxation) -> ElementParams {
         withdrawal: sliding,
         creep_velocity,
         friction_lag: 0.0,
+        dwell_force: 0.0,
         relaxation,
     }
 }

@@ -14,7 +14,7 @@ use crate::work::{How, run};
 /// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors
 /// record it.
 ///
-/// `protocol` is "steady", "dynamic", "validation", "step", "surgeon", "roll" or "hold-and-turn"; or `motion` holds the times, s, and
+/// `protocol` is "steady", "dynamic", "validation", "step", "surgeon", "rest", "roll" or "hold-and-turn"; or `motion` holds the times, s, and
 /// positions, m, of a motion to make in its place, such as `plan` gives. `seal` is a model of EMS
 /// elements, by default the made-up plausible one. `config` is TOML text as `bench_config()` gives
 /// it; keys left out keep their defaults.

@@ -73,6 +73,7 @@ fn has(model: &Candidate) -> String {
         Term::SealDamping => model.seal_damping > 0.0,
         Term::MinorLoops => model.yield_ratio > Candidate::DEFAULT_YIELD_RATIO,
         Term::Creep => model.creep_velocity > 0.0,
+        Term::Dwell => model.dwell_force > 0.0,
         Term::Relaxation => model.relaxation.arms[0].stiffness > 0.0,
         Term::SecondRelaxation => model.relaxation.arms[1].stiffness > 0.0,
         Term::UnmodelledMass => model.unmodelled_mass != 0.0,

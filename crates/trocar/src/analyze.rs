@@ -355,7 +355,8 @@ fn is_exact(element: &Element) -> bool {
     let humps = Direction::BOTH
         .into_iter()
         .all(|direction| BranchPassage::of(element, direction).snaps_through_first);
-    let slow = params.creep_velocity > 0.0 || !params.relaxation.is_none();
+    let slow =
+        params.creep_velocity > 0.0 || params.dwell_force > 0.0 || !params.relaxation.is_none();
     unique
         && humps
         && !slow
@@ -391,6 +392,7 @@ mod tests {
             withdrawal: friction,
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
         })
         .unwrap()
@@ -463,6 +465,7 @@ mod tests {
             withdrawal: friction,
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
         })
         .unwrap();

@@ -10,6 +10,7 @@ mod bench;
 mod compensate;
 mod compensate_turning;
 mod drawn;
+mod dwell;
 mod ensemble;
 mod export_c;
 mod feed_forward;

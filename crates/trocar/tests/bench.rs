@@ -25,6 +25,7 @@ fn linear_seal(coulomb_force: f64, viscous_damping: f64) -> Element {
         withdrawal: friction,
         creep_velocity: 0.0,
         friction_lag: 0.0,
+        dwell_force: 0.0,
         relaxation: Relaxation::NONE,
     })
     .unwrap()

@@ -139,9 +139,9 @@ fn elements() -> impl Strategy<Value = Element> {
     let arm = (some(10.0..2000.0), 0.01..10.0_f64)
         .prop_map(|(stiffness, time)| RelaxationArm { stiffness, time });
     let curve = prop_oneof![Just(None), Just(Some(1.0)), Just(Some(2.0))];
-    let slow = (some(1e-6..1e-3), some(1e-3..0.1), [arm.clone(), arm]);
+    let slow = (some(1e-6..1e-3), some(1e-3..0.1), [arm.clone(), arm], some(0.01..1.0));
     let general = (common::general_elements(), 1.0..4.0_f64, slow, curve, -1.0..1.0_f64).prop_map(
-        |(element, kappa, (creep, lag, arms), curve, bend)| {
+        |(element, kappa, (creep, lag, arms, dwell_force), curve, bend)| {
             let mut params = *element.params();
             let deformation = &params.deformation;
             let kappa = Some(kappa * deformation.yield_stiffness());
@@ -151,6 +151,7 @@ fn elements() -> impl Strategy<Value = Element> {
             params.creep_velocity = creep;
             params.friction_lag = if creep > 0.0 { lag } else { 0.0 };
             params.relaxation = Relaxation { arms };
+            params.dwell_force = dwell_force;
             params.damping.coefficients[1] = bend.max(0.0);
             params.damping.coefficients[2] = 1.0 + bend;
             if let Some(exponent) = curve {
@@ -688,13 +689,14 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "exponential.rs",
             "elastic.rs",
             "creep.rs",
+            "dwell.rs",
             "relaxation.rs",
             "damping.rs",
             "parallel.rs",
             "rotation.rs",
             "slip/turn.rs",
         ],
-        0x8567_9e12_29df_686e,
+        0x55f6_dea6_e204_c54b,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),

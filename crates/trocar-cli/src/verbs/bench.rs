@@ -30,8 +30,8 @@ const BYTES_OF_A_SAMPLE: usize = 16 * size_of::<f64>();
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// Experiment: steady (cycles from 15 to 100 mm/s), dynamic (cycles under constant force),
-    /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion), roll (strokes
-    /// while turning), hold-and-turn (by 90 degrees)
+    /// validation (40 mm strokes), step (one reversal), surgeon (hand-like motion), rest (strokes
+    /// between rests of 0.1 to 60 s), roll (strokes while turning), hold-and-turn (by 90 degrees)
     #[arg(required_unless_present_any = ["print_config", "motion"])]
     protocol: Option<Protocol>,
     /// Motion to make in place of an experiment: a table with time, position and, if the rod turns, an

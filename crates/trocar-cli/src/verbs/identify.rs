@@ -61,12 +61,12 @@ pub(crate) struct Args {
     /// Degrees of the two joined polynomials of each branch, 2 to 7
     #[arg(long, default_value = "4,4", value_name = "N,N", value_parser = degrees, help_heading = STATISTICS, hide_short_help = true)]
     degrees: Degrees,
-    /// Do not try the optional terms that rests and partial reversals determine: creep, relaxation,
-    /// second_relaxation, minor_loops, second_stage
+    /// Do not try the optional terms that rests and partial reversals determine: creep, dwell,
+    /// relaxation, second_relaxation, minor_loops, second_stage
     #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     no_free_motion: bool,
-    /// Optional terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, relaxation,
-    /// second_relaxation, unmodelled_mass, asymmetry, second_stage
+    /// Optional terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, dwell,
+    /// relaxation, second_relaxation, unmodelled_mass, asymmetry, second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = STATISTICS, hide_short_help = true)]
     without: Vec<Term>,
     /// Known reading of the sensor without load, N (its tare) [default: estimated]

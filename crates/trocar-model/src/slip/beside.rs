@@ -43,6 +43,7 @@ pub(crate) struct Apart<const N: usize> {
     elastic: Each<N>,
     slip_velocity: Each<N>,
     rise: Each<N>,
+    contact_age: Each<N>,
     pub(crate) force: Each<N>,
 }
 
@@ -54,6 +55,7 @@ impl<const N: usize> Apart<N> {
         elastic: [0.0; N],
         slip_velocity: [0.0; N],
         rise: [0.0; N],
+        contact_age: [0.0; N],
         force: [0.0; N],
     };
 
@@ -75,6 +77,7 @@ impl<const N: usize> Apart<N> {
         self.elastic[i] = elastic(other, its) - elastic(own, state);
         self.slip_velocity[i] = its.slip_velocity - state.slip_velocity;
         self.rise[i] = its.rise - state.rise;
+        self.contact_age[i] = its.contact_age - state.contact_age;
         self.force[i] = its.force - state.force;
     }
 
@@ -86,6 +89,7 @@ impl<const N: usize> Apart<N> {
         state.arms.iter_mut().zip(&self.arms).for_each(|(a, more)| *a += more[i]);
         state.slip_velocity += self.slip_velocity[i];
         state.rise += self.rise[i];
+        state.contact_age += self.contact_age[i];
         state.force += self.force[i];
         state
     }
@@ -165,7 +169,10 @@ impl<const N: usize> Different<N> {
     fn set(&mut self, i: usize, own: &Element, other: &Element) {
         let is_another = own.creeps != other.creeps;
         let (own, other) = (&own.params, &other.params);
-        self.is_another |= is_another || (own.friction_lag > 0.0) != (other.friction_lag > 0.0);
+        // Age is not followed to first order.
+        let ages = own.dwell_force > 0.0 || other.dwell_force > 0.0;
+        self.is_another |=
+            is_another || ages || (own.friction_lag > 0.0) != (other.friction_lag > 0.0);
         if own.deformation != other.deformation {
             let shape = self.shape.get_or_insert(ShapeDifference::NONE);
             shape.set(i, &own.deformation, &other.deformation);
@@ -429,7 +436,20 @@ impl Element {
         if self.confined { part(duration) } else { self.each_part(velocity, duration, part) }
     }
 
+    /// With friction after rest, [`crate::dwell`].
     fn advance_on_course(&self, state: &mut State, motion: Motion) -> Option<Course> {
+        if self.params.dwell_force == 0.0 {
+            return self.advance_unaged(state, motion);
+        }
+        let before = *state;
+        let aged = self.aged(&before, before.slip_velocity.abs(), motion.time);
+        let course = aged.advance_unaged(state, motion);
+        let slip = motion.velocity * motion.time - (state.deflection - before.deflection);
+        *state = self.with_age(&before, *state, slip.abs(), motion.time);
+        course
+    }
+
+    fn advance_unaged(&self, state: &mut State, motion: Motion) -> Option<Course> {
         let before = *state;
         if before.slip_velocity == 0.0 && !self.creeps {
             state.commit(self.leave_stick(&before, motion));

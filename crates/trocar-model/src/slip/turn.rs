@@ -91,7 +91,12 @@ impl Element {
     ) {
         let (mut next, mut turned) = (*state, *turn);
         self.each_part(length(motion), duration, |time| {
-            (next, turned) = self.advance_turning(around, (&next, &turned), motion, time);
+            let at = (&next, &turned);
+            (next, turned) = if self.params.dwell_force > 0.0 {
+                self.advance_turning_ageing(around, at, motion, time)
+            } else {
+                self.advance_turning(around, at, motion, time)
+            };
         });
         let finite = next.deflection.abs() <= f64::MAX
             && next.force.abs() <= f64::MAX
@@ -99,6 +104,24 @@ impl Element {
         if finite {
             (*state, *turn) = (next, turned);
         }
+    }
+
+    /// With friction after rest, [`crate::dwell`].
+    fn advance_turning_ageing(
+        &self,
+        around: &Around,
+        (state, turn): (&State, &Turn),
+        motion: Pair,
+        time: f64,
+    ) -> (State, Turn) {
+        let aged = self.aged(state, length([state.slip_velocity, turn.slip_velocity]), time);
+        let around = around.aged(self, &aged);
+        let (next, turned) = aged.advance_turning(&around, (state, turn), motion, time);
+        let slip = [
+            motion[0] * time - (next.deflection - state.deflection),
+            motion[1] * time - (turned.deflection - turn.deflection),
+        ];
+        (self.with_age(state, next, length(slip), time), turned)
     }
 
     fn advance_turning(
@@ -525,6 +548,7 @@ impl Element {
             contact_slope: end.contact.slope[0][0].max(-f64::MAX),
             rise: end.contact.rise,
             arms: slide.arms.forces(end.z[0] - slide.start.z[0]),
+            contact_age: 0.0,
             mode: if creeping { Mode::Deforming } else { Mode::Sliding },
         };
         (state, Turn { deflection: end.z[1], slip_velocity: end.slip[1] })

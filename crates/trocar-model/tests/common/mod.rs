@@ -52,6 +52,7 @@ impl Seal {
             withdrawal: SlidingFriction::coulomb(self.withdrawal_force, self.viscous[1]),
             creep_velocity: 0.0,
             friction_lag: 0.0,
+            dwell_force: 0.0,
             relaxation: Relaxation::NONE,
         }
     }
@@ -192,6 +193,7 @@ pub(crate) fn humped(beta: f64) -> ElementParams {
         withdrawal: sliding,
         creep_velocity: 0.0,
         friction_lag: 0.0,
+        dwell_force: 0.0,
         relaxation: Relaxation::NONE,
     }
 }

@@ -124,6 +124,7 @@ fn range(tunable: &Tunable, all: &[Tunable]) -> Option<[f64; 2]> {
         Quantity::StaticRatio => least + (2.0 * (value - least)).max(1.0),
         Quantity::ViscousDamping | Quantity::SealDamping => (2.0 * value).max(10.0 * coulomb),
         Quantity::CreepVelocity => (4.0 * value).max(1e-3),
+        Quantity::DwellForce => (2.0 * value).max(0.1 * coulomb),
         Quantity::FrictionLag => (4.0 * value).max(0.1),
         Quantity::RelaxationStiffness => (2.0 * value).max(coulomb / half_width),
         Quantity::StribeckVelocity | Quantity::RelaxationTime => 4.0 * value,

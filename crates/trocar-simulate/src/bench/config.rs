@@ -282,6 +282,8 @@ pub struct Protocols {
     pub step: VelocityStep,
     /// Hand-like motion.
     pub surgeon: Surgeon,
+    /// Strokes between rests.
+    pub rest: Rest,
     /// Strokes while turning, and turning alone.
     pub roll: Roll,
     /// Strokes, holds and turns.
@@ -306,6 +308,7 @@ impl Protocols {
                     .sum()
             }
             Protocol::Surgeon => self.surgeon.duration_s,
+            Protocol::Rest => self.rest.duration_s(),
             Protocol::Roll => {
                 let Roll { speed_m_s, stroke_m, acceleration_m_s2, .. } = self.roll;
                 let strokes = 2.0 * stroke_s(speed_m_s, stroke_m, acceleration_m_s2);
@@ -325,6 +328,42 @@ impl Protocols {
 /// Duration of a stroke at `speed` from rest to rest, s.
 fn stroke_s(speed: f64, stroke: f64, acceleration: f64) -> f64 {
     stroke / speed + speed / acceleration
+}
+
+/// Strokes between rests of several lengths.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rest {
+    /// Cycles through all rests, at least 1.
+    pub cycles: u32,
+    /// Length of a stroke in m.
+    pub stroke_m: f64,
+    /// Speed of the strokes in m/s, positive.
+    pub speed_m_s: f64,
+    /// Acceleration limit in m/s², positive.
+    pub acceleration_m_s2: f64,
+    /// Shortest rest in s, positive.
+    pub shortest_s: f64,
+    /// Longest rest in s, at least `shortest_s`.
+    pub longest_s: f64,
+    /// A rest relative to the one before, 1.1 to 1000; the last is `longest_s`.
+    pub factor: f64,
+}
+
+impl Rest {
+    /// The rests in s, each after an insertion and after a withdrawal.
+    pub fn lengths(&self) -> Vec<f64> {
+        let longer = |length: &f64| Some(length * self.factor);
+        let shorter = core::iter::successors(Some(self.shortest_s), longer)
+            .take_while(|length| *length < self.longest_s);
+        shorter.chain([self.longest_s]).collect()
+    }
+
+    fn duration_s(&self) -> f64 {
+        let stroke = stroke_s(self.speed_m_s, self.stroke_m, self.acceleration_m_s2);
+        let cycle: f64 = self.lengths().iter().map(|length| 2.0 * (stroke + length)).sum();
+        f64::from(self.cycles) * cycle + stroke
+    }
 }
 
 /// Strokes while turning, and turning alone.
@@ -633,6 +672,7 @@ impl BenchConfig {
         self.validate_dynamic()?;
         self.validate_step()?;
         self.validate_surgeon()?;
+        self.validate_strokes()?;
         self.validate_turning()
     }
 
@@ -795,9 +835,10 @@ impl BenchConfig {
         within(&key("tremor_high_hz"), hand.tremor_high_hz, hand.tremor_low_hz, nyquist)
     }
 
-    fn validate_turning(&self) -> Result<(), ConfigError> {
-        let Protocols { roll, hold_and_turn: turn, .. } = &self.protocol;
+    fn validate_strokes(&self) -> Result<(), ConfigError> {
+        let Protocols { rest, roll, hold_and_turn: turn, .. } = &self.protocol;
         let strokes = [
+            ("rest", rest.speed_m_s, rest.acceleration_m_s2, rest.stroke_m),
             ("roll", roll.speed_m_s, roll.acceleration_m_s2, roll.stroke_m),
             ("hold-and-turn", turn.speed_m_s, turn.acceleration_m_s2, turn.stroke_m),
         ];
@@ -807,6 +848,14 @@ impl BenchConfig {
             within(&key("acceleration_m_s2"), acceleration, 1e-3, 1e3)?;
             self.stroke(&key("stroke_m"), stroke, speed, acceleration)?;
         }
+        at_least_one("protocol.rest.cycles", rest.cycles)?;
+        within("protocol.rest.shortest_s", rest.shortest_s, 1e-3, 1e6)?;
+        within("protocol.rest.longest_s", rest.longest_s, rest.shortest_s, 1e6)?;
+        within("protocol.rest.factor", rest.factor, 1.1, 1e3)
+    }
+
+    fn validate_turning(&self) -> Result<(), ConfigError> {
+        let Protocols { roll, hold_and_turn: turn, .. } = &self.protocol;
         positive("protocol.roll.slowest_rad_s", roll.slowest_rad_s)?;
         within("protocol.roll.fastest_rad_s", roll.fastest_rad_s, roll.slowest_rad_s, 1e3)?;
         at_least_one("protocol.roll.rates", roll.rates)?;

@@ -68,6 +68,8 @@ pub enum Protocol {
     Step,
     /// Hand-like motion: sub-movements, holds, small reversals, tremor.
     Surgeon,
+    /// Strokes between rests of several lengths: friction after rest.
+    Rest,
     /// Strokes while turning, at several ratios of the speeds, and reversals by turning alone.
     Roll,
     /// Strokes, each followed by a hold and a turn to and fro.
@@ -76,12 +78,13 @@ pub enum Protocol {
 
 impl Protocol {
     /// All protocols, in the order in which an identification uses them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Steady,
         Self::Dynamic,
         Self::Validation,
         Self::Step,
         Self::Surgeon,
+        Self::Rest,
         Self::Roll,
         Self::HoldAndTurn,
     ];
@@ -99,6 +102,7 @@ impl Protocol {
             Self::Validation => "validation",
             Self::Step => "step",
             Self::Surgeon => "surgeon",
+            Self::Rest => "rest",
             Self::Roll => "roll",
             Self::HoldAndTurn => "hold-and-turn",
         }
@@ -284,6 +288,7 @@ pub fn run(
         Protocol::Validation => Reference::speed_cycles(&protocols.validation, seed),
         Protocol::Step => Reference::step(&protocols.step),
         Protocol::Surgeon => Reference::surgeon(&protocols.surgeon, seed),
+        Protocol::Rest => Reference::rest(&protocols.rest),
         Protocol::Roll | Protocol::HoldAndTurn => {
             let (reference, angles) = match protocol {
                 Protocol::Roll => Reference::roll(&protocols.roll),
@@ -331,6 +336,7 @@ pub fn length(config: &BenchConfig, protocol: Protocol) -> Result<usize, BenchEr
         Protocol::Dynamic => "lower cycles or stroke_timeout_s",
         Protocol::Step => "raise the speeds or lower stroke_m",
         Protocol::Surgeon => "lower duration_s",
+        Protocol::Rest => "raise speed_m_s, or lower stroke_m, cycles or longest_s",
         Protocol::Roll => "raise the speeds, or lower stroke_m, rates or reversals",
         Protocol::HoldAndTurn => "raise the speeds, or lower stroke_m, cycles or hold_s",
     };

@@ -2,7 +2,7 @@
 
 use super::Course;
 use super::config::{
-    BenchConfig, HoldAndTurn, Roll, SpeedCycles, SpeedOrder, Surgeon, VelocityStep,
+    BenchConfig, HoldAndTurn, Rest, Roll, SpeedCycles, SpeedOrder, Surgeon, VelocityStep,
 };
 use super::noise::{Noise, Source};
 
@@ -165,6 +165,21 @@ impl Reference {
         }
         reference.duration = surgeon.duration_s;
         reference.tremor = Some(Tremor::new(surgeon, &mut Noise::new(seed, Source::Tremor)));
+        reference
+    }
+
+    /// Strokes, each followed by a rest.
+    pub(super) fn rest(rest: &Rest) -> Self {
+        let mut reference = Self::empty();
+        for length in rest.lengths().repeat(rest.cycles as usize) {
+            for direction in [1.0, -1.0] {
+                let velocity = direction * rest.speed_m_s;
+                reference.stroke(velocity, rest.stroke_m, rest.acceleration_m_s2);
+                reference.hold(length);
+            }
+        }
+        // The way on after the last rest.
+        reference.stroke(rest.speed_m_s, rest.stroke_m, rest.acceleration_m_s2);
         reference
     }
 

@@ -323,6 +323,7 @@ impl<'a> Source<'a> {
                 self.number(CreepVelocity) + self.number(RelaxationStiffness) > 0.0,
                 "creep and relaxation".to_owned(),
             ),
+            (self.number(Quantity::DwellForce) > 0.0, "friction after rest".to_owned()),
             (self.model.trocar.profile().is_some(), "the dependence on position".to_owned()),
             (self.model.trocar.rotation().is_some(), "the resistance to rotation".to_owned()),
         ];

@@ -72,7 +72,10 @@ fn find_features(elements: &[Element], constants: &[ElementConstants], filling: 
     filling.set("creep", general.iter().any(|params| params.creep_velocity > 0.0));
     filling.set("lag", general.iter().any(|params| params.friction_lag > 0.0));
     filling.set("arms", general.iter().any(|params| !params.relaxation.is_none()));
-    filling.set("means", filling.has("lag") || filling.has("arms"));
+    if general.iter().any(|params| params.dwell_force > 0.0) {
+        filling.need(&["dwell", "logarithm", "one_plus"]);
+    }
+    filling.set("means", ["lag", "arms", "dwell"].iter().any(|feature| filling.has(feature)));
     let slidings = general.iter().flat_map(|params| [&params.withdrawal, &params.insertion]);
     let withdrawal = slidings.filter(|sliding| !sliding.is_constant());
     stribeck_shapes(withdrawal.map(|sliding| sliding.stribeck_exponent), filling);
@@ -157,6 +160,7 @@ fn write_element(
         ("damping", "seal_damping", row(&params.damping.coefficients)),
         ("creep", "creep_velocity_m_s", number(params.creep_velocity)),
         ("lag", "friction_lag_s", number(params.friction_lag)),
+        ("dwell", "dwell_force_n", number(params.dwell_force)),
         ("arms", "arm_stiffness_n_m", row(&arms.map(|arm| arm.stiffness))),
         ("arms", "arm_time_s", row(&arms.map(|arm| arm.time))),
         ("mixed", "confined", u8::from(known.confined).to_string()),

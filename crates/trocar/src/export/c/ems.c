@@ -30,6 +30,9 @@ static void trocar_rest_element(const trocar_element *e, trocar_element_state *s
     state->arm_force_n[0] = 0.0;
     state->arm_force_n[1] = 0.0;
 //@end
+//@if dwell
+    state->contact_age_s = 0.0;
+//@end
 //@if turning
     state->around_deflection_m = 0.0;
     state->around_slip_velocity_m_s = 0.0;

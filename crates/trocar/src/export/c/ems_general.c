@@ -705,17 +705,67 @@ static void trocar_keep_sliding(const trocar_element *e, trocar_element_state *s
     trocar_slide(e, state, &onset, velocity, time);
 }
 
+//@if dwell
+/* The age of the contact, d(age)/dt = 1 - |v_sl|*age/D with D = c/8, after a slip within `time`. */
+static double trocar_age_after(const trocar_element *e, double age, double slip, double time)
+{
+    double mean;
+    const double left = trocar_decay_and_mean(slip / (0.125 * e->half_width_m), &mean);
+    return trocar_least(age * left + time * mean, trocar_greatest);
+}
+
+static void trocar_raise(trocar_contact *c, double more)
+{
+    c->coulomb_force_n += more;
+    c->static_force_n += more;
+//@if stribeck
+    c->surplus_force_n = c->static_force_n - c->coulomb_force_n;
+//@end
+}
+
+/* The element within a part of `time` that begins at the slip speed `speed`: higher by Delta F*ln(1 + age/(1 s)). */
+static trocar_element trocar_aged(const trocar_element *e, double age, double speed, double time)
+{
+    trocar_element aged = *e;
+    const double more =
+        e->dwell_force_n * trocar_logarithm_of_one_plus(trocar_age_after(e, age, speed * time, time));
+    trocar_raise(&aged.contact[0], more);
+    trocar_raise(&aged.contact[1], more);
+//@if turning
+    trocar_raise(&aged.around,
+                 e->around.static_force_n / (0.5 * (e->contact[1].static_force_n + e->contact[0].static_force_n))
+                     * (aged.contact[1].coulomb_force_n - e->contact[1].coulomb_force_n));
+//@end
+    return aged;
+}
+
+//@end
+static void trocar_advance_part(const trocar_element *e, trocar_element_state *state, double velocity, double time)
+{
+    if (state->slip_velocity_m_s == 0.0@UNLESS_CREEPING@) {
+        trocar_leave_stick(e, state, velocity, time);
+    } else {
+        trocar_keep_sliding(e, state, velocity, time);
+    }
+}
+
 /* `count` parts of `time`. */
 static void trocar_advance_evenly(const trocar_element *e, trocar_element_state *state, double velocity, double time,
                                   int count)
 {
     int part;
     for (part = 0; part < count; ++part) {
-        if (state->slip_velocity_m_s == 0.0@UNLESS_CREEPING@) {
-            trocar_leave_stick(e, state, velocity, time / (double)count);
-        } else {
-            trocar_keep_sliding(e, state, velocity, time / (double)count);
+//@if dwell
+        if (e->dwell_force_n > 0.0) {
+            const double each = time / (double)count, z = state->deflection_m, age = state->contact_age_s;
+            const trocar_element aged = trocar_aged(e, age, fabs(state->slip_velocity_m_s), each);
+            trocar_advance_part(&aged, state, velocity, each);
+            state->contact_age_s =
+                trocar_age_after(e, age, fabs(velocity * each - (state->deflection_m - z)), each);
+            continue;
         }
+//@end
+        trocar_advance_part(e, state, velocity, time / (double)count);
     }
 }
 

@@ -690,6 +690,19 @@ static void trocar_turn_evenly(const trocar_element *e, trocar_element_state *st
 {
     int part;
     for (part = 0; part < count; ++part) {
+//@if dwell
+        if (e->dwell_force_n > 0.0) {
+            const double each = time / (double)count, age = state->contact_age_s;
+            const trocar_pair z = { state->deflection_m, state->around_deflection_m };
+            trocar_pair slip = { state->slip_velocity_m_s, state->around_slip_velocity_m_s };
+            const trocar_element aged = trocar_aged(e, age, trocar_length(slip), each);
+            trocar_advance_turning(&aged, state, motion, each);
+            slip.x = motion.x * each - (state->deflection_m - z.x);
+            slip.t = motion.t * each - (state->around_deflection_m - z.t);
+            state->contact_age_s = trocar_age_after(e, age, trocar_length(slip), each);
+            continue;
+        }
+//@end
         trocar_advance_turning(e, state, motion, time / (double)count);
     }
 }

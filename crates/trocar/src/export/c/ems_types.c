@@ -58,6 +58,9 @@ typedef struct {
 //@if lag
     double friction_lag_s; /* T */
 //@end
+//@if dwell
+    double dwell_force_n; /* Delta F */
+//@end
 //@if arms
     double arm_stiffness_n_m[2]; /* E */
     double arm_time_s[2];        /* tau */

@@ -38,6 +38,9 @@ typedef struct {
 //@if arms
     double arm_force_n[2]; /* what relaxes with time */
 //@end
+//@if dwell
+    double contact_age_s; /* how long the contact has rested, forgotten as it slips */
+//@end
 //@if turning
     double around_deflection_m;      /* around the shaft, at its surface */
     double around_slip_velocity_m_s;
