@@ -6,8 +6,8 @@
 //! is then refitted to the readings with the profile removed.
 
 use super::element::{self, ElementFit, Input};
-use super::segments::Segments;
 use trocar_model::Trocar;
+use trocar_simulate::segment::Segments;
 
 use crate::profile::{self, ProfileFit, ProfileSample};
 use trocar_recording::{Recording, range};
@@ -83,15 +83,13 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
     profile::fit(&samples, storage).map_err(|e| e.to_string())
 }
 
-impl Segments {
-    /// Whether all strokes reverse at the same two positions, within a tenth of their length.
-    pub(super) fn turn_at_same_places(&self, recording: &Recording) -> bool {
-        let x = &recording.position;
-        let ends = |of: fn(f64, f64) -> f64| {
-            let all: Vec<f64> = self.strokes.iter().map(|p| of(x[p.start], x[p.end])).collect();
-            let (low, high) = range(&all);
-            high - low
-        };
-        self.strokes.len() >= 4 && ends(f64::min) + ends(f64::max) < 0.1 * recording.quality.stroke
-    }
+/// Whether all strokes reverse at the same two positions, within a tenth of their length.
+pub(super) fn turn_at_same_places(segments: &Segments, recording: &Recording) -> bool {
+    let x = &recording.position;
+    let ends = |of: fn(f64, f64) -> f64| {
+        let all: Vec<f64> = segments.strokes.iter().map(|p| of(x[p.start], x[p.end])).collect();
+        let (low, high) = range(&all);
+        high - low
+    };
+    segments.strokes.len() >= 4 && ends(f64::min) + ends(f64::max) < 0.1 * recording.quality.stroke
 }

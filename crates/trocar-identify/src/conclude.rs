@@ -3,7 +3,7 @@
 use trocar_model::{Quantity, Trocar};
 
 use super::adequacy::{self, Adequacy, Group, Model};
-use super::along::Profile;
+use super::along::{self, Profile};
 use super::candidate::Candidate;
 use super::counts;
 use super::element::{self, ElementFit, Input};
@@ -11,7 +11,6 @@ use super::unexplained::PositionDelay;
 
 use super::estimate::Estimate;
 use super::findings::{IdentifyError, Parameter, Warning};
-use super::free_motion::FreeMotion;
 use super::likelihood::Trial;
 use super::numbers;
 use super::posterior::{Density, Posterior};
@@ -24,6 +23,7 @@ use super::terms::Term;
 use super::training::acceleration_is_resolved;
 use super::two_steps;
 use trocar_recording::HEAVIEST_UNMODELLED_MASS;
+use trocar_simulate::motion_found::FreeMotion;
 
 /// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
 /// the parameters), and the largest that is known to first order. The intervals cover it.
@@ -302,7 +302,9 @@ fn warnings(
         }
     }
     for (recording, segments) in input.recordings.iter().zip(input.segments) {
-        if segments.turn_at_same_places(recording) && fit.is_some_and(|_| input.options.along) {
+        if along::turn_at_same_places(segments, recording)
+            && fit.is_some_and(|_| input.options.along)
+        {
             let message = "all strokes turn at the same places: a dependence on the position cannot be distinguished \
                            from one on the deflection within 2c of the turning points";
             all.push(Warning::remark(recording, message.to_owned()));

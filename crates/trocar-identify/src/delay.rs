@@ -9,10 +9,10 @@
 use super::element::{self, Begun, ElementFit, Input};
 use super::findings::{IdentifyError, Progress};
 use super::options::IdentifyOptions;
-use super::segments::{Segments, segment};
 use super::two_steps::{self, TwoSteps};
 use super::unexplained::PositionDelay;
 use trocar_recording::Recording;
+use trocar_simulate::segment::{Segments, segment};
 
 /// Recordings with the position delay compensated, the delay, and the estimate made from them.
 pub(super) struct InTime {

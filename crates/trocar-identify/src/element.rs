@@ -14,13 +14,11 @@ use trocar_model::{Branch, ElementParams, Quantity, Trocar};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::findings::Progress;
-use super::free_motion::FreeMotion;
 use super::joins::Joins;
 use super::likelihood::{self, Fitted, ScaleVariance, Stop, Trial};
 use super::options::IdentifyOptions;
 use super::scale::{FrictionScale, Jump};
 use super::seal_prior::SealPrior;
-use super::segments::Segments;
 use super::shape::BranchShape;
 use super::spread::variance;
 use super::terms::{self, Chosen, Term, TermTrial};
@@ -30,8 +28,10 @@ use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
 use super::unexplained::{Unexplained, UnexplainedEffects};
 use trocar_recording::{Recording, range};
+use trocar_simulate::motion_found::FreeMotion;
 use trocar_simulate::replay::replay;
 use trocar_simulate::segment::Direction;
+use trocar_simulate::segment::Segments;
 
 /// Half widths to start from where the two steps resolved none, in units of the assumed one.
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];

@@ -6,8 +6,8 @@ use serde::{Serialize, Serializer};
 use trocar_model::{ParameterId, Quantity};
 
 use super::estimate::Estimate;
-use super::motion_found::MotionFound;
 use trocar_recording::{OPPOSED, Recording, WarningKind};
+use trocar_simulate::motion_found::MotionFound;
 
 /// Why the identification failed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -21,6 +21,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use trocar_recording::{Recording, range};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
+pub use trocar_simulate::motion_found::{FreeMotion, MotionFound};
+
 pub use adequacy::Phase;
 pub use candidate::Candidate;
 pub use deformation::{
@@ -29,10 +31,8 @@ pub use deformation::{
 pub use estimate::Estimate;
 pub use estimate::t_quantile;
 pub use findings::{Covariance, IdentifyError, Parameter, Progress, Subject, Warning};
-pub use free_motion::FreeMotion;
 pub use information::{Expected, Force, Information, Motion, Noise, Rows};
 pub use kept::{Kept, KeptError, KeptParameter};
-pub use motion_found::MotionFound;
 pub use numbers::reported;
 pub use options::{Draws, IdentifyOptions};
 pub use posterior::Posterior;
@@ -60,12 +60,10 @@ mod divide;
 mod element;
 mod estimate;
 mod findings;
-mod free_motion;
 mod information;
 mod joins;
 mod kept;
 mod likelihood;
-mod motion_found;
 mod nnls;
 mod numbers;
 mod options;
@@ -79,7 +77,6 @@ mod ripple;
 mod rotation;
 mod scale;
 mod seal_prior;
-mod segments;
 mod shape;
 mod spread;
 mod stage;

@@ -8,7 +8,6 @@ use super::candidate::Candidate;
 use super::deformation::DeformationFit;
 use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter, Warning};
-use super::free_motion::FreeMotion;
 use super::posterior::{Density, Posterior};
 use super::scale::FrictionScale;
 use super::seal_prior::PriorUse;
@@ -18,6 +17,7 @@ use super::terms::TermTrial;
 use super::unexplained::PositionDelay;
 use crate::profile::ProfileFit;
 use trocar_recording::{Recording, RecordingError};
+use trocar_simulate::motion_found::FreeMotion;
 
 /// Outcome of the likelihood fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]

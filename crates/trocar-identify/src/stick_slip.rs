@@ -14,8 +14,8 @@
 use serde::Serialize;
 
 use super::findings::Warning;
-use super::segments::Segments;
 use trocar_recording::{Recording, median, range};
+use trocar_simulate::segment::Segments;
 use trocar_simulate::segment::SteadySegment;
 
 /// Fewest periods, samples and longest period in samples of an oscillation; least correlation after
@@ -322,8 +322,8 @@ fn period_of(force: &[f64]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::segments::segment;
     use trocar_simulate::segment::SegmentOptions;
+    use trocar_simulate::segment::segment;
 
     /// Strokes of 10 mm at the first six multiples of a speed, mm/s, during which the force swings by
     /// 0.4 N every 0.5 mm at those that `swing`.

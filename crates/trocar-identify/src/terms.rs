@@ -238,14 +238,8 @@ impl Term {
                 add(Candidate { dwell_force: 0.02 * force, ..candidate }, layout);
             }
             Self::Relaxation | Self::SecondRelaxation => {
-                let arm = layout.arms;
                 layout.arms += 1;
-                for time in [0.05, 0.3, 2.0] {
-                    let mut candidate = candidate.clone();
-                    let stiffness = 0.1 * force / candidate.half_width;
-                    candidate.relaxation.arms[arm] = RelaxationArm { stiffness, time };
-                    add(candidate, layout);
-                }
+                with_arm(&candidate, layout.arms - 1).for_each(|more| add(more, layout));
             }
             Self::UnmodelledMass => {
                 layout.unmodelled_mass = true;
@@ -368,6 +362,16 @@ fn with_stribeck(
             let least = 0.01 * sliding.coulomb_force / fast;
             sliding.viscous_damping = sliding.viscous_damping.max(least);
         }
+        candidate
+    })
+}
+
+/// With a soft relaxing arm of three relaxation times.
+fn with_arm(candidate: &Candidate, arm: usize) -> impl Iterator<Item = Candidate> + '_ {
+    let stiffness = 0.1 * candidate.insertion.coulomb_force / candidate.half_width;
+    [0.05, 0.3, 2.0].into_iter().map(move |time| {
+        let mut candidate = candidate.clone();
+        candidate.relaxation.arms[arm] = RelaxationArm { stiffness, time };
         candidate
     })
 }

@@ -14,12 +14,12 @@ use super::estimate::Estimate;
 use super::findings::{IdentifyError, Parameter};
 use super::numbers::branch_ids;
 use super::options::IdentifyOptions;
-use super::segments::Segments;
 use super::shape::BranchShape;
 use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::stribeck;
 use trocar_recording::Recording;
 use trocar_simulate::cancel;
+use trocar_simulate::segment::Segments;
 use trocar_simulate::segment::{Direction, SteadySegment, after_start};
 
 /// Result of the two steps.

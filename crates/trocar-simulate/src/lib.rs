@@ -5,6 +5,7 @@
 pub mod bench;
 pub mod cancel;
 pub mod many;
+pub mod motion_found;
 pub mod replay;
 pub mod scatter;
 pub mod segment;

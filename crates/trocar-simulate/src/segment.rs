@@ -330,3 +330,27 @@ pub fn after_start(
         })
         .collect()
 }
+
+/// Strokes and constant-velocity segments of one recording.
+#[derive(Debug, Clone)]
+pub struct Segments {
+    /// Strokes, in time.
+    pub strokes: Vec<Stroke>,
+    /// Constant-velocity segments, in time.
+    pub steady_segments: Vec<SteadySegment>,
+}
+
+impl Segments {
+    /// The constant-velocity segments of each velocity plateau.
+    pub fn plateaus(&self) -> impl Iterator<Item = &[SteadySegment]> {
+        self.steady_segments.chunk_by(|a, b| a.plateau == b.plateau)
+    }
+}
+
+/// Divides a recording.
+#[must_use]
+pub fn segment(recording: &Recording, options: &SegmentOptions) -> Segments {
+    let strokes = strokes(recording, reversal_threshold(recording));
+    let steady_segments = steady_segments(recording, &strokes, options);
+    Segments { strokes, steady_segments }
+}

@@ -3,11 +3,11 @@
 
 use crate::options::IdentifyOptions;
 use crate::result::Identification;
-use crate::segments::{Segments, segment};
 use crate::training::{ASSUMED_WIDTH, Coarseness, Segmented, Training};
 use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
 use trocar_simulate::segment::SteadySegment;
+use trocar_simulate::segment::{Segments, segment};
 
 use super::coordinate::Scales;
 
