@@ -55,7 +55,7 @@ fn ratio_of(name: &str) -> Option<f64> {
     match name {
         "ems" => Some(1.0),
         "ems_stages" => Some(0.8),
-        "ems_slow" | "ems_rest" => Some(0.6),
+        "ems_slow" | "ems_dwell" => Some(0.6),
         "ems_profile" => Some(1.2),
         _ => None,
     }
@@ -77,7 +77,7 @@ fn models() -> Result<Vec<(&'static str, ModelFile)>, Box<dyn Error>> {
         ("ems_stribeck", (stribeck(plausible, [12.0, 0.0, 0.0])?).into()),
         ("ems_weakening", (velocity_weakening(plausible)?).into()),
         ("ems_slow", (slow(plausible)?).into()),
-        ("ems_rest", (resting(plausible)?).into()),
+        ("ems_dwell", (resting(plausible)?).into()),
         ("ems_stages", both.into()),
     ];
     let bank: Vec<SlipElement> = (1..=5)

@@ -6,10 +6,11 @@ use super::*;
 /// digits of room for another `logf`; by positions (`step_to`) and by displacements (`step`). A
 /// position of 0.1 m has a resolution of 7 nm in single precision, so its differences carry an
 /// error that displacements do not have.
-const BOUNDS: [(&str, f64, f64); 15] = [
+const BOUNDS: [(&str, f64, f64); 16] = [
     ("bouc_wen", 1.5e-4, 2e-6),
     ("dahl", 1.5e-4, 1e-5),
     ("ems", 2e-5, 1e-4),
+    ("ems_dwell", 1.5e-4, 1.3e-4),
     ("ems_profile", 1e-4, 8e-5),
     ("ems_slow", 7e-5, 7e-5),
     ("ems_stages", 3e-4, 2.5e-4),
