@@ -644,7 +644,7 @@ fn all_kinds() -> Vec<(String, Trocar)> {
         (name, Trocar::of_seal(*ModelFile::read(&path).unwrap().trocar.seal()))
     };
     let kinds: Vec<_> = files.into_iter().map(read).collect();
-    assert_eq!(kinds.len(), 15);
+    assert_eq!(kinds.len(), 16);
     kinds
 }
 

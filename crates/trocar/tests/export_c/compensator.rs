@@ -202,7 +202,9 @@ fn same(a: f64, b: f64) -> bool {
 
 /// The models in the order in which they came to be: options and motion follow from the place.
 fn in_order(mut models: Vec<(String, ModelFile)>) -> Vec<(String, ModelFile)> {
-    models.sort_by_key(|(_, model)| model.trocar.seal().kind() == "bouc-wen");
+    models.sort_by_key(|(name, model)| {
+        (name == "ems_dwell", model.trocar.seal().kind() == "bouc-wen")
+    });
     models
 }
 

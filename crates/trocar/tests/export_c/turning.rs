@@ -6,7 +6,7 @@ use super::*;
 
 /// Mean difference in single precision along the smooth motion, as a part of the largest force or
 /// torque of the model. A slip that begins a step earlier or later is off by as much as it changes.
-const SINGLE: f64 = 5e-3;
+const SINGLE: f64 = 1.5e-2;
 
 /// One call of `turn_to`, or of `step` where there is no angle.
 #[derive(Clone, Copy)]
