@@ -7,13 +7,12 @@
 
 use super::element::{self, ElementFit, Input};
 use trocar_model::Trocar;
-use trocar_simulate::segment::Segments;
 
 use crate::profile::{self, ProfileFit, ProfileSample};
 use trocar_recording::{Recording, range};
 use trocar_simulate::replay::replay;
 use trocar_simulate::scatter::StrokeScatter;
-use trocar_simulate::segment::{reversal_threshold, strokes};
+use trocar_simulate::segment::{Segments, reversal_threshold, strokes};
 
 /// The profile, or why repeated strokes gave none; `Ok(None)` where none was requested or possible.
 pub(super) type Profile = Result<Option<ProfileFit>, String>;

@@ -30,8 +30,7 @@ use super::unexplained::{Unexplained, UnexplainedEffects};
 use trocar_recording::{Recording, range};
 use trocar_simulate::motion_found::FreeMotion;
 use trocar_simulate::replay::replay;
-use trocar_simulate::segment::Direction;
-use trocar_simulate::segment::Segments;
+use trocar_simulate::segment::{Direction, Segments};
 
 /// Half widths to start from where the two steps resolved none, in units of the assumed one.
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];

@@ -15,8 +15,7 @@ use serde::Serialize;
 
 use super::findings::Warning;
 use trocar_recording::{Recording, median, range};
-use trocar_simulate::segment::Segments;
-use trocar_simulate::segment::SteadySegment;
+use trocar_simulate::segment::{Segments, SteadySegment};
 
 /// Fewest periods, samples and longest period in samples of an oscillation; least correlation after
 /// one period, also in units of its error of white noise; correlation that is a valley before.

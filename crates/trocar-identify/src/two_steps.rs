@@ -19,8 +19,7 @@ use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::stribeck;
 use trocar_recording::Recording;
 use trocar_simulate::cancel;
-use trocar_simulate::segment::Segments;
-use trocar_simulate::segment::{Direction, SteadySegment, after_start};
+use trocar_simulate::segment::{Direction, Segments, SteadySegment, after_start};
 
 /// Result of the two steps.
 pub(super) struct TwoSteps {

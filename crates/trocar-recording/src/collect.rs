@@ -5,8 +5,7 @@ use std::ops::Range;
 use super::RecordingError;
 use super::block::{Block, SampleRow};
 use super::quality::{Quality, RowList};
-use super::samples::Readings;
-use super::samples::{Columns, Count, Lines};
+use super::samples::{Columns, Count, Lines, Readings};
 use super::screen;
 use super::units::Quantity;
 

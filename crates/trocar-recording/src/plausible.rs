@@ -6,8 +6,7 @@ use std::ops::RangeInclusive;
 use super::choice::Choice;
 use super::columns::{Layout, Quantity};
 use super::header::{EXAMPLE_RATE, PLAUSIBLE_FORCE, PUT_IN_RATE, counts_by_one};
-use super::samples::Columns;
-use super::samples::Readings;
+use super::samples::{Columns, Readings};
 use super::statistics::{median, range};
 use super::{Quality, RecordingError, Warning, WarningKind};
 

@@ -6,8 +6,7 @@ use std::ops::Range;
 use super::RecordingError;
 use super::plausible::{self, LONGEST_STROKE};
 use super::quality::{Gap, Quality, Reset, RowList, Saturation, Warning, WarningKind};
-use super::samples::Readings;
-use super::samples::{Columns, Lines};
+use super::samples::{Columns, Lines, Readings};
 use super::statistics::{median, range};
 
 /// Fewest samples of a recording.

@@ -1,7 +1,7 @@
 //! Friction after rest in recordings of the virtual bench.
 
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
-use trocar::identify::{Identification, IdentifyOptions, Term, identify};
+use trocar::identify::{Identification, IdentifyOptions, Term, TermTrial, identify};
 use trocar::recording::Recording;
 use trocar_model::{Element, ElementParams};
 
@@ -29,9 +29,13 @@ fn found(recordings: &[Recording]) -> Identification {
     identify(recordings, &IdentifyOptions::default(), &|_, _| {}).expect("strokes are enough")
 }
 
-fn is_kept(found: &Identification) -> Option<bool> {
+fn trial(found: &Identification) -> Option<&TermTrial> {
     let fit = found.fit.as_ref().expect("a fit to all motion");
-    fit.terms.iter().find(|trial| trial.term == Term::Dwell).map(|trial| trial.kept)
+    fit.terms.iter().find(|trial| trial.term == Term::Dwell)
+}
+
+fn is_kept(found: &Identification) -> Option<bool> {
+    trial(found).map(|trial| trial.kept)
 }
 
 #[test]
@@ -59,8 +63,7 @@ fn strokes_without_rests_do_not_tell_it() {
 fn false_ones(count: u64) -> usize {
     let takes_it = |seed: u64| {
         let found = found(&recordings(seal(seed, 0.0), &ALL, seed));
-        let trial = found.fit.as_ref().expect("a fit").terms.iter().find(|t| t.term == Term::Dwell);
-        println!("seed {seed}: {trial:?}");
+        println!("seed {seed}: {:?}", trial(&found));
         is_kept(&found).expect("rests are long enough to try it")
     };
     (100..100 + count).filter(|seed| takes_it(*seed)).count()

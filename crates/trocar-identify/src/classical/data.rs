@@ -6,8 +6,7 @@ use crate::result::Identification;
 use crate::training::{ASSUMED_WIDTH, Coarseness, Segmented, Training};
 use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
-use trocar_simulate::segment::SteadySegment;
-use trocar_simulate::segment::{Segments, segment};
+use trocar_simulate::segment::{Segments, SteadySegment, segment};
 
 use super::coordinate::Scales;
 

@@ -200,14 +200,6 @@ fn same(a: f64, b: f64) -> bool {
     a == b || (a.is_nan() && b.is_nan())
 }
 
-/// The models in the order in which they came to be: options and motion follow from the place.
-fn in_order(mut models: Vec<(String, ModelFile)>) -> Vec<(String, ModelFile)> {
-    models.sort_by_key(|(name, model)| {
-        (name == "ems_dwell", model.trocar.seal().kind() == "bouc-wen")
-    });
-    models
-}
-
 #[test]
 fn the_observer_in_c_is_that_of_the_library() {
     if !has_gcc() {
