@@ -356,6 +356,13 @@ struct Together {
     duration: f64,
 }
 
+impl Together {
+    /// Change of the velocity within which samples are averaged at `speed`, m/s.
+    fn steady(self, speed: f64) -> f64 {
+        self.change * STEADY.max(STEADY_PART * speed)
+    }
+}
+
 /// Shortest cluster and stroke, s; limits of averaging while the seal deforms and slides; half
 /// width, m.
 #[derive(Clone, Copy)]
@@ -481,13 +488,19 @@ fn mean(values: &[f64]) -> f64 {
 fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
     let (x, t, a) = (&part.recording.position, &part.recording.time, part.acceleration);
     let first = x[at + 1] - x[at];
+    let speed = first.abs() / (t[at + 1] - t[at]);
+    // A sudden change of the velocity changes the viscous force at once, so the mean over the step
+    // would not lie between the forces before and after it.
+    if a[at].abs() * (t[at + 1] - t[at]) > limit.steady(speed) {
+        return at + 1;
+    }
     let mut change = a[at + 1] * (t[at + 1] - t[at]);
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
         change += a[*i] * (t[*i] - t[*i - 1]);
         // At a low sampling rate the acceleration is all noise.
         let speed = (x[*i] - x[at]).abs() / (t[*i] - t[at]);
-        let is_steady = limit.change * STEADY.max(STEADY_PART * speed)
+        let is_steady = limit.steady(speed)
             >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
         one_way
             && is_steady
