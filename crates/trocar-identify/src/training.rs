@@ -26,6 +26,9 @@ const COARSE: f64 = 8.0;
 const STEADY: f64 = 1e-3;
 /// The same as a part of the velocity, where that is more.
 const STEADY_PART: f64 = 0.05;
+/// Longest step after a sudden change of the velocity, as a part of the time since: the mean of a
+/// force that settles exponentially is then within 0.1 % of the change.
+const SETTLING: f64 = 0.125;
 /// Longest travel, as a fraction of the half width, over which samples are averaged.
 const FINEST: f64 = 0.01;
 /// The same while the seal slides: this fraction of the half width, or of the longest stroke.
@@ -361,6 +364,13 @@ impl Together {
     fn steady(self, speed: f64) -> f64 {
         self.change * STEADY.max(STEADY_PART * speed)
     }
+
+    /// Whether the velocity changes by more than that from one sample to the next.
+    fn is_sudden(self, part: &Segmented, at: usize) -> bool {
+        let (x, t) = (&part.recording.position, &part.recording.time);
+        let duration = t[at + 1] - t[at];
+        part.acceleration[at].abs() * duration > self.steady((x[at + 1] - x[at]).abs() / duration)
+    }
 }
 
 /// Shortest cluster and stroke, s; limits of averaging while the seal deforms and slides; half
@@ -389,6 +399,8 @@ struct Progress {
     path: f64,
     /// Path since the last reversal, m.
     since_reversal: f64,
+    /// Time of the last sudden change of the velocity, s.
+    sudden: f64,
     is_first: bool,
 }
 
@@ -418,6 +430,7 @@ fn run(
         cluster_time: recording.time[at],
         path: 0.0,
         since_reversal: 0.0,
+        sudden: f64::NEG_INFINITY,
         is_first: true,
     };
     while at + 1 < range.end {
@@ -426,12 +439,16 @@ fn run(
         }
         let inside = part.settled.get(segment).filter(|s| s.start <= at);
         progress.reverse(part, index, at, limits, scaled);
+        if limits.finest.is_sudden(part, at) {
+            progress.sudden = recording.time[at];
+        }
+        let settling = recording.time[at] - progress.sudden;
         let next = match inside {
-            Some(s) => together(part, at, s.end, limits.sliding),
+            Some(s) => together(part, at, s.end, limits.sliding, settling),
             None if progress.since_reversal > SLIDES * limits.half_width => {
-                together(part, at, range.end, limits.sliding)
+                together(part, at, range.end, limits.sliding, settling)
             }
-            None => together(part, at, range.end, limits.finest),
+            None => together(part, at, range.end, limits.finest, settling),
         };
         let travel = (recording.position[next] - recording.position[at]).abs();
         progress.path += travel;
@@ -485,15 +502,12 @@ fn mean(values: &[f64]) -> f64 {
 
 /// Last of the samples after `at` that are averaged: few, close in position and time, moving in one
 /// direction.
-fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
+///
+/// A seal settles with its own time after a sudden change of the velocity, `settling` s ago: the
+/// mean of its force over a step that is short beside that lies between those before and after.
+fn together(part: &Segmented, at: usize, to: usize, limit: Together, settling: f64) -> usize {
     let (x, t, a) = (&part.recording.position, &part.recording.time, part.acceleration);
     let first = x[at + 1] - x[at];
-    let speed = first.abs() / (t[at + 1] - t[at]);
-    // A sudden change of the velocity changes the viscous force at once, so the mean over the step
-    // would not lie between the forces before and after it.
-    if a[at].abs() * (t[at + 1] - t[at]) > limit.steady(speed) {
-        return at + 1;
-    }
     let mut change = a[at + 1] * (t[at + 1] - t[at]);
     let close = |i: &usize| {
         let one_way = (x[*i] - x[*i - 1]) * first >= 0.0 && (first != 0.0 || x[*i] == x[at]);
@@ -505,7 +519,7 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together) -> usize {
         one_way
             && is_steady
             && (x[*i] - x[at]).abs() <= limit.travel
-            && t[*i] - t[at] <= limit.duration
+            && t[*i] - t[at] <= limit.duration.min(SETTLING * settling)
     };
     (at + 2..to.min(at + THINNING + 1)).take_while(close).last().unwrap_or(at + 1)
 }
