@@ -32,6 +32,8 @@ const LEAST_JUMP: f64 = 1e-9;
 
 /// Samples on each side with which a jump is compared.
 const JUMP_NEIGHBOURS: usize = 4;
+/// The step at the end of a stall covers at least three intervals: this many are told from one.
+const CAUGHT_UP: f64 = 1.5;
 
 /// Largest ratio between the mean speed over a stall including the step that ends it, and the mean
 /// speed around it.
@@ -407,7 +409,9 @@ impl Path<'_> {
         k - self.position[..k].iter().rev().take_while(|&&x| x == position).count()
     }
 
-    /// Whether the mean speed from `from` to `to` is about that of the motion before or after it.
+    /// Whether the mean speed from `from` to `to` is about that of the motion before or after it,
+    /// since its last step is longer than those after it: a motion that goes on from a short rest
+    /// has nothing to catch up.
     fn catches_up(&self, from: usize, to: usize) -> bool {
         let first = from.saturating_sub(STALL_NEIGHBOURS);
         let last = (to + STALL_NEIGHBOURS).min(self.time.len() - 1);
@@ -416,7 +420,9 @@ impl Path<'_> {
         }
         let (before, after) = (self.speed(first, from), self.speed(to, last));
         let usual = before.min(after) / STALL_FACTOR..=before.max(after) * STALL_FACTOR;
-        before.min(after) > 0.0 && usual.contains(&self.speed(from, to))
+        before.min(after) > 0.0
+            && usual.contains(&self.speed(from, to))
+            && self.speed(to - 1, to) > CAUGHT_UP * after
     }
 }
 

@@ -904,6 +904,21 @@ fn a_stalled_logger_is_told_from_a_reset() {
     assert_eq!(recording.len(), 2000);
 }
 
+/// Slow, four rows of rest, fast: nothing is caught up.
+#[test]
+fn a_short_rest_is_no_stall() {
+    let out_and_back_m = |k: usize| match k % 200 {
+        slow @ 0..100 => 1e-5 * slow as f64,
+        100..104 => 99e-5,
+        fast => (99e-5 - 5e-5 * (fast - 103) as f64).max(0.0),
+    };
+    let rows: Vec<String> = (0..2000)
+        .map(|k| (k as f64, out_and_back_m(k)))
+        .map(|(k, x)| format!("{:.3},{x:.9},{}", k * 1e-3, (k * 0.091).sin()))
+        .collect();
+    assert_eq!(read_text(text(HEADER, &rows)).quality.held_rows.count, 0);
+}
+
 #[test]
 fn a_start_from_rest_is_no_reset() {
     let rows: Vec<String> = (0..500)
