@@ -26,6 +26,8 @@ const COARSE: f64 = 8.0;
 const STEADY: f64 = 1e-3;
 /// The same as a part of the velocity, where that is more.
 const STEADY_PART: f64 = 0.05;
+/// Standard errors of a position that a second difference of three does not exceed by chance.
+const POSITION_ERRORS: f64 = 10.0;
 /// Longest step after a sudden change of the velocity, as a part of the time since: the mean of a
 /// force that settles exponentially is then within 0.1 % of the change.
 const SETTLING: f64 = 0.125;
@@ -365,11 +367,20 @@ impl Together {
         self.change * STEADY.max(STEADY_PART * speed)
     }
 
-    /// Whether the velocity changes by more than that from one sample to the next.
+    /// Whether the velocity changes by more than that from one sample to the next: by the
+    /// acceleration, which is smoothed, or by the positions, where these err less.
     fn is_sudden(self, part: &Segmented, at: usize) -> bool {
         let (x, t) = (&part.recording.position, &part.recording.time);
         let duration = t[at + 1] - t[at];
-        part.acceleration[at].abs() * duration > self.steady((x[at + 1] - x[at]).abs() / duration)
+        let steady = self.steady((x[at + 1] - x[at]).abs() / duration);
+        let by_positions = || {
+            let quality = &part.recording.quality;
+            let error =
+                (POSITION_ERRORS * quality.position_noise).max(2.0 * quality.position_resolution);
+            let is_even = (t[at] - t[at - 1] - duration).abs() < 0.5 * STEADY_PART * duration;
+            is_even && (x[at + 1] - 2.0 * x[at] + x[at - 1]).abs() > steady * duration + error
+        };
+        part.acceleration[at].abs() * duration > steady || at > 0 && by_positions()
     }
 }
 
@@ -518,6 +529,7 @@ fn together(part: &Segmented, at: usize, to: usize, limit: Together, settling: f
             >= if limit.duration > LONGEST { change.abs() } else { (t[*i] - t[at]) * a[*i].abs() };
         one_way
             && is_steady
+            && !limit.is_sudden(part, *i - 1)
             && (x[*i] - x[at]).abs() <= limit.travel
             && t[*i] - t[at] <= limit.duration.min(SETTLING * settling)
     };

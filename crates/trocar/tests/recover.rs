@@ -297,7 +297,7 @@ fn resting(half_width_m: f64, rest_s: f64) -> Recording {
 /// change of the velocity: with forces averaged across it, β came out a quarter too small.
 #[test]
 fn a_motion_that_stops_at_once_does_not_bias_a_viscous_seal() {
-    for (half_width_m, rest_s) in [(6e-4, 0.1), (6e-4, 0.3), (3e-3, 1.0)] {
+    for (half_width_m, rest_s) in [(6e-4, 0.01), (6e-4, 0.1), (6e-4, 0.3), (3e-3, 1.0)] {
         let found = found(&[resting(half_width_m, rest_s)], 1);
         let expected = [
             ("coulomb_force_n", 4.0),
