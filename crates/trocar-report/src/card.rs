@@ -98,8 +98,9 @@ fn error(scored: &Scored) -> (String, String) {
             words += &format!("; {} N on {}", significant(r.rms_n, 3), r.path);
         }
     }
-    for strokes in recordings.iter().filter_map(|r| r.strokes) {
-        words += &format!("; {}", strokes.words());
+    for r in recordings {
+        let of = if recordings.len() > 1 { format!("{}: ", r.path) } else { String::new() };
+        words += &r.strokes.map_or(String::new(), |strokes| format!("; {of}{}", strokes.words()));
     }
     origin(label, format!("{words}; {ERROR_OF_EMS}"))
 }
