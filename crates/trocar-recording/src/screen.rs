@@ -32,6 +32,7 @@ const LEAST_JUMP: f64 = 1e-9;
 
 /// Samples on each side with which a jump is compared.
 const JUMP_NEIGHBOURS: usize = 4;
+
 /// The step at the end of a stall covers at least three intervals: this many are told from one.
 const CAUGHT_UP: f64 = 1.5;
 

@@ -907,14 +907,16 @@ fn a_stalled_logger_is_told_from_a_reset() {
 /// Slow, four rows of rest, fast: nothing is caught up.
 #[test]
 fn a_short_rest_is_no_stall() {
+    // No multiples of each other: that would be the step of an encoder, and none of its jumps.
+    let (slow_m, fast_m) = (1.0137e-5, 5.3791e-5);
     let out_and_back_m = |k: usize| match k % 200 {
-        slow @ 0..100 => 1e-5 * slow as f64,
-        100..104 => 99e-5,
-        fast => (99e-5 - 5e-5 * (fast - 103) as f64).max(0.0),
+        slow @ 0..100 => slow_m * slow as f64,
+        100..104 => slow_m * 99.0,
+        fast => (slow_m * 99.0 - fast_m * (fast - 103) as f64).max(0.0),
     };
     let rows: Vec<String> = (0..2000)
         .map(|k| (k as f64, out_and_back_m(k)))
-        .map(|(k, x)| format!("{:.3},{x:.9},{}", k * 1e-3, (k * 0.091).sin()))
+        .map(|(k, x)| format!("{:.3},{x:.12},{}", k * 1e-3, (k * 0.091).sin()))
         .collect();
     assert_eq!(read_text(text(HEADER, &rows)).quality.held_rows.count, 0);
 }

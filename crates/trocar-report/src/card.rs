@@ -99,8 +99,9 @@ fn error(scored: &Scored) -> (String, String) {
         }
     }
     for r in recordings {
+        let Some(strokes) = r.strokes else { continue };
         let of = if recordings.len() > 1 { format!("{}: ", r.path) } else { String::new() };
-        words += &r.strokes.map_or(String::new(), |strokes| format!("; {of}{}", strokes.words()));
+        words += &format!("; {of}{}", strokes.words());
     }
     origin(label, format!("{words}; {ERROR_OF_EMS}"))
 }

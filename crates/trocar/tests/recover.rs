@@ -9,8 +9,9 @@ use trocar::identify::{
     identify,
 };
 use trocar::recording::Recording;
-use trocar_model::tuning::Tunable;
-use trocar_model::{Direction, Element, ElementParams, Friction, ParameterId, Quantity, Seal};
+use trocar_model::{
+    Direction, Element, ElementParams, Friction, ParameterId, Quantity, Seal, Tunable,
+};
 
 /// Number of benches, and the range that contains a coverage of 0.95 in 95 of 100 tests of that
 /// size; `./test --statistics` uses the larger number.
