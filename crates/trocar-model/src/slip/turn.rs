@@ -342,8 +342,7 @@ impl Element {
                     stiffness[0] * time * (motion[0] - start.slip[0]),
                     stiffness[1] * time * (motion[1] - start.slip[1]),
                 ];
-                let more = solve(&slope, missing);
-                [start.slip[0] + more[0], start.slip[1] + more[1]]
+                self.follow_turning(around, start.slip, solve(&slope, missing))
             }
             None => self.guess(around, implicit, self.elastic(around, implicit), start.direction),
         };
@@ -386,9 +385,21 @@ impl Element {
             {
                 return Some(self.moved(around, slide, end, more));
             }
-            slip = [slip[0] + more[0], slip[1] + more[1]];
+            slip = self.follow_turning(around, slip, more);
         }
         None
+    }
+
+    /// `slip` changed by `more`, or by a part of it where the friction law may fall: it has two
+    /// stable branches then, and is followed on the present one, not across the unstable one.
+    #[inline(always)]
+    fn follow_turning(&self, around: &Around, slip: Pair, more: Pair) -> Pair {
+        let [change, size] = [more, slip].map(|[x, t]| x * x + t * t);
+        let feature = STRIBECK_STRIDE * self.sliding(Direction::of(slip[0])).stribeck_velocity;
+        let most = (0.25 * size).max(feature * feature);
+        let whole = around.constant || change <= most;
+        let part = if whole { 1.0 } else { libm::sqrt(most / change) };
+        [slip[0] + part * more[0], slip[1] + part * more[1]]
     }
 
     /// [`Self::newton`] off the usual way.

@@ -283,6 +283,29 @@ static void trocar_move_end(const trocar_element *e, const trocar_turn *turn, tr
 //@end
 }
 
+/* A slip velocity changed by `more`, or by a part of it where the friction law may fall: it has two stable branches then,
+ * and is followed on the present one, not across the unstable one. */
+static trocar_pair trocar_turn_follow(const trocar_element *e, trocar_pair slip, trocar_pair more)
+{
+//@if stribeck
+    if (e->contact[0].surplus_force_n > 0.0 || e->contact[1].surplus_force_n > 0.0) {
+        const double change = more.x * more.x + more.t * more.t, size = slip.x * slip.x + slip.t * slip.t;
+        const double feature = 0.1 * trocar_contact_for(e, slip.x)->stribeck_velocity_m_s;
+        const double most = trocar_most(0.25 * size, feature * feature);
+        if (!(change <= most)) {
+            const double part = sqrt(most / change);
+            more.x = part * more.x;
+            more.t = part * more.t;
+        }
+    }
+//@else
+    (void)e;
+//@end
+    slip.x = slip.x + more.x;
+    slip.t = slip.t + more.t;
+    return slip;
+}
+
 /* Newton's method from a slip velocity; 0 where it does not arrive, or at a root that is not stable. */
 static int trocar_newton(const trocar_element *e, const trocar_turn *turn, trocar_pair slip, trocar_end *end)
 {
@@ -309,8 +332,7 @@ static int trocar_newton(const trocar_element *e, const trocar_turn *turn, troca
             trocar_move_end(e, turn, more, end);
             return 1;
         }
-        slip.x = slip.x + more.x;
-        slip.t = slip.t + more.t;
+        slip = trocar_turn_follow(e, slip, more);
     }
     return 0;
 }
@@ -388,9 +410,7 @@ static trocar_turn trocar_weigh(const trocar_element *e, const trocar_turn *impl
         touch.slope.xt += k_x * w->xt;
         touch.slope.tx += k_t * w->tx;
         touch.slope.tt += k_t * w->tt;
-        *guess = trocar_solve(touch.slope, missing);
-        guess->x = implicit->slip.x + guess->x;
-        guess->t = implicit->slip.t + guess->t;
+        *guess = trocar_turn_follow(e, implicit->slip, trocar_solve(touch.slope, missing));
     } else {
         *guess = trocar_turn_guess(e, implicit, trocar_turn_elastic(e, implicit), implicit->direction);
     }
