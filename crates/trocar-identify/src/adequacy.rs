@@ -16,9 +16,9 @@ use super::element::Input;
 use super::estimate::t_p_value;
 use super::findings::Warning;
 use super::scale::FrictionScale;
-use super::stick_slip::{StickSlip, Swings};
 use trocar_recording::{Recording, local_velocity};
 use trocar_simulate::replay::replay;
+use trocar_simulate::stick_slip::{StickSlip, Swings};
 
 /// Sliding travel, in half widths, needed to show that the force stays constant.
 const SHOWS_SLIDING: f64 = 0.5;
@@ -154,10 +154,20 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let mut doubts: Vec<Warning> = phases.iter().filter_map(doubt).collect();
     let Candidate { insertion, offset, .. } = model.candidate;
     let falls = insertion.static_force > insertion.coulomb_force;
-    let swings =
-        Swings::of(input.recordings, input.segments, *offset, falls).filter(|_| model.has_shape);
-    doubts.extend(swings.iter().map(Swings::warning));
-    let stick_slip = swings.and_then(Swings::stick_slip);
+    let swings = |small| {
+        Swings::of(input.recordings, input.segments, *offset, small).filter(|_| model.has_shape)
+    };
+    let stick_slip = match swings(falls) {
+        Some(found) => {
+            doubts.push(swing_warning(&found));
+            found.stick_slip()
+        }
+        None => {
+            let are_left_out = input.left_out.iter().any(|out| !out.strokes.is_empty());
+            doubts.extend(are_left_out.then(|| swing_remark(&swings(true)?)).flatten());
+            None
+        }
+    };
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
     Adequacy {
@@ -347,6 +357,66 @@ fn doubt(phase: &Phase) -> Option<Warning> {
         );
         Warning::doubt(phase.phase, message)
     })
+}
+
+/// The warning about a force that swings at constant velocity.
+fn swing_warning(swings: &Swings) -> Warning {
+    let (subject, text) = match swings {
+        Swings::StickSlip(found) => ("stick-slip", in_words(found)),
+        Swings::Rig { speed_m_s, frequency_hz: [least, most] } => {
+            let text = format!(
+                "at {} mm/s the force swings, {least:.1} to {most:.1} times a second, at slower speeds it does not: no stick-slip, \
+                     but a resonance of the rig",
+                speeds_in_words(*speed_m_s)
+            );
+            return Warning::advice("vibration", text);
+        }
+        Swings::Position { period } => (
+            "ripple",
+            format!(
+                "at constant velocity the force swings with a period of {:.1} mm in the position, at the same places whatever the \
+                     speed: not stick-slip, but cogging of the drive, a screw or a rough shaft; c and the joins may be off. Turn the \
+                     instrument or use another drive",
+                1e3 * period
+            ),
+        ),
+        Swings::Interference { frequency } => (
+            "interference",
+            format!(
+                "at constant velocity the force swings at {frequency:.0} Hz whatever the speed: not stick-slip, but interference or \
+                     a vibration of the rig; find its source, or filter force and position alike before identification"
+            ),
+        ),
+    };
+    Warning::doubt(subject, text)
+}
+
+/// The remark about strokes that are left out for swings that neither are large nor belong to a
+/// friction that falls with speed.
+fn swing_remark(swings: &Swings) -> Option<Warning> {
+    let Swings::StickSlip(StickSlip { plateaus, speed_m_s, .. }) = swings else { return None };
+    let text = format!(
+        "in {plateaus} strokes at {} mm/s the force swings a little, as where a seal sticks and slips: they are not fitted",
+        speeds_in_words(*speed_m_s)
+    );
+    Some(Warning::remark("stick-slip", text))
+}
+
+fn in_words(found: &StickSlip) -> String {
+    let speeds = speeds_in_words(found.speed_m_s);
+    let [low, high] = found.force_n;
+    format!(
+        "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
+             slips. The static force F_s is the upper of the two, whatever the fit gives: no model predicts when each slip begins, so such \
+             strokes are not fitted where enough others are left, and sliding forces, Stribeck velocity and c may be off; record faster \
+             strokes, too",
+        found.frequency_hz[0], found.frequency_hz[1]
+    )
+}
+
+fn speeds_in_words(speed_m_s: [f64; 2]) -> String {
+    let [slow, fast] = speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
+    if slow == fast { slow } else { format!("{slow} to {fast}") }
 }
 
 /// Names of the recordings.

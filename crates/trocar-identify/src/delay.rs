@@ -13,6 +13,7 @@ use super::two_steps::{self, TwoSteps};
 use super::unexplained::PositionDelay;
 use trocar_recording::Recording;
 use trocar_simulate::segment::{Segments, segment};
+use trocar_simulate::stick_slip::LeftOut;
 
 /// Recordings with the position delay compensated, the delay, and the estimate made from them.
 pub(super) struct InTime {
@@ -21,6 +22,8 @@ pub(super) struct InTime {
     pub(super) segments: Vec<Segments>,
     /// Accelerations of each recording, m/s².
     accelerations: Vec<Vec<f64>>,
+    /// Of each recording.
+    left_out: Vec<LeftOut>,
     pub(super) two: TwoSteps,
 }
 
@@ -110,14 +113,15 @@ impl InTime {
             recordings.iter().map(|r| segment(r, &options.segment)).collect();
         let two = two_steps::two_steps(&recordings, &segments, options)?;
         let accelerations = recordings.iter().map(Recording::acceleration).collect();
-        let found = Self { recordings, lag, segments, accelerations, two };
+        let left_out = LeftOut::of(&recordings, &segments, two.candidate.offset);
+        let found = Self { recordings, lag, segments, accelerations, left_out, two };
         let begun =
             if options.paper { None } else { element::begin(&found.input(options), progress) };
         Ok((found, begun))
     }
 
     pub(super) fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
-        let Self { recordings, segments, accelerations, two, .. } = self;
-        Input { recordings, segments, accelerations, two, options }
+        let Self { recordings, segments, accelerations, left_out, two, .. } = self;
+        Input { recordings, segments, accelerations, left_out, two, options }
     }
 }

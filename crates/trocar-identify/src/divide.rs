@@ -8,6 +8,9 @@ use super::shape::{BranchShape, EndForces};
 use super::stage::SecondStage;
 use trocar_simulate::segment::Direction;
 
+/// Part of a full stroke from which on a branch is as steep as at its end.
+const END_FROM: f64 = 0.8;
+
 /// Points of a full stroke to which branches are fitted.
 const POINTS: usize = 200;
 
@@ -82,6 +85,35 @@ impl Candidate {
     /// The candidate with another half width, m, and the same force over full strokes.
     pub(super) fn with_half_width(&self, half_width: f64) -> Option<Candidate> {
         self.rebuilt(1.0, half_width, |d, travel| self.first_upon_stroke(d, travel))
+    }
+
+    /// The candidate with static forces of `ratio` times the Coulomb forces, below `velocity` (m/s): its
+    /// branches go on, beyond their ends, as steeply as just before them.
+    pub(super) fn holding(&self, ratio: f64, velocity: f64) -> Option<Candidate> {
+        let full = 2.0 * self.half_width;
+        let stiffness = |direction| {
+            let force = |part: f64| self.first_upon_stroke(direction, part * full);
+            Some((force(1.0)? - force(END_FROM)?).abs() / (full * (1.0 - END_FROM)))
+        };
+        let [up, down] = Direction::BOTH.map(stiffness);
+        let stiffness = 0.5 * (up? + down?);
+        let mut longer = self.clone();
+        for sliding in [&mut longer.insertion, &mut longer.withdrawal] {
+            sliding.static_force = ratio * sliding.coulomb_force;
+            sliding.stribeck_velocity = velocity;
+        }
+        let (own, end) = (self.end_forces(), longer.end_forces());
+        let [below, above] =
+            [own.low - end.low, end.high - own.high].map(|change| change / stiffness);
+        let half_width = 0.5 * (full + below + above);
+        let is_sound = half_width > 0.25 * full && half_width < full;
+        let force = |direction: Direction, travel: f64| {
+            let on = travel - direction.pick([below, above]);
+            let inside = on.clamp(0.0, full);
+            let beyond = direction.sign() * stiffness * (on - inside);
+            Some(self.first_upon_stroke(direction, inside)? + beyond)
+        };
+        is_sound.then(|| longer.rebuilt(1.0, half_width, force))?
     }
 
     /// The candidate with the fraction `share_of_force` of its force moved to a second stage of

@@ -31,6 +31,7 @@ use trocar_recording::{Recording, range};
 use trocar_simulate::motion_found::FreeMotion;
 use trocar_simulate::replay::replay;
 use trocar_simulate::segment::{Direction, Segments};
+use trocar_simulate::stick_slip::LeftOut;
 
 /// Half widths to start from where the two steps resolved none, in units of the assumed one.
 const WIDTHS: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 1.8];
@@ -59,6 +60,8 @@ pub(super) struct Input<'a> {
     pub(super) segments: &'a [Segments],
     /// Accelerations of each recording, m/s².
     pub(super) accelerations: &'a [Vec<f64>],
+    /// Of each recording.
+    pub(super) left_out: &'a [LeftOut],
     pub(super) two: &'a TwoSteps,
     pub(super) options: &'a IdentifyOptions,
 }
@@ -180,6 +183,32 @@ fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<E
     fits.min_by(|a, b| a.cost().total_cmp(&b.cost()))
 }
 
+/// Static forces relative to the Coulomb forces.
+const STATIC_RATIOS: [f64; 3] = [1.08, 1.2, 1.35];
+
+/// A clearly better fit from higher static forces. A fit that lets go too early does not see the rise
+/// that follows: its error grows with either number alone, the static force and the half width.
+fn holding_longer(
+    input: &Input,
+    training: &Training,
+    found: &Fitted<EmsTrial>,
+) -> Option<Fitted<EmsTrial>> {
+    let [slow, fast] = speeds(input);
+    let velocities = [0.5 * slow, (slow * fast).sqrt()];
+    let all = STATIC_RATIOS.into_iter().flat_map(|ratio| velocities.map(|v| (ratio, v)));
+    let start = |(ratio, velocity)| {
+        let candidate = found.best.candidate.holding(ratio, velocity)?;
+        Some(EmsTrial { candidate, ..found.best.clone() }.within())
+    };
+    let starts: Vec<EmsTrial> = all.filter_map(start).collect();
+    let fit = |start: &EmsTrial| likelihood::fit(training, start, SHORT);
+    let fits: Vec<_> = starts.par_iter().filter_map(fit).collect();
+    let best = fits.into_iter().min_by(|a, b| a.cost().total_cmp(&b.cost()))?;
+    let is_near = best.cost() * (1.0 - best.promised_fall()) < found.cost();
+    let fitted = is_near.then(|| likelihood::fit(training, &best.best, NEXT))??;
+    (fitted.cost() < (1.0 - NEXT.fall) * found.cost()).then_some(fitted)
+}
+
 /// The same full stroke with other half widths, `parts` of its own.
 fn other_widths<'a>(trial: &'a EmsTrial, parts: &'a [f64]) -> impl Iterator<Item = EmsTrial> + 'a {
     parts.iter().filter_map(|part| of_width(trial, part * trial.candidate.half_width))
@@ -275,6 +304,11 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
         {
             chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
+    }
+    if chosen.fitted.best.layout.stribeck
+        && let Some(other) = holding_longer(input, &training, &chosen.fitted)
+    {
+        chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
     }
     // The terms explain much of what hid others, and of what looked like scatter.
     let Scaled { training, fitted, .. } =
@@ -587,17 +621,17 @@ fn slowest_creep(recordings: &[Recording]) -> f64 {
 
 /// All samples; those of settled sliding are averaged into longer steps.
 fn training<'a>(input: &Input<'a>, of: &Candidate, coarseness: Coarseness) -> Option<Training> {
-    let Input { recordings, segments, accelerations, two, .. } = input;
-    let segmented =
-        |((recording, segments), acceleration): ((&'a Recording, &'a Segments), &'a Vec<f64>)| {
-            let settled = match &two.deformation {
-                Ok(found) => settled_segments(recording, segments, &two.steady, found),
-                Err(_) => Vec::new(),
-            };
-            Segmented { recording, strokes: &segments.strokes, settled, acceleration }
+    let Input { recordings, segments, accelerations, left_out, two, .. } = input;
+    let segmented = |(k, recording): (usize, &'a Recording)| {
+        let segments = &segments[k];
+        let settled = match &two.deformation {
+            Ok(found) => settled_segments(recording, segments, &two.steady, found),
+            Err(_) => Vec::new(),
         };
-    let data: Vec<Segmented> =
-        recordings.iter().zip(*segments).zip(*accelerations).map(segmented).collect();
+        let (acceleration, left_out) = (&accelerations[k], &left_out[k]);
+        Segmented { recording, strokes: &segments.strokes, settled, acceleration, left_out }
+    };
+    let data: Vec<Segmented> = recordings.iter().enumerate().map(segmented).collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT, coarseness);
     training.variance = (INITIAL_ERROR * of.insertion.coulomb_force).powi(2);
     let stages = of.stages().ok()?;

@@ -24,6 +24,7 @@ use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
+use trocar_simulate::stick_slip::LeftOut;
 
 /// Way back that is a reversal, in half widths.
 const REVERSAL: f64 = 0.02;
@@ -131,7 +132,7 @@ impl Motion {
 
     fn segmented(&self) -> Segmented<'_> {
         let Self { recording, acceleration, strokes } = self;
-        Segmented { recording, strokes, settled: Vec::new(), acceleration }
+        Segmented { recording, strokes, settled: Vec::new(), acceleration, left_out: LeftOut::NONE }
     }
 }
 

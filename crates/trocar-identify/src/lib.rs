@@ -22,6 +22,7 @@ use trocar_recording::{Recording, range};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
 pub use trocar_simulate::motion_found::{FreeMotion, MotionFound};
+pub use trocar_simulate::stick_slip::StickSlip;
 
 pub use adequacy::Phase;
 pub use candidate::Candidate;
@@ -44,7 +45,6 @@ pub use seal_prior::{PriorUse, SealPrior};
 pub use shape::{BranchShape, EndForces};
 pub use stage::SecondStage;
 pub use steady::{DirectionLine, LackOfFit, SteadyFit, StribeckFit, StrokeMean};
-pub use stick_slip::StickSlip;
 pub use terms::{Term, TermTrial};
 pub use unexplained::PositionDelay;
 
@@ -81,7 +81,6 @@ mod shape;
 mod spread;
 mod stage;
 mod steady;
-mod stick_slip;
 mod stribeck;
 mod terms;
 mod training;

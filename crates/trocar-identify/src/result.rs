@@ -12,12 +12,12 @@ use super::posterior::{Density, Posterior};
 use super::scale::FrictionScale;
 use super::seal_prior::PriorUse;
 use super::steady::SteadyFit;
-use super::stick_slip::StickSlip;
 use super::terms::TermTrial;
 use super::unexplained::PositionDelay;
 use crate::profile::ProfileFit;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::motion_found::FreeMotion;
+use trocar_simulate::stick_slip::StickSlip;
 
 /// Outcome of the likelihood fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]

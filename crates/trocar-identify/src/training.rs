@@ -16,6 +16,7 @@ use super::prior::Prior;
 use trocar_recording::Recording;
 use trocar_simulate::replay::forgotten_after;
 use trocar_simulate::segment::{Direction, SteadySegment, Stroke};
+use trocar_simulate::stick_slip::LeftOut;
 
 /// Most samples averaged, and longest time, s: stick-slip has a frequency of about 10 Hz or more.
 const THINNING: usize = 50;
@@ -89,13 +90,19 @@ impl Step {
         let mean = |values: &[f64]| mean(&values[at + 1..=next]);
         let displacement = recording.position[next] - recording.position[at];
         let is_clipped = (at + 1..=next).any(|i| recording.is_clipped(i));
+        let first = part.left_out.releases.partition_point(|out| out.end <= at + 1);
+        let has_no_weight = part.left_out.releases.get(first).is_some_and(|out| out.start <= next);
         Self {
             displacement,
             duration: recording.time[next] - recording.time[at],
             samples: at + 1..next + 1,
             force: mean(&recording.force),
             acceleration: mean(part.acceleration),
-            weight: if is_clipped { 0.0 } else { samples / (1.0 + samples / independent) },
+            weight: if is_clipped || has_no_weight {
+                0.0
+            } else {
+                samples / (1.0 + samples / independent)
+            },
             centre: if displacement == 0.0 {
                 0.5 * (samples + 1.0) / samples
             } else {
@@ -224,6 +231,25 @@ pub(crate) struct Segmented<'a> {
     pub(crate) settled: Vec<SteadySegment>,
     /// Acceleration, m/s².
     pub(crate) acceleration: &'a [f64],
+    pub(crate) left_out: &'a LeftOut,
+}
+
+impl Segmented<'_> {
+    /// What is fitted: from each piece to the next the state is unknown.
+    fn pieces(&self) -> Vec<Range<usize>> {
+        let mut all = Vec::new();
+        for Range { start, end } in self.recording.unbroken() {
+            let mut from = start;
+            for out in self.left_out.strokes.iter().filter(|out| out.start < end && out.end > start)
+            {
+                all.push(from..out.start);
+                from = out.end;
+            }
+            all.push(from..end);
+        }
+        all.retain(|piece| piece.end > piece.start + 1);
+        all
+    }
 }
 
 /// Most samples of a step that count as independent, since the unmodelled error changes little
@@ -275,10 +301,8 @@ impl Training {
         };
         let (mut runs, mut strokes) = (Vec::new(), Vec::new());
         for (index, part) in data.iter().enumerate() {
-            for Range { start: from, end: to } in part.recording.unbroken() {
-                if to > from + 1 {
-                    runs.push(run(part, index, from..to, limits, &mut strokes));
-                }
+            for piece in part.pieces() {
+                runs.push(run(part, index, piece, limits, &mut strokes));
             }
         }
         let clusters = strokes.last().map_or(0, |s: &ScaledStroke| s.cluster + 1);

@@ -10,3 +10,4 @@ pub mod replay;
 pub mod scatter;
 pub mod segment;
 pub mod simulate;
+pub mod stick_slip;

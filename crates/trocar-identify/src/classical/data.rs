@@ -7,6 +7,7 @@ use crate::training::{ASSUMED_WIDTH, Coarseness, Segmented, Training};
 use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
 use trocar_simulate::segment::{Segments, SteadySegment, segment};
+use trocar_simulate::stick_slip::LeftOut;
 
 use super::coordinate::Scales;
 
@@ -44,7 +45,13 @@ impl ClassicalData {
             recordings.iter().zip(&found_in).zip(&acceleration)
         {
             let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
-            parts.push(Segmented { recording, strokes, settled, acceleration });
+            parts.push(Segmented {
+                recording,
+                strokes,
+                settled,
+                acceleration,
+                left_out: LeftOut::NONE,
+            });
         }
         let of = |coarseness| {
             let mut training =

@@ -11,11 +11,12 @@
 //! the same positions at any speed, interference at the same frequency, a resonance of the rig at
 //! some speeds but not at slower ones. None of them is stick-slip.
 
-use serde::Serialize;
+use std::ops::Range;
 
-use super::findings::Warning;
+use serde::Serialize;
 use trocar_recording::{Recording, median, range};
-use trocar_simulate::segment::{Segments, SteadySegment};
+
+use crate::segment::{Direction, Segments, SteadySegment, Stroke};
 
 /// Fewest periods, samples and longest period in samples of an oscillation; least correlation after
 /// one period, also in units of its error of white noise; correlation that is a valley before.
@@ -63,15 +64,27 @@ pub struct StickSlip {
 }
 
 /// Cause of a force oscillation at constant velocity.
-pub(super) enum Swings {
+#[derive(Debug, Clone, PartialEq)]
+pub enum Swings {
     /// The seal.
     StickSlip(StickSlip),
     /// A position-dependent cause, with a period in m.
-    Position { period: f64 },
+    Position {
+        /// m.
+        period: f64,
+    },
     /// A cause with its own frequency, Hz.
-    Interference { frequency: f64 },
+    Interference {
+        /// Hz.
+        frequency: f64,
+    },
     /// A resonance of the rig at some speeds, but not at slower ones.
-    Rig { speed_m_s: [f64; 2], frequency_hz: [f64; 2] },
+    Rig {
+        /// Of the plateaus that oscillate, m/s.
+        speed_m_s: [f64; 2],
+        /// Cycles per second.
+        frequency_hz: [f64; 2],
+    },
 }
 
 /// One plateau that oscillates.
@@ -80,6 +93,8 @@ struct Oscillation<'a> {
     force: [f64; 2],
     speed: f64,
     inserts: bool,
+    /// First sample.
+    from: usize,
     positions: &'a [f64],
     readings: &'a [f64],
 }
@@ -88,7 +103,8 @@ impl Swings {
     /// `None` where the force oscillates on fewer than two plateaus.
     ///
     /// Where the model's sliding force `falls` with speed, small swings count, too.
-    pub(super) fn of(
+    #[must_use]
+    pub fn of(
         recordings: &[Recording],
         segments: &[Segments],
         offset: f64,
@@ -119,61 +135,94 @@ impl Swings {
         (all.len() >= FEWEST_PLATEAUS).then_some(swings)
     }
 
-    /// The warning about them.
-    pub(super) fn warning(&self) -> Warning {
-        let (subject, text) = match self {
-            Self::StickSlip(found) => ("stick-slip", found.in_words()),
-            Self::Rig { speed_m_s, frequency_hz: [least, most] } => {
-                let text = format!(
-                    "at {} mm/s the force swings, {least:.1} to {most:.1} times a second, at slower speeds it does not: no stick-slip, \
-                     but a resonance of the rig",
-                    speeds_in_words(*speed_m_s)
-                );
-                return Warning::advice("vibration", text);
-            }
-            Self::Position { period } => (
-                "ripple",
-                format!(
-                    "at constant velocity the force swings with a period of {:.1} mm in the position, at the same places whatever the \
-                     speed: not stick-slip, but cogging of the drive, a screw or a rough shaft; c and the joins may be off. Turn the \
-                     instrument or use another drive",
-                    1e3 * period
-                ),
-            ),
-            Self::Interference { frequency } => (
-                "interference",
-                format!(
-                    "at constant velocity the force swings at {frequency:.0} Hz whatever the speed: not stick-slip, but interference or \
-                     a vibration of the rig; find its source, or filter force and position alike before identification"
-                ),
-            ),
-        };
-        Warning::doubt(subject, text)
-    }
-
     /// The oscillation of the seal itself.
-    pub(super) fn stick_slip(self) -> Option<StickSlip> {
+    #[must_use]
+    pub fn stick_slip(self) -> Option<StickSlip> {
         if let Self::StickSlip(found) = self { Some(found) } else { None }
     }
 }
 
-impl StickSlip {
-    /// Message for the warning.
-    fn in_words(&self) -> String {
-        let speeds = speeds_in_words(self.speed_m_s);
-        let [low, high] = self.force_n;
-        format!(
-            "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
-             slips. The static force F_s is the upper of the two, whatever the fit gives: it cannot predict when each slip begins, so its \
-             sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
-            self.frequency_hz[0], self.frequency_hz[1]
-        )
+/// Fewest strokes that are kept in each direction: as many as two recordings of the paper's first step
+/// need.
+const FEWEST_KEPT: usize = 4;
+
+/// Samples of a recording at which no fit can follow the seal, in order.
+#[derive(Debug, Clone, Default)]
+pub struct LeftOut {
+    /// Strokes during which it sticks and slips: the mean of its force over a swing is not its sliding
+    /// force.
+    pub strokes: Vec<Range<usize>>,
+    /// Instants at which it lets go by a jump. When it does, no model tells to a sample, and being a
+    /// sample late costs as much there as all other samples together: a fit would rather have no jump
+    /// at all.
+    pub releases: Vec<Range<usize>>,
+}
+
+impl LeftOut {
+    /// Nothing.
+    pub const NONE: &Self = &Self { strokes: Vec::new(), releases: Vec::new() };
+
+    /// Of each recording, whose readings contain the sensor offset `offset`, N. No stroke where too few
+    /// would be left.
+    #[must_use]
+    pub fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Vec<Self> {
+        let swings = Swings::of(recordings, segments, offset, true);
+        let swings = matches!(swings, Some(Swings::StickSlip(_)));
+        let of = |(recording, segments): (&Recording, &Segments)| Self {
+            strokes: if swings { swinging(recording, segments, offset) } else { Vec::new() },
+            releases: releases(recording, segments, offset),
+        };
+        let mut all: Vec<Self> = recordings.iter().zip(segments).map(of).collect();
+        let is_kept = |direction| {
+            let left = |(segments, out): (&Segments, &Self)| {
+                let own = segments.strokes.iter().filter(|s| s.direction == direction);
+                own.filter(|s| !out.strokes.contains(&(s.start..s.end))).count()
+            };
+            segments.iter().zip(&all).map(left).sum::<usize>() >= FEWEST_KEPT
+        };
+        if !Direction::BOTH.into_iter().all(is_kept) {
+            all.iter_mut().for_each(|out| out.strokes.clear());
+        }
+        all
     }
 }
 
-fn speeds_in_words(speed_m_s: [f64; 2]) -> String {
-    let [slow, fast] = speed_m_s.map(|v| format!("{:.0}", 1e3 * v));
-    if slow == fast { slow } else { format!("{slow} to {fast}") }
+fn swinging(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
+    let during = |o: &Oscillation| {
+        let stroke = segments.strokes.iter().find(|s| (s.start..s.end).contains(&o.from))?;
+        Some(stroke.start..stroke.end)
+    };
+    let swings = oscillations(recording, segments, offset, true);
+    let mut all: Vec<Range<usize>> = swings.iter().filter_map(during).collect();
+    all.dedup();
+    all
+}
+
+/// Least excess of the force at which the seal lets go over that of the plateau that follows, as a
+/// part of that force and in units of the noise.
+const LEAST_EXCESS: f64 = 0.02;
+/// Part of the excess below which the force has fallen; longest time, s, and most samples for that.
+const FALLEN: f64 = 0.2;
+const LONGEST_FALL: f64 = 0.02;
+const MOST_FALLING: usize = 4;
+
+fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
+    let (force, time) = (&recording.force, &recording.time);
+    let release = |stroke: &Stroke| {
+        let s = stroke.direction.sign();
+        let inside = |part: &&SteadySegment| stroke.start <= part.start && part.end <= stroke.end;
+        let settled = segments.steady_segments.iter().filter(inside);
+        let settled = settled.flat_map(|part| part.start..part.end).map(|i| s * force[i]);
+        let level = median(settled.collect())?;
+        let above = |i: usize| s * force[i] - level;
+        let peak = (stroke.start..stroke.end).max_by(|a, b| above(*a).total_cmp(&above(*b)))?;
+        let noise = OVER_NOISE * recording.quality.force_noise;
+        let is_large = above(peak) > LEAST_EXCESS * (level - s * offset).abs() + noise;
+        let fallen = (peak..stroke.end).find(|i| above(*i) < FALLEN * above(peak))?;
+        let is_sudden = time[fallen] - time[peak] <= LONGEST_FALL || fallen - peak <= MOST_FALLING;
+        (is_large && is_sudden).then(|| peak..fallen + 1)
+    };
+    segments.strokes.iter().filter_map(release).collect()
 }
 
 /// Number of plateaus up to a speed, m/s, that would show an oscillation with a period of `travel`, m.
@@ -280,6 +329,7 @@ fn oscillations<'a>(
             force: [one.min(other), one.max(other)],
             speed: (passed(&recording.position) / time).abs(),
             inserts: recording.position[last] > recording.position[from],
+            from,
             positions: &recording.position[from..=last],
             readings: force,
         })
@@ -321,8 +371,7 @@ fn period_of(force: &[f64]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use trocar_simulate::segment::SegmentOptions;
-    use trocar_simulate::segment::segment;
+    use crate::segment::{SegmentOptions, segment};
 
     /// Strokes of 10 mm at the first six multiples of a speed, mm/s, during which the force swings by
     /// 0.4 N every 0.5 mm at those that `swing`.
