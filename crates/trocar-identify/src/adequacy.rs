@@ -157,17 +157,10 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let swings = |small| {
         Swings::of(input.recordings, input.segments, *offset, small).filter(|_| model.has_shape)
     };
-    let stick_slip = match swings(falls) {
-        Some(found) => {
-            doubts.push(swing_warning(&found));
-            found.stick_slip()
-        }
-        None => {
-            let are_left_out = input.left_out.iter().any(|out| !out.strokes.is_empty());
-            doubts.extend(are_left_out.then(|| swing_remark(&swings(true)?)).flatten());
-            None
-        }
-    };
+    let found = swings(falls);
+    doubts.extend(found.iter().map(swing_warning));
+    doubts.extend(left_out(input));
+    let stick_slip = found.and_then(Swings::stick_slip);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
     Adequacy {
@@ -192,6 +185,10 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;
     for stroke in &segments.strokes {
+        if input.left_out[index].swings_at(stroke.start) {
+            slid_before = None;
+            continue;
+        }
         let scale = model.scale.at(index, recording.time[stroke.start] - recording.time[0]);
         let (mut slid, mut sums) = (0.0, Vec::new());
         for i in (stroke.start + 1..=stroke.end).filter(|i| known[*i] && !recording.is_clipped(*i))
@@ -391,15 +388,16 @@ fn swing_warning(swings: &Swings) -> Warning {
     Warning::doubt(subject, text)
 }
 
-/// The remark about strokes that are left out for swings that neither are large nor belong to a
-/// friction that falls with speed.
-fn swing_remark(swings: &Swings) -> Option<Warning> {
-    let Swings::StickSlip(StickSlip { plateaus, speed_m_s, .. }) = swings else { return None };
-    let text = format!(
-        "in {plateaus} strokes at {} mm/s the force swings a little, as where a seal sticks and slips: they are not fitted",
-        speeds_in_words(*speed_m_s)
-    );
-    Some(Warning::remark("stick-slip", text))
+/// The remark about strokes that are not fitted.
+fn left_out(input: &Input) -> Option<Warning> {
+    let count: usize = input.left_out.iter().map(|out| out.strokes.len()).sum();
+    let all: usize = input.segments.iter().map(|segments| segments.strokes.len()).sum();
+    let text = || {
+        format!(
+            "in {count} of {all} strokes the force swings as where a seal sticks and slips: they are not fitted"
+        )
+    };
+    (count > 0 && !input.options.paper).then(|| Warning::remark("swings", text()))
 }
 
 fn in_words(found: &StickSlip) -> String {
@@ -407,9 +405,8 @@ fn in_words(found: &StickSlip) -> String {
     let [low, high] = found.force_n;
     format!(
         "at {speeds} mm/s the force swings between {low:.2} and {high:.2} N, {:.1} to {:.1} times a second: the seal sticks and \
-             slips. The static force F_s is the upper of the two, whatever the fit gives: no model predicts when each slip begins, so such \
-             strokes are not fitted where enough others are left, and sliding forces, Stribeck velocity and c may be off; record faster \
-             strokes, too",
+             slips. The static force F_s is the upper of the two, whatever the fit gives: no model predicts when each slip begins, so \
+             sliding forces, Stribeck velocity and c may be off; record faster strokes, too",
         found.frequency_hz[0], found.frequency_hz[1]
     )
 }

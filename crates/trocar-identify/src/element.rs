@@ -30,7 +30,7 @@ use super::unexplained::{Unexplained, UnexplainedEffects};
 use trocar_recording::{Recording, range};
 use trocar_simulate::motion_found::FreeMotion;
 use trocar_simulate::replay::replay;
-use trocar_simulate::segment::{Direction, Segments};
+use trocar_simulate::segment::{Direction, Segments, SteadySegment};
 use trocar_simulate::stick_slip::LeftOut;
 
 /// Half widths to start from where the two steps resolved none, in units of the assumed one.
@@ -186,8 +186,8 @@ fn other_width(training: &Training, found: &Fitted<EmsTrial>) -> Option<Fitted<E
 /// Static forces relative to the Coulomb forces.
 const STATIC_RATIOS: [f64; 3] = [1.08, 1.2, 1.35];
 
-/// A clearly better fit from higher static forces. A fit that lets go too early does not see the rise
-/// that follows: its error grows with either number alone, the static force and the half width.
+/// A better fit from higher static forces. A fit whose seal lets go too early does not see that the
+/// force rises further: its error grows with either number alone, the static force and the half width.
 fn holding_longer(
     input: &Input,
     training: &Training,
@@ -195,7 +195,9 @@ fn holding_longer(
 ) -> Option<Fitted<EmsTrial>> {
     let [slow, fast] = speeds(input);
     let velocities = [0.5 * slow, (slow * fast).sqrt()];
-    let all = STATIC_RATIOS.into_iter().flat_map(|ratio| velocities.map(|v| (ratio, v)));
+    let own = found.best.candidate.insertion;
+    let higher = STATIC_RATIOS.into_iter().filter(|r| r * own.coulomb_force > own.static_force);
+    let all = higher.flat_map(|ratio| velocities.map(|v| (ratio, v)));
     let start = |(ratio, velocity)| {
         let candidate = found.best.candidate.holding(ratio, velocity)?;
         Some(EmsTrial { candidate, ..found.best.clone() }.within())
@@ -256,14 +258,19 @@ fn restarted(input: &Input, training: &Training, mut found: Fitted<EmsTrial>) ->
 /// Root mean square error, N, over all samples whose force does not depend on the unknown start.
 pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     let Ok(stages) = candidate.stages() else { return f64::INFINITY };
-    let of = |recording: &Recording| {
+    let of = |(recording, left_out): (&Recording, &LeftOut)| {
         let run = replay(&Trocar::of_seal(stages), recording, candidate.offset);
         let reading = recording.force_without_inertia(candidate.unmodelled_mass);
         let error = |i: usize| reading[i] - candidate.offset - run.force[i];
-        let known = run.known.iter().cloned().flatten();
+        let known = run.known.iter().cloned().flatten().filter(|i| !left_out.swings_at(*i));
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
     };
-    let sums = input.recordings.iter().map(of).fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let sums = input
+        .recordings
+        .iter()
+        .zip(input.left_out)
+        .map(of)
+        .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
@@ -519,7 +526,9 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
     let mut imposed = vec![false; strokes.len()];
     let mut speeds: [Vec<f64>; 2] = [Vec::new(), Vec::new()];
     for (recording, segments) in input.segments.iter().enumerate() {
-        for segment in segments.steady_segments.iter().filter(|s| s.dwell >= IMPOSED) {
+        let is_fitted = |s: &&SteadySegment| !input.left_out[recording].swings_at(s.start);
+        let plateaus = segments.steady_segments.iter().filter(|s| s.dwell >= IMPOSED);
+        for segment in plateaus.filter(is_fitted) {
             let stroke =
                 strokes.partition_point(|s| (s.recording, s.start) <= (recording, segment.start));
             imposed[stroke.saturating_sub(1)] = true;

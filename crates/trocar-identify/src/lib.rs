@@ -8,7 +8,7 @@
 //!               friction scale of each stroke, optional terms                   element.rs, scale.rs, terms.rs
 //!            -> the force along the position, where strokes repeat it           along.rs
 //!            -> intervals; joins by the likelihood along them                   numbers.rs, spread.rs, joins.rs
-//!            -> what the data determine, and whether the model is adequate      adequacy.rs, stick_slip.rs
+//!            -> what the data determine, and whether the model is adequate      adequacy.rs
 //!            -> the result                                                      conclude.rs
 //! ```
 //!

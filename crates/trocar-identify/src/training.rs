@@ -242,7 +242,8 @@ impl Segmented<'_> {
             let mut from = start;
             for out in self.left_out.strokes.iter().filter(|out| out.start < end && out.end > start)
             {
-                all.push(from..out.start);
+                // The last sample of a stroke is the first of the next one.
+                all.push(from..out.start + 1);
                 from = out.end;
             }
             all.push(from..end);

@@ -11,7 +11,7 @@
 //! the same positions at any speed, interference at the same frequency, a resonance of the rig at
 //! some speeds but not at slower ones. None of them is stick-slip.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use serde::Serialize;
 use trocar_recording::{Recording, median, range};
@@ -93,8 +93,8 @@ struct Oscillation<'a> {
     force: [f64; 2],
     speed: f64,
     inserts: bool,
-    /// First sample.
-    from: usize,
+    /// Those of its plateau.
+    strokes: RangeInclusive<usize>,
     positions: &'a [f64],
     readings: &'a [f64],
 }
@@ -142,9 +142,9 @@ impl Swings {
     }
 }
 
-/// Fewest strokes that are kept in each direction: as many as two recordings of the paper's first step
-/// need.
-const FEWEST_KEPT: usize = 4;
+/// Fewest strokes that are kept in each direction, each after one that is kept: with one there would be
+/// no scatter.
+const FEWEST_KEPT: usize = 2;
 
 /// Samples of a recording at which no fit can follow the seal, in order.
 #[derive(Debug, Clone, Default)]
@@ -162,6 +162,12 @@ impl LeftOut {
     /// Nothing.
     pub const NONE: &Self = &Self { strokes: Vec::new(), releases: Vec::new() };
 
+    /// Whether the seal sticks and slips in the stroke with the sample `i`.
+    #[must_use]
+    pub fn swings_at(&self, i: usize) -> bool {
+        self.strokes.iter().any(|stroke| stroke.contains(&i))
+    }
+
     /// Of each recording, whose readings contain the sensor offset `offset`, N. No stroke where too few
     /// would be left.
     #[must_use]
@@ -173,10 +179,13 @@ impl LeftOut {
             releases: releases(recording, segments, offset),
         };
         let mut all: Vec<Self> = recordings.iter().zip(segments).map(of).collect();
+        // A stroke shows its deformation only after one that is kept, too.
         let is_kept = |direction| {
             let left = |(segments, out): (&Segments, &Self)| {
-                let own = segments.strokes.iter().filter(|s| s.direction == direction);
-                own.filter(|s| !out.strokes.contains(&(s.start..s.end))).count()
+                let pairs = segments.strokes.windows(2).filter(|pair| {
+                    pair[1].direction == direction && !pair.iter().any(|s| out.swings_at(s.start))
+                });
+                pairs.count()
             };
             segments.iter().zip(&all).map(left).sum::<usize>() >= FEWEST_KEPT
         };
@@ -188,23 +197,21 @@ impl LeftOut {
 }
 
 fn swinging(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
-    let during = |o: &Oscillation| {
-        let stroke = segments.strokes.iter().find(|s| (s.start..s.end).contains(&o.from))?;
-        Some(stroke.start..stroke.end)
-    };
     let swings = oscillations(recording, segments, offset, true);
-    let mut all: Vec<Range<usize>> = swings.iter().filter_map(during).collect();
+    let mut all: Vec<usize> = swings.into_iter().flat_map(|o| o.strokes).collect();
     all.dedup();
-    all
+    all.into_iter().map(|k| segments.strokes[k].start..segments.strokes[k].end).collect()
 }
 
 /// Least excess of the force at which the seal lets go over that of the plateau that follows, as a
 /// part of that force and in units of the noise.
 const LEAST_EXCESS: f64 = 0.02;
-/// Part of the excess below which the force has fallen; longest time, s, and most samples for that.
+/// Part of the excess below which the force has fallen; longest time for that, s, and longest where it
+/// is but a few samples.
 const FALLEN: f64 = 0.2;
 const LONGEST_FALL: f64 = 0.02;
-const MOST_FALLING: usize = 4;
+const LONGEST_FEW: f64 = 0.05;
+const FEW: usize = 4;
 
 fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
     let (force, time) = (&recording.force, &recording.time);
@@ -219,7 +226,8 @@ fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Rang
         let noise = OVER_NOISE * recording.quality.force_noise;
         let is_large = above(peak) > LEAST_EXCESS * (level - s * offset).abs() + noise;
         let fallen = (peak..stroke.end).find(|i| above(*i) < FALLEN * above(peak))?;
-        let is_sudden = time[fallen] - time[peak] <= LONGEST_FALL || fallen - peak <= MOST_FALLING;
+        let longest = if fallen - peak <= FEW { LONGEST_FEW } else { LONGEST_FALL };
+        let is_sudden = time[fallen] - time[peak] <= longest;
         (is_large && is_sudden).then(|| peak..fallen + 1)
     };
     segments.strokes.iter().filter_map(release).collect()
@@ -329,7 +337,7 @@ fn oscillations<'a>(
             force: [one.min(other), one.max(other)],
             speed: (passed(&recording.position) / time).abs(),
             inserts: recording.position[last] > recording.position[from],
-            from,
+            strokes: plateau[0].stroke..=plateau[plateau.len() - 1].stroke,
             positions: &recording.position[from..=last],
             readings: force,
         })
@@ -402,6 +410,39 @@ mod tests {
     fn swings_too_slow_to_be_seen_at_the_slowest_speeds_are_no_resonance() {
         let all = found(strokes(0.2, |_| true));
         assert!(matches!(all, Some(Swings::StickSlip(StickSlip { plateaus: 4..=8, .. }))));
+    }
+
+    #[test]
+    fn strokes_that_swing_are_left_out_where_enough_others_are_left() {
+        let left_out = |recording: Recording| {
+            let segments = [segment(&recording, &SegmentOptions::default())];
+            let out = LeftOut::of(&[recording], &segments, 0.0).remove(0);
+            (out, segments[0].strokes.clone())
+        };
+        let (out, strokes) = left_out(self::strokes(1.0, |speed| speed < 1.5));
+        let slow: Vec<Range<usize>> = strokes[..2].iter().map(|s| s.start..s.end).collect();
+        assert_eq!(out.strokes, slow);
+        assert!(out.swings_at(slow[0].start) && !out.swings_at(strokes[2].start));
+        assert!(left_out(self::strokes(1.0, |speed| speed < 5.5)).0.strokes.is_empty());
+        assert!(left_out(self::strokes(1.0, |_| false)).0.strokes.is_empty());
+    }
+
+    /// The force rises over 1 mm and falls within a sample.
+    #[test]
+    fn samples_at_which_the_seal_lets_go_are_found() {
+        let (mut time, mut position, mut force) = (vec![0.0], vec![0.0], vec![-2.0]);
+        for k in 1..=4000 {
+            let (stroke, way) = (k / 1000, f64::from(k % 1000));
+            let s = if stroke % 2 == 0 { 1.0 } else { -1.0 };
+            let at = if s > 0.0 { way } else { 1000.0 - way };
+            time.push(1e-3 * f64::from(k));
+            position.push(1e-5 * at);
+            force.push(s * if way < 100.0 { -2.0 + 0.045 * way } else { 2.0 });
+        }
+        let recording = Recording::from_columns("rises", time, position, force).unwrap();
+        let segments = [segment(&recording, &SegmentOptions::default())];
+        let found = LeftOut::of(&[recording], &segments, 0.0).remove(0).releases;
+        assert_eq!(found, [99..101, 1099..1101, 2099..2101, 3099..3101]);
     }
 
     #[test]

@@ -390,13 +390,15 @@ impl Element {
         None
     }
 
-    /// `slip` changed by `more`, or by a part of it where the friction law may fall: it has two
-    /// stable branches then, and is followed on the present one, not across the unstable one.
+    /// `slip` changed by `more`; where the friction law may fall at most doubled or halved, but for the
+    /// slowest slip: such a law has two stable branches with an unstable one between them, and the
+    /// present one is followed.
     #[inline(always)]
     fn follow_turning(&self, around: &Around, slip: Pair, more: Pair) -> Pair {
         let [change, size] = [more, slip].map(|[x, t]| x * x + t * t);
         let feature = STRIBECK_STRIDE * self.sliding(Direction::of(slip[0])).stribeck_velocity;
-        let most = (0.25 * size).max(feature * feature);
+        let grows = slip[0] * more[0] + slip[1] * more[1] > 0.0;
+        let most = (if grows { size } else { 0.25 * size }).max(feature * feature);
         let whole = around.constant || change <= most;
         let part = if whole { 1.0 } else { libm::sqrt(most / change) };
         [slip[0] + part * more[0], slip[1] + part * more[1]]

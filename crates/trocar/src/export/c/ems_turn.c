@@ -283,15 +283,16 @@ static void trocar_move_end(const trocar_element *e, const trocar_turn *turn, tr
 //@end
 }
 
-/* A slip velocity changed by `more`, or by a part of it where the friction law may fall: it has two stable branches then,
- * and is followed on the present one, not across the unstable one. */
+/* A slip velocity changed by `more`; where the friction law may fall at most doubled or halved, but for the slowest slip:
+ * such a law has two stable branches with an unstable one between them, and the present one is followed. */
 static trocar_pair trocar_turn_follow(const trocar_element *e, trocar_pair slip, trocar_pair more)
 {
 //@if stribeck
     if (e->contact[0].surplus_force_n > 0.0 || e->contact[1].surplus_force_n > 0.0) {
         const double change = more.x * more.x + more.t * more.t, size = slip.x * slip.x + slip.t * slip.t;
         const double feature = 0.1 * trocar_contact_for(e, slip.x)->stribeck_velocity_m_s;
-        const double most = trocar_most(0.25 * size, feature * feature);
+        const int grows = slip.x * more.x + slip.t * more.t > 0.0;
+        const double most = trocar_most(grows ? size : 0.25 * size, feature * feature);
         if (!(change <= most)) {
             const double part = sqrt(most / change);
             more.x = part * more.x;
