@@ -705,7 +705,7 @@ const PORTS: [(&str, &[&str], u64); 12] = [
             "rotation.rs",
             "slip/turn.rs",
         ],
-        0x55f6_dea6_e204_c54b,
+        0x0bfe_6f1f_64fb_243f,
     ),
     ("sliding.c", &["sliding.rs"], 0xa79efc217549c50d),
     ("static.c", &["classical/stribeck.rs"], 0xdd51_7100_d98d_f7d2),
