@@ -44,6 +44,8 @@ pub(crate) struct Bench {
 
 /// Protocols of the paper's two steps.
 pub(super) const TWO_STEPS: [Protocol; 2] = [Protocol::Steady, Protocol::Dynamic];
+/// Strokes with rests between them beside those without.
+pub(super) const RESTS: [Protocol; 3] = [Protocol::Steady, Protocol::Dynamic, Protocol::Rest];
 /// Strokes that turn beside those that do not.
 pub(super) const TURNING: [Protocol; 3] = [Protocol::Steady, Protocol::Roll, Protocol::HoldAndTurn];
 const STEADY: [Protocol; 1] = [Protocol::Steady];
@@ -244,6 +246,14 @@ impl Bench {
             rotation.circumferential_ratio *= ratio;
         }
         Ok(self)
+    }
+
+    /// With friction after rest, as a part of the Coulomb force.
+    pub(super) fn sticking_after_rest(mut self, part: f64) -> Self {
+        for seal in &mut self.seal {
+            seal.dwell_force = part * seal.insertion.coulomb_force;
+        }
+        self
     }
 
     /// Of the shaft, if it turns.

@@ -8,7 +8,7 @@ use trocar::bench::{PlausibleSeals, Protocol, random_seal};
 use trocar::recording::Recording;
 use trocar_model::{Relaxation, SlidingFriction};
 
-use super::kinds::{AnyError, Bench, HAND, Kind, TURNING, TWO_STEPS, kind, rod, scaled};
+use super::kinds::{AnyError, Bench, HAND, Kind, RESTS, TURNING, TWO_STEPS, kind, rod, scaled};
 
 /// F_c, N, and c, m.
 const COULOMB_FORCE: [f64; 2] = [0.3, 8.0];
@@ -24,6 +24,8 @@ const CREEP_VELOCITY: [f64; 2] = [1e-4, 1e-3];
 /// E·c/F_c, and τ, s.
 const RELAXATION: [f64; 2] = [0.1, 0.5];
 const RELAXATION_TIME: [f64; 2] = [0.05, 2.0];
+/// ΔF/F_c.
+const DWELL: [f64; 2] = [0.02, 0.15];
 /// Samples per second, and of one sample in the simulation.
 const SAMPLE_RATE: [f64; 2] = [250.0, 2000.0];
 const INNER_RATE: f64 = 10e3;
@@ -46,6 +48,7 @@ const HAS_STRIBECK: f64 = 0.4;
 const HAS_CREEP: f64 = 0.25;
 const HAS_RELAXATION: f64 = 0.25;
 const HAS_OWN_SLOPES: f64 = 0.15;
+const HAS_DWELL: f64 = 0.5;
 const IS_DECLARED: f64 = 0.5;
 
 /// Draws of one bench.
@@ -141,6 +144,15 @@ impl Drawn {
     }
 }
 
+impl Drawn {
+    /// A bench with rests of up to a minute.
+    fn resting(&mut self, seed: u64) -> Result<Bench, AnyError> {
+        let bench = self.bench(seed, &RESTS)?;
+        let part = self.between(DWELL);
+        Ok(if self.happens(HAS_DWELL) { bench.sticking_after_rest(part) } else { bench })
+    }
+}
+
 /// Benches drawn by their seed.
 pub(super) fn random() -> Vec<Kind> {
     let of = |name: &'static str, protocols: Vec<Protocol>| {
@@ -150,6 +162,7 @@ pub(super) fn random() -> Vec<Kind> {
         of("drawn_strokes", TWO_STEPS.to_vec()),
         of("drawn_strokes_and_hand", [&TWO_STEPS[..], &HAND[..]].concat()),
         of("drawn_hand", HAND.to_vec()),
+        kind("drawn_rests", |seed| Drawn::by(seed, false).resting(seed)),
         kind("drawn_turning", |seed| Drawn::by(seed, true).turning(seed)),
         kind("drawn_turning_without_torque", |seed| {
             let without = |recording| Ok(Recording { torque: None, ..recording });
