@@ -154,13 +154,11 @@ pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let mut doubts: Vec<Warning> = phases.iter().filter_map(doubt).collect();
     let Candidate { insertion, offset, .. } = model.candidate;
     let falls = insertion.static_force > insertion.coulomb_force;
-    let swings = |small| {
-        Swings::of(input.recordings, input.segments, *offset, small).filter(|_| model.has_shape)
-    };
-    let found = swings(falls);
-    doubts.extend(found.iter().map(swing_warning));
+    let swings =
+        Swings::of(input.recordings, input.segments, *offset, falls).filter(|_| model.has_shape);
+    doubts.extend(swings.iter().map(swing_warning));
     doubts.extend(left_out(input));
-    let stick_slip = found.and_then(Swings::stick_slip);
+    let stick_slip = swings.and_then(Swings::stick_slip);
     let samples: usize = seen.iter().flat_map(|s| s.samples).sum();
     let squares: f64 = seen.iter().map(|s| s.plain_squares).sum();
     Adequacy {
