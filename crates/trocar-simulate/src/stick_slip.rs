@@ -112,16 +112,26 @@ impl Swings {
     ) -> Option<Self> {
         let of = |(r, s)| oscillations(r, s, offset, falls);
         let each: Vec<Vec<Oscillation>> = recordings.iter().zip(segments).map(of).collect();
-        let period = period_over_position(&each);
-        let all: Vec<Oscillation> = each.into_iter().flatten().collect();
+        Self::caused(recordings, segments, &each)
+    }
+
+    /// The cause of the oscillations of each recording.
+    fn caused(
+        recordings: &[Recording],
+        segments: &[Segments],
+        each: &[Vec<Oscillation>],
+    ) -> Option<Self> {
+        let period = period_over_position(each);
+        let all: Vec<&Oscillation> = each.iter().flatten().collect();
         let over = |of: fn(&Oscillation) -> f64| {
-            let (low, high) = range(&all.iter().map(of).collect::<Vec<f64>>());
+            let (low, high) = range(&all.iter().map(|o| of(o)).collect::<Vec<f64>>());
             [low, high]
         };
         let (speed_m_s, frequency_hz) = (over(|o| o.speed), over(|o| o.frequency));
         let is_wide = |[low, high]: [f64; 2], factor: f64| high > factor * low;
         let mean = |k: usize| all.iter().map(|o| o.force[k]).sum::<f64>() / all.len() as f64;
-        let watched = watched_up_to(recordings, segments, speed_m_s[1], travel(all.iter())?);
+        let watched =
+            watched_up_to(recordings, segments, speed_m_s[1], travel(each.iter().flatten())?);
         let swings = if let Some(period) = period {
             Self::Position { period }
         } else if is_wide(speed_m_s, SPEEDS) && !is_wide(frequency_hz, ONE_FREQUENCY) {
@@ -172,13 +182,19 @@ impl LeftOut {
     /// would be left.
     #[must_use]
     pub fn of(recordings: &[Recording], segments: &[Segments], offset: f64) -> Vec<Self> {
-        let swings = Swings::of(recordings, segments, offset, true);
-        let swings = matches!(swings, Some(Swings::StickSlip(_)));
-        let of = |(recording, segments): (&Recording, &Segments)| Self {
-            strokes: if swings { swinging(recording, segments, offset) } else { Vec::new() },
-            releases: releases(recording, segments, offset),
-        };
-        let mut all: Vec<Self> = recordings.iter().zip(segments).map(of).collect();
+        let each: Vec<(&Recording, &Segments)> = recordings.iter().zip(segments).collect();
+        let swings: Vec<Vec<Oscillation>> =
+            each.iter().map(|(r, s)| oscillations(r, s, offset, true)).collect();
+        let cause = Swings::caused(recordings, segments, &swings);
+        let mut all: Vec<Self> = each
+            .iter()
+            .map(|(r, s)| Self { strokes: Vec::new(), releases: releases(r, s, offset) })
+            .collect();
+        if matches!(cause, Some(Swings::StickSlip(_))) {
+            for ((out, own), segments) in all.iter_mut().zip(&swings).zip(segments) {
+                out.strokes = swinging(own, segments);
+            }
+        }
         // A stroke shows its deformation only after one that is kept, too.
         let is_kept = |direction| {
             let left = |(segments, out): (&Segments, &Self)| {
@@ -196,9 +212,9 @@ impl LeftOut {
     }
 }
 
-fn swinging(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
-    let swings = oscillations(recording, segments, offset, true);
-    let mut all: Vec<usize> = swings.into_iter().flat_map(|o| o.strokes).collect();
+/// The strokes with one of the oscillations.
+fn swinging(swings: &[Oscillation], segments: &Segments) -> Vec<Range<usize>> {
+    let mut all: Vec<usize> = swings.iter().flat_map(|o| o.strokes.clone()).collect();
     all.dedup();
     all.into_iter().map(|k| segments.strokes[k].start..segments.strokes[k].end).collect()
 }

@@ -313,8 +313,7 @@ fn a_motion_that_stops_at_once_does_not_bias_a_viscous_seal() {
 }
 
 /// Slow strokes stick and slip, whose mean force is no sliding force, and at every reversal the seal
-/// lets go at a force that a fit from below never sees: F_s came out 9 to 25 % too small, v_s two to
-/// three times too large, and c up to 10 % too small.
+/// lets go at a force that a fit from below never sees.
 #[test]
 fn strokes_that_stick_and_slip_do_not_hide_the_static_force() {
     for seed in 1..=4 {

@@ -395,12 +395,14 @@ impl Element {
     /// present one is followed.
     #[inline(always)]
     fn follow_turning(&self, around: &Around, slip: Pair, more: Pair) -> Pair {
+        if around.constant {
+            return [slip[0] + more[0], slip[1] + more[1]];
+        }
         let [change, size] = [more, slip].map(|[x, t]| x * x + t * t);
         let feature = STRIBECK_STRIDE * self.sliding(Direction::of(slip[0])).stribeck_velocity;
         let grows = slip[0] * more[0] + slip[1] * more[1] > 0.0;
         let most = (if grows { size } else { 0.25 * size }).max(feature * feature);
-        let whole = around.constant || change <= most;
-        let part = if whole { 1.0 } else { libm::sqrt(most / change) };
+        let part = if change <= most { 1.0 } else { libm::sqrt(most / change) };
         [slip[0] + part * more[0], slip[1] + part * more[1]]
     }
 

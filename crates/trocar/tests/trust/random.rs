@@ -142,9 +142,7 @@ impl Drawn {
         })?;
         bench.turning(stiffness, ratio)
     }
-}
 
-impl Drawn {
     /// A bench with rests of up to a minute.
     fn resting(&mut self, seed: u64) -> Result<Bench, AnyError> {
         let bench = self.bench(seed, &RESTS)?;
