@@ -8,6 +8,7 @@
 //!   extrapolation.
 //! - The residual of each phase is compared with the sensor noise and the scatter between strokes.
 
+use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::{ParameterId, Quantity, Trocar};
 
@@ -138,7 +139,7 @@ struct RecordingSums {
 /// Judges the model.
 pub(super) fn judge(input: &Input, model: &Model) -> Adequacy {
     let seen: Vec<RecordingSums> =
-        (0..input.recordings.len()).map(|k| look(input, model, k)).collect();
+        (0..input.recordings.len()).into_par_iter().map(|k| look(input, model, k)).collect();
     let mut undetermined = Vec::new();
     if model.has_shape {
         let why = sliding_reversals(input, model, &seen);

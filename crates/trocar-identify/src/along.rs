@@ -6,6 +6,7 @@
 //! is then refitted to the readings with the profile removed.
 
 use super::element::{self, ElementFit, Input};
+use rayon::prelude::*;
 use trocar_model::Trocar;
 
 use crate::profile::{self, ProfileFit, ProfileSample};
@@ -65,9 +66,12 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
     let stages = candidate.stages().map_err(|e| e.to_string())?;
     let trocar = Trocar::of_seal(stages);
     let (mut samples, mut cycles) = (Vec::new(), 0);
-    for (index, recording) in input.recordings.iter().enumerate() {
-        let run = replay(&trocar, recording, candidate.offset);
+    let run = |recording: &Recording| {
         let reading = recording.force_without_inertia(candidate.unmodelled_mass);
+        (replay(&trocar, recording, candidate.offset), reading)
+    };
+    let runs: Vec<_> = input.recordings.par_iter().map(run).collect();
+    for (index, (recording, (run, reading))) in input.recordings.iter().zip(runs).enumerate() {
         let cycle = profile::cycles(recording, &strokes(recording, reversal_threshold(recording)));
         let slides = |i: &usize| run.sliding[*i];
         samples.extend(run.known.iter().cloned().flatten().filter(slides).map(|i| ProfileSample {

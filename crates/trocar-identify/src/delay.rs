@@ -9,8 +9,10 @@
 use super::element::{self, Begun, ElementFit, Input};
 use super::findings::{IdentifyError, Progress};
 use super::options::IdentifyOptions;
+use super::terms::SUSPECTED;
 use super::two_steps::{self, TwoSteps};
 use super::unexplained::PositionDelay;
+use rayon::prelude::*;
 use trocar_recording::Recording;
 use trocar_simulate::segment::{Segments, segment};
 use trocar_simulate::stick_slip::LeftOut;
@@ -55,15 +57,6 @@ pub(super) fn fitted(
             .then_some(lag)
     };
     let of = |recordings, lag| InTime::of(recordings, lag, options, progress);
-    let plain = of(recordings.to_vec(), None)?;
-    let mut delayed: Option<Start> = None;
-    for _ in 0..PositionDelay::MOST {
-        let (found, begun) = delayed.as_ref().unwrap_or(&plain);
-        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
-        let Some(lag) = later(found.lag, more) else { break };
-        let Ok(shifted) = shifted(recordings, lag) else { break };
-        delayed = Some(of(shifted, Some(lag))?);
-    }
     let grow = |(found, begun): Start| {
         let grown = begun.and_then(|begun| element::grow(&found.input(options), begun, progress));
         (found, grown)
@@ -71,23 +64,38 @@ pub(super) fn fitted(
     let error = |(found, grown): &Grown| {
         grown.as_ref().map_or(f64::INFINITY, |grown| grown.error(&found.input(options)))
     };
-    // Without the terms, a delay imitates some of them.
-    let (plain, delayed) = rayon::join(|| grow(plain), || delayed.map(grow));
-    let mut best = match delayed {
-        Some(delayed) if error(&delayed) < BETTER * error(&plain) => delayed,
-        _ => plain,
-    };
+    let left = |(found, grown): &Grown| Some(grown.as_ref()?.left(&found.recordings));
+    let (found, begun) = of(recordings.to_vec(), None)?;
+    let first = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
+    let mut best = grow((found, begun));
+    // Without the terms, a delay imitates some of them: only one that they leave is tried.
+    let mut rest = left(&best);
+    let is_left = |lag: &PositionDelay| lag.delay_s > 0.0 && lag.p_value < SUSPECTED;
+    let mut next = later(None, first)
+        .filter(|_| rest.as_ref().and_then(|rest| rest.lag.as_ref()).is_some_and(is_left));
+    let mut delayed: Option<Start> = None;
+    for _ in 0..PositionDelay::MOST {
+        let Some(lag) = next else { break };
+        let Ok(shifted) = shifted(recordings, lag) else { break };
+        let (found, begun) = delayed.insert(of(shifted, Some(lag))?);
+        let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
+        next = later(found.lag, more);
+    }
+    if let Some(delayed) = delayed.map(grow) {
+        if error(&delayed) < BETTER * error(&best) {
+            (rest, best) = (left(&delayed), delayed);
+        }
+    }
     for _ in 0..PositionDelay::MOST_AFTER {
-        let (found, grown) = &best;
-        let left = grown.as_ref().map(|grown| grown.left(&found.recordings));
-        let more = left.and_then(|left| if found.lag.is_some() { left.lag_left } else { left.lag });
-        let Some(lag) = later(found.lag, more) else { break };
+        let more =
+            rest.and_then(|rest| if best.0.lag.is_some() { rest.lag_left } else { rest.lag });
+        let Some(lag) = later(best.0.lag, more) else { break };
         let Ok(shifted) = shifted(recordings, lag) else { break };
         let other = grow(of(shifted, Some(lag))?);
         if error(&other) >= error(&best) {
             break;
         }
-        best = other;
+        (rest, best) = (left(&other), other);
     }
     let (mut found, grown) = best;
     let fit = grown.and_then(|grown| element::finish(&found.input(options), grown, progress));
@@ -111,8 +119,11 @@ impl InTime {
     ) -> Result<(Self, Option<Begun>), IdentifyError> {
         let segments: Vec<Segments> =
             recordings.iter().map(|r| segment(r, &options.segment)).collect();
-        let two = two_steps::two_steps(&recordings, &segments, options)?;
-        let accelerations = recordings.iter().map(Recording::acceleration).collect();
+        let (two, accelerations) = rayon::join(
+            || two_steps::two_steps(&recordings, &segments, options),
+            || recordings.par_iter().map(Recording::acceleration).collect(),
+        );
+        let two = two?;
         let left_out = LeftOut::of(&recordings, &segments, two.candidate.offset);
         let found = Self { recordings, lag, segments, accelerations, left_out, two };
         let begun =

@@ -265,12 +265,8 @@ pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
         let known = run.known.iter().cloned().flatten().filter(|i| !left_out.swings_at(*i));
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
     };
-    let sums = input
-        .recordings
-        .iter()
-        .zip(input.left_out)
-        .map(of)
-        .fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
+    let each: Vec<(f64, f64)> = input.recordings.par_iter().zip(input.left_out).map(of).collect();
+    let sums = each.into_iter().fold((0.0, 0.0), |a, b| (a.0 + b.0, a.1 + b.1));
     (sums.0 / f64::max(sums.1, 1.0)).sqrt()
 }
 
@@ -312,7 +308,9 @@ pub(super) fn grow(input: &Input, begun: Begun, progress: Progress) -> Option<Gr
             chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
         }
     }
+    // Only a release shows that the seal holds on longer than that.
     if chosen.fitted.best.layout.stribeck
+        && input.left_out.iter().any(|out| !out.releases.is_empty())
         && let Some(other) = holding_longer(input, &training, &chosen.fitted)
     {
         chosen = terms::choose(&training, other, &excluded, speeds(input), progress);
@@ -416,7 +414,8 @@ fn scaled(input: &Input, mut training: Training, from: EmsTrial, stop: Stop) -> 
     let mut first = likelihood::fit(&training, &from, SHORT)?;
     let sigma2 = variance(&first);
     let mass = first.best.candidate.unmodelled_mass;
-    training.take_out_faint_inertia(input.recordings, mass, sigma2.sqrt());
+    let moving = (input.recordings, input.accelerations);
+    training.take_out_faint_inertia(moving, mass, sigma2.sqrt());
     if !training.scale.is_free {
         let fitted = likelihood::fit(&training, &first.best, stop)?;
         return Some(Scaled { training, fitted, scatter: 0.0 });

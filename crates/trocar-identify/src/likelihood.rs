@@ -641,15 +641,24 @@ fn sum_over<T: Trial>(
     let mut states: Vec<StateOf<T>> =
         models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
     let (mut ordinates, mut of_ordinates) = (ordinates.clone(), states[0]);
-    let mut before = 0.0;
-    for block in run.steps.chunks(BLOCK) {
+    let mut simulated = |block: &[Step]| {
         cancel::check();
-        let mut forces = T::forces(models, &mut states, *close, block);
-        if !ordinates.is_empty() {
-            let rates = T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block);
-            forces = with_rows(forces, &rates);
+        let mut forces = || T::forces(models, &mut states, *close, block);
+        if ordinates.is_empty() {
+            return forces();
         }
-        accumulate(predictor, block, &forces, sources, before, clusters);
+        let rates = || T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block);
+        let (forces, rates) = rayon::join(forces, rates);
+        with_rows(forces, &rates)
+    };
+    let mut blocks = run.steps.chunks(BLOCK).peekable();
+    let mut before = 0.0;
+    let mut next = blocks.peek().map(|block| simulated(block));
+    // While one block is added, the next is simulated.
+    while let (Some(block), Some(forces)) = (blocks.next(), next) {
+        let following = blocks.peek();
+        let add = || accumulate(predictor, block, &forces, sources, before, clusters);
+        next = rayon::join(|| following.map(|block| simulated(block)), add).0;
         before = forces[(0, block.len() - 1)];
     }
 }

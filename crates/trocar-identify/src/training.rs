@@ -343,16 +343,20 @@ impl Training {
         steps.for_each(|step| step.blend = 1.0 - (-step.path / length).exp());
     }
 
-    /// Subtracts from the readings the inertia of `mass`, kg, that `Step::acceleration` lacks.
+    /// Subtracts from the readings the inertia of `mass`, kg, that `Step::acceleration`, from those of
+    /// the recordings, lacks.
     /// The readings err by `error`, N rms.
     pub(crate) fn take_out_faint_inertia(
         &mut self,
-        recordings: &[Recording],
+        (recordings, accelerations): (&[Recording], &[Vec<f64>]),
         mass: f64,
         error: f64,
     ) {
-        let whole = |r: &Recording| (mass != 0.0).then(|| r.acceleration_of(mass, NOISIER * error));
-        let all: Vec<Option<Vec<f64>>> = recordings.par_iter().map(whole).collect();
+        let whole = |(r, signal): (&Recording, &Vec<f64>)| {
+            (mass != 0.0).then(|| r.acceleration_of(signal, mass, NOISIER * error))
+        };
+        let all: Vec<Option<Vec<f64>>> =
+            recordings.par_iter().zip(accelerations).map(whole).collect();
         for step in self.runs.iter_mut().flat_map(|run| &mut run.steps) {
             let of = self.strokes[step.stroke].recording;
             step.force = mean(&recordings[of].force[step.samples.clone()]);

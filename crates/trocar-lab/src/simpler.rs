@@ -2,12 +2,14 @@
 //! no EMS element, or the recordings do not show its deformation, and the intervals of its parameters
 //! cannot be trusted.
 
+use rayon::prelude::*;
 use trocar_model::Trocar;
 
 use crate::margin::{Margin, by_stroke};
+use crate::validate::OwnData;
 use trocar_identify::classical::{self, ClassicalData, Kind, RelatedFits};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
-use trocar_recording::{Recording, RecordingError};
+use trocar_recording::Recording;
 use trocar_simulate::replay::{forces, replay};
 
 /// Models with few parameters and a state that cover most seals.
@@ -32,38 +34,38 @@ struct Errors {
     rms: f64,
 }
 
-/// A doubt if LuGre or Dahl, fitted to `training`, predicts clearly better than `found`: on
-/// `held_out`, or over `training` itself without any.
-///
-/// `training` must be free of inertia and delay except for the unmodelled mass; `held_out` of that,
-/// too.
-///
-/// # Errors
-/// As for [`Recording::without_moving_mass`].
-pub fn doubt(
+/// A doubt if LuGre or Dahl, fitted to the same recordings, predicts clearly better than the
+/// identified model: on those held out, or over its own without any.
+pub(crate) fn doubt(
     found: &Identification,
     options: &IdentifyOptions,
-    training: &[Recording],
+    own: &OwnData,
     held_out: &[Recording],
-) -> Result<Option<Warning>, RecordingError> {
-    let without = |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0);
-    let training: Vec<Recording> = training.iter().map(without).collect::<Result<_, _>>()?;
-    let scored = if held_out.is_empty() { &training } else { held_out };
+) -> Option<Warning> {
+    let is_alone = held_out.is_empty();
+    let scored: &[Recording] = if is_alone { &own.recordings } else { held_out };
     let scored: Vec<Scored> =
-        scored.iter().map(|recording| Scored::new(found, recording)).collect();
-    let own = errors(&scored, &found.trocar(), found.model.offset);
-    let data = ClassicalData::new(&training, found, options);
+        scored.par_iter().map(|recording| Scored::new(found, recording)).collect();
+    let data = ClassicalData::new(&own.recordings, found, options);
     let alone = RelatedFits { smaller: None, special: None };
-    let fits = SIMPLER.into_iter().filter_map(|kind| classical::fit(kind, &data, alone).ok());
-    let better = fits.filter_map(|fit| {
+    let (own, fits) = rayon::join(
+        || errors(&scored, &found.trocar(), found.model.offset),
+        || {
+            SIMPLER
+                .par_iter()
+                .map(|kind| classical::fit(*kind, &data, alone).ok())
+                .collect::<Vec<_>>()
+        },
+    );
+    let better = fits.into_iter().flatten().filter_map(|fit| {
         let theirs = errors(&scored, &Trocar::of_seal(fit.model), fit.offset);
         let margin = Margin::of(&theirs.by_stroke, &own.by_stroke)?;
         let clear = theirs.rms < CLEARLY * own.rms && margin.standard_errors > STANDARD_ERRORS;
         clear.then_some((fit.kind, theirs.rms, margin))
     });
     let best = better.min_by(|a, b| a.1.total_cmp(&b.1));
-    Ok(best.map(|(kind, rms, margin)| {
-        let which = if held_out.is_empty() { "the recordings themselves" } else { "the held-out recordings" };
+    best.map(|(kind, rms, margin)| {
+        let which = if is_alone { "the recordings themselves" } else { "the held-out recordings" };
         let message = format!(
             "{} with {} parameters predicts {which} better: {rms:.3} against {:.3} N rms ({:.1} standard errors over \
              {} strokes): the seal is no EMS element, or its deformation is not seen in these recordings. Do not rely on \
@@ -75,7 +77,7 @@ pub fn doubt(
             margin.strokes
         );
         Warning::doubt("simpler model", message)
-    }))
+    })
 }
 
 impl<'a> Scored<'a> {

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::motion::MotionRange;
-use crate::validate::{Validation, validate};
+use crate::validate::Validation;
 use crate::workflow::{MovingMass, Workflow};
 use trocar_identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
 use trocar_identify::profile::ProfileFit;
@@ -273,15 +273,7 @@ impl Workflow {
     /// Error on the held-out recordings and on those used for identification: for each phase the
     /// larger of both.
     fn force_error(&self) -> ForceError {
-        let found = &self.identification;
-        let without_hidden =
-            |r: &Recording| r.clone().without_moving_mass(found.model.unmodelled_mass, 0.0).ok();
-        let recordings: Vec<Recording> = match found.model.unmodelled_mass {
-            0.0 => self.recordings.to_vec(),
-            _ => self.recordings.iter().filter_map(without_hidden).collect(),
-        };
-        let own = validate(&found.trocar(), &recordings, found.model.offset)
-            .force_error(ErrorSource::Identification);
+        let own = self.own.validation.force_error(ErrorSource::Identification);
         let validated = self
             .validation
             .as_ref()

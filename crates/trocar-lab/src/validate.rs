@@ -11,10 +11,12 @@
 //! residuals are never white; they are decimated to their correlation time before the Ljung-Box
 //! test.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trocar_model::Trocar;
 
+use trocar_identify::Identification;
 use trocar_identify::profile::Departure;
 use trocar_recording::{OPPOSED, Quality, Recording, local_velocity, range};
 use trocar_runtime::model_file::{ErrorSource, ForceError, ModelFile};
@@ -41,6 +43,8 @@ const LEAST_FIT: f64 = 50.0;
 /// Ratio of the mean error to the rms above which the mean counts as its cause: with 0.9 it is 80 %
 /// of the squared error.
 const MOSTLY_BIAS: f64 = 0.9;
+/// Lags that are tried together.
+const LAGS_AT_ONCE: usize = 16;
 /// Lags of the Ljung-Box test.
 const LAGS: usize = 10;
 
@@ -364,31 +368,8 @@ impl Validation {
     /// The error by phase over all recordings; a phase with less than 1 % of the samples is
     /// unknown.
     pub fn force_error(&self, source: ErrorSource) -> ForceError {
-        let all: usize = self.recordings.iter().map(|recording| recording.samples).sum();
-        let rms = |part: &dyn Fn(&Phases) -> (f64, usize)| {
-            let parts = self.recordings.iter().map(|recording| part(&recording.by_phase));
-            let (squares, samples) =
-                parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
-            (samples > 0 && samples as f64 >= SEEN * all as f64)
-                .then(|| (squares.max(0.0) / samples as f64).sqrt())
-        };
-        let held = [
-            rms(&|phases| phases.hold.less(phases.partial_hold)),
-            rms(&|phases| phases.partial_hold.map_or((0.0, 0), PhaseError::sums)),
-        ];
-        // A model without deflection has one error for all motion.
-        ForceError {
-            source,
-            deforming_n: rms(&|phases| match phases.moving {
-                Some(moving) => moving.sums(),
-                None => phases.deformation.less(phases.partial),
-            }),
-            partial_n: rms(&|phases| {
-                phases.moving.or(phases.partial).map_or((0.0, 0), PhaseError::sums)
-            }),
-            sliding_n: rms(&|phases| phases.moving.unwrap_or(phases.sliding).sums()),
-            held_n: held.into_iter().flatten().reduce(f64::max),
-        }
+        let each: Vec<_> = self.recordings.iter().map(|r| (r.samples, r.by_phase)).collect();
+        error_by_phase(&each, source)
     }
 
     /// The validation of a model whose error over the recordings used for identification is
@@ -425,6 +406,35 @@ impl Validation {
     /// motion left the range of the position profile, or it contradicts the model (exit code 3).
     pub fn is_doubtful(&self) -> bool {
         self.recordings.iter().any(|recording| !recording.warnings.is_empty())
+    }
+}
+
+/// The error by phase over recordings, from the scored samples and the phases of each.
+fn error_by_phase(each: &[(usize, Phases)], source: ErrorSource) -> ForceError {
+    let all: usize = each.iter().map(|(samples, _)| samples).sum();
+    let rms = |part: &dyn Fn(&Phases) -> (f64, usize)| {
+        let parts = each.iter().map(|(_, phases)| part(phases));
+        let (squares, samples) =
+            parts.fold((0.0, 0), |(s, n), (squares, samples)| (s + squares, n + samples));
+        (samples > 0 && samples as f64 >= SEEN * all as f64)
+            .then(|| (squares.max(0.0) / samples as f64).sqrt())
+    };
+    let held = [
+        rms(&|phases| phases.hold.less(phases.partial_hold)),
+        rms(&|phases| phases.partial_hold.map_or((0.0, 0), PhaseError::sums)),
+    ];
+    // A model without deflection has one error for all motion.
+    ForceError {
+        source,
+        deforming_n: rms(&|phases| match phases.moving {
+            Some(moving) => moving.sums(),
+            None => phases.deformation.less(phases.partial),
+        }),
+        partial_n: rms(&|phases| {
+            phases.moving.or(phases.partial).map_or((0.0, 0), PhaseError::sums)
+        }),
+        sliding_n: rms(&|phases| phases.moving.unwrap_or(phases.sliding).sums()),
+        held_n: held.into_iter().flatten().reduce(f64::max),
     }
 }
 
@@ -468,15 +478,89 @@ impl Sums {
     }
 }
 
+/// A model beside the recordings that it was identified from.
+#[derive(Debug, Clone)]
+pub struct OwnData {
+    /// These recordings, without the moving mass, the unmodelled mass and the position delay.
+    pub recordings: Vec<Recording>,
+    /// The model's error over them.
+    pub validation: Validation,
+}
+
+impl OwnData {
+    /// `recordings` as they were passed to the identification, but in time.
+    pub fn of(found: &Identification, recordings: &[Recording]) -> Self {
+        let mass = found.model.unmodelled_mass;
+        let without_it = |recording: &Recording| {
+            let mut own = recording.clone();
+            own.force = recording.force_without_inertia(mass);
+            own.quality.subtracted_mass += mass;
+            own
+        };
+        let recordings: Vec<Recording> = recordings.par_iter().map(without_it).collect();
+        let validation = validate(&found.trocar(), &recordings, found.model.offset);
+        Self { recordings, validation }
+    }
+}
+
 /// Replays `trocar` over `recordings`, whose readings include the sensor offset `offset`, N.
-pub fn validate<K: AsRef<[f64]>>(
+pub fn validate<K: AsRef<[f64]> + Sync>(
     trocar: &Trocar<K>,
     recordings: &[Recording],
     offset: f64,
 ) -> Validation {
-    Validation::of(
-        recordings.iter().map(|recording| validate_one(trocar, recording, offset)).collect(),
-    )
+    let of = |recording: &Recording| validate_one(trocar, recording, offset);
+    Validation::of(recordings.par_iter().map(of).collect())
+}
+
+/// The error by phase over `recordings`, as [`Validation::force_error`] of their validation gives it.
+pub(crate) fn force_error<K: AsRef<[f64]> + Sync>(
+    trocar: &Trocar<K>,
+    recordings: &[Recording],
+    offset: f64,
+    source: ErrorSource,
+) -> ForceError {
+    let of = |recording: &Recording| {
+        let along = Along::of(trocar, recording, offset);
+        (along.scored.len(), along.by_phase(recording))
+    };
+    error_by_phase(&recordings.par_iter().map(of).collect::<Vec<_>>(), source)
+}
+
+/// A model along a recording.
+struct Along {
+    run: Replay,
+    /// Measured minus model, N, at every sample.
+    error: Vec<f64>,
+    /// The samples at which the state is known, or all where it never is.
+    scored: Vec<usize>,
+    is_known: bool,
+}
+
+impl Along {
+    fn of<K: AsRef<[f64]>>(trocar: &Trocar<K>, recording: &Recording, offset: f64) -> Self {
+        let run = replay(trocar, recording, offset);
+        let error = recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
+        let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
+        let is_known = !known.is_empty();
+        let scored = if is_known { known } else { (0..recording.len()).collect() };
+        Self { run, error, scored, is_known }
+    }
+
+    fn by_phase(&self, recording: &Recording) -> Phases {
+        let phases = phases_of(recording, &self.run, &self.scored);
+        Phases::of(phases.into_iter().zip(self.scored.iter().map(|i| self.error[*i])))
+    }
+
+    /// Why the state is known nowhere.
+    fn unknown(&self) -> Option<&'static str> {
+        let why = if self.run.sliding.is_empty() {
+            "the force depends on the unknown initial state throughout: the figures contain its error"
+        } else {
+            "the motion never makes the seal slide all round: the figures contain the error of the unknown initial deflection"
+        };
+        (!self.is_known).then_some(why)
+    }
 }
 
 /// Validates one recording, or one piece of it; [`Scored::plus`] combines pieces.
@@ -485,22 +569,12 @@ pub fn validate_one<K: AsRef<[f64]>>(
     recording: &Recording,
     offset: f64,
 ) -> Scored {
-    let run = replay(trocar, recording, offset);
-    let error: Vec<f64> =
-        recording.force.iter().zip(&run.force).map(|(y, f)| y - offset - f).collect();
-    let mut warnings = Vec::new();
-    let known: Vec<usize> = run.known.iter().cloned().flatten().collect();
-    let scored = if known.is_empty() {
-        let why = if run.sliding.is_empty() {
-            "the force depends on the unknown initial state throughout: the figures contain its error"
-        } else {
-            "the motion never makes the seal slide all round: the figures contain the error of the unknown initial deflection"
-        };
-        warnings.push(why.to_owned());
-        (0..recording.len()).collect()
-    } else {
-        known
-    };
+    let along = Along::of(trocar, recording, offset);
+    let Along { run, error, scored, is_known } = &along;
+    let (whiteness, strokes) = rayon::join(
+        || whiteness(recording, error, scored),
+        || AgainstStrokes::of(recording, error, scored),
+    );
     let sums = Sums::of(scored.iter().map(|i| (error[*i], recording.force[*i])));
     let all = Sums::of((0..recording.len()).map(|i| (error[i], recording.force[i])));
     let result = RecordingValidation {
@@ -512,18 +586,16 @@ pub fn validate_one<K: AsRef<[f64]>>(
         rms_with_start_n: all.rms(),
         samples: scored.len(),
         samples_before_known: recording.len() - scored.len(),
-        torque_rms_n_m: torque_error(trocar, recording, &run, &scored),
-        by_speed: by_speed(recording, &error, &scored),
-        by_phase: Phases::of(
-            phases_of(recording, &run, &scored).into_iter().zip(scored.iter().map(|i| error[*i])),
-        ),
-        whiteness: whiteness(recording, &error, &scored),
-        strokes: AgainstStrokes::of(recording, &error, &scored),
-        warnings,
+        torque_rms_n_m: torque_error(trocar, recording, run, scored),
+        by_speed: by_speed(recording, error, scored),
+        by_phase: along.by_phase(recording),
+        whiteness,
+        strokes,
+        warnings: along.unknown().map(str::to_owned).into_iter().collect(),
     };
     let (lowest, highest) = range(&recording.position);
     let departure = trocar.profile().and_then(|profile| Departure::of(profile, lowest, highest));
-    Scored { result, sums, pieces: 1, known: !run.known.is_empty(), departure }
+    Scored { result, sums, pieces: 1, known: *is_known, departure }
 }
 
 fn torque_error<K: AsRef<[f64]>>(
@@ -693,7 +765,10 @@ fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<W
     let mean = residuals.iter().sum::<f64>() / n.max(1) as f64;
     let centred: Vec<f64> = residuals.iter().map(|e| e - mean).collect();
     let power = autocovariance(&centred, 0);
-    let lag = (1..n / 20).find(|k| autocovariance(&centred, *k) < power / std::f64::consts::E)?;
+    let is_below = |k: &usize| autocovariance(&centred, *k) < power / std::f64::consts::E;
+    let of_some =
+        |from: usize| (from..n / 20).into_par_iter().take(LAGS_AT_ONCE).find_first(is_below);
+    let lag = (1..n / 20).step_by(LAGS_AT_ONCE).find_map(of_some)?;
     let decimated: Vec<f64> = centred.iter().step_by(lag).copied().collect();
     let m = decimated.len();
     if m < 5 * LAGS || power <= 0.0 {

@@ -4,12 +4,13 @@
 //! recordings ─▶ without the moving mass ─▶ identify ─▶ without the delay ─▶ validate ─▶ model.json, summary.json, report.html, figures
 //! ```
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::motion::MotionRange;
 use crate::simpler;
-use crate::validate::{Validation, validate};
+use crate::validate::{OwnData, Validation, validate};
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::{ModelFile, SensorInfo};
@@ -71,7 +72,7 @@ impl MovingMass {
         all: Vec<Recording>,
         unmodelled: f64,
     ) -> Result<Vec<Recording>, RecordingError> {
-        all.into_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
+        all.into_par_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
     }
 }
 
@@ -131,6 +132,8 @@ pub struct Workflow {
     pub options: IdentifyOptions,
     /// The recordings used for identification, without the moving mass and the position delay.
     pub recordings: Vec<Recording>,
+    /// The model beside them.
+    pub own: OwnData,
     /// Their motion and forces: where the model holds.
     pub range: MotionRange,
     /// The validation recordings, without the moving mass, the unmodelled mass and the position
@@ -170,15 +173,16 @@ impl Workflow {
     ) -> Result<Self, WorkflowError> {
         let options = IdentifyOptions { inertia_removed: moving_mass.mass > 0.0, ..options };
         let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
-        let mut identification = identify(&recordings, &options, progress)?;
+        let identification = identify(&recordings, &options, progress)?;
         let recordings = identification.without_delay(recordings)?;
         let held_out =
             moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
         let held_out = identification.without_delay(held_out)?;
         progress("simpler models", 0.84);
-        let doubt = simpler::doubt(&identification, &options, &recordings, &held_out)?;
-        identification.warnings.extend(doubt);
-        Ok(Self::of(identification, options, recordings, held_out, moving_mass))
+        let mut done = Self::of(identification, options, recordings, held_out, moving_mass);
+        let doubt = simpler::doubt(&done.identification, &done.options, &done.own, &done.held_out);
+        done.identification.warnings.extend(doubt);
+        Ok(done)
     }
 
     /// The same for an existing identification and corrected recordings: only validates.
@@ -189,15 +193,20 @@ impl Workflow {
         held_out: Vec<Recording>,
         moving_mass: MovingMass,
     ) -> Self {
-        let validation = (!held_out.is_empty()).then(|| {
+        let validated = || {
             let scores = validate(&identification.trocar(), &held_out, identification.model.offset);
             scores.beside_identification(identification.residual_rms, &held_out)
-        });
+        };
+        let (own, validation) = rayon::join(
+            || OwnData::of(&identification, &recordings),
+            || (!held_out.is_empty()).then(validated),
+        );
         Self {
             range: MotionRange::of(&recordings, identification.model.offset),
             identification,
             options,
             recordings,
+            own,
             held_out,
             validation,
             moving_mass,

@@ -10,7 +10,10 @@
 //! is one-sided and the noise several times larger.
 
 use std::collections::VecDeque;
+use std::iter::successors;
 use std::ops::Range;
+
+use rayon::prelude::*;
 
 use super::Recording;
 
@@ -62,8 +65,10 @@ impl Recording {
     #[must_use]
     pub fn acceleration(&self) -> Vec<f64> {
         let window = self.acceleration_window();
-        let narrow = local_acceleration(self, window);
-        let mut best = local_acceleration(self, WIDER * window);
+        let (narrow, mut best) = rayon::join(
+            || local_acceleration(self, window),
+            || local_acceleration(self, WIDER * window),
+        );
         let noise = ABOVE_NOISE * self.acceleration_variance(self.samples_in(window));
         let around = (self.samples_in(WIDER * window) / 2.0) as usize;
         refine(&mut best, &narrow, around, noise);
@@ -75,26 +80,26 @@ impl Recording {
     /// Acceleration in m/s^2 for a known mass in kg, whose inertia is to be subtracted from a force.
     /// The subtraction may add `noise`, N rms.
     ///
-    /// [`Recording::acceleration`] loses small pulses, as where a seal begins to slide. They are at
+    /// `signal`, which is [`Recording::acceleration`], loses small pulses, as where a seal begins to slide. They are at
     /// the same place in every stroke and would bias the force that is left. Here windows become
     /// shorter as long as the noise variance of the fit is below the mean square of the
     /// acceleration, and its force below `noise`; shorter ones count where they differ by more than
     /// noise.
     #[must_use]
-    pub fn acceleration_of(&self, mass: f64, noise: f64) -> Vec<f64> {
-        let signal = self.acceleration();
+    pub fn acceleration_of(&self, signal: &[f64], mass: f64, noise: f64) -> Vec<f64> {
         let square = signal.iter().map(|a| a * a).sum::<f64>() / signal.len().max(1) as f64;
         let harmless = square.min((noise / mass).powi(2));
-        let mut window = LONGEST_WINDOW.min(self.duration() / 4.0);
-        let mut samples = self.samples_in(window);
-        let mut value = local_acceleration(self, window);
-        while samples > FEWEST as f64 {
+        let longest = LONGEST_WINDOW.min(self.duration() / 4.0);
+        let mut value = local_acceleration(self, longest);
+        let mut samples = self.samples_in(longest);
+        let wider = successors(Some(longest), |window| Some(window / WINDOW_STEP));
+        let wider = wider.take_while(|window| self.samples_in(*window) > FEWEST as f64);
+        let windows: Vec<f64> = wider.map(|window| window / WINDOW_STEP).collect();
+        for (window, narrow) in self.accelerations(&windows) {
             let around = (samples / 2.0) as usize;
-            window /= WINDOW_STEP;
             samples = self.samples_in(window);
             let variance = self.acceleration_variance(samples);
             let threshold = if variance > harmless { ABOVE_NOISE * variance } else { 0.0 };
-            let narrow = local_acceleration(self, window);
             refine(&mut value, &narrow, around, threshold);
         }
         value
@@ -108,7 +113,8 @@ impl Recording {
             return self.force.clone();
         }
         let error = ADDED * self.quality.force_noise;
-        let acceleration = self.between_counts().acceleration_of(mass, error);
+        let positions = self.between_counts();
+        let acceleration = positions.acceleration_of(&positions.acceleration(), mass, error);
         self.force.iter().zip(acceleration).map(|(force, a)| force - mass * a).collect()
     }
 
@@ -125,6 +131,18 @@ impl Recording {
             false => pulse_ratio(&other, acceleration),
         };
         1.0 + (of_pulses.clamp(0.8, 1.25) - 1.0) * n / (n - m).abs()
+    }
+
+    /// The acceleration over each of `windows`, in order; a few at a time, since each is as long as the
+    /// recording.
+    fn accelerations<'a>(
+        &'a self,
+        windows: &'a [f64],
+    ) -> impl Iterator<Item = (f64, Vec<f64>)> + 'a {
+        windows.chunks(rayon::current_num_threads()).flat_map(|some| {
+            let of = |window: &f64| (*window, local_acceleration(self, *window));
+            some.par_iter().map(of).collect::<Vec<_>>()
+        })
     }
 
     /// Number of samples in a fit over `window` seconds.
@@ -155,25 +173,24 @@ impl Recording {
     fn acceleration_window(&self) -> f64 {
         let interval = self.quality.median_interval;
         let shortest = (FEWEST - 1) as f64 * interval;
+        let longest = LONGEST_WINDOW.min(self.duration() / 4.0);
+        let all = successors(Some(shortest), |window| Some(window * WINDOW_STEP));
+        let windows: Vec<f64> = all.take_while(|window| *window <= longest).collect();
+        // Half the window was tried two steps ago, except for the first two.
+        let halves: Vec<f64> = windows.iter().take(2).map(|window| window / 2.0).collect();
+        let mut earlier: VecDeque<Vec<f64>> = self.accelerations(&halves).map(|(_, a)| a).collect();
         let mut best = (f64::INFINITY, shortest);
-        let mut window = shortest;
-        let (mut earlier, mut tried) = (VecDeque::from([Vec::new(), Vec::new()]), 0);
-        while window <= LONGEST_WINDOW.min(self.duration() / 4.0) {
+        for (window, long) in self.accelerations(&windows) {
             let (n, m) = (self.samples_in(window), self.samples_in(window / 2.0));
             let variance = self.acceleration_variance(n);
             let by_noise = self.acceleration_variance(m) - variance;
-            let long = local_acceleration(self, window);
-            // Half the window was tried two steps ago, except for the first two.
-            let short = earlier.pop_front().filter(|_| tried > 1);
-            let short = short.unwrap_or_else(|| local_acceleration(self, window / 2.0));
+            let short = earlier.pop_front().expect("each window leaves one for a later one");
             let excess = (mean_square_difference(&long, &short) - by_noise).max(0.0);
             earlier.push_back(long);
-            tried += 1;
             let bias = if m < n { excess / (1.0 - (m / n).powi(2)).powi(2) } else { 0.0 };
             if variance + bias < best.0 {
                 best = (variance + bias, window);
             }
-            window *= WINDOW_STEP;
         }
         best.1
     }

@@ -4,6 +4,7 @@
 //! This module estimates nothing. It simulates the identified model over the recordings again,
 //! because the results contain scores but no time series.
 
+use rayon::prelude::*;
 use trocar_model::Element;
 
 use super::document::{Document, Section, origin};
@@ -11,7 +12,7 @@ use super::figures::{self, MOST_CHOSEN, Scored};
 use super::{ReportError, card};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_lab::motion::MotionRange;
-use trocar_lab::validate::Validation;
+use trocar_lab::validate::{OwnData, Validation};
 use trocar_lab::workflow::MovingMass;
 use trocar_recording::Recording;
 
@@ -20,10 +21,8 @@ use trocar_recording::Recording;
 pub struct IdentificationReport<'a> {
     /// The result.
     pub identification: &'a Identification,
-    /// The recordings used for identification, as they were passed to it: a declared moving mass is
-    /// subtracted, an unmodelled one ([`Candidate::unmodelled_mass`](trocar_identify::Candidate))
-    /// is not.
-    pub training: &'a [Recording],
+    /// The recordings used for identification, and the model's error over them.
+    pub own: &'a OwnData,
     /// Their motion and forces.
     pub range: MotionRange,
     /// The validation recordings as they were scored (unmodelled mass subtracted), and the scores;
@@ -83,7 +82,7 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ReportError> {
     }
     let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
     let recorded =
-        figures::cycle_speeds(&figures::scored(input.identification, input.training, validation));
+        figures::cycle_speeds(&figures::scored(input.identification, input.own, validation));
     let is_recorded =
         |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
     match speeds.iter().find(|speed| !is_recorded(speed)) {
@@ -109,11 +108,16 @@ pub fn document(input: &IdentificationReport) -> Document {
     let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
     let input = &IdentificationReport { validation, ..*input };
     let found = input.identification;
-    let scored = figures::scored(found, input.training, input.validation);
+    let scored = figures::scored(found, input.own, input.validation);
     Document {
         title: input.title.to_owned(),
         subtitle: subtitle(input),
-        card: card::rows(found, (input.training, &input.range), input.moving_mass.mass, &scored),
+        card: card::rows(
+            found,
+            (&input.own.recordings, &input.range),
+            input.moving_mass.mass,
+            &scored,
+        ),
         tiles: Vec::new(),
         warnings: warnings(found, &scored),
         notes: lines(found.warnings.iter().filter(|w| !w.doubtful)),
@@ -130,7 +134,7 @@ fn subtitle(input: &IdentificationReport) -> String {
     );
     format!(
         "Extended Maxwell-Slip model identified from {}; {validated}",
-        figures::names(input.training)
+        figures::names(&input.own.recordings)
     )
 }
 
@@ -163,37 +167,43 @@ fn lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
 }
 
 fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
-    let found = input.identification;
-    let deformation = Section::new("Deformation")
-        .drawn(figures::deformation_velocity(found, input.choice.deflections))
-        .drawn(figures::deformation_force(found, input.truth))
-        .drawn(figures::half_width(found));
-    let errors = Section::new("Residuals")
+    let (found, own) = (input.identification, &input.own.recordings);
+    let parts: [&(dyn Fn() -> Option<Section> + Sync); 10] = [
+        &|| Some(live(input, scored)),
+        &|| Some(parameters(input)),
+        &|| {
+            let section = Section::new("Recordings").table(figures::sampling(recordings(input)));
+            Some(section.table(figures::resolution(recordings(input))))
+        },
+        &|| fit(input, scored),
+        &|| Some(Section::new("Velocity reversal").drawn(figures::velocity_step(found, own))),
+        &|| Some(Section::new("Static friction").drawn(figures::static_friction(found))),
+        &|| {
+            let section = Section::new("Deformation")
+                .drawn(figures::deformation_velocity(found, input.choice.deflections))
+                .drawn(figures::deformation_force(found, input.truth));
+            Some(section.drawn(figures::half_width(found)))
+        },
+        &|| {
+            let cycles = figures::cross_validation(scored, input.choice.speeds);
+            Some(Section::new("Cross-validation").drawn(cycles))
+        },
+        &|| Some(residuals(scored)),
+        &|| {
+            let table = figures::branch_coefficients(found)?;
+            Some(Section::new("Coefficients of the branches").table(table))
+        },
+    ];
+    parts.par_iter().filter_map(|section| section()).collect()
+}
+
+fn residuals(scored: &Scored) -> Section {
+    Section::new("Residuals")
         .table(figures::error_by_recording(scored))
         .table(figures::error_by_phase(scored))
         .figure(figures::residuals(scored))
         .drawn(figures::residual_statistics(scored))
-        .drawn(figures::error_by_speed(scored));
-    let mut all = vec![
-        live(input, scored),
-        parameters(input),
-        Section::new("Recordings")
-            .table(figures::sampling(recordings(input)))
-            .table(figures::resolution(recordings(input))),
-    ];
-    all.extend(fit(input, scored));
-    let cycles = figures::cross_validation(scored, input.choice.speeds);
-    all.extend([
-        Section::new("Velocity reversal").drawn(figures::velocity_step(found, input.training)),
-        Section::new("Static friction").drawn(figures::static_friction(found)),
-        deformation,
-        Section::new("Cross-validation").drawn(cycles),
-        errors,
-    ]);
-    if let Some(table) = figures::branch_coefficients(found) {
-        all.push(Section::new("Coefficients of the branches").table(table));
-    }
-    all
+        .drawn(figures::error_by_speed(scored))
 }
 
 /// The interactive model.
@@ -214,10 +224,10 @@ fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
     if !fit.terms.is_empty() {
         section = section.table(figures::terms(fit));
     }
-    let section = section.drawn(figures::friction_scale(found, input.training));
+    let section = section.drawn(figures::friction_scale(found, &input.own.recordings));
     let small = found.free_motion.partial_reversals > 0 && found.free_motion.held_s > 1.0;
     Some(if small {
-        section.drawn(figures::small_motion(found, input.training, scored))
+        section.drawn(figures::small_motion(found, &input.own.recordings, scored))
     } else {
         section
     })
@@ -268,7 +278,7 @@ fn recordings<'a>(
     input: &IdentificationReport<'a>,
 ) -> impl Iterator<Item = (&'a Recording, &'static str)> {
     let validation = input.validation.map_or(&[] as &[Recording], |(recordings, _)| recordings);
-    let training = input.training.iter().map(|r| (r, "identification"));
+    let training = input.own.recordings.iter().map(|r| (r, "identification"));
     training.chain(validation.iter().map(|r| (r, "validation")))
 }
 

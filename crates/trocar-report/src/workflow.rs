@@ -22,7 +22,7 @@ pub fn workflow_document(
 ) -> Result<Document, ReportError> {
     let input = IdentificationReport {
         identification: &workflow.identification,
-        training: &workflow.recordings,
+        own: &workflow.own,
         range: workflow.range,
         validation: workflow
             .validation

@@ -13,6 +13,7 @@
 
 use std::ops::{Range, RangeInclusive};
 
+use rayon::prelude::*;
 use serde::Serialize;
 use trocar_recording::{Recording, median, range};
 
@@ -358,7 +359,7 @@ fn oscillations<'a>(
             readings: force,
         })
     };
-    segments.plateaus().filter_map(of).collect()
+    segments.plateaus().collect::<Vec<_>>().into_par_iter().filter_map(of).collect()
 }
 
 /// Period, in samples, of a force that oscillates about its straight trend.

@@ -18,7 +18,7 @@ use trocar::report::{
     Cell, Dimension, Document, Figure, Kind, Panel, Role, Section, Series, Table, write_document,
     write_workflow,
 };
-use trocar::validate::{Validation, validate};
+use trocar::validate::{OwnData, Validation, validate};
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
 
@@ -27,7 +27,7 @@ static OPTIONS: LazyLock<IdentifyOptions> = LazyLock::new(IdentifyOptions::defau
 /// A bench, what was identified on it, and the scores on another recording.
 struct Bench {
     truth: [Element; 1],
-    training: Vec<Recording>,
+    own: OwnData,
     validation: Vec<Recording>,
     scores: Validation,
     identification: Identification,
@@ -47,7 +47,8 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
     let validation = vec![record(Protocol::Validation)];
     let identification = identified(&training);
     let scores = validate(&identification.trocar(), &validation, identification.model.offset);
-    Bench { truth, training, validation, scores, identification }
+    let own = OwnData::of(&identification, &training);
+    Bench { truth, own, validation, scores, identification }
 });
 
 fn identified(training: &[Recording]) -> Identification {
@@ -59,18 +60,18 @@ fn full_report(bench: &Bench) -> Document {
     document(&IdentificationReport {
         validation: Some((&bench.validation, &bench.scores)),
         truth: Some(&bench.truth),
-        ..plain_input(&bench.identification, &bench.training)
+        ..plain_input(&bench.identification, &bench.own)
     })
 }
 
 fn plain_input<'a>(
     identification: &'a Identification,
-    training: &'a [Recording],
+    own: &'a OwnData,
 ) -> IdentificationReport<'a> {
     IdentificationReport {
         identification,
-        training,
-        range: MotionRange::of(training, identification.model.offset),
+        own,
+        range: MotionRange::of(&own.recordings, identification.model.offset),
         validation: None,
         truth: None,
         options: &OPTIONS,
@@ -311,7 +312,7 @@ fn truth_stands_beside_the_estimates_in_units_for_people() {
         let value = number(parameters, name, "Value");
         assert!((value - truth).abs() < 0.15 * truth.abs(), "{name}: {value}");
     }
-    let without = document(&plain_input(&BENCH.identification, &BENCH.training));
+    let without = document(&plain_input(&BENCH.identification, &BENCH.own));
     assert!(
         section(&without, "Parameters")
             .tables
@@ -436,8 +437,9 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
     let training = vec![raw(Protocol::Steady), raw(Protocol::Dynamic)];
     let mut identification = BENCH.identification.clone();
     identification.model.unmodelled_mass = config.rod.mass_kg;
-    let forgotten = document(&plain_input(&identification, &training));
-    let declared = document(&plain_input(&BENCH.identification, &BENCH.training));
+    let forgotten =
+        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+    let declared = document(&plain_input(&BENCH.identification, &BENCH.own));
     for id in ["velocity-step", "cross-validation"] {
         let forces = |document: &Document| {
             let panels = figure(document, id).panels.clone();
@@ -499,7 +501,7 @@ fn of_all_motion() -> (Identification, Vec<Recording>) {
         .to_recording("surgeon.csv")
         .unwrap();
     let surgeon = record.without_moving_mass(config.rod.mass_kg, 0.0).unwrap();
-    (identification, BENCH.training.iter().cloned().chain([surgeon]).collect())
+    (identification, BENCH.own.recordings.iter().cloned().chain([surgeon]).collect())
 }
 
 fn text(cell: &Cell) -> &str {
@@ -513,7 +515,8 @@ fn text(cell: &Cell) -> &str {
 fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_stroke() {
     let (identification, training) = of_all_motion();
     let fit = identification.fit.as_ref().unwrap();
-    let document = document(&plain_input(&identification, &training));
+    let document =
+        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
     assert_nothing_is_empty(&document);
     let section = section(&document, "Fit to all motion");
     let listed = table(section, "Term");
@@ -560,7 +563,8 @@ fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_strok
 #[test]
 fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
     let (identification, training) = of_all_motion();
-    let document = document(&plain_input(&identification, &training));
+    let document =
+        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
     let [position, force, error] = &figure(&document, "small-motion").panels[..] else {
         panic!("three panels")
     };
@@ -580,7 +584,7 @@ fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
 }
 
 fn document_of_strokes(identification: &Identification) -> Document {
-    document(&plain_input(identification, &BENCH.training))
+    document(&plain_input(identification, &BENCH.own))
 }
 
 #[test]
@@ -638,7 +642,7 @@ fn series_of_line(panel: &Panel, role: Role) -> Series {
 
 #[test]
 fn without_validation_the_report_says_that_it_looks_at_its_own_data() {
-    let document = document(&plain_input(&BENCH.identification, &BENCH.training));
+    let document = document(&plain_input(&BENCH.identification, &BENCH.own));
     assert!(document.subtitle.contains("not validated"), "{}", document.subtitle);
     let labels: Vec<&str> = document.card.iter().map(|(label, _)| label.as_str()).collect();
     assert!(labels.contains(&"Error on its own data"), "{labels:?}");
@@ -659,7 +663,7 @@ fn every_number_of_the_model_card_is_in_the_summary() {
     let workflow = Workflow::of(
         BENCH.identification.clone(),
         OPTIONS.clone(),
-        BENCH.training.to_vec(),
+        BENCH.own.recordings.to_vec(),
         BENCH.validation.to_vec(),
         MovingMass { mass: 0.04, gravity: 0.0 },
     );
@@ -697,7 +701,8 @@ fn an_unresolved_deformation_is_said_in_words_instead_of_drawn() {
     let training = [stiff_slider(&[0.01, 0.02, 0.03, 0.05], true)];
     let identification = identified(&training);
     let why = identification.deformation.as_ref().expect_err("a stiff slider does not deform");
-    let document = document(&plain_input(&identification, &training));
+    let document =
+        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
     let ids: Vec<&str> = figures(&document).iter().map(|figure| figure.id.as_str()).collect();
     for id in ["velocity-step", "deformation-velocity", "deformation-force", "half-width"] {
         assert!(!ids.contains(&id), "{id}");
@@ -721,7 +726,8 @@ fn an_unresolved_deformation_is_said_in_words_instead_of_drawn() {
 fn one_direction_at_one_speed_has_no_confidence_lines_and_a_reason() {
     let training = [stiff_slider(&[0.02], false)];
     let identification = identified(&training);
-    let document = document(&plain_input(&identification, &training));
+    let document =
+        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
     let figure = figure(&document, "static-friction");
     assert!(figure.panels[0].series.iter().all(|s| !matches!(s.role, Role::Lower | Role::Upper)));
     assert!(figure.caption.contains("No confidence lines"), "{}", figure.caption);
@@ -770,7 +776,8 @@ fn real_recordings_give_reports_without_empty_panels() {
         let training: Vec<Recording> = files.iter().map(recording).collect();
         let options = IdentifyOptions::default();
         let identification = identify(&training, &options, &|_, _| {}).unwrap();
-        let document = document(&plain_input(&identification, &training));
+        let document =
+            document(&plain_input(&identification, &OwnData::of(&identification, &training)));
         assert_nothing_is_empty(&document);
         let folder = tempfile::tempdir().unwrap();
         write_document(folder.path(), &document).unwrap();
@@ -785,7 +792,7 @@ fn levels_and_speeds_are_chosen() {
     let input = IdentificationReport {
         validation: Some((&bench.validation, &bench.scores)),
         choice,
-        ..plain_input(&bench.identification, &bench.training)
+        ..plain_input(&bench.identification, &bench.own)
     };
     check_choice(&input).unwrap();
     let document = document(&input);
@@ -823,7 +830,7 @@ fn levels_and_speeds_that_were_not_recorded_are_refused() {
         let input = IdentificationReport {
             validation: Some((&bench.validation, &bench.scores)),
             choice: FigureChoice { deflections, speeds },
-            ..plain_input(&bench.identification, &bench.training)
+            ..plain_input(&bench.identification, &bench.own)
         };
         check_choice(&input).unwrap_err().to_string()
     };
@@ -871,7 +878,8 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
         if let Ok(found) = identify(&training, &options, &|_, _| {}) {
             let folder = tempfile::tempdir().unwrap();
             let out = folder.path().join("report");
-            write_document(&out, &document(&plain_input(&found, &training))).unwrap();
+            write_document(&out, &document(&plain_input(&found, &OwnData::of(&found, &training))))
+                .unwrap();
             let bytes = std::fs::metadata(out.join("report.html")).unwrap().len();
             assert!(bytes < 10_000_000, "{bytes} bytes");
             drawn += 1;
@@ -890,6 +898,6 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
     let found = identify(&slow, &options, &|_, _| {}).unwrap();
     let began = Instant::now();
     assert!(found.fit.is_some());
-    document(&plain_input(&found, &slow));
+    document(&plain_input(&found, &OwnData::of(&found, &slow)));
     assert!(began.elapsed().as_secs() < 30, "{:?}", began.elapsed());
 }

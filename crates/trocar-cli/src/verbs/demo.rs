@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use rayon::prelude::*;
 use trocar::bench::{self, BenchConfig, Protocol};
 use trocar::identify::IdentifyOptions;
 use trocar::identify::Parameter;
@@ -59,8 +60,9 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let truth = ModelFile::plausible_10_5_mm()?;
     staged.write("truth.json", truth.to_json().as_bytes())?;
     let record = |protocol| record(console, staged.path(), &config, &truth, protocol, args.seed);
-    let recordings = TRAINING.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
-    let held_out = HELD_OUT.into_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
+    let all: Vec<Protocol> = TRAINING.into_iter().chain(HELD_OUT).collect();
+    let mut recordings = all.into_par_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
+    let held_out = recordings.split_off(TRAINING.len());
     // As on a rig whose rod was weighed; its weight may stay in the offset.
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
     let options = IdentifyOptions { seed: args.seed, ..IdentifyOptions::default() };

@@ -18,7 +18,7 @@ use serde::Serialize;
 use trocar_model::Trocar;
 
 use crate::margin::Margin;
-use crate::validate::{Phases, validate};
+use crate::validate::{Phases, force_error};
 use trocar_identify::classical::{ClassicalData, ClassicalFit, Kind, RelatedFits};
 use trocar_identify::{
     EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning,
@@ -332,9 +332,9 @@ pub fn compare(
     let reference = grounds.raw(&Trocar::of_seal(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
     let force_error = |m: &Fitted| {
-        let own = validate(&m.trocar, &training, m.offset).force_error(ErrorSource::Identification);
-        let others = validate(&m.trocar, &validation, m.offset);
-        own.worse(&others.force_error(ErrorSource::Validation), ErrorSource::Validation)
+        let over = |recordings, source| force_error(&m.trocar, recordings, m.offset, source);
+        let own = over(&training, ErrorSource::Identification);
+        own.worse(&over(&validation, ErrorSource::Validation), ErrorSource::Validation)
     };
     let force_errors: Vec<ForceError> = models.par_iter().map(force_error).collect();
     let times: Vec<Option<f64>> = models

@@ -18,13 +18,12 @@ mod tables;
 pub(super) mod teleop;
 mod validation;
 
-use std::borrow::Cow;
 use trocar_model::Unit;
 
 use super::decimate;
 use super::document::{Axis, Figure, Panel, Role, Series};
 use super::number::{decimals_for, fixed, significant};
-use trocar_identify::{Candidate, DeformationFit, Estimate, Identification};
+use trocar_identify::{DeformationFit, Estimate, Identification};
 use trocar_recording::Recording;
 
 pub(super) use deformation::{deformation_force, deformation_velocity};
@@ -65,35 +64,10 @@ fn has_stages(found: &Identification) -> bool {
     found.stages.elements().len() > 1
 }
 
-/// The readings minus sensor offset and unmodelled inertia: the seal's force as measured, N.
-fn seal_force(recording: &Recording, model: &Candidate) -> Vec<f64> {
-    let mut force = recording.force_without_inertia(model.unmodelled_mass);
-    force.iter_mut().for_each(|force| *force -= model.offset);
-    force
-}
-
-/// The recordings with the unmodelled mass subtracted that the identification found in their
-/// readings.
-pub(super) fn without_unmodelled_mass<'a>(
-    recordings: &'a [Recording],
-    model: &Candidate,
-) -> Cow<'a, [Recording]> {
-    if model.unmodelled_mass == 0.0 {
-        return Cow::Borrowed(recordings);
-    }
-    let corrected = recordings.iter().map(|recording| {
-        let mut own = recording.clone();
-        own.force = recording.force_without_inertia(model.unmodelled_mass);
-        own.quality.subtracted_mass += model.unmodelled_mass;
-        own
-    });
-    Cow::Owned(corrected.collect())
-}
-
-/// Label of the readings, which says what is subtracted from them besides the sensor offset: the
-/// inertia of a mass that was declared, and of `unmodelled_mass`, kg.
-pub(crate) fn measured(recording: &Recording, unmodelled_mass: f64) -> &'static str {
-    match recording.quality.subtracted_mass + unmodelled_mass > 0.0 {
+/// Label of the readings, which says whether inertia is subtracted from them besides the sensor
+/// offset.
+pub(crate) fn measured(recording: &Recording) -> &'static str {
+    match recording.quality.subtracted_mass > 0.0 {
         true => "measured, inertia subtracted",
         false => "measured",
     }

@@ -4,9 +4,7 @@
 use std::ops::Range;
 
 use super::tables::capitalised;
-use super::{
-    Drawn, MM, Scored, excerpt_starts, has_stages, line, over_time, without_unmodelled_mass,
-};
+use super::{Drawn, MM, Scored, excerpt_starts, has_stages, line, over_time};
 use trocar_model::Trocar;
 
 use crate::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
@@ -120,15 +118,10 @@ impl MotionWindow<'_> {
 
 /// Measured force, force of the model and force of the paper's two steps in the part with the most
 /// rests and small reversals.
-pub(crate) fn small_motion(
-    found: &Identification,
-    training: &[Recording],
-    scored: &Scored,
-) -> Drawn {
+pub(crate) fn small_motion(found: &Identification, seen: &[Recording], scored: &Scored) -> Drawn {
     let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
-    let seen = without_unmodelled_mass(training, &found.model);
     let shown = fresh
-        .or_else(|| densest(found, &seen, true))
+        .or_else(|| densest(found, seen, true))
         .ok_or("There is no figure of rests and small reversals: no recording holds both.")?;
     let MotionWindow { recording, ref samples, .. } = shown;
     let offset = found.model.offset;
@@ -142,7 +135,7 @@ pub(crate) fn small_motion(
         .series(line("position", Role::Measured, &time, millimetres))
         .aspect(0.16);
     let mut force = over_time(Axis::new("force", "N")).series(line(
-        super::measured(recording, 0.0),
+        super::measured(recording),
         Role::Measured,
         &time,
         measured.iter().copied(),

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use trocar_model::Branch;
 
-use super::{Drawn, MM, line, seal_force, spaced};
+use super::{Drawn, MM, line, spaced};
 use crate::document::{Axis, Figure, Mark, Panel, Role};
 use trocar_identify::{DeformationFit, FullReversal, Identification};
 use trocar_recording::{Recording, local_velocity};
@@ -17,7 +17,7 @@ const MARGINS: [f64; 2] = [0.5, 0.8];
 const OUTERMOST: f64 = 0.9;
 
 /// The force after one measured reversal against time.
-pub(crate) fn velocity_step(found: &Identification, training: &[Recording]) -> Drawn {
+pub(crate) fn velocity_step(found: &Identification, recordings: &[Recording]) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
             "There is no figure of the force upon a velocity reversal (figure 3 of the paper), because the recordings hold no full reversal: {why}."
@@ -25,16 +25,16 @@ pub(crate) fn velocity_step(found: &Identification, training: &[Recording]) -> D
     })?;
     let shown = clearest(deformation)
         .ok_or("No full reversal was found that could show a velocity reversal.")?;
-    let recording = &training[shown.recording];
+    let recording = &recordings[shown.recording];
     let window = window(recording, shown);
     let origin = recording.time[turning_point(recording, shown, &window)];
     let time: Vec<f64> = recording.time[window.clone()].iter().map(|t| t - origin).collect();
     let part = |values: &[f64]| values[window.clone()].to_vec();
-    let measured = part(&seal_force(recording, &found.model));
+    let measured = recording.force[window.clone()].iter().map(|force| force - found.model.offset);
     let model = part(&replay(&found.trocar(), recording, found.model.offset).force);
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
     let velocity = part(&velocity).into_iter().map(|v| MM * v);
-    let label = super::measured(recording, found.model.unmodelled_mass);
+    let label = super::measured(recording);
     let since = || Axis::new("time since the reversal", "s");
     let forces = Panel::new(since(), Axis::new("force", "N").with_zero())
         .series(line(label, Role::Measured, &time, measured))

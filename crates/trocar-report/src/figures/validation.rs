@@ -1,16 +1,15 @@
 //! The model compared with measurements over time (EMS figure 9), and the residual.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned, without_unmodelled_mass};
+use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned};
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::number::{fixed, significant};
 use trocar_identify::Identification;
-use trocar_lab::validate::{Validation, validate};
+use trocar_lab::validate::{OwnData, Validation};
 use trocar_recording::Recording;
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{
@@ -30,8 +29,8 @@ const ONE_LABEL: f64 = 1.1;
 
 /// Recordings, the simulations of the model over them, and the scores.
 pub(crate) struct Scored<'a> {
-    pub(crate) recordings: Cow<'a, [Recording]>,
-    pub(crate) validation: Cow<'a, Validation>,
+    pub(crate) recordings: &'a [Recording],
+    pub(crate) validation: &'a Validation,
     /// Whether the recordings were held out of the identification.
     pub(crate) held_out: bool,
     runs: Vec<Replay>,
@@ -44,22 +43,16 @@ pub(crate) struct Scored<'a> {
 /// Simulates the model over the validation recordings, or over those used for identification.
 pub(crate) fn scored<'a>(
     found: &Identification,
-    training: &'a [Recording],
+    own: &'a OwnData,
     validation: Option<(&'a [Recording], &'a Validation)>,
 ) -> Scored<'a> {
     let trocar = found.trocar();
     let offset = found.model.offset;
-    let (recordings, scores, held_out) = match validation {
-        Some((recordings, scores)) => (Cow::Borrowed(recordings), Cow::Borrowed(scores), true),
-        None => {
-            let recordings = without_unmodelled_mass(training, &found.model);
-            let scores = Cow::Owned(validate(&trocar, &recordings, offset));
-            (recordings, scores, false)
-        }
-    };
+    let held_out = validation.is_some();
+    let (recordings, validation) = validation.unwrap_or_else(|| (&own.recordings, &own.validation));
     let runs = recordings.par_iter().map(|recording| replay(&trocar, recording, offset)).collect();
     let stages = has_stages(found);
-    Scored { recordings, validation: scores, held_out, runs, stages, offset }
+    Scored { recordings, validation, held_out, runs, stages, offset }
 }
 
 impl Scored<'_> {
@@ -222,7 +215,7 @@ fn forces(scored: &Scored, cycle: &Cycle) -> Panel {
     };
     over_time(Axis::new("force", "N").with_zero())
         .title(speed)
-        .series(line(super::measured(recording, 0.0), Role::Measured, &time, measured))
+        .series(line(super::measured(recording), Role::Measured, &time, measured))
         .series(line("model", Role::Model, &time, model.iter().copied()))
         .aspect(0.7)
 }

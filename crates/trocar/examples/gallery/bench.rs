@@ -60,7 +60,7 @@ pub(crate) fn identified() -> Outcome<Vec<Figure>> {
     let truth = ModelFile::plausible_10_5_mm()?;
     let document = identification::document(&IdentificationReport {
         identification: &done.identification,
-        training: &done.recordings,
+        own: &done.own,
         range: done.range,
         validation: done.validation.as_ref().map(|v| (done.held_out.as_slice(), v)),
         truth: Some(truth.stages()?.elements()),

@@ -280,7 +280,7 @@ impl<'a> Source<'a> {
     }
 
     /// Root mean square error over the recordings, N.
-    fn error<K: AsRef<[f64]>>(&self, trocar: &Trocar<K>) -> Option<f64> {
+    fn error<K: AsRef<[f64]> + Sync>(&self, trocar: &Trocar<K>) -> Option<f64> {
         let known = !self.recordings.is_empty();
         known.then(|| validate(trocar, &self.recordings, self.offset).rms_n)
     }

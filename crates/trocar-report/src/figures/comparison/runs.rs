@@ -181,7 +181,7 @@ impl Shown<'_> {
 
     fn draw(&self, figure: Figure, axis: &Axis, x: &[f64], window: &Range<usize>) -> Figure {
         let part = |force: &[f64]| force[window.clone()].to_vec();
-        let label = crate::figures::measured(self.recording, 0.0);
+        let label = crate::figures::measured(self.recording);
         let measured = line(label, Role::Backdrop, x, part(&self.measured));
         self.panels.iter().fold(figure.columns(2), |figure, (title, runs)| {
             let axes = Panel::new(axis.clone(), Axis::new("force", "N").with_zero());
