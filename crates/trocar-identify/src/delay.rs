@@ -81,10 +81,10 @@ pub(super) fn fitted(
         let more = begun.as_ref().and_then(|begun| begun.position_delay(&found.recordings));
         next = later(found.lag, more);
     }
-    if let Some(delayed) = delayed.map(grow) {
-        if error(&delayed) < BETTER * error(&best) {
-            (rest, best) = (left(&delayed), delayed);
-        }
+    if let Some(delayed) = delayed.map(grow)
+        && error(&delayed) < BETTER * error(&best)
+    {
+        (rest, best) = (left(&delayed), delayed);
     }
     for _ in 0..PositionDelay::MOST_AFTER {
         let more =

@@ -30,7 +30,7 @@ pub(super) fn rows(
     mass: f64,
     scored: &Scored,
 ) -> Vec<(String, String)> {
-    let held_out = if scored.held_out { &scored.recordings[..] } else { &[] };
+    let held_out = if scored.held_out { scored.recordings } else { &[] };
     let mut all: Vec<_> = training.iter().map(|r| from("Identified from", r)).collect();
     all.extend(held_out.iter().map(|r| from("Held out", r)));
     let rig = match mass {
@@ -91,7 +91,7 @@ fn seen(range: &MotionRange, motion: &FreeMotion) -> String {
 /// The error with that of each recording, if there are few, its repeatability, and that of EMS.
 fn error(scored: &Scored) -> (String, String) {
     let label = if scored.held_out { "Error held out" } else { "Error on its own data" };
-    let Validation { rms_n, fit_percent, recordings } = &*scored.validation;
+    let Validation { rms_n, fit_percent, recordings } = scored.validation;
     let mut words = format!("{} N rms, fit {} %", significant(*rms_n, 3), fixed(*fit_percent, 1));
     if (2..=3).contains(&recordings.len()) {
         for r in recordings {

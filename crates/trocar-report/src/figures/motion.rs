@@ -119,7 +119,7 @@ impl MotionWindow<'_> {
 /// Measured force, force of the model and force of the paper's two steps in the part with the most
 /// rests and small reversals.
 pub(crate) fn small_motion(found: &Identification, seen: &[Recording], scored: &Scored) -> Drawn {
-    let fresh = scored.held_out.then(|| densest(found, &scored.recordings, false)).flatten();
+    let fresh = scored.held_out.then(|| densest(found, scored.recordings, false)).flatten();
     let shown = fresh
         .or_else(|| densest(found, seen, true))
         .ok_or("There is no figure of rests and small reversals: no recording holds both.")?;

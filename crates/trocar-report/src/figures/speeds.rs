@@ -19,7 +19,7 @@ fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
 
 /// Root mean square error against speed, over all recordings.
 pub(crate) fn error_by_speed(scored: &Scored) -> Drawn {
-    let groups = by_speed(&scored.validation);
+    let groups = by_speed(scored.validation);
     if groups.len() < 2 {
         return Err(
             "The error is not drawn against speed: all strokes have about one speed.".to_owned()

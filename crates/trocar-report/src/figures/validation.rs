@@ -143,7 +143,7 @@ pub(super) fn cycles(
 
 /// The cycles that can be drawn, by speed.
 fn sorted_cycles(scored: &Scored) -> Vec<Cycle> {
-    let mut cycles = cycles(&scored.recordings, |index| scored.known(index));
+    let mut cycles = cycles(scored.recordings, |index| scored.known(index));
     cycles.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     cycles
 }
