@@ -82,6 +82,14 @@ impl Candidate {
         })
     }
 
+    /// Gives the branches coefficients up to these degrees, of which those that are new are 0.
+    pub(super) fn extend_branches(&mut self, [left, right]: [usize; 2]) {
+        for branch in [&mut self.insertion_branch, &mut self.withdrawal_branch] {
+            branch.left.resize(branch.left.len().max(left - 1), 0.0);
+            branch.right.resize(branch.right.len().max(right - 1), 0.0);
+        }
+    }
+
     /// The candidate with another half width, m, and the same force over full strokes.
     pub(super) fn with_half_width(&self, half_width: f64) -> Option<Candidate> {
         self.rebuilt(1.0, half_width, |d, travel| self.first_upon_stroke(d, travel))

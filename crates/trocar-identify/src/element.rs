@@ -21,7 +21,7 @@ use super::scale::{FrictionScale, Jump};
 use super::seal_prior::SealPrior;
 use super::shape::BranchShape;
 use super::spread::variance;
-use super::terms::{self, Chosen, Term, TermTrial};
+use super::terms::{self, Chosen, Term, TermTrial, improvement_p_value};
 use super::training::acceleration_is_resolved;
 use super::training::{ASSUMED_WIDTH, Coarseness, INDEPENDENT, Ripple, Scale, Segmented, Training};
 use super::two_steps::{TwoSteps, settled_segments};
@@ -122,7 +122,26 @@ pub(super) fn begin(input: &Input, progress: Progress) -> Option<Begun> {
     free_scales(input, &mut training, &fitted.best, variance(&fitted) / INITIAL_SCATTER.powi(2));
     progress("friction scale", 0.06);
     let Scaled { training, fitted, .. } = scaled(input, training, fitted.best, NEXT)?;
+    let fitted = with_all_degrees(input, &training, fitted);
     Some(Begun { training, fitted })
+}
+
+/// Where a fit has parabolas for branches, that with the degrees that are wanted if the readings show
+/// that they are no parabolas: over many strokes, positions that are far apart in each lie close
+/// together.
+fn with_all_degrees(
+    input: &Input,
+    training: &Training,
+    found: Fitted<EmsTrial>,
+) -> Fitted<EmsTrial> {
+    let mut bent = found.best.clone();
+    bent.candidate.extend_branches(input.options.degrees);
+    if !bent.layout.shape || bent.candidate == found.best.candidate {
+        return found;
+    }
+    likelihood::fit(training, &bent, NEXT)
+        .filter(|bent| improvement_p_value(training, &found, bent) < terms::LEVEL)
+        .unwrap_or(found)
 }
 
 /// Fewest clusters for a fit from a prior.

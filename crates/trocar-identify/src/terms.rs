@@ -735,7 +735,7 @@ fn lacking(larger: &[Free], smaller: &[Free]) -> Vec<bool> {
 
 /// p value of the increase of the squared error from the larger model to the smaller, over the
 /// clusters of strokes.
-fn improvement_p_value(
+pub(super) fn improvement_p_value(
     training: &Training,
     smaller: &Fitted<EmsTrial>,
     larger: &Fitted<EmsTrial>,

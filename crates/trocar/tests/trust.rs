@@ -100,6 +100,20 @@ fn an_unmodelled_mass_does_not_depend_on_the_noise_of_the_accelerations() {
     }
 }
 
+/// At 259 Hz the positions of a stroke are up to a sixth of the half width apart, and over all strokes
+/// they lie close together: parabolas would put the joins 7 % of the half width elsewhere.
+#[test]
+fn few_positions_in_each_stroke_do_not_put_the_joins_elsewhere() {
+    let last = outcomes(&["drawn_strokes"], 2).pop().expect("two were drawn");
+    let of = |name: &str| last.judged.iter().find(|j| j.parameter == name).expect("it is listed");
+    let half_width = of("half_width_m").truth[0];
+    for name in ["insertion_join_m", "withdrawal_join_m"] {
+        let join = of(name);
+        let off = (join.value.expect("it is listed") - join.truth[0]) / half_width;
+        assert!(off.abs() < 0.02, "{off} half widths off: {join:?}");
+    }
+}
+
 #[test]
 fn a_delay_is_told_from_a_contact_that_creeps() {
     for outcome in outcomes(&["creep_3_mm_s"], 3) {
