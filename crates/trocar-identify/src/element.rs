@@ -134,13 +134,13 @@ fn with_all_degrees(
     training: &Training,
     found: Fitted<EmsTrial>,
 ) -> Fitted<EmsTrial> {
-    let mut bent = found.best.clone();
-    bent.candidate.extend_branches(input.options.degrees);
-    if !bent.layout.shape || bent.candidate == found.best.candidate {
+    let mut higher = found.best.clone();
+    higher.candidate.extend_branches(input.options.degrees);
+    if !higher.layout.shape || higher.candidate == found.best.candidate {
         return found;
     }
-    likelihood::fit(training, &bent, NEXT)
-        .filter(|bent| improvement_p_value(training, &found, bent) < terms::LEVEL)
+    likelihood::fit(training, &higher, NEXT)
+        .filter(|higher| improvement_p_value(training, &found, higher) < terms::LEVEL)
         .unwrap_or(found)
 }
 

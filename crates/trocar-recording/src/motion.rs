@@ -36,6 +36,9 @@ const ABOVE_NOISE: f64 = 3.0;
 /// noise: with this much it grows by an eighth, and what swings is still the force.
 const ADDED: f64 = 0.5;
 
+/// Windows whose accelerations are in memory at once: each is as long as the recording.
+const AT_A_TIME: usize = 4;
+
 /// Velocity in m/s at every sample, from the positions over `window` seconds.
 #[must_use]
 pub fn local_velocity(recording: &Recording, window: f64) -> Vec<f64> {
@@ -80,9 +83,9 @@ impl Recording {
     /// Acceleration in m/s^2 for a known mass in kg, whose inertia is to be subtracted from a force.
     /// The subtraction may add `noise`, N rms.
     ///
-    /// `signal`, which is [`Recording::acceleration`], loses small pulses, as where a seal begins to slide. They are at
-    /// the same place in every stroke and would bias the force that is left. Here windows become
-    /// shorter as long as the noise variance of the fit is below the mean square of the
+    /// `signal`, which is [`Recording::acceleration`], loses small pulses, as where a seal begins to
+    /// slide. They are at the same place in every stroke and would bias the force that is left. Here
+    /// windows become shorter as long as the noise variance of the fit is below the mean square of the
     /// acceleration, and its force below `noise`; shorter ones count where they differ by more than
     /// noise.
     #[must_use]
@@ -139,7 +142,7 @@ impl Recording {
         &'a self,
         windows: &'a [f64],
     ) -> impl Iterator<Item = (f64, Vec<f64>)> + 'a {
-        windows.chunks(rayon::current_num_threads()).flat_map(|some| {
+        windows.chunks(AT_A_TIME).flat_map(|some| {
             let of = |window: &f64| (*window, local_acceleration(self, *window));
             some.par_iter().map(of).collect::<Vec<_>>()
         })

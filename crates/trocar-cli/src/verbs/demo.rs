@@ -59,9 +59,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let config = BenchConfig::default();
     let truth = ModelFile::plausible_10_5_mm()?;
     staged.write("truth.json", truth.to_json().as_bytes())?;
-    let record = |protocol| record(console, staged.path(), &config, &truth, protocol, args.seed);
-    let all: Vec<Protocol> = TRAINING.into_iter().chain(HELD_OUT).collect();
-    let mut recordings = all.into_par_iter().map(record).collect::<anyhow::Result<Vec<_>>>()?;
+    let mut recordings = record_all(console, staged.path(), &config, &truth, args.seed)?;
     let held_out = recordings.split_off(TRAINING.len());
     // As on a rig whose rod was weighed; its weight may stay in the offset.
     let moving_mass = MovingMass { mass: config.rod.mass_kg, gravity: 0.0 };
@@ -74,23 +72,27 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     Ok(Completion::doubtful_if(done.is_doubtful()))
 }
 
-/// Runs one experiment and reads its recording from the file, as for a recording of a rig.
-fn record(
+/// Runs the experiments and reads their recordings from the files, as for recordings of a rig.
+fn record_all(
     console: &Console,
     folder: &Path,
     config: &BenchConfig,
     seal: &ModelFile,
-    protocol: Protocol,
     seed: u64,
-) -> anyhow::Result<Recording> {
+) -> anyhow::Result<Vec<Recording>> {
     let progress = Progress::new(console);
-    progress.report(protocol.name(), 0.0);
-    let run = bench::run(config, protocol, seal.stages()?.elements(), seed)?;
-    let recordings = folder.join("recordings");
-    std::fs::create_dir_all(&recordings)?;
-    let path = recordings.join(format!("{protocol}.csv"));
-    run.write(&path)?;
-    Ok(read(&path, &ReadOptions::default())?)
+    progress.report("recording", 0.0);
+    let folder = folder.join("recordings");
+    std::fs::create_dir_all(&folder)?;
+    let stages = seal.stages()?;
+    let all: Vec<Protocol> = TRAINING.into_iter().chain(HELD_OUT).collect();
+    let record = |protocol: &Protocol| {
+        let run = bench::run(config, *protocol, stages.elements(), seed)?;
+        let path = folder.join(format!("{protocol}.csv"));
+        run.write(&path)?;
+        Ok(read(&path, &ReadOptions::default())?)
+    };
+    all.par_iter().map(record).collect()
 }
 
 /// Ten lines: the estimates next to the true values.

@@ -52,8 +52,8 @@ const OTHERS: [[&str; 4]; 4] = [
         "compensation.svg",
         "Tissue force from outside the body",
         "A hand moves the instrument into tissue. The reading outside the body less the computed force of the trocar is the tissue force; while the seal is \
-         wetted, the observer follows its friction scale: 0.038 N rms of error dry, 0.154 N wet (beside published \
-         errors in docs/explanation/compensation.md).",
+         wetted, the observer follows its friction scale: 0.038 N rms of error dry, 0.154 N wet ([beside published \
+         errors](../explanation/compensation.md)).",
         "cargo run --release -p trocar --example compensation -- docs",
     ],
     [
