@@ -127,13 +127,17 @@ fn percent(fraction: f64) -> String {
 }
 
 fn subtitle(input: &TeleopReport) -> String {
-    let Config { control, channel, tissue, compensation, .. } = input.config();
+    let Config { control, channel, tissue, compensation, motion, .. } = input.config();
+    let turning = match motion.turning_rad_s {
+        0.0 => String::new(),
+        rate => format!("; the instrument turns at {} rad/s", plain(rate)),
+    };
     let tissue = match tissue.kind {
         TissueKind::None => "no tissue".to_owned(),
         _ => format!("tissue of {} N/m", plain(tissue.stiffness_n_m)),
     };
     format!(
-        "{}, {} ms each way, {tissue}; {} of the trocar's force compensated",
+        "{}, {} ms each way, {tissue}; {} of the trocar's force compensated{turning}",
         figures::in_words(control.architecture),
         plain(MM * channel.delay_s),
         percent(compensation.fraction)

@@ -31,7 +31,13 @@ const PLAUSIBLE: f64 = 3.0;
 /// Largest fraction that is drawn.
 const MOST: f64 = 1.25;
 /// One push by 40 mm from the surface of the tissue: with the default grip even the stiffest seal slides.
-const PUSH: Press = Press { middle_m: 0.14, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 1.0 };
+const PUSH: Press = Press {
+    middle_m: 0.14,
+    amplitude_m: 0.02,
+    frequency_hz: 0.5,
+    duration_s: 1.0,
+    turning_rad_s: 0.0,
+};
 /// Cells of the map along each axis, with the distance of delays (s) and of fractions.
 const CELLS: u32 = 11;
 const APART: [f64; 2] = [2e-3, 0.15];

@@ -18,7 +18,7 @@ use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::{Disturbance, Trial, ZWidth};
 use trocar::teleop::{Candidates, Loop, Outcome, Questions, Sample, Study, candidates, scaled};
 use trocar_model::{
-    Classical, Dahl, DahlParams, LuGre, LuGreParams, Quantity, Seal, SlidingFriction,
+    Classical, Dahl, DahlParams, LuGre, LuGreParams, Quantity, Rotation, Seal, SlidingFriction,
     StaticFriction, StribeckCurve, Trocar, Tunable,
 };
 
@@ -573,6 +573,11 @@ fn what_is_no_loop_is_refused_with_its_key() {
         ("[follower]\nmas_kg = 1.0", ["mas_kg", "‹teleop_config()›"]),
         ("sample_time_s = 0.0", ["sample_time_s", "from 1e-6"]),
         ("[motion]\nduration_s = 1e9", ["motion.duration_s", "samples"]),
+        ("[motion]\nturning_rad_s = 1e4", ["motion.turning_rad_s", "from -1000"]),
+        (
+            "[motion]\nturning_rad_s = 3.0\n[control]\npassivity = true\npassivity_credit = \"trocar\"",
+            ["motion.turning_rad_s = 3", "take \"none\""],
+        ),
     ] {
         let error = Config::from_toml(text).unwrap_err().to_string();
         assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
@@ -868,7 +873,7 @@ fn describing_functions_are_the_first_harmonic_of_the_loop() {
         let velocity = harmonic(last, frequency, |s| s.follower_velocity);
         let found = harmonic(last, frequency, |s| s.trocar_force) / velocity;
         let reached = velocity.norm() / (TAU * frequency);
-        let expected = seal_impedance(&trocar, middle, reached, frequency);
+        let expected = seal_impedance(&trocar, &config, reached, frequency);
         assert!((found / expected - 1.0).norm() < 0.02, "{amplitude} m: {found} {expected}");
         let rows = response(&config, [&trocar, &trocar], reached, &[frequency]).unwrap();
         let felt = harmonic(last, frequency, |s| s.operator_force)
@@ -1595,4 +1600,45 @@ fn static_friction_holds_within_a_step_in_which_its_force_rises() {
     let given = samples.windows(2).map(|pair| pair[1].trocar_work - pair[0].trocar_work);
     assert!(given.fold(0.0, f64::min) > -1e-12);
     assert!(samples.iter().any(|s| s.follower_velocity > 1e-3), "it slides, too");
+}
+
+/// A hand that slides the instrument through the seal at 20 mm/s feels what turning leaves of its
+/// friction, v/√(v² + r²·ω²) of it; an observer that knows the angle takes all of that out, and one that
+/// does not, more than there is.
+#[test]
+fn who_turns_the_instrument_feels_less_friction() {
+    let (speed, rate, radius) = (0.02, TAU, 5e-3);
+    let along = plausible();
+    let rotation = Rotation {
+        shaft_radius: radius,
+        circumferential_stiffness: 425.0,
+        circumferential_ratio: 1.0,
+    };
+    let turns = along.with_rotation(Some(rotation)).unwrap();
+    let mut config = Config::default();
+    config.tissue.kind = TissueKind::None;
+    config.compensation.fraction = 1.0;
+    let hand = |t: f64| (speed * t, speed);
+    let last = |config: &Config, [plant, model]: [Trocar; 2]| {
+        let mut tried = Loop::new(config, plant, model, 0.0).unwrap();
+        *tried.run(4000, hand).unwrap().last().unwrap()
+    };
+    let still = last(&config, [turns; 2]);
+    assert_eq!(still, last(&config, [along; 2]), "an angle that does not change is none");
+    config.motion.turning_rad_s = rate;
+    let element = along.seal().stages().unwrap().first().params().insertion;
+    let viscous = element.viscous_damping * speed;
+    let left = speed / speed.hypot(radius * rate);
+    let turned = last(&config, [turns; 2]);
+    assert!((still.trocar_force - element.coulomb_force - viscous).abs() < 1e-3, "{still:?}");
+    assert!(
+        (turned.trocar_force - left * element.coulomb_force - viscous).abs() < 1e-3,
+        "{turned:?}"
+    );
+    assert!(turned.estimate.abs() < 1e-2, "{turned:?}");
+    let too_much = (1.0 - left) * element.coulomb_force;
+    let blind = last(&config, [turns, along]);
+    assert!((blind.estimate + too_much).abs() < 0.02 * too_much, "{blind:?}");
+    let error = Loop::new(&config, along, turns, 0.0).unwrap_err();
+    assert!(error.to_string().contains("has no rotation"), "{error}");
 }

@@ -203,8 +203,12 @@ fn which(args: &Args, config: &Config) -> String {
         Some(path) => path.display().to_string(),
         None => "the default (--print-config shows it)".to_owned(),
     };
+    let turning = match config.motion.turning_rad_s {
+        0.0 => String::new(),
+        rate => format!(", turning at {} rad/s", number(rate)),
+    };
     format!(
-        "loop: {from}, {architecture}, {} Hz, delay {} ms each way, {} % of the trocar's force compensated\n",
+        "loop: {from}, {architecture}, {} Hz, delay {} ms each way, {} % of the trocar's force compensated{turning}\n",
         number(1.0 / config.sample_time_s),
         number(1e3 * config.channel.delay_s),
         number(100.0 * config.compensation.fraction)

@@ -67,6 +67,9 @@ pub struct Press {
     pub frequency_hz: f64,
     /// Duration of the experiment, s, above 0.
     pub duration_s: f64,
+    /// Rate at which the follower turns the instrument about its axis, rad/s; 0 for one that does not
+    /// turn. The trocar's model must have rotation.
+    pub turning_rad_s: f64,
 }
 
 impl Press {
@@ -78,6 +81,11 @@ impl Press {
     /// Largest speed, m/s.
     pub(super) fn peak_m_s(&self) -> f64 {
         std::f64::consts::TAU * self.frequency_hz * self.amplitude_m.abs()
+    }
+
+    /// Angle of the instrument at `time`, s; rad.
+    pub(crate) fn angle(&self, time: f64) -> f64 {
+        self.turning_rad_s * time
     }
 
     /// Position, m, and velocity, m/s, at `time`, s.
@@ -287,7 +295,8 @@ impl Default for Config {
 impl Default for Press {
     /// From 20 mm before the surface of the default tissue to 20 mm beyond it, twice within 4 s.
     fn default() -> Self {
-        Self { middle_m: 0.12, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 4.0 }
+        let (middle_m, amplitude_m) = (0.12, 0.02);
+        Self { middle_m, amplitude_m, frequency_hz: 0.5, duration_s: 4.0, turning_rad_s: 0.0 }
     }
 }
 
@@ -403,6 +412,18 @@ pub enum ConfigError {
          again with ‹validate=...›"
     )]
     NoForceError,
+    /// A trocar of which nothing is known around its axis.
+    #[error(
+        "motion.turning_rad_s = {0} turns the instrument, and the trocar's model has no rotation\n\nhint: identify it from \
+         recordings that turn, with the diameter of the shaft (‹shaft_diameter_mm›)"
+    )]
+    NoRotation(f64),
+    /// A credit that turning would make too large.
+    #[error(
+        "control.passivity_credit = \"trocar\" is no bound where the instrument turns (motion.turning_rad_s = {0}): friction \
+         along the axis is less then\n\nhint: take \"none\""
+    )]
+    CreditOfTurning(f64),
     /// The compensator cannot be made.
     #[error("compensation: {0}")]
     Compensator(String),
@@ -503,12 +524,16 @@ impl Config {
             check(holds(error), "compensation.force_error_n", allowed, error)?;
         }
         self.check_length()?;
+        let turning = self.motion.turning_rad_s;
+        if turning != 0.0 && self.has_credit() {
+            return Err(ConfigError::CreditOfTurning(turning));
+        }
         self.delay_samples()?;
         self.jitter_samples().map(|_| ())
     }
 
     /// The numbers that have a range of their own: name, value, range.
-    fn numbers(&self) -> [(&'static str, f64, Range); 36] {
+    fn numbers(&self) -> [(&'static str, f64, Range); 37] {
         let Self { operator, leader, follower, control, compensation, .. } = self;
         let Self { sensor, tissue, motion, .. } = self;
         [
@@ -547,6 +572,7 @@ impl Config {
             ("motion.amplitude_m", motion.amplitude_m, PLACE),
             ("motion.frequency_hz", motion.frequency_hz, NOT_BELOW_0),
             ("motion.duration_s", motion.duration_s, ABOVE_0),
+            ("motion.turning_rad_s", motion.turning_rad_s, TURNING),
             ("channel.loss", self.channel.loss, LOSS),
         ]
     }
@@ -615,6 +641,7 @@ const NOT_BELOW_0: Range = ("0 or above, at most 1e9", |found| (0.0..=1e9).conta
 const RESOLUTION: Range =
     ("0, or from 1e-12 to 1", |found| found == 0.0 || (1e-12..=1.0).contains(&found));
 const PLACE: Range = ("from -1 to 1", |found| found.abs() <= 1.0);
+const TURNING: Range = ("from -1000 to 1000", |found| found.abs() <= 1e3);
 const FINITE: Range = ("finite", f64::is_finite);
 const SAMPLE_TIME: Range = ("from 1e-6 to 0.1", |found| (1e-6..=0.1).contains(&found));
 const SUBSTEPS: Range = ("from 1 to 1000", |found| (1.0..=1000.0).contains(&found));

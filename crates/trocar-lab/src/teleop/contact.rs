@@ -61,6 +61,7 @@ fn pushing(config: &Config, approach: f64, depth: f64) -> Config {
         amplitude_m: 0.5 * (depth + approach),
         frequency_hz,
         duration_s: (0.5 / frequency_hz + delay).min(config.motion.duration_s),
+        turning_rad_s: config.motion.turning_rad_s,
     };
     pushing
 }
@@ -70,7 +71,8 @@ fn approach<K: AsRef<[f64]>>(config: &Config, trocar: &Trocar<K>, depth: f64) ->
     let surface = config.tissue.surface_m;
     let force = |approach: f64, speed: f64| {
         let (mut state, way) = (trocar.rest(surface - approach), approach / f64::from(STEPS));
-        (0..STEPS).fold(0.0, |_, _| trocar.step(&mut state, way, way / speed))
+        let angle = |k: u32| config.motion.angle(f64::from(k) * way / speed);
+        (1..=STEPS).fold(0.0, |_, k| trocar.turn(&mut state, way, angle(k), way / speed))
     };
     let [mut approach, greatest] = APPROACHES_M;
     while approach <= greatest {

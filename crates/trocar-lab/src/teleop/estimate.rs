@@ -63,10 +63,10 @@ impl<K: AsRef<[f64]> + Clone> Estimator<K> {
             Observer::None => return reading,
             Observer::Model(model) => {
                 let (model, state) = &mut **model;
-                model.step_to(state, own.position, self.duration)
+                model.turn_to(state, own.position, follower.angle, self.duration)
             }
             Observer::Adaptive(compensator) => {
-                compensator.step(own.position, reading, self.duration).trocar_force
+                compensator.turn(own.position, follower.angle, reading, self.duration).trocar_force
             }
         };
         reading - self.fraction * trocar_force

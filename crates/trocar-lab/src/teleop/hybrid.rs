@@ -78,9 +78,8 @@ pub fn response<K: AsRef<[f64]> + Clone>(
         .map(|&frequency_hz| {
             cancel::check();
             positive("frequency_hz", frequency_hz)?;
-            let impedance = |trocar: &Trocar<K>| {
-                seal_impedance(trocar, config.tissue.surface_m, amplitude_m, frequency_hz)
-            };
+            let impedance =
+                |trocar: &Trocar<K>| seal_impedance(trocar, config, amplitude_m, frequency_hz);
             let impedances = [impedance(&model), impedance(plant)];
             let hybrid = Hybrid::with_compensator(config, impedances, frequency_hz);
             let tissue = tissue_impedance(config, frequency_hz);
@@ -102,21 +101,23 @@ const STEPS: u32 = 2000;
 /// Periods before the one that counts.
 const PERIODS: u32 = 2;
 
-/// Describing function of the trocar as an impedance, N s/m, at `amplitude` (m) around `position` (m): the
-/// first harmonic of F_t over that of the velocity.
+/// Describing function of the trocar as an impedance, N s/m, at `amplitude` (m) around the surface of the
+/// tissue, while it turns as in `config`: the first harmonic of F_t over that of the velocity.
 pub fn seal_impedance<K: AsRef<[f64]>>(
     trocar: &Trocar<K>,
-    position: f64,
+    config: &Config,
     amplitude: f64,
     frequency_hz: f64,
 ) -> Complex<f64> {
+    let position = config.tissue.surface_m;
     let omega = TAU * frequency_hz;
     let step = 1.0 / (frequency_hz * f64::from(STEPS));
     let mut state = trocar.rest(position);
     let mut sum = Complex::new(0.0, 0.0);
     for k in 1..=(PERIODS + 1) * STEPS {
         let phase = TAU * f64::from(k) / f64::from(STEPS);
-        let force = trocar.step_to(&mut state, position + amplitude * phase.sin(), step);
+        let angle = config.motion.angle(f64::from(k) * step);
+        let force = trocar.turn_to(&mut state, position + amplitude * phase.sin(), angle, step);
         if k > PERIODS * STEPS {
             sum += Complex::new(phase.cos(), -phase.sin()) * force;
         }

@@ -3,7 +3,7 @@
 use nalgebra::Matrix4;
 use trocar_model::{Trocar, TrocarState};
 
-use super::config::{Config, Device, Operator, Tissue};
+use super::config::{Config, Device, Operator, Press, Tissue};
 
 /// Iterations for a force that changes within a substep, before the substep counts as stiff.
 const ITERATIONS: usize = 5;
@@ -137,7 +137,10 @@ pub(crate) struct Follower<K> {
     tissue: Tissue,
     trocar: Trocar<K>,
     seal: TrocarState,
+    press: Press,
     pub(crate) motion: Motion,
+    /// Angle of the instrument, rad.
+    pub(crate) angle: f64,
     /// F_t, N.
     pub(crate) trocar_force: f64,
     /// F_e, N.
@@ -176,7 +179,9 @@ impl<K: AsRef<[f64]>> Follower<K> {
             tissue_force: tissue.force(0.0, position, 0.0),
             trocar,
             seal,
+            press: config.motion,
             motion: Motion { position, velocity: 0.0 },
+            angle: 0.0,
             acceleration: 0.0,
             trocar_work: 0.0,
             tissue_work: 0.0,
@@ -185,6 +190,7 @@ impl<K: AsRef<[f64]>> Follower<K> {
 
     /// One substep under the motor force `motor`, N, that ends at `time`, s.
     pub(crate) fn step(&mut self, motor: f64, time: f64) {
+        self.angle = self.press.angle(time);
         let first = motor - self.trocar_force - self.tissue_force;
         let mut force = self.trocar_force + self.tissue_force;
         for _ in 0..ITERATIONS {
@@ -210,7 +216,8 @@ impl<K: AsRef<[f64]>> Follower<K> {
     /// Forces at the end of a substep that leads to `motion`.
     fn met(&self, motion: Motion, time: f64) -> Met {
         let mut seal = self.seal;
-        let trocar_force = self.trocar.step_to(&mut seal, motion.position, self.duration);
+        let trocar_force =
+            self.trocar.turn_to(&mut seal, motion.position, self.angle, self.duration);
         let tissue_force = self.tissue.force(time, motion.position, motion.velocity);
         Met { seal, trocar_force, tissue_force }
     }
@@ -224,7 +231,8 @@ impl<K: AsRef<[f64]>> Follower<K> {
         }
         let (mut seal, duration) = (met.seal, SHORT * self.duration);
         let position = motion.position + motion.velocity * duration;
-        let force = self.trocar.step_to(&mut seal, position, duration);
+        let angle = self.angle + self.press.angle(duration);
+        let force = self.trocar.turn_to(&mut seal, position, angle, duration);
         (force - met.trocar_force).abs() > JUMP_N
     }
 

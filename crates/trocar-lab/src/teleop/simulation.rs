@@ -111,6 +111,10 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         position: f64,
     ) -> Result<Self, ConfigError> {
         config.check()?;
+        let turning = config.motion.turning_rad_s;
+        if turning != 0.0 && trocar.rotation().is_none() {
+            return Err(ConfigError::NoRotation(turning));
+        }
         let encoders = [config.leader, config.follower]
             .map(|device| Encoder::new(device.encoder_step_m, config.sample_time_s));
         Ok(Self {

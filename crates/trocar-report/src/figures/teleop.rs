@@ -311,9 +311,7 @@ pub(crate) fn hybrid(config: &Config, [model, trocar]: [&Trocar<Vec<f64>>; 2]) -
     let mut seals = vec![("without a trocar".to_owned(), Role::Neutral, none)];
     for (amplitude, role) in AMPLITUDES.into_iter().zip([Role::Category(0), Role::Category(1)]) {
         let name = format!("with the trocar at {} mm", significant(MM * amplitude, 2));
-        let of = |seal, frequency: &f64| {
-            seal_impedance(seal, config.tissue.surface_m, amplitude, *frequency)
-        };
+        let of = |seal, frequency: &f64| seal_impedance(seal, config, amplitude, *frequency);
         let both = frequencies.iter().map(|f| [of(model, f), of(trocar, f)]);
         seals.push((name, role, both.collect()));
     }

@@ -17,7 +17,13 @@ pub(crate) fn figures() -> Outcome<Vec<Figure>> {
 }
 
 /// One push by 40 mm from the surface of the tissue and back.
-const PUSH: Press = Press { middle_m: 0.14, amplitude_m: 0.02, frequency_hz: 0.5, duration_s: 2.0 };
+const PUSH: Press = Press {
+    middle_m: 0.14,
+    amplitude_m: 0.02,
+    frequency_hz: 0.5,
+    duration_s: 2.0,
+    turning_rad_s: 0.0,
+};
 
 fn pushed(fraction: f64) -> Config {
     let mut config = Config { motion: PUSH, ..Config::default() };
