@@ -45,6 +45,15 @@ def test_a_rig_is_a_path_a_text_or_keys(tmp_path: Path) -> None:
     assert trocar.plan_config().startswith("# A rig")
 
 
+def test_a_rig_that_turns_has_an_angle() -> None:
+    planned = trocar.plan(KEYS, duration_s=120.0, rig={"turning_rad_s": 6.0})
+    assert planned.angle_rad is not None and np.ptp(planned.angle_rad) > 1.0
+    assert list(planned.columns()) == ["time_s", "position_m", "angle_rad"]
+    still = planned.time_s < planned.summary["turning_from_s"]
+    assert still.any() and not planned.angle_rad[still].any()
+    assert trocar.plan(KEYS).angle_rad is None
+
+
 def test_recordings_that_are_there_count(model: trocar.Model) -> None:
     first = trocar.plan(KEYS, goal="viscous_damping_n_s_m", model=model)
     recording = trocar.Recording(first.time_s, first.position_m, trocar.simulate(model, first.time_s, first.position_m))

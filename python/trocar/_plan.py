@@ -69,7 +69,7 @@ def plan(
         raise PlanError("posterior needs the model whose parameters were drawn\n\nhint: model=trocar.identify(...).model")
     text, file, keys = document(config, {})
     with watched(progress) as watching:
-        summary, (time_s, position_m) = _core.plan(
+        summary, columns = _core.plan(
             text=text,
             name=file,
             changes=as_json(merged(keys, changes), PlanError),
@@ -80,7 +80,7 @@ def plan(
             threads=count("threads", threads),
             progress=watching,
         )
-    return Plan._of(json.loads(summary), time_s, position_m)
+    return Plan._of(json.loads(summary), *columns)
 
 
 def plan_config() -> str:
@@ -132,6 +132,8 @@ class Plan:
     #: The motion at the rate of the rig.
     time_s: _Array
     position_m: _Array
+    #: Angle of the instrument, rad; None on a rig that does not turn it (``rig.turning_rad_s``).
+    angle_rad: Optional[_Array]
     #: What to expect after it, by the names of the parameters.
     expected: Mapping[str, Prediction]
     #: The same of the paper's protocol on this rig, and its duration, s; None where the rig cannot make it.
@@ -145,12 +147,15 @@ class Plan:
     summary: Mapping[str, Any] = field(repr=False)
 
     @classmethod
-    def _of(cls, summary: Mapping[str, Any], time_s: _Array, position_m: _Array) -> Plan:
+    def _of(
+        cls, summary: Mapping[str, Any], time_s: _Array, position_m: _Array, angle_rad: Optional[_Array] = None
+    ) -> Plan:
         paper = summary["paper_expected"]
         return cls(
             goal=summary["goal"],
             time_s=time_s,
             position_m=position_m,
+            angle_rad=angle_rad,
             expected=Prediction._all(summary["expected"]),
             paper=None if paper is None else Prediction._all(paper),
             paper_duration_s=summary["paper_duration_s"],
@@ -176,7 +181,8 @@ class Plan:
 
     def columns(self) -> dict[str, _Array]:
         """The motion, a row for each sample, as the table of the command line has it."""
-        return {"time_s": self.time_s, "position_m": self.position_m}
+        angle = {} if self.angle_rad is None else {"angle_rad": self.angle_rad}
+        return {"time_s": self.time_s, "position_m": self.position_m, **angle}
 
     def to_frame(self) -> Any:
         """``columns`` as a data frame, by time: pandas', or polars'.

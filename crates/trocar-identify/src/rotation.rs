@@ -12,7 +12,7 @@ use super::findings::{IdentifyError, Parameter, Warning};
 use super::numbers;
 use super::options::IdentifyOptions;
 use super::result::Identification;
-use trocar_recording::{Recording, range};
+use trocar_recording::Recording;
 use trocar_simulate::replay::replay;
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
@@ -109,8 +109,9 @@ pub(super) fn identified(
     axial: impl Fn(&[Recording]) -> Result<Identification, IdentifyError>,
 ) -> Result<Identification, IdentifyError> {
     let Some(radius) = options.shaft_radius else { return axial(recordings) };
-    let (mut turned, still): (Vec<_>, Vec<_>) =
-        recordings.iter().cloned().partition(|recording| turns(recording, radius));
+    let parted = recordings.iter().map(|recording| parts(recording, radius));
+    let (still, turned): (Vec<_>, Vec<_>) = parted.unzip();
+    let (still, mut turned) = (still.concat(), turned.concat());
     if turned.is_empty() || still.is_empty() {
         let mut found = axial(recordings)?;
         let message = if turned.is_empty() {
@@ -148,9 +149,28 @@ pub(super) fn identified(
     Ok(found)
 }
 
-fn turns(recording: &Recording, radius: f64) -> bool {
-    let (low, high) = recording.angle.as_deref().map_or((0.0, 0.0), range);
-    radius * (high - low) > TURNING
+/// Fewest strokes before or after turning that are a recording of their own: four cycles.
+const STILL: usize = 8;
+
+/// The parts of a recording along which the instrument does not turn, and that along which it does.
+fn parts(recording: &Recording, radius: f64) -> (Vec<Recording>, Vec<Recording>) {
+    let whole = || vec![recording.clone()];
+    let angle = recording.angle.as_deref().unwrap_or_default();
+    let is_off = |from: f64| move |own: &f64| radius * (own - from).abs() > TURNING;
+    let (Some(first), Some(last)) = (angle.first(), angle.last()) else {
+        return (whole(), Vec::new());
+    };
+    let Some(begin) = angle.iter().position(is_off(*first)) else { return (whole(), Vec::new()) };
+    let end = angle.iter().rposition(is_off(*last)).map_or(angle.len(), |at| at + 1);
+    let reversal = reversal_threshold(recording);
+    let part = |from, to, what| recording.part(from..to, what).ok();
+    let still = |own: &Recording| strokes(own, reversal).len() >= STILL;
+    let before = part(0, begin, "before it turns").filter(still);
+    let after = part(end, angle.len(), "after it has turned").filter(still);
+    let from = before.as_ref().map_or(0, |_| begin);
+    let to = after.as_ref().map_or(angle.len(), |_| end);
+    let turned = part(from, to, "while it turns").map_or_else(whole, |own| vec![own]);
+    (before.into_iter().chain(after).collect(), turned)
 }
 
 /// Least squares of k_t and F_t/F_c by simulation, of the forces and of the torques where they are

@@ -19,10 +19,10 @@ pub(crate) fn plan_example() -> &'static str {
     EXAMPLE_TOML
 }
 
-type Arrays<'py> = [Bound<'py, PyArray1<f64>>; 2];
+type Arrays<'py> = Vec<Bound<'py, PyArray1<f64>>>;
 
 /// Plans a motion on the rig of the document `text` (without it, the defaults, or the limits of the first recording of
-/// `after`) with the keys in `changes`, JSON: the summary as JSON, times and positions.
+/// `after`) with the keys in `changes`, JSON: the summary as JSON, times, positions, and angles where the rig turns.
 #[pyfunction]
 #[pyo3(signature = (*, text, name, changes, goal, model, posterior, after, threads, progress))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
@@ -57,7 +57,8 @@ pub(crate) fn plan<'py>(
         Ok((summary(&config, &goal, &planned), planned.course))
     })?;
     let (summary, course) = done.map_err(|error: trocar::plan::PlanError| error.raise())?;
-    let columns = [course.time, course.position].map(|column| PyArray1::from_vec(py, column));
+    let columns = [Some(course.time), Some(course.position), course.angle].into_iter().flatten();
+    let columns = columns.map(|column| PyArray1::from_vec(py, column)).collect();
     Ok((summary.to_string(), columns))
 }
 

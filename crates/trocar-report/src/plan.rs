@@ -102,6 +102,15 @@ fn tiles(input: &PlanReport) -> Vec<Tile> {
     tiles
 }
 
+/// What the end of a motion is for, which turns the instrument from `from`, s, on.
+pub fn turning(from: f64) -> String {
+    format!(
+        "From {} s on the instrument turns: told the diameter of the shaft, identify finds stiffness and friction around it. \
+         What is expected is that of the motion before.",
+        significant(from, 4)
+    )
+}
+
 fn motion(input: &PlanReport) -> Section {
     let table = Table::of(
         "What the motion consists of",
@@ -115,12 +124,15 @@ fn motion(input: &PlanReport) -> Section {
             ("Information (%)", &|share| Cell::number(1e2 * share.information.max(0.0), 2)),
         ],
     );
-    Section::new("The motion")
-        .paragraph(
-            "The order is random, so that a drift of the friction does not look like viscous friction; speeds, lengths, partial reversals \
-             and rests are those that tell most in the time. Information of a kind of cycle: the part of the precision about the goal that \
-             is lost without it.",
-        )
+    let section = Section::new("The motion").paragraph(
+        "The order is random, so that a drift of the friction does not look like viscous friction; speeds, lengths, partial reversals \
+         and rests are those that tell most in the time. Information of a kind of cycle: the part of the precision about the goal that \
+         is lost without it.",
+    );
+    let turns = input.plan.turning_from_s.map(turning);
+    turns
+        .into_iter()
+        .fold(section, Section::paragraph)
         .figure(figures::motion(input.plan))
         .table(table)
 }

@@ -9,7 +9,7 @@ use trocar::plan::{Goal, PlanConfig, PlanError, Prediction, plan, predicted};
 use trocar::recording::Recording;
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, MaxwellSlip, ParameterId, Piece, Quantity,
-    SlidingFriction, SlipElement,
+    Rotation, SlidingFriction, SlipElement,
 };
 
 fn seal() -> ElementParams {
@@ -363,4 +363,55 @@ fn a_pilot_has_the_limits_of_its_rig() {
 fn the_documented_rig_is_the_default() {
     let read = PlanConfig::from_toml(trocar::plan::config::EXAMPLE_TOML).expect("it is valid");
     assert_eq!(read, PlanConfig::default());
+}
+
+/// On a rig that turns the instrument, the motion ends with what determines stiffness and friction
+/// around the shaft of the seals it was planned for, within the limits of the rig around it, too.
+#[test]
+fn a_rig_that_turns_determines_rotation() {
+    let mut config = config(90.0);
+    config.rig.turning_rad_s = std::f64::consts::TAU;
+    for (seed, ratio) in [(1, 1.0), (2, 0.7), (3, 1.4)] {
+        let seal = random_plausible_seal(1000 + seed);
+        let planned = plan(&config, &Goal::All, &[seal], &[], &|_, _| {}).expect("a plan");
+        let (course, from) = (&planned.course, planned.turning_from_s.expect("it turns"));
+        let end = *course.time.last().expect("samples");
+        assert!(end <= config.duration_s && from < end, "{end} s, from {from} s");
+        let angle = course.angle.as_ref().expect("an angle");
+        let radius = 0.5 * config.rig.shaft_diameter_m;
+        let rates = |values: &[f64]| -> Vec<f64> {
+            values.windows(2).map(|pair| (pair[1] - pair[0]) * config.rig.sample_rate_hz).collect()
+        };
+        let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
+        let around = rates(angle);
+        assert!(
+            largest(&around) <= config.rig.turning_rad_s * (1.0 + 1e-9),
+            "{}",
+            largest(&around)
+        );
+        let acceleration = radius * largest(&rates(&around));
+        assert!(acceleration <= 1.001 * config.rig.acceleration_m_s2, "{acceleration}");
+        let rotation = Rotation {
+            shaft_radius: radius,
+            circumferential_stiffness: 500.0,
+            circumferential_ratio: ratio,
+        };
+        let mut bench = BenchConfig { rotation: Some(rotation), ..BenchConfig::default() };
+        bench.rod.mass_kg = 0.0;
+        let element = [Element::new(seal).expect("a model")];
+        let run = run_motion(&bench, course, &element, seed).expect("the rig runs");
+        let recording = run.to_recording("planned").expect("finite columns");
+        let options = IdentifyOptions { shaft_radius: Some(radius), ..IdentifyOptions::default() };
+        let found = identify(&[recording], &options, &|_, _| {}).expect("it slides");
+        for (quantity, truth) in
+            [(Quantity::CircumferentialStiffness, 500.0), (Quantity::CircumferentialRatio, ratio)]
+        {
+            let estimate = found.estimate(quantity.id()).expect("it is estimated");
+            assert!(estimate.determined && estimate.covers(truth), "{seed}: {truth} {estimate:?}");
+            assert!(estimate.ci95[1] - estimate.ci95[0] < 0.3 * truth, "{seed}: {estimate:?}");
+        }
+    }
+    config.duration_s = 20.0;
+    let error = plan(&config, &Goal::All, &[], &[], &|_, _| {}).expect_err("it is too short");
+    assert!(matches!(error, PlanError::TooShort { least, .. } if least > 40.0), "{error}");
 }

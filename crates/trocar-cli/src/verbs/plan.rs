@@ -204,6 +204,9 @@ fn text(answer: &Summary, planned: &Plan, out: &Path) -> String {
         ]);
     }
     text += &table.to_text();
+    if let Some(from) = answer.turning_from_s {
+        text += &format!("\n{}\n", plan_report::turning(from));
+    }
     text += "\nhalf widths of the 95 % intervals to expect\n";
     let paper = answer.paper_duration_s.map(|s| format!("paper's protocol, {s:.0} s"));
     let heads = ["parameter", "value", "this motion", "of the value"];

@@ -54,6 +54,11 @@ pub struct Rig {
     pub sample_rate_hz: f64,
     /// Resolution of the position, m, ≥ 0.
     pub encoder_step_m: f64,
+    /// Rate at which the rig can turn the instrument about its axis, rad/s; 0 where it cannot. The motion
+    /// then ends with what is needed to identify rotation.
+    pub turning_rad_s: f64,
+    /// Diameter of the shaft, m, above 0; used where the rig turns.
+    pub shaft_diameter_m: f64,
 }
 
 /// Ranges of seals, lowest and highest.
@@ -110,6 +115,8 @@ impl Default for Rig {
             acceleration_m_s2: 1.0,
             sample_rate_hz: 1000.0,
             encoder_step_m: 4e-6,
+            turning_rad_s: 0.0,
+            shaft_diameter_m: 0.01,
         }
     }
 }
@@ -152,6 +159,11 @@ impl Rig {
     /// Its travel, m.
     pub fn travel_m(&self) -> f64 {
         self.highest_m - self.lowest_m
+    }
+
+    /// Fastest speed around the shaft at its surface, m/s; 0 where the rig does not turn.
+    pub(super) fn turning_m_s(&self) -> f64 {
+        0.5 * self.shaft_diameter_m * self.turning_rad_s
     }
 }
 
@@ -257,6 +269,7 @@ impl PlanConfig {
             acceleration_m_s2: largest.get(largest.len() / 2).copied().unwrap_or(0.0),
             sample_rate_hz: 1.0 / quality.median_interval,
             encoder_step_m: quality.position_resolution,
+            ..self.rig
         };
         self.noise.force_n = quality.force_noise.max(quality.force_resolution / 12f64.sqrt());
         self.check()?;
@@ -296,7 +309,9 @@ impl Rig {
         let acceleration = self.acceleration_m_s2;
         within("rig.acceleration_m_s2", "from 1e-3 to 1e3", acceleration, [1e-3, 1e3])?;
         within("rig.sample_rate_hz", "from 10 to 1e5", self.sample_rate_hz, [10.0, 1e5])?;
-        within("rig.encoder_step_m", "from 0 to 0.01", self.encoder_step_m, [0.0, 0.01])
+        within("rig.encoder_step_m", "from 0 to 0.01", self.encoder_step_m, [0.0, 0.01])?;
+        within("rig.turning_rad_s", "from 0 to 1000", self.turning_rad_s, [0.0, 1e3])?;
+        within("rig.shaft_diameter_m", "from 1e-4 to 0.1", self.shaft_diameter_m, [1e-4, 0.1])
     }
 }
 

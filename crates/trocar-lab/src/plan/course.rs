@@ -102,31 +102,37 @@ fn segments(rig: &Rig, order: &[Block], rng: &mut ChaCha8Rng) -> Vec<(Segment, V
 /// Time, s, at rest before the first and after the last move.
 pub(super) const AT_REST: f64 = 0.1;
 
-/// A motion of `moves` at the rate of the rig.
+/// A motion of `moves` at the rate of the rig, within its travel.
 pub(super) fn sampled(rig: &Rig, moves: &[Move]) -> Course {
+    let time = times(rig, moves);
+    let mut position = places(rig, moves, &time);
+    position.iter_mut().for_each(|place| *place = place.clamp(rig.lowest_m, rig.highest_m));
+    Course { time, position, angle: None }
+}
+
+/// Times of the samples of `moves`, s, with a rest before and after them.
+pub(super) fn times(rig: &Rig, moves: &[Move]) -> Vec<f64> {
+    let end = moves.iter().fold(AT_REST, |at, step| at + step.duration(rig)) + AT_REST;
     let interval = 1.0 / rig.sample_rate_hz;
-    let mut course = Course::default();
-    let mut add = |time: f64, position: f64| {
-        course.time.push(time);
-        course.position.push(position.clamp(rig.lowest_m, rig.highest_m));
-    };
-    let mut sample = 0u64;
+    (0u64..).map(|k| k as f64 * interval).take_while(|time| *time <= end).collect()
+}
+
+/// Places of `moves` at `times`, m.
+pub(super) fn places(rig: &Rig, moves: &[Move], times: &[f64]) -> Vec<f64> {
+    let mut place = moves.first().map_or(rig.lowest_m, |step| step.from_m);
+    let mut moves = moves.iter().map(|step| (step, step.duration(rig))).peekable();
     let mut begin = AT_REST;
-    for step in moves {
-        let end = begin + step.duration(rig);
-        while (sample as f64) * interval < end {
-            let time = sample as f64 * interval;
-            add(time, step.position(rig, (time - begin).max(0.0)));
-            sample += 1;
+    let at = |time: &f64| {
+        while let Some((step, duration)) = moves.peek() {
+            if *time < begin + duration {
+                return step.position(rig, (time - begin).max(0.0));
+            }
+            (place, begin) = (step.to_m, begin + duration);
+            moves.next();
         }
-        begin = end;
-    }
-    while (sample as f64) * interval <= begin + AT_REST {
-        let last = moves.last().map_or(rig.lowest_m, |step| step.to_m);
-        add(sample as f64 * interval, last);
-        sample += 1;
-    }
-    course
+        place
+    };
+    times.iter().map(at).collect()
 }
 
 /// Limits that are read from a recording are a little below those of its rig.

@@ -18,6 +18,7 @@ mod course;
 mod goal;
 mod moves;
 mod summary;
+mod turning;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -156,6 +157,9 @@ pub struct Plan {
     pub before_s: f64,
     /// Time after which the goal is expected to be reached, s; none without a wanted precision.
     pub needed_s: Option<f64>,
+    /// When the instrument begins to turn, s; none on a rig that does not turn it. What is expected is
+    /// that of the motion before.
+    pub turning_from_s: Option<f64>,
 }
 
 impl Plan {
@@ -168,7 +172,7 @@ impl Plan {
     /// `wanted` times its value; negative where the recordings before it suffice. Half widths shrink
     /// with the root of the time, of those recordings and of the motion together.
     pub fn time_for(&self, prediction: &Prediction, wanted: f64) -> Option<f64> {
-        let whole = self.before_s + self.duration_s();
+        let whole = self.before_s + self.turning_from_s.unwrap_or(self.duration_s());
         Some(whole * (prediction.relative_half_width? / wanted).powi(2) - self.before_s)
     }
 }
@@ -208,6 +212,13 @@ pub fn plan(
         return Err(ConfigError::WetModel.into());
     }
     let drawn = if seals.is_empty() { config.expected_seals()? } else { seals.to_vec() };
+    // What turns comes last, with the time that it takes from the highest position.
+    let widest = drawn.iter().map(|seal| seal.deformation.half_width()).fold(0.0, f64::max);
+    let turning = |from: f64| turning::course(&config.rig, from, widest);
+    let reserved = turning(config.rig.highest_m).and_then(|course| course.time.last().copied());
+    let reserved = reserved.unwrap_or(0.0);
+    let whole = config;
+    let config = &PlanConfig { duration_s: whole.duration_s - reserved, ..whole.clone() };
     let blocks = blocks::candidates(config, goal, &drawn)?;
     progress("what cycles tell", 0.0);
     let before: Vec<Motion> = before.par_iter().cloned().map(Motion::of).collect();
@@ -218,7 +229,7 @@ pub fn plan(
             Ok(ordered) => break ordered,
             Err(least) => {
                 let fewer = search.with_one_less(&counts)?;
-                counts = fewer.ok_or_else(|| too_short(config, goal, least))?;
+                counts = fewer.ok_or_else(|| too_short(whole, goal, least + reserved))?;
             }
         }
     };
@@ -233,11 +244,17 @@ pub fn plan(
         paper: paper.as_ref().and_then(|c| Some((*c.time.last()?, expected.next()?))),
         before_s: before.iter().map(Motion::duration).sum(),
         needed_s: None,
+        turning_from_s: None,
         course,
     };
     plan.needed_s = goal
         .wanted()
         .and_then(|(id, wanted)| plan.time_for(plan.expected.iter().find(|p| p.id == id)?, wanted));
+    let end = plan.course.position.last().copied();
+    if let Some(turning) = turning(end.unwrap_or(config.rig.lowest_m)) {
+        plan.turning_from_s = Some(plan.duration_s());
+        plan.course = turning::appended(&plan.course, turning);
+    }
     Ok(plan)
 }
 

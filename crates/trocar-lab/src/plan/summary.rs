@@ -14,6 +14,9 @@ pub struct Summary<'a> {
     pub duration_s: f64,
     /// Time after which the precision of the goal is expected, s; none for a goal without one.
     pub needed_s: Option<f64>,
+    /// When the instrument begins to turn, s; none on a rig that does not turn it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turning_from_s: Option<f64>,
     /// Its cycles by kind.
     pub motion: &'a [Share],
     /// What to expect after it.
@@ -31,6 +34,7 @@ impl Plan {
             goal: goal.to_string(),
             duration_s: self.duration_s(),
             needed_s: self.needed_s,
+            turning_from_s: self.turning_from_s,
             motion: &self.shares,
             expected: &self.expected,
             paper_duration_s: self.paper.as_ref().map(|paper| paper.0),

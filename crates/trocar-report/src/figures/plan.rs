@@ -39,15 +39,35 @@ pub(crate) fn motion(plan: &Plan) -> Figure {
             1e2 * part / (segment.to_s - segment.from_s)
         }),
     );
-    Figure::new("motion", 1, "The motion and what it tells")
+    let (angle, while_turning) = turning(plan);
+    let position = while_turning.into_iter().fold(position, Panel::series);
+    let figure = Figure::new("motion", 1, "The motion and what it tells")
         .caption(
             "Position of the instrument, speed of the strokes, and information: the part of the precision about the goal that would be \
              lost without a cycle, per second of it.",
         )
         .panel(position)
         .panel(speed)
-        .panel(information)
-        .linked_x()
+        .panel(information);
+    angle.into_iter().fold(figure, Figure::panel).linked_x()
+}
+
+/// Angle of the instrument and position while it turns; none on a rig that does not turn it.
+fn turning(plan: &Plan) -> (Option<Panel>, Option<Series>) {
+    let (Some(from), Some(angle)) = (plan.turning_from_s, &plan.course.angle) else {
+        return (None, None);
+    };
+    let time = &plan.course.time;
+    let first = time.partition_point(|t| *t < from);
+    let line = |name: &str, values: &[f64], scale: f64| {
+        let values: Vec<f64> = values.iter().map(|value| scale * value).collect();
+        let (x, y) = thinned(&time[first..], &values);
+        Series::line(name, Role::Category(3), x, y)
+    };
+    let panel = over_time(Axis::new("angle", "°")).aspect(0.18);
+    let degrees = line("angle", &angle[first..], 180.0 / std::f64::consts::PI);
+    let position = line("turning", &plan.course.position[first..], MM);
+    (Some(panel.series(degrees)), Some(position))
 }
 
 /// The course in the cycles of a kind, with gaps between them; `None` where there is none.
