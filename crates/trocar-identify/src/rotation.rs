@@ -162,6 +162,8 @@ fn parts(recording: &Recording, radius: f64) -> (Vec<Recording>, Vec<Recording>)
     };
     let Some(begin) = angle.iter().position(is_off(*first)) else { return (whole(), Vec::new()) };
     let end = angle.iter().rposition(is_off(*last)).map_or(angle.len(), |at| at + 1);
+    // An angle that creeps may be off both its first and its last value nowhere.
+    let end = end.max(begin);
     let reversal = reversal_threshold(recording);
     let part = |from, to, what| recording.part(from..to, what).ok();
     let still = |own: &Recording| strokes(own, reversal).len() >= STILL;
@@ -169,8 +171,12 @@ fn parts(recording: &Recording, radius: f64) -> (Vec<Recording>, Vec<Recording>)
     let after = part(end, angle.len(), "after it has turned").filter(still);
     let from = before.as_ref().map_or(0, |_| begin);
     let to = after.as_ref().map_or(angle.len(), |_| end);
-    let turned = part(from, to, "while it turns").map_or_else(whole, |own| vec![own]);
-    (before.into_iter().chain(after).collect(), turned)
+    let still: Vec<Recording> = before.into_iter().chain(after).collect();
+    let turned = match part(from, to, "while it turns") {
+        None if still.is_empty() => whole(),
+        turned => turned.into_iter().collect(),
+    };
+    (still, turned)
 }
 
 /// Least squares of k_t and F_t/F_c by simulation, of the forces and of the torques where they are

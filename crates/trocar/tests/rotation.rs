@@ -350,6 +350,12 @@ fn nothing_is_determined_without_rolling() {
     };
     let (rotation, words) = identified(&all[..1]);
     assert!(rotation.is_none() && words.contains("nothing is known of rotation"), "{words}");
+    // Nor does an angle that creeps by 0.7 mm around the shaft.
+    let mut creeps = all[0].clone();
+    let last = creeps.len() as f64 - 1.0;
+    creeps.angle = Some((0..creeps.len()).map(|k| 0.14 * k as f64 / last).collect());
+    let (rotation, words) = identified(&[creeps]);
+    assert!(rotation.is_none() && words.contains("nothing is known of rotation"), "{words}");
     let (rotation, words) = identified(&all[1..]);
     assert!(rotation.is_none() && words.contains("add strokes without turning"), "{words}");
 }
