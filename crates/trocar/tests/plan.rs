@@ -378,6 +378,11 @@ fn a_rig_that_turns_determines_rotation() {
         let end = *course.time.last().expect("samples");
         assert!(end <= config.duration_s && from < end, "{end} s, from {from} s");
         let angle = course.angle.as_ref().expect("an angle");
+        let file = tempfile::Builder::new().suffix(".csv").tempfile().expect("a file");
+        course.write(file.path()).expect("it is written");
+        let text = std::fs::read_to_string(file.path()).expect("it is there");
+        assert_eq!(text.lines().next(), Some("time_s,position_m,angle_rad"));
+        assert_eq!(text.lines().count(), angle.len() + 1);
         let radius = 0.5 * config.rig.shaft_diameter_m;
         let rates = |values: &[f64]| -> Vec<f64> {
             values.windows(2).map(|pair| (pair[1] - pair[0]) * config.rig.sample_rate_hz).collect()

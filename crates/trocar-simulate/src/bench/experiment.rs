@@ -88,12 +88,16 @@ impl RigEvents {
 }
 
 impl Course {
-    /// Writes it as a table of times and positions in the format that the extension of `path` selects.
+    /// Writes it as a table of times, positions and angles, if there are any, in the format that the
+    /// extension of `path` selects.
     ///
     /// # Errors
     /// [`OutputError`] where it cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), OutputError> {
-        write(path, vec![("time_s".into(), &self.time), ("position_m".into(), &self.position)])
+        let named = [("time_s", Some(&self.time)), ("position_m", Some(&self.position))];
+        let all = named.into_iter().chain([("angle_rad", self.angle.as_ref())]);
+        let columns = all.filter_map(|(name, column)| Some((name.to_owned(), column?)));
+        write(path, columns.collect())
     }
 }
 
