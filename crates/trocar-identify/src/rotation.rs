@@ -111,7 +111,8 @@ pub(super) fn identified(
     let Some(radius) = options.shaft_radius else { return axial(recordings) };
     let parted = recordings.iter().map(|recording| parts(recording, radius));
     let (still, turned): (Vec<_>, Vec<_>) = parted.unzip();
-    let (still, mut turned) = (still.concat(), turned.concat());
+    let [still, mut turned] =
+        [still, turned].map(|all| all.into_iter().flatten().collect::<Vec<Recording>>());
     if turned.is_empty() || still.is_empty() {
         let mut found = axial(recordings)?;
         let message = if turned.is_empty() {

@@ -378,6 +378,15 @@ fn a_rig_that_turns_determines_rotation() {
         let end = *course.time.last().expect("samples");
         assert!(end <= config.duration_s && from < end, "{end} s, from {from} s");
         let angle = course.angle.as_ref().expect("an angle");
+        // The precision that is expected needs the time that the motion takes.
+        let id = Quantity::HalfWidth.id();
+        let prediction = of(&planned.expected, id);
+        let reached = prediction.relative_half_width.expect("it is not 0");
+        assert!((planned.time_for(prediction, reached).expect("a time") - end).abs() < 1e-9);
+        let wanted = Goal::Parameter(id, Some(0.5 * reached));
+        let longer = plan(&config, &wanted, &[seal], &[], &|_, _| {}).expect("a plan");
+        let own = of(&longer.expected, id);
+        assert_eq!(longer.needed_s, longer.time_for(own, 0.5 * reached));
         let file = tempfile::Builder::new().suffix(".csv").tempfile().expect("a file");
         course.write(file.path()).expect("it is written");
         let text = std::fs::read_to_string(file.path()).expect("it is there");

@@ -44,7 +44,7 @@ impl fmt::Display for Interruption {
 
 /// Speeds that are tried, evenly in their logarithm, and lengths as parts of the travel.
 const SPEEDS: usize = 5;
-const LENGTHS: [f64; 3] = [0.95, 0.5, 0.3];
+pub(super) const LENGTHS: [f64; 3] = [0.95, 0.5, 0.3];
 /// Shortest stroke, in half widths: the seal must slide over more than it deforms.
 pub(super) const SHORTEST: f64 = 6.0;
 /// Depths of partial reversals, in half widths of a seal in the middle of those planned for.

@@ -161,6 +161,11 @@ impl Rig {
         self.highest_m - self.lowest_m
     }
 
+    /// Where a motion begins, m.
+    pub(super) fn begin_m(&self) -> f64 {
+        self.lowest_m + 0.02 * self.travel_m()
+    }
+
     /// Fastest speed around the shaft at its surface, m/s; 0 where the rig does not turn.
     pub(super) fn turning_m_s(&self) -> f64 {
         0.5 * self.shaft_diameter_m * self.turning_rad_s

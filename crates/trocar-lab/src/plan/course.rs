@@ -84,7 +84,7 @@ const SCATTER: f64 = 0.1;
 
 /// Blocks one after the other, with their moves.
 fn segments(rig: &Rig, order: &[Block], rng: &mut ChaCha8Rng) -> Vec<(Segment, Vec<Move>)> {
-    let (mut at, mut from_s) = (rig.lowest_m + 0.02 * rig.travel_m(), AT_REST);
+    let (mut at, mut from_s) = (rig.begin_m(), AT_REST);
     let mut segments = Vec::with_capacity(order.len());
     for block in order {
         let room = rig.travel_m() - block.length_m;

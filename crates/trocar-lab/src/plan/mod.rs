@@ -170,10 +170,13 @@ impl Plan {
 
     /// Time of a motion like this one, s, after which the half width of a parameter is expected to be
     /// `wanted` times its value; negative where the recordings before it suffice. Half widths shrink
-    /// with the root of the time, of those recordings and of the motion together.
+    /// with the root of the time, of those recordings and of the motion together without turning, which
+    /// takes as long in any motion.
     pub fn time_for(&self, prediction: &Prediction, wanted: f64) -> Option<f64> {
-        let whole = self.before_s + self.turning_from_s.unwrap_or(self.duration_s());
-        Some(whole * (prediction.relative_half_width? / wanted).powi(2) - self.before_s)
+        let still = self.turning_from_s.unwrap_or(self.duration_s());
+        let whole = self.before_s + still;
+        let needed = whole * (prediction.relative_half_width? / wanted).powi(2) - self.before_s;
+        Some(if needed > 0.0 { needed + self.duration_s() - still } else { needed })
     }
 }
 
@@ -247,14 +250,14 @@ pub fn plan(
         turning_from_s: None,
         course,
     };
-    plan.needed_s = goal
-        .wanted()
-        .and_then(|(id, wanted)| plan.time_for(plan.expected.iter().find(|p| p.id == id)?, wanted));
     let end = plan.course.position.last().copied();
     if let Some(turning) = turning(end.unwrap_or(config.rig.lowest_m)) {
         plan.turning_from_s = Some(plan.duration_s());
         plan.course = turning::appended(&plan.course, turning);
     }
+    plan.needed_s = goal
+        .wanted()
+        .and_then(|(id, wanted)| plan.time_for(plan.expected.iter().find(|p| p.id == id)?, wanted));
     Ok(plan)
 }
 

@@ -8,7 +8,7 @@
 
 use trocar_simulate::bench::Course;
 
-use super::blocks::SHORTEST;
+use super::blocks::{LENGTHS, SHORTEST};
 use super::config::Rig;
 use super::course::{places, times};
 use super::moves::Move;
@@ -38,8 +38,8 @@ pub(super) fn course(rig: &Rig, from: f64, half_width: f64) -> Option<Course> {
     let begin = |place: f64| Move { from_m: place, to_m: place, speed_m_s: fastest, rest_s: 0.0 };
     let mut turning = Turning { rig, along: vec![begin(from)], around: vec![begin(0.0)] };
     let speed = (fastest / RATIOS[0]).clamp(rig.slowest_m_s, rig.fastest_m_s);
-    let low = rig.lowest_m + 0.02 * rig.travel_m();
-    let ends = [low + (SHORTEST * half_width).min(0.95 * rig.travel_m()), low];
+    let low = rig.begin_m();
+    let ends = [low + (SHORTEST * half_width).min(LENGTHS[0] * rig.travel_m()), low];
     turning.stroke(low, 0.5 * rig.fastest_m_s, 0.0);
     for (ratio, direction) in RATIOS.into_iter().zip([1.0, -1.0].into_iter().cycle()) {
         ends.iter().for_each(|end| turning.stroke(*end, speed, direction * ratio * speed));
