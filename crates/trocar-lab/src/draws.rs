@@ -58,14 +58,13 @@ pub fn table(posterior: &Posterior) -> Table {
     let whole = |of: fn(&Draw) -> usize| {
         Column::Integer(draws.iter().map(|d| i64::try_from(of(d)).ok()).collect())
     };
-    let name = |d: &Draw| Some(structures[d.structure].name.clone().into());
-    let number = |j: usize| Column::Number(draws.iter().map(|d| d.values[j]).collect());
-    let structure = Column::Text(draws.iter().map(name).collect());
-    let head = [whole(|d| d.chain), whole(|d| d.draw), structure];
+    let structure = draws.iter().map(|d| Some(structures[d.structure].name.clone().into()));
+    let head = [whole(|d| d.chain), whole(|d| d.draw), Column::Text(structure.collect())];
     let names = parameters.iter().map(|p| p.id.to_string());
     let models = model_columns(draws);
     let places = (0..models.len()).map(|place| format!("{MODEL}{place}"));
-    let parameters = (0..parameters.len()).map(number);
+    let parameters =
+        (0..parameters.len()).map(|j| Column::Number(draws.iter().map(|d| d.values[j]).collect()));
     Table {
         fields: HEAD.into_iter().map(str::to_owned).chain(names).chain(places).collect(),
         columns: head.into_iter().chain(parameters).chain(models).collect(),
@@ -83,9 +82,11 @@ fn model_columns(draws: &[Draw]) -> Vec<Column> {
         })
         .collect();
     let width = rows.iter().map(Vec::len).max().unwrap_or_default();
-    let cell = |row: &Vec<f64>, place: usize| row.get(place).copied().unwrap_or(f64::NAN);
     (0..width)
-        .map(|place| Column::Number(rows.iter().map(|row| cell(row, place)).collect()))
+        .map(|place| {
+            let cells = rows.iter().map(|row| row.get(place).copied().unwrap_or(f64::NAN));
+            Column::Number(cells.collect())
+        })
         .collect()
 }
 
@@ -94,9 +95,9 @@ fn model_columns(draws: &[Draw]) -> Vec<Column> {
 /// # Errors
 /// [`OutputError`] when the file cannot be written; nothing is left of it then.
 pub fn write(table: &Table, path: &Path) -> Result<(), OutputError> {
-    let field = |(name, column): (&String, &Column)| Field::new(name.clone(), column.kind());
-    let fields: Vec<Field> = table.fields.iter().zip(&table.columns).map(field).collect();
-    let mut writer = TableWriter::create(path, &fields)?;
+    let fields = table.fields.iter().zip(&table.columns);
+    let fields = fields.map(|(name, column)| Field::new(name.clone(), column.kind()));
+    let mut writer = TableWriter::create(path, &fields.collect::<Vec<_>>())?;
     writer.write(&table.columns)?;
     writer.commit()
 }

@@ -29,9 +29,9 @@ impl Margin {
         if strokes < FEWEST_STROKES {
             return None;
         }
-        let differences = || second.iter().zip(first).map(|(second, first)| second - first);
-        let mean = differences().sum::<f64>() / strokes as f64;
-        let squares: f64 = differences().map(|d| (d - mean) * (d - mean)).sum();
+        let differences = second.iter().zip(first).map(|(second, first)| second - first);
+        let mean = differences.clone().sum::<f64>() / strokes as f64;
+        let squares: f64 = differences.map(|d| (d - mean) * (d - mean)).sum();
         let standard_error = (squares / ((strokes - 1) * strokes) as f64).sqrt();
         let standard_errors = if mean == 0.0 { 0.0 } else { mean / standard_error };
         Some(Self { strokes, standard_errors })
@@ -41,12 +41,13 @@ impl Margin {
 /// Mean squared error, N², of each stroke of `recording`; `errors` are those of the samples
 /// `scored`, in ascending order. Strokes without such samples are left out.
 pub(crate) fn by_stroke(recording: &Recording, scored: &[usize], errors: &[f64]) -> Vec<f64> {
-    let mean_square = |stroke: trocar_simulate::segment::Stroke| {
+    let strokes = strokes(recording, reversal_threshold(recording)).into_iter();
+    let mean_squares = strokes.filter_map(|stroke| {
         let from = scored.partition_point(|i| *i < stroke.start);
         let own = &errors[from..scored.partition_point(|i| *i < stroke.end)];
         (!own.is_empty()).then(|| own.iter().map(|e| e * e).sum::<f64>() / own.len() as f64)
-    };
-    strokes(recording, reversal_threshold(recording)).into_iter().filter_map(mean_square).collect()
+    });
+    mean_squares.collect()
 }
 
 #[cfg(test)]

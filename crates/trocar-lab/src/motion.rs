@@ -41,12 +41,8 @@ impl MotionRange {
                 }
             }
         }
-        let ends = |values: &[f64]| if values.is_empty() { [0.0; 2] } else { range(values).into() };
-        Self {
-            speed_m_s: ends(&speeds),
-            stroke_m: ends(&lengths),
-            force_n: ends(&forces),
-            longest_rest_s,
-        }
+        let [speed_m_s, stroke_m, force_n] = [speeds, lengths, forces]
+            .map(|values| if values.is_empty() { [0.0; 2] } else { range(&values).into() });
+        Self { speed_m_s, stroke_m, force_n, longest_rest_s }
     }
 }

@@ -318,18 +318,19 @@ pub(crate) fn by_name(parameters: &[Parameter]) -> BTreeMap<String, &Estimate> {
 }
 
 fn deformation_summary(found: &DeformationFit) -> DeformationSummary<'_> {
-    let branch = |fit: &trocar_identify::BranchFit| BranchSummary {
-        join_m: fit.shape.join * found.half_width.value,
-        joined_rms_n: fit.rms,
-        single_polynomial_rms_n: fit.single_polynomial_rms,
-    };
+    let [insertion_branch, withdrawal_branch] = [&found.insertion_branch, &found.withdrawal_branch]
+        .map(|fit| BranchSummary {
+            join_m: fit.shape.join * found.half_width.value,
+            joined_rms_n: fit.rms,
+            single_polynomial_rms_n: fit.single_polynomial_rms,
+        });
     DeformationSummary {
         half_width_m: &found.half_width,
         half_width_spread_m: found.deflection_error,
         speed_dependence_p_value: found.speed_dependence_p_value,
         full_reversals: found.full_reversals.len(),
-        insertion_branch: branch(&found.insertion_branch),
-        withdrawal_branch: branch(&found.withdrawal_branch),
+        insertion_branch,
+        withdrawal_branch,
     }
 }
 

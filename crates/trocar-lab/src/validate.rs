@@ -491,13 +491,13 @@ impl OwnData {
     /// `recordings` as they were passed to the identification, but in time.
     pub fn of(found: &Identification, recordings: &[Recording]) -> Self {
         let mass = found.model.unmodelled_mass;
-        let without_it = |recording: &Recording| {
+        let without_it = recordings.par_iter().map(|recording| {
             let mut own = recording.clone();
             own.force = recording.force_without_inertia(mass);
             own.quality.subtracted_mass += mass;
             own
-        };
-        let recordings: Vec<Recording> = recordings.par_iter().map(without_it).collect();
+        });
+        let recordings: Vec<Recording> = without_it.collect();
         let validation = validate(&found.trocar(), &recordings, found.model.offset);
         Self { recordings, validation }
     }
@@ -509,8 +509,8 @@ pub fn validate<K: AsRef<[f64]> + Sync>(
     recordings: &[Recording],
     offset: f64,
 ) -> Validation {
-    let of = |recording: &Recording| validate_one(trocar, recording, offset);
-    Validation::of(recordings.par_iter().map(of).collect())
+    let each = recordings.par_iter().map(|recording| validate_one(trocar, recording, offset));
+    Validation::of(each.collect())
 }
 
 /// The error by phase over `recordings`, as [`Validation::force_error`] of their validation gives it.
@@ -520,11 +520,11 @@ pub(crate) fn force_error<K: AsRef<[f64]> + Sync>(
     offset: f64,
     source: ErrorSource,
 ) -> ForceError {
-    let of = |recording: &Recording| {
+    let each = recordings.par_iter().map(|recording| {
         let along = Along::of(trocar, recording, offset);
         (along.scored.len(), along.by_phase(recording))
-    };
-    error_by_phase(&recordings.par_iter().map(of).collect::<Vec<_>>(), source)
+    });
+    error_by_phase(&each.collect::<Vec<_>>(), source)
 }
 
 /// A model along a recording.
@@ -605,10 +605,10 @@ fn torque_error<K: AsRef<[f64]>>(
     scored: &[usize],
 ) -> Option<f64> {
     let readings = recording.torque.as_ref().filter(|_| trocar.rotation().is_some())?;
-    let error = |k: &usize| readings[*k] - run.torque[*k];
+    let errors = scored.iter().map(|k| readings[*k] - run.torque[*k]);
     let count = scored.len().max(1) as f64;
-    let mean = scored.iter().map(error).sum::<f64>() / count;
-    let squares: f64 = scored.iter().map(|k| (error(k) - mean).powi(2)).sum();
+    let mean = errors.clone().sum::<f64>() / count;
+    let squares: f64 = errors.map(|error| (error - mean).powi(2)).sum();
     Some((squares / count).sqrt())
 }
 
@@ -623,12 +623,13 @@ fn by_speed(recording: &Recording, error: &[f64], scored: &[usize]) -> Vec<Speed
         let group = groups.entry((speed / SPEED_STEP).round() as u64).or_default();
         *group = group.plus(sums);
     }
-    let part = |(step, s): (u64, Sums)| SpeedPart {
+    let groups = groups.into_iter().filter(|(_, s)| s.n > 0.0);
+    let parts = groups.map(|(step, s)| SpeedPart {
         speed_m_s: step as f64 * SPEED_STEP,
         rms_n: s.rms(),
         samples: s.n as usize,
-    };
-    groups.into_iter().filter(|(_, s)| s.n > 0.0).map(part).collect()
+    });
+    parts.collect()
 }
 
 /// Speed, m/s, over the middle half of the travel between two samples.
@@ -636,9 +637,8 @@ pub(crate) fn typical_speed(recording: &Recording, from: usize, to: usize) -> f6
     let (x, t) = (&recording.position, &recording.time);
     let s = if x[to] < x[from] { -1.0 } else { 1.0 };
     let travel = s * (x[to] - x[from]);
-    let reached =
-        |part: f64| (from..=to).find(|i| s * (x[*i] - x[from]) >= part * travel).unwrap_or(to);
-    let (a, b) = (reached(0.25), reached(0.75));
+    let [a, b] = [0.25, 0.75]
+        .map(|part| (from..=to).find(|i| s * (x[*i] - x[from]) >= part * travel).unwrap_or(to));
     if t[b] > t[a] { s * (x[b] - x[a]) / (t[b] - t[a]) } else { 0.0 }
 }
 
@@ -670,15 +670,15 @@ pub(crate) fn phases_of(recording: &Recording, run: &Replay, scored: &[usize]) -
     let held = is_held(recording);
     // Rests after a partial reversal are separate: those at the ends of full strokes do not
     // represent them.
-    let phase = |i: &usize| match (held[*i], run.sliding.get(*i)) {
+    let phases = scored.iter().map(|i| match (held[*i], run.sliding.get(*i)) {
         (true, _) if run.turned.get(*i) == Some(&true) => Phase::PartialHold,
         (true, _) => Phase::Hold,
         (false, Some(true)) => Phase::Sliding,
         (false, Some(false)) if run.turned[*i] => Phase::Partial,
         (false, Some(false)) => Phase::Deformation,
         (false, None) => Phase::Moving,
-    };
-    scored.iter().map(phase).collect()
+    });
+    phases.collect()
 }
 
 impl PhaseError {
@@ -707,24 +707,33 @@ impl PhaseError {
 impl Phases {
     /// Combination of two parts of one recording.
     fn plus(&self, other: &Self) -> Self {
-        let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
-        let parts = |phases: &Self| {
-            let Self { deformation, sliding, moving, hold, partial, partial_hold } = *phases;
-            let [moving, partial, partial_hold] =
-                [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
-            [deformation, sliding, moving, hold, partial, partial_hold]
-        };
-        let pairs = || parts(self).into_iter().zip(parts(other));
+        let pairs = self.parts().into_iter().zip(other.parts());
         // The last two are subsets of others.
-        let total: f64 = pairs().take(4).map(|(a, b)| a.squares() + b.squares()).sum();
-        let mut both = pairs().map(|(a, b)| PhaseError {
-            rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
-            samples: a.samples + b.samples,
-            share_of_squares: if total > 0.0 { (a.squares() + b.squares()) / total } else { 0.0 },
-        });
-        let mut next = || both.next().unwrap_or(none);
-        let (deformation, sliding, moving, hold) = (next(), next(), next(), next());
-        let (partial, partial_hold) = (next(), next());
+        let total: f64 = pairs.take(4).map(|(a, b)| a.squares() + b.squares()).sum();
+        Self::from_parts(std::array::from_fn(|k| {
+            let (a, b) = (self.parts()[k], other.parts()[k]);
+            PhaseError {
+                rms_n: both_rms((a.rms_n, a.samples), (b.rms_n, b.samples)),
+                samples: a.samples + b.samples,
+                share_of_squares: if total > 0.0 {
+                    (a.squares() + b.squares()) / total
+                } else {
+                    0.0
+                },
+            }
+        }))
+    }
+
+    fn parts(&self) -> [PhaseError; 6] {
+        let Self { deformation, sliding, moving, hold, partial, partial_hold } = *self;
+        let none = PhaseError { rms_n: 0.0, samples: 0, share_of_squares: 0.0 };
+        let [moving, partial, partial_hold] =
+            [moving, partial, partial_hold].map(|part| part.unwrap_or(none));
+        [deformation, sliding, moving, hold, partial, partial_hold]
+    }
+
+    fn from_parts(parts: [PhaseError; 6]) -> Self {
+        let [deformation, sliding, moving, hold, partial, partial_hold] = parts;
         Self {
             deformation,
             sliding,
@@ -743,19 +752,13 @@ impl Phases {
             *own = own.plus(Sums { n: 1.0, squares: error * error, ..Sums::default() });
         }
         let total: f64 = sums.iter().map(|s| s.squares).sum();
-        let part = |s: Sums| {
+        let [full, sliding, moving, hold, partial, partial_hold] = sums;
+        let (deformation, hold) = (full.plus(partial), hold.plus(partial_hold));
+        let parts = [deformation, sliding, moving, hold, partial, partial_hold].map(|s| {
             let share = if total > 0.0 { s.squares / total } else { 0.0 };
             PhaseError { rms_n: s.rms(), samples: s.n as usize, share_of_squares: share }
-        };
-        let [full, sliding, moving, hold, partial, partial_hold] = sums;
-        Self {
-            deformation: part(full.plus(partial)),
-            sliding: part(sliding),
-            moving: part(moving).occurred(),
-            hold: part(hold.plus(partial_hold)),
-            partial: part(partial).occurred(),
-            partial_hold: part(partial_hold).occurred(),
-        }
+        });
+        Self::from_parts(parts)
     }
 }
 
@@ -765,10 +768,12 @@ fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<W
     let mean = residuals.iter().sum::<f64>() / n.max(1) as f64;
     let centred: Vec<f64> = residuals.iter().map(|e| e - mean).collect();
     let power = autocovariance(&centred, 0);
-    let is_below = |k: &usize| autocovariance(&centred, *k) < power / std::f64::consts::E;
-    let of_some =
-        |from: usize| (from..n / 20).into_par_iter().take(LAGS_AT_ONCE).find_first(is_below);
-    let lag = (1..n / 20).step_by(LAGS_AT_ONCE).find_map(of_some)?;
+    let lag = (1..n / 20).step_by(LAGS_AT_ONCE).find_map(|from| {
+        (from..n / 20)
+            .into_par_iter()
+            .take(LAGS_AT_ONCE)
+            .find_first(|k| autocovariance(&centred, *k) < power / std::f64::consts::E)
+    })?;
     let decimated: Vec<f64> = centred.iter().step_by(lag).copied().collect();
     let m = decimated.len();
     if m < 5 * LAGS || power <= 0.0 {

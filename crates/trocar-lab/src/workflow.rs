@@ -13,7 +13,7 @@ use crate::simpler;
 use crate::validate::{OwnData, Validation, validate};
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use trocar_recording::{Recording, RecordingError};
-use trocar_runtime::model_file::{ModelFile, SensorInfo};
+use trocar_runtime::model_file::ModelFile;
 
 /// Mass between sensor and seal whose inertia and weight are subtracted from the readings.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -102,14 +102,14 @@ impl Correction {
         offset_n: Option<f64>,
         moving_mass_kg: Option<f64>,
     ) -> Result<Self, RecordingError> {
-        let own = |part: fn(SensorInfo) -> f64| model.sensor.map_or(0.0, part);
-        let offset_n = offset_n.unwrap_or(own(|sensor| sensor.offset_n));
+        let sensor = model.sensor.unwrap_or_default();
+        let offset_n = offset_n.unwrap_or(sensor.offset_n);
         finite("offset_n", offset_n, "N")?;
-        let mass = moving_mass_kg.unwrap_or(own(|sensor| sensor.moving_mass_kg));
+        let mass = moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
         Ok(Self {
             offset_n,
             moving_mass_kg: MovingMass::new(mass, 0.0)?.mass,
-            position_delay_s: own(|sensor| sensor.position_delay_s),
+            position_delay_s: sensor.position_delay_s,
         })
     }
 
@@ -193,13 +193,13 @@ impl Workflow {
         held_out: Vec<Recording>,
         moving_mass: MovingMass,
     ) -> Self {
-        let validated = || {
-            let scores = validate(&identification.trocar(), &held_out, identification.model.offset);
-            scores.beside_identification(identification.residual_rms, &held_out)
-        };
         let (own, validation) = rayon::join(
             || OwnData::of(&identification, &recordings),
-            || (!held_out.is_empty()).then(validated),
+            || {
+                let found = (!held_out.is_empty()).then_some(&identification)?;
+                let scores = validate(&found.trocar(), &held_out, found.model.offset);
+                Some(scores.beside_identification(found.residual_rms, &held_out))
+            },
         );
         Self {
             range: MotionRange::of(&recordings, identification.model.offset),

@@ -220,7 +220,7 @@ pub struct ReadWith {
 }
 
 /// The sensor of the recordings used for a model.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorInfo {
     /// Reading without any force of the seal, N.

@@ -37,16 +37,17 @@ fn choices(item: &str) -> Result<Vec<Choice>, String> {
         Choice::Classical(kind) if first.is_bank() => kind,
         _ => return Err(format!("{name} has no number of elements, found {item:?}")),
     };
-    let (low, high) = count.split_once('-').unwrap_or((count, count));
-    let number = |text: &str| text.parse().ok().filter(|n| (1..=MAX_ELEMENTS).contains(n));
-    let wrong = || {
+    let numbers = numbers(count).ok_or_else(|| {
         format!("expected {name}:N or {name}:A-B with 1 to {MAX_ELEMENTS} elements, found {item:?}")
-    };
-    let (low, high) = (number(low).ok_or_else(wrong)?, number(high).ok_or_else(wrong)?);
-    if low > high {
-        return Err(wrong());
-    }
-    Ok((low..=high).map(|n| Choice::Classical(kind.with_elements(n))).collect())
+    })?;
+    Ok(numbers.map(|n| Choice::Classical(kind.with_elements(n))).collect())
+}
+
+/// The numbers of elements that `N` or `A-B` names.
+fn numbers(text: &str) -> Option<std::ops::RangeInclusive<usize>> {
+    let (low, high) = text.split_once('-').unwrap_or((text, text));
+    let (low, high) = (low.parse().ok()?, high.parse().ok()?);
+    (1 <= low && low <= high && high <= MAX_ELEMENTS).then_some(low..=high)
 }
 
 fn unknown(item: &str, usual: &[Choice]) -> String {

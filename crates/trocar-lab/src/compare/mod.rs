@@ -221,8 +221,9 @@ impl Comparison {
     /// The EMS element that is the reference for the banks: the one fitted by the same criterion,
     /// if it was compared.
     pub fn ems_entry(&self) -> Option<&Entry> {
-        let of = |choice| self.entries.iter().find(|entry| entry.choice == choice);
-        of(Choice::EmsOutputError).or_else(|| of(Choice::Ems))
+        [Choice::EmsOutputError, Choice::Ems]
+            .into_iter()
+            .find_map(|choice| self.entries.iter().find(|entry| entry.choice == choice))
     }
 
     /// The entries by family, each family at the position of its best model.
@@ -247,10 +248,9 @@ impl Comparison {
     pub fn verdict(&self) -> String {
         let families = self.families();
         let [first, second, ..] = &families[..] else { return String::new() };
-        let (first, second) = (first[0], best_of(second));
-        let name =
-            |entry: &Entry| format!("{} ({:.3} N)", entry.title(), entry.scores.validate_rms_n);
-        let (first_name, second_name) = (name(first), name(second));
+        let second = best_of(second);
+        let [first_name, second_name] = [first[0], second]
+            .map(|entry| format!("{} ({:.3} N)", entry.title(), entry.scores.validate_rms_n));
         match self.margin(second) {
             None => format!(
                 "least error: {first_name}, next {second_name}; too few strokes for a standard error"
@@ -331,12 +331,8 @@ pub fn compare(
     // selection.
     let reference = grounds.raw(&Trocar::of_seal(ems.stages), ems.model.offset);
     let effective_samples = grounds.effective_samples(&reference);
-    let force_error = |m: &Fitted| {
-        let over = |recordings, source| force_error(&m.trocar, recordings, m.offset, source);
-        let own = over(&training, ErrorSource::Identification);
-        own.worse(&over(&validation, ErrorSource::Validation), ErrorSource::Validation)
-    };
-    let force_errors: Vec<ForceError> = models.par_iter().map(force_error).collect();
+    let force_errors: Vec<ForceError> =
+        models.par_iter().map(|m| m.force_error([&training, &validation])).collect();
     let times: Vec<Option<f64>> = models
         .iter()
         .map(|m| options.timing.then(|| nanoseconds_per_step(&m.trocar, &validation[0])))
@@ -457,6 +453,14 @@ impl Fitted {
         }
     }
 
+    /// The greater of those over the recordings of training and of validation.
+    fn force_error(&self, [training, validation]: [&[Recording]; 2]) -> ForceError {
+        let [own, held_out] =
+            [(training, ErrorSource::Identification), (validation, ErrorSource::Validation)]
+                .map(|(all, source)| force_error(&self.trocar, all, self.offset, source));
+        own.worse(&held_out, ErrorSource::Validation)
+    }
+
     fn into_entry(self, scored: Scored, ns_per_sample: Option<f64>, timing: bool) -> Entry {
         let Scored { scores, by_stroke, force_error } = scored;
         let stages = self.trocar.seal().stages();
@@ -496,34 +500,46 @@ fn fit_all(
         .collect();
     kinds.sort();
     kinds.dedup();
-    // The cost of a fit grows with the square of the number of parameters.
-    let work = |kind: &Kind| kind.parameters().pow(2);
+
     let total: usize = kinds.iter().map(work).sum();
     let done = AtomicUsize::new(0);
     let mut families: Vec<&[Kind]> = kinds.chunk_by(|a, b| chain(*a) == chain(*b)).collect();
     families.reverse();
-    let of_family = |family: &&[Kind]| {
-        let mut fits: Vec<(ClassicalFit, f64)> = Vec::new();
-        for kind in *family {
-            let clock = Instant::now();
-            let fitted = |wanted: Option<Kind>| {
-                fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted)
-            };
-            let kin =
-                RelatedFits { smaller: fitted(kind.smaller()), special: fitted(kind.special()) };
-            let fit = trocar_identify::classical::fit(*kind, data, kin)
-                .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
-            fits.push((fit, clock.elapsed().as_secs_f64()));
+    let fits = families.par_iter().map(|family| {
+        fit_family(family, data, |kind| {
             let part = done.fetch_add(work(kind), Ordering::Relaxed) + work(kind);
             progress(
                 &format!("fitted {kind}"),
                 EMS_PART + (0.97 - EMS_PART) * part as f64 / total as f64,
             );
-        }
-        Ok(fits)
-    };
-    let fits: Result<Vec<Vec<_>>, CompareError> = families.par_iter().map(of_family).collect();
+        })
+    });
+    let fits: Result<Vec<Vec<_>>, CompareError> = fits.collect();
     Ok(fits?.into_iter().flatten().collect())
+}
+
+/// The cost of a fit: it grows with the square of the number of parameters.
+fn work(kind: &Kind) -> usize {
+    kind.parameters().pow(2)
+}
+
+/// The fits of models that begin from each other, with the seconds that each took; calls `fitted` after each.
+fn fit_family(
+    family: &[Kind],
+    data: &ClassicalData,
+    fitted: impl Fn(&Kind),
+) -> Result<Vec<(ClassicalFit, f64)>, CompareError> {
+    let mut fits: Vec<(ClassicalFit, f64)> = Vec::new();
+    for kind in family {
+        let clock = Instant::now();
+        let [smaller, special] = [kind.smaller(), kind.special()]
+            .map(|wanted| fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted));
+        let fit = trocar_identify::classical::fit(*kind, data, RelatedFits { smaller, special })
+            .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
+        fits.push((fit, clock.elapsed().as_secs_f64()));
+        fitted(kind);
+    }
+    Ok(fits)
 }
 
 /// Families that are fitted one after another, since one starts from the other.

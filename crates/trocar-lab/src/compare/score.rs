@@ -66,6 +66,12 @@ impl<'a> Ground<'a> {
     fn readings(&self) -> impl Iterator<Item = f64> + '_ {
         self.scored.iter().map(|i| self.recording.force[*i])
     }
+
+    /// Of the `errors` after each reversal.
+    fn at_reversals(&self, errors: &[f64]) -> impl Iterator<Item = Sums> {
+        let own = self.reversals.iter().map(|range| &errors[range.clone()]);
+        own.map(|errors| Sums::of(errors.iter().map(|e| (*e, 0.0))))
+    }
 }
 
 impl<'a> Grounds<'a> {
@@ -75,10 +81,9 @@ impl<'a> Grounds<'a> {
         validation: &'a [Recording],
         reversal_travel: f64,
     ) -> Self {
-        let grounds = |all: &'a [Recording]| {
-            all.iter().map(|r| Ground::new(ems, r, reversal_travel)).collect()
-        };
-        Self { training: grounds(training), validation: grounds(validation) }
+        let [training, validation] = [training, validation]
+            .map(|all| all.iter().map(|r| Ground::new(ems, r, reversal_travel)).collect());
+        Self { training, validation }
     }
 
     pub(super) fn training_samples(&self) -> usize {
@@ -112,18 +117,14 @@ impl<'a> Grounds<'a> {
     pub(super) fn scores(&self, raw: &Raw, parameters: usize, effective: f64) -> Scores {
         let n = raw.training.len().max(1) as f64;
         let mean_square = raw.training.iter().map(|e| e * e).sum::<f64>() / n;
-        let with_force =
-            |(g, errors): (&Ground, &Vec<f64>)| Sums::of(errors.iter().copied().zip(g.readings()));
-        let own: Vec<Sums> = self.validation.iter().zip(&raw.validation).map(with_force).collect();
+        let validation = self.validation.iter().zip(&raw.validation);
+        let own: Vec<Sums> = validation
+            .clone()
+            .map(|(g, errors)| Sums::of(errors.iter().copied().zip(g.readings())))
+            .collect();
         let all = own.iter().fold(Sums::default(), |a, b| a.plus(*b));
-        let reversal = |(g, errors): (&'_ Ground, &Vec<f64>)| -> Vec<Sums> {
-            g.reversals
-                .iter()
-                .map(|range| Sums::of(errors[range.clone()].iter().map(|e| (*e, 0.0))))
-                .collect()
-        };
         let reversals: Vec<Sums> =
-            self.validation.iter().zip(&raw.validation).flat_map(reversal).collect();
+            validation.flat_map(|(g, errors)| g.at_reversals(errors)).collect();
         let with_reversals = |error: f64| if reversals.is_empty() { f64::NAN } else { error };
         // The offset and the residual variance are also estimated.
         let estimated = (parameters + 2) as f64;

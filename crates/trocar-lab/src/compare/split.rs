@@ -72,17 +72,17 @@ impl Divided {
 /// # Errors
 /// A part is too short for a recording.
 pub fn split(recordings: &[Recording]) -> Result<(Vec<Recording>, Vec<Recording>), RecordingError> {
-    let mut parts = (Vec::new(), Vec::new());
+    let (mut fitted, mut held_out) = (Vec::new(), Vec::new());
     for recording in recordings {
         let at = place(recording);
-        let part = |range, what| {
+        let ranges = [0..at + 1, at..recording.len()];
+        let parts = [(&mut fitted, "fitted part"), (&mut held_out, "held-out part")];
+        for (range, (parts, what)) in ranges.into_iter().zip(parts) {
             let part = recording.part(range, what)?;
-            Ok::<_, RecordingError>(Recording { sha256: recording.sha256.clone(), ..part })
-        };
-        parts.0.push(part(0..at + 1, "fitted part")?);
-        parts.1.push(part(at..recording.len(), "held-out part")?);
+            parts.push(Recording { sha256: recording.sha256.clone(), ..part });
+        }
     }
-    Ok(parts)
+    Ok((fitted, held_out))
 }
 
 /// First reversal after two thirds of the time; without one, the sample there.

@@ -166,26 +166,26 @@ impl Outcome {
     /// Every model as a file, by its path in the results folder: `models/lugre.json`,
     /// `models/gms-4.json`.
     pub fn model_files(&self) -> Vec<(String, ModelFile)> {
-        let Self { comparison, seed, moving_mass, .. } = self;
-        let file = |entry: &Entry| {
-            let origin = Origin::identified(*seed, comparison.training.iter().map(origin_of));
-            let mut model = ModelFile::new(*entry.trocar.seal(), origin);
-            if entry.choice == Choice::Ems {
-                model.origin.note = comparison.ems.deformation_note();
-            }
-            model.sensor =
-                Some(moving_mass.sensor(entry.offset, comparison.ems.model.unmodelled_mass));
-            model.intervals = intervals(&entry.estimates);
-            model.force_error = Some(entry.force_error);
-            (format!("models/{}.json", entry.choice.file_stem()), model)
-        };
-        comparison.entries.iter().map(file).collect()
+        self.comparison.entries.iter().map(|entry| self.model_file(entry)).collect()
+    }
+
+    fn model_file(&self, entry: &Entry) -> (String, ModelFile) {
+        let Comparison { training, ems, .. } = &self.comparison;
+        let origin = Origin::identified(self.seed, training.iter().map(origin_of));
+        let mut model = ModelFile::new(*entry.trocar.seal(), origin);
+        if entry.choice == Choice::Ems {
+            model.origin.note = ems.deformation_note();
+        }
+        model.sensor = Some(self.moving_mass.sensor(entry.offset, ems.model.unmodelled_mass));
+        model.intervals = intervals(&entry.estimates);
+        model.force_error = Some(entry.force_error);
+        (format!("models/{}.json", entry.choice.file_stem()), model)
     }
 
     /// The contents of `compare.json`.
     pub fn summary(&self) -> Summary<'_> {
         let Self { comparison, .. } = self;
-        let claim = |result: ReversalMatch| ClaimSummary { sentence: result.sentence(), result };
+        let claims = comparison.claims().into_iter();
         let training = comparison.training.iter().map(|own| recording(own, "training"));
         let validation = comparison.validation.iter().map(|own| recording(own, "validation"));
         Summary {
@@ -199,7 +199,9 @@ impl Outcome {
             unmodelled_mass_kg: comparison.ems.model.unmodelled_mass,
             verdict: comparison.verdict(),
             models: comparison.entries.iter().map(|entry| model(entry, comparison)).collect(),
-            reversal_claim: comparison.claims().into_iter().map(claim).collect(),
+            reversal_claim: claims
+                .map(|result| ClaimSummary { sentence: result.sentence(), result })
+                .collect(),
             recordings: training.chain(validation).collect(),
         }
     }

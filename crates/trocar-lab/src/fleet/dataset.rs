@@ -118,14 +118,7 @@ impl Dataset {
         files.retain(|file| {
             !file.canonicalize().is_ok_and(|path| without.contains(&path)) || !is_written(file)
         });
-        let name = |path: &Path| {
-            let parts = path.strip_prefix(root).unwrap_or(path).components();
-            parts
-                .map(|part| part.as_os_str().to_string_lossy().into_owned())
-                .collect::<Vec<_>>()
-                .join("/")
-        };
-        files.sort_by_key(|path| name(path));
+        files.sort_by_key(|path| name(path, root));
         let (taken, left_out): (Vec<_>, Vec<_>) = files
             .into_iter()
             .partition(|path| ends_in(path, registry::endings()) || registry::is_folder(path));
@@ -134,11 +127,11 @@ impl Dataset {
         }
         let mut sources = Vec::with_capacity(taken.len());
         for path in taken {
-            let name = name(&path);
+            let name = name(&path, root);
             sources.push(Source { metadata: hive(&name), name, path });
         }
         settle_kinds(&mut sources);
-        Ok(Self { sources, left_out: left_out.iter().map(|path| name(path)).collect() })
+        Ok(Self { sources, left_out: left_out.iter().map(|path| name(path, root)).collect() })
     }
 
     /// All files with recordings.
@@ -180,13 +173,21 @@ fn unread(path: &Path) -> impl Fn(std::io::Error) -> DatasetError {
 
 /// Whether a file was written by an earlier run: its journal, or a table with the columns of one.
 fn is_written(file: &Path) -> bool {
-    let names = |table: &trocar_recording::Table| -> BTreeSet<String> {
-        table.columns.iter().map(|column| column.name.clone()).collect()
-    };
     ends_in(file, ["journal"])
         || trocar_recording::tables(file).is_ok_and(|tables| {
-            tables.iter().any(|table| columns().iter().all(|own| names(table).contains(&own.name)))
+            tables.iter().any(|table| {
+                columns()
+                    .iter()
+                    .all(|own| table.columns.iter().any(|column| column.name == own.name))
+            })
         })
+}
+
+/// The path of a file below `root`, with slashes.
+fn name(path: &Path, root: &Path) -> String {
+    let parts = path.strip_prefix(root).unwrap_or(path).components();
+    let parts = parts.map(|part| part.as_os_str().to_string_lossy().into_owned());
+    parts.collect::<Vec<_>>().join("/")
 }
 
 fn ends_in(path: &Path, extensions: impl IntoIterator<Item = &'static str>) -> bool {
@@ -262,14 +263,10 @@ fn settle_kinds(sources: &mut [Source]) {
     names.sort_unstable();
     names.dedup();
     for name in names {
-        let texts = || {
-            sources
-                .iter()
-                .filter_map(|source| source.metadata.get(&name))
-                .filter_map(FleetCell::as_text)
-        };
-        let whole = texts().all(|text| text.parse::<i64>().is_ok());
-        let number = texts().all(|text| text.parse::<f64>().is_ok_and(f64::is_finite));
+        let cells = sources.iter().filter_map(|source| source.metadata.get(&name));
+        let texts: Vec<&str> = cells.filter_map(FleetCell::as_text).collect();
+        let whole = texts.iter().all(|text| text.parse::<i64>().is_ok());
+        let number = texts.iter().all(|text| text.parse::<f64>().is_ok_and(f64::is_finite));
         if !number {
             continue;
         }

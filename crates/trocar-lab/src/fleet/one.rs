@@ -12,7 +12,7 @@ use super::row::{DEGREES, FleetCell, FleetRow};
 use crate::summary::PROGRAM;
 use crate::workflow::MovingMass;
 use trocar_identify::{
-    Estimate, Identification, IdentifyError, IdentifyOptions, Subject, Warning, identify,
+    Estimate, Identification, IdentifyError, IdentifyOptions, Subject, identify,
 };
 use trocar_recording::rows::Crop;
 use trocar_recording::{
@@ -330,12 +330,12 @@ fn result(row: &mut FleetRow, found: &Identification, recording: &Recording, met
     let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
     row.set("status", FleetCell::text(status));
     row.set("method", FleetCell::text(method));
-    // Without the recording's name, which has its own column.
-    let message = |w: &Warning| match &w.subject {
+    let messages = found.warnings.iter().map(|w| match &w.subject {
+        // The recording's name has its own column.
         Subject::Recording(_) => w.message.clone(),
         subject => format!("{subject}: {}", w.message),
-    };
-    warnings(row, found.warnings.iter().map(message).collect());
+    });
+    warnings(row, messages.collect());
     quality_of_fit(row, found);
     row.set("reversals", FleetCell::count(found.free_motion.reversals));
     row.set("partial_reversals", FleetCell::count(found.free_motion.partial_reversals));

@@ -149,13 +149,12 @@ pub fn run(
     let orders = collector.unfinished();
     let next = AtomicUsize::new(0);
     let threads = cancel::threads(threads);
-    let worker = |sender: Sender<Finished>| cancel.run(1, || work(&orders, &next, config, &sender));
     std::thread::scope(|scope| {
         let (sender, receiver) = mpsc::channel();
         let workers: Vec<_> = (0..threads)
             .map(|_| {
-                let (worker, sender) = (&worker, sender.clone());
-                scope.spawn(move || worker(sender))
+                let (orders, next, sender) = (&orders, &next, sender.clone());
+                scope.spawn(move || cancel.run(1, || work(orders, next, config, &sender)))
             })
             .collect();
         // The receiver ends when the last sender is gone: this one never sends.

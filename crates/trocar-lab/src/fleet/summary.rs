@@ -53,19 +53,18 @@ impl Trend {
             let sum = &mut sums[*specimen];
             (sum[0], sum[1], sum[2]) = (sum[0] + 1.0, sum[1] + x, sum[2] + y);
         }
-        let own = |p: &(f64, f64, usize)| {
+        let within = points.iter().map(|p| {
             let [n, x, y] = sums[p.2];
             (p.0 - x / n, p.1 - y / n)
-        };
-        let (xx, xy) =
-            points.iter().map(own).fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + x * x, xy + x * y));
+        });
+        let (xx, xy) = within.clone().fold((0.0, 0.0), |(xx, xy), (x, y)| (xx + x * x, xy + x * y));
         let levels = sums.iter().filter(|sum| sum[0] > 0.0).count();
         let degrees = points.len() as f64 - levels as f64 - 1.0;
         if degrees < 1.0 || xx <= 0.0 {
             return None;
         }
         let slope = xy / xx;
-        let squares: f64 = points.iter().map(own).map(|(x, y)| (y - slope * x).powi(2)).sum();
+        let squares: f64 = within.map(|(x, y)| (y - slope * x).powi(2)).sum();
         let variance = squares / degrees;
         let n = points.len() as f64;
         let mean = |of: fn(&(f64, f64, usize)) -> f64| points.iter().map(of).sum::<f64>() / n;

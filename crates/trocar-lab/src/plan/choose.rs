@@ -40,13 +40,13 @@ impl Known {
         blocks: &[Block],
         [motions, before]: [&[(Motion, f64)]; 2],
     ) -> Result<Self, PlanError> {
-        let of_motion = |(motion, from): &(Motion, f64)| {
+        let found = motions.iter().chain(before).map(|(motion, from)| {
             let rows = Rows::new(&[motion], seal, noise)?.ok_or(PlanError::Singular)?;
             Ok((rows.information(noise, [*from, f64::INFINITY]), rows))
-        };
-        let found: Vec<(Information, Rows)> =
-            motions.iter().map(of_motion).collect::<Result<_, PlanError>>()?;
-        let (of_blocks, rows): (Vec<Information>, Vec<Rows>) = found.into_iter().unzip();
+        });
+        let found: Vec<(Information, Rows)> = found.collect::<Result<_, PlanError>>()?;
+        let (mut of_blocks, rows): (Vec<Information>, Vec<Rows>) = found.into_iter().unzip();
+        let recorded = of_blocks.split_off(motions.len());
         // The motion of prediction: all interrupted cycles, or all where there are none.
         let interrupted: Vec<usize> =
             (0..blocks.len()).filter(|k| !blocks[*k].is_cycle()).collect();
@@ -54,8 +54,8 @@ impl Known {
         let force = Force::mean(chosen.iter().map(|k| rows[*k].force()));
         let rows = rows.first().ok_or(PlanError::Singular)?;
         let mut already = rows.nothing_known(noise);
-        for recorded in before {
-            already = already.with(&of_motion(recorded)?.0, 1.0);
+        for information in &recorded {
+            already = already.with(information, 1.0);
         }
         Ok(Self { already, of_blocks, directions: directions(goal, rows)?, force })
     }
@@ -116,10 +116,10 @@ impl<'a> Search<'a> {
             .map(|seal| Known::new(&config.noise, goal, seal, blocks, [&motions, &before]))
             .collect();
         // Of posterior draws, those whose structure has the parameter of the goal.
-        let has_goal = |k: &Result<Known, PlanError>| !matches!(k, Err(PlanError::NotThere(..)));
-        let is_anywhere = found.iter().any(has_goal);
-        let known = found.into_iter().filter(|k| !is_anywhere || has_goal(k));
-        let known = known.collect::<Result<_, _>>()?;
+        let (without, with): (Vec<_>, Vec<_>) =
+            found.into_iter().partition(|k| matches!(k, Err(PlanError::NotThere(..))));
+        let known = if with.is_empty() { without } else { with };
+        let known = known.into_iter().collect::<Result<_, _>>()?;
         let durations = blocks.iter().map(|block| block.duration(&config.rig)).collect();
         Ok(Self { goal, blocks, durations, known })
     }
@@ -218,21 +218,18 @@ impl<'a> Search<'a> {
     /// it. Without blocks that alone determine a parameter nothing is left.
     pub(super) fn shares(&self, counts: &[usize]) -> Result<Vec<Share>, PlanError> {
         let best = self.value(counts)?;
-        let lost = |k: usize, less: usize| {
-            let mut without = counts.to_vec();
-            without[k] -= less;
-            self.value(&without).map_or(1.0, |value| 1.0 - (best - value).exp())
-        };
         let used = (0..counts.len()).filter(|k| counts[*k] > 0);
-        Ok(used
-            .map(|k| Share {
-                block: self.blocks[k],
-                count: counts[k],
-                duration_s: counts[k] as f64 * self.durations[k],
-                information: lost(k, counts[k]),
-                information_of_one: lost(k, 1),
-            })
-            .collect())
+        let shares = used.map(|k| {
+            let [information, information_of_one] = [counts[k], 1].map(|less| {
+                let mut without = counts.to_vec();
+                without[k] -= less;
+                self.value(&without).map_or(1.0, |value| 1.0 - (best - value).exp())
+            });
+            let duration_s = counts[k] as f64 * self.durations[k];
+            let (block, count) = (self.blocks[k], counts[k]);
+            Share { block, count, duration_s, information, information_of_one }
+        });
+        Ok(shares.collect())
     }
 }
 

@@ -139,9 +139,8 @@ impl Prior {
     /// # Errors
     /// A key of no study, or of one that prints no friction force.
     pub fn seals(&self) -> Result<PlausibleSeals, PublishedError> {
-        let of_study = |key: &String| published::study(key)?.seals();
         let rest = match &self.like {
-            Some(key) => of_study(key)?,
+            Some(key) => published::study(key)?.seals()?,
             None => PlausibleSeals {
                 coulomb_force: self.coulomb_force_n.into(),
                 ..PlausibleSeals::default()
@@ -258,12 +257,9 @@ impl PlanConfig {
         let strokes = strokes(pilot, reversal_threshold(pilot));
         let fastest_m_s = fastest(pilot, &strokes);
         let acceleration = pilot.acceleration();
-        let largest = |stroke: &Stroke| {
-            acceleration[stroke.start..=stroke.end]
-                .iter()
-                .fold(0.0, |most: f64, a| most.max(a.abs()))
-        };
-        let mut largest: Vec<f64> = strokes.iter().map(largest).collect();
+        let parts = strokes.iter().map(|stroke| &acceleration[stroke.start..=stroke.end]);
+        let mut largest: Vec<f64> =
+            parts.map(|part| part.iter().fold(0.0, |most: f64, a| most.max(a.abs()))).collect();
         largest.sort_by(f64::total_cmp);
         let quality = &pilot.quality;
         self.rig = Rig {
@@ -326,17 +322,14 @@ impl Prior {
         if self.like.is_some() && self.coulomb_force_n != Self::default().coulomb_force_n {
             return Err(ConfigError::LikeAlone);
         }
-        let pair = |name, allowed, [low, high]: [f64; 2], range: [f64; 2]| {
-            within(name, allowed, low, range)?;
-            within(name, allowed, high, [low, range[1]])
-        };
         let (force, damping, width) =
             (self.coulomb_force_n, self.viscous_damping_n_s_m, self.half_width_m);
         let allowed = "two values, increasing, from 1e-3 to 100";
-        pair("prior.coulomb_force_n", allowed, force, [1e-3, 100.0])?;
+        increasing("prior.coulomb_force_n", allowed, force, [1e-3, 100.0])?;
         let allowed = "two values, increasing, from 1e-3 to 1e3";
-        pair("prior.viscous_damping_n_s_m", allowed, damping, [1e-3, 1e3])?;
-        pair("prior.half_width_m", "two values, increasing, from 1e-5 to 0.05", width, [1e-5, 0.05])
+        increasing("prior.viscous_damping_n_s_m", allowed, damping, [1e-3, 1e3])?;
+        let allowed = "two values, increasing, from 1e-5 to 0.05";
+        increasing("prior.half_width_m", allowed, width, [1e-5, 0.05])
     }
 }
 
@@ -345,6 +338,16 @@ fn wetted(seal: ElementParams, scale: f64) -> Result<ElementParams, ParamError> 
     let dry = Trocar::<Vec<f64>>::new(Element::new(seal)?, None);
     let wet = scaled(&dry, scale)?;
     Ok(wet.seal().stages().map_or(seal, |stages| *stages.first().params()))
+}
+
+fn increasing(
+    name: &'static str,
+    allowed: &'static str,
+    [first, second]: [f64; 2],
+    [low, high]: [f64; 2],
+) -> Result<(), ConfigError> {
+    within(name, allowed, first, [low, high])?;
+    within(name, allowed, second, [first, high])
 }
 
 fn within(

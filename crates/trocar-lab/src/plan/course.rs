@@ -60,18 +60,18 @@ pub(super) fn ordered(
 fn follows_time(rig: &Rig, order: &[Block]) -> f64 {
     let durations: Vec<f64> = order.iter().map(|block| block.duration(rig)).collect();
     let whole: f64 = durations.iter().sum();
-    let speed = |k: usize| order[k].speed_m_s;
-    let mean = (0..order.len()).map(speed).sum::<f64>() / order.len() as f64;
+    let mean = order.iter().map(|block| block.speed_m_s).sum::<f64>() / order.len() as f64;
     (1..=COSINES)
         .map(|cosine| {
             let mut time = 0.0;
             let (mut product, mut squares) = (0.0, [0.0, 0.0]);
-            for (k, duration) in durations.iter().enumerate() {
+            for (block, duration) in order.iter().zip(&durations) {
+                let faster = block.speed_m_s - mean;
                 let slow = (PI * cosine as f64 * (time + 0.5 * duration) / whole).cos();
                 time += duration;
-                product += slow * (speed(k) - mean);
+                product += slow * faster;
                 squares[0] += slow * slow;
-                squares[1] += (speed(k) - mean).powi(2);
+                squares[1] += faster.powi(2);
             }
             product * product / (squares[0] * squares[1]).max(f64::MIN_POSITIVE)
         })
@@ -122,7 +122,7 @@ pub(super) fn places(rig: &Rig, moves: &[Move], times: &[f64]) -> Vec<f64> {
     let mut place = moves.first().map_or(rig.lowest_m, |step| step.from_m);
     let mut moves = moves.iter().map(|step| (step, step.duration(rig))).peekable();
     let mut begin = AT_REST;
-    let at = |time: &f64| {
+    let places = times.iter().map(|time| {
         while let Some((step, duration)) = moves.peek() {
             if *time < begin + duration {
                 return step.position(rig, (time - begin).max(0.0));
@@ -131,8 +131,8 @@ pub(super) fn places(rig: &Rig, moves: &[Move], times: &[f64]) -> Vec<f64> {
             moves.next();
         }
         place
-    };
-    times.iter().map(at).collect()
+    });
+    places.collect()
 }
 
 /// Limits that are read from a recording are a little below those of its rig.
@@ -148,7 +148,7 @@ pub(super) fn of_the_paper(config: &PlanConfig) -> Option<Course> {
         && ROUNDED * rig.slowest_m_s <= 0.015;
     fits.then(|| {
         let (low, high) = (rig.lowest_m, rig.lowest_m + STROKE.min(rig.travel_m()));
-        let cycle = |k: u32| {
+        let moves = (0..18).flat_map(|k| {
             let speed_m_s = 0.015 + 0.005 * f64::from(k);
             [(low, high), (high, low)].map(|(from_m, to_m)| Move {
                 from_m,
@@ -156,7 +156,7 @@ pub(super) fn of_the_paper(config: &PlanConfig) -> Option<Course> {
                 speed_m_s,
                 rest_s: 0.0,
             })
-        };
-        sampled(rig, &(0..18).flat_map(cycle).collect::<Vec<_>>())
+        });
+        sampled(rig, &moves.collect::<Vec<_>>())
     })
 }

@@ -50,14 +50,14 @@ impl FromStr for Goal {
             None => (text, None),
         };
         // The unit may be left out.
-        let is_meant = |id: &ParameterId| {
+        let id = reported([4, 4]).into_iter().find(|id| {
             let full = id.to_string();
             full == name
                 || full
                     .strip_suffix(id.unit().ending)
                     .is_some_and(|short| short.trim_end_matches('_') == name)
-        };
-        let id = reported([4, 4]).into_iter().find(is_meant).ok_or_else(unknown)?;
+        });
+        let id = id.ok_or_else(unknown)?;
         let wanted = wanted.map(|wanted| {
             let percent = wanted.trim_end_matches('%').trim().parse::<f64>().ok();
             percent.filter(|p| *p > 0.0 && p.is_finite()).map(|p| 1e-2 * p).ok_or_else(unknown)

@@ -217,8 +217,8 @@ pub fn plan(
     let drawn = if seals.is_empty() { config.expected_seals()? } else { seals.to_vec() };
     // What turns comes last, with the time that it takes from the highest position.
     let widest = drawn.iter().map(|seal| seal.deformation.half_width()).fold(0.0, f64::max);
-    let turning = |from: f64| turning::course(&config.rig, from, widest);
-    let reserved = turning(config.rig.highest_m).and_then(|course| course.time.last().copied());
+    let reserved = turning::course(&config.rig, config.rig.highest_m, widest)
+        .and_then(|course| course.time.last().copied());
     let reserved = reserved.unwrap_or(0.0);
     let whole = config;
     let config = &PlanConfig { duration_s: whole.duration_s - reserved, ..whole.clone() };
@@ -250,8 +250,8 @@ pub fn plan(
         turning_from_s: None,
         course,
     };
-    let end = plan.course.position.last().copied();
-    if let Some(turning) = turning(end.unwrap_or(config.rig.lowest_m)) {
+    let end = plan.course.position.last().copied().unwrap_or(config.rig.lowest_m);
+    if let Some(turning) = turning::course(&config.rig, end, widest) {
         plan.turning_from_s = Some(plan.duration_s());
         plan.course = turning::appended(&plan.course, turning);
     }
@@ -294,21 +294,22 @@ fn predictions(
     progress: Progress,
 ) -> Result<Vec<Vec<Prediction>>, PlanError> {
     progress("expected intervals", 0.5);
-    let motion = |course: &&Course| Motion::planned(&course.time, &course.position);
-    let motions: Vec<Motion> = courses.par_iter().map(motion).collect::<Result<_, _>>()?;
+    let motions: Vec<Motion> = courses
+        .par_iter()
+        .map(|course| Motion::planned(&course.time, &course.position))
+        .collect::<Result<_, _>>()?;
     let done = AtomicUsize::new(0);
-    let of = |motion: &Motion, seal: &ElementParams| {
-        cancel::check();
+    let predictions = motions.iter().map(|motion| {
         let motions: Vec<&Motion> = before.iter().chain([motion]).collect();
-        let rows = Rows::new(&motions, seal, &config.noise)?.ok_or(PlanError::Singular)?;
-        let expected = rows.expected(&config.noise).ok_or(PlanError::Singular)?;
-        let done = 1 + done.fetch_add(1, Ordering::Relaxed);
-        let part = done as f64 / (courses.len() * seals.len()) as f64;
-        progress("expected intervals", 0.5 + 0.5 * part);
-        Ok(expected)
-    };
-    let over_all = |motion: &Motion| {
-        let all = seals.par_iter().map(|seal| of(motion, seal));
+        let all = seals.par_iter().map(|seal| {
+            cancel::check();
+            let rows = Rows::new(&motions, seal, &config.noise)?.ok_or(PlanError::Singular)?;
+            let expected = rows.expected(&config.noise).ok_or(PlanError::Singular)?;
+            let done = 1 + done.fetch_add(1, Ordering::Relaxed);
+            let part = done as f64 / (courses.len() * seals.len()) as f64;
+            progress("expected intervals", 0.5 + 0.5 * part);
+            Ok(expected)
+        });
         let all: Vec<Vec<Expected>> = all.collect::<Result<_, PlanError>>()?;
         // Posterior draws may have different optional terms.
         let mut ids: Vec<ParameterId> = Vec::new();
@@ -318,8 +319,8 @@ fn predictions(
             }
         }
         Ok(ids.into_iter().map(|id| over_seals(config, &all, id)).collect())
-    };
-    motions.iter().map(over_all).collect()
+    });
+    predictions.collect()
 }
 
 /// What to expect of the parameter `id`, over the seals that have it.
@@ -336,20 +337,7 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], id: ParameterId) -> Pr
         .iter()
         .all(|expected| expected.value != 0.0)
         .then(|| median(&|e| e.half_width / e.value.abs()));
-    // A join may lie anywhere within c, an offset anywhere within the friction.
-    let scale = |expected: &Expected| {
-        let of = |quantity: Quantity| {
-            let own = all.iter().flatten().filter(|e| e.id == quantity.id());
-            own.map(|e| e.value).fold(0.0, f64::max)
-        };
-        let scale = match expected.id.unit() {
-            _ if expected.on_log => 0.0,
-            Unit::NEWTON => of(Quantity::CoulombForce),
-            Unit::METRE => of(Quantity::HalfWidth),
-            _ => 0.0,
-        };
-        scale.max(expected.value.abs()).max(f64::MIN_POSITIVE)
-    };
+
     let is_length = one.id.unit() == Unit::METRE && one.value != 0.0;
     let is_resolved = !is_length || median(&|e| e.value.abs()) > 2.0 * config.rig.encoder_step_m;
     Prediction {
@@ -360,6 +348,21 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], id: ParameterId) -> Pr
         largest_half_width: largest,
         relative_half_width: relative,
         determined: is_resolved
-            && median(&|e| e.half_width / scale(e)) < if one.on_log { 10f64.ln() } else { 1.0 },
+            && median(&|e| e.half_width / scale(e, all))
+                < if one.on_log { 10f64.ln() } else { 1.0 },
     }
+}
+
+/// What the half-width of an interval is compared with: a join may lie anywhere within c, an offset anywhere within the
+/// friction.
+fn scale(expected: &Expected, all: &[Vec<Expected>]) -> f64 {
+    let quantity = match expected.id.unit() {
+        _ if expected.on_log => None,
+        Unit::NEWTON => Some(Quantity::CoulombForce),
+        Unit::METRE => Some(Quantity::HalfWidth),
+        _ => None,
+    };
+    let own = all.iter().flatten().filter(|e| quantity.is_some_and(|q| e.id == q.id()));
+    let scale = own.map(|e| e.value).fold(0.0, f64::max);
+    scale.max(expected.value.abs()).max(f64::MIN_POSITIVE)
 }

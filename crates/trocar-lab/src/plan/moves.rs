@@ -46,15 +46,16 @@ impl Move {
             return self.to_m;
         }
         let (speed, ramp) = self.speed(rig);
-        let begun = |t: f64| {
-            if t >= ramp {
-                return speed * (t - 0.5 * ramp);
-            }
+        // The end is the begin backwards.
+        let ends = time > moving - ramp;
+        let t = if ends { moving - time } else { time };
+        let begun = if t >= ramp {
+            speed * (t - 0.5 * ramp)
+        } else {
             let phase = TAU * t / ramp;
             speed * (t * t / (2.0 * ramp) - ramp * (1.0 - phase.cos()) / (4.0 * PI * PI))
         };
-        let way =
-            if time > moving - ramp { length.abs() - begun(moving - time) } else { begun(time) };
+        let way = if ends { length.abs() - begun } else { begun };
         self.from_m + way.copysign(length)
     }
 }

@@ -35,8 +35,9 @@ pub(super) fn course(rig: &Rig, from: f64, half_width: f64) -> Option<Course> {
     if fastest <= 0.0 {
         return None;
     }
-    let begin = |place: f64| Move { from_m: place, to_m: place, speed_m_s: fastest, rest_s: 0.0 };
-    let mut turning = Turning { rig, along: vec![begin(from)], around: vec![begin(0.0)] };
+    let [along, around] = [from, 0.0]
+        .map(|place| vec![Move { from_m: place, to_m: place, speed_m_s: fastest, rest_s: 0.0 }]);
+    let mut turning = Turning { rig, along, around };
     let speed = (fastest / RATIOS[0]).clamp(rig.slowest_m_s, rig.fastest_m_s);
     let low = rig.begin_m();
     let ends = [low + (SHORTEST * half_width).min(LENGTHS[0] * rig.travel_m()), low];
@@ -72,9 +73,9 @@ impl Turning<'_> {
     }
 
     fn hold(&mut self) {
-        let [from, place] = self.ends();
-        let at = |at: f64| Move { from_m: at, to_m: at, speed_m_s: 0.0, rest_s: HOLD };
-        self.push(at(from), at(place));
+        let [along, around] =
+            self.ends().map(|at| Move { from_m: at, to_m: at, speed_m_s: 0.0, rest_s: HOLD });
+        self.push(along, around);
     }
 
     fn turn(&mut self, by: f64, speed: f64) {

@@ -181,10 +181,10 @@ fn outcomes<K: AsRef<[f64]> + Clone>(
     fraction: f64,
 ) -> Result<Outcomes, ConfigError> {
     let config = with_fraction(config, fraction);
-    let merit = |[model, plant]: &[Trocar<K>; 2]| {
-        Outcome::of(&config, [model, plant]).map(|found| found.figures)
-    };
-    Ok(Outcomes { fraction, merits: pairs.iter().map(merit).collect::<Result<_, _>>()? })
+    let merits = pairs
+        .iter()
+        .map(|[model, plant]| Outcome::of(&config, [model, plant]).map(|found| found.figures));
+    Ok(Outcomes { fraction, merits: merits.collect::<Result<_, _>>()? })
 }
 
 /// What becomes of a step of the tissue's stiffness.

@@ -69,15 +69,16 @@ fn pushing(config: &Config, approach: f64, depth: f64) -> Config {
 /// The least approach, m, after which the seal has forgotten where it began: it slides at the surface.
 fn approach<K: AsRef<[f64]>>(config: &Config, trocar: &Trocar<K>, depth: f64) -> Option<f64> {
     let surface = config.tissue.surface_m;
-    let force = |approach: f64, speed: f64| {
-        let (mut state, way) = (trocar.rest(surface - approach), approach / f64::from(STEPS));
-        let angle = |k: u32| config.motion.angle(f64::from(k) * way / speed);
-        (1..=STEPS).fold(0.0, |_, k| trocar.turn(&mut state, way, angle(k), way / speed))
-    };
     let [mut approach, greatest] = APPROACHES_M;
     while approach <= greatest {
         let speed = pushing(config, approach, depth).motion.peak_m_s();
-        let [once, twice] = [approach, 2.0 * approach].map(|approach| force(approach, speed));
+        let [once, twice] = [approach, 2.0 * approach].map(|approach| {
+            let (mut state, way) = (trocar.rest(surface - approach), approach / f64::from(STEPS));
+            (1..=STEPS).fold(0.0, |_, k| {
+                let angle = config.motion.angle(f64::from(k) * way / speed);
+                trocar.turn(&mut state, way, angle, way / speed)
+            })
+        });
         if (once - twice).abs() <= SLIDES * twice.abs() {
             return Some(approach);
         }

@@ -54,14 +54,13 @@ impl<K: AsRef<[f64]> + Clone> Credit<K> {
     /// # Errors
     /// Parameters that make no model at that scale.
     pub(crate) fn new(model: &Trocar<K>, least: f64, position: f64) -> Result<Self, ParamError> {
-        let account = |trocar: Trocar<K>| Account {
+        let accounts = [scaled(model, least)?, model.clone()].map(|trocar| Account {
             state: trocar.rest(position),
             stored: most_stored(trocar.seal()) * greatest_gain(&trocar),
             trocar,
             work: 0.0,
             dissipated: 0.0,
-        };
-        let accounts = [account(scaled(model, least)?), account(model.clone())];
+        });
         Ok(Self { accounts, dissipated: 0.0 })
     }
 
@@ -81,15 +80,17 @@ impl<K: AsRef<[f64]> + Clone> Credit<K> {
 }
 
 impl<K: AsRef<[f64]>> Account<K> {
+    /// The force without the offset of the profile, N.
+    fn force(&self) -> f64 {
+        let profile = self.trocar.profile();
+        self.state.force() - profile.map_or(0.0, |p| p.offset(self.state.position()))
+    }
+
     fn advance(&mut self, position: f64, duration: f64) {
-        let own = |state: &TrocarState| {
-            let offset = self.trocar.profile().map_or(0.0, |p| p.offset(state.position()));
-            state.force() - offset
-        };
-        let (from, before) = (self.state.position(), own(&self.state));
+        let (from, before) = (self.state.position(), self.force());
         self.trocar.step_to(&mut self.state, position, duration);
         let way = self.state.position() - from;
-        self.work += (before * way).min(own(&self.state) * way);
+        self.work += (before * way).min(self.force() * way);
         self.dissipated = self.dissipated.max(self.work - self.stored);
     }
 }

@@ -78,9 +78,8 @@ pub fn response<K: AsRef<[f64]> + Clone>(
         .map(|&frequency_hz| {
             cancel::check();
             positive("frequency_hz", frequency_hz)?;
-            let impedance =
-                |trocar: &Trocar<K>| seal_impedance(trocar, config, amplitude_m, frequency_hz);
-            let impedances = [impedance(&model), impedance(plant)];
+            let impedances = [&model, plant]
+                .map(|trocar| seal_impedance(trocar, config, amplitude_m, frequency_hz));
             let hybrid = Hybrid::with_compensator(config, impedances, frequency_hz);
             let tissue = tissue_impedance(config, frequency_hz);
             let (llewellyn, transmitted) = (hybrid.llewellyn(), hybrid.transmitted(tissue));

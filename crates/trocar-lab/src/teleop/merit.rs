@@ -145,26 +145,24 @@ pub(super) fn displayed(config: &Config, samples: &[Sample]) -> [Option<f64>; 2]
         .iter()
         .filter(|sample| sample.tissue_force > 0.0 && sample.follower_velocity > at_rest)
         .collect();
-    let depth = |sample: &Sample| sample.follower_position - config.tissue.surface(sample.time).0;
-    [
-        slope(&loading, depth, |sample| config.felt(sample)),
-        slope(&loading, depth, |sample| sample.tissue_force),
-    ]
+    let forces: [fn(&Config, &Sample) -> f64; 2] = [Config::felt, |_, sample| sample.tissue_force];
+    forces.map(|force| {
+        let points = loading.iter().map(|sample| {
+            let depth = sample.follower_position - config.tissue.surface(sample.time).0;
+            [depth, force(config, sample)]
+        });
+        slope(&points.collect::<Vec<_>>())
+    })
 }
 
 /// Slope of `y` over `x` by least squares; `None` for fewer than ten samples or all at one place.
-fn slope(
-    samples: &[&Sample],
-    x: impl Fn(&Sample) -> f64,
-    y: impl Fn(&Sample) -> f64,
-) -> Option<f64> {
-    let count = samples.len() as f64;
-    let mean = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(|s| of(s)).sum::<f64>() / count;
-    let (x0, y0) = (mean(&x), mean(&y));
+fn slope(points: &[[f64; 2]]) -> Option<f64> {
+    let count = points.len() as f64;
+    let [x0, y0] = [0, 1].map(|of| points.iter().map(|point| point[of]).sum::<f64>() / count);
     let (mut xx, mut xy) = (0.0, 0.0);
-    for sample in samples {
-        let (dx, dy) = (x(sample) - x0, y(sample) - y0);
+    for [x, y] in points {
+        let (dx, dy) = (x - x0, y - y0);
         (xx, xy) = (xx + dx * dx, xy + dx * dy);
     }
-    (samples.len() >= 10 && xx > 0.0).then(|| xy / xx)
+    (points.len() >= 10 && xx > 0.0).then(|| xy / xx)
 }

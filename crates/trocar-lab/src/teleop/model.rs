@@ -99,31 +99,34 @@ fn wetted(trocar: &Trocar<Vec<f64>>, least: f64) -> Result<Vec<Trocar<Vec<f64>>>
 
 /// The trocar of `file` with all its intervals at their lower (0) or upper (1) end.
 fn at_end(file: &ModelFile, index: usize) -> Result<Trocar<Vec<f64>>, ParamError> {
-    let value = |Tunable { id, value }: Tunable| {
+    let seal = file.trocar.seal();
+    let values = seal.tunables().map(|Tunable { id, value }| {
         let interval = file.intervals.get(&id.to_string());
         interval.and_then(|interval| interval.ci95[index]).unwrap_or(value)
-    };
-    let seal = file.trocar.seal();
-    Ok(file.trocar.with_seal(seal.tuned(&seal.tunables().map(value).collect::<Vec<_>>())?))
+    });
+    Ok(file.trocar.with_seal(seal.tuned(&values.collect::<Vec<_>>())?))
 }
 
 fn drawn(file: &ModelFile, noise: &mut Noise) -> Result<Trocar<Vec<f64>>, ParamError> {
-    let seal = file.trocar.seal();
-    let mut value = |Tunable { id, value }: Tunable| {
-        let [low, high] = file.intervals.get(&id.to_string()).map_or([None; 2], |i| i.ci95);
-        let deviate = noise.normal();
-        let end = if deviate < 0.0 { low } else { high };
-        end.map_or(value, |end| value + deviate.abs() * (end - value) / NORMAL_95)
-    };
-    let mut one = || seal.tuned(&seal.tunables().map(&mut value).collect::<Vec<_>>());
-    let mut tried = one();
+    let mut tried = drawn_seal(file, noise);
     for _ in 1..MOST_DRAWS {
         if tried.is_ok() {
             break;
         }
-        tried = one();
+        tried = drawn_seal(file, noise);
     }
     Ok(file.trocar.with_seal(tried?))
+}
+
+fn drawn_seal(file: &ModelFile, noise: &mut Noise) -> Result<Seal, ParamError> {
+    let seal = file.trocar.seal();
+    let values = seal.tunables().map(|Tunable { id, value }| {
+        let [low, high] = file.intervals.get(&id.to_string()).map_or([None; 2], |i| i.ci95);
+        let deviate = noise.normal();
+        let end = if deviate < 0.0 { low } else { high };
+        end.map_or(value, |end| value + deviate.abs() * (end - value) / NORMAL_95)
+    });
+    seal.tuned(&values.collect::<Vec<_>>())
 }
 
 /// Draws in a row that may make no model.
@@ -142,12 +145,11 @@ pub fn scaled<K: AsRef<[f64]> + Clone>(
 ) -> Result<Trocar<K>, ParamError> {
     let seal = trocar.seal();
     // Forces and lengths are proportional to λ.
-    let value = |Tunable { id, value }: Tunable| match id.unit().si {
+    let values = seal.tunables().map(|Tunable { id, value }| match id.unit().si {
         "N" | "m" | "m/s" | "N/s" => value * scale,
         _ => value,
-    };
-    let values: Vec<f64> = seal.tunables().map(value).collect();
-    let seal = match seal.tuned(&values)? {
+    });
+    let seal = match seal.tuned(&values.collect::<Vec<_>>())? {
         Seal::Ems(stages) => with_damping_at(&stages, scale)?,
         other => other,
     };

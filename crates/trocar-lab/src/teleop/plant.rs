@@ -58,12 +58,11 @@ impl Mass {
             0.0,
         );
         let end = (system * duration).exp();
-        let row = |row: usize| {
+        let [(x, fx), (v, fv)] = [0, 1].map(|row| {
             // A force at the end of 1 and at the start of 0 rises at the rate 1/duration.
             let rise = end[(row, 3)] / duration;
             ([end[(row, 0)], end[(row, 1)]], [end[(row, 2)] - rise, rise])
-        };
-        let ((x, fx), (v, fv)) = (row(0), row(1));
+        });
         Self { from_state: [x, v], from_force: [fx, fv] }
     }
 

@@ -190,11 +190,11 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         let sample = self.sample(time, hand(time), forces, operator_force, estimate);
         self.count += 1;
         self.move_on(time, forces, hand);
-        let is_bounded = |motion: Motion| {
+        let is_bounded = [self.leader.motion, self.follower.motion].iter().all(|motion| {
             (motion.position - self.position).abs() < FARTHEST_M
                 && motion.velocity.abs() < FASTEST_M_S
-        };
-        if is_bounded(self.leader.motion) && is_bounded(self.follower.motion) {
+        });
+        if is_bounded {
             return Ok(sample);
         }
         let diverged = Diverged { time_s: time };

@@ -279,10 +279,10 @@ impl Growth {
         let middle = 0.5 * (count - 1.0);
         let logs: Vec<f64> = halves.iter().map(|half| half.change.max(STILL_M_S).ln()).collect();
         let mean = logs.iter().sum::<f64>() / count;
-        let points = || (0..).map(|k: u32| f64::from(k) - middle).zip(&logs);
-        let xx: f64 = points().map(|(x, _)| x * x).sum();
-        let rate = points().map(|(x, log)| x * log).sum::<f64>() / xx;
-        let squares: f64 = points().map(|(x, log)| (log - mean - rate * x).powi(2)).sum();
+        let points = (0..).map(|k: u32| f64::from(k) - middle).zip(&logs);
+        let xx: f64 = points.clone().map(|(x, _)| x * x).sum();
+        let rate = points.clone().map(|(x, log)| x * log).sum::<f64>() / xx;
+        let squares: f64 = points.map(|(x, log)| (log - mean - rate * x).powi(2)).sum();
         Self { rate, error: (squares / (count - 2.0) / xx).sqrt() }
     }
 
@@ -357,10 +357,11 @@ impl ZWidth {
             return Ok(None);
         }
         let [softest, stiffest] = RANGE_N_M.map(f64::ln);
-        let between = |k: u32| softest + (stiffest - softest) * f64::from(k) / f64::from(TRIED);
+        let between =
+            (0..TRIED).map(|k| softest + (stiffest - softest) * f64::from(k) / f64::from(TRIED));
         let own = config.tissue.stiffness_n_m;
         let ends = [0.0, own, RANGE_N_M[1]];
-        let mut tried: Vec<f64> = (0..TRIED).map(|k| between(k).exp()).chain(ends).collect();
+        let mut tried: Vec<f64> = between.map(f64::exp).chain(ends).collect();
         tried.sort_by(f64::total_cmp);
         let (mut config, kind) = (config.clone(), config.tissue.kind);
         Ok(Some(Self {

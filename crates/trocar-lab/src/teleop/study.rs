@@ -108,26 +108,28 @@ impl Study {
                 progress(stage, done as f64 / steps as f64);
             }
         };
-        let find_advice = |wanted: &Candidates| {
-            let pairs = candidates(files, wanted)?;
-            Ok::<_, StudyError>(advise(&config, &pairs, stage("advice", FRACTIONS as usize))?)
-        };
-        let find_map = |[delays, fractions]: &[Vec<f64>; 2]| {
-            let done = stage("stability map", delays.len() * fractions.len());
-            map(&config, models, delays, fractions, done)
-        };
-        let find_hybrid = |frequencies: &Vec<f64>| {
-            response(&config, models, config.motion.amplitude_m.abs(), frequencies)
-        };
         let step_error = match config.substeps <= MOST_SUBSTEPS {
             true => StepError::of(&config, models, &outcome)?,
             false => None,
         };
+        let advice = questions.advice.as_ref().map(|wanted| {
+            let pairs = candidates(files, wanted)?;
+            Ok::<_, StudyError>(advise(&config, &pairs, stage("advice", FRACTIONS as usize))?)
+        });
+        let advice = advice.transpose()?;
+        let map = questions.map.as_ref().map(|[delays, fractions]| {
+            let done = stage("stability map", delays.len() * fractions.len());
+            map(&config, models, delays, fractions, done)
+        });
+        let map = map.transpose()?;
+        let amplitude = config.motion.amplitude_m.abs();
+        let hybrid = questions.hybrid_hz.as_ref();
+        let hybrid = hybrid.map(|frequencies| response(&config, models, amplitude, frequencies));
         Ok(Self {
             step_error,
-            advice: questions.advice.as_ref().map(find_advice).transpose()?,
-            map: questions.map.as_ref().map(find_map).transpose()?,
-            hybrid: questions.hybrid_hz.as_ref().map(find_hybrid).transpose()?,
+            advice,
+            map,
+            hybrid: hybrid.transpose()?,
             outcome,
             z_width,
             models: models.map(Clone::clone),

@@ -182,11 +182,11 @@ impl Collector {
             *kind = common(*kind, cell.kind());
         }
         let own: Vec<String> = columns().into_iter().map(|field| field.name).collect();
-        let field = |(name, kind): (&String, Option<Kind>)| {
+        let fields = kinds.into_iter().map(|(name, kind)| {
             let called = if own.contains(name) { format!("dataset_{name}") } else { name.clone() };
             (name.clone(), Field::new(called, kind.unwrap_or(Kind::Text)))
-        };
-        kinds.into_iter().map(field).collect()
+        });
+        fields.collect()
     }
 
     /// Writes the table and removes the journal.
@@ -203,8 +203,10 @@ impl Collector {
         let mut piece: Vec<Column> = fields.iter().map(|field| Column::new(field.kind)).collect();
         for (Source { name, metadata: own, .. }, place) in self.sources.into_iter().zip(&self.rows)
         {
-            let missing = || FleetError::WorkerResult(format!("{name} is missing"));
-            let row = self.journal.row(place.as_ref().ok_or_else(missing)?)?;
+            let place = place
+                .as_ref()
+                .ok_or_else(|| FleetError::WorkerResult(format!("{name} is missing")))?;
+            let row = self.journal.row(place)?;
             let empty = FleetCell::Empty;
             let cells = metadata.iter().map(|(name, _)| own.get(name).unwrap_or(&empty));
             let (first, rest) = row.cells.split_at(1);
