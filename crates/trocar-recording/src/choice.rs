@@ -145,23 +145,21 @@ impl Choice {
     /// Rejects a rate that is none, or one beside a column of times.
     pub(super) fn check_rate(&self, file: &str) -> Result<(), RecordingError> {
         let Some(rate) = self.rate_hz else { return Ok(()) };
-        let bad = |problem: String| RecordingError::BadOption {
-            file: file.to_owned(),
-            option: "‹rate_hz›",
-            problem,
+        let problem = if !(rate.is_finite() && rate > 0.0) {
+            format!("is {rate}, expected a number above 0")
+        } else if self.names_the_time()? {
+            "is given although ‹columns› names the time, expected one of them".to_owned()
+        } else {
+            return Ok(());
         };
-        if !(rate.is_finite() && rate > 0.0) {
-            return Err(bad(format!("is {rate}, expected a number above 0")));
-        }
-        let named = match self.in_order() {
+        Err(RecordingError::BadOption { file: file.to_owned(), option: "‹rate_hz›", problem })
+    }
+
+    fn names_the_time(&self) -> Result<bool, RecordingError> {
+        Ok(match self.in_order() {
             Some(mapping) => Layout::from_mapping(mapping, &[])?.has(Quantity::Time),
             None => self.given()?.iter().any(|own| own.quantity == Quantity::Time),
-        };
-        if named {
-            Err(bad("is given although ‹columns› names the time, expected one of them".to_owned()))
-        } else {
-            Ok(())
-        }
+        })
     }
 
     /// Of the quantities `needed`, those that columns must have.
@@ -351,10 +349,6 @@ fn layout_of(
     needed: &[Quantity],
 ) -> Result<Layout, RecordingError> {
     let Table { name, columns, .. } = &container.tables()[table];
-    let text_of = |k: usize| match container.number_with_unit(table, k) {
-        Some(text) => Text::WithUnit(text.to_owned()),
-        None => Text::Other,
-    };
     let header = Header {
         file,
         place: &if name.is_empty() { String::new() } else { format!(" {name}") },
@@ -362,7 +356,10 @@ fn layout_of(
         units: &columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect::<Vec<_>>(),
         timestamps: &container.dates(table),
         first_rows: &|| first_rows(container, table),
-        first_text: &|k| (!columns[k].is_numeric).then(|| text_of(k)),
+        first_text: &|k| {
+            let text = (!columns[k].is_numeric).then(|| container.number_with_unit(table, k))?;
+            Some(text.map_or(Text::Other, |text| Text::WithUnit(text.to_owned())))
+        },
     };
     let layout = choice.layout_of_table(&header, needed)?;
     let mut read = columns.iter().zip(&layout.slots).filter(|(_, slot)| slot.is_some());
@@ -431,10 +428,10 @@ impl TableColumns {
         };
         let choice = Choice { columns: mapping.map(str::to_owned), ..Choice::default() };
         let layout = choice.layout_of_table(&header, &Quantity::NEEDED)?;
-        let of = |quantity: Quantity| {
+        let columns = Quantity::ALL.map(|quantity| {
             let index = layout.column(quantity)?;
             layout.slots[index].map(|slot| TableColumn { index, per_si: slot.per_si })
-        };
-        Ok(Self { columns: Quantity::ALL.map(of), notes: layout.notes })
+        });
+        Ok(Self { columns, notes: layout.notes })
     }
 }

@@ -4,7 +4,7 @@ use trocar_tables::text::Format;
 
 use super::RecordingError;
 pub use super::units::Quantity;
-use super::units::{Foreign, bracketed, foreign, is_unit, key, lower, units_named, words_of};
+use super::units::{bracketed, foreign, is_unit, key, lower, units_named, words_of};
 
 /// Interpretation of a single name.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -136,10 +136,9 @@ pub(crate) fn reading_of(name: &str, unit: &str, notes: &mut Vec<String>) -> Opt
 
 /// The quantity whose word the name contains; `None` for two different ones.
 fn quantity_of(words: &[&str]) -> Option<Quantity> {
-    let named = |quantity: &Quantity, besides: &str| {
-        words.iter().any(|word| *word != besides && quantity.words().contains(word))
-    };
-    let mut found = Quantity::ALL.into_iter().filter(|quantity| named(quantity, AXES[0]));
+    let mut found = Quantity::ALL.into_iter().filter(|quantity| {
+        words.iter().any(|word| *word != AXES[0] && quantity.words().contains(word))
+    });
     let has_x = words.contains(&AXES[0]);
     match (found.next(), found.next()) {
         // `force_torque_fz` is a force, `roll_torque` none but a torque.
@@ -277,23 +276,19 @@ impl Layout {
     /// The value of `--columns` that reverses the sign of the position and leaves the rest as it
     /// was chosen with `given`.
     pub(crate) fn reversed_position(&self, given: Option<&str>) -> Option<String> {
-        let is_position = |word: &&str| {
-            let quantity = recognise(word.split('=').next().unwrap_or_default());
-            quantity.is_some_and(|reading| reading.quantity == Quantity::Position)
-        };
         if let Some(in_order) = given.filter(|given| !given.contains('=')) {
-            let turn = |word: &str| match word.trim().strip_prefix('-') {
-                Some(front) if is_position(&front) => front.to_owned(),
-                None if is_position(&word) => format!("-{}", word.trim()),
+            let words = in_order.split(',').map(|word| match word.trim().strip_prefix('-') {
+                Some(front) if is_position(front) => front.to_owned(),
+                None if is_position(word) => format!("-{}", word.trim()),
                 _ => word.to_owned(),
-            };
-            return Some(in_order.split(',').map(turn).collect::<Vec<_>>().join(","));
+            });
+            return Some(words.collect::<Vec<_>>().join(","));
         }
         let mut words = self.words_with(|quantity, per_si| {
             Some(if quantity == Quantity::Position { -per_si } else { per_si })
         });
         if given.is_none() {
-            words.retain(|word| is_position(&&**word));
+            words.retain(|word| is_position(word));
         }
         (!words.is_empty()).then(|| words.join(","))
     }
@@ -342,6 +337,12 @@ fn written(what: &str, reversed: bool, factor: Option<f64>, name: &str) -> Strin
 fn quoted(name: &str) -> String {
     let plain = !name.contains([',', '*']) && !name.starts_with(['-', '"']) && name.trim() == name;
     if plain { name.to_owned() } else { format!("\"{name}\"") }
+}
+
+/// Whether an entry of a mapping names the position.
+fn is_position(word: &str) -> bool {
+    let quantity = recognise(word.split('=').next().unwrap_or_default());
+    quantity.is_some_and(|reading| reading.quantity == Quantity::Position)
 }
 
 fn mapped_slot(name: &str) -> Result<Option<Slot>, RecordingError> {
@@ -418,10 +419,11 @@ pub(crate) struct Given {
 /// several.
 pub(crate) fn numbered(names: &[String], index: usize) -> String {
     let name = &names[index];
-    let same = |own: &&String| *own == name;
-    match names.iter().filter(same).count() {
+    let [before, all] =
+        [&names[..index], names].map(|names| names.iter().filter(|own| *own == name).count());
+    match all {
         1 if !name.is_empty() => name.clone(),
-        _ => format!("{name}#{}", names[..index].iter().filter(same).count() + 1),
+        _ => format!("{name}#{}", before + 1),
     }
 }
 
@@ -455,8 +457,8 @@ impl Given {
         let column = column.trim();
         let reversed = column.starts_with('-');
         let column = column.trim_start_matches('-').trim();
-        let number = |text: &str| text.trim().parse::<f64>().ok();
-        let scaled = column.split_once('*').and_then(|(text, name)| Some((number(text)?, name)));
+        let scaled = column.split_once('*');
+        let scaled = scaled.and_then(|(text, name)| Some((text.trim().parse::<f64>().ok()?, name)));
         let (factor, column) = scaled.map_or((None, column), |(f, name)| (Some(f), name.trim()));
         if factor.is_some_and(|factor| !(factor.is_finite() && factor > 0.0)) {
             return Err(bad("with a factor that is not a number above 0; a minus reverses a sign"));
@@ -521,8 +523,8 @@ impl Given {
     /// Rejects a column of another quantity, such as angles or volts, by the unit of its name or by
     /// its declared one. A factor is what makes a force of volts.
     pub(crate) fn check_unit(&self, name: &str, declared: &str) -> Result<(), RecordingError> {
-        let is_other = |own: &Foreign| self.factor.is_none() && own.own != Some(self.quantity);
-        match foreign(name, declared).filter(|(own, _)| is_other(own)) {
+        let found = foreign(name, declared).filter(|_| self.factor.is_none());
+        match found.filter(|(own, _)| own.own != Some(self.quantity)) {
             Some((foreign, is_alone))
                 if is_alone || foreign.instead_of.contains(&self.quantity) =>
             {

@@ -74,19 +74,18 @@ impl<'a> Readings<'a> {
 
     /// Positions of all samples, m.
     fn positions(&self) -> Vec<f64> {
-        let of_reading = |k: usize| {
+        let positions = (0..self.samples.len()).flat_map(|k| {
             let (turning, passes) = (self.turning(k), self.passes(k));
-            let at = move |i: usize| match turning {
+            self.samples[k].clone().map(move |i| match turning {
                 Some([edge, height]) => {
                     let part = (self.recording.time[i] - self.edges[k]) / self.duration(k);
                     edge + 4.0 * height * part * (1.0 - part)
                 }
                 None if passes => self.passing(k, self.recording.time[i]),
                 None => self.reading(k),
-            };
-            self.samples[k].clone().map(at)
-        };
-        (0..self.samples.len()).flat_map(of_reading).collect()
+            })
+        });
+        positions.collect()
     }
 
     /// Whether the motion passes reading `k`, in one direction, and slowly enough to repeat it.
@@ -99,13 +98,13 @@ impl<'a> Readings<'a> {
     /// The position within such a reading, m: from the edge half way to the last reading, to the edge
     /// half way to the next. A reading that lasts more than twice as long as its neighbour is a rest.
     fn passing(&self, k: usize, time: f64) -> f64 {
-        let near = |other: usize, since: f64| {
+        let neighbours = [(k - 1, time - self.edges[k]), (k + 1, self.edges[k + 1] - time)];
+        let [before, after] = neighbours.map(|(other, since)| {
             let on_the_way = (0.5 * self.duration(k)).min(self.duration(other));
             let left = (1.0 - since / on_the_way).max(0.0);
             0.5 * left * (self.reading(other) - self.reading(k))
-        };
-        let [since, until] = [time - self.edges[k], self.edges[k + 1] - time];
-        self.reading(k) + near(k - 1, since) + near(k + 1, until)
+        });
+        self.reading(k) + before + after
     }
 
     /// e and the height above it, where reading `k` is a turning point.

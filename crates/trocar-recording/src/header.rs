@@ -330,13 +330,12 @@ impl Header<'_> {
         let rows = (self.first_rows)();
         let ranges: Vec<f64> = axes.iter().map(|k| width(&rows, *k)).collect();
         let Some(longest) = axis_of_travel(&ranges) else { return Err(Doubt::Several(axes)) };
-        let name = |k: &usize| &self.names[axes[*k]];
-        let all: Vec<String> =
-            (0..axes.len()).map(|k| format!("{} {:.4}", name(&k), ranges[k])).collect();
+        let names: Vec<&String> = axes.iter().map(|k| &self.names[*k]).collect();
+        let all = names.iter().zip(&ranges).map(|(name, range)| format!("{name} {range:.4}"));
         let why = format!(
             "column '{}' taken as position: it has nearly all of the travel (ranges of the first rows: {})",
-            name(&longest),
-            all.join(", ")
+            names[longest],
+            all.collect::<Vec<_>>().join(", ")
         );
         Ok((axes[longest], Some(why)))
     }
@@ -601,11 +600,11 @@ pub(crate) fn in_order(rows: &[Vec<f64>]) -> Option<String> {
         let unit = quantity.unit_of(likely_unit(*quantity, &rows[*index])).unwrap_or_default();
         words[*index] = format!("{}_{unit}", quantity.name());
     }
-    let has = |of: Quantity| assigned.iter().any(|(quantity, _)| *quantity == of);
-    let is_timed = has(Quantity::Time);
+    let found: Vec<Quantity> = assigned.iter().map(|(quantity, _)| *quantity).collect();
+    let is_timed = found.contains(&Quantity::Time);
     let rate = if is_timed { String::new() } else { format!(" {EXAMPLE_RATE}") };
     let caution = if is_timed { "" } else { "replace it by your sample rate; " };
-    (has(Quantity::Position) && has(Quantity::Force)).then(|| {
+    (found.contains(&Quantity::Position) && found.contains(&Quantity::Force)).then(|| {
         let words = words.join(",");
         format!("‹columns={words}›{rate} ({caution}guessed from the first rows: check the units)")
     })
@@ -622,43 +621,43 @@ fn assign(
     let mut free = free.to_vec();
     let mut assigned: Vec<(Quantity, usize)> = Vec::new();
     for quantity in missing {
-        let is_word = |k: &usize| {
-            words_of(&lower(&names[*k])).iter().any(|word| weak_words(*quantity).contains(word))
-        };
-        let is_number = |k: &usize| {
-            *quantity == Quantity::Time && rows.get(*k).is_some_and(|own| counts_by_one(own))
-        };
-        if let Some(at) = free.iter().position(|k| is_word(k) && !is_number(k)) {
+        // Row numbers are no times: these follow from a rate.
+        let named = free.iter().position(|k| {
+            let words = lower(&names[*k]);
+            words_of(&words).iter().any(|word| weak_words(*quantity).contains(word))
+                && !(*quantity == Quantity::Time && counts_by_one(numbers(rows, *k)))
+        });
+        if let Some(at) = named {
             assigned.push((*quantity, free.remove(at)));
         }
     }
-    let open = |assigned: &[(Quantity, usize)]| {
-        let is_open = |quantity: &&Quantity| assigned.iter().all(|(own, _)| own != *quantity);
-        missing.iter().filter(is_open).copied().collect::<Vec<_>>()
-    };
-    let numbers = |k: usize| rows.get(k).map_or(&[][..], Vec::as_slice);
-    if open(&assigned).contains(&Quantity::Time) {
-        let rises = |k: &usize| {
-            // Row numbers are no times: these follow from a rate.
-            numbers(*k).len() > 1
-                && numbers(*k).windows(2).all(|pair| pair[1] > pair[0])
-                && !counts_by_one(numbers(*k))
-        };
-        let unknown = free.iter().all(|k| numbers(*k).is_empty());
-        if let Some(at) = free.iter().position(|k| unknown || rises(k)) {
+    let mut rest = missing.to_vec();
+    rest.retain(|quantity| assigned.iter().all(|(own, _)| own != quantity));
+    if rest.contains(&Quantity::Time) {
+        let unknown = free.iter().all(|k| numbers(rows, *k).is_empty());
+        if let Some(at) = free.iter().position(|k| unknown || rises(numbers(rows, *k))) {
             assigned.push((Quantity::Time, free.remove(at)));
         }
     }
-    free.retain(|k| !counts_by_one(numbers(*k)));
-    let rest: Vec<Quantity> =
-        open(&assigned).into_iter().filter(|quantity| *quantity != Quantity::Time).collect();
+    free.retain(|k| !counts_by_one(numbers(rows, *k)));
+    rest.retain(|quantity| *quantity != Quantity::Time);
     if rest.contains(&Quantity::Position) && rest.contains(&Quantity::Force) {
         // The sort is stable: without numbers the order of the file remains.
         free.truncate(2);
-        free.sort_by(|a, b| roughness(numbers(*a)).total_cmp(&roughness(numbers(*b))));
+        free.sort_by(|a, b| roughness(numbers(rows, *a)).total_cmp(&roughness(numbers(rows, *b))));
     }
     assigned.extend(rest.into_iter().zip(free));
     assigned
+}
+
+/// The numbers of a column in the first rows, if any.
+fn numbers(rows: &[Vec<f64>], column: usize) -> &[f64] {
+    rows.get(column).map_or(&[], Vec::as_slice)
+}
+
+/// Whether the numbers can be times.
+fn rises(numbers: &[f64]) -> bool {
+    numbers.len() > 1 && numbers.windows(2).all(|pair| pair[1] > pair[0]) && !counts_by_one(numbers)
 }
 
 /// Words of a name of row numbers.
@@ -680,7 +679,7 @@ pub(crate) fn counts_by_one(numbers: &[f64]) -> bool {
 
 /// Range of a column's numbers; 0 without numbers.
 fn width(rows: &[Vec<f64>], column: usize) -> f64 {
-    let (low, high) = range(rows.get(column).map_or(&[][..], Vec::as_slice));
+    let (low, high) = range(numbers(rows, column));
     if high > low { high - low } else { 0.0 }
 }
 

@@ -77,13 +77,17 @@ pub fn read_in_words(
     let mut reader = Rows::open(path, &options.choice, &Quantity::NEEDED, true)?;
     let rows = reader.expected().unwrap_or(0);
     let kept = options.most_samples.map_or(rows, |most| rows.min(most as u64));
-    let has = |quantity| reader.layout().has(quantity);
-    let columns = Quantity::ALL.into_iter().filter(|quantity| has(*quantity)).count() as u64;
+    let layout = reader.layout();
+    let columns = Quantity::ALL.into_iter().filter(|own| layout.has(*own)).count() as u64;
     check_memory(&file, kept, columns, options.memory_limit)?;
     let kept = kept.min(rows::justified(path) / columns);
     // The estimate avoids copies of a growing column; a few percent allow for lines that become
     // shorter.
-    let mut collector = Collector::new((kept + kept / 32) as usize, has, options.most_samples);
+    let mut collector = Collector::new(
+        (kept + kept / 32) as usize,
+        |quantity| layout.has(quantity),
+        options.most_samples,
+    );
     collector = collector.counting(reader.count());
     while let Some(block) = reader.next_block()? {
         collector.take(block);

@@ -143,8 +143,8 @@ impl Recording {
         windows: &'a [f64],
     ) -> impl Iterator<Item = (f64, Vec<f64>)> + 'a {
         windows.chunks(AT_A_TIME).flat_map(|some| {
-            let of = |window: &f64| (*window, local_acceleration(self, *window));
-            some.par_iter().map(of).collect::<Vec<_>>()
+            let some = some.par_iter().map(|window| (*window, local_acceleration(self, *window)));
+            some.collect::<Vec<_>>()
         })
     }
 

@@ -141,13 +141,7 @@ pub(crate) fn ask_stroke(
     }
     let message = format!("the position covers {stroke} m, expected at most {limit} m");
     let doubt = Doubt { quantity: Quantity::Position, size: stroke, message };
-    implausible(
-        &file,
-        layout,
-        &[doubt],
-        &|doubt, per_si| likely_unit(doubt, per_si, |_| true),
-        false,
-    )
+    implausible(&file, layout, &[doubt], None, false)
 }
 
 /// Whether the caller has said which column, in which unit, is the quantity; times of a log and
@@ -166,25 +160,21 @@ fn question(
     [time, position]: [&[f64]; 2],
     doubts: &[Doubt],
 ) -> Result<(), RecordingError> {
-    let (typical, fastest) = speeds(time, position);
+    let speeds = Some(speeds(time, position));
     let per_time = per_si(layout, Quantity::Time).unwrap_or(1.0);
     let own: Vec<f64> = time.iter().take(1 << 12).map(|time| (time * per_time).round()).collect();
     let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let is_one = median(steps).is_some_and(|step| (step * per_time - 1.0).abs() < 1e-6);
     let is_doubtful = doubts.iter().any(|doubt| doubt.quantity == Quantity::Time);
     let numbers_rows = is_doubtful && is_one && counts_by_one(&own);
-    let is_paced =
-        |factor: f64| fastest / factor >= *SPEEDS.start() && typical / factor <= *SPEEDS.end();
-    let likely = |doubt: &Doubt, per_si: f64| {
-        likely_unit(doubt, per_si, |factor| doubt.quantity != Quantity::Time || is_paced(factor))
-    };
     let has_way = doubts.iter().any(|own| {
-        per_si(layout, own.quantity).is_some_and(|per_si| likely(own, per_si).is_some())
+        let per_si = per_si(layout, own.quantity);
+        per_si.is_some_and(|per_si| likely_unit(own, per_si, speeds).is_some())
     });
     if !numbers_rows && !has_way {
         return Ok(());
     }
-    Err(implausible(file, layout, doubts, &likely, numbers_rows))
+    Err(implausible(file, layout, doubts, speeds, numbers_rows))
 }
 
 fn per_si(layout: &Layout, quantity: Quantity) -> Option<f64> {
@@ -192,8 +182,8 @@ fn per_si(layout: &Layout, quantity: Quantity) -> Option<f64> {
 }
 
 /// The unit, as its number per SI unit, that makes the size plausible and comes nearest to what is
-/// typical.
-fn likely_unit(doubt: &Doubt, per_si: f64, fits: impl Fn(f64) -> bool) -> Option<f64> {
+/// typical; one of time also makes the `speeds`, typical and fastest, plausible.
+fn likely_unit(doubt: &Doubt, per_si: f64, speeds: Option<(f64, f64)>) -> Option<f64> {
     let limits = match doubt.quantity {
         Quantity::Time => INTERVALS,
         Quantity::Position => STROKES,
@@ -206,10 +196,17 @@ fn likely_unit(doubt: &Doubt, per_si: f64, fits: impl Fn(f64) -> bool) -> Option
         let thousands = own.log10() / 3.0;
         (thousands - thousands.round()).abs() < 1e-9
     });
-    let size = |own: &f64| doubt.size * per_si.abs() / own;
-    let plausible = usual.filter(|own| limits.contains(&size(own)) && fits(per_si.abs() / own));
-    let distance = |own: &f64| (size(own) / typical).ln().abs();
-    plausible.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    let speeds = speeds.filter(|_| doubt.quantity == Quantity::Time);
+    let paced = usual.filter(|own| {
+        let factor = per_si.abs() / own;
+        speeds.is_none_or(|(typical, fastest)| {
+            fastest / factor >= *SPEEDS.start() && typical / factor <= *SPEEDS.end()
+        })
+    });
+    let sizes = paced.map(|own| (own, doubt.size * per_si.abs() / own));
+    let plausible = sizes.filter(|(_, size)| limits.contains(size));
+    let distances = plausible.map(|(own, size)| (own, (size / typical).ln().abs()));
+    distances.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(own, _)| own)
 }
 
 /// The error, with all columns in the likely units and as they were read.
@@ -217,17 +214,19 @@ fn implausible(
     file: &str,
     layout: &Layout,
     doubts: &[Doubt],
-    likely: &dyn Fn(&Doubt, f64) -> Option<f64>,
+    speeds: Option<(f64, f64)>,
     numbers_rows: bool,
 ) -> RecordingError {
     let mut units = Vec::new();
     let better = layout.words_with(|quantity, per_si| {
         let doubt = doubts.iter().find(|own| own.quantity == quantity);
-        Some(doubt.and_then(|own| likely(own, per_si)).map_or(per_si, |own| own.copysign(per_si)))
+        let likely = doubt.and_then(|own| likely_unit(own, per_si, speeds));
+        Some(likely.map_or(per_si, |own| own.copysign(per_si)))
     });
     let better = better.join(",");
     for doubt in doubts {
-        let unit = per_si(layout, doubt.quantity).and_then(|per_si| likely(doubt, per_si));
+        let per_si = per_si(layout, doubt.quantity);
+        let unit = per_si.and_then(|per_si| likely_unit(doubt, per_si, speeds));
         let all = doubt.quantity.units();
         let unit = all.iter().find(|own| Some(own.per_si) == unit);
         units.extend(unit.map(|own| format!("the {} is in {}", doubt.quantity.name(), own.symbol)));

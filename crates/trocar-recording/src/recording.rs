@@ -181,14 +181,15 @@ impl Recording {
         part.choice = self.choice.clone();
         part.quality.notes.extend(self.quality.notes.iter().cloned());
         for Saturation { level, .. } in self.quality.saturated.iter().copied() {
-            let is_stuck =
-                |force: &&f64| if level < 0.0 { **force <= level } else { **force >= level };
-            let count = part.force.iter().filter(is_stuck).count();
+            let mut stuck = (0..part.len()).filter(|k| match level < 0.0 {
+                true => part.force[*k] <= level,
+                false => part.force[*k] >= level,
+            });
+            let (first, others) = (stuck.next(), stuck.count());
             let is_known = part.quality.saturated.iter().any(|found| found.level == level);
-            if let (Some(first), false) =
-                (part.force.iter().position(|force| is_stuck(&force)), is_known)
-            {
-                part.quality.saturated.push(Saturation { count, level, first_line: first as u64 });
+            if let (Some(first), false) = (first, is_known) {
+                let (count, first_line) = (1 + others, first as u64);
+                part.quality.saturated.push(Saturation { count, level, first_line });
                 part.quality.notes.push(format!(
                     "{count} readings at the limit of {level} N that the whole recording has"
                 ));

@@ -350,11 +350,11 @@ fn hash_files(path: &Path, hash: &mut Sha256) -> std::io::Result<()> {
 /// Numbers for which memory may be reserved before they are read: as many as the file at `path`, or
 /// the files in that folder, have bytes. A number of rows stated in a file proves nothing.
 pub(crate) fn justified(path: &Path) -> u64 {
-    let length = |path: &Path| std::fs::metadata(path).map_or(0, |metadata| metadata.len());
-    match std::fs::read_dir(path) {
-        Ok(entries) => entries.flatten().map(|entry| length(&entry.path())).sum(),
-        Err(_) => length(path),
-    }
+    let files = match std::fs::read_dir(path) {
+        Ok(entries) => entries.flatten().map(|entry| entry.path()).collect(),
+        Err(_) => vec![path.to_owned()],
+    };
+    files.iter().map(|file| std::fs::metadata(file).map_or(0, |metadata| metadata.len())).sum()
 }
 
 fn hash_stream(mut stream: impl Read, hash: &mut Sha256) -> std::io::Result<()> {

@@ -39,8 +39,9 @@ pub(super) fn columns<'a>(
 }
 
 pub(super) fn cut(columns: ByQuantity<'_>, kept: impl Iterator<Item = usize> + Clone) -> Readings {
-    let cut = |own: &Vec<f64>| kept.clone().filter_map(|k| own.get(k).copied()).collect();
-    columns.map(|own| own.map(cut)).into()
+    columns
+        .map(|own| own.map(|own| kept.clone().filter_map(|k| own.get(k).copied()).collect()))
+        .into()
 }
 
 pub(super) fn write(columns: ByQuantity<'_>, mut output: impl Write) -> std::io::Result<()> {

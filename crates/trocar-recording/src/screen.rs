@@ -119,9 +119,9 @@ fn drop_standing_time(
     if columns.time.windows(2).all(|pair| pair[1] > pair[0]) {
         return Ok(());
     }
-    let steps = || columns.time.windows(2).map(|pair| pair[1] - pair[0]);
+    let steps = columns.time.windows(2).map(|pair| pair[1] - pair[0]);
     let samples = columns.time.len();
-    let Some(median) = median(steps().filter(|&step| step > 0.0).collect()) else {
+    let Some(median) = median(steps.filter(|&step| step > 0.0).collect()) else {
         return Err(never_advances(file, columns));
     };
     let (mut kept, mut coincident, mut first_coincident) = (0, 0, 0);
@@ -287,14 +287,13 @@ const ENOUGH_CHANGES: f64 = 0.02;
 /// The unit of the last decimal digit of the values, none above `largest`; `None` where they have
 /// more digits than a sensor.
 fn last_digit(values: &[f64], largest: f64) -> Option<f64> {
-    let is_whole = |x: f64, scale: f64| (x * scale - (x * scale).round()).abs() < 1e-3;
+    let scales = (0..=10).map(|digits| 10_f64.powi(digits));
     // Less than a unit in all rounds to nothing, and above 2^43 units the last digits of a double no
     // longer distinguish integers from other numbers.
-    let is_scale = |scale: f64| {
-        (1.0..8.8e12).contains(&(largest * scale)) && values.iter().all(|&x| is_whole(x, scale))
-    };
-    let scales = (0..=10).map(|digits| 10_f64.powi(digits));
-    scales.into_iter().find(|scale| is_scale(*scale)).map(f64::recip)
+    let mut scales = scales.filter(|scale| (1.0..8.8e12).contains(&(largest * scale)));
+    scales
+        .find(|scale| values.iter().all(|x| (x * scale - (x * scale).round()).abs() < 1e-3))
+        .map(f64::recip)
 }
 
 /// Each block of differences that shows a step has its own greatest common divisor, in units; the
@@ -324,16 +323,15 @@ fn smallest_change(differences: &[f64], least: f64) -> Option<f64> {
 /// of `rounding`, and enough differ by one step from the next.
 fn is_step(differences: &[f64], step: f64, rounding: f64, reach: f64) -> bool {
     let tolerance = rounding + NEAR_A_STEP * step;
-    let multiple = |d: f64| (d / step).round();
     let short: Vec<f64> = differences.iter().copied().filter(|d| *d < reach * step).collect();
-    let near = short.iter().filter(|d| (**d - multiple(**d) * step).abs() <= tolerance).count();
-    let one_apart = |pair: &&[f64]| {
-        pair[1] < reach * step && (multiple(pair[1]) - multiple(pair[0])).abs() == 1.0
-    };
-    let changes = differences.windows(2).filter(one_apart).count();
+    let near = short.iter().filter(|d| (**d - (*d / step).round() * step).abs() <= tolerance);
+    let one_apart = differences.windows(2).filter(|pair| {
+        let [before, after] = [pair[0], pair[1]].map(|d| (d / step).round());
+        pair[1] < reach * step && (after - before).abs() == 1.0
+    });
     4.0 * rounding < step
-        && near as f64 >= NEARLY_ALL * short.len() as f64
-        && changes as f64 >= ENOUGH_CHANGES * differences.len() as f64
+        && near.count() as f64 >= NEARLY_ALL * short.len() as f64
+        && one_apart.count() as f64 >= ENOUGH_CHANGES * differences.len() as f64
 }
 
 /// Whether the differences of a block tell the step of an encoder from a constant speed times the
@@ -393,15 +391,18 @@ impl Path<'_> {
 
     /// Larger of the median speeds over the few samples before and after the step to `k`.
     fn typical_speed_around(&self, k: usize) -> f64 {
-        let typical = |range: Range<usize>| {
-            let mut speeds = [0.0; JUMP_NEIGHBOURS];
-            let count = range.len();
-            speeds.iter_mut().zip(range).for_each(|(slot, j)| *slot = self.speed(j - 1, j));
-            speeds[..count].sort_unstable_by(f64::total_cmp);
-            if count == 0 { 0.0 } else { speeds[count / 2] }
-        };
-        let before = typical(k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k);
-        before.max(typical(k + 1..(k + 1 + JUMP_NEIGHBOURS).min(self.time.len())))
+        let before = k.saturating_sub(JUMP_NEIGHBOURS).max(1)..k;
+        let after = k + 1..(k + 1 + JUMP_NEIGHBOURS).min(self.time.len());
+        self.typical_speed(before).max(self.typical_speed(after))
+    }
+
+    /// Median of the speeds up to each of at most [`JUMP_NEIGHBOURS`] samples; 0 without any.
+    fn typical_speed(&self, range: Range<usize>) -> f64 {
+        let mut speeds = [0.0; JUMP_NEIGHBOURS];
+        let count = range.len();
+        speeds.iter_mut().zip(range).for_each(|(slot, j)| *slot = self.speed(j - 1, j));
+        speeds[..count].sort_unstable_by(f64::total_cmp);
+        if count == 0 { 0.0 } else { speeds[count / 2] }
     }
 
     /// The first of the samples before `k` that have the same position as sample `k - 1`.
@@ -448,13 +449,13 @@ fn find_saturation(columns: &Columns, quality: &mut Quality, sensor_limit: Optio
             continue;
         }
         let threshold = limit.unwrap_or(sign * level);
-        let stuck = |force: &f64| sign * force >= threshold;
-        let longest =
-            columns.force.chunk_by(|a, b| stuck(a) == stuck(b)).filter(|run| stuck(&run[0]));
-        let longest = longest.map(<[f64]>::len).max().unwrap_or(0);
+        let stuck: Vec<bool> =
+            columns.force.iter().map(|force| sign * force >= threshold).collect();
+        let runs = stuck.chunk_by(|a, b| a == b).filter(|run| run[0]);
+        let longest = runs.map(<[bool]>::len).max().unwrap_or(0);
         if limit.is_some() || longest >= SATURATED_RUN {
-            let count = columns.force.iter().filter(|&force| stuck(force)).count();
-            let first = columns.force.iter().position(stuck).unwrap_or_default();
+            let count = stuck.iter().filter(|is_stuck| **is_stuck).count();
+            let first = stuck.iter().position(|is_stuck| *is_stuck).unwrap_or_default();
             quality.saturated.push(Saturation {
                 count,
                 level,

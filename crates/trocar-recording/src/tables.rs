@@ -55,30 +55,32 @@ fn find(
     table: &str,
     columns: &[&str],
 ) -> Result<(usize, Vec<usize>), RecordingError> {
-    let missing = |what: &str, name: &str, found: Vec<&str>| RecordingError::NoSuchColumn {
-        file: path.display().to_string(),
-        what: what.to_owned(),
-        name: name.to_owned(),
-        found: found.join(", "),
-    };
     let tables = container.tables();
-    let names = || tables.iter().map(|table| table.name.as_str()).collect();
     let at = tables
         .iter()
         .position(|known| known.name == table)
-        .ok_or_else(|| missing("table", table, names()))?;
+        .ok_or_else(|| missing(path, ["table", table], tables.iter().map(|table| &*table.name)))?;
+
     // The first of several columns of the same name.
-    let known: HashMap<&str, usize> = tables[at]
-        .columns
-        .iter()
-        .enumerate()
-        .rev()
-        .map(|(place, column)| (column.name.as_str(), place))
-        .collect();
-    let place = |name: &&str| {
+    let names = tables[at].columns.iter().map(|column| &*column.name);
+    let known: HashMap<&str, usize> =
+        names.clone().enumerate().rev().map(|(place, name)| (name, place)).collect();
+    let places = columns.iter().map(|name| {
         let found = known.get(name).copied();
-        let names = || tables[at].columns.iter().map(|column| column.name.as_str()).collect();
-        found.ok_or_else(|| missing("column", name, names()))
-    };
-    Ok((at, columns.iter().map(place).collect::<Result<_, _>>()?))
+        found.ok_or_else(|| missing(path, ["column", name], names.clone()))
+    });
+    Ok((at, places.collect::<Result<_, _>>()?))
+}
+
+fn missing<'a>(
+    path: &Path,
+    [what, name]: [&str; 2],
+    found: impl Iterator<Item = &'a str>,
+) -> RecordingError {
+    RecordingError::NoSuchColumn {
+        file: path.display().to_string(),
+        what: what.to_owned(),
+        name: name.to_owned(),
+        found: found.collect::<Vec<_>>().join(", "),
+    }
 }

@@ -335,11 +335,13 @@ const FOREIGN: [Foreign; 6] = [
 /// A name in lower case, with one sign for micro and words for degrees. `Nm` and `MN`, which differ
 /// from `nm` and `mN` only by case, are kept.
 pub(crate) fn lower(name: &str) -> String {
-    let is_apart = |word: &str| matches!(word, "Nm" | "MN");
     let mut text = String::with_capacity(name.len());
     for part in name.split_inclusive(|c: char| !c.is_alphanumeric()) {
         let word = part.trim_end_matches(|c: char| !c.is_alphanumeric());
-        if is_apart(word) { text.push_str(part) } else { text.push_str(&part.to_lowercase()) }
+        match word {
+            "Nm" | "MN" => text.push_str(part),
+            _ => text.push_str(&part.to_lowercase()),
+        }
     }
     text.replace(['µ', 'μ'], "u").replace("°c", "celsius").replace('°', " deg ")
 }

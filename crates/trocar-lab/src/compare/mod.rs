@@ -500,7 +500,6 @@ fn fit_all(
         .collect();
     kinds.sort();
     kinds.dedup();
-
     let total: usize = kinds.iter().map(work).sum();
     let done = AtomicUsize::new(0);
     let mut families: Vec<&[Kind]> = kinds.chunk_by(|a, b| chain(*a) == chain(*b)).collect();

@@ -337,7 +337,6 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], id: ParameterId) -> Pr
         .iter()
         .all(|expected| expected.value != 0.0)
         .then(|| median(&|e| e.half_width / e.value.abs()));
-
     let is_length = one.id.unit() == Unit::METRE && one.value != 0.0;
     let is_resolved = !is_length || median(&|e| e.value.abs()) > 2.0 * config.rig.encoder_step_m;
     Prediction {

@@ -177,12 +177,11 @@ impl Arrow {
         k: usize,
         bytes: &'a [u8],
     ) -> Result<(arrow_ipc::RecordBatch<'a>, MetadataVersion), RecordingError> {
-        let place = || format!("record batch {k}");
-        let message =
-            root_as_message(bytes).map_err(|error| self.source.damaged(place(), error))?;
+        let place = format_args!("record batch {k}");
+        let message = root_as_message(bytes).map_err(|error| self.source.damaged(place, error))?;
         let batch = message.header_as_record_batch();
         let batch =
-            batch.ok_or_else(|| self.source.damaged(place(), "another message in its place"))?;
+            batch.ok_or_else(|| self.source.damaged(place, "another message in its place"))?;
         Ok((batch, message.version()))
     }
 }
@@ -245,8 +244,10 @@ pub(super) fn unit_of(kind: &DataType, metadata: &Metadata) -> Option<String> {
     if is_time(kind) {
         return Some("s".to_owned());
     }
-    let named = |key: &str| matches!(key.to_lowercase().as_str(), "unit" | "units");
-    metadata.iter().find(|(key, _)| named(key)).map(|(_, unit)| unit.clone())
+    let mut metadata = metadata.iter();
+    metadata
+        .find(|(key, _)| matches!(key.to_lowercase().as_str(), "unit" | "units"))
+        .map(|(_, unit)| unit.clone())
 }
 
 /// Whether a column of this type is read.
@@ -304,8 +305,8 @@ pub(super) fn append(
             // The origin is subtracted before digits are lost: nanoseconds since 1970 need more
             // than the 53 bits of an f64.
             let origin = origin.unwrap_or(0);
-            let seconds = |units: &i64| units.saturating_sub(origin) as f64 / per_second;
-            numbers.extend(units.as_primitive::<Int64Type>().values().iter().map(seconds));
+            let units = units.as_primitive::<Int64Type>().values().iter();
+            numbers.extend(units.map(|units| units.saturating_sub(origin) as f64 / per_second));
         }
     }
     blank(array, &mut numbers[first..]);

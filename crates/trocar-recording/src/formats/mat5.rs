@@ -39,29 +39,28 @@ const COMPRESSED: u32 = 15;
 /// Whether the first bytes are those of a file of MATLAB 4: type, rows, columns, complex or not,
 /// length of the name.
 pub(crate) fn is_version_4(head: &[u8]) -> bool {
-    let field = |k: usize, big: bool| -> Option<u32> {
-        let bytes: [u8; 4] = head.get(4 * k..4 * k + 4)?.try_into().ok()?;
-        Some(if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+    [false, true].into_iter().any(|big| is_version_4_in_order(head, big) == Some(true))
+}
+
+/// `None` where `head` is too short.
+fn is_version_4_in_order(head: &[u8], big: bool) -> Option<bool> {
+    let (fields, _) = head.get(..20)?.as_chunks::<4>();
+    let fields = fields.iter().map(|bytes| match big {
+        true => u32::from_be_bytes(*bytes),
+        false => u32::from_le_bytes(*bytes),
+    });
+    let [kind, rows, columns, imaginary, name] = fields.collect::<Vec<_>>()[..] else {
+        return None;
     };
-    let fits = |big: bool| -> Option<bool> {
-        let (kind, name) = (field(0, big)?, field(4, big)? as usize);
-        let order = kind / 1000 == u32::from(big)
-            && kind / 100 % 10 == 0
-            && kind / 10 % 10 <= 5
-            && kind % 10 <= 2;
-        let text = head.get(20..20 + name.checked_sub(1)?)?;
-        let is_name = name > 1 && head.get(19 + name) == Some(&0);
-        let word = text.iter().all(|byte| byte.is_ascii_alphanumeric() || *byte == b'_');
-        Some(
-            order
-                && field(3, big)? <= 1
-                && field(1, big)? > 0
-                && field(2, big)? > 0
-                && is_name
-                && word,
-        )
-    };
-    fits(false) == Some(true) || fits(true) == Some(true)
+    let order = kind / 1000 == u32::from(big)
+        && kind / 100 % 10 == 0
+        && kind / 10 % 10 <= 5
+        && kind % 10 <= 2;
+    let name = name as usize;
+    let text = head.get(20..20 + name.checked_sub(1)?)?;
+    let is_name = name > 1 && head.get(19 + name) == Some(&0);
+    let word = text.iter().all(|byte| byte.is_ascii_alphanumeric() || *byte == b'_');
+    Some(order && imaginary <= 1 && rows > 0 && columns > 0 && is_name && word)
 }
 
 /// Storage types of numbers.
@@ -212,7 +211,7 @@ impl Container for Mat5 {
     }
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let column = |&column: &usize| {
+        let cells = columns.iter().map(|&column| {
             let name = &self.tables[table].columns[column].name;
             let place = self.places[table][column].as_ref();
             let place = place.ok_or_else(|| RecordingError::NotNumeric {
@@ -230,8 +229,8 @@ impl Container for Mat5 {
                 }
             };
             Ok((name.clone(), cells))
-        };
-        let cells = columns.iter().map(column).collect::<Result<Vec<_>, RecordingError>>()?;
+        });
+        let cells = cells.collect::<Result<Vec<_>, RecordingError>>()?;
         Ok(Box::new(Rows {
             source: self.source.clone(),
             big: self.big,
@@ -368,10 +367,10 @@ impl Listing<'_> {
     fn element(&mut self, file: &Arc<File>, element: Element) -> Result<(), RecordingError> {
         let mut walk = Walk { bytes: stream(file, element), at: 0, element };
         let outcome = self.variable(&mut walk);
-        let place = || format!("byte {} of the variable at byte {}", walk.at, element.at);
+        let place = format_args!("byte {} of the variable at byte {}", walk.at, element.at);
         outcome.map_err(|error| match error.kind() {
-            io::ErrorKind::UnexpectedEof => self.source.damaged(place(), "it ends early"),
-            _ => self.source.damaged(place(), error),
+            io::ErrorKind::UnexpectedEof => self.source.damaged(place, "it ends early"),
+            _ => self.source.damaged(place, error),
         })
     }
 
@@ -688,8 +687,8 @@ impl Batches for Rows {
         columns.iter_mut().for_each(Vec::clear);
         for ((name, cells), column) in self.cells.iter_mut().zip(columns.iter_mut()) {
             let outcome = next_of(cells, column, &mut self.piece, self.big);
-            let place = || format!("variable {name}, row {}", self.row + column.len() as u64);
-            outcome.map_err(|error| self.source.damaged(place(), error))?;
+            let place = format_args!("variable {name}, row {}", self.row + column.len() as u64);
+            outcome.map_err(|error| self.source.damaged(place, error))?;
         }
         let rows = columns.first().map_or(0, Vec::len);
         self.row += rows as u64;

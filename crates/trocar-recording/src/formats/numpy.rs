@@ -268,13 +268,11 @@ impl Container for Numpy {
     }
 
     fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let place = |&column: &usize| {
-            let name = &self.tables[table].columns[column].name;
-            self.places[table][column].clone().ok_or_else(|| self.source.not_numeric(name))
-        };
         let mut all = Vec::with_capacity(columns.len());
-        for place in columns.iter().map(place) {
-            let place = place?;
+        for &column in columns {
+            let name = &self.tables[table].columns[column].name;
+            let place = self.places[table][column].as_ref();
+            let place = place.ok_or_else(|| self.source.not_numeric(name))?;
             let array = place.array.as_deref();
             let column = with_array(&self.path, array, |from| place.read(from));
             all.push(column.map_err(|error| self.source.damaged(self::place(array), error))?);

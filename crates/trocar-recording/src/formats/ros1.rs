@@ -264,10 +264,8 @@ fn read_index(input: &Input) -> Option<Index> {
                 let at = fields.u64("chunk_pos").filter(|at| *at < from)?;
                 let mut channels = BTreeSet::new();
                 for pair in data.as_chunks::<8>().0 {
-                    let word = |at: usize| {
-                        pair[at..].first_chunk().map(|bytes| u32::from_le_bytes(*bytes))
-                    };
-                    let (id, count) = (word(0)?, word(4)?);
+                    let [id, count] = [pair.first_chunk()?, pair.last_chunk()?]
+                        .map(|bytes| u32::from_le_bytes(*bytes));
                     channels.insert(id);
                     *index.contents.counts.entry(id).or_default() += u64::from(count);
                 }

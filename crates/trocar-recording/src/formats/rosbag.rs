@@ -60,9 +60,6 @@ fn problem(path: &Path, what: impl std::fmt::Display) -> RecordingError {
 fn connect(path: &Path) -> rusqlite::Result<Connection> {
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let connection = Connection::open_with_flags(path, flags)?;
-    let probe = |connection: &Connection| {
-        connection.query_row("SELECT count(*) FROM sqlite_master", [], |row| row.get::<_, i64>(0))
-    };
     match probe(&connection) {
         Ok(_) => Ok(connection),
         Err(_) => {
@@ -80,6 +77,10 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
     }
 }
 
+fn probe(connection: &Connection) -> rusqlite::Result<i64> {
+    connection.query_row("SELECT count(*) FROM sqlite_master", [], |row| row.get(0))
+}
+
 fn open_db3(path: &Path) -> Result<Log, RecordingError> {
     use std::io::Read;
     let mut magic = [0; MAGIC.len()];
@@ -87,9 +88,9 @@ fn open_db3(path: &Path) -> Result<Log, RecordingError> {
     if input.read_exact(&mut magic).is_err() || magic != *MAGIC {
         return Err(problem(path, "does not begin as a SQLite file does"));
     }
-    let damaged = |error| problem(path, format!("is no ROS 2 bag, or damaged: {error}"));
-    let connection = connect(path).map_err(damaged)?;
-    let listed = list(&connection).map_err(damaged)?;
+    let (listed, connection) = connect(path)
+        .and_then(|connection| Ok((list(&connection)?, connection)))
+        .map_err(|error| problem(path, format!("is no ROS 2 bag, or damaged: {error}")))?;
     let definitions = definitions(&connection).unwrap_or_default();
     let start = connection
         .query_row("SELECT min(timestamp) FROM messages", [], |row| row.get::<_, Option<i64>>(0));
@@ -316,10 +317,10 @@ impl Folder {
     fn join(&mut self) {
         self.parts.sort_by_key(|part| part.start);
         let start = self.parts.iter().filter_map(|part| part.start).min().unwrap_or(0);
-        let topics = || self.parts.iter().flat_map(|part| &part.topics);
-        self.epochs = ros::epochs(topics(), start as i64);
+        let topics = self.parts.iter().flat_map(|part| &part.topics);
+        self.epochs = ros::epochs(topics.clone(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
-        for table in topics().map(|topic| &topic.table) {
+        for table in topics.clone().map(|topic| &topic.table) {
             match tables
                 .iter_mut()
                 .find(|known| known.name == table.name && known.kind == table.kind)
@@ -334,7 +335,7 @@ impl Folder {
                 None => tables.push(table.clone()),
             }
         }
-        let notes = ros::epoch_notes(topics(), self.epochs);
+        let notes = ros::epoch_notes(topics, self.epochs);
         self.tables = tables;
         self.notes.extend(notes);
         self.notes.push(format!("{} files in the order of their first times", self.parts.len()));
@@ -376,9 +377,9 @@ impl Container for Folder {
         bag::check(&self.path, self.format(), table, columns)?;
         let mut blocks = Vec::new();
         for part in &self.parts {
-            let same =
-                |topic: &&Topic| topic.table.name == table.name && topic.table.kind == table.kind;
-            let Some(place) = part.topics.iter().position(|topic| same(&topic)) else { continue };
+            let mut own = part.topics.iter().map(|topic| &topic.table);
+            let place = own.position(|own| own.name == table.name && own.kind == table.kind);
+            let Some(place) = place else { continue };
             let topic = &part.topics[place];
             let places: Vec<Option<usize>> = columns
                 .iter()

@@ -583,13 +583,13 @@ struct FooterColumn {
 
 impl FooterColumn {
     fn of(sheet: &Sheet, table: &Table) -> Option<Self> {
-        let numeric = || sheet.columns.iter().zip(&table.columns).filter(|(_, own)| own.is_numeric);
-        let is_time = |((_, kind), own): &(&(u32, Kind), &Column)| {
+        let columns = sheet.columns.iter().zip(&table.columns);
+        let mut numeric = columns.filter(|(_, own)| own.is_numeric);
+        let time = numeric.clone().find(|((_, kind), own)| {
             *kind == Kind::Date || time_unit(&own.name, own.unit.as_deref()).is_some()
-        };
-        let time = numeric().find(is_time);
+        });
         let is_time = time.is_some();
-        time.or_else(|| numeric().next()).map(|((column, kind), _)| Self {
+        time.or_else(|| numeric.next()).map(|((column, kind), _)| Self {
             column: *column,
             kind: *kind,
             is_time,
