@@ -83,11 +83,8 @@ pub fn read_in_words(
     let kept = kept.min(rows::justified(path) / columns);
     // The estimate avoids copies of a growing column; a few percent allow for lines that become
     // shorter.
-    let mut collector = Collector::new(
-        (kept + kept / 32) as usize,
-        |quantity| layout.has(quantity),
-        options.most_samples,
-    );
+    let capacity = (kept + kept / 32) as usize;
+    let mut collector = Collector::new(capacity, |own| layout.has(own), options.most_samples);
     collector = collector.counting(reader.count());
     while let Some(block) = reader.next_block()? {
         collector.take(block);
