@@ -5,7 +5,7 @@ use std::fmt;
 use serde::Serialize;
 use trocar_recording::{Recording, median};
 
-use super::segment::{Segments, Stroke};
+use super::segment::Segments;
 
 /// Force above which something else than the seal is touched, in medians of the force: friction of a
 /// seal varies by a factor of two or three between its branches.
@@ -33,9 +33,9 @@ impl MotionFound {
             let centre = median(recording.force.clone()).unwrap_or(0.0);
             let sizes: Vec<f64> = recording.force.iter().map(|f| (f - centre).abs()).collect();
             let limit = CONTACT * median(sizes.clone()).unwrap_or(0.0);
-            let part = |count: usize| count as f64 / recording.len() as f64 * recording.duration();
+            let in_contact = sizes.iter().filter(|size| **size > limit).count();
             found.duration += recording.duration();
-            found.in_contact += part(sizes.iter().filter(|size| **size > limit).count());
+            found.in_contact += in_contact as f64 / recording.len() as f64 * recording.duration();
             found.reversals +=
                 segments.strokes.iter().filter(|stroke| stroke.starts_at_reversal).count();
             let free = segments.strokes.iter().filter(|stroke| {
@@ -84,14 +84,14 @@ impl FreeMotion {
         for (recording, segments) in recordings.iter().zip(segments) {
             let x = &recording.position;
             // From one reversal to the next, without a gap.
-            let partial = |pair: &&[Stroke]| {
+            let partial = segments.strokes.windows(2).filter(|pair| {
                 let (stroke, next) = (&pair[0], &pair[1]);
                 let whole = stroke.starts_at_reversal
                     && next.starts_at_reversal
                     && next.start == stroke.end;
                 whole && (x[stroke.end] - x[stroke.start]).abs() < 2.0 * half_width
-            };
-            all.partial_reversals += segments.strokes.windows(2).filter(partial).count();
+            });
+            all.partial_reversals += partial.count();
             all.reversals += segments.strokes.iter().filter(|p| p.starts_at_reversal).count();
             all.held_s += held(recording, 0.1 * half_width);
         }

@@ -99,7 +99,8 @@ impl StrokeScatter {
         compared.iter().flat_map(|c| &c.readings).for_each(|r| squares[r.sample] = r.square());
         let all: Vec<&Compared> = compared.iter().collect();
         let number = groups.iter().map(|g| g.tracks.len()).sum::<usize>();
-        let longest = |of: fn(&Compared) -> f64| compared.iter().map(of).fold(0.0, f64::max);
+        let [after_reversals_m, before_reversals_m] =
+            [0, 1].map(|side| compared.iter().map(|c| c.lengths[side]).fold(0.0, f64::max));
         Some(Self {
             scatter_n: pooled(&all, Reading::square)?,
             without_drift_n: without_drift(&all),
@@ -108,8 +109,8 @@ impl StrokeScatter {
             degrees_of_freedom: number - groups.len(),
             samples: squares.iter().filter(|s| s.is_finite()).count(),
             by_direction: by_direction(&groups, &compared),
-            after_reversals_m: longest(|c| c.lengths[0]),
-            before_reversals_m: longest(|c| c.lengths[1]),
+            after_reversals_m,
+            before_reversals_m,
             squares,
         })
     }
@@ -150,9 +151,9 @@ fn without_drift(compared: &[&Compared]) -> Option<f64> {
 }
 
 fn by_direction(groups: &[Group], compared: &[Compared]) -> Vec<DirectionScatter> {
-    let of = |direction| {
-        let own = |k: &usize| groups[*k].direction == direction;
-        let part: Vec<&Compared> = (0..groups.len()).filter(own).map(|k| &compared[k]).collect();
+    let parts = [Direction::Insertion, Direction::Withdrawal].into_iter().filter_map(|direction| {
+        let own = groups.iter().zip(compared).filter(|(group, _)| group.direction == direction);
+        let part: Vec<&Compared> = own.map(|(_, compared)| compared).collect();
         let strokes = part.iter().map(|c| c.repeats).sum();
         let scatter_n = pooled(&part, Reading::square)?;
         Some(DirectionScatter {
@@ -161,8 +162,8 @@ fn by_direction(groups: &[Group], compared: &[Compared]) -> Vec<DirectionScatter
             without_drift_n: without_drift(&part),
             strokes,
         })
-    };
-    [Direction::Insertion, Direction::Withdrawal].into_iter().filter_map(of).collect()
+    });
+    parts.collect()
 }
 
 /// A stroke along its own direction: `way` = ±position increases along it.
@@ -302,8 +303,7 @@ impl Group {
     /// All samples at each kind of place; by position only against samples farther than `lengths`
     /// from either end.
     fn candidates(&self, recording: &Recording, lengths: [f64; 2]) -> Vec<Candidate> {
-        let of_track = |own: usize| {
-            let track = &self.tracks[own];
+        let candidates = self.tracks.iter().enumerate().flat_map(|(own, track)| {
             let longest = LENGTHS[LENGTHS.len() - 1] * (track.end - track.start);
             let samples =
                 (track.stroke.start..track.stroke.end).filter(|i| !recording.is_clipped(*i));
@@ -321,8 +321,8 @@ impl Group {
                 ];
                 Candidate { sample, distances, by_place }
             })
-        };
-        (0..self.tracks.len()).flat_map(of_track).collect()
+        });
+        candidates.collect()
     }
 
     /// e²/(1 + leverage) about the mean of the others, and about a line over their order (NaN below
@@ -422,10 +422,10 @@ impl OverOrder {
 /// Distance from the reversal, m, within which it defines the better place; 0 when the position is
 /// as good.
 fn length(candidates: &[Candidate], side: usize, range: f64) -> f64 {
-    let gain = |length: f64| -> f64 {
-        let near = candidates.iter().filter(|c| c.distances[side] < length);
-        near.filter_map(|c| Some(c.by_place[0]?[0] - c.by_place[1 + side]?[0])).sum()
-    };
-    let tried = LENGTHS.iter().map(|part| (part * range, gain(part * range)));
-    tried.fold((0.0, 0.0), |best, next| if next.1 > best.1 { next } else { best }).0
+    let gains = LENGTHS.iter().map(|part| {
+        let near = candidates.iter().filter(|c| c.distances[side] < part * range);
+        let gains = near.filter_map(|c| Some(c.by_place[0]?[0] - c.by_place[1 + side]?[0]));
+        (part * range, gains.sum::<f64>())
+    });
+    gains.fold((0.0, 0.0), |best, next| if next.1 > best.1 { next } else { best }).0
 }

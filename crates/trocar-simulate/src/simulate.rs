@@ -287,8 +287,8 @@ impl<'a> Band<'a> {
     }
 
     fn begin(&mut self, options: &SimulateOptions, first: &Step) -> Result<(), SimulateError> {
-        let begin = |trocar| Run::begin(trocar, options, first).map(|(run, _)| run);
-        self.runs = self.drawn.iter().map(begin).collect::<Result<_, _>>()?;
+        let runs = self.drawn.iter().map(|trocar| Run::begin(trocar, options, first));
+        self.runs = runs.map(|begun| Ok(begun?.0)).collect::<Result<_, SimulateError>>()?;
         Ok(())
     }
 
@@ -306,8 +306,9 @@ impl<'a> Band<'a> {
 
     fn write(&mut self, output: &mut TableWriter) -> Result<(), OutputError> {
         let steps = &self.steps;
-        let of = |run: &mut Run| steps.iter().map(|step| run.advance(step)).collect();
-        let forces: Vec<Vec<f64>> = self.runs.par_iter_mut().map(of).collect();
+        let forces = self.runs.par_iter_mut();
+        let forces: Vec<Vec<f64>> =
+            forces.map(|run| steps.iter().map(|step| run.advance(step)).collect()).collect();
         for (i, row) in self.rows.iter_mut().enumerate() {
             let mut own: Vec<f64> = forces.iter().map(|of_draw| of_draw[i]).collect();
             own.sort_by(f64::total_cmp);
@@ -488,8 +489,8 @@ impl<'a> Positions<'a> {
             return Err(self.unfit(row));
         }
         (self.time, self.position) = (time, position);
-        let known = |quantity| Some(row.get(quantity)).filter(|value: &f64| value.is_finite());
-        let (reading, angle) = (known(Quantity::Force), known(Quantity::Angle));
+        let [reading, angle] = [Quantity::Force, Quantity::Angle]
+            .map(|quantity| Some(row.get(quantity)).filter(|value: &f64| value.is_finite()));
         Ok(Some(Step { time, position, displacement, duration, reading, angle }))
     }
 

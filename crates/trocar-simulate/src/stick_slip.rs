@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 use trocar_recording::{Recording, median, range};
 
-use crate::segment::{Direction, Segments, SteadySegment, Stroke};
+use crate::segment::{Direction, Segments, SteadySegment};
 
 /// Fewest periods, samples and longest period in samples of an oscillation; least correlation after
 /// one period, also in units of its error of white noise; correlation that is a valley before.
@@ -111,8 +111,9 @@ impl Swings {
         offset: f64,
         falls: bool,
     ) -> Option<Self> {
-        let of = |(r, s)| oscillations(r, s, offset, falls);
-        let each: Vec<Vec<Oscillation>> = recordings.iter().zip(segments).map(of).collect();
+        let each = recordings.iter().zip(segments);
+        let each: Vec<Vec<Oscillation>> =
+            each.map(|(r, s)| oscillations(r, s, offset, falls)).collect();
         Self::caused(recordings, segments, &each)
     }
 
@@ -130,7 +131,6 @@ impl Swings {
         };
         let (speed_m_s, frequency_hz) = (over(|o| o.speed), over(|o| o.frequency));
         let is_wide = |[low, high]: [f64; 2], factor: f64| high > factor * low;
-        let mean = |k: usize| all.iter().map(|o| o.force[k]).sum::<f64>() / all.len() as f64;
         let watched =
             watched_up_to(recordings, segments, speed_m_s[1], travel(each.iter().flatten())?);
         let swings = if let Some(period) = period {
@@ -140,7 +140,9 @@ impl Swings {
         } else if (all.len() as f64) < SLOWER_SWING * watched as f64 {
             Self::Rig { speed_m_s, frequency_hz }
         } else {
-            let (plateaus, force_n) = (all.len(), [mean(0), mean(1)]);
+            let plateaus = all.len();
+            let force_n =
+                [0, 1].map(|k| all.iter().map(|o| o.force[k]).sum::<f64>() / plateaus as f64);
             Self::StickSlip(StickSlip { plateaus, speed_m_s, frequency_hz, force_n })
         };
         (all.len() >= FEWEST_PLATEAUS).then_some(swings)
@@ -197,16 +199,15 @@ impl LeftOut {
             }
         }
         // A stroke shows its deformation only after one that is kept, too.
-        let is_kept = |direction| {
-            let left = |(segments, out): (&Segments, &Self)| {
-                let pairs = segments.strokes.windows(2).filter(|pair| {
+        let are_kept = Direction::BOTH.into_iter().all(|direction| {
+            let left = segments.iter().zip(&all).flat_map(|(segments, out)| {
+                segments.strokes.windows(2).filter(move |pair| {
                     pair[1].direction == direction && !pair.iter().any(|s| out.swings_at(s.start))
-                });
-                pairs.count()
-            };
-            segments.iter().zip(&all).map(left).sum::<usize>() >= FEWEST_KEPT
-        };
-        if !Direction::BOTH.into_iter().all(is_kept) {
+                })
+            });
+            left.count() >= FEWEST_KEPT
+        });
+        if !are_kept {
             all.iter_mut().for_each(|out| out.strokes.clear());
         }
         all
@@ -232,10 +233,12 @@ const FEW: usize = 4;
 
 fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Range<usize>> {
     let (force, time) = (&recording.force, &recording.time);
-    let release = |stroke: &Stroke| {
+    let releases = segments.strokes.iter().filter_map(|stroke| {
         let s = stroke.direction.sign();
-        let inside = |part: &&SteadySegment| stroke.start <= part.start && part.end <= stroke.end;
-        let settled = segments.steady_segments.iter().filter(inside);
+        let settled = segments
+            .steady_segments
+            .iter()
+            .filter(|part| stroke.start <= part.start && part.end <= stroke.end);
         let settled = settled.flat_map(|part| part.start..part.end).map(|i| s * force[i]);
         let level = median(settled.collect())?;
         let above = |i: usize| s * force[i] - level;
@@ -246,8 +249,8 @@ fn releases(recording: &Recording, segments: &Segments, offset: f64) -> Vec<Rang
         let longest = if fallen - peak <= FEW { LONGEST_FEW } else { LONGEST_FALL };
         let is_sudden = time[fallen] - time[peak] <= longest;
         (is_large && is_sudden).then(|| peak..fallen + 1)
-    };
-    segments.strokes.iter().filter_map(release).collect()
+    });
+    releases.collect()
 }
 
 /// Number of plateaus up to a speed, m/s, that would show an oscillation with a period of `travel`, m.
@@ -257,7 +260,10 @@ fn watched_up_to(
     fastest: f64,
     travel: f64,
 ) -> usize {
-    let is_watched = |(recording, plateau): &(&Recording, &[SteadySegment])| {
+    let plateaus = recordings.iter().zip(segments).flat_map(|(recording, segments)| {
+        segments.plateaus().map(move |plateau| (recording, plateau))
+    });
+    let watched = plateaus.filter(|(recording, plateau)| {
         let Some((from, last)) = watched(plateau) else { return false };
         let samples = last + 1 - from;
         let periods = (recording.position[last] - recording.position[from]).abs() / travel;
@@ -265,11 +271,8 @@ fn watched_up_to(
             && periods >= FEWEST_PERIODS as f64
             && (samples as f64) < LONGEST_PERIOD as f64 * periods
             && plateau[0].velocity.abs() <= OTHER_SPEED.sqrt() * fastest
-    };
-    let of = |(recording, segments)| {
-        Segments::plateaus(segments).map(move |plateau| (recording, plateau))
-    };
-    recordings.iter().zip(segments).flat_map(of).filter(is_watched).count()
+    });
+    watched.count()
 }
 
 /// First and last sample of a plateau after its first third.
@@ -304,7 +307,7 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
     let (own, others) = (range(one.positions), range(other.positions));
     let (from, to) = (own.0.max(others.0), own.1.min(others.1));
     let cells = ((to - from) / cell).max(0.0) as usize;
-    let means = |of: &Oscillation| {
+    let [means, others] = [one, other].map(|of| {
         let mut sums = vec![(0.0, 0.0); cells];
         for (x, force) in of.positions.iter().zip(of.readings) {
             if let Some((sum, count)) =
@@ -313,10 +316,9 @@ fn correlation(one: &Oscillation, other: &Oscillation, cell: f64) -> Option<f64>
                 (*sum, *count) = (*sum + force, *count + 1.0);
             }
         }
-        sums.into_iter().map(|(sum, count)| sum / count).collect::<Vec<f64>>()
-    };
-    let pairs: Vec<(f64, f64)> =
-        means(one).into_iter().zip(means(other)).filter(|(a, b)| (a + b).is_finite()).collect();
+        sums.into_iter().map(|(sum, count)| sum / count)
+    });
+    let pairs: Vec<(f64, f64)> = means.zip(others).filter(|(a, b)| (a + b).is_finite()).collect();
     let n = pairs.len() as f64;
     let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), (x, y)| (a + x / n, b + y / n));
     let product =
@@ -334,32 +336,33 @@ fn oscillations<'a>(
     offset: f64,
     small: bool,
 ) -> Vec<Oscillation<'a>> {
-    let of = |plateau: &[SteadySegment]| {
+    let plateaus = segments.plateaus().collect::<Vec<_>>().into_par_iter();
+    let found = plateaus.filter_map(|plateau| {
         let (from, last) = watched(plateau)?;
         let force = &recording.force[from..=last];
         let mut sorted = force.to_vec();
         sorted.sort_by(f64::total_cmp);
-        let quantile = |part: f64| sorted[(part * (sorted.len() - 1) as f64) as usize];
-        let (low, middle, high) = (quantile(0.02), quantile(0.5), quantile(0.98));
+        let [low, middle, high] =
+            [0.02, 0.5, 0.98].map(|part| sorted[(part * (sorted.len() - 1) as f64) as usize]);
         let noise = OVER_NOISE * recording.quality.force_noise;
         if !small && high - low < LEAST_SWING * (middle - offset).abs() + noise {
             return None;
         }
         let period = period_of(force)?;
-        let passed = |of: &[f64]| of[last] - of[from];
-        let time = passed(&recording.time);
+        let [time, way] =
+            [&recording.time, &recording.position].map(|column| column[last] - column[from]);
         let [one, other] = [low, high].map(|level| (level - offset).abs());
         Some(Oscillation {
             frequency: (last - from) as f64 / (period as f64 * time),
             force: [one.min(other), one.max(other)],
-            speed: (passed(&recording.position) / time).abs(),
+            speed: (way / time).abs(),
             inserts: recording.position[last] > recording.position[from],
             strokes: plateau[0].stroke..=plateau[plateau.len() - 1].stroke,
             positions: &recording.position[from..=last],
             readings: force,
         })
-    };
-    segments.plateaus().collect::<Vec<_>>().into_par_iter().filter_map(of).collect()
+    });
+    found.collect()
 }
 
 /// Period, in samples, of a force that oscillates about its straight trend.

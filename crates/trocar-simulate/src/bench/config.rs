@@ -353,9 +353,9 @@ pub struct Rest {
 impl Rest {
     /// The rests in s, each after an insertion and after a withdrawal.
     pub fn lengths(&self) -> Vec<f64> {
-        let longer = |length: &f64| Some(length * self.factor);
-        let shorter = core::iter::successors(Some(self.shortest_s), longer)
-            .take_while(|length| *length < self.longest_s);
+        let shorter =
+            core::iter::successors(Some(self.shortest_s), |length| Some(length * self.factor))
+                .take_while(|length| *length < self.longest_s);
         shorter.chain([self.longest_s]).collect()
     }
 
@@ -469,8 +469,10 @@ impl SpeedCycles {
     /// Longest duration of all cycles, s.
     fn duration_s(&self) -> f64 {
         let stroke = self.stroke_m + 2.0 * self.turning_scatter_m;
-        let cycle = |speed| 2.0 * (stroke_s(speed, stroke, self.acceleration_m_s2) + self.dwell_s);
-        let each: f64 = self.speeds().into_iter().map(cycle).sum();
+        let each = self.speeds().into_iter();
+        let each: f64 = each
+            .map(|speed| 2.0 * (stroke_s(speed, stroke, self.acceleration_m_s2) + self.dwell_s))
+            .sum();
         let there_and_back = if self.order == SpeedOrder::UpAndDown { 2.0 } else { 1.0 };
         there_and_back * f64::from(self.cycles_per_speed) * each
     }
@@ -948,9 +950,9 @@ fn overlay(
         path.push(name.clone());
         let key = path.join(".");
         let line = lines.of(&key).unwrap_or(1);
-        let expected = || defaults.keys().cloned().collect::<Vec<_>>().join(", ");
         if !defaults.contains_key(&name) {
-            return Err(ConfigError::UnknownKey { line, key, expected: expected() });
+            let expected = defaults.keys().cloned().collect::<Vec<_>>().join(", ");
+            return Err(ConfigError::UnknownKey { line, key, expected });
         }
         let default = &mut defaults[&name];
         match (default, value) {

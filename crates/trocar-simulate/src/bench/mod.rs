@@ -184,8 +184,8 @@ impl BenchRun {
     /// The columns; angle and torque where the rod turns.
     pub fn readings(&self) -> Readings {
         let Self { time, position, velocity, force, angle, torque, .. } = self.clone();
-        let recorded = |column: Vec<f64>| Some(column).filter(|column| !column.is_empty());
-        let (angle, torque) = (recorded(angle), recorded(torque));
+        let [angle, torque] =
+            [angle, torque].map(|column| Some(column).filter(|column| !column.is_empty()));
         Readings { time, position, force, velocity: Some(velocity), angle, torque }
     }
 
@@ -311,17 +311,17 @@ pub fn run(
 /// The bench with a seal that resists rotation: as its model says, or alike around the shaft of the
 /// rod and along it.
 pub fn turning(config: &BenchConfig, seal: &[Element]) -> BenchConfig {
-    let slope = |element: &Element| {
+    let slopes = seal.iter().map(|element| {
         let params = element.params();
         let limits = params.insertion.static_force + params.withdrawal.static_force;
         0.5 * limits / params.deformation.half_width()
-    };
-    let alike = || Rotation {
+    });
+    let alike = Rotation {
         shaft_radius: 0.5 * config.rod.diameter_m,
-        circumferential_stiffness: seal.iter().map(slope).sum(),
+        circumferential_stiffness: slopes.sum(),
         circumferential_ratio: 1.0,
     };
-    BenchConfig { rotation: Some(config.rotation.unwrap_or_else(alike)), ..config.clone() }
+    BenchConfig { rotation: Some(config.rotation.unwrap_or(alike)), ..config.clone() }
 }
 
 /// Most samples of the recording that `protocol` gives, known before it is made.
@@ -431,8 +431,8 @@ impl Course {
             let (times, angles) = (self.time.len(), angles.len());
             return wrong(format!("it has {times} times and {angles} angles, expected as many"));
         }
-        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-        if !finite(&self.time) || !finite(&self.position) || !finite(angles) {
+        let mut numbers = self.time.iter().chain(&self.position).chain(angles);
+        if !numbers.all(|number| number.is_finite()) {
             return wrong("it holds a number that is not finite".to_owned());
         }
         if let Some(pair) = self.time.windows(2).find(|pair| pair[0] >= pair[1]) {

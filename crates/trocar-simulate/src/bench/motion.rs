@@ -100,14 +100,15 @@ impl Reference {
     /// A given motion, at rest at both ends: between two samples the speed changes linearly.
     pub(super) fn through(time: &[f64], position: &[f64]) -> Self {
         let last = time.len() - 1;
-        let speed = |i: usize| match i {
-            0 => 0.0,
-            i if i == last => 0.0,
-            i => (position[i + 1] - position[i - 1]) / (time[i + 1] - time[i - 1]),
-        };
         let mut reference = Self::empty();
-        for i in 0..last {
-            reference.push(time[i + 1] - time[i], Piece::Ramp { from: speed(i), to: speed(i + 1) });
+        let mut from = 0.0;
+        for i in 1..=last {
+            let to = match i == last {
+                true => 0.0,
+                false => (position[i + 1] - position[i - 1]) / (time[i + 1] - time[i - 1]),
+            };
+            reference.push(time[i] - time[i - 1], Piece::Ramp { from, to });
+            from = to;
         }
         reference
     }
@@ -262,8 +263,9 @@ impl Angles {
 
 /// The speed of every cycle, m/s.
 fn speeds_of_cycles(cycles: &SpeedCycles, seed: u64) -> Vec<f64> {
-    let repeated = |speed: f64| (0..cycles.cycles_per_speed).map(move |_| speed);
-    let mut speeds: Vec<f64> = cycles.speeds().into_iter().flat_map(repeated).collect();
+    let each = cycles.speeds().into_iter();
+    let mut speeds: Vec<f64> =
+        each.flat_map(|speed| (0..cycles.cycles_per_speed).map(move |_| speed)).collect();
     match cycles.order {
         SpeedOrder::Ascending => {}
         SpeedOrder::Shuffled => Noise::new(seed, Source::SpeedOrder).shuffle(&mut speeds),

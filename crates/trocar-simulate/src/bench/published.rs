@@ -176,8 +176,8 @@ fn keys(wanted: impl Fn(&&Study) -> bool) -> String {
 impl Study {
     /// The printed friction force, N: from the lowest to the highest of all its ranges.
     pub fn friction_force(&self) -> Option<[f64; 2]> {
-        let is_force = |number: &&Printed| number.quantity == Quantity::FrictionForceN;
-        let ranges = self.numbers.iter().filter(is_force).map(|number| number.range);
+        let forces = self.numbers.iter().filter(|own| own.quantity == Quantity::FrictionForceN);
+        let ranges = forces.map(|number| number.range);
         ranges.reduce(|[low, high], [from, to]| [low.min(from), high.max(to)])
     }
 

@@ -65,13 +65,12 @@ pub fn random_seal(ranges: &PlausibleSeals, seed: u64) -> ElementParams {
     let viscous_damping = noise.log_uniform(low, high);
     let tilt = ranges.friction_asymmetry;
     let (tilt_force, tilt_damping) = (noise.uniform(-tilt, tilt), noise.uniform(-tilt, tilt));
-    let friction = |side: f64| {
+    let [insertion, withdrawal] = [1.0, -1.0].map(|side| {
         SlidingFriction::coulomb(
             coulomb_force * (1.0 + side * tilt_force),
             viscous_damping * (1.0 + side * tilt_damping),
         )
-    };
-    let (insertion, withdrawal) = (friction(1.0), friction(-1.0));
+    });
     // Most draws pass the checks; the others are repeated.
     loop {
         let shape = Shape::draw(&mut noise);

@@ -29,8 +29,9 @@ impl Wetting {
             since if since >= lubrication.spread_s => 1.0,
             since => since / lubrication.spread_s,
         };
-        let between = |end: f64| 1.0 + part * (end - 1.0);
-        Self { level: between(lubrication.level), viscosity: between(lubrication.viscosity) }
+        let [level, viscosity] =
+            [lubrication.level, lubrication.viscosity].map(|end| 1.0 + part * (end - 1.0));
+        Self { level, viscosity }
     }
 
     /// The displacement of the dry seal that corresponds to `displacement`, m.
