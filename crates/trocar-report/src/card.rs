@@ -67,10 +67,11 @@ fn from(label: &str, recording: &Recording) -> (String, String) {
 }
 
 fn seen(range: &MotionRange, motion: &FreeMotion) -> String {
-    let span = |ends: [f64; 2], scale: f64| {
+    let spans = [(range.stroke_m, 1e3), (range.speed_m_s, 1e3), (range.force_n, 1.0)];
+    let [strokes, speeds, forces] = spans.map(|(ends, scale)| {
         let [low, high] = ends.map(|end| significant(scale * end, 3));
         if low == high { low } else { format!("{low} to {high}") }
-    };
+    });
     let rests = match range.longest_rest_s {
         short if short < SHORTEST_REST => "no rest".to_owned(),
         longest => format!("rests up to {} s", significant(longest, 2)),
@@ -80,12 +81,7 @@ fn seen(range: &MotionRange, motion: &FreeMotion) -> String {
         1 => "1 partial reversal".to_owned(),
         count => format!("{count} partial reversals"),
     };
-    format!(
-        "strokes of {} mm at {} mm/s, {reversals}, {rests}, forces of {} N",
-        span(range.stroke_m, 1e3),
-        span(range.speed_m_s, 1e3),
-        span(range.force_n, 1.0)
-    )
+    format!("strokes of {strokes} mm at {speeds} mm/s, {reversals}, {rests}, forces of {forces} N")
 }
 
 /// The error with that of each recording, if there are few, its repeatability, and that of EMS.
@@ -108,20 +104,21 @@ fn error(scored: &Scored) -> (String, String) {
 
 /// `card.md`.
 pub(super) fn markdown(document: &Document) -> String {
-    let row = |(label, value): &(String, String)| {
-        format!("| {label} | {} |\n", value.replace('|', "\\|"))
-    };
-    let rows: String = document.card.iter().map(row).collect();
-    let list = |heading: &str, texts: &[String]| {
-        let items: String = texts.iter().map(|text| format!("- {text}\n")).collect();
-        if texts.is_empty() { items } else { format!("\n## {heading}\n\n{items}") }
-    };
+    let rows = document.card.iter();
+    let rows: String = rows
+        .map(|(label, value)| format!("| {label} | {} |\n", value.replace('|', "\\|")))
+        .collect();
     let warnings = list("Warnings", &document.warnings);
     let text = format!(
         "# Model card\n\n| | |\n|---|---|\n{rows}{warnings}{}",
         list("Notes", &document.notes)
     );
     spelt(&text, Interface::CommandLine)
+}
+
+fn list(heading: &str, texts: &[String]) -> String {
+    let items: String = texts.iter().map(|text| format!("- {text}\n")).collect();
+    if texts.is_empty() { items } else { format!("\n## {heading}\n\n{items}") }
 }
 
 #[cfg(test)]

@@ -23,10 +23,11 @@ impl Codes {
             .fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
         let (low, high) = if low > high { (0.0, 0.0) } else { (low, high) };
         let step = if high > low { LARGEST_CODE / (high - low) } else { 0.0 };
-        let code = |value: f64| {
-            if value.is_finite() { ((value - low) * step).round() as u16 } else { u16::MAX }
-        };
-        let bytes: Vec<u8> = values.flat_map(|value| code(value).to_le_bytes()).collect();
+        let codes = values.map(|value| match value.is_finite() {
+            true => ((value - low) * step).round() as u16,
+            false => u16::MAX,
+        });
+        let bytes: Vec<u8> = codes.flat_map(u16::to_le_bytes).collect();
         Self { low, high, codes: STANDARD.encode(bytes) }
     }
 }

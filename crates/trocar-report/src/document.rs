@@ -138,10 +138,12 @@ impl Panel {
 
     /// Whether its axes show anything.
     fn has_values(&self) -> bool {
-        let is_shown = |y: &f64| y.is_finite() && (!self.y.logarithmic || *y > 0.0);
         let mut points =
             self.series.iter().flat_map(|s| (0..s.x.len()).map(|i| (s.x[i], s.y.get(i))));
-        points.any(|(x, y)| x.is_finite() && y.is_none_or(is_shown))
+        points.any(|(x, y)| {
+            let is_shown = y.is_none_or(|y| y.is_finite() && (!self.y.logarithmic || *y > 0.0));
+            x.is_finite() && is_shown
+        })
     }
 
     /// Appends a mark.

@@ -83,9 +83,10 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ReportError> {
     let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
     let recorded =
         figures::cycle_speeds(&figures::scored(input.identification, input.own, validation));
-    let is_recorded =
-        |speed: &&f64| recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed);
-    match speeds.iter().find(|speed| !is_recorded(speed)) {
+    let other = speeds
+        .iter()
+        .find(|speed| !recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed));
+    match other {
         Some(&speed) => Err(ReportError::NoSuchSpeed { speed, recorded }),
         None => Ok(()),
     }

@@ -131,17 +131,15 @@ pub(crate) fn stage_document(
 ) -> Result<(), ReportError> {
     check(document)?;
     let figures: Vec<&Figure> = figures(document).collect();
-    let draw = |figure: &&Figure| {
+    let drawn = figures.par_iter().map(|figure| {
         let vector = draw_vector(figure)?;
         folder.write(format!("figures/{}.svg", figure.id), vector.file(figure).as_bytes())?;
         let page = pdf::file(&draw::scene(figure, draw::Medium::Vector));
         folder.write(format!("figures/{}.pdf", figure.id), &page)?;
         for_page(figure, &vector)
-    };
-    let (drawn, ()) = rayon::join(
-        || figures.par_iter().map(draw).collect::<Result<Vec<_>, ReportError>>(),
-        draw::load_fonts,
-    );
+    });
+    let (drawn, ()) =
+        rayon::join(|| drawn.collect::<Result<Vec<_>, ReportError>>(), draw::load_fonts);
     let drawn = drawn?;
     for some in figures.chunks(FIGURES_AT_A_TIME) {
         some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;

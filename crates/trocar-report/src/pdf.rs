@@ -78,9 +78,10 @@ impl Glyph {
                 return Self { size: 0.7, rise, width: 0.7 * full.width, ..full };
             }
         }
-        let listed = |list: &[(char, u8, u16)]| list.iter().find(|own| own.0 == c).copied();
+        let [helvetica, symbol] = [&IN_HELVETICA[..], &IN_SYMBOL[..]]
+            .map(|list| list.iter().find(|own| own.0 == c).copied());
         let ascii = (c as usize).checked_sub(32).and_then(|i| ADVANCE.get(i));
-        let (font, code, width) = match (ascii, listed(&IN_HELVETICA), listed(&IN_SYMBOL)) {
+        let (font, code, width) = match (ascii, helvetica, symbol) {
             (Some(width), ..) => (font, c as u8, *width),
             (_, Some((_, code, width)), _) => (font, code, width),
             (.., Some((_, code, width))) => ('S', code, width),
@@ -219,14 +220,10 @@ fn circle(out: &mut String, x: f64, y: f64, r: f64) {
     for quarter in 0..4 {
         let [(s, c), (t, d)] =
             [quarter, quarter + 1].map(|k| (f64::from(k) * std::f64::consts::FRAC_PI_2).sin_cos());
-        let at = |c: f64, s: f64| format!("{:.2} {:.2} ", x + r * c, y + r * s);
-        let _ = write!(
-            out,
-            "{}{}{}c ",
-            at(c - ARC * s, s + ARC * c),
-            at(d + ARC * t, t - ARC * d),
-            at(d, t)
-        );
+        for (c, s) in [(c - ARC * s, s + ARC * c), (d + ARC * t, t - ARC * d), (d, t)] {
+            let _ = write!(out, "{:.2} {:.2} ", x + r * c, y + r * s);
+        }
+        out.push_str("c ");
     }
 }
 

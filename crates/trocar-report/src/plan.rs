@@ -63,8 +63,8 @@ fn subtitle(input: &PlanReport) -> String {
 
 /// Parameters of tables, without the coefficients of the branches.
 fn main_ones(all: &[Prediction]) -> impl Iterator<Item = (usize, &Prediction)> {
-    let is_main = |p: &Prediction| !matches!(p.id.quantity, Quantity::Coefficient { .. });
-    all.iter().enumerate().filter(move |(_, p)| is_main(p))
+    let all = all.iter().enumerate();
+    all.filter(|(_, p)| !matches!(p.id.quantity, Quantity::Coefficient { .. }))
 }
 
 fn warning(input: &PlanReport) -> Option<String> {

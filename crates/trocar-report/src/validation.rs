@@ -26,10 +26,10 @@ pub fn document(
     let scored = recordings.iter().zip(runs).zip(&scores.recordings);
     for (number, ((recording, run), scores)) in (1..).zip(scored.take(MOST_RECORDINGS)) {
         let time = &recording.time;
-        let measured = || recording.force.iter().map(|force| force - offset);
-        let error = measured().zip(&run.force).map(|(measured, model)| measured - model);
+        let measured = recording.force.iter().map(|force| force - offset);
+        let error = measured.clone().zip(&run.force).map(|(measured, model)| measured - model);
         let forces = over_time(Axis::new("force", "N").with_zero())
-            .series(line(figures::measured(recording), Role::Measured, time, measured()))
+            .series(line(figures::measured(recording), Role::Measured, time, measured))
             .series(line("model", Role::Model, time, run.force.iter().copied()))
             .aspect(0.3);
         let errors = over_time(Axis::new("measured - model", "N").with_zero())

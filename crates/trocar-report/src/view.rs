@@ -177,7 +177,11 @@ pub(super) fn axis_label(label: &str, unit: &str) -> String {
 
 /// `text` without characters that XML forbids (such as control characters in a file name).
 pub(super) fn printable(text: &str) -> String {
-    let forbidden = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
     let text = spelt(text, Interface::CommandLine);
-    text.chars().map(|c| if forbidden(c) { '\u{fffd}' } else { c }).collect()
+    let text = text.chars().map(|c| match c {
+        '\u{fffe}' | '\u{ffff}' => '\u{fffd}',
+        c if c.is_control() => '\u{fffd}',
+        c => c,
+    });
+    text.collect()
 }

@@ -97,13 +97,12 @@ fn points<'a>(series: &'a Series, frame: &'a Frame<'_>) -> impl Iterator<Item = 
 /// Candidate positions around a point, best first.
 fn candidates(at: [f64; 2], half: [f64; 2]) -> impl Iterator<Item = Area> {
     let clear = LABELLED_RADIUS + GAP;
-    let place = move |ring: f64, [dx, dy]: [f64; 2]| Area {
-        centre: [at[0] + dx * (half[0] + clear + ring), at[1] + dy * (half[1] + clear + ring)],
-        half,
-    };
-    RINGS
-        .into_iter()
-        .flat_map(move |ring| DIRECTIONS.into_iter().map(move |direction| place(ring, direction)))
+    RINGS.into_iter().flat_map(move |ring| {
+        let [x, y] = half.map(|half| half + clear + ring);
+        DIRECTIONS
+            .into_iter()
+            .map(move |[dx, dy]| Area { centre: [at[0] + dx * x, at[1] + dy * y], half })
+    })
 }
 
 /// Markers, and points along lines and horizontal marks.

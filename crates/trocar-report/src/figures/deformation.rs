@@ -267,7 +267,8 @@ fn force_caption(
     deformation: &DeformationFit,
     truth: Option<&[Element]>,
 ) -> String {
-    let count = |d| deformation.full_reversals.iter().filter(|t| t.direction == d).count();
+    let [insertions, withdrawals] = [Direction::Insertion, Direction::Withdrawal]
+        .map(|d| deformation.full_reversals.iter().filter(|t| t.direction == d).count());
     let [left, right] = deformation.insertion_branch.shape.degrees();
     let stages = if super::has_stages(found) { "the first of its elements" } else { "its element" };
     let refined = if found.fit.is_some() {
@@ -287,13 +288,11 @@ fn force_caption(
         None => "",
     };
     format!(
-        "(a) Force against deflection in deformation, as in figure 8 of the paper: {} insertions (upper branch) and {} withdrawals (lower \
+        "(a) Force against deflection in deformation, as in figure 8 of the paper: {insertions} insertions (upper branch) and {withdrawals} withdrawals (lower \
          branch), sensor offset removed, deflection by equation (24). The joined polynomials of degrees {left} and {right}, equation (25), are \
          fitted to the mean of the snap-throughs by equation (26), through the sliding limits at ±c.{refined} (b), (c) What both fits leave \
          of the mean: root mean square {:.4} N and {:.4} N with the joined polynomials, {:.4} N and {:.4} N with a single polynomial \
          of degree 7, in insertion and withdrawal.{true_branches}",
-        count(Direction::Insertion),
-        count(Direction::Withdrawal),
         deformation.insertion_branch.rms,
         deformation.withdrawal_branch.rms,
         deformation.insertion_branch.single_polynomial_rms,

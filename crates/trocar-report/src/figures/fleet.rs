@@ -6,7 +6,7 @@ use super::super::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
 use super::super::number::significant;
 use super::tables::name_of;
 use trocar_lab::fleet::summary::{OUTLYING, Trend, modified_scores, quantile};
-use trocar_lab::fleet::{Fleet, Record};
+use trocar_lab::fleet::{Fleet, FleetCell, Record};
 use trocar_model::{Direction, ParameterId, Quantity, Unit};
 
 /// Most points of one type drawn in a panel.
@@ -77,8 +77,7 @@ impl Shown {
     /// The value in the displayed unit, if the recording determines it.
     fn value(self, record: &Record) -> Option<f64> {
         let known = record.cell(&format!("{}_determined", self.column()));
-        let is_determined =
-            known.is_none_or(|cell| *cell == trocar_lab::fleet::FleetCell::Boolean(true));
+        let is_determined = known.is_none_or(|cell| *cell == FleetCell::Boolean(true));
         record
             .number(&self.column())
             .filter(|_| is_determined)
@@ -101,16 +100,14 @@ pub(crate) struct ByType<'a> {
 impl<'a> ByType<'a> {
     /// By the metadata column `by`; one type without it.
     pub(crate) fn new(fleet: &'a Fleet, by: Option<&str>) -> Self {
-        let name = |record: &Record| match by {
-            Some(by) => record
-                .metadata
-                .get(by)
-                .map_or_else(String::new, trocar_lab::fleet::FleetCell::in_words),
-            None => "all".to_owned(),
-        };
-        let identified =
-            fleet.records.iter().filter(|record| record.text("status") != Some("failed"));
-        let mut names: Vec<String> = identified.map(name).collect();
+        let own = fleet.records.iter().map(|record| {
+            let cell = by.map(|by| record.metadata.get(by));
+            let name = cell.map(|cell| cell.map_or_else(String::new, FleetCell::in_words));
+            (record.text("status") != Some("failed"))
+                .then(|| name.unwrap_or_else(|| "all".to_owned()))
+        });
+        let own: Vec<Option<String>> = own.collect();
+        let mut names: Vec<String> = own.iter().flatten().cloned().collect();
         names.sort_unstable();
         names.dedup();
         if names.len() > MOST_TYPES {
@@ -118,15 +115,15 @@ impl<'a> ByType<'a> {
             names.push("others".to_owned());
         }
         let last = names.len().saturating_sub(1);
-        let kind = |record: &Record| {
-            let own = name(record);
-            (record.text("status") != Some("failed"))
-                .then(|| names.iter().position(|name| *name == own).unwrap_or(last))
-        };
-        let kinds = fleet.records.iter().map(kind).collect();
-        let called =
-            |name: &String| if name.is_empty() { "(none)".to_owned() } else { name.clone() };
-        Self { fleet, names: names.iter().map(called).collect(), kinds }
+        let kinds = own.iter().map(|own| {
+            let own = own.as_ref()?;
+            Some(names.iter().position(|name| name == own).unwrap_or(last))
+        });
+        let kinds = kinds.collect();
+        for name in names.iter_mut().filter(|name| name.is_empty()) {
+            "(none)".clone_into(name);
+        }
+        Self { fleet, names, kinds }
     }
 
     /// Values of one type with their records.
@@ -138,44 +135,9 @@ impl<'a> ByType<'a> {
 
 /// Every value, median and quartiles, by type.
 pub(crate) fn distributions(types: &ByType) -> Figure {
-    let panel = |shown: &Shown| {
-        let mut panel = Panel::new(shown.axis(), Axis::named(types.names.clone()));
-        panel.aspect = 0.18 + 0.11 * types.names.len() as f64;
-        for kind in 0..types.names.len() {
-            let mut values: Vec<f64> =
-                types.values(kind, *shown).into_iter().map(|(value, _)| value).collect();
-            if values.is_empty() {
-                continue;
-            }
-            let step = values.len().div_ceil(MOST_POINTS);
-            let drawn: Vec<f64> = values.iter().copied().step_by(step).collect();
-            // Golden-ratio steps separate points that would coincide.
-            let rows = (0..drawn.len())
-                .map(|k| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12)
-                .collect();
-            values.sort_by(f64::total_cmp);
-            let [low, middle, high] = [0.25, 0.5, 0.75].map(|part| quantile(&values, part));
-            let at = kind as f64 - 0.27;
-            panel = panel
-                .series(Series::points("recording", Role::Measured, drawn, rows))
-                .series(Series::line(
-                    "quartiles and median",
-                    Role::Model,
-                    vec![low, high],
-                    vec![at; 2],
-                ))
-                .series(Series::points(
-                    "quartiles and median",
-                    Role::Model,
-                    vec![middle],
-                    vec![at],
-                ));
-        }
-        panel
-    };
     let figure = SHOWN
         .iter()
-        .map(panel)
+        .map(|shown| distribution(types, shown))
         .fold(Figure::new("distributions", 0, "Parameters by type"), Figure::panel);
     figure.columns(2).caption(
         "Each point is a recording whose data determine the parameter; below them the quartiles as a line and the median as a point. The \
@@ -183,20 +145,42 @@ pub(crate) fn distributions(types: &ByType) -> Figure {
     )
 }
 
+fn distribution(types: &ByType, shown: &Shown) -> Panel {
+    let mut panel = Panel::new(shown.axis(), Axis::named(types.names.clone()));
+    panel.aspect = 0.18 + 0.11 * types.names.len() as f64;
+    for kind in 0..types.names.len() {
+        let mut values: Vec<f64> =
+            types.values(kind, *shown).into_iter().map(|(value, _)| value).collect();
+        if values.is_empty() {
+            continue;
+        }
+        let step = values.len().div_ceil(MOST_POINTS);
+        let drawn: Vec<f64> = values.iter().copied().step_by(step).collect();
+        // Golden-ratio steps separate points that would coincide.
+        let rows = (0..drawn.len())
+            .map(|k| kind as f64 + 0.34 * (((k as f64 * 0.618_034).fract()) - 0.5) + 0.12)
+            .collect();
+        values.sort_by(f64::total_cmp);
+        let [low, middle, high] = [0.25, 0.5, 0.75].map(|part| quantile(&values, part));
+        let at = kind as f64 - 0.27;
+        panel = panel
+            .series(Series::points("recording", Role::Measured, drawn, rows))
+            .series(Series::line("quartiles and median", Role::Model, vec![low, high], vec![at; 2]))
+            .series(Series::points("quartiles and median", Role::Model, vec![middle], vec![at]));
+    }
+    panel
+}
+
 /// Numbers of the specimens: one per text in the column `specimen`, or one for all.
 fn specimens(records: &[&Record], specimen: Option<&str>) -> Vec<usize> {
     let mut seen: BTreeMap<String, usize> = BTreeMap::new();
-    let name = |k: usize| match specimen {
+    let numbers = records.iter().enumerate().map(|(k, record)| {
+        let next = seen.len();
         // A record without a specimen counts as a specimen of its own.
-        Some(by) => known(records[k], by).unwrap_or_else(|| format!("\0{k}")),
-        None => String::new(),
-    };
-    (0..records.len())
-        .map(|k| {
-            let next = seen.len();
-            *seen.entry(name(k)).or_insert(next)
-        })
-        .collect()
+        let name = specimen.map(|by| known(record, by).unwrap_or_else(|| format!("\0{k}")));
+        *seen.entry(name.unwrap_or_default()).or_insert(next)
+    });
+    numbers.collect()
 }
 
 /// Parameters against use, and the table of slopes.
@@ -211,10 +195,10 @@ pub(crate) fn drift(types: &ByType, by: &str, specimen: Option<&str>) -> Option<
     for shown in FOLLOWED {
         let mut panel = Panel::new(Axis::new(by.replace('_', " "), ""), shown.axis()).aspect(0.62);
         for (kind, name) in types.names.iter().enumerate() {
-            let use_of = |record: &Record| record.metadata.get(by)?.as_number();
             let own = types.values(kind, shown).into_iter();
-            let own: Vec<(f64, f64, &Record)> =
-                own.filter_map(|(y, record)| Some((use_of(record)?, y, record))).collect();
+            let own: Vec<(f64, f64, &Record)> = own
+                .filter_map(|(y, record)| Some((record.metadata.get(by)?.as_number()?, y, record)))
+                .collect();
             let records: Vec<&Record> = own.iter().map(|(_, _, record)| *record).collect();
             let numbers = specimens(&records, specimen);
             let points: Vec<(f64, f64, usize)> =
@@ -331,11 +315,7 @@ pub(crate) fn failures(fleet: &Fleet) -> Option<Table> {
 
 /// The name of a record's specimen, if it has one.
 fn known(record: &Record, specimen: &str) -> Option<String> {
-    record
-        .metadata
-        .get(specimen)
-        .filter(|cell| **cell != trocar_lab::fleet::FleetCell::Empty)
-        .map(trocar_lab::fleet::FleetCell::in_words)
+    record.metadata.get(specimen).filter(|cell| **cell != FleetCell::Empty).map(FleetCell::in_words)
 }
 
 /// Median with the quartiles, in words.

@@ -179,9 +179,9 @@ fn candidates(recording: &Recording, length: f64, half_width: f64) -> Vec<Excerp
         let (begin, end) = (t[range.start], t[range.end - 1]);
         for from in excerpt_starts([begin, end], length, STEP * length) {
             let to = (from + length).min(end);
-            let sample =
-                |time: f64| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1);
-            let samples = sample(from)..sample(to) + 1;
+            let [first, last] = [from, to]
+                .map(|time| t.partition_point(|t| *t < time).clamp(range.start, range.end - 1));
+            let samples = first..last + 1;
             let within = strokes.iter().filter(|stroke| samples.contains(&stroke.start));
             let travel =
                 within.map(|stroke| (x[stroke.end.min(samples.end - 1)] - x[stroke.start]).abs());
@@ -227,14 +227,14 @@ impl ExcerptCandidate<'_> {
     /// Values at `times`, linearly interpolated between the samples.
     fn at(&self, times: &[f64], values: &[f64]) -> Vec<f64> {
         let t = &self.recording.time;
-        let value = |time: &f64| {
+        let values = times.iter().map(|time| {
             let above =
                 t.partition_point(|t| t < time).clamp(self.samples.start, self.samples.end - 1);
             let below = above.saturating_sub(1).max(self.samples.start);
             let span = t[above] - t[below];
             let part = if span > 0.0 { ((time - t[below]) / span).clamp(0.0, 1.0) } else { 1.0 };
             values[below] + part * (values[above] - values[below])
-        };
-        times.iter().map(value).collect()
+        });
+        values.collect()
     }
 }

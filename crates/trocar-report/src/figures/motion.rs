@@ -257,8 +257,9 @@ fn windows<'a>(
         let ends = [range.start, range.end - 1].map(|i| recording.time[i]);
         let starts = excerpt_starts(ends, SHOWN, STEP);
         for from in starts.take_while(|from| from + SHOWN <= ends[1]) {
-            let sample = |time: f64| recording.time.partition_point(|t| *t < time);
-            let samples = sample(from)..sample(from + SHOWN);
+            let [first, last] =
+                [from, from + SHOWN].map(|time| recording.time.partition_point(|t| *t < time));
+            let samples = first..last;
             let held = samples.clone().filter(|i| resting[*i]).count() as f64
                 * recording.quality.median_interval;
             let partial = partial.iter().filter(|i| samples.contains(i)).count();

@@ -79,16 +79,16 @@ fn clearest(deformation: &DeformationFit) -> Option<&FullReversal> {
     by_speed.sort_by(|a, b| a.speed.total_cmp(&b.speed));
     let quarter = by_speed.len() / 4;
     let middle = &by_speed[quarter..by_speed.len() - quarter];
-    let unsteadiness = |t: &FullReversal| {
+    let unsteadiness = middle.iter().map(|t| {
         let mean = &deformation.branch(t.direction).mean_curve;
         let swing = mean.iter().fold(0.0f64, |most, f| most.max(f.abs())).max(f64::MIN_POSITIVE);
         let force =
             t.curve.iter().zip(mean).map(|(f, m)| (f - m).powi(2)).sum::<f64>().sqrt() / swing;
         let velocity =
             t.velocity.iter().map(|v| (v.abs() - t.speed).powi(2)).sum::<f64>().sqrt() / t.speed;
-        force + velocity
-    };
-    middle.iter().min_by(|a, b| unsteadiness(a).total_cmp(&unsteadiness(b))).copied()
+        (*t, force + velocity)
+    });
+    unsteadiness.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(t, _)| t)
 }
 
 /// Samples around the deformation within the same contiguous part of the recording.
@@ -140,8 +140,9 @@ impl Transients {
         let Some((k, (at, least))) = inner.min_by(|a, b| a.1.1.total_cmp(&b.1.1)) else {
             return Self::Single;
         };
-        let steepest = |part: &[(f64, f64)]| part.iter().map(|(_, k)| *k).fold(0.0, f64::max);
-        let marked = *least < 0.5 * steepest(&slopes[..k]).min(steepest(&slopes[k..]));
+        let [before, after] = [&slopes[..k], &slopes[k..]]
+            .map(|part| part.iter().map(|(_, k)| *k).fold(0.0, f64::max));
+        let marked = *least < 0.5 * before.min(after);
         if marked { Self::Flattening { at: *at } } else { Self::Single }
     }
 

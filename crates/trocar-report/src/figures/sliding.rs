@@ -65,13 +65,12 @@ impl Curves<'_> {
     /// A curve over the speeds measured in both directions, interrupted at zero velocity.
     fn curve(&self, name: &str, role: Role, force: impl Fn(f64) -> f64) -> Series {
         let [slowest, fastest] = self.steady.speed_range_m_s;
-        let velocities = || self.steady.means.iter().map(|m| m.velocity_m_s);
         let mut x = Vec::new();
-        if velocities().any(|v| v < 0.0) {
+        if self.steady.means.iter().any(|m| m.velocity_m_s < 0.0) {
             x.extend(spaced(-fastest, -slowest, 60));
             x.push(f64::NAN);
         }
-        if velocities().any(|v| v > 0.0) {
+        if self.steady.means.iter().any(|m| m.velocity_m_s > 0.0) {
             x.extend(spaced(slowest, fastest, 60));
         }
         let y = x.iter().map(|v| force(*v)).collect();
@@ -133,8 +132,8 @@ impl Curves<'_> {
             return Vec::new();
         }
         ends.map(|(name, role, end)| {
-            let off = |estimate: &Estimate| estimate.ci95[end] - estimate.value;
-            let (coulomb, viscous) = (off(&s.coulomb_force_n), off(&s.viscous_damping_n_s_m));
+            let [coulomb, viscous] = [&s.coulomb_force_n, &s.viscous_damping_n_s_m]
+                .map(|estimate| estimate.ci95[end] - estimate.value);
             self.curve(name, role, |v| {
                 if s.is_asymmetric() {
                     self.direction(v, |estimate| estimate.ci95[end])

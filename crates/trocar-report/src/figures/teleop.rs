@@ -226,11 +226,12 @@ pub(crate) fn map(config: &Config, map: &Map) -> Figure {
         panel = panel.series(Series::cells(class_name(level), role, size, [x, y], labels));
     }
     let (fraction, delay) = (100.0 * config.compensation.fraction, MM * config.channel.delay_s);
-    let covers = |values: &[f64], scale: f64, at: f64| {
-        let ends = [values.first(), values.last()].map(|end| scale * end.copied().unwrap_or(at));
-        (ends[0]..=ends[1]).contains(&at)
-    };
-    if covers(&map.fractions, 100.0, fraction) && covers(&map.delays_s, MM, delay) {
+    let axes = [(&map.fractions, 100.0, fraction), (&map.delays_s, MM, delay)];
+    let covers = axes.iter().all(|(values, scale, at)| {
+        let ends = [values.first(), values.last()].map(|end| scale * end.copied().unwrap_or(*at));
+        (ends[0]..=ends[1]).contains(at)
+    });
+    if covers {
         let (x, y) =
             frame([fraction, delay], size, [100.0 * map.fractions[0], MM * map.delays_s[0]]);
         panel = panel.series(Series::line("this loop", Role::Fit, x, y));
@@ -311,8 +312,9 @@ pub(crate) fn hybrid(config: &Config, [model, trocar]: [&Trocar<Vec<f64>>; 2]) -
     let mut seals = vec![("without a trocar".to_owned(), Role::Neutral, none)];
     for (amplitude, role) in AMPLITUDES.into_iter().zip([Role::Category(0), Role::Category(1)]) {
         let name = format!("with the trocar at {} mm", significant(MM * amplitude, 2));
-        let of = |seal, frequency: &f64| seal_impedance(seal, config, amplitude, *frequency);
-        let both = frequencies.iter().map(|f| [of(model, f), of(trocar, f)]);
+        let both = frequencies
+            .iter()
+            .map(|f| [model, trocar].map(|seal| seal_impedance(seal, config, amplitude, *f)));
         seals.push((name, role, both.collect()));
     }
     let panel = |y: Axis, of: &dyn Fn(&Hybrid, f64) -> f64| {
@@ -366,11 +368,14 @@ fn ratio(label: &str) -> Axis {
 
 /// Energy that went into the network of controllers and channel at either port.
 pub(crate) fn energy(samples: &[Sample]) -> Figure {
-    let of = |name, role, of: fn(&Sample) -> f64| course_of(samples, name, role, of);
     let panel = over_time(Axis::new("energy received", "J").with_zero())
-        .series(of("at the leader", Role::Model, |s| s.network_energies()[0]))
-        .series(of("at the follower", Role::Alternative, |s| s.network_energies()[1]))
-        .series(of("together", Role::Measured, |s| s.network_energies().iter().sum()))
+        .series(course_of(samples, "at the leader", Role::Model, |s| s.network_energies()[0]))
+        .series(course_of(samples, "at the follower", Role::Alternative, |s| {
+            s.network_energies()[1]
+        }))
+        .series(course_of(samples, "together", Role::Measured, |s| {
+            s.network_energies().iter().sum()
+        }))
         .aspect(0.36);
     Figure::new("energy", 0, "Energy at both ports")
         .caption(

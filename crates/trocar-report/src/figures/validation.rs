@@ -123,15 +123,14 @@ pub(super) fn cycles(
             let inside = known.iter().any(|k| k.start <= first.start && second.end < k.end);
             let full = pair.iter().all(|p| travel(recording, p, p.end) > 0.5 * longest);
             if inside && full && first.end == second.start {
-                let own = |number| {
+                let [own, next] = [number, number + 1].map(|number| {
                     let own = steady_segments.iter().filter(|s| s.stroke == number);
                     own.max_by_key(|s| s.end - s.start).map(|s| s.velocity.abs())
-                };
+                });
                 let duration = recording.time[first.end] - recording.time[first.start];
                 let mean = travel(recording, first, first.end) / duration;
-                let speed = own(number).unwrap_or(mean);
-                let steady =
-                    own(number).zip(own(number + 1)).is_some_and(|(a, b)| within(ONE_LABEL, a, b));
+                let speed = own.unwrap_or(mean);
+                let steady = own.zip(next).is_some_and(|(a, b)| within(ONE_LABEL, a, b));
                 let samples = first.start..second.end + 1;
                 found.push(Cycle { recording: index, samples, turn: first.end, speed, steady });
             }

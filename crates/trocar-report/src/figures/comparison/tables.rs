@@ -91,28 +91,29 @@ pub(crate) fn criteria(comparison: &Comparison) -> Table {
 
 /// Parameters with intervals, one table per family; of banks those with up to four elements.
 pub(crate) fn parameters_by_family(comparison: &Comparison) -> Vec<Table> {
-    let family = |mut own: Vec<&Entry>| {
-        own.sort_by_key(|entry| entry.elements);
-        own.retain(|entry| !entry.choice.is_bank() || entry.elements <= MOST_ELEMENTS);
-        let caption = own.first()?.choice.title();
-        let main = own.iter().flat_map(|entry| {
-            let estimates = entry.estimates.iter().filter(|p| !p.is_coefficient());
-            estimates.map(|p| (entry.title(), p.id, cells_of(&p.estimate, p.id.unit().scale)))
-        });
-        Some(Table::of(
-            caption,
-            main,
-            &[
-                ("Model", &|(title, ..)| title.as_str().into()),
-                ("Parameter", &|(_, id, _)| name_of(*id).into()),
-                ("Symbol", &|(_, id, _)| id.symbol().to_string().into()),
-                ("Value", &|(_, _, [value, _])| value.clone()),
-                ("95 % interval", &|(_, _, [_, interval])| interval.clone()),
-                ("Unit", &|(_, id, _)| id.unit().shown.into()),
-            ],
-        ))
-    };
-    comparison.families().into_iter().filter_map(family).collect()
+    comparison.families().into_iter().filter_map(of_family).collect()
+}
+
+fn of_family(mut own: Vec<&Entry>) -> Option<Table> {
+    own.sort_by_key(|entry| entry.elements);
+    own.retain(|entry| !entry.choice.is_bank() || entry.elements <= MOST_ELEMENTS);
+    let caption = own.first()?.choice.title();
+    let main = own.iter().flat_map(|entry| {
+        let estimates = entry.estimates.iter().filter(|p| !p.is_coefficient());
+        estimates.map(|p| (entry.title(), p.id, cells_of(&p.estimate, p.id.unit().scale)))
+    });
+    Some(Table::of(
+        caption,
+        main,
+        &[
+            ("Model", &|(title, ..)| title.as_str().into()),
+            ("Parameter", &|(_, id, _)| name_of(*id).into()),
+            ("Symbol", &|(_, id, _)| id.symbol().to_string().into()),
+            ("Value", &|(_, _, [value, _])| value.clone()),
+            ("95 % interval", &|(_, _, [_, interval])| interval.clone()),
+            ("Unit", &|(_, id, _)| id.unit().shown.into()),
+        ],
+    ))
 }
 
 /// Warnings about each fit; undetermined parameters are given by their symbols. `None` without
