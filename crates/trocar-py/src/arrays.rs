@@ -90,9 +90,8 @@ pub(crate) fn apart<D: ndarray::Dimension>(
 ) -> PyResult<()> {
     let first = out.data().cast_const();
     let end = first.wrapping_add(out.len());
-    let meets =
-        |values: &&[f64]| values.as_ptr_range().start < end && first < values.as_ptr_range().end;
-    if read.iter().any(meets) { Err(in_use()) } else { Ok(()) }
+    let mut read = read.iter().map(|values| values.as_ptr_range());
+    if read.any(|own| own.start < end && first < own.end) { Err(in_use()) } else { Ok(()) }
 }
 
 fn in_use() -> PyErr {

@@ -73,9 +73,11 @@ impl TissueForce {
         fault: Option<&str>,
         torque_n_m: f64,
     ) -> PyResult<Self> {
-        let known = |given: &str| Fault::ALL.into_iter().map(name).find(|known| *known == given);
-        let wrong = |given| ArrayError::new_err(format!("{given:?} is no fault of a sample"));
-        let fault = fault.map(|given| known(given).ok_or_else(|| wrong(given))).transpose()?;
+        let fault = fault.map(|given| {
+            let known = Fault::ALL.into_iter().map(name).find(|known| *known == given);
+            known.ok_or_else(|| ArrayError::new_err(format!("{given:?} is no fault of a sample")))
+        });
+        let fault = fault.transpose()?;
         Ok(Self { trocar_force_n, torque_n_m, tissue_force_n, std_n, adapting, fault })
     }
 }

@@ -141,10 +141,10 @@ impl FleetTable {
     /// One for each recording, for `fleet_source`.
     fn orders(&self) -> PyResult<Vec<String>> {
         let orders = self.open().as_ref().map(Collector::orders).transpose();
-        let wrong = |error| {
+        let orders = orders.map_err(|error| {
             ParameterError::new_err(format!("a path of the data set is not Unicode text: {error}"))
-        };
-        Ok(orders.map_err(wrong)?.unwrap_or_default())
+        });
+        Ok(orders?.unwrap_or_default())
     }
 
     /// Takes the row of a file; recordings done, reused from before, and failed.
@@ -161,13 +161,12 @@ impl FleetTable {
     fn write(&self, py: Python<'_>) -> PyResult<Vec<(String, String, Option<String>)>> {
         let collector = self.open().take().ok_or_else(written)?;
         let fleet = py.detach(|| collector.write()).map_err(of_fleet)?;
-        let text = |cells: &trocar::fleet::Record, name: &str| cells.text(name).map(str::to_owned);
-        let said = |record| {
-            let [path, status] =
-                ["path", "status"].map(|name| text(record, name).unwrap_or_default());
-            (path, status, text(record, "reason"))
-        };
-        Ok(fleet.records.iter().map(said).collect())
+        let said = fleet.records.iter().map(|record| {
+            let [path, status, reason] =
+                ["path", "status", "reason"].map(|name| record.text(name).map(str::to_owned));
+            (path.unwrap_or_default(), status.unwrap_or_default(), reason)
+        });
+        Ok(said.collect())
     }
 
     /// Gives the journal free for another call.

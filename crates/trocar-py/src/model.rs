@@ -117,8 +117,6 @@ impl Tunable {
 impl Tunable {
     /// By its name or its symbol (F_c, beta, c); one without a direction is that of both.
     fn is_called(&self, name: &str) -> bool {
-        let latin =
-            |text: &str| text.replace('β', "beta").replace('σ', "sigma").replace('τ', "tau");
         let symbol = latin(self.description.split(':').next().unwrap_or_default());
         let of_both = self.name.replace("insertion_", "").replace("withdrawal_", "");
         let names = [self.name.clone(), of_both, symbol.replace(['⁺', '⁻'], ""), symbol];
@@ -428,4 +426,8 @@ pub(crate) fn given_model<'py>(value: &Bound<'py, PyAny>) -> PyResult<Bound<'py,
 
 fn type_of(value: &Bound<'_, PyAny>) -> String {
     value.get_type().name().map_or_else(|_| "something else".to_owned(), |name| name.to_string())
+}
+
+fn latin(text: &str) -> String {
+    text.replace('β', "beta").replace('σ', "sigma").replace('τ', "tau")
 }

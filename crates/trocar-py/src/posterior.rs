@@ -70,22 +70,9 @@ pub(crate) fn read_posterior(path: PathBuf) -> PyResult<PosteriorTable> {
 impl PosteriorTable {
     /// The columns by name: chain, draw, structure, parameters.
     fn columns<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
-        let cells = |column: &Column| -> PyResult<Bound<'py, PyAny>> {
-            Ok(match column {
-                Column::Number(cells) => PyArray1::from_slice(py, cells).into_any(),
-                Column::Integer(cells) => {
-                    let whole = cells.iter().map(|cell| cell.unwrap_or_default());
-                    PyArray1::from_iter(py, whole).into_any()
-                }
-                Column::Boolean(cells) => PyList::new(py, cells)?.into_any(),
-                Column::Text(cells) => {
-                    PyList::new(py, cells.iter().map(|c| c.as_deref()))?.into_any()
-                }
-            })
-        };
         let both = self.table.fields.iter().zip(&self.table.columns);
         both.filter(|(name, _)| !draws::is_of_model(name))
-            .map(|(name, column)| Ok((name.clone(), cells(column)?)))
+            .map(|(name, column)| Ok((name.clone(), cells_of(py, column)?)))
             .collect()
     }
 
@@ -102,4 +89,17 @@ impl PosteriorTable {
         let table = self.table.clone();
         run(py, How::default(), move |_| draws::write(&table, &path))?.map_err(Raise::raise)
     }
+}
+
+/// The cells of a column as an array, or as a list where they are no numbers.
+fn cells_of<'py>(py: Python<'py>, column: &Column) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match column {
+        Column::Number(cells) => PyArray1::from_slice(py, cells).into_any(),
+        Column::Integer(cells) => {
+            let whole = cells.iter().map(|cell| cell.unwrap_or_default());
+            PyArray1::from_iter(py, whole).into_any()
+        }
+        Column::Boolean(cells) => PyList::new(py, cells)?.into_any(),
+        Column::Text(cells) => PyList::new(py, cells.iter().map(|c| c.as_deref()))?.into_any(),
+    })
 }

@@ -114,11 +114,10 @@ pub(crate) fn readings_of_frame(
     let py = frame.py();
     let helpers = py.import(intern!(py, "trocar._arrays"))?;
     let table = helpers.call_method1(intern!(py, "table"), (frame,))?;
-    let described = |table: &Bound<'_, PyAny>| -> PyResult<(Vec<String>, Vec<String>, Vec<usize>)> {
-        helpers.call_method1(intern!(py, "described"), (table,))?.extract()
-    };
     let find = |table: &Bound<'_, PyAny>| {
-        let (names, units, timestamps) = described(table)?;
+        let described = helpers.call_method1(intern!(py, "described"), (table,))?;
+        let (names, units, timestamps): (Vec<String>, Vec<String>, Vec<usize>) =
+            described.extract()?;
         let found = TableColumns::find_with_units(name, &names, &units, &timestamps, columns);
         Ok::<_, PyErr>((names, found))
     };
@@ -306,7 +305,6 @@ impl Recording {
     #[pyo3(signature = (from_s=None, to_s=None))]
     fn crop(&self, py: Python<'_>, from_s: Option<f64>, to_s: Option<f64>) -> PyResult<Self> {
         let time = &self.record.time;
-        let at = |seconds: f64| time.partition_point(|t| t - time[0] < seconds);
         for (name, value) in [("from_s", from_s), ("to_s", to_s)] {
             finite(name, value.unwrap_or(0.0), "s")?;
         }
@@ -316,7 +314,9 @@ impl Recording {
                 "from_s is {from} s, expected less than to_s, {to} s"
             )));
         }
-        self.part(py, at(from)..at(to))
+        let [first, end] =
+            [from, to].map(|seconds| time.partition_point(|t| t - time[0] < seconds));
+        self.part(py, first..end)
     }
 
     /// Some samples in a row, as in `recording[1000:5000]`, as a recording of its own; `crop` takes

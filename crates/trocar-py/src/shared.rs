@@ -30,7 +30,7 @@ pub(crate) fn figures(
     py: Python<'_>,
     document: impl FnOnce() -> Document + Send + 'static,
 ) -> PyResult<Vec<Picture>> {
-    let draw = move || {
+    let drawn = run(py, How::default(), move |_| {
         let document = document();
         let svgs = report::vectors(&document)?;
         let figures = document.sections.into_iter().flat_map(|section| section.figures);
@@ -38,8 +38,8 @@ pub(crate) fn figures(
             .zip(svgs)
             .map(|(figure, (id, svg))| (id, figure.title, figure.caption, svg))
             .collect())
-    };
-    run(py, How::default(), move |_| draw())?.map_err(|error: report::ReportError| error.raise())
+    });
+    drawn?.map_err(|error: report::ReportError| error.raise())
 }
 
 /// Writes the page of a document to `path`, made off the lock; the file appears whole or not at
@@ -49,6 +49,8 @@ pub(crate) fn write_page(
     path: PathBuf,
     document: impl FnOnce() -> Document + Send + 'static,
 ) -> PyResult<()> {
-    let write = move || Ok(write_whole(&path, report::page(&document())?.as_bytes())?);
-    run(py, How::default(), move |_| write())?.map_err(|error: report::ReportError| error.raise())
+    let written = run(py, How::default(), move |_| {
+        Ok(write_whole(&path, report::page(&document())?.as_bytes())?)
+    });
+    written?.map_err(|error: report::ReportError| error.raise())
 }

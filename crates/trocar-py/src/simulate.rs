@@ -247,14 +247,13 @@ fn is_plain(time: &[f64], position: &[f64]) -> bool {
     /// Shortest duration, s, whose velocity over two metres is finite for sure.
     const SHORTEST: f64 = 1e-300;
     let (Some(&t), Some(&x)) = (time.first(), position.first()) else { return true };
-    let advances = |t: &[f64]| {
+    let advances = time.windows(2).fold(true, |all, t| {
         let duration = t[1] - t[0];
-        (duration > SHORTEST) & (duration < f64::INFINITY)
-    };
-    let is_near = |other: &f64| (other - x).abs() <= 0.5 * LONGEST_STROKE;
-    t.is_finite()
-        && time.windows(2).fold(true, |all, pair| all & advances(pair))
-        && position.iter().fold(true, |all, position| all & is_near(position))
+        all & (duration > SHORTEST) & (duration < f64::INFINITY)
+    });
+    let is_near =
+        position.iter().fold(true, |all, other| all & ((other - x).abs() <= 0.5 * LONGEST_STROKE));
+    t.is_finite() && advances && is_near
 }
 
 #[cold]

@@ -176,22 +176,15 @@ impl Stepper {
 /// Refuses what the model would ignore.
 fn check(name: &str, given: f64, displacement: f64, duration: f64) -> PyResult<()> {
     let unit = if name == "angle_rad" { "rad" } else { "m" };
-    let refuse = |text: String| Err(MotionError::new_err(text));
-    if !given.is_finite() {
-        return refuse(format!("{name} must be finite, got {} {unit}", number(given)));
-    }
-    if !(duration.is_finite() && duration > 0.0) {
-        return refuse(format!(
-            "duration_s must be positive and finite, got {} s",
-            number(duration)
-        ));
-    }
-    if !(displacement / duration).is_finite() {
-        return refuse(format!(
-            "{} {unit} within {} s is no finite velocity",
-            number(displacement),
-            number(duration)
-        ));
-    }
-    Ok(())
+    let problem = if !given.is_finite() {
+        format!("{name} must be finite, got {} {unit}", number(given))
+    } else if !(duration.is_finite() && duration > 0.0) {
+        format!("duration_s must be positive and finite, got {} s", number(duration))
+    } else if !(displacement / duration).is_finite() {
+        let (displacement, duration) = (number(displacement), number(duration));
+        format!("{displacement} {unit} within {duration} s is no finite velocity")
+    } else {
+        return Ok(());
+    };
+    Err(MotionError::new_err(problem))
 }

@@ -44,12 +44,11 @@ pub(crate) fn run<T: Send + 'static>(
     };
     let (sender, receiver) = mpsc::channel();
     let (flag, threads) = (cancel.clone(), how.threads);
-    let task = move || {
+    thread().spawn(move || {
         let outcome = catch_unwind(AssertUnwindSafe(|| flag.run(threads, || work(&report))));
         // Nobody listens any more to work that was cancelled.
         let _ = sender.send(outcome);
-    };
-    thread().spawn(task)?;
+    })?;
     outcome(py, receiver, &cancel, how.progress.as_ref(), &news)
 }
 
