@@ -161,34 +161,24 @@ fn is_closed_pipe(error: &anyhow::Error) -> bool {
 }
 
 fn is_bad_argument(error: &anyhow::Error) -> bool {
-    let reading = |error: &RecordingError| {
-        matches!(
-            error,
-            RecordingError::BadColumns { .. }
-                | RecordingError::OutOfRange { .. }
-                | RecordingError::HeavyMass { .. }
-                | RecordingError::GravityWithoutMass { .. }
-        )
-    };
-    let identifying = |error: &IdentifyError| matches!(error, IdentifyError::Degree(_));
     error.chain().any(|cause| {
         cause.is::<BadArgument>()
-            || cause.downcast_ref::<RecordingError>().is_some_and(reading)
+            || cause.downcast_ref::<RecordingError>().is_some_and(is_bad_reading)
             || cause.downcast_ref::<SimulateError>().is_some_and(|error| match error {
-                SimulateError::Motion(error) => reading(error),
+                SimulateError::Motion(error) => is_bad_reading(error),
                 SimulateError::NoDeflection { .. }
                 | SimulateError::NoResolution { .. }
                 | SimulateError::Output(OutputError::Extension { .. }) => true,
                 _ => false,
             })
             || cause.downcast_ref::<WorkflowError>().is_some_and(|error| match error {
-                WorkflowError::Recording(error) => reading(error),
-                WorkflowError::Identify(error) => identifying(error),
+                WorkflowError::Recording(error) => is_bad_reading(error),
+                WorkflowError::Identify(error) => matches!(error, IdentifyError::Degree(_)),
                 _ => false,
             })
-            || cause.downcast_ref::<IdentifyError>().is_some_and(identifying)
+            || matches!(cause.downcast_ref(), Some(IdentifyError::Degree(_)))
             || cause.downcast_ref::<CompareError>().is_some_and(|error| match error {
-                CompareError::Recording(error) => reading(error),
+                CompareError::Recording(error) => is_bad_reading(error),
                 CompareError::Twice { .. } => true,
                 _ => false,
             })
@@ -198,4 +188,14 @@ fn is_bad_argument(error: &anyhow::Error) -> bool {
                 Some(OutputError::IsInput { .. } | OutputError::Extension { .. })
             )
     })
+}
+
+fn is_bad_reading(error: &RecordingError) -> bool {
+    matches!(
+        error,
+        RecordingError::BadColumns { .. }
+            | RecordingError::OutOfRange { .. }
+            | RecordingError::HeavyMass { .. }
+            | RecordingError::GravityWithoutMass { .. }
+    )
 }

@@ -230,9 +230,9 @@ const FIRST: usize = 2;
 pub(crate) fn command() -> Command {
     EXAMPLES.iter().fold(Cli::command(), |all, (path, examples)| {
         let parts: Vec<&str> = path.split(' ').collect();
-        let after = |own| format!("{}\n\nRead on: trocar man {}", text(own), page(path));
-        let short = after(&examples[..examples.len().min(FIRST)]);
-        with_text(all, &parts, &short, &after(examples))
+        let [short, long] = [&examples[..examples.len().min(FIRST)], examples]
+            .map(|own| format!("{}\n\nRead on: trocar man {}", text(own), page(path)));
+        with_text(all, &parts, &short, &long)
     })
 }
 

@@ -72,6 +72,7 @@ pub(crate) fn check(matches: &ArgMatches) -> anyhow::Result<()> {
 
 /// The values of all arguments of one type.
 fn values<T: Clone + Send + Sync + 'static>(matches: &ArgMatches) -> Vec<T> {
-    let of = |id: &clap::Id| matches.try_get_many::<T>(id.as_str()).ok().flatten();
-    matches.ids().filter_map(of).flatten().cloned().collect()
+    let ids = matches.ids();
+    let given = ids.filter_map(|id| matches.try_get_many::<T>(id.as_str()).ok().flatten());
+    given.flatten().cloned().collect()
 }

@@ -43,11 +43,11 @@ impl Table {
         let mut from = 1;
         while from < columns || parts.is_empty() {
             let mut used = GAP + widths.first().copied().unwrap_or(0);
-            let fits = |width: &&usize| {
+            let fitting = widths.iter().skip(from).take_while(|width| {
                 used += GAP + **width;
                 used <= most
-            };
-            let count = widths.iter().skip(from).take_while(fits).count().max(1);
+            });
+            let count = fitting.count().max(1);
             parts.push(self.part(&widths, from..(from + count).min(columns)));
             from += count;
         }

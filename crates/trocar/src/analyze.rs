@@ -241,15 +241,14 @@ impl BranchPassage {
 
 /// Where the branch does not rise, in the order of the motion.
 fn softening(branch: &Branch, c: f64, direction: Direction) -> Vec<Interval> {
-    let at = |k: u32| c * (2.0 * f64::from(k) / f64::from(BRANCH_POINTS) - 1.0);
-    let softens = |k: u32| branch.stiffness(at(k)) <= 0.0;
     let mut found: Vec<Interval> = Vec::new();
     let mut start = None;
     for k in 0..=BRANCH_POINTS {
-        match (softens(k), start) {
-            (true, None) => start = Some(at(k)),
+        let z = c * (2.0 * f64::from(k) / f64::from(BRANCH_POINTS) - 1.0);
+        match (branch.stiffness(z) <= 0.0, start) {
+            (true, None) => start = Some(z),
             (false, Some(from_m)) => {
-                found.push(Interval { from_m, to_m: at(k) });
+                found.push(Interval { from_m, to_m: z });
                 start = None;
             }
             _ => {}

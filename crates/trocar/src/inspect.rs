@@ -292,10 +292,9 @@ impl Course {
     fn view(self, column: &trocar_recording::Column) -> ColumnView {
         let seen = self.lowest <= self.highest;
         // Rounding makes no mean of equal values another value.
-        let mean = |(sum, count): &(f64, u64)| match count {
-            0 => f64::NAN,
-            _ => (sum / *count as f64).clamp(self.lowest, self.highest),
-        };
+        let groups = self.groups.iter().filter(|(_, count)| *count > 0);
+        let means =
+            groups.map(|(sum, count)| (sum / *count as f64).clamp(self.lowest, self.highest));
         ColumnView {
             name: column.name.clone(),
             unit: column
@@ -305,7 +304,7 @@ impl Course {
             lowest: seen.then_some(self.lowest),
             highest: seen.then_some(self.highest),
             not_finite: self.not_finite,
-            course: self.groups.iter().map(mean).filter(|mean| mean.is_finite()).collect(),
+            course: means.filter(|mean| mean.is_finite()).collect(),
             rises: seen && self.rises && self.lowest < self.highest,
         }
     }

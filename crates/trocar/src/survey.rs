@@ -61,10 +61,10 @@ impl RecordingSurvey {
     fn new(recording: &Recording, options: &SegmentOptions) -> Self {
         let strokes = strokes(recording, reversal_threshold(recording));
         let steady_segments = steady_segments(recording, &strokes, options);
-        let speeds = |direction: Direction| {
+        let [insertion_speeds, withdrawal_speeds] = Direction::BOTH.map(|direction| {
             let own = steady_segments.iter().filter(|s| strokes[s.stroke].direction == direction);
             different(own.map(|s| s.velocity.abs()).collect())
-        };
+        });
         Self {
             name: recording.name.clone(),
             samples: recording.len(),
@@ -72,8 +72,8 @@ impl RecordingSurvey {
             stroke: recording.quality.stroke,
             force: range(&recording.force),
             reversals: strokes.iter().filter(|stroke| stroke.starts_at_reversal).count(),
-            insertion_speeds: speeds(Direction::Insertion),
-            withdrawal_speeds: speeds(Direction::Withdrawal),
+            insertion_speeds,
+            withdrawal_speeds,
             strokes: strokes.len(),
             steady_segments: steady_segments.len(),
         }

@@ -3,7 +3,9 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use trocar::analyze::{Analysis, BranchPassage, ElementAnalysis, SteadyState, analyze};
+use trocar::analyze::{
+    Analysis, BranchPassage, CycleWork, ElementAnalysis, SpeedRange, SteadyState, analyze,
+};
 use trocar::model_file::ModelFile;
 use trocar::profile::{is_passive, storage_length};
 
@@ -60,14 +62,10 @@ fn text(analysis: &Analysis) -> String {
         }
         element_text(&mut text, element);
     }
-    heading(
-        &mut text,
-        analysis.cycle_work.holds,
-        "Energy of full cycles",
-        &analysis.cycle_work.verdict,
-    );
+    let CycleWork { cycles, holds, verdict } = &analysis.cycle_work;
+    heading(&mut text, *holds, "Energy of full cycles", verdict);
     let mut table = Table::headed(["speed mm/s", "work mJ", "sliding alone mJ"]);
-    for cycle in &analysis.cycle_work.cycles {
+    for cycle in cycles {
         table.row(
             [1e3 * cycle.speed_m_s, 1e3 * cycle.work_j, 1e3 * cycle.sliding_work_j].map(number),
         );
@@ -108,14 +106,13 @@ fn element_text(text: &mut String, element: &ElementAnalysis) {
     for found in &element.stability.stick_slip {
         let _ = writeln!(
             text,
-            "    stick-slip on {}: {} to {} N at {} mm/s, {} Hz; unstable from {} to {} mm/s\n",
+            "    stick-slip on {}: {} to {} N at {} mm/s, {} Hz; unstable from {}\n",
             found.direction.name(),
             number(found.lowest_force_n),
             number(found.highest_force_n),
             number(1e3 * found.speed_m_s),
             number(found.frequency_hz),
-            number(1e3 * found.unstable.from_m_s),
-            number(1e3 * found.unstable.to_m_s)
+            in_words(found.unstable)
         );
     }
 }
@@ -136,11 +133,14 @@ fn branch_text(text: &mut String, branch: &BranchPassage) {
     if let Some(range) = branch.bistable {
         let _ = writeln!(
             text,
-            "      two equilibria from {} to {} mm/s: which one depends on the past",
-            number(1e3 * range.from_m_s),
-            number(1e3 * range.to_m_s)
+            "      two equilibria from {}: which one depends on the past",
+            in_words(range)
         );
     }
+}
+
+fn in_words(SpeedRange { from_m_s, to_m_s }: SpeedRange) -> String {
+    format!("{} to {} mm/s", number(1e3 * from_m_s), number(1e3 * to_m_s))
 }
 
 fn steady_table(steady: &SteadyState) -> String {

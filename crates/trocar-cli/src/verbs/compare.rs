@@ -126,20 +126,16 @@ fn answer(comparison: &Comparison) -> String {
         "standard errors behind",
     ];
     let mut table = Table::headed(columns);
-    let behind = |entry: &Entry| {
-        comparison
-            .margin(entry)
-            .map_or_else(|| "-".to_owned(), |m| format!("{:.1}", m.standard_errors))
-    };
     for family in comparison.families() {
         let entry = best_of(&family);
+        let behind = comparison.margin(entry).map(|m| format!("{:.1}", m.standard_errors));
         table.row([
             entry.title(),
             entry.parameters.to_string(),
             number(entry.scores.validate_rms_n),
             format!("{:.2}", entry.scores.fit_percent),
             number(entry.scores.worst_reversal_n),
-            behind(entry),
+            behind.unwrap_or_else(|| "-".to_owned()),
         ]);
     }
     format!("{}\n{}\n", table.to_text(), comparison.verdict())

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use trocar::compensate::{
-    CompensateOptions, Compensation, Compensator, Fault, MOST_DRAWS, StreamOptions, compensate_file,
+    CompensateOptions, Compensation, Compensator, Fault, FaultCount, MOST_DRAWS, StreamOptions,
+    compensate_file,
 };
 use trocar::many::evenly;
 use trocar::model_file::{ErrorSource, ForceError, ModelFile};
@@ -73,13 +74,18 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let is_stream = args.recording.as_os_str() == "-" || (args.recording.exists() && !is_file);
     let stream = StreamOptions { choice: &choice, live: is_stream };
     let progress = Progress::new(console);
-    let report = |part, rows| progress.report_rows("compensating", part, rows);
-    let tell = |fault: Fault, line: u64| {
-        if is_stream {
-            console.warn(&format!("line {line}: {}", fault.words()));
-        }
-    };
-    let done = compensate_file(&args.recording, stream, &mut observer, &args.out, report, tell)?;
+    let done = compensate_file(
+        &args.recording,
+        stream,
+        &mut observer,
+        &args.out,
+        |part, rows| progress.report_rows("compensating", part, rows),
+        |fault, line| {
+            if is_stream {
+                console.warn(&format!("line {line}: {}", fault.words()));
+            }
+        },
+    )?;
     drop(progress);
     say_outcome(console, args, &done);
     let spoilt =
@@ -109,12 +115,10 @@ fn say_outcome(console: &Console, args: &Args, done: &Compensation) {
     if done.is_by_own_header {
         say_own_header(console, &args.recording);
     }
-    for count in &done.faults {
-        let (words, line, rows) = (count.fault.words(), count.first_line, count.rows);
-        console.warn(&format!(
-            "{}: {rows} rows, from line {line} on: {words}",
-            args.recording.display()
-        ));
+    for FaultCount { fault, first_line, rows } in &done.faults {
+        let file = args.recording.display();
+        let words = fault.words();
+        console.warn(&format!("{file}: {rows} rows, from line {first_line} on: {words}"));
     }
     if done.angle_missing {
         console.warn(&format!(

@@ -86,13 +86,13 @@ fn record_all(
     std::fs::create_dir_all(&folder)?;
     let stages = seal.stages()?;
     let all: Vec<Protocol> = TRAINING.into_iter().chain(HELD_OUT).collect();
-    let record = |protocol: &Protocol| {
+    let recordings = all.par_iter().map(|protocol| {
         let run = bench::run(config, *protocol, stages.elements(), seed)?;
         let path = folder.join(format!("{protocol}.csv"));
         run.write(&path)?;
         Ok(read(&path, &ReadOptions::default())?)
-    };
-    all.par_iter().map(record).collect()
+    });
+    recordings.collect()
 }
 
 /// Ten lines: the estimates next to the true values.

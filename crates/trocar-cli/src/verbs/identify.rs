@@ -12,7 +12,7 @@ use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
 use trocar::report::write_workflow;
 use trocar::segment::SegmentOptions;
-use trocar::survey::Survey;
+use trocar::survey::{RecordingSurvey, Survey};
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{MAX_DEGREE, ParameterId, Quantity, Unit};
 
@@ -114,11 +114,13 @@ pub(crate) struct Args {
 struct Degrees([usize; 2]);
 
 fn degrees(text: &str) -> Result<Degrees, String> {
-    let degree =
-        |text: &str| text.trim().parse().ok().filter(|degree| (2..=MAX_DEGREE).contains(degree));
-    let wrong = || format!("expected two degrees between 2 and {MAX_DEGREE}, such as 4,4");
-    let (left, right) = text.split_once(',').ok_or_else(wrong)?;
-    Ok(Degrees([degree(left).ok_or_else(wrong)?, degree(right).ok_or_else(wrong)?]))
+    let degrees = text.split(',').map(|text| text.trim().parse().ok());
+    match degrees.collect::<Option<Vec<_>>>().as_deref() {
+        Some([left, right]) if [left, right].iter().all(|own| (2..=MAX_DEGREE).contains(*own)) => {
+            Ok(Degrees([*left, *right]))
+        }
+        _ => Err(format!("expected two degrees between 2 and {MAX_DEGREE}, such as 4,4")),
+    }
 }
 
 /// Number of posterior draws.
@@ -133,8 +135,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
     let held_out = recordings.split_off(args.recordings.len());
-    let seen = |held: &&Recording| recordings.iter().any(|r| r.sha256 == held.sha256);
-    let overlap: Vec<&str> = held_out.iter().filter(seen).map(|r| r.name.as_str()).collect();
+    let seen = held_out.iter().filter(|own| recordings.iter().any(|r| r.sha256 == own.sha256));
+    let overlap: Vec<&str> = seen.map(|r| r.name.as_str()).collect();
     if !overlap.is_empty() {
         console.warn(&format!(
             "{}: validated on what it was identified from: no validation",
@@ -160,9 +162,8 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
     let staged = StagedFolder::create(&args.out)?;
     let mut done = run_workflow(console, recordings, held_out, moving_mass, options)?;
     done.command = Some(command_line(args));
-    let metres = |values: &[f64]| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>();
-    let (deflections, speeds) =
-        (metres(&args.figure_7_deflection_mm), metres(&args.figure_9_speed_mm_s));
+    let [deflections, speeds] = [&args.figure_7_deflection_mm, &args.figure_9_speed_mm_s]
+        .map(|values| values.iter().map(|value| 1e-3 * value).collect::<Vec<f64>>());
     write_workflow(
         &done,
         &staged,
@@ -227,8 +228,8 @@ pub(crate) fn run_workflow(
     moving_mass: MovingMass,
     options: IdentifyOptions,
 ) -> anyhow::Result<Workflow> {
-    let warned = |r: &Recording| r.quality.warnings.clone().into_iter().map(|w| w.message);
-    let printed: Vec<String> = recordings.iter().flat_map(warned).collect();
+    let warnings = recordings.iter().flat_map(|r| &r.quality.warnings);
+    let printed: Vec<String> = warnings.map(|w| w.message.clone()).collect();
     let limits = print_survey(console, &recordings, &options.segment);
     say_how_read(console, recordings.iter().chain(&held_out));
     let progress = Progress::new(console);
@@ -252,16 +253,14 @@ pub(crate) fn print_survey(
     options: &SegmentOptions,
 ) -> usize {
     let survey = Survey::new(recordings, options);
-    for r in &survey.recordings {
+    for own in &survey.recordings {
+        let RecordingSurvey { name, samples, duration, stroke, .. } = own;
         console.remark(&format!(
-            "{}: {} samples, {:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
-            r.name,
-            r.samples,
-            r.duration,
-            1e3 * r.stroke,
-            counted(r.strokes, "stroke", "strokes"),
-            counted(r.reversals, "reversal", "reversals"),
-            speeds(&r.insertion_speeds, &r.withdrawal_speeds)
+            "{name}: {samples} samples, {duration:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
+            1e3 * stroke,
+            counted(own.strokes, "stroke", "strokes"),
+            counted(own.reversals, "reversal", "reversals"),
+            speeds(&own.insertion_speeds, &own.withdrawal_speeds)
         ));
     }
     survey.limits.iter().for_each(|limit| console.remark(&format!("note: {limit}")));
@@ -274,17 +273,17 @@ pub(crate) fn counted(count: usize, one: &str, many: &str) -> String {
 }
 
 pub(crate) fn speeds(insertion: &[f64], withdrawal: &[f64]) -> String {
-    let range = |speeds: &[f64]| match speeds {
+    if insertion.is_empty() && withdrawal.is_empty() {
+        return "nowhere".to_owned();
+    }
+    let [insertion, withdrawal] = [insertion, withdrawal].map(|speeds| match speeds {
         [] => "none".to_owned(),
         [one] => format!("{:.1} mm/s", 1e3 * one),
         [slowest, .., fastest] => {
             format!("{} speeds of {:.1} to {:.1} mm/s", speeds.len(), 1e3 * slowest, 1e3 * fastest)
         }
-    };
-    match (insertion, withdrawal) {
-        ([], []) => "nowhere".to_owned(),
-        _ => format!("in insertion {}, in withdrawal {}", range(insertion), range(withdrawal)),
-    }
+    });
+    format!("in insertion {insertion}, in withdrawal {withdrawal}")
 }
 
 /// The messages with what they concern, in the words of the table.

@@ -115,7 +115,8 @@ fn rows_in_words(table: &TableView) -> String {
 }
 
 fn column_in_words(column: &ColumnView) -> [String; 6] {
-    let shown = |value: Option<f64>| value.map_or("-".to_owned(), number);
+    let [lowest, highest] =
+        [column.lowest, column.highest].map(|value| value.map_or("-".to_owned(), number));
     let not_finite =
         if column.not_finite > 0 { column.not_finite.to_string() } else { "-".to_owned() };
     let unit = column.unit.clone().unwrap_or_else(|| "-".to_owned());
@@ -124,7 +125,7 @@ fn column_in_words(column: &ColumnView) -> [String; 6] {
     } else {
         format!("{:<WIDTH$}", "no numbers")
     };
-    [column.name.clone(), unit, shown(column.lowest), shown(column.highest), not_finite, course]
+    [column.name.clone(), unit, lowest, highest, not_finite, course]
 }
 
 /// Eight bar heights, from the lowest mean to the highest.

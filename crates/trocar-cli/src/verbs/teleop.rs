@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use trocar::output::StagedFolder;
 use trocar::report::teleop::{COURSE, Source, Sources, TeleopReport};
-use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep, Tried};
+use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep};
 use trocar::teleop::config::{Architecture, shipped};
 use trocar::teleop::merit::Merit;
 use trocar::teleop::stability::ZWidth;
@@ -120,8 +120,11 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
         TeleopReport { study: &study, sources }.write(&staged)?;
         staged.commit()?;
     }
-    let words = || format!("{}{}{}", which(args, &study.config), text(&study), meaning(&study));
-    console::print(&if args.json { study.summary().to_json() } else { words() })?;
+    let answer = match args.json {
+        true => study.summary().to_json(),
+        false => format!("{}{}{}", which(args, &study.config), text(&study), meaning(&study)),
+    };
+    console::print(&answer)?;
     if let Some(folder) = &args.out {
         console.remark(&format!("report: {}", folder.join("report.html").display()));
     }
@@ -347,12 +350,12 @@ fn tried(advice: &Advice) -> String {
 
 /// Fractions with which the loop is stable with some of the trocars, and with how many.
 fn partly_stable(advice: &Advice) -> String {
-    let is_partly = |tried: &&Tried| tried.stable_share > 0.0 && !tried.stable;
-    let held = |tried: &Tried| {
+    let partly = advice.tried.iter().filter(|tried| tried.stable_share > 0.0 && !tried.stable);
+    let partly = partly.map(|tried| {
         let count = (tried.stable_share * advice.pairs as f64).round();
         format!("{} % ({count})", number(100.0 * tried.fraction))
-    };
-    let partly: Vec<String> = advice.tried.iter().filter(is_partly).map(held).collect();
+    });
+    let partly: Vec<String> = partly.collect();
     if partly.is_empty() {
         return String::new();
     }

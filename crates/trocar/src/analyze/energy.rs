@@ -1,7 +1,7 @@
 //! Energy over full cycles, and the error of the step.
 
 use serde::Serialize;
-use trocar_model::{Element, Friction, Stages, StagesState};
+use trocar_model::{ElementParams, Friction, Stages, StagesState};
 
 use super::is_exact;
 
@@ -104,14 +104,17 @@ impl Cycle {
     fn of(stages: &Stages, speed_m_s: f64) -> Self {
         let stroke_m = 5.0 * stages.half_width();
         let steps = (stroke_m / (speed_m_s * SAMPLE)).ceil() as usize;
-        let stroke = |s: f64| std::iter::repeat_n(s * stroke_m / steps as f64, steps);
+        let [inward, outward] =
+            [1.0, -1.0].map(|s| std::iter::repeat_n(s * stroke_m / steps as f64, steps));
+        let cycle = inward.chain(outward);
         let mut run = Run::new(stages);
-        run.work(stroke(1.0).chain(stroke(-1.0)));
-        let work_j = run.work(stroke(1.0).chain(stroke(-1.0)));
-        let sliding = |e: &Element| {
-            e.params().insertion.force(speed_m_s) + e.params().withdrawal.force(speed_m_s)
-        };
-        let sliding_work_j = stroke_m * stages.elements().iter().map(sliding).sum::<f64>();
+        run.work(cycle.clone());
+        let work_j = run.work(cycle);
+        let sliding = stages.elements().iter().map(|element| {
+            let ElementParams { insertion, withdrawal, .. } = element.params();
+            insertion.force(speed_m_s) + withdrawal.force(speed_m_s)
+        });
+        let sliding_work_j = stroke_m * sliding.sum::<f64>();
         Self { speed_m_s, stroke_m, work_j, sliding_work_j }
     }
 }

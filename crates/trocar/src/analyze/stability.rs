@@ -148,23 +148,16 @@ impl StickSlip {
         let step = STEP.min(reload / 500.0);
         let mut state = element.rest_state(0.0);
         let way = (10.0 * c / speed / step) as usize;
-        let mut run = |steps: usize, mut see: Box<dyn FnMut(f64) + '_>| {
-            for _ in 0..steps {
-                see(direction.sign()
-                    * element.step_velocity(&mut state, direction.sign() * speed, step));
-            }
-        };
-        run(way.min(2_000_000), Box::new(|_| ()));
-        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        let sign = direction.sign();
+        for _ in 0..way.min(2_000_000) {
+            element.step_velocity(&mut state, sign * speed, step);
+        }
         let watched = (10.0 * reload / step) as usize;
-        let mut forces = Vec::with_capacity(watched);
-        run(
-            watched,
-            Box::new(|force| {
-                (low, high) = (low.min(force), high.max(force));
-                forces.push(force);
-            }),
-        );
+        let forces =
+            (0..watched).map(|_| sign * element.step_velocity(&mut state, sign * speed, step));
+        let forces: Vec<f64> = forces.collect();
+        let low = forces.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = forces.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let middle = 0.5 * (low + high);
         let rises = forces.windows(2).filter(|pair| pair[0] < middle && pair[1] >= middle).count();
         let frequency_hz = if rises > 1 { rises as f64 / (watched as f64 * step) } else { 0.0 };

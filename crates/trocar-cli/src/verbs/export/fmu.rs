@@ -115,11 +115,11 @@ fn binaries(
     named: &[(Platform, PathBuf)],
 ) -> anyhow::Result<Vec<Binary>> {
     let mut binaries = read(named)?;
-    let is_named = |platform: &Platform| named.iter().any(|(other, _)| other == platform);
     let chosen = if platforms.is_empty() { inside.platforms()? } else { platforms.to_vec() };
     let mut wanted: Vec<Platform> = Vec::new();
     for platform in chosen {
-        if !is_named(&platform) && !wanted.contains(&platform) {
+        let is_named = named.iter().any(|(other, _)| *other == platform);
+        if !is_named && !wanted.contains(&platform) {
             wanted.push(platform);
         }
     }

@@ -47,12 +47,14 @@ fn of_seal(text: &mut String, known: &CompensatorConstants, filling: &Filling) {
     }
     match seal {
         Seal::Ems(stages) => {
-            let params = || stages.elements().iter().map(|element| element.params());
-            let limits: Vec<f64> =
-                params().map(|p| p.insertion.static_force + p.withdrawal.static_force).collect();
+            let params = stages.elements().iter().map(|element| element.params());
+            let limits: Vec<f64> = params
+                .clone()
+                .map(|p| p.insertion.static_force + p.withdrawal.static_force)
+                .collect();
             table(text, "trocar_static_force_n", &limits);
             constant(text, "trocar_all_static_n", limits.iter().sum());
-            let rows: Vec<String> = params()
+            let rows: Vec<String> = params
                 .map(|p| {
                     [&p.withdrawal, &p.insertion].map(|s| number(s.viscous_damping)).join(", ")
                 })

@@ -110,14 +110,14 @@ fn fill_values(filling: &mut Filling, prefix: &str, elements: usize, terms: usiz
 
 /// Four terms of a series by Estrin's scheme, beginning with `first`, without missing ones.
 fn half_of_series(first: usize, terms: usize) -> String {
-    let pair = |k: usize| match terms.saturating_sub(k) {
+    let pairs = [first, first + 2].map(|k| match terms.saturating_sub(k) {
         0 => None,
         1 => Some(format!("a[{k}][i]")),
         _ => Some(format!("(a[{k}][i] + a[{}][i] * t)", k + 1)),
-    };
-    match (pair(first), pair(first + 2)) {
-        (Some(low), Some(high)) => format!("{low} + {high} * t2"),
-        (low, _) => low.unwrap_or_default(),
+    });
+    match pairs {
+        [Some(low), Some(high)] => format!("{low} + {high} * t2"),
+        [low, _] => low.unwrap_or_default(),
     }
 }
 

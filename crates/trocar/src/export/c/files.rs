@@ -34,7 +34,11 @@ impl CFiles {
 pub fn stem(path: &Path) -> Result<&str, CError> {
     let name = path.file_name().and_then(|name| name.to_str());
     let stem = name.and_then(|name| name.strip_suffix(".c"));
-    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | ' ' | '+');
-    stem.filter(|stem| !stem.is_empty() && stem.chars().all(plain))
+    let plain = stem.filter(|stem| {
+        let mut characters = stem.chars();
+        characters.all(|c| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | ' ' | '+'))
+    });
+    plain
+        .filter(|stem| !stem.is_empty())
         .ok_or_else(|| CError::FileName { found: path.display().to_string() })
 }
