@@ -33,7 +33,7 @@ const AGREEING: usize = 3;
 /// | ε      | width: travel that is lost at each start       | m    | >= 0; 1.5 resolutions          |
 /// | w      | 7/6·ε: half the travel that counts as reversal | m    | 1.75 resolutions               |
 ///
-/// The last change of p is the [`Direction`]; when it turns, that sample carries a [`Reversal`].
+/// The last change of p is the [`Direction`]; when it turns, that sample carries the turning point.
 ///
 /// - **Invariants**: |x_f - x| <= ε; while the position stays within a band of 2ε, x_f moves by ε at most in all, and
 ///   only to one side; the displacement of a monotone motion does not depend on how it is cut; ε = 0 passes everything.
@@ -67,15 +67,6 @@ pub struct BacklashFilter {
     half_turn: f64,
 }
 
-/// The motion has turned.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Reversal {
-    /// Direction from here on.
-    pub to: Direction,
-    /// Furthest position that three readings in a row reached before, m.
-    pub turning_point: f64,
-}
-
 /// Everything that changes while a filter runs. The first position starts it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BacklashState {
@@ -91,7 +82,8 @@ struct Track {
     /// p, m.
     agreed: f64,
     direction: Option<Direction>,
-    reversal: Option<Reversal>,
+    /// Where the last position made a reversal certain, m.
+    turning_point: Option<f64>,
 }
 
 impl BacklashState {
@@ -105,9 +97,10 @@ impl BacklashState {
         self.track.and_then(|track| track.direction)
     }
 
-    /// The reversal that the last position made certain, if it did.
-    pub fn reversal(&self) -> Option<Reversal> {
-        self.track.and_then(|track| track.reversal)
+    /// If the last position made a reversal certain, the furthest position that three readings in a
+    /// row reached before it, m.
+    pub fn turning_point(&self) -> Option<f64> {
+        self.track.and_then(|track| track.turning_point)
     }
 }
 
@@ -164,7 +157,7 @@ impl BacklashFilter {
 impl Track {
     fn at(position: f64) -> Self {
         let recent = [position; AGREEING - 1];
-        Self { filtered: position, recent, agreed: position, direction: None, reversal: None }
+        Self { filtered: position, recent, agreed: position, direction: None, turning_point: None }
     }
 
     /// Moves p, and tells by it where the motion goes.
@@ -173,7 +166,7 @@ impl Track {
         let high = self.recent.iter().fold(position, |high, x| high.max(*x));
         self.recent.rotate_left(1);
         self.recent[AGREEING - 2] = position;
-        self.reversal = None;
+        self.turning_point = None;
         let agreed = backlash(self.agreed, low, high, half_turn);
         let to = match agreed.partial_cmp(&self.agreed) {
             Some(core::cmp::Ordering::Greater) => Direction::Insertion,
@@ -182,7 +175,7 @@ impl Track {
         };
         if self.direction.is_some_and(|before| before != to) {
             let reach = if to == Direction::Insertion { -half_turn } else { half_turn };
-            self.reversal = Some(Reversal { to, turning_point: self.agreed + reach });
+            self.turning_point = Some(self.agreed + reach);
         }
         self.direction = Some(to);
         self.agreed = agreed;

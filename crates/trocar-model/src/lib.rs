@@ -108,7 +108,7 @@ pub mod sliding;
 mod slip;
 pub mod tuning;
 
-pub use backlash::{BacklashFilter, BacklashState, Reversal};
+pub use backlash::{BacklashFilter, BacklashState};
 pub use classical::*;
 pub use damping::SealDamping;
 pub use direction::Direction;
