@@ -741,12 +741,12 @@ impl From<&Branch> for BranchText {
 
 impl BranchText {
     fn branch(&self, place: &str) -> Result<Branch, ModelFileError> {
-        let piece = |i: usize| {
+        let [before, after] = [0, 1].map(|i| {
             let text = &self.pieces[i];
             Piece::new(text.from_m, text.to_m, &text.legendre_n)
                 .map_err(parameter(&format!("{place}.pieces[{i}]")))
-        };
-        let branch = Branch::new(piece(0)?, piece(1)?).map_err(parameter(place))?;
+        });
+        let branch = Branch::new(before?, after?).map_err(parameter(place))?;
         let (join, stated) = (branch.join(), self.join_m);
         if (join - stated).abs() > INTERVAL_TOLERANCE * branch.half_width() {
             let what = format!("join_m is {stated}, but the pieces meet at {join}");

@@ -35,7 +35,7 @@ impl Drawn {
         let ratio = |own: f64, wanted: f64| {
             if follows && own > 0.0 && wanted > 0.0 { wanted / own } else { 1.0 }
         };
-        let of = |stages: &Stages| {
+        let drawn = draws.iter().map(|stages| {
             let own = whole.with_seal(Seal::Ems(*stages));
             let scale = ratio(coulomb_force(stages), coulomb_force(model));
             Self {
@@ -45,8 +45,8 @@ impl Drawn {
                 // Driven by x/s with the force multiplied by s, β stays what it is.
                 viscosity: ratio(viscous_damping(stages), viscous_damping(model)),
             }
-        };
-        draws.iter().map(of).collect()
+        });
+        drawn.collect()
     }
 
     /// At rest with `force`, N.

@@ -236,8 +236,9 @@ impl Visit for Reader {
 
     fn choice<T: Choice>(&mut self, chosen: &mut T) -> Result<(), Refused> {
         let found = self.take(T::KEY)?;
-        let is_it = |name: &str| matches!(&found, Member::Word(word) if word == name);
-        let Some((one, _)) = T::ALL.iter().find(|(_, name)| is_it(name)) else {
+        let named =
+            T::ALL.iter().find(|(_, name)| matches!(&found, Member::Word(word) if word == name));
+        let Some((one, _)) = named else {
             let names: Vec<&str> = T::ALL.iter().map(|(_, name)| *name).collect();
             return Err(self.wrong(T::KEY, &names.join(" or "), &found).into());
         };

@@ -398,20 +398,22 @@ fn enter(field: &Field, wanted: &[Wanted], at: &mut Vec<usize>, registers: &[Reg
                 wanted.iter().filter_map(|(path, _)| element(path)).collect();
             elements.sort_unstable();
             elements.dedup();
-            let enter = |k: usize| {
+            let entered = elements.into_iter().map(|k| {
                 let of_it: Vec<Wanted> = wanted
                     .iter()
                     .filter(|(path, _)| element(path) == Some(k))
                     .map(|(path, row)| (&path[1..], *row))
                     .collect();
                 (k, compile(inner, &of_it, &mut vec![usize::MAX], registers, false))
-            };
-            Action::EnterSome(inner.clone(), arity, elements.into_iter().map(enter).collect())
+            });
+            Action::EnterSome(inner.clone(), arity, entered.collect())
         }
         (kind, Arity::One) => Action::Take(kind.clone(), wanted[0].1),
         (kind, arity) => {
-            let pick = |(path, row): &Wanted| Some((pick(path.first()?, registers)?, *row));
-            Action::TakeSome(kind.clone(), arity, wanted.iter().filter_map(pick).collect())
+            let picked = wanted
+                .iter()
+                .filter_map(|(path, row)| Some((pick(path.first()?, registers)?, *row)));
+            Action::TakeSome(kind.clone(), arity, picked.collect())
         }
     }
 }

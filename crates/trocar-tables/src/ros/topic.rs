@@ -353,11 +353,12 @@ impl Extractor {
             block.undecoded += 1;
         }
         block.log.push(log);
-        let since = |time: u64| cdr::seconds((time as i64).wrapping_sub(self.log));
+        let [log, publish] =
+            [log, publish].map(|time| cdr::seconds((time as i64).wrapping_sub(self.log)));
         for (output, column) in self.outputs.iter().zip(&mut block.columns) {
             column.push(match output {
-                Output::Log => since(log),
-                Output::Publish => since(publish),
+                Output::Log => log,
+                Output::Publish => publish,
                 Output::Field(place) => self.row[*place],
                 Output::Missing => f64::NAN,
             });
@@ -454,8 +455,8 @@ impl Visitor for Lister<'_> {
 impl Lister<'_> {
     /// The nearest array of `count` names at the level of the array at `path` or further out.
     fn labels_for(&self, path: &[usize], count: usize) -> Option<(Names, Vec<String>)> {
-        let reaches = |of: &[usize]| path.starts_with(&of[..of.len() - 1]);
-        let fitting = self.names.iter().filter(|(of, names)| names.len() == count && reaches(of));
+        let names = self.names.iter().filter(|(_, names)| names.len() == count);
+        let fitting = names.filter(|(of, _)| path.starts_with(&of[..of.len() - 1]));
         fitting.max_by_key(|(of, _)| of.len()).map(|(of, names)| (Names(of.clone()), names.clone()))
     }
 }

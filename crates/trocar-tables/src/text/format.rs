@@ -171,14 +171,14 @@ impl Marks {
 
     /// The format with the decimal mark that the cells prove.
     pub fn settle(&self, format: Format) -> Format {
-        let is_group = |k: usize| {
+        let are_groups = [0, 1].map(|k| {
             !self.of[k].is_decimal
                 && (self.of[k].is_group
                     || self.columns.iter().any(|own| own[k].ends_in_zero && own[k].has_small))
-        };
-        match (is_group(0), is_group(1)) {
-            (true, false) => Format { decimal_comma: true, grouped: true, ..format },
-            (false, true) => Format { decimal_comma: false, grouped: true, ..format },
+        });
+        match are_groups {
+            [true, false] => Format { decimal_comma: true, grouped: true, ..format },
+            [false, true] => Format { decimal_comma: false, grouped: true, ..format },
             _ => {
                 // Where commas are certainly decimal, points are not, unless one of them is.
                 let [points, commas] = self.of;
