@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use trocar::bench::published::{Printed, PublishedError, Quantity, Study, studies, study};
+use trocar::bench::published::{Printed, PublishedError, Quantity, studies, study};
 use trocar::bench::{PlausibleSeals, random_seal};
 
 /// Rounding of a product of two numbers.
@@ -38,7 +38,9 @@ fn all_ranges_of_a_study_count_and_a_narrow_one_is_kept() {
     let with = |ranges: &[[f64; 2]]| {
         let force = &study("dobbelsteen-2007").unwrap().numbers[0];
         let numbers = ranges.iter().map(|range| Printed { range: *range, ..force.clone() });
-        Study { numbers: numbers.collect(), ..study("dobbelsteen-2007").unwrap().clone() }
+        let mut study = study("dobbelsteen-2007").unwrap().clone();
+        study.numbers = numbers.collect();
+        study
     };
     assert_eq!(with(&[[1.0, 3.0], [0.5, 2.0]]).friction_force(), Some([0.5, 3.0]));
     for [low, high] in [[2.0, 2.0], [2.0, 2.01]] {

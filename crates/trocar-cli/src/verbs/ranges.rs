@@ -91,7 +91,7 @@ fn table(studies: &[Study]) -> String {
             study.trocar.clone(),
             study.friction_force().map_or("not printed".to_owned(), span),
             conditions.collect::<Vec<_>>().join("; "),
-            study.read.name().to_owned(),
+            study.read().to_owned(),
             study.source.clone(),
         ]);
     }
@@ -112,7 +112,7 @@ fn details(study: &Study) -> String {
         line("seal", seal);
     }
     line("instrument", &study.instrument);
-    line("source", &format!("{} in SOURCES.md, read: {}", study.source, study.read.name()));
+    line("source", &format!("{} in SOURCES.md, read: {}", study.source, study.read()));
     for number in &study.numbers {
         let (name, unit) = number.quantity.words();
         let about = if number.about { "about " } else { "" };

@@ -30,8 +30,7 @@ pub struct Study {
     pub key: String,
     /// Key of the citation in SOURCES.md.
     pub source: String,
-    /// How much of it was read.
-    pub read: Extent,
+    read: Extent,
     /// The trocars.
     pub trocar: String,
     /// The seals, where they are described.
@@ -49,23 +48,11 @@ pub struct Study {
 
 /// How much of a publication was read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Extent {
-    /// Its abstract.
+enum Extent {
     #[serde(rename = "abstract")]
     Abstract,
-    /// All of it.
     #[serde(rename = "full text")]
     FullText,
-}
-
-impl Extent {
-    /// The words of the document.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Abstract => "abstract",
-            Self::FullText => "full text",
-        }
-    }
 }
 
 /// A printed number or range.
@@ -174,6 +161,14 @@ fn keys(wanted: impl Fn(&&Study) -> bool) -> String {
 }
 
 impl Study {
+    /// How much of it was read: "abstract" or "full text".
+    pub const fn read(&self) -> &'static str {
+        match self.read {
+            Extent::Abstract => "abstract",
+            Extent::FullText => "full text",
+        }
+    }
+
     /// The printed friction force, N: from the lowest to the highest of all its ranges.
     pub fn friction_force(&self) -> Option<[f64; 2]> {
         let forces = self.numbers.iter().filter(|own| own.quantity == Quantity::FrictionForceN);
