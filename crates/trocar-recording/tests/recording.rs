@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use proptest::prelude::*;
 use skipped::skipped;
 use trocar_recording::{
-    Choice, ReadOptions, Readings, Recording, WarningKind, local_acceleration, local_velocity, read,
+    Choice, ReadOptions, Readings, Recording, Reset, RowList, WarningKind, local_acceleration,
+    local_velocity, read,
 };
 use trocar_tables::option::{Interface, spelt};
 
@@ -854,12 +855,9 @@ fn rows_that_add_nothing_are_dropped_and_counted() {
     rows.swap(150, 151);
     let recording = read_text(text(HEADER, &rows));
     let quality = &recording.quality;
-    assert_eq!(
-        (quality.non_finite_rows.count, &quality.non_finite_rows.lines[..]),
-        (3, &[12, 22, 32][..])
-    );
-    assert_eq!(quality.repeated_rows.lines, [102]);
-    assert_eq!(quality.unordered_rows.lines, [153]);
+    assert_eq!(quality.non_finite_rows, RowList { count: 3, lines: vec![12, 22, 32] });
+    assert_eq!(quality.repeated_rows, RowList { count: 1, lines: vec![102] });
+    assert_eq!(quality.unordered_rows, RowList { count: 1, lines: vec![153] });
     assert_eq!(recording.len(), 201 - 5);
     assert!(recording.time.windows(2).all(|pair| pair[1] > pair[0]));
     assert_eq!(
@@ -881,9 +879,9 @@ fn gaps_and_resets_end_an_unbroken_part() {
     let recording = read_text(text(HEADER, &rows));
     let gap = recording.quality.gaps[0];
     assert_eq!((gap.line, gap.from, gap.to), (1002, 0.999, 1.1));
-    let reset = recording.quality.resets[0];
-    assert_eq!(reset.line, 1502);
-    assert!((reset.jump - 0.05).abs() < 1e-4);
+    let Reset { line, jump, .. } = recording.quality.resets[0];
+    assert_eq!(line, 1502);
+    assert!((jump - 0.05).abs() < 1e-4);
     assert_eq!(recording.unbroken().collect::<Vec<_>>(), [0..1000, 1000..1500, 1500..1900]);
     assert_eq!(kinds(&recording), [WarningKind::Gaps, WarningKind::Resets]);
 }

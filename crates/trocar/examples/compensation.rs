@@ -18,7 +18,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use rayon::prelude::*;
-use trocar::bench::config::TissueKind;
+use trocar::bench::config::{Lubrication, TissueKind};
 use trocar::bench::random::random_plausible_seal;
 use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
 use trocar::compensate::{CompensateOptions, Compensator};
@@ -241,8 +241,8 @@ fn surgery(kind: TissueKind) -> BenchConfig {
     config.tissue.surface_m = 0.09;
     (config.tissue.load_n, config.tissue.load_from_s, config.tissue.load_until_s) =
         (1.0, 30.0, 45.0);
-    (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) =
-        (WET, ONSET, 5.0);
+    config.lubrication =
+        Lubrication { level: WET, onset_s: ONSET, spread_s: 5.0, ..config.lubrication };
     config
 }
 

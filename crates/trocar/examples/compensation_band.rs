@@ -17,6 +17,7 @@ use std::error::Error;
 use std::path::Path;
 
 use rayon::prelude::*;
+use trocar::bench::config::Lubrication;
 use trocar::bench::random::random_plausible_seal;
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::compensate::{CompensateOptions, Compensator};
@@ -184,11 +185,8 @@ fn one(seed: u64) -> Result<Counts, Failure> {
             config.protocol.surgeon.duration_s = 60.0;
             (config.protocol.steady.stroke_m, config.protocol.steady.slowest_m_s) = (0.045, 0.02);
             if wet {
-                (
-                    config.lubrication.level,
-                    config.lubrication.onset_s,
-                    config.lubrication.spread_s,
-                ) = WET;
+                let (level, onset_s, spread_s) = WET;
+                config.lubrication = Lubrication { level, onset_s, spread_s, ..config.lubrication };
             }
             let record = run(&config, protocol, &seal, 100 * seed + number)?;
             for (m, model) in models.iter().enumerate() {

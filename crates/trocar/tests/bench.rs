@@ -1,6 +1,6 @@
 //! The virtual bench behaves like a rig: physics, sensors, reproducibility, configuration.
 
-use trocar::bench::config::SpeedOrder;
+use trocar::bench::config::{Fluctuation, ForceSensor, Motor, PushCycles, SpeedOrder};
 use trocar::bench::{
     BenchConfig, BenchError, BenchRun, ConfigError, PlausibleSeals, Protocol, length,
     random_plausible_seal, random_seal, run,
@@ -34,11 +34,10 @@ fn linear_seal(coulomb_force: f64, viscous_damping: f64) -> Element {
 /// Without noise, rounding, fluctuation and rod weight: the reading follows from the physics alone.
 fn ideal() -> BenchConfig {
     let mut config = BenchConfig::default();
-    config.force_sensor.noise_n = 0.0;
-    config.force_sensor.resolution_n = 0.0;
-    config.force_sensor.tare_n = 0.0;
-    config.fluctuation.stroke_fraction = 0.0;
-    config.fluctuation.ripple_fraction = 0.0;
+    config.force_sensor =
+        ForceSensor { noise_n: 0.0, resolution_n: 0.0, tare_n: 0.0, ..config.force_sensor };
+    config.fluctuation =
+        Fluctuation { stroke_fraction: 0.0, ripple_fraction: 0.0, ..config.fluctuation };
     config.rod.gravity_m_s2 = 0.0;
     config
 }
@@ -181,7 +180,8 @@ fn force_drifts_by_the_declared_fraction_and_then_stays() {
     let cycles = &mut config.protocol.validation;
     (cycles.slowest_m_s, cycles.fastest_m_s, cycles.cycles_per_speed) = (0.05, 0.05, 20);
     let steady = go(&config, Protocol::Validation, &[plausible()], 1).truth;
-    (config.fluctuation.drift_fraction, config.fluctuation.drift_time_s) = (-0.2, 20.0);
+    config.fluctuation =
+        Fluctuation { drift_fraction: -0.2, drift_time_s: 20.0, ..config.fluctuation };
     let drifting = go(&config, Protocol::Validation, &[plausible()], 1).truth;
     for stroke in strokes(&steady.reference_velocity) {
         // Near the end of the stroke, before the carriage slows down.
@@ -231,8 +231,7 @@ fn work_of_the_motor_is_accounted_for() {
     config.rig.sample_rate_hz = 10_000.0;
     config.rig.substeps = 1;
     config.rod.gravity_m_s2 = 9.81;
-    config.motor.balanced_fraction = 0.5;
-    config.motor.guide_friction_n = 0.0;
+    config.motor = Motor { balanced_fraction: 0.5, guide_friction_n: 0.0, ..config.motor };
     config.rod.gas_pressure_pa = 2000.0;
     for protocol in [Protocol::Step, Protocol::Dynamic] {
         let record = go(&config, protocol, &[plausible()], 3);
@@ -563,8 +562,8 @@ fn every_protocol_is_finite_and_within_the_stops() {
 fn stops_hold_a_rig_without_control() {
     let mut config = BenchConfig::default();
     // The carriage cannot stop in time.
-    config.protocol.dynamic.stroke_m = 0.140;
-    config.protocol.dynamic.sliding_speed_m_s = 0.9;
+    config.protocol.dynamic =
+        PushCycles { stroke_m: 0.140, sliding_speed_m_s: 0.9, ..config.protocol.dynamic };
     config.motor.drag_n_s_m = 5.0;
     let record = go(&config, Protocol::Dynamic, &[], 1);
     assert!(record.truth.position.iter().all(|x| (0.0..=0.16).contains(x)));

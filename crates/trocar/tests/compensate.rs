@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 
 use crate::skipped::skipped;
 use proptest::prelude::*;
-use trocar::bench::config::TissueKind;
+use trocar::bench::config::{Lubrication, TissueKind};
 use trocar::bench::random::random_plausible_seal;
 use trocar::bench::{BenchConfig, BenchRun, Protocol, run};
 use trocar::compensate::{CompensateError, CompensateOptions, Compensator, Drift, Estimate, Fault};
@@ -146,11 +146,8 @@ fn the_band_holds_on_independent_seals() {
                 let mut config = surgeon(50.0, |_| {});
                 (config.protocol.steady.stroke_m, config.protocol.steady.slowest_m_s) =
                     (0.045, 0.02);
-                (
-                    config.lubrication.level,
-                    config.lubrication.onset_s,
-                    config.lubrication.spread_s,
-                ) = (level, 12.0, 5.0);
+                config.lubrication =
+                    Lubrication { level, onset_s: 12.0, spread_s: 5.0, ..config.lubrication };
                 let record = run(&config, protocol, seal, 7000 + seed).unwrap();
                 let mut observer = Compensator::new(model, &CompensateOptions::default()).unwrap();
                 let said = observe(&mut observer, &record);
@@ -260,8 +257,8 @@ fn one_way_tells_nothing() {
 fn a_change_of_the_friction_is_followed() {
     for (wet, seed) in [(0.85, 41), (0.55, 42), (0.25, 43), (1.4, 44)] {
         let config = surgeon(110.0, |config| {
-            (config.lubrication.level, config.lubrication.onset_s, config.lubrication.spread_s) =
-                (wet, 20.0, 3.0);
+            config.lubrication =
+                Lubrication { level: wet, onset_s: 20.0, spread_s: 3.0, ..config.lubrication };
             config.tissue.kind = TissueKind::KelvinVoigt;
             config.tissue.surface_m = 0.1;
         });
@@ -349,8 +346,8 @@ fn no_tissue_is_learnt_as_friction() {
 #[test]
 fn viscosity_is_followed() {
     let config = surgeon(120.0, |config| {
-        (config.lubrication.viscosity, config.lubrication.onset_s, config.lubrication.spread_s) =
-            (2.0, 15.0, 5.0);
+        config.lubrication =
+            Lubrication { viscosity: 2.0, onset_s: 15.0, spread_s: 5.0, ..config.lubrication };
         config.protocol.surgeon.fastest_m_s = 0.15;
     });
     let record = run(&config, Protocol::Surgeon, &seal(), 81).unwrap();

@@ -1,6 +1,7 @@
 //! Known true parameters in motion of any kind: the fit identifies seals with creep, relaxation,
 //! stick-slip, differences between the directions or two stages, and omits terms that are absent.
 
+use trocar::bench::config::Fluctuation;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Identification, IdentifyError, IdentifyOptions, Term, Warning, identify};
 use trocar::recording::{Recording, local_velocity};
@@ -16,7 +17,8 @@ const NOISE: f64 = 0.025;
 fn config(seconds: f64) -> BenchConfig {
     let mut config = BenchConfig::default();
     config.protocol.surgeon.duration_s = seconds;
-    (config.fluctuation.stroke_fraction, config.fluctuation.ripple_fraction) = (0.0, 0.0);
+    config.fluctuation =
+        Fluctuation { stroke_fraction: 0.0, ripple_fraction: 0.0, ..config.fluctuation };
     config.rod.mass_kg = 0.0;
     config
 }

@@ -2,6 +2,7 @@
 //! random plausible seals, and its messages when the recordings do not determine a parameter.
 
 use rayon::prelude::*;
+use trocar::bench::config::Fluctuation;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::compare::{Choice, CompareOptions, compare};
 use trocar::identify::{
@@ -152,8 +153,8 @@ fn intervals_cover_the_truth_as_often_as_they_say() {
 /// A bench without scatter, and with little noise.
 fn quiet() -> BenchConfig {
     let mut config = BenchConfig::default();
-    config.fluctuation.stroke_fraction = 0.0;
-    config.fluctuation.ripple_fraction = 0.0;
+    config.fluctuation =
+        Fluctuation { stroke_fraction: 0.0, ripple_fraction: 0.0, ..config.fluctuation };
     config.force_sensor.noise_n = 1e-3;
     config
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use trocar::bench::config::Fluctuation;
 use trocar::bench::{self, BenchConfig, Course, Protocol};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
@@ -370,8 +371,12 @@ fn the_bench_turns_the_rod() {
     let angle = time.iter().map(|t| std::f64::consts::TAU * t).collect();
     let mut motion = Course { time, position, angle: Some(angle) };
     let mut config = BenchConfig { rotation: Some(ROTATION), ..BenchConfig::default() };
-    (config.fluctuation.stroke_fraction, config.fluctuation.ripple_fraction) = (0.0, 0.0);
-    config.fluctuation.drift_fraction = 0.0;
+    config.fluctuation = Fluctuation {
+        stroke_fraction: 0.0,
+        ripple_fraction: 0.0,
+        drift_fraction: 0.0,
+        ..config.fluctuation
+    };
     let run = bench::run_motion(&config, &motion, &elements, 1).unwrap();
     let middle = 1900; // near the end of the first stroke, at 20 mm/s
     let around = 5e-3 * std::f64::consts::TAU;

@@ -3,6 +3,7 @@
 
 use std::sync::LazyLock;
 
+use trocar::bench::config::Lubrication;
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::identify::{Identification, IdentifyOptions, identify};
 use trocar::model_file::{ErrorSource, ForceError};
@@ -16,8 +17,8 @@ fn record(protocol: Protocol, friction: f64, seed: u64) -> Recording {
     // The branches of the seal end at its sliding force, so a change of the friction is modelled as
     // wetting from the first sample on.
     let mut wetted = config.clone();
-    (wetted.lubrication.level, wetted.lubrication.onset_s, wetted.lubrication.spread_s) =
-        (friction, 0.0, 0.0);
+    wetted.lubrication =
+        Lubrication { level: friction, onset_s: 0.0, spread_s: 0.0, ..wetted.lubrication };
     let made = run(&wetted, protocol, &[seal], seed)
         .unwrap()
         .to_recording(format!("{protocol}.csv"))

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
-use trocar::bench::config::{SpeedCycles, SpeedOrder, TissueKind};
+use trocar::bench::config::{ForceSensor, Lubrication, SpeedCycles, SpeedOrder, TissueKind};
 use trocar::bench::{self, BenchConfig, Protocol, random_plausible_seal, run};
 use trocar::identify::Term;
 use trocar::recording::{Recording, RecordingError};
@@ -140,7 +140,8 @@ fn drifting(fraction: f64, order: SpeedOrder) -> Result<Bench, AnyError> {
 /// The friction falls by 30 % within `spread` after `onset`, s.
 fn wetted(onset: f64, spread: f64) -> Result<Bench, AnyError> {
     plain()?.with(|c| {
-        (c.lubrication.level, c.lubrication.onset_s, c.lubrication.spread_s) = (0.7, onset, spread)
+        c.lubrication =
+            Lubrication { level: 0.7, onset_s: onset, spread_s: spread, ..c.lubrication }
     })
 }
 
@@ -547,7 +548,8 @@ fn rigs() -> Vec<Kind> {
         kind("noise_0.1_n_hand", |_| hand()?.with(|c| c.force_sensor.noise_n = 0.1)),
         kind("noise_of_10_hz", |_| {
             plain()?.with(|c| {
-                (c.force_sensor.noise_n, c.force_sensor.noise_bandwidth_hz) = (0.05, 10.0)
+                c.force_sensor =
+                    ForceSensor { noise_n: 0.05, noise_bandwidth_hz: 10.0, ..c.force_sensor }
             })
         }),
         kind("saturated_3.2_n", |_| plain()?.with(|c| c.force_sensor.range_n = 3.2)),
