@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use trocar::analyze::{
-    Analysis, BranchPassage, CycleWork, ElementAnalysis, SpeedRange, SteadyState, analyze,
+    Analysis, BranchPassage, CycleWork, ElementAnalysis, ReachesSliding, SpeedRange, SteadyPoint,
+    SteadyState, analyze,
 };
 use trocar::model_file::ModelFile;
 use trocar::profile::{is_passive, storage_length};
@@ -80,17 +81,13 @@ fn heading(text: &mut String, holds: bool, what: &str, verdict: &str) {
 }
 
 fn element_text(text: &mut String, element: &ElementAnalysis) {
-    let reaches = &element.reaches_sliding;
-    heading(
-        text,
-        reaches.holds,
-        "Proposition III.1",
-        "at constant velocity the seal reaches sliding",
-    );
-    for branch in &reaches.branches {
+    let ReachesSliding { branches, softening_of_partial_reversals, holds } =
+        &element.reaches_sliding;
+    heading(text, *holds, "Proposition III.1", "at constant velocity the seal reaches sliding");
+    for branch in branches {
         branch_text(text, branch);
     }
-    if let Some(partial) = reaches.softening_of_partial_reversals {
+    if let Some(partial) = softening_of_partial_reversals {
         let _ = writeln!(
             text,
             "    partial reversals: the force rises outside z = {} to {} mm",
@@ -153,19 +150,20 @@ fn steady_table(steady: &SteadyState) -> String {
         "simulated - (16) N",
         "stable",
     ]);
-    for point in &steady.table {
-        let [a, b, c, d, e, f] = [
-            1e3 * point.velocity_m_s,
-            point.force_n,
-            1e3 * point.deflection_m,
-            point.eigenvalue_1_s,
-            1e3 * point.time_constant_s,
-            point.simulated_difference_n,
-        ]
-        .map(number);
-        table.row([a, b, c, d, e, f, if point.stable { "yes" } else { "NO" }.to_owned()]);
-    }
+    steady.table.iter().for_each(|point| table.row(cells(point)));
     table.to_text()
+}
+
+fn cells(point: &SteadyPoint) -> [String; 7] {
+    [
+        number(1e3 * point.velocity_m_s),
+        number(point.force_n),
+        number(1e3 * point.deflection_m),
+        number(point.eigenvalue_1_s),
+        number(1e3 * point.time_constant_s),
+        number(point.simulated_difference_n),
+        if point.stable { "yes" } else { "NO" }.to_owned(),
+    ]
 }
 
 #[cfg(test)]

@@ -4,15 +4,16 @@ use std::collections::BTreeMap;
 
 use super::{Drawn, MM, Scored};
 use crate::document::{Axis, Cell, Figure, Panel, Role, Series, Table};
-use trocar_lab::validate::Validation;
+use trocar_lab::validate::{SpeedPart, Validation};
 
 /// Samples and sum of squared errors, N², for each speed in mm/s.
 fn by_speed(validation: &Validation) -> BTreeMap<u64, (f64, f64)> {
     let mut groups: BTreeMap<u64, (f64, f64)> = BTreeMap::new();
-    for part in validation.recordings.iter().flat_map(|r| &r.by_speed) {
-        let group = groups.entry((MM * part.speed_m_s).round() as u64).or_default();
-        group.0 += part.samples as f64;
-        group.1 += part.samples as f64 * part.rms_n.powi(2);
+    let parts = validation.recordings.iter().flat_map(|r| &r.by_speed);
+    for SpeedPart { speed_m_s, rms_n, samples } in parts {
+        let (n, squares) = groups.entry((MM * speed_m_s).round() as u64).or_default();
+        *n += *samples as f64;
+        *squares += *samples as f64 * rms_n.powi(2);
     }
     groups
 }

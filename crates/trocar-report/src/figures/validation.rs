@@ -9,7 +9,7 @@ use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned};
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::number::{fixed, significant};
 use trocar_identify::Identification;
-use trocar_lab::validate::{OwnData, Validation};
+use trocar_lab::validate::{OwnData, Validation, Whiteness};
 use trocar_recording::Recording;
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{
@@ -296,13 +296,13 @@ pub(crate) fn residual_statistics(scored: &Scored) -> Drawn {
         autocorrelation(&errors, mean, variance, span, recording.quality.median_interval);
     let words = match whiteness {
         None => "The recording is too short for a test of whiteness.".to_owned(),
-        Some(w) => {
-            let milliseconds = 1e3 * w.correlation_time_s;
+        Some(Whiteness { correlation_time_s, ljung_box_p_value }) => {
+            let milliseconds = 1e3 * correlation_time_s;
             correlation = correlation.mark(Mark::x(milliseconds, "correlation time"));
             format!(
                 "Taken {milliseconds:.0} ms apart, where the autocorrelation has fallen to 1/e, the residuals pass for white noise with {} \
                  (Ljung-Box): a small value means that the model leaves structure.",
-                p_in_words(w.ljung_box_p_value)
+                p_in_words(ljung_box_p_value)
             )
         }
     };
