@@ -255,11 +255,12 @@ pub(crate) fn print_survey(
     let survey = Survey::new(recordings, options);
     for own in &survey.recordings {
         let RecordingSurvey { name, samples, duration, stroke, .. } = own;
+        let strokes = counted(own.strokes, "stroke", "strokes");
+        let reversals = counted(own.reversals, "reversal", "reversals");
         console.remark(&format!(
-            "{name}: {samples} samples, {duration:.1} s, position range {:.1} mm, {}, {}; constant velocity {}",
+            "{name}: {samples} samples, {duration:.1} s, position range {:.1} mm, {strokes}, {reversals}; \
+             constant velocity {}",
             1e3 * stroke,
-            counted(own.strokes, "stroke", "strokes"),
-            counted(own.reversals, "reversal", "reversals"),
             speeds(&own.insertion_speeds, &own.withdrawal_speeds)
         ));
     }

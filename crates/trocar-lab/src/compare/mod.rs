@@ -522,7 +522,8 @@ fn work(kind: &Kind) -> usize {
     kind.parameters().pow(2)
 }
 
-/// The fits of models that begin from each other, with the seconds that each took; calls `fitted` after each.
+/// The fits of models that begin from each other, with the seconds that each took; calls `fitted`
+/// after each.
 fn fit_family(
     family: &[Kind],
     data: &ClassicalData,

@@ -352,8 +352,8 @@ fn over_seals(config: &PlanConfig, all: &[Vec<Expected>], id: ParameterId) -> Pr
     }
 }
 
-/// What the half-width of an interval is compared with: a join may lie anywhere within c, an offset anywhere within the
-/// friction.
+/// What the half-width of an interval is compared with: a join may lie anywhere within c, an offset
+/// anywhere within the friction.
 fn scale(expected: &Expected, all: &[Vec<Expected>]) -> f64 {
     let quantity = match expected.id.unit() {
         _ if expected.on_log => None,
