@@ -196,9 +196,11 @@ impl Workflow {
         let (own, validation) = rayon::join(
             || OwnData::of(&identification, &recordings),
             || {
-                let found = (!held_out.is_empty()).then_some(&identification)?;
-                let scores = validate(&found.trocar(), &held_out, found.model.offset);
-                Some(scores.beside_identification(found.residual_rms, &held_out))
+                (!held_out.is_empty()).then(|| {
+                    let found = &identification;
+                    let scores = validate(&found.trocar(), &held_out, found.model.offset);
+                    scores.beside_identification(found.residual_rms, &held_out)
+                })
             },
         );
         Self {
