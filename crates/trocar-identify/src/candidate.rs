@@ -230,6 +230,8 @@ impl Candidate {
 
 /// Number of cells of a branch between its ordinates.
 const CELLS: usize = 50;
+/// Ordinates of both branches.
+pub(super) const ORDINATES: usize = 2 * CELLS;
 
 /// The ordinates of a branch: z/c of the inner nodes.
 pub(super) fn nodes() -> impl Iterator<Item = f64> {
@@ -644,6 +646,7 @@ impl EmsTrial {
 
 impl Trial for EmsTrial {
     type Model = Stages;
+    type Followers = Vec<Ordinate>;
 
     fn model(&self) -> Option<Stages> {
         self.candidate.stages().ok()
@@ -694,14 +697,14 @@ impl Trial for EmsTrial {
         1e-2 * self.candidate.stage_factor() * self.candidate.insertion.static_force.abs()
     }
 
-    fn ordinates(&self) -> Vec<Ordinate> {
+    fn followers(&self) -> Vec<Ordinate> {
         self.candidate.ordinates()
     }
 
-    fn ordinate_rates(
+    fn follow(
+        ordinates: &mut Vec<Ordinate>,
         model: &Stages,
         state: &mut StagesState,
-        ordinates: &mut [Ordinate],
         steps: &[Step],
     ) -> DMatrix<f64> {
         let mut rates = DMatrix::zeros(ordinates.len(), steps.len());

@@ -34,7 +34,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use trocar_model::Direction;
 
-use super::candidate::{self, Candidate, EmsTrial};
+use super::candidate::{self, Candidate, EmsTrial, ORDINATES};
 use super::estimate::{MANY_DEGREES, t_quantile};
 use super::likelihood::{self, Extra, Fitted, Normal, Stop, Trial};
 use super::prior::Kind;
@@ -238,7 +238,8 @@ impl<'a> Landscape<'a> {
     /// About a fit; `None` without free branches.
     fn about(training: &Training, fitted: &'a Fitted<EmsTrial>) -> Option<Self> {
         let sides = Side::both(fitted)?;
-        let normal = fitted.with_columns(training, &[Extra::Ordinates])?;
+        let ordinates: Vec<_> = (0..ORDINATES).map(Extra::Followed).collect();
+        let normal = fitted.with_columns(training, &ordinates)?;
         let others = Others::new(fitted, &normal, &sides)?;
         let candidate = &fitted.best.candidate;
         let joined = [0, 1].map(|k| others.joined(&sides[k], candidate));

@@ -31,7 +31,7 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use trocar_model::{Friction, Ordinate};
+use trocar_model::Friction;
 
 use super::prior::{Kind, Prior};
 use super::training::{INDEPENDENT, Run, Scale, Step, Training};
@@ -52,8 +52,11 @@ pub(crate) struct Stop {
 /// How a free parameter enters the prediction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Column {
-    /// Through the simulated force.
+    /// Through the simulated force, by a difference quotient.
     Simulated,
+    /// Through the simulated force; its derivative is followed beside the simulation, with this
+    /// number.
+    Followed(usize),
     /// Sensor offset o.
     Offset,
     /// Mass m, kg, whose inertia is in the readings.
@@ -98,6 +101,8 @@ pub(super) fn weak_priors_of(free: &[Free]) -> Vec<Prior> {
 pub(crate) trait Trial: Clone + Send + Sync {
     /// The model, ready to run.
     type Model: Friction<State: Send + Sync> + Send + Sync;
+    /// Derivatives of the force that follow a simulation.
+    type Followers: Send + Sync;
 
     /// The model; `None` where the parameters do not form a valid one.
     fn model(&self) -> Option<Self::Model>;
@@ -127,19 +132,15 @@ pub(crate) trait Trial: Clone + Send + Sync {
     fn leap(&self) -> f64 {
         f64::INFINITY
     }
-    /// The ordinates of its branches.
-    fn ordinates(&self) -> Vec<Ordinate> {
-        Vec::new()
-    }
-    /// Derivatives of the force by the ordinates at the centres of the steps, from the model's state.
-    fn ordinate_rates(
-        _model: &Self::Model,
-        _state: &mut StateOf<Self>,
-        _ordinates: &mut [Ordinate],
-        _steps: &[Step],
-    ) -> DMatrix<f64> {
-        DMatrix::zeros(0, 0)
-    }
+    /// The derivatives that can follow its simulation, at the start of a run.
+    fn followers(&self) -> Self::Followers;
+    /// Their values at the centres of the steps, a row for each, from the model's state.
+    fn follow(
+        followers: &mut Self::Followers,
+        model: &Self::Model,
+        state: &mut StateOf<Self>,
+        steps: &[Step],
+    ) -> DMatrix<f64>;
     /// Forces at the centres of the steps, N, a row for each model, starting from its state. The
     /// first `close` models differ little.
     fn forces(
@@ -457,7 +458,7 @@ impl<'a> Predictor<'a> {
                 Source::Acceleration => step.acceleration,
                 Source::Delay => scale * rate,
                 Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
-                Source::Ordinate(lane) => scale * lanes[(*lane, i)],
+                Source::Followed(lane) => scale * lanes[(*lane, i)],
             };
         }
         (residual, z)
@@ -510,8 +511,8 @@ pub(crate) enum Extra<T> {
     Acceleration,
     /// u·dF/dt: position delay of 1 s.
     Delay,
-    /// u·∂F/∂u_k: a column for each ordinate of the branches.
-    Ordinates,
+    /// u times the derivative with this number that follows the simulation.
+    Followed(usize),
 }
 
 /// Source of a column of the normal equations.
@@ -527,8 +528,8 @@ enum Source {
     Acceleration,
     Delay,
     Drift(usize),
-    /// Derivative of the simulated force by ordinate `lane`, after the simulations.
-    Ordinate(usize),
+    /// Derivative of the simulated force in `lane`, after the simulations.
+    Followed(usize),
 }
 
 /// The simulations that the columns need (the trial's own first), and the columns.
@@ -537,7 +538,6 @@ struct Simulations<T: Trial> {
     models: Vec<T::Model>,
     /// Number of leading simulations that differ little.
     close: usize,
-    ordinates: Vec<Ordinate>,
     sources: Vec<Source>,
 }
 
@@ -553,6 +553,7 @@ impl<T: Trial> Simulations<T> {
                 Column::Offset => Source::Offset,
                 Column::Mass => Source::Acceleration,
                 Column::Drift(k) => Source::Drift(k),
+                Column::Followed(k) => Source::Followed(k),
                 Column::Simulated => {
                     // Step away from a bound that lies within the step.
                     let step = if f.value + f.step > f.high { -f.step } else { f.step };
@@ -564,7 +565,6 @@ impl<T: Trial> Simulations<T> {
             });
         }
         let close = trials.len();
-        let mut ordinates = Vec::new();
         for column in extra {
             sources.push(match column {
                 Extra::Secant(other) => {
@@ -573,15 +573,44 @@ impl<T: Trial> Simulations<T> {
                 }
                 Extra::Acceleration => Source::Acceleration,
                 Extra::Delay => Source::Delay,
-                Extra::Ordinates => {
-                    ordinates = trial.ordinates();
-                    continue;
-                }
+                Extra::Followed(k) => Source::Followed(*k),
             });
         }
-        sources.extend((0..ordinates.len()).map(|k| Source::Ordinate(trials.len() + k)));
+        for source in &mut sources {
+            if let Source::Followed(lane) = source {
+                *lane += trials.len();
+            }
+        }
         let models = trials.iter().map(T::model).collect::<Option<Vec<_>>>()?;
-        Some(Self { trials, models, close, ordinates, sources })
+        Some(Self { trials, models, close, sources })
+    }
+}
+
+/// Simulations of a run, and the derivatives that follow the first of them.
+struct Running<'a, T: Trial> {
+    simulations: &'a Simulations<T>,
+    states: Vec<StateOf<T>>,
+    followed: Option<(T::Followers, StateOf<T>)>,
+}
+
+impl<'a, T: Trial> Running<'a, T> {
+    fn new(simulations: &'a Simulations<T>, run: &Run) -> Self {
+        let Simulations { trials, models, sources, .. } = simulations;
+        let states: Vec<_> = models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
+        let is_asked = sources.iter().any(|source| matches!(source, Source::Followed(_)));
+        let followed = is_asked.then(|| (trials[0].followers(), states[0]));
+        Self { simulations, states, followed }
+    }
+
+    /// Forces of the simulations over the next steps, and below them the derivatives.
+    fn over(&mut self, steps: &[Step]) -> DMatrix<f64> {
+        cancel::check();
+        let Self { simulations: Simulations { models, close, .. }, states, followed } = self;
+        let mut forces = || T::forces(models, states, *close, steps);
+        let Some((followers, state)) = followed else { return forces() };
+        let follow = || T::follow(followers, &models[0], state, steps);
+        let (forces, derivatives) = rayon::join(forces, follow);
+        with_rows(forces, &derivatives)
     }
 }
 
@@ -637,28 +666,16 @@ fn sum_over<T: Trial>(
     run: &Run,
     clusters: &mut [ClusterSums],
 ) {
-    let Simulations { trials, models, close, ordinates, sources } = simulations;
-    let mut states: Vec<StateOf<T>> =
-        models.iter().zip(trials).map(|(m, t)| start(t, m, run)).collect();
-    let (mut ordinates, mut of_ordinates) = (ordinates.clone(), states[0]);
-    let mut simulated = |block: &[Step]| {
-        cancel::check();
-        let mut forces = || T::forces(models, &mut states, *close, block);
-        if ordinates.is_empty() {
-            return forces();
-        }
-        let rates = || T::ordinate_rates(&models[0], &mut of_ordinates, &mut ordinates, block);
-        let (forces, rates) = rayon::join(forces, rates);
-        with_rows(forces, &rates)
-    };
+    let sources = &simulations.sources;
+    let mut running = Running::new(simulations, run);
     let mut blocks = run.steps.chunks(BLOCK).peekable();
     let mut before = 0.0;
-    let mut next = blocks.peek().map(|block| simulated(block));
+    let mut next = blocks.peek().map(|block| running.over(block));
     // While one block is added, the next is simulated.
     while let (Some(block), Some(forces)) = (blocks.next(), next) {
         let following = blocks.peek();
         let add = || accumulate(predictor, block, &forces, sources, before, clusters);
-        next = rayon::join(|| following.map(|block| simulated(block)), add).0;
+        next = rayon::join(|| following.map(|block| running.over(block)), add).0;
         before = forces[(0, block.len() - 1)];
     }
 }
@@ -694,13 +711,11 @@ impl Row {
 /// The steps with a weight, in order, at the parameters of `trial`; `None` where it is not a valid
 /// model.
 pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>> {
-    let Simulations { trials, models, close, sources, .. } = Simulations::new(trial, &[])?;
+    let simulations = Simulations::new(trial, &[])?;
+    let sources = &simulations.sources;
     let predictor = Predictor::new(training, trial);
     let of_run = |(number, run): (usize, &Run)| {
-        cancel::check();
-        let mut states: Vec<StateOf<T>> =
-            models.iter().zip(&trials).map(|(m, t)| start(t, m, run)).collect();
-        let lanes = T::forces(&models, &mut states, close, &run.steps);
+        let lanes = Running::new(&simulations, run).over(&run.steps);
         let mut ends = vec![0.0; run.steps.len()];
         let mut time = 0.0;
         for (end, step) in ends.iter_mut().zip(&run.steps) {
@@ -710,7 +725,7 @@ pub(crate) fn rows<T: Trial>(training: &Training, trial: &T) -> Option<Vec<Row>>
         let of_step = |i: usize| {
             let (step, mut derivatives) = (&run.steps[i], vec![0.0; sources.len()]);
             let (residual, scale) =
-                predictor.row(&run.steps, i, &lanes, &sources, lanes[(0, 0)], &mut derivatives);
+                predictor.row(&run.steps, i, &lanes, sources, lanes[(0, 0)], &mut derivatives);
             Row {
                 derivatives,
                 residual,
@@ -892,6 +907,7 @@ impl Training {
 }
 
 /// Normal equations of one cluster, with the scatter of its strokes eliminated.
+#[derive(Clone)]
 struct Cluster {
     hessian: DMatrix<f64>,
     score: DVector<f64>,
@@ -1328,20 +1344,21 @@ impl Normal {
         let ratio: f64 = SCATTER_RANGE[1] / SCATTER_RANGE[0];
         let scatter = |k: usize| SCATTER_RANGE[0] * ratio.powf(k as f64 / (SCATTERS - 1) as f64);
         let drifts: &[f64] = if relative.is_empty() { &DRIFTS[..1] } else { &DRIFTS };
-        let tried: Vec<(f64, f64)> = (0..SCATTERS)
-            .flat_map(|k| drifts.iter().map(move |d| (scatter(k).powi(2), d * d)))
+        let tried: Vec<(f64, f64, f64)> = (0..SCATTERS)
+            .into_par_iter()
+            .flat_map_iter(|k| {
+                let tau2 = scatter(k).powi(2);
+                let all = self.with_scatter(training, sigma2 / tau2);
+                drifts.iter().map(move |d| {
+                    let usual = 2.0 * (tau2.sqrt() + d) / USUAL_SCATTER;
+                    (tau2, d * d, all.criterion(sigma2, d * d, relative) + usual)
+                })
+            })
             .collect();
-        let criterion = |(tau2, omega2): &(f64, f64)| {
-            self.criterion(training, sigma2, (*tau2, *omega2), relative)
-        };
-        let values: Vec<f64> = tried
-            .par_iter()
-            .map(|t| criterion(t) + 2.0 * (t.0.sqrt() + t.1.sqrt()) / USUAL_SCATTER)
-            .collect();
-        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let least = tried.iter().map(|t| t.2).fold(f64::INFINITY, f64::min);
         let mut found = ScaleVariance { scatter: 0.0, drift: 0.0 };
         let mut total = 0.0;
-        for ((tau2, omega2), value) in tried.iter().zip(&values) {
+        for (tau2, omega2, value) in tried {
             let weight = (-0.5 * (value - least)).exp();
             if weight.is_finite() {
                 found.scatter += weight * tau2;
@@ -1353,24 +1370,25 @@ impl Normal {
         found
     }
 
-    fn criterion(
-        &self,
-        training: &Training,
-        sigma2: f64,
-        (tau2, omega2): (f64, f64),
-        relative: &[(usize, f64)],
-    ) -> f64 {
-        let p = self.scores[0].len();
-        let (mut hessian, mut score) = (DMatrix::zeros(p, p), DVector::zeros(p));
-        let (mut cost, mut determinants) = (0.0, 0.0);
-        let lambda = sigma2 / tau2;
-        for sums in &self.clusters {
-            let cluster = Cluster::new(sums, &training.scale, lambda);
-            hessian += cluster.hessian;
-            score += cluster.score;
-            cost += cluster.cost;
-            determinants += cluster.determinant;
+    /// The sums of all clusters with the scatter of the strokes eliminated for this λ.
+    fn with_scatter(&self, training: &Training, lambda: f64) -> Cluster {
+        let of = |sums| Cluster::new(sums, &training.scale, lambda);
+        let mut all = of(&self.clusters[0]);
+        for cluster in self.clusters[1..].iter().map(of) {
+            all.hessian += cluster.hessian;
+            all.score += cluster.score;
+            all.cost += cluster.cost;
+            all.determinant += cluster.determinant;
         }
+        all
+    }
+}
+
+impl Cluster {
+    /// −2 log L of all clusters together, less constants.
+    fn criterion(&self, sigma2: f64, omega2: f64, relative: &[(usize, f64)]) -> f64 {
+        let Self { mut hessian, score, cost, determinant: mut determinants, .. } = self.clone();
+        let p = score.len();
         let mut fixed = vec![false; p];
         for (j, b) in relative {
             if omega2 > 0.0 {

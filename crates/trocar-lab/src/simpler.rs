@@ -2,15 +2,17 @@
 //! no EMS element, or the recordings do not show its deformation, and the intervals of its parameters
 //! cannot be trusted.
 
+use std::borrow::Cow;
+
 use rayon::prelude::*;
 use trocar_model::Trocar;
 
 use crate::margin::{Margin, by_stroke};
-use crate::validate::OwnData;
+use crate::validate::Validated;
 use trocar_identify::classical::{self, ClassicalData, Kind, RelatedFits};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_recording::Recording;
-use trocar_simulate::replay::{forces, replay};
+use trocar_simulate::replay::forces;
 
 /// Models with few parameters and a state that cover most seals.
 const SIMPLER: [Kind; 2] = [Kind::LuGre, Kind::Dahl];
@@ -19,12 +21,9 @@ const SIMPLER: [Kind; 2] = [Kind::LuGre, Kind::Dahl];
 const CLEARLY: f64 = 0.9;
 /// ... that is this many standard errors away.
 const STANDARD_ERRORS: f64 = 2.0;
-
-/// A recording with the samples at which the state of the identified element is known.
-struct Scored<'a> {
-    recording: &'a Recording,
-    samples: Vec<usize>,
-}
+/// A model whose error after short fits is this many times that of the element is not fitted further:
+/// longer fits take off some percent.
+const HOPELESS: f64 = 1.5;
 
 /// Error of one model over several recordings.
 struct Errors {
@@ -39,26 +38,22 @@ struct Errors {
 pub(crate) fn doubt(
     found: &Identification,
     options: &IdentifyOptions,
-    own: &OwnData,
-    held_out: &[Recording],
+    own: &Validated,
+    held_out: Option<&Validated>,
 ) -> Option<Warning> {
-    let is_alone = held_out.is_empty();
-    let scored: &[Recording] = if is_alone { &own.recordings } else { held_out };
-    let scored: Vec<Scored> =
-        scored.par_iter().map(|recording| Scored::new(found, recording)).collect();
+    let is_alone = held_out.is_none();
+    let scored = held_out.unwrap_or(own);
     let data = ClassicalData::new(&own.recordings, found, options);
-    let alone = RelatedFits { smaller: None, special: None };
-    let (own, fits) = rayon::join(
-        || errors(&scored, &found.trocar(), found.model.offset),
-        || {
-            SIMPLER
-                .par_iter()
-                .map(|kind| classical::fit(*kind, &data, alone).ok())
-                .collect::<Vec<_>>()
-        },
-    );
-    let better = fits.into_iter().flatten().filter_map(|fit| {
-        let theirs = errors(&scored, &Trocar::of_seal(fit.model), fit.offset);
+    let most = Some(HOPELESS * own.validation.rms_n);
+    let alone = RelatedFits { most, ..RelatedFits::default() };
+    let fits: Vec<_> =
+        SIMPLER.par_iter().filter_map(|kind| classical::fit(*kind, &data, alone).ok()).collect();
+    let own = errors(scored, found.model.offset, |k, _| Cow::Borrowed(&scored.runs[k].force));
+    let better = fits.into_iter().filter_map(|fit| {
+        let model = Trocar::of_seal(fit.model);
+        let theirs = errors(scored, fit.offset, |_, recording| {
+            Cow::Owned(forces(&model, recording, fit.offset))
+        });
         let margin = Margin::of(&theirs.by_stroke, &own.by_stroke)?;
         let clear = theirs.rms < CLEARLY * own.rms && margin.standard_errors > STANDARD_ERRORS;
         clear.then_some((fit.kind, theirs.rms, margin))
@@ -80,22 +75,22 @@ pub(crate) fn doubt(
     })
 }
 
-impl<'a> Scored<'a> {
-    fn new(found: &Identification, recording: &'a Recording) -> Self {
-        let known = replay(&found.trocar(), recording, found.model.offset).known;
-        Self { recording, samples: known.into_iter().flatten().collect() }
-    }
-}
-
-fn errors<K: AsRef<[f64]>>(scored: &[Scored], model: &Trocar<K>, offset: f64) -> Errors {
+/// Of the forces of a model with the sensor offset `offset`, N, over recording `k`, where the state of
+/// the identified element is known.
+fn errors<'a>(
+    scored: &Validated,
+    offset: f64,
+    forces: impl Fn(usize, &Recording) -> Cow<'a, [f64]>,
+) -> Errors {
     let (mut by_strokes, mut squares, mut count) = (Vec::new(), 0.0, 0);
-    for Scored { recording, samples } in scored {
-        let force = forces(model, recording, offset);
+    for (k, (recording, run)) in scored.recordings.iter().zip(&scored.runs).enumerate() {
+        let samples: Vec<usize> = run.known.iter().cloned().flatten().collect();
+        let force = forces(k, recording);
         let errors: Vec<f64> =
             samples.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
         squares += errors.iter().map(|e| e * e).sum::<f64>();
         count += errors.len();
-        by_strokes.extend(by_stroke(recording, samples, &errors));
+        by_strokes.extend(by_stroke(recording, &samples, &errors));
     }
     Errors { by_stroke: by_strokes, rms: (squares / count.max(1) as f64).sqrt() }
 }

@@ -227,7 +227,7 @@ impl Workflow {
             position_delay: found.position_delay,
             position_profile: found.position_profile.as_ref(),
             no_position_profile: found.no_position_profile.as_deref(),
-            validation: self.validation.as_ref(),
+            validation: self.validation(),
             steady: &found.steady,
             deformation: deformation.ok().map(deformation_summary),
             deformation_missing: deformation.err().map(String::as_str),
@@ -240,7 +240,7 @@ impl Workflow {
 
     /// Limits of the validation, as warnings of the result.
     fn validation_warnings(&self) -> impl Iterator<Item = Warning> + '_ {
-        let recordings = self.validation.iter().flat_map(|validation| &validation.recordings);
+        let recordings = self.validation().into_iter().flat_map(|v| &v.recordings);
         recordings.flat_map(|r| {
             let subject = Subject::Recording(r.path.clone());
             r.warnings.iter().map(move |message| Warning::doubt(subject.clone(), message.clone()))
@@ -249,8 +249,9 @@ impl Workflow {
 
     /// Whether data were lost or parameters are not determined, in identification or validation.
     pub fn is_doubtful(&self) -> bool {
-        let lost = self.held_out.iter().any(|recording| !recording.quality.warnings.is_empty());
-        let unknown = self.validation.as_ref().is_some_and(Validation::is_doubtful);
+        let mut held_out = self.held_out.iter().flat_map(|held_out| &held_out.recordings);
+        let lost = held_out.any(|recording| !recording.quality.warnings.is_empty());
+        let unknown = self.validation().is_some_and(Validation::is_doubtful);
         self.identification.is_doubtful() || lost || unknown
     }
 
@@ -274,10 +275,7 @@ impl Workflow {
     /// larger of both.
     fn force_error(&self) -> ForceError {
         let own = self.own.validation.force_error(ErrorSource::Identification);
-        let validated = self
-            .validation
-            .as_ref()
-            .map(|validation| validation.force_error(ErrorSource::Validation));
+        let validated = self.validation().map(|v| v.force_error(ErrorSource::Validation));
         validated.map_or(own, |validated| own.worse(&validated, ErrorSource::Validation))
     }
 
@@ -295,7 +293,8 @@ impl Workflow {
                 quality: &recording.quality,
             })
         }
-        of("identification", &self.recordings).chain(of("validation", &self.held_out)).collect()
+        let held_out = self.held_out.as_ref().map_or(&[] as &[Recording], |h| &h.recordings);
+        of("identification", &self.recordings).chain(of("validation", held_out)).collect()
     }
 }
 

@@ -11,6 +11,8 @@
 //! residuals are never white; they are decimated to their correlation time before the Ljung-Box
 //! test.
 
+use std::iter::successors;
+
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -43,8 +45,6 @@ const LEAST_FIT: f64 = 50.0;
 /// Ratio of the mean error to the rms above which the mean counts as its cause: with 0.9 it is 80 %
 /// of the squared error.
 const MOSTLY_BIAS: f64 = 0.9;
-/// Lags that are tried together.
-const LAGS_AT_ONCE: usize = 16;
 /// Lags of the Ljung-Box test.
 const LAGS: usize = 10;
 
@@ -478,18 +478,35 @@ impl Sums {
     }
 }
 
-/// A model beside the recordings that it was identified from.
+/// A model beside recordings.
 #[derive(Debug, Clone)]
-pub struct OwnData {
-    /// These recordings, without the moving mass, the unmodelled mass and the position delay.
+pub struct Validated {
+    /// The recordings, without the moving mass, the unmodelled mass and the position delay.
     pub recordings: Vec<Recording>,
+    /// The simulations of the model over them.
+    pub runs: Vec<Replay>,
     /// The model's error over them.
     pub validation: Validation,
 }
 
-impl OwnData {
-    /// `recordings` as they were passed to the identification, but in time.
-    pub fn of(found: &Identification, recordings: &[Recording]) -> Self {
+impl Validated {
+    /// Of `trocar` beside `recordings`, whose readings include the sensor offset `offset`, N.
+    pub fn of<K: AsRef<[f64]> + Sync>(
+        trocar: &Trocar<K>,
+        recordings: Vec<Recording>,
+        offset: f64,
+    ) -> Self {
+        let of = |recording: &Recording| {
+            let along = Along::of(trocar, recording, offset);
+            (along.scores(trocar, recording), along.run)
+        };
+        let (scored, runs): (Vec<Scored>, Vec<Replay>) = recordings.par_iter().map(of).unzip();
+        Self { recordings, runs, validation: Validation::of(scored) }
+    }
+
+    /// Of an identified model beside `recordings` as they were passed to the identification, but in
+    /// time.
+    pub fn own(found: &Identification, recordings: &[Recording]) -> Self {
         let mass = found.model.unmodelled_mass;
         let without_it = recordings.par_iter().map(|recording| {
             let mut own = recording.clone();
@@ -497,9 +514,14 @@ impl OwnData {
             own.quality.subtracted_mass += mass;
             own
         });
-        let recordings: Vec<Recording> = without_it.collect();
-        let validation = validate(&found.trocar(), &recordings, found.model.offset);
-        Self { recordings, validation }
+        Self::of(&found.trocar(), without_it.collect(), found.model.offset)
+    }
+
+    /// Of an identified model beside recordings that it has not seen.
+    pub fn held_out(found: &Identification, recordings: Vec<Recording>) -> Self {
+        let all = Self::of(&found.trocar(), recordings, found.model.offset);
+        let validation = all.validation.beside_identification(found.residual_rms, &all.recordings);
+        Self { validation, ..all }
     }
 }
 
@@ -552,6 +574,36 @@ impl Along {
         Phases::of(phases.into_iter().zip(self.scored.iter().map(|i| self.error[*i])))
     }
 
+    fn scores<K: AsRef<[f64]>>(&self, trocar: &Trocar<K>, recording: &Recording) -> Scored {
+        let Self { run, error, scored, is_known } = self;
+        let (whiteness, strokes) = rayon::join(
+            || whiteness(recording, error, scored),
+            || AgainstStrokes::of(recording, error, scored),
+        );
+        let sums = Sums::of(scored.iter().map(|i| (error[*i], recording.force[*i])));
+        let all = Sums::of((0..recording.len()).map(|i| (error[i], recording.force[i])));
+        let result = RecordingValidation {
+            path: recording.name.clone(),
+            rms_n: sums.rms(),
+            fit_percent: sums.fit_percent(),
+            bias_n: scored.iter().map(|i| error[*i]).sum::<f64>() / sums.n.max(1.0),
+            worst_n: scored.iter().map(|i| error[*i].abs()).fold(0.0, f64::max),
+            rms_with_start_n: all.rms(),
+            samples: scored.len(),
+            samples_before_known: recording.len() - scored.len(),
+            torque_rms_n_m: torque_error(trocar, recording, run, scored),
+            by_speed: by_speed(recording, error, scored),
+            by_phase: self.by_phase(recording),
+            whiteness,
+            strokes,
+            warnings: self.unknown().map(str::to_owned).into_iter().collect(),
+        };
+        let (lowest, highest) = range(&recording.position);
+        let departure =
+            trocar.profile().and_then(|profile| Departure::of(profile, lowest, highest));
+        Scored { result, sums, pieces: 1, known: *is_known, departure }
+    }
+
     /// Why the state is known nowhere.
     fn unknown(&self) -> Option<&'static str> {
         let why = if self.run.sliding.is_empty() {
@@ -569,33 +621,7 @@ pub fn validate_one<K: AsRef<[f64]>>(
     recording: &Recording,
     offset: f64,
 ) -> Scored {
-    let along = Along::of(trocar, recording, offset);
-    let Along { run, error, scored, is_known } = &along;
-    let (whiteness, strokes) = rayon::join(
-        || whiteness(recording, error, scored),
-        || AgainstStrokes::of(recording, error, scored),
-    );
-    let sums = Sums::of(scored.iter().map(|i| (error[*i], recording.force[*i])));
-    let all = Sums::of((0..recording.len()).map(|i| (error[i], recording.force[i])));
-    let result = RecordingValidation {
-        path: recording.name.clone(),
-        rms_n: sums.rms(),
-        fit_percent: sums.fit_percent(),
-        bias_n: scored.iter().map(|i| error[*i]).sum::<f64>() / sums.n.max(1.0),
-        worst_n: scored.iter().map(|i| error[*i].abs()).fold(0.0, f64::max),
-        rms_with_start_n: all.rms(),
-        samples: scored.len(),
-        samples_before_known: recording.len() - scored.len(),
-        torque_rms_n_m: torque_error(trocar, recording, run, scored),
-        by_speed: by_speed(recording, error, scored),
-        by_phase: along.by_phase(recording),
-        whiteness,
-        strokes,
-        warnings: along.unknown().map(str::to_owned).into_iter().collect(),
-    };
-    let (lowest, highest) = range(&recording.position);
-    let departure = trocar.profile().and_then(|profile| Departure::of(profile, lowest, highest));
-    Scored { result, sums, pieces: 1, known: *is_known, departure }
+    Along::of(trocar, recording, offset).scores(trocar, recording)
 }
 
 fn torque_error<K: AsRef<[f64]>>(
@@ -768,12 +794,16 @@ fn whiteness(recording: &Recording, error: &[f64], scored: &[usize]) -> Option<W
     let mean = residuals.iter().sum::<f64>() / n.max(1) as f64;
     let centred: Vec<f64> = residuals.iter().map(|e| e - mean).collect();
     let power = autocovariance(&centred, 0);
-    let lag = (1..n / 20).step_by(LAGS_AT_ONCE).find_map(|from| {
-        (from..n / 20)
-            .into_par_iter()
-            .take(LAGS_AT_ONCE)
-            .find_first(|k| autocovariance(&centred, *k) < power / std::f64::consts::E)
-    })?;
+    let is_below = |k: usize| autocovariance(&centred, k) < power / std::f64::consts::E;
+    // Lags are doubled until it is, and then halved: the first crossing, unless it swings within.
+    let lags = successors(Some(1), |k| Some(2 * k)).take_while(|k| *k < n / 20);
+    let mut high = lags.chain([n / 20]).find(|k| is_below(*k))?;
+    let mut low = high / 2;
+    while high - low > 1 {
+        let middle = (low + high) / 2;
+        if is_below(middle) { high = middle } else { low = middle }
+    }
+    let lag = high;
     let decimated: Vec<f64> = centred.iter().step_by(lag).copied().collect();
     let m = decimated.len();
     if m < 5 * LAGS || power <= 0.0 {

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use crate::motion::MotionRange;
 use crate::simpler;
-use crate::validate::{OwnData, Validation, validate};
+use crate::validate::{Validated, Validation};
 use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
 use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::ModelFile;
@@ -133,14 +133,11 @@ pub struct Workflow {
     /// The recordings used for identification, without the moving mass and the position delay.
     pub recordings: Vec<Recording>,
     /// The model beside them.
-    pub own: OwnData,
+    pub own: Validated,
     /// Their motion and forces: where the model holds.
     pub range: MotionRange,
-    /// The validation recordings, without the moving mass, the unmodelled mass and the position
-    /// delay.
-    pub held_out: Vec<Recording>,
-    /// The validation on them; `None` without any.
-    pub validation: Option<Validation>,
+    /// The model beside the validation recordings; `None` without any.
+    pub held_out: Option<Validated>,
     /// Mass that was subtracted.
     pub moving_mass: MovingMass,
     /// The command line, for the report.
@@ -180,7 +177,8 @@ impl Workflow {
         let held_out = identification.without_delay(held_out)?;
         progress("simpler models", 0.84);
         let mut done = Self::of(identification, options, recordings, held_out, moving_mass);
-        let doubt = simpler::doubt(&done.identification, &done.options, &done.own, &done.held_out);
+        let held_out = done.held_out.as_ref();
+        let doubt = simpler::doubt(&done.identification, &done.options, &done.own, held_out);
         done.identification.warnings.extend(doubt);
         Ok(done)
     }
@@ -193,15 +191,9 @@ impl Workflow {
         held_out: Vec<Recording>,
         moving_mass: MovingMass,
     ) -> Self {
-        let (own, validation) = rayon::join(
-            || OwnData::of(&identification, &recordings),
-            || {
-                (!held_out.is_empty()).then(|| {
-                    let found = &identification;
-                    let scores = validate(&found.trocar(), &held_out, found.model.offset);
-                    scores.beside_identification(found.residual_rms, &held_out)
-                })
-            },
+        let (own, held_out) = rayon::join(
+            || Validated::own(&identification, &recordings),
+            || (!held_out.is_empty()).then(|| Validated::held_out(&identification, held_out)),
         );
         Self {
             range: MotionRange::of(&recordings, identification.model.offset),
@@ -210,9 +202,13 @@ impl Workflow {
             recordings,
             own,
             held_out,
-            validation,
             moving_mass,
             command: None,
         }
+    }
+
+    /// The validation on recordings that were held out; `None` without any.
+    pub fn validation(&self) -> Option<&Validation> {
+        self.held_out.as_ref().map(|held_out| &held_out.validation)
     }
 }

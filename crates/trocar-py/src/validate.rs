@@ -6,9 +6,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use trocar::option::{Interface, spelt};
 use trocar::recording::{Recording as Record, RecordingError};
-use trocar::replay::{Replay, replay};
 use trocar::report::validation::document;
-use trocar::validate::Validation;
 use trocar::workflow::Correction;
 
 use crate::errors::{InternalError, ParameterError, Raise};
@@ -22,9 +20,7 @@ use crate::work::{How, run};
 pub(crate) struct Validated(Arc<Job>);
 
 struct Job {
-    recordings: Vec<Record>,
-    runs: Vec<Replay>,
-    validation: Validation,
+    all: trocar::validate::Validated,
     offset: f64,
     mass: f64,
 }
@@ -57,11 +53,10 @@ pub(crate) fn validate(
     run(py, How { progress: None, threads }, move |_| {
         let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));
         let recordings: Vec<Record> = prepared.collect::<Result<_, RecordingError>>()?;
-        let validation = trocar::validate::validate(&file.trocar, &recordings, offset)
-            .beside_model(&file, recordings.iter().map(|recording| &recording.quality));
-        let runs =
-            recordings.iter().map(|recording| replay(&file.trocar, recording, offset)).collect();
-        Ok(Validated(Arc::new(Job { recordings, runs, validation, offset, mass })))
+        let mut all = trocar::validate::Validated::of(&file.trocar, recordings, offset);
+        let qualities = all.recordings.iter().map(|recording| &recording.quality);
+        all.validation = all.validation.beside_model(&file, qualities);
+        Ok(Validated(Arc::new(Job { all, offset, mass })))
     })?
     .map_err(|error: RecordingError| error.raise())
 }
@@ -70,7 +65,7 @@ pub(crate) fn validate(
 impl Validated {
     /// The text that `trocar validate --json` prints.
     fn summary_json(&self) -> PyResult<String> {
-        let text = serde_json::to_string(&self.0.validation)
+        let text = serde_json::to_string(&self.0.all.validation)
             .map_err(|error| InternalError::new_err(error.to_string()))?;
         Ok(spelt(&text, Interface::Json))
     }
@@ -83,7 +78,7 @@ impl Validated {
     /// Time, measured force less the offset, and the model's force along one recording; and whether
     /// the latter is independent of the unknown state at the start.
     fn forces<'py>(&self, py: Python<'py>, index: usize) -> Forces<'py> {
-        let (recording, run) = (&self.0.recordings[index], &self.0.runs[index]);
+        let (recording, run) = (&self.0.all.recordings[index], &self.0.all.runs[index]);
         let measured = recording.force.iter().map(|force| force - self.0.offset);
         let mut known = vec![false; recording.len()];
         run.known.iter().cloned().for_each(|range| known[range].fill(true));
@@ -98,8 +93,6 @@ impl Validated {
     /// Measured and computed force of the first recordings.
     fn figures(&self, py: Python<'_>) -> PyResult<Vec<Picture>> {
         let job = self.0.clone();
-        figures(py, move || {
-            document(&job.recordings, &job.runs, &job.validation, job.offset, "Validation")
-        })
+        figures(py, move || document(&job.all, job.offset, "Validation"))
     }
 }

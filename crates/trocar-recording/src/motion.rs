@@ -36,6 +36,9 @@ const ABOVE_NOISE: f64 = 3.0;
 /// noise: with this much it grows by an eighth, and what swings is still the force.
 const ADDED: f64 = 0.5;
 
+/// Bias, in least errors, beyond which longer windows are not tried.
+const PAST: f64 = 4.0;
+
 /// Windows whose accelerations are in memory at once: each is as long as the recording.
 const AT_A_TIME: usize = 4;
 
@@ -193,6 +196,10 @@ impl Recording {
             let bias = if m < n { excess / (1.0 - (m / n).powi(2)).powi(2) } else { 0.0 };
             if variance + bias < best.0 {
                 best = (variance + bias, window);
+            }
+            // The bias only grows from here on.
+            if bias > PAST * best.0 {
+                break;
             }
         }
         best.1

@@ -1,8 +1,7 @@
 //! Creates a report from the results of an identification and its validation: the paper's section
 //! IV with the user's own data.
 //!
-//! This module estimates nothing. It simulates the identified model over the recordings again,
-//! because the results contain scores but no time series.
+//! This module estimates nothing.
 
 use rayon::prelude::*;
 use trocar_model::Element;
@@ -12,7 +11,7 @@ use super::figures::{self, MOST_CHOSEN, Scored};
 use super::{ReportError, card};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_lab::motion::MotionRange;
-use trocar_lab::validate::{OwnData, Validation};
+use trocar_lab::validate::Validated;
 use trocar_lab::workflow::MovingMass;
 use trocar_recording::Recording;
 
@@ -21,13 +20,12 @@ use trocar_recording::Recording;
 pub struct IdentificationReport<'a> {
     /// The result.
     pub identification: &'a Identification,
-    /// The recordings used for identification, and the model's error over them.
-    pub own: &'a OwnData,
+    /// The model beside the recordings used for identification.
+    pub own: &'a Validated,
     /// Their motion and forces.
     pub range: MotionRange,
-    /// The validation recordings as they were scored (unmodelled mass subtracted), and the scores;
-    /// an empty list counts as `None`.
-    pub validation: Option<(&'a [Recording], &'a Validation)>,
+    /// The model beside the validation recordings.
+    pub held_out: Option<&'a Validated>,
     /// The elements of the virtual bench, if the data come from one.
     pub truth: Option<&'a [Element]>,
     /// Options of the identification.
@@ -80,9 +78,8 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ReportError> {
     if speeds.is_empty() {
         return Ok(());
     }
-    let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
     let recorded =
-        figures::cycle_speeds(&figures::scored(input.identification, input.own, validation));
+        figures::cycle_speeds(&figures::scored(input.identification, input.own, input.held_out));
     let other = speeds
         .iter()
         .find(|speed| !recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed));
@@ -106,10 +103,8 @@ const LIVE: &str = "The identified model itself runs here, the same steps as in 
 /// Equal input gives equal documents. Figures are numbered in order of appearance. If its data are
 /// missing, a figure is replaced by a sentence with the reason.
 pub fn document(input: &IdentificationReport) -> Document {
-    let validation = input.validation.filter(|(recordings, _)| !recordings.is_empty());
-    let input = &IdentificationReport { validation, ..*input };
     let found = input.identification;
-    let scored = figures::scored(found, input.own, input.validation);
+    let scored = figures::scored(found, input.own, input.held_out);
     Document {
         title: input.title.to_owned(),
         subtitle: subtitle(input),
@@ -129,9 +124,9 @@ pub fn document(input: &IdentificationReport) -> Document {
 }
 
 fn subtitle(input: &IdentificationReport) -> String {
-    let validated = input.validation.map_or_else(
+    let validated = input.held_out.map_or_else(
         || "not validated on other recordings".to_owned(),
-        |(recordings, _)| format!("validated on {}", figures::names(recordings)),
+        |held_out| format!("validated on {}", figures::names(&held_out.recordings)),
     );
     format!(
         "Extended Maxwell-Slip model identified from {}; {validated}",
@@ -168,7 +163,7 @@ fn lines<'a>(warnings: impl Iterator<Item = &'a Warning>) -> Vec<String> {
 }
 
 fn sections(input: &IdentificationReport, scored: &Scored) -> Vec<Section> {
-    let (found, own) = (input.identification, &input.own.recordings);
+    let (found, own) = (input.identification, input.own);
     let parts: [&(dyn Fn() -> Option<Section> + Sync); 10] = [
         &|| Some(live(input, scored)),
         &|| Some(parameters(input)),
@@ -228,7 +223,7 @@ fn fit(input: &IdentificationReport, scored: &Scored) -> Option<Section> {
     let section = section.drawn(figures::friction_scale(found, &input.own.recordings));
     let small = found.free_motion.partial_reversals > 0 && found.free_motion.held_s > 1.0;
     Some(if small {
-        section.drawn(figures::small_motion(found, &input.own.recordings, scored))
+        section.drawn(figures::small_motion(found, input.own, scored))
     } else {
         section
     })
@@ -278,9 +273,9 @@ fn of_two_steps() -> (String, String) {
 fn recordings<'a>(
     input: &IdentificationReport<'a>,
 ) -> impl Iterator<Item = (&'a Recording, &'static str)> {
-    let validation = input.validation.map_or(&[] as &[Recording], |(recordings, _)| recordings);
+    let held_out = input.held_out.into_iter().flat_map(|held_out| &held_out.recordings);
     let training = input.own.recordings.iter().map(|r| (r, "identification"));
-    training.chain(validation.iter().map(|r| (r, "validation")))
+    training.chain(held_out.map(|r| (r, "validation")))
 }
 
 fn provenance(input: &IdentificationReport) -> Vec<(String, String)> {

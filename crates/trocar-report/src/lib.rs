@@ -105,6 +105,12 @@ pub enum ReportError {
     Output(#[from] OutputError),
 }
 
+/// Unpacks the fonts of the figures in the background, as long as drawing several of them takes:
+/// whoever reads and computes first need not wait for them later.
+pub fn prepare() {
+    rayon::spawn(draw::load_fonts);
+}
+
 /// Writes `report.html` and `figures/<id>.svg`, `.pdf` and `.png` into `folder`, which is created if
 /// necessary.
 ///

@@ -3,9 +3,7 @@
 
 use super::document::{Axis, Document, Figure, Role, Section};
 use super::figures::{self, line, over_time};
-use trocar_lab::validate::Validation;
-use trocar_recording::Recording;
-use trocar_simulate::replay::Replay;
+use trocar_lab::validate::Validated;
 
 /// Most recordings that are drawn.
 const MOST_RECORDINGS: usize = 4;
@@ -13,17 +11,11 @@ const MOST_RECORDINGS: usize = 4;
 /// Measured and computed force over time and the residual, one figure for each of the first four
 /// recordings.
 ///
-/// `runs` are the simulations of the model over `recordings`, whose readings contain the sensor
-/// offset `offset`, N.
-pub fn document(
-    recordings: &[Recording],
-    runs: &[Replay],
-    scores: &Validation,
-    offset: f64,
-    title: &str,
-) -> Document {
+/// The readings contain the sensor offset `offset`, N.
+pub fn document(validated: &Validated, offset: f64, title: &str) -> Document {
     let mut section = Section::new("Model against measurement");
-    let scored = recordings.iter().zip(runs).zip(&scores.recordings);
+    let Validated { recordings, runs, validation } = validated;
+    let scored = recordings.iter().zip(runs).zip(&validation.recordings);
     for (number, ((recording, run), scores)) in (1..).zip(scored.take(MOST_RECORDINGS)) {
         let time = &recording.time;
         let measured = recording.force.iter().map(|force| force - offset);

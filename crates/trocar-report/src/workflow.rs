@@ -24,10 +24,7 @@ pub fn workflow_document(
         identification: &workflow.identification,
         own: &workflow.own,
         range: workflow.range,
-        validation: workflow
-            .validation
-            .as_ref()
-            .map(|scores| (workflow.held_out.as_slice(), scores)),
+        held_out: workflow.held_out.as_ref(),
         truth,
         options: &workflow.options,
         moving_mass: workflow.moving_mass,

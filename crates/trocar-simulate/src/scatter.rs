@@ -26,6 +26,7 @@
 //! that estimates the mean from n repeats has the error s·√(1 + 1/n) at best: for n = 5 that is
 //! 1.095·s.
 
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::segment::{Direction, Stroke, reversal_threshold, strokes};
@@ -303,7 +304,8 @@ impl Group {
     /// All samples at each kind of place; by position only against samples farther than `lengths`
     /// from either end.
     fn candidates(&self, recording: &Recording, lengths: [f64; 2]) -> Vec<Candidate> {
-        let candidates = self.tracks.iter().enumerate().flat_map(|(own, track)| {
+        let tracks = self.tracks.par_iter().enumerate();
+        let candidates = tracks.flat_map_iter(|(own, track)| {
             let longest = LENGTHS[LENGTHS.len() - 1] * (track.end - track.start);
             let samples =
                 (track.stroke.start..track.stroke.end).filter(|i| !recording.is_clipped(*i));

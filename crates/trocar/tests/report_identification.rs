@@ -18,7 +18,7 @@ use trocar::report::{
     Cell, Dimension, Document, Figure, Kind, Panel, Role, Section, Series, Table, write_document,
     write_workflow,
 };
-use trocar::validate::{OwnData, Validation, validate};
+use trocar::validate::Validated;
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{Element, ElementParams, Seal, Stages, Trocar};
 
@@ -27,9 +27,8 @@ static OPTIONS: LazyLock<IdentifyOptions> = LazyLock::new(IdentifyOptions::defau
 /// A bench, what was identified on it, and the scores on another recording.
 struct Bench {
     truth: [Element; 1],
-    own: OwnData,
-    validation: Vec<Recording>,
-    scores: Validation,
+    own: Validated,
+    held_out: Validated,
     identification: Identification,
 }
 
@@ -46,9 +45,9 @@ static BENCH: LazyLock<Bench> = LazyLock::new(|| {
     let training = vec![record(Protocol::Steady), record(Protocol::Dynamic)];
     let validation = vec![record(Protocol::Validation)];
     let identification = identified(&training);
-    let scores = validate(&identification.trocar(), &validation, identification.model.offset);
-    let own = OwnData::of(&identification, &training);
-    Bench { truth, own, validation, scores, identification }
+    let own = Validated::own(&identification, &training);
+    let held_out = Validated::held_out(&identification, validation);
+    Bench { truth, own, held_out, identification }
 });
 
 fn identified(training: &[Recording]) -> Identification {
@@ -58,7 +57,7 @@ fn identified(training: &[Recording]) -> Identification {
 
 fn full_report(bench: &Bench) -> Document {
     document(&IdentificationReport {
-        validation: Some((&bench.validation, &bench.scores)),
+        held_out: Some(&bench.held_out),
         truth: Some(&bench.truth),
         ..plain_input(&bench.identification, &bench.own)
     })
@@ -66,13 +65,13 @@ fn full_report(bench: &Bench) -> Document {
 
 fn plain_input<'a>(
     identification: &'a Identification,
-    own: &'a OwnData,
+    own: &'a Validated,
 ) -> IdentificationReport<'a> {
     IdentificationReport {
         identification,
         own,
         range: MotionRange::of(&own.recordings, identification.model.offset),
-        validation: None,
+        held_out: None,
         truth: None,
         options: &OPTIONS,
         moving_mass: MovingMass::default(),
@@ -371,7 +370,7 @@ fn the_live_model_is_the_identified_one_beside_an_excerpt_it_has_not_seen() {
     // gives the same force.
     let offset = bench.identification.model.offset;
     let recorded: Vec<f64> =
-        bench.validation[0].force.iter().map(|reading| reading - offset).collect();
+        bench.held_out.recordings[0].force.iter().map(|reading| reading - offset).collect();
     let near = |force: &f64| recorded.iter().any(|own| (own - force).abs() < BETWEEN_SAMPLES);
     assert!(excerpt.force.iter().all(near));
     let run = |force: f64| {
@@ -438,7 +437,7 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
     let mut identification = BENCH.identification.clone();
     identification.model.unmodelled_mass = config.rod.mass_kg;
     let forgotten =
-        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+        document(&plain_input(&identification, &Validated::own(&identification, &training)));
     let declared = document(&plain_input(&BENCH.identification, &BENCH.own));
     for id in ["velocity-step", "cross-validation"] {
         let forces = |document: &Document| {
@@ -516,7 +515,7 @@ fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_strok
     let (identification, training) = of_all_motion();
     let fit = identification.fit.as_ref().unwrap();
     let document =
-        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+        document(&plain_input(&identification, &Validated::own(&identification, &training)));
     assert_nothing_is_empty(&document);
     let section = section(&document, "Fit to all motion");
     let listed = table(section, "Term");
@@ -564,7 +563,7 @@ fn the_fit_lists_every_term_that_was_tried_and_draws_the_friction_of_every_strok
 fn rests_and_small_reversals_are_drawn_with_both_models_and_what_they_leave() {
     let (identification, training) = of_all_motion();
     let document =
-        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+        document(&plain_input(&identification, &Validated::own(&identification, &training)));
     let [position, force, error] = &figure(&document, "small-motion").panels[..] else {
         panic!("three panels")
     };
@@ -664,7 +663,7 @@ fn every_number_of_the_model_card_is_in_the_summary() {
         BENCH.identification.clone(),
         OPTIONS.clone(),
         BENCH.own.recordings.to_vec(),
-        BENCH.validation.to_vec(),
+        BENCH.held_out.recordings.clone(),
         MovingMass { mass: 0.04, gravity: 0.0 },
     );
     let folder = tempfile::tempdir().unwrap();
@@ -702,7 +701,7 @@ fn an_unresolved_deformation_is_said_in_words_instead_of_drawn() {
     let identification = identified(&training);
     let why = identification.deformation.as_ref().expect_err("a stiff slider does not deform");
     let document =
-        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+        document(&plain_input(&identification, &Validated::own(&identification, &training)));
     let ids: Vec<&str> = figures(&document).iter().map(|figure| figure.id.as_str()).collect();
     for id in ["velocity-step", "deformation-velocity", "deformation-force", "half-width"] {
         assert!(!ids.contains(&id), "{id}");
@@ -727,7 +726,7 @@ fn one_direction_at_one_speed_has_no_confidence_lines_and_a_reason() {
     let training = [stiff_slider(&[0.02], false)];
     let identification = identified(&training);
     let document =
-        document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+        document(&plain_input(&identification, &Validated::own(&identification, &training)));
     let figure = figure(&document, "static-friction");
     assert!(figure.panels[0].series.iter().all(|s| !matches!(s.role, Role::Lower | Role::Upper)));
     assert!(figure.caption.contains("No confidence lines"), "{}", figure.caption);
@@ -777,7 +776,7 @@ fn real_recordings_give_reports_without_empty_panels() {
         let options = IdentifyOptions::default();
         let identification = identify(&training, &options, &|_, _| {}).unwrap();
         let document =
-            document(&plain_input(&identification, &OwnData::of(&identification, &training)));
+            document(&plain_input(&identification, &Validated::own(&identification, &training)));
         assert_nothing_is_empty(&document);
         let folder = tempfile::tempdir().unwrap();
         write_document(folder.path(), &document).unwrap();
@@ -790,7 +789,7 @@ fn levels_and_speeds_are_chosen() {
     let bench = &*BENCH;
     let choice = FigureChoice { deflections: &[-6e-3, 5e-3], speeds: &[0.08, 0.03, 0.0505] };
     let input = IdentificationReport {
-        validation: Some((&bench.validation, &bench.scores)),
+        held_out: Some(&bench.held_out),
         choice,
         ..plain_input(&bench.identification, &bench.own)
     };
@@ -828,7 +827,7 @@ fn levels_and_speeds_that_were_not_recorded_are_refused() {
     let bench = &*BENCH;
     let refused = |deflections: &[f64], speeds: &[f64]| {
         let input = IdentificationReport {
-            validation: Some((&bench.validation, &bench.scores)),
+            held_out: Some(&bench.held_out),
             choice: FigureChoice { deflections, speeds },
             ..plain_input(&bench.identification, &bench.own)
         };
@@ -878,8 +877,11 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
         if let Ok(found) = identify(&training, &options, &|_, _| {}) {
             let folder = tempfile::tempdir().unwrap();
             let out = folder.path().join("report");
-            write_document(&out, &document(&plain_input(&found, &OwnData::of(&found, &training))))
-                .unwrap();
+            write_document(
+                &out,
+                &document(&plain_input(&found, &Validated::own(&found, &training))),
+            )
+            .unwrap();
             let bytes = std::fs::metadata(out.join("report.html")).unwrap().len();
             assert!(bytes < 10_000_000, "{bytes} bytes");
             drawn += 1;
@@ -898,6 +900,6 @@ fn recordings_of_any_scale_give_reports_of_bounded_size() {
     let found = identify(&slow, &options, &|_, _| {}).unwrap();
     let began = Instant::now();
     assert!(found.fit.is_some());
-    document(&plain_input(&found, &OwnData::of(&found, &slow)));
+    document(&plain_input(&found, &Validated::own(&found, &slow)));
     assert!(began.elapsed().as_secs() < 30, "{:?}", began.elapsed());
 }

@@ -108,8 +108,7 @@ fn a_validation_that_agrees_is_not_doubtful() {
     for protocol in [Protocol::Validation, Protocol::Step, Protocol::Surgeon] {
         let held_out = [record(protocol, 1.0, 4)];
         with_outcome(&held_out, |outcome| {
-            let times =
-                outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
+            let times = outcome.validation().unwrap().rms_n / outcome.identification.residual_rms;
             assert!(
                 times < 2.0 && !outcome.is_doubtful(),
                 "{protocol}: {times}, {:?}",
@@ -149,8 +148,7 @@ fn a_validation_that_contradicts_is_doubtful() {
                 .find(|w| w.subject.to_string() == "validation.csv")
                 .expect("a warning");
             assert!(warning.doubtful);
-            let times =
-                outcome.validation.as_ref().unwrap().rms_n / outcome.identification.residual_rms;
+            let times = outcome.validation().unwrap().rms_n / outcome.identification.residual_rms;
             println!("friction {friction}: {times:.1} times: {}", warning.message);
             let said = format!(
                 "is {} times the model's own error",

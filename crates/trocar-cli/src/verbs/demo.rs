@@ -10,7 +10,7 @@ use trocar::model_file::ModelFile;
 use trocar::output::StagedFolder;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::FigureChoice;
-use trocar::report::write_workflow;
+use trocar::report::{prepare, write_workflow};
 use trocar::workflow::{MovingMass, Workflow};
 use trocar_model::{ElementParams, ParameterId, Quantity, Unit};
 
@@ -55,6 +55,7 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    prepare();
     let staged = StagedFolder::create(&args.out)?;
     let config = BenchConfig::default();
     let truth = ModelFile::plausible_10_5_mm()?;
@@ -111,7 +112,7 @@ fn in_brief(found: &Workflow, truth: &ElementParams, config: &BenchConfig) -> St
         ]);
     }
     let mut text = table.to_text();
-    for r in found.validation.iter().flat_map(|validation| &validation.recordings) {
+    for r in found.validation().into_iter().flat_map(|validation| &validation.recordings) {
         text.push_str(&format!(
             "  error on {}: {} N rms, fit {:.2} %\n",
             r.path,

@@ -10,7 +10,7 @@ use trocar::identify::{
 use trocar::output::StagedFolder;
 use trocar::recording::Recording;
 use trocar::report::identification::FigureChoice;
-use trocar::report::write_workflow;
+use trocar::report::{prepare, write_workflow};
 use trocar::segment::SegmentOptions;
 use trocar::survey::{RecordingSurvey, Survey};
 use trocar::workflow::{MovingMass, Workflow};
@@ -131,6 +131,7 @@ fn draws(text: &str) -> Result<Draws, String> {
 }
 
 pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> {
+    prepare();
     let moving_mass = args.rod.moving_mass()?;
     let paths: Vec<PathBuf> = args.recordings.iter().chain(&args.validate).cloned().collect();
     let mut recordings = args.reading.recordings(console, &paths)?;
@@ -309,7 +310,7 @@ fn print_warnings(console: &Console, done: &Workflow, printed: &[String]) {
     let all = done.identification.warnings.iter();
     let doubts = all.filter(|w| w.doubtful && !printed.contains(&w.message));
     in_lines(doubts).iter().for_each(|line| console.warn(line));
-    let results = done.validation.iter().flat_map(|validation| &validation.recordings);
+    let results = done.validation().into_iter().flat_map(|validation| &validation.recordings);
     for result in results {
         for warning in &result.warnings {
             console.warn(&format!("{}: {warning}", result.path));
@@ -347,7 +348,7 @@ fn in_brief(done: &Workflow) -> String {
         text.push_str(&format!("{}\n", posterior.in_words()));
     }
     text.push_str(&along_in_words(&done.identification));
-    for r in done.validation.iter().flat_map(|validation| &validation.recordings) {
+    for r in done.validation().into_iter().flat_map(|validation| &validation.recordings) {
         text.push_str(&format!(
             "validation on {}: {} N rms, fit {:.2} %\n",
             r.path,

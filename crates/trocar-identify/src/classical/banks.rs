@@ -73,9 +73,9 @@ pub(super) const GMS: Family = Family {
     free: |scales, n| {
         let head = [
             scales.damping(Q::ViscousDamping),
-            scales.rise(),
+            scales.relative_rise(),
             scales.stribeck_velocity(),
-            Coordinate::log(Q::AttractionRate, [1e-3 * scales.force, 1e4 * scales.force]),
+            scales.relative_attraction(),
         ];
         let elements = (0..n).flat_map(|i| {
             let [stiffness, limit] = scales.element(i);
@@ -101,7 +101,8 @@ fn leuven_elements(n: usize, p: &[f64]) -> Vec<SlipElement> {
 }
 
 /// F_c = Σ k_i·Δ_i. One attraction coefficient C, N/s, for all: C_i = C·ν_i with ν_i = α_i/k_i (GMS
-/// in its force form, SOURCES.md).
+/// in its force form, SOURCES.md). `p` has F_s/F_c − 1 and C/F_c: with ν_i·F_c = Δ_i, no element
+/// depends on the numbers of another.
 fn build_gms(p: &[f64]) -> Result<Classical, ParamError> {
     let [viscous, rise, velocity, attraction] = [p[0], p[1], p[2], p[3]];
     let elements = p[4..].chunks_exact(3);
@@ -110,10 +111,10 @@ fn build_gms(p: &[f64]) -> Result<Classical, ParamError> {
         .map(|own| {
             let [stiffness, limit, damping] = [own[0], own[1], own[2]];
             let share = stiffness * limit / coulomb;
-            GmsElement { stiffness, share, attraction: attraction * share / stiffness, damping }
+            GmsElement { stiffness, share, attraction: attraction * limit, damping }
         })
         .collect();
-    let sliding = stribeck([coulomb, rise, velocity, 2.0, viscous]);
+    let sliding = stribeck([coulomb, rise * coulomb, velocity, 2.0, viscous]);
     Ok(Classical::Gms(Gms::new(&elements, sliding, SlipRate::Free)?))
 }
 
@@ -127,8 +128,7 @@ pub(super) fn from_kin(bank: Option<Bank>, data: &ClassicalData, kin: Related) -
 
 /// GMS with the forces of a fitted Maxwell-Slip model.
 fn generalised(numbers: &[f64], data: &ClassicalData) -> Vec<f64> {
-    let Scales { force, speeds: [slowest, _], .. } = data.scales;
-    let head = numbers[..2].iter().copied().chain([0.0, slowest, 50.0 * force]);
+    let head = numbers[..2].iter().copied().chain([0.0, data.scales.speeds[0], 50.0]);
     head.chain(undamped(numbers)).collect()
 }
 
@@ -170,8 +170,7 @@ fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let bank = convex_bank(n, data);
     let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
-        [vec![viscous, rise * force, v, attraction * force], flattened(&bank, Some(damping))]
-            .concat()
+        [vec![viscous, rise, v, attraction], flattened(&bank, Some(damping))].concat()
     };
     let middle = data.scales.middle_speed();
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
@@ -184,7 +183,7 @@ fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
         all.push([numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
     }
     if let Some(numbers) = kin.special {
-        let head = [numbers[1], 0.02 * force, slowest, 50.0 * force];
+        let head = [numbers[1], 0.02, slowest, 50.0];
         all.push(head.into_iter().chain(undamped(numbers)).collect());
     }
     all

@@ -34,6 +34,17 @@ impl Scales {
         Coordinate::log(Q::CoulombForce, [1e-2 * self.force, 1e2 * self.force])
     }
 
+    /// What GMS has in place of the next, relative to the force of its elements: these then do not
+    /// depend on each other.
+    pub(super) fn relative_rise(&self) -> Coordinate {
+        Coordinate::linear(Number::RelativeRise, [0.0, 20.0], 1e-4)
+    }
+
+    /// Relative to the force of the elements, 1/s.
+    pub(super) fn relative_attraction(&self) -> Coordinate {
+        Coordinate::log(Number::Relative(Q::AttractionRate.id()), [1e-3, 1e4])
+    }
+
     pub(super) fn rise(&self) -> Coordinate {
         Coordinate::linear(Number::Rise, [0.0, 20.0 * self.force], 1e-4 * self.force)
     }
@@ -89,6 +100,16 @@ pub(super) struct Bank {
 }
 
 impl Bank {
+    /// Number of the derivative, among those that [`super::elements::Elements`] follow, of the free
+    /// parameter `j`.
+    pub(super) fn followed(self, j: usize) -> Option<usize> {
+        let of_element = || j.checked_sub(self.first).map(|k| k + 1);
+        if j == Self::VISCOUS { Some(0) } else { of_element() }
+    }
+
+    /// Place of the viscous damping.
+    const VISCOUS: usize = 1;
+
     /// Σ k_i·Δ_i, N.
     pub(super) fn force(self, numbers: &[f64]) -> f64 {
         numbers[self.first..].chunks_exact(self.stride).map(|own| own[0] * own[1]).sum()
@@ -102,6 +123,10 @@ pub(super) enum Number {
     Reported(ParameterId),
     /// F_s − F_c, N.
     Rise,
+    /// F_s/F_c − 1, where F_c is that of the bank.
+    RelativeRise,
+    /// A parameter in units of the force of the bank.
+    Relative(ParameterId),
     /// Deflection at which the element of this id slips, m; the free parameter before it is the
     /// stiffness.
     LimitDeflection(ParameterId),
@@ -169,11 +194,16 @@ pub(super) fn reported(bank: Option<Bank>, coordinates: &[Coordinate]) -> Vec<Re
         of: Box::new(move |p| bank.force(p)),
         from: Vec::new(),
     });
+    let of_bank = move |p: &[f64]| bank.map_or(f64::NAN, |bank| bank.force(p));
     let usual = coordinates.iter().enumerate().map(|(j, c)| match c.number {
         Number::LimitDeflection(id) => {
             Reported { id, log: true, of: Box::new(move |p| p[j - 1] * p[j]), from: vec![j - 1, j] }
         }
-        Number::Rise => static_force(bank, j),
+        Number::Rise => static_force(j, move |p| p[j - 1] + p[j]),
+        Number::RelativeRise => static_force(j, move |p| of_bank(p) * (1.0 + p[j])),
+        Number::Relative(id) => {
+            Reported { id, log: c.log, of: Box::new(move |p| of_bank(p) * p[j]), from: vec![j] }
+        }
         Number::Reported(id) => {
             Reported { id, log: c.log, of: Box::new(move |p| p[j]), from: vec![j] }
         }
@@ -181,11 +211,7 @@ pub(super) fn reported(bank: Option<Bank>, coordinates: &[Coordinate]) -> Vec<Re
     sum.into_iter().chain(usual).collect()
 }
 
-/// F_c is that of the bank, or the parameter before the rise.
-fn static_force(bank: Option<Bank>, rise: usize) -> Reported {
-    let of: Formula = match bank {
-        Some(bank) => Box::new(move |p| bank.force(p) + p[rise]),
-        None => Box::new(move |p| p[rise - 1] + p[rise]),
-    };
-    Reported { id: Q::StaticForce.id(), log: false, of, from: vec![rise] }
+/// `rise` is the place of what it has above the Coulomb force.
+fn static_force(rise: usize, of: impl Fn(&[f64]) -> f64 + 'static) -> Reported {
+    Reported { id: Q::StaticForce.id(), log: false, of: Box::new(of), from: vec![rise] }
 }

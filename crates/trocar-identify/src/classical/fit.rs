@@ -2,26 +2,31 @@
 
 use std::sync::Arc;
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
-use trocar_model::{Passivity, SlipRate};
+use trocar_model::{ClassicalState, Passivity, SlipRate};
 
 use crate::estimate::Estimate;
 use crate::findings::{Parameter, Warning};
 use crate::likelihood::{self, Column, Fitted, Free, Stop, Trial};
 use crate::spread::{Reported, Spread};
+use crate::training::Step;
 use trocar_model::Classical;
 
 use super::banks::from_kin;
 use super::coordinate::{self, Coordinate, reported};
 use super::data::ClassicalData;
+use super::elements::Elements;
 use super::family::Related;
 use super::kind::Kind;
 
-/// Rounds of the fit: the stopping criteria of each, and how many of its fits go on. All but the
-/// last take longer steps.
-const ROUNDS: [(Stop, usize); 3] = [(FIRST, 4), (SHORT, 2), (LONG, 1)];
+/// Starts with the least errors that are fitted at all.
+const STARTS: usize = 6;
+/// Rounds of short fits, in longer steps: the stopping criteria of each, and how many go on.
+const SEARCH: [(Stop, usize); 2] = [(FIRST, 4), (SHORT, 2)];
 const FIRST: Stop = Stop { iterations: 3, ..SHORT };
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
+const LONGER: Stop = Stop { iterations: 20, ..LONG };
 pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
 /// Largest relative decrease of the squared error still predicted for a fit that counts as
 /// converged.
@@ -86,14 +91,17 @@ impl ClassicalTrial {
 
 impl Trial for ClassicalTrial {
     type Model = Classical;
+    type Followers = Elements;
 
     fn model(&self) -> Option<Classical> {
         self.kind.build(&self.numbers()[1..]).ok()
     }
 
     fn free(&self) -> Vec<Free> {
-        let of = |(value, c): (&f64, &Coordinate)| {
+        let bank = self.kind.bank();
+        let of = |(j, (value, c)): (usize, (&f64, &Coordinate))| {
             let [low, high] = Self::range(c);
+            let followed = bank.and_then(|bank| bank.followed(j));
             Free {
                 kind: None,
                 value: *value,
@@ -101,10 +109,11 @@ impl Trial for ClassicalTrial {
                 low,
                 high,
                 expected: f64::INFINITY,
-                column: Column::Simulated,
+                column: followed.map_or(Column::Simulated, Column::Followed),
             }
         };
-        let mut free: Vec<Free> = self.values.iter().zip(self.coordinates.iter()).map(of).collect();
+        let numbers = self.values.iter().zip(self.coordinates.iter());
+        let mut free: Vec<Free> = numbers.enumerate().map(of).collect();
         free[0].column = Column::Offset;
         free
     }
@@ -124,24 +133,39 @@ impl Trial for ClassicalTrial {
     fn offset(&self) -> f64 {
         self.values[0]
     }
+
+    fn followers(&self) -> Elements {
+        Elements::new(self.kind.bank(), &self.numbers())
+    }
+
+    fn follow(
+        elements: &mut Elements,
+        model: &Classical,
+        state: &mut ClassicalState,
+        steps: &[Step],
+    ) -> DMatrix<f64> {
+        elements.follow(model, state, steps)
+    }
 }
 
-/// Fits of special cases that a model may start from.
+/// What a fit may start from, and what it is for.
 #[derive(Clone, Copy, Default)]
 pub struct RelatedFits<'a> {
     /// Same family with one element less.
     pub smaller: Option<&'a ClassicalFit>,
     /// Fit of [`Kind::special`].
     pub special: Option<&'a ClassicalFit>,
+    /// Error, N, above which a model after short fits is not fitted further.
+    pub most: Option<f64>,
 }
 
 /// Fits one model, from starts derived from the data and from its special cases.
 ///
-/// Only the best after a short fit from all starts are fitted to convergence. A start from a special
-/// case has its error, so no model ends with a larger error than a smaller one.
+/// Only the best of the starts are fitted, and only the best of these to convergence. A start from a
+/// special case has its error, so no model ends with a larger error than a smaller one.
 ///
 /// # Errors
-/// A message when no start gives a model that runs.
+/// A message when no start gives a model that runs, or none within [`RelatedFits::most`].
 pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<ClassicalFit, String> {
     let special = match (kin.special, kind.special()) {
         (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
@@ -159,21 +183,22 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     };
     let starts = kind.starts(data, related);
     let starts = trials(starts).into_iter().chain(trials(from_kin(kind.bank(), data, related)));
-    let carried = |starts: Vec<ClassicalTrial>, stop, count| {
-        let training = if count > 1 { &data.search } else { &data.training };
-        let fits = starts.par_iter().filter_map(|from| likelihood::fit(training, from, stop));
-        let mut fits: Vec<Fitted<ClassicalTrial>> = fits.collect();
-        fits.sort_by(|a, b| a.rms[1].total_cmp(&b.rms[1]));
-        fits.truncate(count);
-        fits
+    let starts: Vec<ClassicalTrial> = starts.collect();
+    let of = |trial: &ClassicalTrial| (likelihood::cost(&data.search, trial), trial.clone());
+    let mut from = least(starts.par_iter().map(of).collect(), STARTS);
+    let fitted = |(_, from): &(f64, ClassicalTrial), stop| {
+        likelihood::fit(&data.search, from, stop).map(|fit| (fit.rms[1], fit.best))
     };
-    let mut best: Vec<Fitted<ClassicalTrial>> = Vec::new();
-    let mut from: Vec<ClassicalTrial> = starts.collect();
-    for (stop, count) in ROUNDS {
-        best = carried(from, stop, count);
-        from = best.iter().map(|fitted| fitted.best.clone()).collect();
+    for (stop, count) in SEARCH {
+        from = least(from.par_iter().filter_map(|from| fitted(from, stop)).collect(), count);
     }
-    let found = best.pop().ok_or("no initial values gave a model that runs")?;
+    if from.first().zip(kin.most).is_some_and(|((error, _), most)| *error > most) {
+        return Err(format!("its error is above {} N", kin.most.unwrap_or(f64::INFINITY)));
+    }
+    let best =
+        from.par_iter().filter_map(|from| fitted(from, LONGER)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let found = best.and_then(|(_, from)| likelihood::fit(&data.training, &from, LONG));
+    let found = found.ok_or("no initial values gave a model that runs")?;
     let model = found.best.model().ok_or("the best parameters form no valid model")?;
     let parameters = parameters(&found);
     let mut warnings = doubts(&found, &parameters);
@@ -189,6 +214,13 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
         warnings,
         numbers: found.best.numbers(),
     })
+}
+
+/// The `count` with the least errors, of trials with theirs.
+fn least(mut all: Vec<(f64, ClassicalTrial)>, count: usize) -> Vec<(f64, ClassicalTrial)> {
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.truncate(count);
+    all
 }
 
 fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {

@@ -10,6 +10,7 @@
 mod banks;
 mod coordinate;
 mod data;
+mod elements;
 mod family;
 mod fit;
 mod kind;

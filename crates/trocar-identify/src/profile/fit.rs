@@ -6,6 +6,7 @@
 //! where a millisecond matters) are downweighted with Huber's weights, whose scale is the median
 //! absolute residual.
 
+use rayon::prelude::*;
 use serde::Serialize;
 use trocar_model::profile::place;
 use trocar_model::{PositionProfile, ProfileError};
@@ -183,8 +184,8 @@ fn rms(errors: impl Iterator<Item = f64>) -> f64 {
 /// Huber's weights; all 1 if the median residual is 0.
 fn huber(residuals: &[f64]) -> Vec<f64> {
     let mut sizes: Vec<f64> = residuals.iter().map(|e| e.abs()).collect();
-    sizes.sort_by(f64::total_cmp);
-    let limit = HUBER * 1.4826 * sizes[sizes.len() / 2];
+    let middle = sizes.len() / 2;
+    let limit = HUBER * 1.4826 * *sizes.select_nth_unstable_by(middle, f64::total_cmp).1;
     residuals
         .iter()
         .map(|e| if e.abs() <= limit || limit == 0.0 { 1.0 } else { limit / e.abs() })
@@ -280,9 +281,9 @@ impl<'a> Data<'a> {
         let fold =
             samples.iter().map(|s| numbers.partition_point(|n| *n < s.cycle) % folds).collect();
         let mut positions: Vec<f64> = samples.iter().map(|s| s.position).collect();
-        positions.sort_by(f64::total_cmp);
         let beyond = (BEYOND * samples.len() as f64) as usize;
-        let (from, to) = (positions[beyond], positions[samples.len() - 1 - beyond]);
+        let [from, to] = [beyond, samples.len() - 1 - beyond]
+            .map(|place| *positions.select_nth_unstable_by(place, f64::total_cmp).1);
         if to <= from || samples.len() < FEWEST_PER_KNOT * (INTERVALS[0] + 1) {
             return Err(NoProfile::TooFewReadings { samples: samples.len(), from, to });
         }
@@ -328,15 +329,13 @@ impl<'a> Data<'a> {
     /// The candidate that predicts held-out cycles best, or equally well with fewer parameters.
     fn choose(&self, weights: &[f64], storage_length: f64) -> Result<Candidate, NoProfile> {
         let most = self.samples.len() / FEWEST_PER_KNOT;
-        let mut candidates = Vec::new();
-        for knots in INTERVALS.iter().map(|n| n + 1).filter(|knots| *knots <= most) {
+        let with_knots = |knots: usize| {
             let parts = self.sums(knots, weights);
             let all = parts[1..].iter().fold(parts[0].clone(), |sum, part| sum.combine(part, 1.0));
-            let tried = ROUGHNESS
-                .iter()
-                .filter_map(|roughness| self.candidate(&parts, &all, knots, *roughness));
-            candidates.extend(tried);
-        }
+            ROUGHNESS.iter().filter_map(move |rough| self.candidate(&parts, &all, knots, *rough))
+        };
+        let knots = INTERVALS.par_iter().map(|n| n + 1).filter(|knots| *knots <= most);
+        let mut candidates: Vec<Candidate> = knots.flat_map_iter(with_knots).collect();
         candidates.retain(|c: &Candidate| is_passive(&c.profile, storage_length));
         let least = candidates.iter().map(|c| c.held_out).fold(f64::INFINITY, f64::min);
         let as_good = candidates.into_iter().filter(|c| c.held_out <= AS_GOOD * AS_GOOD * least);

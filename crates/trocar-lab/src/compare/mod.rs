@@ -534,7 +534,8 @@ fn fit_family(
         let clock = Instant::now();
         let [smaller, special] = [kind.smaller(), kind.special()]
             .map(|wanted| fits.iter().map(|(fit, _)| fit).find(|fit| Some(fit.kind) == wanted));
-        let fit = trocar_identify::classical::fit(*kind, data, RelatedFits { smaller, special })
+        let kin = RelatedFits { smaller, special, most: None };
+        let fit = trocar_identify::classical::fit(*kind, data, kin)
             .map_err(|why| CompareError::NoFit { model: kind.to_string(), why })?;
         fits.push((fit, clock.elapsed().as_secs_f64()));
         fitted(kind);

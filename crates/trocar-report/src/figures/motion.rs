@@ -10,6 +10,7 @@ use trocar_model::Trocar;
 use crate::document::{Axis, Cell, Figure, Mark, Panel, Role, Series, Table};
 use crate::number::significant;
 use trocar_identify::{FitSummary, Identification};
+use trocar_lab::validate::Validated;
 use trocar_recording::Recording;
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::segment::{reversal_threshold, strokes};
@@ -102,6 +103,7 @@ pub(crate) fn friction_scale(found: &Identification, recordings: &[Recording]) -
 /// A part of a recording that the figure may show.
 struct MotionWindow<'a> {
     recording: &'a Recording,
+    run: &'a Replay,
     samples: Range<usize>,
     /// Number of partial reversals in it.
     partial: usize,
@@ -118,15 +120,18 @@ impl MotionWindow<'_> {
 
 /// Measured force, force of the model and force of the paper's two steps in the part with the most
 /// rests and small reversals.
-pub(crate) fn small_motion(found: &Identification, seen: &[Recording], scored: &Scored) -> Drawn {
-    let fresh = scored.held_out.then(|| densest(found, scored.recordings, false)).flatten();
-    let shown = fresh
-        .or_else(|| densest(found, seen, true))
+pub(crate) fn small_motion(found: &Identification, own: &Validated, scored: &Scored) -> Drawn {
+    let fresh = || densest(found, (scored.recordings, scored.runs), false);
+    let shown = scored
+        .held_out
+        .then(fresh)
+        .flatten()
+        .or_else(|| densest(found, (&own.recordings, &own.runs), true))
         .ok_or("There is no figure of rests and small reversals: no recording holds both.")?;
-    let MotionWindow { recording, ref samples, .. } = shown;
+    let MotionWindow { recording, run, ref samples, .. } = shown;
     let offset = found.model.offset;
     let measured: Vec<f64> = recording.force[samples.clone()].iter().map(|f| f - offset).collect();
-    let model = replay(&found.trocar(), recording, offset).force[samples.clone()].to_vec();
+    let model = run.force[samples.clone()].to_vec();
     let paper = paper_run(found, recording).map(|force| force[samples.clone()].to_vec());
     let origin = recording.time[samples.start];
     let time: Vec<f64> = recording.time[samples.clone()].iter().map(|t| t - origin).collect();
@@ -228,11 +233,11 @@ fn resting(recording: &Recording, reach: f64) -> Vec<bool> {
 /// part contains both.
 fn densest<'a>(
     found: &Identification,
-    recordings: &'a [Recording],
+    (recordings, runs): (&'a [Recording], &'a [Replay]),
     seen: bool,
 ) -> Option<MotionWindow<'a>> {
-    let windows = recordings.iter().flat_map(|recording| windows(found, recording, seen));
-    windows
+    let all = recordings.iter().zip(runs);
+    all.flat_map(|(recording, run)| windows(found, recording, run, seen))
         .filter(|s| s.partial > 0 && s.held > 0.0)
         .max_by(|a, b| a.density().total_cmp(&b.density()))
 }
@@ -240,6 +245,7 @@ fn densest<'a>(
 fn windows<'a>(
     found: &Identification,
     recording: &'a Recording,
+    run: &'a Replay,
     seen: bool,
 ) -> Vec<MotionWindow<'a>> {
     let widest = 2.0 * found.model.half_width;
@@ -251,9 +257,8 @@ fn windows<'a>(
         .map(|p| p.start)
         .collect();
     let resting = resting(recording, RESTING * found.model.half_width);
-    let known = replay(&Trocar::of_seal(found.stages), recording, found.model.offset).known;
     let mut all = Vec::new();
-    for range in known {
+    for range in &run.known {
         let ends = [range.start, range.end - 1].map(|i| recording.time[i]);
         let starts = excerpt_starts(ends, SHOWN, STEP);
         for from in starts.take_while(|from| from + SHOWN <= ends[1]) {
@@ -263,7 +268,7 @@ fn windows<'a>(
             let held = samples.clone().filter(|i| resting[*i]).count() as f64
                 * recording.quality.median_interval;
             let partial = partial.iter().filter(|i| samples.contains(i)).count();
-            all.push(MotionWindow { recording, samples, partial, held, seen });
+            all.push(MotionWindow { recording, run, samples, partial, held, seen });
         }
     }
     all

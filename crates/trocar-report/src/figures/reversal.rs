@@ -7,8 +7,8 @@ use trocar_model::Branch;
 use super::{Drawn, MM, line, spaced};
 use crate::document::{Axis, Figure, Mark, Panel, Role};
 use trocar_identify::{DeformationFit, FullReversal, Identification};
+use trocar_lab::validate::Validated;
 use trocar_recording::{Recording, local_velocity};
-use trocar_simulate::replay::replay;
 
 /// Shown durations of sliding before the reversal and after the transients, in durations of the
 /// deformation.
@@ -17,7 +17,7 @@ const MARGINS: [f64; 2] = [0.5, 0.8];
 const OUTERMOST: f64 = 0.9;
 
 /// The force after one measured reversal against time.
-pub(crate) fn velocity_step(found: &Identification, recordings: &[Recording]) -> Drawn {
+pub(crate) fn velocity_step(found: &Identification, own: &Validated) -> Drawn {
     let deformation = found.deformation.as_ref().map_err(|why| {
         format!(
             "There is no figure of the force upon a velocity reversal (figure 3 of the paper), because the recordings hold no full reversal: {why}."
@@ -25,13 +25,13 @@ pub(crate) fn velocity_step(found: &Identification, recordings: &[Recording]) ->
     })?;
     let shown = clearest(deformation)
         .ok_or("No full reversal was found that could show a velocity reversal.")?;
-    let recording = &recordings[shown.recording];
+    let recording = &own.recordings[shown.recording];
     let window = window(recording, shown);
     let origin = recording.time[turning_point(recording, shown, &window)];
     let time: Vec<f64> = recording.time[window.clone()].iter().map(|t| t - origin).collect();
     let part = |values: &[f64]| values[window.clone()].to_vec();
     let measured = recording.force[window.clone()].iter().map(|force| force - found.model.offset);
-    let model = part(&replay(&found.trocar(), recording, found.model.offset).force);
+    let model = part(&own.runs[shown.recording].force);
     let velocity = local_velocity(recording, (20.0 * recording.quality.median_interval).max(0.02));
     let velocity = part(&velocity).into_iter().map(|v| MM * v);
     let label = super::measured(recording);

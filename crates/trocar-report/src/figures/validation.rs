@@ -9,9 +9,9 @@ use super::{Drawn, MM, has_stages, line, over_time, p_in_words, thinned};
 use crate::document::{Axis, Figure, Mark, Panel, Role, Series};
 use crate::number::{fixed, significant};
 use trocar_identify::Identification;
-use trocar_lab::validate::{OwnData, Validation, Whiteness};
+use trocar_lab::validate::{Validated, Validation, Whiteness};
 use trocar_recording::Recording;
-use trocar_simulate::replay::{Replay, replay};
+use trocar_simulate::replay::Replay;
 use trocar_simulate::segment::{
     SegmentOptions, reversal_threshold, steady_segments, strokes, travel,
 };
@@ -33,25 +33,21 @@ pub(crate) struct Scored<'a> {
     pub(crate) validation: &'a Validation,
     /// Whether the recordings were held out of the identification.
     pub(crate) held_out: bool,
-    runs: Vec<Replay>,
+    pub(super) runs: &'a [Replay],
     /// Whether the model has elements in parallel.
     stages: bool,
     /// Sensor offset, N.
     offset: f64,
 }
 
-/// Simulates the model over the validation recordings, or over those used for identification.
+/// The model beside the validation recordings, or beside those used for identification.
 pub(crate) fn scored<'a>(
     found: &Identification,
-    own: &'a OwnData,
-    validation: Option<(&'a [Recording], &'a Validation)>,
+    own: &'a Validated,
+    held_out: Option<&'a Validated>,
 ) -> Scored<'a> {
-    let trocar = found.trocar();
-    let offset = found.model.offset;
-    let held_out = validation.is_some();
-    let (recordings, validation) = validation.unwrap_or_else(|| (&own.recordings, &own.validation));
-    let runs = recordings.par_iter().map(|recording| replay(&trocar, recording, offset)).collect();
-    let stages = has_stages(found);
+    let Validated { recordings, runs, validation } = held_out.unwrap_or(own);
+    let (held_out, stages, offset) = (held_out.is_some(), has_stages(found), found.model.offset);
     Scored { recordings, validation, held_out, runs, stages, offset }
 }
 

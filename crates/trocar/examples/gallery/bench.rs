@@ -62,7 +62,7 @@ pub(crate) fn identified() -> Outcome<Vec<Figure>> {
         identification: &done.identification,
         own: &done.own,
         range: done.range,
-        validation: done.validation.as_ref().map(|v| (done.held_out.as_slice(), v)),
+        held_out: done.held_out.as_ref(),
         truth: Some(truth.stages()?.elements()),
         options: &done.options,
         moving_mass: done.moving_mass,
@@ -79,7 +79,8 @@ pub(crate) fn identified() -> Outcome<Vec<Figure>> {
 
 /// Ten seconds of a hand-like motion that the identification has not seen.
 fn hand(done: &Workflow) -> Outcome<Figure> {
-    let recording = done.held_out.last().ok_or("a hand was recorded")?;
+    let held_out = done.held_out.iter().flat_map(|held_out| &held_out.recordings);
+    let recording = held_out.last().ok_or("a hand was recorded")?;
     let (from, to) = (8_000, 18_000);
     let model = &done.identification;
     let replayed = replay(&model.trocar(), recording, model.model.offset);
