@@ -64,7 +64,6 @@ mod information;
 mod joins;
 mod kept;
 mod likelihood;
-mod nnls;
 mod numbers;
 mod options;
 pub mod posterior;

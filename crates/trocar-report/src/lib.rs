@@ -147,10 +147,17 @@ pub(crate) fn stage_document(
     let (drawn, ()) =
         rayon::join(|| drawn.collect::<Result<Vec<_>, ReportError>>(), draw::load_fonts);
     let drawn = drawn?;
-    for some in figures.chunks(FIGURES_AT_A_TIME) {
-        some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure))?;
-    }
-    Ok(folder.write("report.html", page_of(document, &drawn)?.as_bytes())?)
+    // Where there are few cores, none waits for the others.
+    let few = rayon::current_num_threads() <= FIGURES_AT_A_TIME;
+    let at_a_time = if few { figures.len().max(1) } else { FIGURES_AT_A_TIME };
+    let bitmaps = || {
+        figures
+            .chunks(at_a_time)
+            .try_for_each(|some| some.par_iter().try_for_each(|figure| draw_bitmap(folder, figure)))
+    };
+    let (bitmaps, page) = rayon::join(bitmaps, || page_of(document, &drawn));
+    bitmaps?;
+    Ok(folder.write("report.html", page?.as_bytes())?)
 }
 
 /// Only the page of [`write_document`]: `report.html`, with everything inside.

@@ -1,20 +1,19 @@
 //! Models of elements in parallel: their free parameters, and starts of their fits derived from the
 //! data.
 
-use nalgebra::{DMatrix, DVector};
 use trocar_model::{
     Classical, Gms, GmsElement, Leuven, LeuvenParams, MaxwellSlip, ParamError, Quantity as Q,
     SlipElement, SlipRate,
 };
 
-use crate::nnls::non_negative;
-
-use super::coordinate::{Bank, Coordinate, Scales};
+use super::coordinate::{Bank, Coordinate, Number, Scales};
 use super::data::ClassicalData;
 use super::family::{Family, Related, stribeck};
 
-/// Limits tried for the elements of a bank.
-const GRID: usize = 24;
+/// Limits of the longest elements of the banks from which fits start, relative to the half width.
+const LONGEST: [f64; 3] = [0.7, 1.4, 2.8];
+/// Limit of the shortest element relative to the longest.
+const SHORTEST: f64 = 0.1;
 /// Widths of the two elements into which an element is split, relative to its own.
 const DIVIDED: [f64; 2] = [0.7, 1.3];
 
@@ -59,7 +58,7 @@ pub(super) const MAXWELL_SLIP: Family = Family {
         Ok(Classical::MaxwellSlip(MaxwellSlip::new(&elements, p[0])?))
     },
     starts: |n, data, kin| {
-        let banks = [Some(convex_bank(n, data)), divided(kin.smaller, 2, 2)].into_iter().flatten();
+        let banks = even_banks(n, data).into_iter().chain(divided(kin.smaller, 2, 2));
         banks.map(|bank| [vec![data.scales.viscous], flattened(&bank, None)].concat()).collect()
     },
     bank: Some(Bank { first: 2, stride: 2 }),
@@ -73,9 +72,10 @@ pub(super) const GMS: Family = Family {
     free: |scales, n| {
         let head = [
             scales.damping(Q::ViscousDamping),
-            scales.relative_rise(),
+            // Relative to the force of the elements: these then do not depend on each other.
+            Coordinate::linear(Number::RelativeRise, [0.0, 20.0], 1e-4),
             scales.stribeck_velocity(),
-            scales.relative_attraction(),
+            Coordinate::log(Number::Relative(Q::AttractionRate.id()), [1e-3, 1e4]),
         ];
         let elements = (0..n).flat_map(|i| {
             let [stiffness, limit] = scales.element(i);
@@ -122,19 +122,19 @@ fn build_gms(p: &[f64]) -> Result<Classical, ParamError> {
 /// sensor offset first.
 pub(super) fn from_kin(bank: Option<Bank>, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let grown = kin.smaller.zip(bank).map(|(numbers, bank)| doubled(numbers, bank));
-    let generalised = kin.special.map(|numbers| generalised(numbers, data));
+    let generalised = bank.zip(kin.special).map(|(_, numbers)| generalised(numbers, data));
     grown.into_iter().chain(generalised).collect()
 }
 
 /// GMS with the forces of a fitted Maxwell-Slip model.
 fn generalised(numbers: &[f64], data: &ClassicalData) -> Vec<f64> {
     let head = numbers[..2].iter().copied().chain([0.0, data.scales.speeds[0], 50.0]);
-    head.chain(undamped(numbers)).collect()
+    head.chain(generalised_elements(numbers, 0.0)).collect()
 }
 
 /// The elements of a fitted Maxwell-Slip model as those of GMS.
-fn undamped(numbers: &[f64]) -> impl Iterator<Item = f64> {
-    numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], 0.0])
+fn generalised_elements(numbers: &[f64], damping: f64) -> Vec<f64> {
+    numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], damping]).collect()
 }
 
 /// From LuGre, which is the Leuven model with one element and n = 1, and from Maxwell-Slip, which
@@ -148,7 +148,7 @@ fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
         numbers
     };
     let mut all = Vec::new();
-    if let Some(&[_, stiffness, micro, coulomb, rise, velocity, beta]) = kin.similar {
+    if let Some(&[_, stiffness, micro, coulomb, rise, velocity, beta]) = kin.special {
         for (exponent, softer, inner) in
             [(1.0, 1.0, 0.1), (1.0, 1.0, 0.5), (2.0, 0.7, 0.5), (3.0, 0.5, 0.7)]
         {
@@ -159,34 +159,31 @@ fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
             all.push(of([coulomb, rise, velocity, exponent, micro, beta], &bank));
         }
     }
-    let bank = convex_bank(n, data);
+    let [_, bank, _] = even_banks(n, data);
     all.extend([2.0, 6.0].map(|exponent| {
         of([force, 0.05 * force, slowest, exponent, 0.1 * viscous, viscous], &bank)
     }));
     all
 }
 
+/// From Maxwell-Slip and from even banks, with different sliding.
 fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
-    let bank = convex_bank(n, data);
-    let of = |rise: f64, v: f64, attraction: f64, damping: f64| {
-        [vec![viscous, rise, v, attraction], flattened(&bank, Some(damping))].concat()
-    };
+    let [narrow, wide, _] = even_banks(n, data);
     let middle = data.scales.middle_speed();
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
-    let mut all = vec![
-        of(0.02, slowest, 50.0, 0.0),
-        of(0.2, middle, 5.0, 0.0),
-        of(0.3, slowest, 50.0, damping),
+    let special = kin.special.map(|numbers| {
+        [vec![viscous, 0.02, slowest, 50.0], generalised_elements(numbers, 0.0)].concat()
+    });
+    let divided = kin
+        .smaller
+        .zip(divided(kin.smaller, 5, 3))
+        .map(|(numbers, bank)| [numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
+    let even = [
+        [vec![viscous, 0.2, middle, 5.0], flattened(&wide, Some(0.0))].concat(),
+        [vec![viscous, 0.3, slowest, 50.0], flattened(&narrow, Some(damping))].concat(),
     ];
-    if let (Some(numbers), Some(bank)) = (kin.smaller, divided(kin.smaller, 5, 3)) {
-        all.push([numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
-    }
-    if let Some(numbers) = kin.special {
-        let head = [numbers[1], 0.02, slowest, 50.0];
-        all.push(head.into_iter().chain(undamped(numbers)).collect());
-    }
-    all
+    even.into_iter().chain(special).chain(divided).collect()
 }
 
 /// The parameters of the smaller model with its first element duplicated, each half as stiff: the
@@ -220,61 +217,13 @@ fn divided(smaller: Option<&[f64]>, first: usize, stride: usize) -> Option<Vec<[
     Some(bank)
 }
 
-/// Stiffness and limit of `n` elements: non-negative least squares over a grid of limits. The `n`
-/// strongest are kept and solved again; if fewer are found, the strongest are split.
-fn convex_bank(n: usize, data: &ClassicalData) -> Vec<[f64; 2]> {
-    let Scales { half_width, stroke, force, .. } = data.scales;
-    let (shortest, longest) = (0.02 * half_width, (4.0 * half_width).min(0.45 * stroke));
-    let ratio = (longest / shortest).powf(1.0 / (GRID - 1) as f64);
-    let grid: Vec<f64> = (0..GRID).map(|i| shortest * ratio.powi(i as i32)).collect();
-    let strongest = |limits: &[f64]| -> Vec<[f64; 2]> {
-        let mut bank: Vec<[f64; 2]> =
-            bank_at(limits, data).into_iter().filter(|[k, _]| *k > 0.0).collect();
-        bank.sort_by(|a, b| (b[0] * b[1]).total_cmp(&(a[0] * a[1])));
-        bank.truncate(n);
-        bank
-    };
-    let few: Vec<f64> = strongest(&grid).iter().map(|[_, limit]| *limit).collect();
-    let mut bank = strongest(&few);
-    if bank.is_empty() {
-        bank.push([force / half_width, half_width]);
-    }
-    let mut next = 0;
-    while bank.len() < n {
-        let [k, limit] = bank[next];
-        bank[next] = [0.5 * k, DIVIDED[0] * limit];
-        bank.push([0.5 * k, (DIVIDED[1] * limit).min(longest)]);
-        next += 1;
-    }
-    bank.sort_by(|a, b| a[1].total_cmp(&b[1]));
-    bank
-}
-
-/// Stiffnesses for given limits: the force is linear in them (RIZOS), together with a viscous term
-/// and the offset.
-fn bank_at(limits: &[f64], data: &ClassicalData) -> Vec<[f64; 2]> {
-    let p = limits.len() + 2;
-    let (mut gram, mut moment) = (DMatrix::zeros(p, p), DVector::zeros(p));
-    let mut row = vec![0.0; p];
-    for run in &data.training.runs {
-        let mut deflections = vec![0.0_f64; limits.len()];
-        for step in &run.steps {
-            for (j, (z, limit)) in deflections.iter_mut().zip(limits).enumerate() {
-                *z = (*z + step.displacement).clamp(-limit, *limit);
-                row[j] = *z;
-            }
-            row[p - 2] = step.displacement / step.duration;
-            row[p - 1] = 1.0;
-            if step.weight > 0.0 {
-                for (j, a) in row.iter().enumerate() {
-                    moment[j] += step.weight * a * step.force;
-                    row.iter().enumerate().for_each(|(i, b)| gram[(i, j)] += step.weight * a * b);
-                }
-            }
-        }
-    }
-    let free: Vec<bool> = (0..p).map(|j| j == p - 1).collect();
-    let solution = non_negative(&gram, &moment, &free);
-    let stiffness = |j: usize| solution.as_ref().map_or(0.0, |s| s[j]);
-    limits.iter().enumerate().map(|(j, limit)| [stiffness(j), *limit]).collect()
+/// Stiffness and limit of `n` elements that carry the force in equal parts, with limits in a geometric
+/// sequence.
+fn even_banks(n: usize, data: &ClassicalData) -> [Vec<[f64; 2]>; 3] {
+    let Scales { force, half_width, stroke, .. } = data.scales;
+    LONGEST.map(|longest| {
+        let longest = (longest * half_width).min(0.45 * stroke);
+        let limit = |i: usize| longest * SHORTEST.powf((n - 1 - i) as f64 / (n - 1).max(1) as f64);
+        (0..n).map(|i| [force / n as f64 / limit(i), limit(i)]).collect()
+    })
 }

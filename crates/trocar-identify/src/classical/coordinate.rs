@@ -34,17 +34,6 @@ impl Scales {
         Coordinate::log(Q::CoulombForce, [1e-2 * self.force, 1e2 * self.force])
     }
 
-    /// What GMS has in place of the next, relative to the force of its elements: these then do not
-    /// depend on each other.
-    pub(super) fn relative_rise(&self) -> Coordinate {
-        Coordinate::linear(Number::RelativeRise, [0.0, 20.0], 1e-4)
-    }
-
-    /// Relative to the force of the elements, 1/s.
-    pub(super) fn relative_attraction(&self) -> Coordinate {
-        Coordinate::log(Number::Relative(Q::AttractionRate.id()), [1e-3, 1e4])
-    }
-
     pub(super) fn rise(&self) -> Coordinate {
         Coordinate::linear(Number::Rise, [0.0, 20.0 * self.force], 1e-4 * self.force)
     }
@@ -101,14 +90,10 @@ pub(super) struct Bank {
 
 impl Bank {
     /// Number of the derivative, among those that [`super::elements::Elements`] follow, of the free
-    /// parameter `j`.
+    /// parameter `j`: that by the viscous damping is the first.
     pub(super) fn followed(self, j: usize) -> Option<usize> {
-        let of_element = || j.checked_sub(self.first).map(|k| k + 1);
-        if j == Self::VISCOUS { Some(0) } else { of_element() }
+        if j == 1 { Some(0) } else { j.checked_sub(self.first).map(|k| k + 1) }
     }
-
-    /// Place of the viscous damping.
-    const VISCOUS: usize = 1;
 
     /// Σ k_i·Δ_i, N.
     pub(super) fn force(self, numbers: &[f64]) -> f64 {

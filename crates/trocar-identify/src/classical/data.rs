@@ -39,20 +39,13 @@ impl ClassicalData {
         let half_width =
             if found.deformation.is_ok() { found.model.half_width } else { ASSUMED_WIDTH * stroke };
         let found_in: Vec<_> = recordings.iter().map(|r| segmented(r, found, options)).collect();
-        let acceleration: Vec<_> = recordings.iter().map(|r| vec![0.0; r.len()]).collect();
-        let mut parts = Vec::new();
-        for ((recording, (segments, settled)), acceleration) in
-            recordings.iter().zip(&found_in).zip(&acceleration)
-        {
+        let still: Vec<_> = recordings.iter().map(|r| vec![0.0; r.len()]).collect();
+        let all = recordings.iter().zip(&found_in).zip(&still);
+        let parts = all.map(|((recording, (segments, settled)), acceleration)| {
             let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
-            parts.push(Segmented {
-                recording,
-                strokes,
-                settled,
-                acceleration,
-                left_out: LeftOut::NONE,
-            });
-        }
+            Segmented { recording, strokes, settled, acceleration, left_out: LeftOut::NONE }
+        });
+        let parts: Vec<Segmented> = parts.collect();
         let of = |coarseness| {
             let mut training =
                 Training::new(&parts, half_width, MOST_CLUSTERS, f64::INFINITY, coarseness);

@@ -72,32 +72,25 @@ impl Elements {
             let [before, after] = states.map(|state| own.place(state, i));
             let (rate, rate_by_limit) = slip.follow(own, before, after);
             let by_limit = own.stiffness * own.by_limit + own.damping * rate_by_limit;
-            let all = [own.stiffness * after.deflection, own.limit * by_limit, rate];
+            let all = [own.stiffness * after.0, own.limit * by_limit, rate];
             derivatives.copy_from_slice(&all[..self.stride]);
         }
     }
 }
 
-/// Where an element is.
-#[derive(Clone, Copy)]
-struct Place {
-    deflection: f64,
-    is_slipping: bool,
-}
+/// Deflection of an element, m, and whether it slips.
+type Place = (f64, bool);
 
 impl Own {
     /// Of element `i` in a state.
     fn place(&self, state: &ClassicalState, i: usize) -> Place {
         match state {
-            ClassicalState::Gms(state) => {
-                Place { deflection: state.deflections()[i], is_slipping: state.slipping()[i] }
-            }
+            ClassicalState::Gms(state) => (state.deflections()[i], state.slipping()[i]),
             ClassicalState::MaxwellSlip(state) => {
-                let deflection = state.element_forces()[i] / self.stiffness;
-                let is_slipping = state.element_forces()[i].abs() >= self.stiffness * self.limit;
-                Place { deflection, is_slipping }
+                let force = state.element_forces()[i];
+                (force / self.stiffness, force.abs() >= self.stiffness * self.limit)
             }
-            _ => Place { deflection: 0.0, is_slipping: false },
+            _ => (0.0, false),
         }
     }
 }
@@ -125,16 +118,16 @@ impl Slip {
     }
 
     /// Follows ∂z/∂Δ of an element; dz/dt at the end of the step, and its derivative by Δ.
-    fn follow(&self, own: &mut Own, before: Place, after: Place) -> (f64, f64) {
-        if !after.is_slipping {
+    fn follow(&self, own: &mut Own, before: Place, (deflection, slips): Place) -> (f64, f64) {
+        if !slips {
             return (self.velocity, 0.0);
         }
-        let sign = after.deflection.signum();
-        let (limit, gone) = (self.level * own.limit, sign * before.deflection);
-        let has_slipped = gone >= limit || before.is_slipping && gone > 0.0;
+        let sign = deflection.signum();
+        let (limit, gone) = (self.level * own.limit, sign * before.0);
+        let has_slipped = gone >= limit || before.1 && gone > 0.0;
         let left = if has_slipped { self.left } else { 0.0 };
         own.by_limit = sign * self.level * (1.0 - left) + left * own.by_limit;
-        let rate = self.rate * (sign * limit - after.deflection);
+        let rate = self.rate * (sign * limit - deflection);
         (rate, self.rate * (sign * self.level - own.by_limit))
     }
 }

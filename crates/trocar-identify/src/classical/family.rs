@@ -32,8 +32,6 @@ pub(super) struct Related<'a> {
     pub(super) smaller: Option<&'a [f64]>,
     /// The model of another family that is a special case.
     pub(super) special: Option<&'a [f64]>,
-    /// The model of another family that is similar.
-    pub(super) similar: Option<&'a [f64]>,
 }
 
 /// g and β.

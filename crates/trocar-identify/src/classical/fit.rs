@@ -10,7 +10,7 @@ use crate::estimate::Estimate;
 use crate::findings::{Parameter, Warning};
 use crate::likelihood::{self, Column, Fitted, Free, Stop, Trial};
 use crate::spread::{Reported, Spread};
-use crate::training::Step;
+use crate::training::{Step, Training};
 use trocar_model::Classical;
 
 use super::banks::from_kin;
@@ -22,12 +22,11 @@ use super::kind::Kind;
 
 /// Starts with the least errors that are fitted at all.
 const STARTS: usize = 6;
-/// Rounds of short fits, in longer steps: the stopping criteria of each, and how many go on.
-const SEARCH: [(Stop, usize); 2] = [(FIRST, 4), (SHORT, 2)];
-const FIRST: Stop = Stop { iterations: 3, ..SHORT };
+/// Rounds of fits in longer steps: the stopping criteria of each, and how many go on.
+const SEARCH: [(Stop, usize); 3] =
+    [(Stop { iterations: 3, ..SHORT }, 4), (SHORT, 2), (Stop { iterations: 20, ..LONG }, 1)];
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
-const LONGER: Stop = Stop { iterations: 20, ..LONG };
-pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
+pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-5, promise: f64::INFINITY };
 /// Largest relative decrease of the squared error still predicted for a fit that counts as
 /// converged.
 const WORST_PROMISE: f64 = 2e-3;
@@ -171,32 +170,29 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
         (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
         _ => None,
     };
-    let similar = kind.similar().and_then(|other| fit(other, data, RelatedFits::default()).ok());
     let related = Related {
         smaller: kin.smaller.map(|fit| &*fit.numbers),
         special: kin.special.or(special.as_ref()).map(|fit| &*fit.numbers),
-        similar: similar.as_ref().map(|fit| &*fit.numbers),
     };
     let coordinates: Arc<[Coordinate]> = kind.coordinates(&data.scales).into();
     let trials = |starts: Vec<Vec<f64>>| -> Vec<ClassicalTrial> {
         starts.iter().map(|numbers| ClassicalTrial::new(kind, &coordinates, numbers)).collect()
     };
-    let starts = kind.starts(data, related);
-    let starts = trials(starts).into_iter().chain(trials(from_kin(kind.bank(), data, related)));
-    let starts: Vec<ClassicalTrial> = starts.collect();
-    let of = |trial: &ClassicalTrial| (likelihood::cost(&data.search, trial), trial.clone());
-    let mut from = least(starts.par_iter().map(of).collect(), STARTS);
+    let from_kin = trials(from_kin(kind.bank(), data, related));
+    let starts = [trials(kind.starts(data, related)), from_kin.clone()].concat();
+    let mut from = cheapest(&data.search, starts, STARTS);
     let fitted = |(_, from): &(f64, ClassicalTrial), stop| {
         likelihood::fit(&data.search, from, stop).map(|fit| (fit.rms[1], fit.best))
     };
     for (stop, count) in SEARCH {
         from = least(from.par_iter().filter_map(|from| fitted(from, stop)).collect(), count);
+        let most = kin.most.filter(|_| count < 4).unwrap_or(f64::INFINITY);
+        if from.first().is_some_and(|(error, _)| *error > most) {
+            return Err(format!("its error is above {most} N"));
+        }
     }
-    if from.first().zip(kin.most).is_some_and(|((error, _), most)| *error > most) {
-        return Err(format!("its error is above {} N", kin.most.unwrap_or(f64::INFINITY)));
-    }
-    let best =
-        from.par_iter().filter_map(|from| fitted(from, LONGER)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let finalists = from.into_iter().map(|(_, trial)| trial).chain(from_kin).collect();
+    let best = cheapest(&data.training, finalists, 1).pop();
     let found = best.and_then(|(_, from)| likelihood::fit(&data.training, &from, LONG));
     let found = found.ok_or("no initial values gave a model that runs")?;
     let model = found.best.model().ok_or("the best parameters form no valid model")?;
@@ -214,6 +210,16 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
         warnings,
         numbers: found.best.numbers(),
     })
+}
+
+/// The `count` trials with the least costs, with these.
+fn cheapest(
+    training: &Training,
+    trials: Vec<ClassicalTrial>,
+    count: usize,
+) -> Vec<(f64, ClassicalTrial)> {
+    let of = |trial: ClassicalTrial| (likelihood::cost(training, &trial), trial);
+    least(trials.into_par_iter().map(of).collect(), count)
 }
 
 /// The `count` with the least errors, of trials with theirs.

@@ -118,10 +118,11 @@ impl Kind {
         (self.elements() > 1).then(|| self.with_elements(self.elements() - 1))
     }
 
-    /// The model of another family that results when some parameters are zero.
+    /// The model of another family that results with other numbers of elements or some parameters zero.
     pub fn special(self) -> Option<Self> {
         match self {
             Self::Gms(n) => Some(Self::MaxwellSlip(n)),
+            Self::Leuven(_) => Some(Self::LuGre),
             _ => None,
         }
     }
@@ -143,11 +144,6 @@ impl Kind {
 
     pub(super) fn bank(self) -> Option<Bank> {
         self.declared().bank
-    }
-
-    /// The model of another family whose fit is a start of this one.
-    pub(super) fn similar(self) -> Option<Self> {
-        matches!(self, Self::Leuven(_)).then_some(Self::LuGre)
     }
 
     /// The free parameters, the sensor offset first.
