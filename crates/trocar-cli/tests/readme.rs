@@ -27,6 +27,24 @@ fn words(line: &str) -> (Vec<&str>, Vec<f64>) {
     (words, numbers.iter().map(|n| n.parse().expect("a number")).collect())
 }
 
+/// `cargo run` takes the one program that a member of the workspace names as its own.
+#[test]
+fn cargo_run_finds_the_program() {
+    let said = Command::new(env!("CARGO"))
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .args(["metadata", "--no-deps", "--format-version", "1", "--locked", "--offline"])
+        .output()
+        .unwrap();
+    let said: serde_json::Value = serde_json::from_slice(&said.stdout).expect("JSON");
+    let members = said["workspace_default_members"].as_array().expect("members");
+    let packages = said["packages"].as_array().expect("packages").iter();
+    let named: Vec<(&str, &str)> = packages
+        .filter(|package| members.contains(&package["id"]))
+        .filter_map(|package| Some((package["name"].as_str()?, package["default_run"].as_str()?)))
+        .collect();
+    assert_eq!(named, [("trocar-cli", "trocar")]);
+}
+
 #[test]
 fn the_example_of_the_bench_prints_what_readme_says() {
     let folder = tempfile::tempdir().unwrap();

@@ -56,7 +56,8 @@ impl Elements {
             let before = *state;
             model.step(state, step.displacement, step.duration);
             row.copy_from_slice(&self.derivatives);
-            self.after(model, [&before, state], step);
+            let velocity = step.displacement / step.duration;
+            self.after(model, [&before, state], (velocity, step.duration));
             for (value, after) in row.iter_mut().zip(&self.derivatives) {
                 *value = step.at_centre(*value, *after);
             }
@@ -64,8 +65,9 @@ impl Elements {
         rows
     }
 
-    fn after(&mut self, model: &Classical, states: [&ClassicalState; 2], step: &Step) {
-        self.derivatives[0] = step.displacement / step.duration;
+    /// After a step at a velocity, m/s, over a duration, s, between two states.
+    fn after(&mut self, model: &Classical, states: [&ClassicalState; 2], step: (f64, f64)) {
+        self.derivatives[0] = step.0;
         let all = self.derivatives[1..].chunks_exact_mut(self.stride);
         let slip = Slip::new(model, step);
         for (i, (own, derivatives)) in self.own.iter_mut().zip(all).enumerate() {
@@ -106,15 +108,14 @@ struct Slip {
 }
 
 impl Slip {
-    fn new(model: &Classical, step: &Step) -> Self {
-        let velocity = step.displacement / step.duration;
+    fn new(model: &Classical, (velocity, duration): (f64, f64)) -> Self {
         let Classical::Gms(gms) = model else {
             return Self { velocity, level: 1.0, rate: 0.0, left: 0.0 };
         };
         let level = gms.sliding().level(velocity.abs());
         let rate = gms.rates()[0] / level;
         let level = level / gms.sliding().coulomb_force;
-        Self { velocity, level, rate, left: (-rate * step.duration).exp() }
+        Self { velocity, level, rate, left: (-rate * duration).exp() }
     }
 
     /// Follows ∂z/∂Δ of an element; dz/dt at the end of the step, and its derivative by Δ.
@@ -129,5 +130,93 @@ impl Slip {
         own.by_limit = sign * self.level * (1.0 - left) + left * own.by_limit;
         let rate = self.rate * (sign * limit - deflection);
         (rate, self.rate * (sign * self.level - own.by_limit))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::super::kind::Kind;
+    use super::*;
+
+    const DURATION: f64 = 1e-3;
+
+    /// Forces at the ends of steps over `ways`, m, with the modes of the elements.
+    fn run(kind: Kind, numbers: &[f64], ways: &[f64]) -> Vec<(f64, Vec<bool>)> {
+        let model = kind.build(&numbers[1..]).unwrap();
+        let mut state = model.rest_at_force(0.0);
+        let own = Elements::new(kind.bank(), numbers).own;
+        let of = |way: &f64| {
+            let force = model.step(&mut state, *way, DURATION);
+            (force, own.iter().enumerate().map(|(i, own)| own.place(&state, i).1).collect())
+        };
+        ways.iter().map(of).collect()
+    }
+
+    /// Numbers of a bank, the sensor offset first.
+    fn drawn(kind: Kind, random: &mut ChaCha8Rng) -> Vec<f64> {
+        let elements = (0..kind.elements()).flat_map(|_| {
+            let own = [random.random_range(50.0..900.0), random.random_range(2e-4..4e-3)];
+            let damping = matches!(kind, Kind::Gms(_)).then(|| random.random_range(0.0..3.0));
+            own.into_iter().chain(damping).collect::<Vec<_>>()
+        });
+        let elements: Vec<f64> = elements.collect();
+        let head = match kind {
+            Kind::Gms(_) => vec![0.0, random.random_range(0.0..9.0), 0.4, 0.02, 30.0],
+            _ => vec![0.0, random.random_range(0.0..9.0)],
+        };
+        [head, elements].concat()
+    }
+
+    #[test]
+    fn derivatives_that_follow_a_bank_are_difference_quotients() {
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let mut compared = 0;
+        for kind in [1, 3, 6].into_iter().flat_map(|n| [Kind::Gms(n), Kind::MaxwellSlip(n)]) {
+            let numbers = drawn(kind, &mut random);
+            let rates = [3.1, 7.7, 0.4].map(|rate| (rate, random.random_range(0.0..6.0)));
+            let speed = |k: usize| {
+                let time = k as f64 * DURATION;
+                rates.iter().map(|(rate, at)| 0.03 * (rate * time + at).sin()).sum::<f64>()
+            };
+            let ways: Vec<f64> = (0..6000).map(|k| DURATION * speed(k)).collect();
+            let model = kind.build(&numbers[1..]).unwrap();
+            let mut elements = Elements::new(kind.bank(), &numbers);
+            let mut state = model.rest_at_force(0.0);
+            let mut followed = Vec::new();
+            for way in &ways {
+                let before = state;
+                model.step(&mut state, *way, DURATION);
+                elements.after(&model, [&before, &state], (way / DURATION, DURATION));
+                followed.push(elements.derivatives.clone());
+            }
+            let base = run(kind, &numbers, &ways);
+            for j in 1..numbers.len() {
+                let Some(row) = kind.bank().unwrap().followed(j) else { continue };
+                let is_log = j > 1 && (row - 1) % kind.bank().unwrap().stride < 2;
+                let step = if is_log { 1e-6 * numbers[j] } else { 1e-5 };
+                let [low, high] = [-step, step].map(|step| {
+                    let mut changed = numbers.clone();
+                    changed[j] += step;
+                    run(kind, &changed, &ways)
+                });
+                let per_unit = if is_log { numbers[j] } else { 1.0 };
+                // Once the start is forgotten, and where no element changes its mode between the three.
+                for k in (3000..ways.len()).filter(|k| low[*k].1 == high[*k].1) {
+                    let quotient = per_unit * (high[k].0 - low[k].0) / (2.0 * step);
+                    let off = (followed[k][row] - quotient).abs();
+                    let size = base.iter().map(|b| b.0.abs()).fold(0.0, f64::max);
+                    compared += 1;
+                    assert!(
+                        off < 2e-3 * size,
+                        "{kind}, number {j}, step {k}: {} for {quotient}",
+                        followed[k][row]
+                    );
+                }
+            }
+        }
+        assert!(compared > 50_000, "{compared}");
     }
 }
