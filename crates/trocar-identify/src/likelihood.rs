@@ -632,7 +632,7 @@ fn prior<T: Trial>(training: &Training, trial: &T) -> Vec<(f64, f64)> {
 }
 
 /// The normal equations at a trial: columns for its free parameters, by difference quotients over
-/// their steps, followed by columns for `extra`.
+/// their steps or followed beside the simulation, and after them columns for `extra`.
 fn normal_equations<T: Trial>(
     training: &Training,
     trial: &T,

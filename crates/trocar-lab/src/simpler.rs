@@ -44,7 +44,8 @@ pub(crate) fn doubt(
     let is_alone = held_out.is_none();
     let scored = held_out.unwrap_or(own);
     let data = ClassicalData::new(&own.recordings, found, options);
-    let most = Some(HOPELESS * own.validation.rms_n);
+    // An element that extrapolates badly loses to models with larger errors on its own recordings.
+    let most = Some(HOPELESS * own.validation.rms_n.max(scored.validation.rms_n));
     let alone = RelatedFits { most, ..RelatedFits::default() };
     let fits: Vec<_> =
         SIMPLER.par_iter().filter_map(|kind| classical::fit(*kind, &data, alone).ok()).collect();

@@ -185,7 +185,7 @@ impl Recording {
         // Half the window was tried two steps ago, except for the first two.
         let halves: Vec<f64> = windows.iter().take(2).map(|window| window / 2.0).collect();
         let mut earlier: VecDeque<Vec<f64>> = self.accelerations(&halves).map(|(_, a)| a).collect();
-        let mut best = (f64::INFINITY, shortest);
+        let (mut best, mut before) = ((f64::INFINITY, shortest), None);
         for (window, long) in self.accelerations(&windows) {
             let (n, m) = (self.samples_in(window), self.samples_in(window / 2.0));
             let variance = self.acceleration_variance(n);
@@ -197,10 +197,12 @@ impl Recording {
             if variance + bias < best.0 {
                 best = (variance + bias, window);
             }
-            // The bias only grows from here on.
-            if bias > PAST * best.0 {
+            // A bias that falls is noise above the one assumed; one that grows goes on growing.
+            let grows = before.is_some_and(|before| bias > before);
+            if grows && bias > PAST * best.0 {
                 break;
             }
+            before = (m < n).then_some(bias);
         }
         best.1
     }

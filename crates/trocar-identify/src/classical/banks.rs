@@ -122,14 +122,11 @@ fn build_gms(p: &[f64]) -> Result<Classical, ParamError> {
 /// sensor offset first.
 pub(super) fn from_kin(bank: Option<Bank>, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let grown = kin.smaller.zip(bank).map(|(numbers, bank)| doubled(numbers, bank));
-    let generalised = bank.zip(kin.special).map(|(_, numbers)| generalised(numbers, data));
+    let generalised = bank.zip(kin.special).map(|(_, numbers)| {
+        let head = [numbers[0], numbers[1], 0.0, data.scales.speeds[0], 50.0];
+        [head.to_vec(), generalised_elements(numbers, 0.0)].concat()
+    });
     grown.into_iter().chain(generalised).collect()
-}
-
-/// GMS with the forces of a fitted Maxwell-Slip model.
-fn generalised(numbers: &[f64], data: &ClassicalData) -> Vec<f64> {
-    let head = numbers[..2].iter().copied().chain([0.0, data.scales.speeds[0], 50.0]);
-    head.chain(generalised_elements(numbers, 0.0)).collect()
 }
 
 /// The elements of a fitted Maxwell-Slip model as those of GMS.
@@ -137,8 +134,8 @@ fn generalised_elements(numbers: &[f64], damping: f64) -> Vec<f64> {
     numbers[2..].chunks_exact(2).flat_map(|element| [element[0], element[1], damping]).collect()
 }
 
-/// From LuGre, which is the Leuven model with one element and n = 1, and from Maxwell-Slip, which
-/// it approaches for large n.
+/// From LuGre, which is the Leuven model with one element and n = 1, and from even banks: for large n
+/// it approaches Maxwell-Slip.
 fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, half_width, speeds: [slowest, _], .. } = data.scales;
     let of = |head: [f64; 6], bank: &[[f64; 2]]| {
@@ -170,7 +167,6 @@ fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
 fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
     let [narrow, wide, _] = even_banks(n, data);
-    let middle = data.scales.middle_speed();
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
     let special = kin.special.map(|numbers| {
         [vec![viscous, 0.02, slowest, 50.0], generalised_elements(numbers, 0.0)].concat()
@@ -180,7 +176,7 @@ fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
         .zip(divided(kin.smaller, 5, 3))
         .map(|(numbers, bank)| [numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
     let even = [
-        [vec![viscous, 0.2, middle, 5.0], flattened(&wide, Some(0.0))].concat(),
+        [vec![viscous, 0.2, data.scales.middle_speed(), 5.0], flattened(&wide, Some(0.0))].concat(),
         [vec![viscous, 0.3, slowest, 50.0], flattened(&narrow, Some(damping))].concat(),
     ];
     even.into_iter().chain(special).chain(divided).collect()

@@ -28,6 +28,9 @@ struct Own {
     damping: f64,
     /// ∂z/∂Δ.
     by_limit: f64,
+    /// What is left of the deflection at the start of the run, m: its force is a reading, whatever the
+    /// stiffness; NaN before.
+    start: f64,
 }
 
 impl Elements {
@@ -39,6 +42,7 @@ impl Elements {
             limit: n[1],
             damping: n.get(2).copied().unwrap_or(0.0),
             by_limit: 0.0,
+            start: f64::NAN,
         };
         let own = numbers[first..].chunks_exact(stride).map(of).collect();
         Self { own, stride, derivatives: vec![0.0; 1 + numbers.len() - first] }
@@ -72,9 +76,10 @@ impl Elements {
         let slip = Slip::new(model, step);
         for (i, (own, derivatives)) in self.own.iter_mut().zip(all).enumerate() {
             let [before, after] = states.map(|state| own.place(state, i));
+            own.start = if own.start.is_nan() { before.0 } else { own.start };
             let (rate, rate_by_limit) = slip.follow(own, before, after);
             let by_limit = own.stiffness * own.by_limit + own.damping * rate_by_limit;
-            let all = [own.stiffness * after.0, own.limit * by_limit, rate];
+            let all = [own.stiffness * (after.0 - own.start), own.limit * by_limit, rate];
             derivatives.copy_from_slice(&all[..self.stride]);
         }
     }
@@ -127,6 +132,7 @@ impl Slip {
         let (limit, gone) = (self.level * own.limit, sign * before.0);
         let has_slipped = gone >= limit || before.1 && gone > 0.0;
         let left = if has_slipped { self.left } else { 0.0 };
+        own.start *= left;
         own.by_limit = sign * self.level * (1.0 - left) + left * own.by_limit;
         let rate = self.rate * (sign * limit - deflection);
         (rate, self.rate * (sign * self.level - own.by_limit))
@@ -143,10 +149,10 @@ mod tests {
 
     const DURATION: f64 = 1e-3;
 
-    /// Forces at the ends of steps over `ways`, m, with the modes of the elements.
-    fn run(kind: Kind, numbers: &[f64], ways: &[f64]) -> Vec<(f64, Vec<bool>)> {
+    /// Forces at the ends of steps over `ways`, m, from `held`, N, with the modes of the elements.
+    fn run(kind: Kind, numbers: &[f64], held: f64, ways: &[f64]) -> Vec<(f64, Vec<bool>)> {
         let model = kind.build(&numbers[1..]).unwrap();
-        let mut state = model.rest_at_force(0.0);
+        let mut state = model.rest_at_force(held);
         let own = Elements::new(kind.bank(), numbers).own;
         let of = |way: &f64| {
             let force = model.step(&mut state, *way, DURATION);
@@ -192,7 +198,7 @@ mod tests {
                 elements.after(&model, [&before, &state], (way / DURATION, DURATION));
                 followed.push(elements.derivatives.clone());
             }
-            let base = run(kind, &numbers, &ways);
+            let base = run(kind, &numbers, 0.0, &ways);
             for j in 1..numbers.len() {
                 let Some(row) = kind.bank().unwrap().followed(j) else { continue };
                 let is_log = j > 1 && (row - 1) % kind.bank().unwrap().stride < 2;
@@ -200,7 +206,7 @@ mod tests {
                 let [low, high] = [-step, step].map(|step| {
                     let mut changed = numbers.clone();
                     changed[j] += step;
-                    run(kind, &changed, &ways)
+                    run(kind, &changed, 0.0, &ways)
                 });
                 let per_unit = if is_log { numbers[j] } else { 1.0 };
                 // Once the start is forgotten, and where no element changes its mode between the three.
@@ -218,5 +224,30 @@ mod tests {
             }
         }
         assert!(compared > 50_000, "{compared}");
+    }
+
+    /// One element, which does not slip yet, from a force that is a reading.
+    #[test]
+    fn a_force_held_at_the_start_does_not_depend_on_the_stiffness() {
+        for (kind, head) in [(Kind::MaxwellSlip(1), 2), (Kind::Gms(1), 5)] {
+            let mut numbers =
+                [vec![0.0, 2.0, 0.4, 0.02, 30.0][..head].to_vec(), vec![400.0, 4e-3]].concat();
+            numbers.extend(matches!(kind, Kind::Gms(_)).then_some(0.5));
+            let ways = [1e-6; 300];
+            let model = kind.build(&numbers[1..]).unwrap();
+            let mut state = model.rest_at_force(1.0);
+            let mut elements = Elements::new(kind.bank(), &numbers);
+            for way in &ways {
+                let before = state;
+                model.step(&mut state, *way, DURATION);
+                elements.after(&model, [&before, &state], (way / DURATION, DURATION));
+            }
+            let stiffer = 400.0 * 1e-6;
+            let base = run(kind, &numbers, 1.0, &ways)[299].0;
+            numbers[head] += stiffer;
+            let quotient = 400.0 * (run(kind, &numbers, 1.0, &ways)[299].0 - base) / stiffer;
+            assert!((elements.derivatives[1] - quotient).abs() < 1e-6, "{kind}: {quotient}");
+            assert!((quotient - 400.0 * 300e-6).abs() < 1e-6, "{kind}: {quotient}");
+        }
     }
 }

@@ -76,11 +76,8 @@ impl ClassicalTrial {
 
     /// The parameter values, the offset first.
     fn numbers(&self) -> Vec<f64> {
-        self.values
-            .iter()
-            .zip(self.coordinates.iter())
-            .map(|(u, c)| if c.log { u.exp() } else { *u })
-            .collect()
+        let all = self.values.iter().zip(self.coordinates.iter());
+        all.map(|(u, c)| if c.log { u.exp() } else { *u }).collect()
     }
 
     fn range(coordinate: &Coordinate) -> [f64; 2] {
@@ -160,14 +157,14 @@ pub struct RelatedFits<'a> {
 
 /// Fits one model, from starts derived from the data and from its special cases.
 ///
-/// Only the best of the starts are fitted, and only the best of these to convergence. A start from a
-/// special case has its error, so no model ends with a larger error than a smaller one.
+/// Only the best of the starts are fitted, and only the best of these to convergence. Of banks, a start
+/// from a special case has its error, so none ends with a larger error than a smaller one.
 ///
 /// # Errors
 /// A message when no start gives a model that runs, or none within [`RelatedFits::most`].
 pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<ClassicalFit, String> {
     let special = match (kin.special, kind.special()) {
-        (None, Some(special)) => Some(fit(special, data, RelatedFits::default())?),
+        (None, Some(special)) => fit(special, data, RelatedFits::default()).ok(),
         _ => None,
     };
     let related = Related {
@@ -186,7 +183,7 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     };
     for (stop, count) in SEARCH {
         from = least(from.par_iter().filter_map(|from| fitted(from, stop)).collect(), count);
-        let most = kin.most.filter(|_| count < 4).unwrap_or(f64::INFINITY);
+        let most = kin.most.filter(|_| count < SEARCH[0].1).unwrap_or(f64::INFINITY);
         if from.first().is_some_and(|(error, _)| *error > most) {
             return Err(format!("its error is above {most} N"));
         }
@@ -234,12 +231,18 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
     let spread = Spread::new(found);
     let estimate = |q: coordinate::Reported| {
         let of = |t: &ClassicalTrial| (q.of)(&t.numbers());
-        let scale = q.from.iter().map(|j| SCALE * best.coordinates[*j].step).fold(0.0, f64::max);
+        let numbers = best.numbers();
+        let change = |j: &usize| {
+            let mut moved = numbers.clone();
+            moved[*j] += SCALE * best.coordinates[*j].step;
+            if q.log { moved[*j] - numbers[*j] } else { (q.of)(&moved) - (q.of)(&numbers) }
+        };
+        let scale = q.from.iter().map(change).fold(0.0, f64::max);
         let how = Reported {
             unit: q.id.unit().si,
             log: q.log,
             scale,
-            least: q.least(&best.numbers()),
+            least: q.least(&numbers),
             factor: 1.0,
         };
         let estimate = match q.from.iter().any(|j| found.held[*j]) {
@@ -257,10 +260,8 @@ fn parameters(found: &Fitted<ClassicalTrial>) -> Vec<Parameter> {
 
 /// Warnings about a fit: lack of convergence, and parameters that the data do not determine.
 pub(crate) fn doubts<T: Trial>(found: &Fitted<T>, parameters: &[Parameter]) -> Vec<Warning> {
-    let mut all = Vec::new();
-    if let Some(message) = unrest(found) {
-        all.push(Warning::doubt("fit", message));
-    }
+    let unrest = unrest(found).map(|message| Warning::doubt("fit", message));
+    let mut all: Vec<Warning> = unrest.into_iter().collect();
     let undetermined = parameters.iter().filter(|p| !p.estimate.determined);
     // Of a model with few numbers each matters.
     all.extend(undetermined.map(|p| Warning { doubtful: true, ..Warning::undetermined(p) }));

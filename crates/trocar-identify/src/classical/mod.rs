@@ -3,9 +3,7 @@
 //! Data and preprocessing are the same: strokes and constant-velocity segments from the
 //! segmentation, samples averaged where the motion is small, scoring from where the initial state
 //! no longer matters, and clusters of strokes for the intervals. Every model is fitted by free-run
-//! simulation (output-error least squares). Linear models are thereby solved in closed form. The
-//! stiffnesses of Maxwell-Slip start from a convex problem (non-negative least squares for given
-//! limits, RIZOS).
+//! simulation (output-error least squares). Linear models are thereby solved in closed form.
 
 mod banks;
 mod coordinate;

@@ -498,7 +498,7 @@ fn fit_all(
             Choice::Ems | Choice::EmsOutputError => None,
         })
         .collect();
-    kinds.sort();
+    kinds.sort_by_key(|kind| (chain(*kind), *kind));
     kinds.dedup();
     let total: usize = kinds.iter().map(work).sum();
     let done = AtomicUsize::new(0);

@@ -46,7 +46,7 @@ impl Move {
             return self.to_m;
         }
         let (speed, ramp) = self.speed(rig);
-        // The end is the begin backwards.
+        // The end is the beginning, backwards.
         let ends = time > moving - ramp;
         let t = if ends { moving - time } else { time };
         let begun = if t >= ramp {
