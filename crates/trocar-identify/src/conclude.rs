@@ -60,9 +60,9 @@ pub(super) fn conclude(
     let has_shape = fit.as_ref().map_or(!two.is_assumed, |f| f.fitted.best.layout.shape);
     let along = position_profile.as_ref().map(|t| t.profile.stored_as(|knots| knots));
     let trocar = Trocar::new(stages, along);
-    let judged = Model { candidate: &model, trocar, scale: &scale, has_shape };
-    let (judged, two_step_parameters) =
-        rayon::join(|| adequacy::judge(input, &judged), || two_steps::parameters(two, options));
+    let shown = Model { candidate: &model, trocar, scale: &scale, has_shape };
+    let judge = || adequacy::judge(input, &shown);
+    let (judged, two_step_parameters) = rayon::join(judge, || two_steps::parameters(two, options));
     let prior = prior_use(input, fit.as_ref());
     let mut parameters = match &fit {
         Some(fit) => fitted_parameters(fit, &judged, &scale, prior.as_ref()),

@@ -11,7 +11,7 @@ use super::candidate::{Candidate, EmsTrial, Layout};
 use super::classical::{ClassicalData, LONG, SHORT, doubts};
 use super::element::straight;
 use super::findings::{Parameter, Warning};
-use super::likelihood::{self, Fitted, Stop};
+use super::likelihood::{self, Fitted};
 use super::numbers::{OnLogarithm, parameter_or_held};
 use super::result::Identification;
 use super::spread::Spread;
@@ -63,7 +63,7 @@ pub fn refit(
     let best = short
         .min_by(|a, b| a.rms[1].total_cmp(&b.rms[1]))
         .ok_or("no initial values gave a model that runs")?;
-    let fitted = likelihood::fit(&data.training, &best.best, Stop { fall: 1e-6, ..LONG })
+    let fitted = likelihood::fit(&data.training, &best.best, LONG)
         .ok_or("the best initial values gave no valid model")?;
     let model = fitted.best.candidate.clone();
     let stages = model.stages().map_err(|error| error.to_string())?;

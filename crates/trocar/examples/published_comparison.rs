@@ -14,8 +14,8 @@ use std::path::Path;
 use trocar::compare::{
     Choice, CompareOptions, Comparison, Entry, Outcome, compare, reversal_match, split,
 };
-use trocar::identify::IdentifyOptions;
 use trocar::identify::classical::Kind;
+use trocar::identify::{IdentifyOptions, Parameter};
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 use trocar::report::comparison::document;
 use trocar::report::vectors;
@@ -23,6 +23,8 @@ use trocar::workflow::MovingMass;
 
 /// Numbers of elements that get a row; all from 1 to 12 are fitted.
 const SHOWN: [usize; 4] = [1, 2, 4, 10];
+/// Title of the section with the drawings.
+const LIP_SEAL: &str = "A simulated lip seal that is no EMS element";
 /// Drawings of docs/figures.
 const DRAWN: [&str; 2] = ["one-reversal", "error-by-parameters"];
 
@@ -52,16 +54,14 @@ fn is_shown(entry: &Entry) -> bool {
     }
 }
 
-fn print_table(title: &str, comparison: &Comparison) {
-    println!("\n### {title}\n");
+/// A section of results/comparison.md.
+fn section(title: &str, comparison: &Comparison) -> String {
     let names: Vec<&str> = comparison.validation.iter().map(|r| r.name.as_str()).collect();
-    let by_recording = names.len() > 1;
-    print!("| model | parameters | training, N | validation, N |");
-    if by_recording {
-        names.iter().for_each(|name| print!(" {name}, N |"));
-    }
-    println!(" fit, % | AIC | BIC | after reversals, N | worst reversal, N | not determined |");
-    println!("|{}", "---|".repeat(10 + if by_recording { names.len() } else { 0 }));
+    let by_recording = if names.len() > 1 { names.as_slice() } else { &[] };
+    let mut text = format!("\n### {title}\n\n| model | parameters | training, N | validation, N |");
+    text.extend(by_recording.iter().map(|name| format!(" {name}, N |")));
+    text += " fit, % | AIC | BIC | after reversals, N | worst reversal, N | not determined |\n";
+    text += &format!("|{}\n", "---|".repeat(10 + by_recording.len()));
     for entry in comparison.entries.iter().filter(|e| is_shown(e)) {
         let s = &entry.scores;
         let name = if entry.choice.is_bank() {
@@ -69,34 +69,28 @@ fn print_table(title: &str, comparison: &Comparison) {
         } else {
             entry.name.to_owned()
         };
-        print!(
+        text += &format!(
             "| {name} | {} | {:.4} | {:.4} |",
             entry.parameters, s.train_rms_n, s.validate_rms_n
         );
-        if by_recording {
-            s.by_recording_n.iter().for_each(|rms| print!(" {rms:.4} |"));
-        }
-        let loose = entry
-            .estimates
-            .iter()
-            .filter(|p| !p.estimate.determined && !p.is_coefficient())
-            .count();
-        let criteria = format!("{:.0} | {:.0}", s.aic, s.bic);
-        println!(
-            " {:.1} | {criteria} | {:.4} | {:.4} | {loose} |",
-            s.fit_percent, s.reversal_rms_n, s.worst_reversal_n
+        let each = s.by_recording_n.iter().take(by_recording.len());
+        text.extend(each.map(|rms| format!(" {rms:.4} |")));
+        let is_loose = |p: &&Parameter| !p.estimate.determined && !p.is_coefficient();
+        let loose = entry.estimates.iter().filter(is_loose).count();
+        text += &format!(
+            " {:.1} | {:.0} | {:.0} | {:.4} | {:.4} | {loose} |\n",
+            s.fit_percent, s.aic, s.bic, s.reversal_rms_n, s.worst_reversal_n
         );
     }
     let (samples, worth) = (comparison.samples, comparison.effective_samples);
-    println!("\n{samples} training samples, worth {worth:.0} independent ones.");
+    text += &format!("\n{samples} training samples, worth {worth:.0} independent ones.\n");
     if let Err(why) = &comparison.ems.deformation {
-        println!("\nThe deformation is not resolved ({why}): `ems` is a stiff spring here.");
+        text +=
+            &format!("\nThe deformation is not resolved ({why}): `ems` is a stiff spring here.\n");
     }
-    for family in ["maxwell-slip", "gms"] {
-        if let Some(claim) = reversal_match(comparison, family) {
-            println!("\n{}", claim.sentence());
-        }
-    }
+    let claims = ["maxwell-slip", "gms"].map(|family| reversal_match(comparison, family));
+    text.extend(claims.iter().flatten().map(|claim| format!("\n{}\n", claim.sentence())));
+    text
 }
 
 /// The simulated lip seal.
@@ -105,21 +99,23 @@ fn of_lip_seal(folder: &Path) -> Result<Comparison, Box<dyn Error>> {
     compared(&load(&seal, &["steady", "dynamic"])?, &load(&seal, &["validation", "surgeon"])?)
 }
 
-/// Names and SVG of the drawings of docs/explanation/comparison.md.
-pub(crate) fn drawings(folder: &Path) -> Result<Vec<(String, String)>, Box<dyn Error>> {
+/// The section of the simulated lip seal, and names and SVG of the drawings of
+/// docs/explanation/comparison.md.
+pub(crate) fn drawings(folder: &Path) -> Result<(String, Vec<(String, String)>), Box<dyn Error>> {
     let comparison = of_lip_seal(folder)?;
+    let text = section(LIP_SEAL, &comparison);
     let moving_mass = MovingMass::default();
     let outcome = Outcome { comparison, seed: 0, held_out: false, moving_mass };
     let mut drawings = vectors(&document(&outcome, ""))?;
     drawings.retain(|(name, _)| DRAWN.contains(&name.as_str()));
-    Ok(drawings)
+    Ok((text, drawings))
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = std::env::args().nth(1).ok_or("the folder of the recordings is missing")?;
     let folder = Path::new(&folder);
     if let Some(docs) = std::env::args().nth(2) {
-        for (name, svg) in drawings(folder)? {
+        for (name, svg) in drawings(folder)?.1 {
             let figures = Path::new(&docs).join("figures");
             std::fs::write(figures.join(name).with_extension("svg"), svg)?;
         }
@@ -129,10 +125,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!(
         "<!-- made by: cargo run --release -p trocar --example published_comparison -- FOLDER -->"
     );
-    print_table("A simulated lip seal that is no EMS element", &of_lip_seal(folder)?);
+    print!("{}", section(LIP_SEAL, &of_lip_seal(folder)?));
     let rerun = load(&elastomers, &["o_ring257_1bar_rerun"])?;
     let comparison = compared(&load(&elastomers, &["o_ring257_1bar"])?, &rerun)?;
-    print_table("O-ring, 25.7 mm bore, validated on its rerun", &comparison);
+    print!("{}", section("O-ring, 25.7 mm bore, validated on its rerun", &comparison));
     for (name, title) in [
         ("o_ring_1bar", "O-ring, 25 mm bore"),
         ("x_ring257_1bar", "X-ring, 25.7 mm bore"),
@@ -141,10 +137,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("pk_1bar", "Lip profile PK"),
     ] {
         let (training, validation) = split(&load(&elastomers, &[name])?)?;
-        print_table(
-            &format!("{title}, validated on its last third"),
-            &compared(&training, &validation)?,
-        );
+        let title = format!("{title}, validated on its last third");
+        print!("{}", section(&title, &compared(&training, &validation)?));
     }
     Ok(())
 }

@@ -166,17 +166,55 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
     }
 }
 
+/// Rows of the table in docs/explanation/comparison.md, and of results/comparison.md.
+const ROWS: [[&str; 2]; 11] = [
+    ["EMS, fitted by the criterion of the others", "ems-output-error"],
+    ["**EMS** as identified", "ems"],
+    ["Leuven, 4", "leuven 4"],
+    ["Maxwell-Slip, 2 elements", "maxwell-slip 2"],
+    ["Maxwell-Slip, 10", "maxwell-slip 10"],
+    ["GMS, 4", "gms 4"],
+    ["GMS, 10", "gms 10"],
+    ["LuGre", "lugre"],
+    ["Dahl", "dahl"],
+    ["Bouc–Wen", "bouc-wen"],
+    ["Coulomb", "coulomb"],
+];
+
+/// Cells of the first row of a table with this name.
+fn cells<'a>(text: &'a str, name: &str) -> Vec<&'a str> {
+    let row = text.lines().find(|line| line.starts_with(&format!("| {name} |")));
+    let row = row.unwrap_or_else(|| panic!("no row {name}"));
+    row.split('|')
+        .map(|cell| cell.trim().trim_matches('*'))
+        .filter(|cell| !cell.is_empty())
+        .collect()
+}
+
 #[test]
-fn the_drawings_of_the_comparison_are_those_of_its_command() {
+fn the_drawings_and_the_tables_of_the_comparison_are_those_of_its_command() {
     let Some(seal) = shared("seal_a") else { return };
     let folder = seal.parent().expect("a folder of recordings");
-    let drawn = comparison::drawings(folder).unwrap();
+    let (section, drawn) = comparison::drawings(folder).unwrap();
     assert_eq!(drawn.len(), 2);
+    let command = "cargo run --release -p trocar --example published_comparison -- FOLDER";
+    let kept = |name: &str| {
+        let file = format!("{}/../../{name}", env!("CARGO_MANIFEST_DIR"));
+        std::fs::read_to_string(file).unwrap()
+    };
     for (name, svg) in drawn {
-        let file = format!("{}/../../docs/figures/{name}.svg", env!("CARGO_MANIFEST_DIR"));
-        assert!(
-            std::fs::read_to_string(file).is_ok_and(|kept| kept == svg),
-            "docs/figures/{name}.svg: run cargo run --release -p trocar --example published_comparison -- FOLDER docs"
-        );
+        let name = format!("docs/figures/{name}.svg");
+        assert!(kept(&name) == svg, "{name}: run {command} docs");
+    }
+    let results = kept("results/comparison.md");
+    assert!(results.contains(&section), "results/comparison.md: run {command}\n{section}");
+    let page = kept("docs/explanation/comparison.md");
+    for [of_page, of_results] in ROWS {
+        let (shown, made) = (cells(&page, of_page), cells(&results, of_results));
+        let made = [1, 4, 5, 9].map(|column| made[column]);
+        for (shown, made) in shown[1..].iter().zip(made) {
+            let [shown, made]: [f64; 2] = [shown, made].map(|text| text.parse().unwrap());
+            assert!((shown - made).abs() < 6e-4, "{of_page}: {shown}, the command makes {made}");
+        }
     }
 }

@@ -166,7 +166,6 @@ fn leuven(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
 /// From Maxwell-Slip and from even banks, with different sliding.
 fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
     let Scales { force, viscous, speeds: [slowest, fastest], .. } = data.scales;
-    let [narrow, wide, _] = even_banks(n, data);
     let damping = viscous.max(1e-2 * force / fastest) / n as f64;
     let special = kin.special.map(|numbers| {
         [vec![viscous, 0.02, slowest, 50.0], generalised_elements(numbers, 0.0)].concat()
@@ -175,11 +174,14 @@ fn gms(n: usize, data: &ClassicalData, kin: Related) -> Vec<Vec<f64>> {
         .smaller
         .zip(divided(kin.smaller, 5, 3))
         .map(|(numbers, bank)| [numbers[1..5].to_vec(), flattened(&bank, Some(0.0))].concat());
-    let even = [
-        [vec![viscous, 0.2, data.scales.middle_speed(), 5.0], flattened(&wide, Some(0.0))].concat(),
-        [vec![viscous, 0.3, slowest, 50.0], flattened(&narrow, Some(damping))].concat(),
-    ];
-    even.into_iter().chain(special).chain(divided).collect()
+    let even = even_banks(n, data).into_iter().flat_map(|bank| {
+        let heads =
+            [([0.2, data.scales.middle_speed(), 5.0], 0.0), ([0.3, slowest, 50.0], damping)];
+        heads.map(|(head, damping)| {
+            [&[viscous], &head[..], &flattened(&bank, Some(damping))].concat()
+        })
+    });
+    even.chain(special).chain(divided).collect()
 }
 
 /// The parameters of the smaller model with its first element duplicated, each half as stiff: the

@@ -26,7 +26,7 @@ const STARTS: usize = 6;
 const SEARCH: [(Stop, usize); 3] =
     [(Stop { iterations: 3, ..SHORT }, 4), (SHORT, 2), (Stop { iterations: 20, ..LONG }, 1)];
 pub(crate) const SHORT: Stop = Stop { iterations: 6, fall: 1e-3, promise: f64::INFINITY };
-pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-5, promise: f64::INFINITY };
+pub(crate) const LONG: Stop = Stop { iterations: 60, fall: 1e-6, promise: f64::INFINITY };
 /// Largest relative decrease of the squared error still predicted for a fit that counts as
 /// converged.
 const WORST_PROMISE: f64 = 2e-3;
