@@ -167,7 +167,7 @@ fn a_seal_that_is_no_ems_element_is_predicted_on_motion_it_was_not_fitted_to() {
 }
 
 /// Rows of the table in docs/explanation/comparison.md, and of results/comparison.md.
-const ROWS: [[&str; 2]; 11] = [
+const ROWS: [[&str; 2]; 12] = [
     ["EMS, fitted by the criterion of the others", "ems-output-error"],
     ["**EMS** as identified", "ems"],
     ["Leuven, 4", "leuven 4"],
@@ -178,6 +178,7 @@ const ROWS: [[&str; 2]; 11] = [
     ["LuGre", "lugre"],
     ["Dahl", "dahl"],
     ["Bouc–Wen", "bouc-wen"],
+    ["Stribeck", "stribeck"],
     ["Coulomb", "coulomb"],
 ];
 

@@ -46,10 +46,6 @@ pub struct ClassicalFit {
     pub parameters: Vec<Parameter>,
     /// Root mean square error, N, over the steps fitted.
     pub rms: f64,
-    /// Damped steps from the best start.
-    pub iterations: usize,
-    /// Whether the fit converged.
-    pub converged: bool,
     /// Warnings about the result.
     pub warnings: Vec<Warning>,
     /// The free parameters, the offset first: a start for a larger model of the family.
@@ -202,8 +198,6 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
         offset: found.best.offset(),
         parameters,
         rms: found.rms[1],
-        iterations: found.iterations,
-        converged: found.converged,
         warnings,
         numbers: found.best.numbers(),
     })
