@@ -13,6 +13,7 @@ mod hints;
 mod live;
 mod live_loop;
 mod live_seal;
+mod live_turning;
 mod messages;
 mod model_file_page;
 mod model_pages;

@@ -570,6 +570,21 @@ pub struct LiveModel {
     pub knobs: Vec<Knob>,
     /// A recorded motion for the simulation.
     pub excerpt: Option<Excerpt>,
+    /// How the instrument turns; `None` for a model without rotation.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turning: Option<LiveTurning>,
+}
+
+/// What a page needs in order to show the force in its ellipse: half axes along the shaft (F_c of each
+/// direction) and around it (F_t/F_c of their mean).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LiveTurning {
+    /// r, m.
+    pub radius: f64,
+    /// F_t/F_c.
+    pub ratio: f64,
+    /// Places of the Coulomb forces of all elements among the knobs: insertion, withdrawal.
+    pub coulomb: [Vec<usize>; 2],
 }
 
 /// An adjustable parameter.
@@ -610,6 +625,9 @@ pub struct Excerpt {
     /// Readings without the sensor offset, N; one per position.
     #[serde(serialize_with = "codes")]
     pub force: Vec<f64>,
+    /// Angle since the first sample, rad; one per position, or none where it was not recorded.
+    #[serde(serialize_with = "codes", skip_serializing_if = "Vec::is_empty")]
+    pub angle: Vec<f64>,
     /// Sample from which the force of the model does not depend on the unknown initial state.
     #[serde(rename = "known")]
     pub known_from: usize,

@@ -49,8 +49,8 @@ use figures::MOST_CHOSEN;
 use number::{recorded_in_words, thousandths};
 
 pub use document::{
-    Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, Mark, Panel, Role,
-    Section, Series, Table, Tile, Width,
+    Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, LiveTurning, Mark,
+    Panel, Role, Section, Series, Table, Tile, Width,
 };
 
 /// PNG pixels per scene pixel: 1600 pixels across 160 mm, 254 dpi.

@@ -6,7 +6,8 @@
 //! ```text
 //! row      a model as trocar_model::flat writes it
 //! values   the numbers of trocar_model::tuning, in their order
-//! block    columns of BLOCK numbers: position (m), duration (s) in; force (N), deflection (m), sliding (0 or 1) out
+//! block    columns of BLOCK numbers: position (m), duration (s), angle (rad) in; force (N), deflection (m), sliding (0 or 1),
+//!          torque (N m) out
 //! ```
 //! | export | what it does | returns |
 //! |---|---|---|
@@ -14,14 +15,15 @@
 //! | `row_length()`, `values_length()`, `block_length()` | | most numbers, steps |
 //! | `load(n)` | reads the model from the first n numbers of the row; at rest at 0 | 1, or 0: there is none |
 //! | `tune(n)` | the loaded model with the first n values; at rest where it was, with the force it had | 1, or 0: as before |
-//! | `rest(x)` | undeformed at rest at x, m | force, N |
+//! | `rest(x)` | undeformed at rest at x, m, and at the angle 0 | force, N |
 //! | `rest_at_force(x, f)` | at rest at x with f, N, or what of it the model can hold | force, N |
 //! | `run(n)` | the first n steps of the block | steps made |
 //!
-//! A call that fails changes nothing. Deflection and sliding of a model that knows none are NaN.
+//! A call that fails changes nothing. Deflection and sliding of a model that knows none are NaN; one without rotation heeds no
+//! angle.
 //! The script `build` makes the module; the reports of the crate `trocar` carry it.
 //!
-//! - **Invariant:** no step but [`Trocar::step_to`]: the forces are those of every other program, to the last bit.
+//! - **Invariant:** no step but [`Trocar::turn_to`]: the forces are those of every other program, to the last bit.
 #![no_std]
 
 #[cfg(target_arch = "wasm32")]
@@ -36,7 +38,7 @@ pub const ROW: usize = 24_576;
 pub const BLOCK: usize = 1_024;
 
 /// Columns of the block.
-pub const COLUMNS: usize = 5;
+pub const COLUMNS: usize = 7;
 
 /// The places that a page fills and reads.
 #[derive(Debug)]
@@ -45,7 +47,7 @@ pub struct Memory {
     pub row: [f64; ROW],
     /// Its tunables.
     pub values: [f64; MAX_TUNABLES],
-    /// Position (m), duration (s), force (N), deflection (m), sliding.
+    /// Position (m), duration (s), angle (rad), force (N), deflection (m), sliding, torque (N·m).
     pub block: [[f64; BLOCK]; COLUMNS],
 }
 
@@ -125,17 +127,17 @@ impl Page {
         let Running::Model { tuned, state, .. } = &mut self.running else { return 0 };
         let Some(trocar) = read(row, self.count) else { return 0 };
         let trocar = trocar.with_seal(*tuned);
-        let [position, duration, force, deflection, sliding] = block;
-        let steps = position.iter().zip(duration).take(count);
-        for (((x, duration), force), (z, slides)) in
-            steps.zip(force).zip(deflection.iter_mut().zip(sliding))
-        {
-            *force = trocar.step_to(state, *x, *duration);
-            (*z, *slides) = state.deformation().map_or((f64::NAN, f64::NAN), |deformation| {
-                (deformation.deflection, f64::from(u8::from(deformation.mode == Mode::Sliding)))
-            });
+        let [position, duration, angle, force, deflection, sliding, torque] = block;
+        let count = count.min(BLOCK);
+        for k in 0..count {
+            force[k] = trocar.turn_to(state, position[k], angle[k], duration[k]);
+            (deflection[k], sliding[k]) =
+                state.deformation().map_or((f64::NAN, f64::NAN), |deformation| {
+                    (deformation.deflection, f64::from(u8::from(deformation.mode == Mode::Sliding)))
+                });
+            torque[k] = state.torque();
         }
-        count.min(BLOCK)
+        count
     }
 }
 

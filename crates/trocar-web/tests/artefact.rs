@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use trocar::model_file::ModelFile;
-use trocar_model::Trocar;
+use trocar_model::{Rotation, Trocar};
 
 use module::{Page, artefact, read_motion};
 use skipped::skipped;
@@ -109,6 +109,45 @@ fn compare(file: &Path) -> Result<(), Box<dyn Error>> {
 #[test]
 fn the_module_of_the_reports_gives_the_forces_of_the_library() -> Result<(), Box<dyn Error>> {
     compare(&artefact())
+}
+
+/// Strokes while the instrument turns to and fro.
+#[test]
+fn the_module_turns_as_the_library_does() -> Result<(), Box<dyn Error>> {
+    let mut page = Page::start(&artefact())?;
+    let models = models()?;
+    let rotation = Rotation {
+        shaft_radius: 5e-3,
+        circumferential_stiffness: 400.0,
+        circumferential_ratio: 0.8,
+    };
+    let mut turned = 0;
+    for (name, model) in &models {
+        // Classical models stay along the axis.
+        let Ok(trocar) = model.trocar.borrowed().with_rotation(Some(rotation)) else { continue };
+        page.load(&trocar)?;
+        let steps: Vec<[f64; 3]> = (1..1000)
+            .map(|k| {
+                let time = 1e-3 * f64::from(k);
+                [0.02 * (9.0 * time).sin(), 1e-3, 2.0 * (7.0 * time).sin()]
+            })
+            .collect();
+        page.call::<f64, f64>("rest", 0.0)?;
+        let ours = page.turn(&steps)?;
+        let mut state = trocar.rest(0.0);
+        let theirs: Vec<(f64, f64)> = steps
+            .iter()
+            .map(|[x, duration, angle]| {
+                let force = trocar.turn_to(&mut state, *x, *angle, *duration);
+                (force, state.torque())
+            })
+            .collect();
+        assert_same(name, &theirs, &ours);
+        assert!(theirs.iter().any(|(_, torque)| torque.abs() > 1e-3), "{name}");
+        turned += 1;
+    }
+    assert!(turned > 3, "{turned} models");
+    Ok(())
 }
 
 #[test]

@@ -201,15 +201,18 @@ class Pen {
 // What is measured: a recorded excerpt.
 function excerptOf(compressed) {
   if (!compressed) return null;
-  const [position, force] = [compressed.position, compressed.force].map(decode);
+  const [position, force] = [compressed.position, compressed.force].map(decode), angle = compressed.angle && decode(compressed.angle);
   const time = Float64Array.from(position, (_, i) => i * compressed.interval);
-  return { ...compressed, time, position, force, shown: position.map((metres) => MM * metres) };
+  return { ...compressed, time, position, force, angle, shown: position.map((metres) => MM * metres) };
 }
+
+const ELLIPSE_POINTS = 120;
 
 const MODES = { recorded: "Recorded motion", drag: "Drag the instrument", draw: "Draw a motion" };
 const HINTS = {
   drag: "Drag the handle under the loop, or focus it and use the arrow keys. Time runs while you hold it; the purple bar is the seal, " +
     "deformed from where it grips.",
+  turn: " The slider below the ellipse turns the instrument: what holds it around the shaft no longer holds it along the shaft.",
   draw: "Draw position over time in the upper chart with pointer or finger; draw over what you would change. The seal starts undeformed.",
 };
 
@@ -256,7 +259,7 @@ class Live {
       value.dataset.live = name;
       return value;
     };
-    this.said = { force: entry("force", "Force"), deflection: entry("deflection", "Deflection of the seal"), sliding: entry("sliding", "Seal"),
+    this.said = { force: entry("force", "Force"), torque: entry("torque", "Torque"), deflection: entry("deflection", "Deflection of the seal"), sliding: entry("sliding", "Seal"),
       error: entry("error", "Error (rms)") };
   }
 
@@ -273,9 +276,45 @@ class Live {
     linked.panels = [this.path, this.force];
     this.loop = new Panel(new Group("live-loop", false), data(position, force, forces(false), 0.36, 220), area);
     this.all = [this.path, this.force, this.loop];
+    if (this.data.turning) this.turningPanel(area, data, line, dot);
     this.loop.box.classList.add("with-strip");
     this.pen = new Pen(this.path, this.data.way, () => this.schedule());
     this.strip = new Strip(this.loop, this.data.way, this.dragging(), "Position of the instrument, mm");
+  }
+
+  // The force in its ellipse, and a slider that turns the instrument.
+  turningPanel(area, data, line, dot) {
+    const series = [line("friction in all directions", "lower", false), line("model", "model", false), dot(false)];
+    this.round = new Panel(new Group("live-round", false), data(["force around the shaft", "N"], ["along it", "N"], series, 0.4, 220), area);
+    this.all.push(this.round);
+    const row = make("label", "live-turn", area);
+    row.append("Turn the instrument, degrees ");
+    this.turner = make("input", "", row);
+    Object.assign(this.turner, { type: "range", min: -360, max: 360, step: 5, value: 0, id: "live-turn" });
+    this.turner.addEventListener("input", () => {
+      const degrees = this.turner.valueAsNumber;
+      if (this.mode !== "drag") this.setMode("drag");
+      this.turner.value = degrees;
+      this.identified = null;
+      this.hand.turn(degrees * Math.PI / 180);
+    });
+  }
+
+  turnedBack() {
+    if (this.turner) this.turner.value = 0;
+  }
+
+  // Half axes: Coulomb forces along the shaft in both directions, and around it.
+  drawRound(motion, from, now) {
+    const { radius, ratio, coulomb } = this.data.turning;
+    const [up, down] = coulomb.map((all) => all.reduce((sum, at) => sum + this.working[at], 0)), across = ratio * (up + down) / 2;
+    const points = Array.from({ length: ELLIPSE_POINTS + 1 }, (_, i) => 2 * Math.PI * i / ELLIPSE_POINTS);
+    const ellipse = [points.map((at) => across * Math.cos(at)), points.map((at) => (Math.sin(at) > 0 ? up : down) * Math.sin(at))];
+    const [torque, force] = motion.columns(from, "torque", "force"), round = torque.map((value) => value / radius);
+    const largest = (values, least) => values.reduce((most, value) => Math.max(most, Math.abs(value)), least);
+    const [wide, high] = [1.1 * largest(round, across), 1.1 * largest(force, Math.max(up, down))];
+    this.round.show([ellipse.map((values) => Float64Array.from(values)), [round, force],
+      [Float64Array.of(motion.torque[now] / radius), Float64Array.of(motion.force[now])]], [-wide, wide, -high, high]);
   }
 
   tools(parent) {
@@ -296,13 +335,15 @@ class Live {
     this.anew.hidden = mode === "recorded";
     this.path.data.least = mode === "draw" ? 260 : 140;
     this.path.plot.setSize(this.path.size());
-    this.hint.textContent = mode === "recorded" ? this.excerpt.name : HINTS[mode];
+    const turns = mode === "drag" && this.data.turning ? HINTS.turn : "";
+    this.hint.textContent = mode === "recorded" ? this.excerpt.name : HINTS[mode] + turns;
     this.restart();
   }
 
   restart() {
     this.motion = null;
     this.hand.rest(this.strip.position);
+    this.turnedBack();
     if (this.mode === "draw") this.pen.clear();
     this.tuned();
   }
@@ -318,8 +359,8 @@ class Live {
 
   // Times, positions and, where it is known, the force at the start.
   source() {
-    if (this.mode === "recorded") return [this.excerpt.time, this.excerpt.position, this.excerpt.force[0]];
-    if (this.mode === "drag" && this.motion) return [this.motion.time, this.motion.position];
+    if (this.mode === "recorded") return [this.excerpt.time, this.excerpt.position, this.excerpt.force[0], this.excerpt.angle];
+    if (this.mode === "drag" && this.motion) return [this.motion.time, this.motion.position, undefined, this.motion.angle];
     return (this.mode === "draw" && this.pen.motion()) || [[0], [this.strip.position]];
   }
 
@@ -368,6 +409,7 @@ class Live {
       shown(point(dotAt[0], dotAt[2]))], [from, until, ...high]);
     this.loop.show([excerpt ? [excerpt.shown, excerpt.force] : none, identified ? [identified[1], identified[2]] : none, shown([position, force]),
       shown(point(dotAt[1], dotAt[2]))], [...along, ...high]);
+    if (this.round) this.drawRound(motion, from, now);
     this.say(now);
     this.strip.show(motion.position[now], motion.deflection[now], (MM * motion.position[now]).toFixed(1) + " mm, " + motion.force[now].toFixed(2) + " N");
   }
@@ -388,6 +430,8 @@ class Live {
     const signed = (value, decimals) => value.toFixed(decimals).replace(/^-(?=0\.?0*$)/, "").replace("-", "\u2212");
     said.force.previousSibling.textContent = this.mode === "drag" ? "Force now" : "Force at " + motion.time[now].toFixed(2) + " s";
     put(said.force, signed(motion.force[now], 2) + " N", motion.force[now]);
+    said.torque.parentNode.hidden = !this.data.turning;
+    put(said.torque, signed(1e3 * motion.torque[now], 1) + " mN\u00a0m", motion.torque[now]);
     const deflection = motion.deflection[now], knows = Number.isFinite(deflection);
     said.deflection.parentNode.hidden = said.sliding.parentNode.hidden = !knows;
     put(said.deflection, signed(MM * deflection, 2) + " mm", deflection);
@@ -453,7 +497,7 @@ async function goLive(element) {
   for (const knob of data.knobs) knob.value ??= Infinity;  // JSON has no infinite number
   const runner = await Runner.start(module.textContent, new Float64Array(bytesOf(data.row).buffer));
   element.querySelector(".live-absent").remove();
-  const live = new Live(element, data, runner);
+  const live = element.live = new Live(element, data, runner);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => live.all.forEach((panel) => panel.plot.redraw(false, true)));
 }
 

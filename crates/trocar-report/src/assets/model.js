@@ -6,6 +6,7 @@ const MILLISECOND = 1e-3;
 const LONGEST_DRAG = 300;  // s
 const KEY_WAIT = 0.3;  // s
 const GRIP = 1 - Math.exp(-1 / 30);  // part of the way to the hand in a step
+const CLOSE_ANGLE = 1e-4;  // rad
 
 // The WebAssembly module, crates/trocar-web: one model and its state.
 class Runner {
@@ -22,8 +23,8 @@ class Runner {
     if (!module.load(row.length)) throw new Error("the module reads no model");
     this.values = place("values", module.values_length());
     this.length = module.block_length();
-    const block = place("block", 5 * this.length);
-    this.columns = [0, 1, 2, 3, 4].map((at) => block.subarray(at * this.length, (at + 1) * this.length));
+    const block = place("block", 7 * this.length);
+    this.columns = [0, 1, 2, 3, 4, 5, 6].map((at) => block.subarray(at * this.length, (at + 1) * this.length));
   }
 
   // Whether the values make a model; the state is at rest where it was, with the force it had.
@@ -32,50 +33,54 @@ class Runner {
     return this.module.tune(values.length) === 1;
   }
 
-  // At rest, undeformed or with a force.
+  // At rest, undeformed or with a force, at the angle 0.
   rest(position, force) {
     if (force === undefined) this.module.rest(position);
     else this.module.rest_at_force(position, force);
   }
 
-  // Up to a block of steps; views on force, deflection and sliding, good until the next call.
-  run(positions, durations) {
+  // Up to a block of steps; views on force, deflection, sliding and torque, good until the next call.
+  run(positions, durations, angles) {
     this.columns[0].set(positions);
     this.columns[1].set(durations);
+    this.columns[2].set(angles);
     const made = this.module.run(positions.length);
-    return this.columns.slice(2).map((column) => column.subarray(0, made));
+    return this.columns.slice(3).map((column) => column.subarray(0, made));
   }
 }
 
 // A motion with what the model answered. Durations are differences of the times, as in every program of this project.
 class Motion {
   constructor(runner, time, position, force) {
-    Object.assign(this, { runner, time: [], position: [], force: [], deflection: [], sliding: [] });
+    Object.assign(this, { runner, time: [], position: [], angle: [], force: [], deflection: [], sliding: [], torque: [] });
     runner.rest(position, force);
-    this.append([time], [position]);
+    this.append([time], [position], [0]);
   }
 
-  static along(runner, times, positions, force) {
+  // Angles begin at 0; without any the instrument does not turn.
+  static along(runner, times, positions, force, angles) {
     const motion = new Motion(runner, times[0], positions[0], force);
-    motion.append(times.slice(1), positions.slice(1));
+    motion.append(times.slice(1), positions.slice(1), angles && angles.slice(1));
     return motion;
   }
 
-  append(times, positions) {
+  append(times, positions, given) {
+    const angles = given || new Float64Array(times.length);
     for (let from = 0; from < times.length; from += this.runner.length) {
       const some = positions.slice(from, from + this.runner.length);
       const durations = Array.from(some, (_, i) => {
         const before = from + i > 0 ? times[from + i - 1] : this.time.length ? this.time.at(-1) : times[0];
         return times[from + i] - before;
       });
-      const [force, deflection, sliding] = this.runner.run(some, durations);
-      for (let i = 0; i < some.length; i++) {
-        this.force.push(force[i]);
-        this.deflection.push(deflection[i]);
-        this.sliding.push(sliding[i]);
-      }
+      const answered = this.runner.run(some, durations, angles.slice(from, from + this.runner.length));
+      for (const [at, name] of ["force", "deflection", "sliding", "torque"].entries())
+        for (let i = 0; i < some.length; i++) this[name].push(answered[at][i]);
     }
-    for (let i = 0; i < times.length; i++) { this.time.push(times[i]); this.position.push(positions[i]); }
+    for (let i = 0; i < times.length; i++) {
+      this.time.push(times[i]);
+      this.position.push(positions[i]);
+      this.angle.push(angles[i]);
+    }
   }
 
   get end() {
@@ -93,8 +98,9 @@ class Motion {
   }
 
   csv() {
-    const rows = this.time.map((time, i) => [time, this.position[i], this.force[i]].join());
-    return "time_s,position_m,force_n\n" + rows.join("\n") + "\n";
+    const turns = this.angle.some((angle) => angle !== 0), more = (i) => (turns ? [this.angle[i], this.torque[i]] : []);
+    const rows = this.time.map((time, i) => [time, this.position[i], this.force[i], ...more(i)].join());
+    return "time_s,position_m,force_n" + (turns ? ",angle_rad,torque_n_m" : "") + "\n" + rows.join("\n") + "\n";
   }
 }
 
@@ -105,9 +111,15 @@ class Hand {
     Object.assign(this, { owner, way });
   }
 
-  // Lets go, at a position.
+  // Lets go, at a position and the angle 0.
   rest(position) {
-    Object.assign(this, { target: position, held: false, until: 0, most: Infinity });
+    Object.assign(this, { target: position, angle: 0, held: false, until: 0, most: Infinity });
+  }
+
+  // Turns the instrument to an angle, rad.
+  turn(angle) {
+    this.angle = angle;
+    this.advance();
   }
 
   hold() {
@@ -135,7 +147,7 @@ class Hand {
     let last = performance.now();
     const frame = () => {
       const { owner } = this, now = performance.now();
-      const arrived = this.target === owner.motion.position.at(-1);
+      const arrived = this.target === owner.motion.position.at(-1) && this.angle === owner.motion.angle.at(-1);
       if (!owner.isMoved || !(this.held || now < this.until || !arrived)) {
         this.isAdvancing = false;
         if (owner.isMoved) owner.rested();
@@ -152,15 +164,21 @@ class Hand {
   // So many milliseconds on: towards the hand, softly, so that the steps of a pointer do not become steps of the instrument.
   follow(count) {
     const { owner } = this;
-    if (owner.motion.time.at(-1) >= LONGEST_DRAG) owner.motion = new Motion(owner.runner, 0, owner.motion.position.at(-1));
-    const { motion } = owner, first = motion.end, times = [], positions = [];
-    let position = motion.position.at(-1);
+    if (owner.motion.time.at(-1) >= LONGEST_DRAG) {
+      owner.motion = new Motion(owner.runner, 0, owner.motion.position.at(-1));
+      this.angle = 0;
+      owner.turnedBack?.();
+    }
+    const { motion } = owner, first = motion.end, times = [], positions = [], angles = [];
+    let position = motion.position.at(-1), angle = motion.angle.at(-1);
     for (let i = 1; i <= count; i++) {
-      const left = this.target - position;
+      const left = this.target - position, round = this.angle - angle;
       position = Math.abs(left) < CLOSE ? this.target : position + clamp(GRIP * left, -this.most, this.most);
+      angle = Math.abs(round) < CLOSE_ANGLE ? this.angle : angle + GRIP * round;
       times.push((first + i) / 1000);
       positions.push(position);
+      angles.push(angle);
     }
-    motion.append(times, positions);
+    motion.append(times, positions, angles);
   }
 }

@@ -7,7 +7,7 @@ use trocar_model::{Direction, ParameterId, Quantity, Seal, Trocar, Tunable, Unit
 
 use super::tables::name_of;
 use super::{Scored, excerpt_starts, limits};
-use crate::document::{Excerpt, Knob, LiveModel};
+use crate::document::{Excerpt, Knob, LiveModel, LiveTurning};
 use crate::number::significant;
 use trocar_identify::Identification;
 use trocar_recording::Recording;
@@ -43,7 +43,23 @@ pub(crate) fn live_model(found: &Identification, scored: &Scored) -> Result<Live
         [low - margin, high + margin]
     });
     let knobs = knobs(trocar.seal(), |tunable| interval(tunable, found));
-    Ok(LiveModel { row, way, knobs, excerpt })
+    Ok(LiveModel { row, way, knobs, excerpt, turning: turning(&trocar) })
+}
+
+/// How `trocar` turns.
+fn turning<K: AsRef<[f64]>>(trocar: &Trocar<K>) -> Option<LiveTurning> {
+    let rotation = trocar.rotation()?;
+    let coulomb = Direction::BOTH.map(|direction| {
+        let wanted = Quantity::CoulombForce.of(direction);
+        let is_wanted = |id: ParameterId| ParameterId { element: None, ..id } == wanted;
+        let all = trocar.seal().tunables().enumerate();
+        all.filter(|(_, tunable)| is_wanted(tunable.id)).map(|(at, _)| at).collect()
+    });
+    Some(LiveTurning {
+        radius: rotation.shaft_radius,
+        ratio: rotation.circumferential_ratio,
+        coulomb,
+    })
 }
 
 impl LiveModel {
@@ -53,7 +69,8 @@ impl LiveModel {
     /// The reason, in a sentence, for which the model cannot run in a page.
     pub fn of<K: AsRef<[f64]>>(trocar: &Trocar<K>, way: [f64; 2]) -> Result<Self, String> {
         let knobs = knobs(trocar.seal(), |_| None);
-        Ok(Self { row: row_of(trocar)?, way, knobs, excerpt: None })
+        let turning = turning(trocar);
+        Ok(Self { row: row_of(trocar)?, way, knobs, excerpt: None, turning })
     }
 }
 
@@ -204,6 +221,9 @@ impl ExcerptCandidate<'_> {
         let known_from = forgotten_after(&found.stages.into(), steps)? + 1;
         let readings = self.at(&times, &self.recording.force);
         let force = readings.into_iter().map(|reading| reading - found.model.offset).collect();
+        let angles = self.recording.angle.as_ref().map(|angle| self.at(&times, angle));
+        let angle = angles.unwrap_or_default();
+        let angle = angle.iter().map(|own| own - angle[0]).collect();
         let seen = if held_out {
             "which the identification has not seen"
         } else {
@@ -220,6 +240,7 @@ impl ExcerptCandidate<'_> {
             interval,
             position,
             force,
+            angle,
             known_from,
         })
     }

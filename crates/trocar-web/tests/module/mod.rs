@@ -9,8 +9,10 @@ use wasmi::{Engine, Instance, Linker, Memory, Module, Store, TypedFunc, WasmPara
 /// Columns of the block.
 const POSITION: usize = 0;
 const DURATION: usize = 1;
-const FORCE: usize = 2;
-const DEFLECTION: usize = 3;
+const ANGLE: usize = 2;
+const FORCE: usize = 3;
+const DEFLECTION: usize = 4;
+const TORQUE: usize = 6;
 
 /// The artefact that reports carry.
 pub(crate) fn artefact() -> PathBuf {
@@ -96,6 +98,20 @@ impl Page {
             motion.windows(2).map(|pair| (pair[1].1, pair[1].0 - pair[0].0)).collect();
         all.extend(self.drive_on(&steps)?);
         Ok(all)
+    }
+
+    /// Force (N) and torque (N·m) after steps, no more than a block: position (m), duration (s), angle (rad).
+    #[allow(dead_code)] // the example does not turn
+    pub(crate) fn turn(&mut self, steps: &[[f64; 3]]) -> Result<Vec<(f64, f64)>, Box<dyn Error>> {
+        let length = self.call::<(), u32>("block_length", ())? as usize;
+        let block = self.call::<(), u32>("block", ())? as usize;
+        for (at, column) in [POSITION, DURATION, ANGLE].into_iter().enumerate() {
+            let values: Vec<f64> = steps.iter().map(|step| step[at]).collect();
+            self.write(block + 8 * length * column, &values)?;
+        }
+        let made = self.call::<u32, u32>("run", steps.len() as u32)? as usize;
+        let forces = self.read(block + 8 * length * FORCE, made)?;
+        Ok(forces.into_iter().zip(self.read(block + 8 * length * TORQUE, made)?).collect())
     }
 
     /// The same for steps, position (m) and duration (s), from the present state.
