@@ -36,9 +36,6 @@ const ABOVE_NOISE: f64 = 3.0;
 /// noise: with this much it grows by an eighth, and what swings is still the force.
 const ADDED: f64 = 0.5;
 
-/// Bias, in least errors, beyond which longer windows are not tried.
-const PAST: f64 = 4.0;
-
 /// Windows whose accelerations are in memory at once: each is as long as the recording.
 const AT_A_TIME: usize = 4;
 
@@ -185,7 +182,7 @@ impl Recording {
         // Half the window was tried two steps ago, except for the first two.
         let halves: Vec<f64> = windows.iter().take(2).map(|window| window / 2.0).collect();
         let mut earlier: VecDeque<Vec<f64>> = self.accelerations(&halves).map(|(_, a)| a).collect();
-        let (mut best, mut before) = ((f64::INFINITY, shortest), None);
+        let mut best = (f64::INFINITY, shortest);
         for (window, long) in self.accelerations(&windows) {
             let (n, m) = (self.samples_in(window), self.samples_in(window / 2.0));
             let variance = self.acceleration_variance(n);
@@ -197,12 +194,6 @@ impl Recording {
             if variance + bias < best.0 {
                 best = (variance + bias, window);
             }
-            // A bias that falls is noise above the one assumed; one that grows goes on growing.
-            let grows = before.is_some_and(|before| bias > before);
-            if grows && bias > PAST * best.0 {
-                break;
-            }
-            before = (m < n).then_some(bias);
         }
         best.1
     }

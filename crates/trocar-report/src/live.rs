@@ -20,6 +20,8 @@ const LOOP: &[u8] = include_bytes!("assets/teleop.wasm");
 const HANDLE_SCRIPT: &str = include_str!("assets/handle.js");
 const RUNNER_SCRIPT: &str = include_str!("assets/model.js");
 const MODEL_SCRIPT: &str = include_str!("assets/live.js");
+/// For models with rotation alone.
+const TURNING_SCRIPT: &str = include_str!("assets/turning.js");
 const LOOP_SCRIPT: &str = include_str!("assets/teleop.js");
 
 /// Data of a live model or loop in a page.
@@ -40,12 +42,9 @@ pub(super) struct Embedded {
 /// None in practice: the data are only written to memory.
 pub(super) fn embed(section: &Section) -> Option<Result<Embedded, serde_json::Error>> {
     let model = section.live.as_ref().map(|model| {
-        embedded(
-            "the identified model",
-            &[HANDLE_SCRIPT, RUNNER_SCRIPT, MODEL_SCRIPT],
-            MODEL,
-            model,
-        )
+        let turning = model.turning.as_ref().map_or("", |_| TURNING_SCRIPT);
+        let scripts = [HANDLE_SCRIPT, RUNNER_SCRIPT, turning, MODEL_SCRIPT];
+        embedded("the identified model", &scripts, MODEL, model)
     });
     model.or_else(|| {
         let live = section.live_loop.as_ref()?;

@@ -33,6 +33,7 @@ fn model() -> LiveModel {
         interval: 1e-3,
         position: vec![0.0, 1e-3],
         force: vec![0.0, 0.25],
+        angle: Vec::new(),
         known_from: 0,
     };
     LiveModel {
@@ -40,6 +41,7 @@ fn model() -> LiveModel {
         knobs: trocar.seal().tunables().map(knob).collect(),
         way: [0.0, 0.05],
         excerpt: Some(excerpt),
+        turning: None,
     }
 }
 

@@ -7,7 +7,7 @@ const browser = await start(modules, executablePath), { complaints, asked } = br
 
 const seen = (page) => page.evaluate(() => {
   const number = (name) => Number(document.querySelector(`[data-live=${name}]`).dataset.value);
-  const [ellipse] = document.getElementById("live").live.round.series, largest = (values) => Math.max(...values);
+  const [ellipse] = document.getElementById("live").live.round.panel.series, largest = (values) => Math.max(...values);
   return { force: number("force"), torque: number("torque"), ellipse: [largest(ellipse.x), largest(ellipse.y)],
     overflow: document.documentElement.scrollWidth - document.documentElement.clientWidth };
 });

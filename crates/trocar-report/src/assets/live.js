@@ -206,13 +206,10 @@ function excerptOf(compressed) {
   return { ...compressed, time, position, force, angle, shown: position.map((metres) => MM * metres) };
 }
 
-const ELLIPSE_POINTS = 120;
-
 const MODES = { recorded: "Recorded motion", drag: "Drag the instrument", draw: "Draw a motion" };
 const HINTS = {
   drag: "Drag the handle under the loop, or focus it and use the arrow keys. Time runs while you hold it; the purple bar is the seal, " +
     "deformed from where it grips.",
-  turn: " The slider below the ellipse turns the instrument: what holds it around the shaft no longer holds it along the shaft.",
   draw: "Draw position over time in the upper chart with pointer or finger; draw over what you would change. The seal starts undeformed.",
 };
 
@@ -276,45 +273,11 @@ class Live {
     linked.panels = [this.path, this.force];
     this.loop = new Panel(new Group("live-loop", false), data(position, force, forces(false), 0.36, 220), area);
     this.all = [this.path, this.force, this.loop];
-    if (this.data.turning) this.turningPanel(area, data, line, dot);
+    this.round = this.data.turning && new Round(this, area, data, [line, dot]);
+    if (this.round) this.all.push(this.round.panel);
     this.loop.box.classList.add("with-strip");
     this.pen = new Pen(this.path, this.data.way, () => this.schedule());
     this.strip = new Strip(this.loop, this.data.way, this.dragging(), "Position of the instrument, mm");
-  }
-
-  // The force in its ellipse, and a slider that turns the instrument.
-  turningPanel(area, data, line, dot) {
-    const series = [line("friction in all directions", "lower", false), line("model", "model", false), dot(false)];
-    this.round = new Panel(new Group("live-round", false), data(["force around the shaft", "N"], ["along it", "N"], series, 0.4, 220), area);
-    this.all.push(this.round);
-    const row = make("label", "live-turn", area);
-    row.append("Turn the instrument, degrees ");
-    this.turner = make("input", "", row);
-    Object.assign(this.turner, { type: "range", min: -360, max: 360, step: 5, value: 0, id: "live-turn" });
-    this.turner.addEventListener("input", () => {
-      const degrees = this.turner.valueAsNumber;
-      if (this.mode !== "drag") this.setMode("drag");
-      this.turner.value = degrees;
-      this.identified = null;
-      this.hand.turn(degrees * Math.PI / 180);
-    });
-  }
-
-  turnedBack() {
-    if (this.turner) this.turner.value = 0;
-  }
-
-  // Half axes: Coulomb forces along the shaft in both directions, and around it.
-  drawRound(motion, from, now) {
-    const { radius, ratio, coulomb } = this.data.turning;
-    const [up, down] = coulomb.map((all) => all.reduce((sum, at) => sum + this.working[at], 0)), across = ratio * (up + down) / 2;
-    const points = Array.from({ length: ELLIPSE_POINTS + 1 }, (_, i) => 2 * Math.PI * i / ELLIPSE_POINTS);
-    const ellipse = [points.map((at) => across * Math.cos(at)), points.map((at) => (Math.sin(at) > 0 ? up : down) * Math.sin(at))];
-    const [torque, force] = motion.columns(from, "torque", "force"), round = torque.map((value) => value / radius);
-    const largest = (values, least) => values.reduce((most, value) => Math.max(most, Math.abs(value)), least);
-    const [wide, high] = [1.1 * largest(round, across), 1.1 * largest(force, Math.max(up, down))];
-    this.round.show([ellipse.map((values) => Float64Array.from(values)), [round, force],
-      [Float64Array.of(motion.torque[now] / radius), Float64Array.of(motion.force[now])]], [-wide, wide, -high, high]);
   }
 
   tools(parent) {
@@ -335,15 +298,14 @@ class Live {
     this.anew.hidden = mode === "recorded";
     this.path.data.least = mode === "draw" ? 260 : 140;
     this.path.plot.setSize(this.path.size());
-    const turns = mode === "drag" && this.data.turning ? HINTS.turn : "";
-    this.hint.textContent = mode === "recorded" ? this.excerpt.name : HINTS[mode] + turns;
+    this.hint.textContent = mode === "recorded" ? this.excerpt.name : HINTS[mode] + (mode === "drag" && this.round ? TURN_HINT : "");
     this.restart();
   }
 
   restart() {
     this.motion = null;
     this.hand.rest(this.strip.position);
-    this.turnedBack();
+    if (this.round) this.round.back();
     if (this.mode === "draw") this.pen.clear();
     this.tuned();
   }
@@ -409,7 +371,7 @@ class Live {
       shown(point(dotAt[0], dotAt[2]))], [from, until, ...high]);
     this.loop.show([excerpt ? [excerpt.shown, excerpt.force] : none, identified ? [identified[1], identified[2]] : none, shown([position, force]),
       shown(point(dotAt[1], dotAt[2]))], [...along, ...high]);
-    if (this.round) this.drawRound(motion, from, now);
+    if (this.round) this.round.draw(motion, from, now);
     this.say(now);
     this.strip.show(motion.position[now], motion.deflection[now], (MM * motion.position[now]).toFixed(1) + " mm, " + motion.force[now].toFixed(2) + " N");
   }

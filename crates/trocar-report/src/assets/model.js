@@ -167,7 +167,7 @@ class Hand {
     if (owner.motion.time.at(-1) >= LONGEST_DRAG) {
       owner.motion = new Motion(owner.runner, 0, owner.motion.position.at(-1));
       this.angle = 0;
-      owner.turnedBack?.();
+      owner.round?.back();
     }
     const { motion } = owner, first = motion.end, times = [], positions = [], angles = [];
     let position = motion.position.at(-1), angle = motion.angle.at(-1);
