@@ -35,8 +35,11 @@ pub(super) fn page(
     live: Option<&Embedded>,
 ) -> String {
     // In its own scope, shared with the scripts of the live model or loop.
-    let live_script = live.map_or_else(String::new, |live| live.scripts.concat());
-    let script = format!("\"use strict\";\n(() => {{\n{REPORT_SCRIPT}{live_script}}})();\n");
+    let scripts = live.map_or(&[] as &[&str], |live| &live.scripts);
+    // A seventh of the scripts is indentation; no text in them spans lines.
+    let lines = [REPORT_SCRIPT].iter().chain(scripts).flat_map(|script| script.lines());
+    let script: String = lines.map(|line| format!("{}\n", line.trim_start())).collect();
+    let script = format!("\"use strict\";\n(() => {{\n{script}}})();\n");
     // Nothing may be loaded, and only these two scripts and the model may run, whatever the name of
     // a recording.
     let [uplot_hash, script_hash] =
