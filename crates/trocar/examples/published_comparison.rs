@@ -99,9 +99,12 @@ fn of_lip_seal(folder: &Path) -> Result<Comparison, Box<dyn Error>> {
     compared(&load(&seal, &["steady", "dynamic"])?, &load(&seal, &["validation", "surgeon"])?)
 }
 
-/// The section of the simulated lip seal, and names and SVG of the drawings of
+/// Name and SVG of each drawing.
+type Drawings = Vec<(String, String)>;
+
+/// The section of the simulated lip seal, and the drawings of
 /// docs/explanation/comparison.md.
-pub(crate) fn drawings(folder: &Path) -> Result<(String, Vec<(String, String)>), Box<dyn Error>> {
+pub(crate) fn drawings(folder: &Path) -> Result<(String, Drawings), Box<dyn Error>> {
     let comparison = of_lip_seal(folder)?;
     let text = section(LIP_SEAL, &comparison);
     let moving_mass = MovingMass::default();
