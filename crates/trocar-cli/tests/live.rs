@@ -140,14 +140,18 @@ pub(crate) struct Motion {
     pub(crate) force: Vec<f64>,
 }
 
+/// The rows of a file with this header.
+pub(crate) fn rows<const N: usize>(path: &Path, header: [&str; N]) -> Vec<[f64; N]> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some(&*header.join(",")));
+    let row = |line: &str| line.split(',').map(|value| value.parse().unwrap()).collect::<Vec<_>>();
+    lines.map(|line| row(line).try_into().unwrap()).collect()
+}
+
 impl Motion {
     pub(crate) fn read(path: &Path) -> Self {
-        let text = fs::read_to_string(path).unwrap();
-        let mut lines = text.lines();
-        assert_eq!(lines.next(), Some("time_s,position_m,force_n"));
-        let rows: Vec<Vec<f64>> = lines
-            .map(|line| line.split(',').map(|value| value.parse().unwrap()).collect())
-            .collect();
+        let rows = rows(path, ["time_s", "position_m", "force_n"]);
         let column = |k: usize| rows.iter().map(|row| row[k]).collect();
         Self { time: column(0), position: column(1), force: column(2) }
     }

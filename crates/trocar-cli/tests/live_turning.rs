@@ -11,7 +11,7 @@ use trocar::report::{Document, LiveModel, Section, page};
 use trocar_model::{Element, ElementParams, Rotation, Trocar};
 
 use crate::common::Ran;
-use crate::live::{skip, tools};
+use crate::live::{rows, skip, tools};
 
 const ROTATION: Rotation =
     Rotation { shaft_radius: 5e-3, circumferential_stiffness: 400.0, circumferential_ratio: 1.0 };
@@ -56,15 +56,7 @@ fn a_reader_turns_the_instrument_and_sees_force_and_torque_of_the_library() {
     let seen: Browser = serde_json::from_str(&ran.stdout).unwrap();
     assert!(seen.complaints.is_empty() && seen.asked.is_empty(), "{seen:?}");
 
-    let text = fs::read_to_string(&motion).unwrap();
-    let mut lines = text.lines();
-    assert_eq!(lines.next(), Some("time_s,position_m,force_n,angle_rad,torque_n_m"));
-    let rows: Vec<[f64; 5]> = lines
-        .map(|line| {
-            let row: Vec<f64> = line.split(',').map(|value| value.parse().unwrap()).collect();
-            row.try_into().unwrap()
-        })
-        .collect();
+    let rows = rows(&motion, ["time_s", "position_m", "force_n", "angle_rad", "torque_n_m"]);
     let mut state = trocar.rest(rows[0][1]);
     for pair in rows.windows(2) {
         let [[before, ..], [time, position, force, angle, torque]] = [pair[0], pair[1]];

@@ -907,7 +907,6 @@ impl Training {
 }
 
 /// Normal equations of one cluster, with the scatter of its strokes eliminated.
-#[derive(Clone)]
 struct Cluster {
     hessian: DMatrix<f64>,
     score: DVector<f64>,
@@ -1387,7 +1386,8 @@ impl Normal {
 impl Cluster {
     /// −2 log L of all clusters together, less constants.
     fn criterion(&self, sigma2: f64, omega2: f64, relative: &[(usize, f64)]) -> f64 {
-        let Self { mut hessian, score, cost, determinant: mut determinants, .. } = self.clone();
+        let Self { score, cost, .. } = self;
+        let (mut hessian, mut determinants) = (self.hessian.clone(), self.determinant);
         let p = score.len();
         let mut fixed = vec![false; p];
         for (j, b) in relative {

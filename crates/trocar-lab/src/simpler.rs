@@ -2,8 +2,6 @@
 //! no EMS element, or the recordings do not show its deformation, and the intervals of its parameters
 //! cannot be trusted.
 
-use std::borrow::Cow;
-
 use rayon::prelude::*;
 use trocar_model::Trocar;
 
@@ -11,7 +9,6 @@ use crate::margin::{Margin, by_stroke};
 use crate::validate::Validated;
 use trocar_identify::classical::{self, ClassicalData, Kind, RelatedFits};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
-use trocar_recording::Recording;
 use trocar_simulate::replay::forces;
 
 /// Models with few parameters and a state that cover most seals.
@@ -49,12 +46,11 @@ pub(crate) fn doubt(
     let alone = RelatedFits { most, ..RelatedFits::default() };
     let fits: Vec<_> =
         SIMPLER.par_iter().filter_map(|kind| classical::fit(*kind, &data, alone).ok()).collect();
-    let own = errors(scored, found.model.offset, |k, _| Cow::Borrowed(&scored.runs[k].force));
+    let own = errors(scored, found.model.offset, scored.runs.iter().map(|run| &run.force));
     let better = fits.into_iter().filter_map(|fit| {
         let model = Trocar::of_seal(fit.model);
-        let theirs = errors(scored, fit.offset, |_, recording| {
-            Cow::Owned(forces(&model, recording, fit.offset))
-        });
+        let over = scored.recordings.iter().map(|own| forces(&model, own, fit.offset));
+        let theirs = errors(scored, fit.offset, over);
         let margin = Margin::of(&theirs.by_stroke, &own.by_stroke)?;
         let clear = theirs.rms < CLEARLY * own.rms && margin.standard_errors > STANDARD_ERRORS;
         clear.then_some((fit.kind, theirs.rms, margin))
@@ -76,17 +72,17 @@ pub(crate) fn doubt(
     })
 }
 
-/// Of the forces of a model with the sensor offset `offset`, N, over recording `k`, where the state of
-/// the identified element is known.
-fn errors<'a>(
+/// Of the forces of a model with the sensor offset `offset`, N, over each recording, where the state
+/// of the identified element is known.
+fn errors<F: AsRef<[f64]>>(
     scored: &Validated,
     offset: f64,
-    forces: impl Fn(usize, &Recording) -> Cow<'a, [f64]>,
+    forces: impl Iterator<Item = F>,
 ) -> Errors {
     let (mut by_strokes, mut squares, mut count) = (Vec::new(), 0.0, 0);
-    for (k, (recording, run)) in scored.recordings.iter().zip(&scored.runs).enumerate() {
+    for ((recording, run), force) in scored.recordings.iter().zip(&scored.runs).zip(forces) {
         let samples: Vec<usize> = run.known.iter().cloned().flatten().collect();
-        let force = forces(k, recording);
+        let force = force.as_ref();
         let errors: Vec<f64> =
             samples.iter().map(|i| recording.force[*i] - offset - force[*i]).collect();
         squares += errors.iter().map(|e| e * e).sum::<f64>();

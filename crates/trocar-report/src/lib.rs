@@ -105,8 +105,8 @@ pub enum ReportError {
     Output(#[from] OutputError),
 }
 
-/// Unpacks the fonts of the figures in the background, as long as drawing several of them takes:
-/// whoever reads and computes first need not wait for them later.
+/// Unpacks the fonts of the figures in the background: it takes as long as drawing several figures,
+/// and whoever reads and computes first need not wait for it later.
 pub fn prepare() {
     rayon::spawn(draw::load_fonts);
 }

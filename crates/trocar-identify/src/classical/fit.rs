@@ -177,9 +177,9 @@ pub fn fit(kind: Kind, data: &ClassicalData, kin: RelatedFits) -> Result<Classic
     let fitted = |(_, from): &(f64, ClassicalTrial), stop| {
         likelihood::fit(&data.search, from, stop).map(|fit| (fit.rms[1], fit.best))
     };
-    for (stop, count) in SEARCH {
+    for (round, (stop, count)) in SEARCH.into_iter().enumerate() {
         from = least(from.par_iter().filter_map(|from| fitted(from, stop)).collect(), count);
-        let most = kin.most.filter(|_| count < SEARCH[0].1).unwrap_or(f64::INFINITY);
+        let most = kin.most.filter(|_| round > 0).unwrap_or(f64::INFINITY);
         if from.first().is_some_and(|(error, _)| *error > most) {
             return Err(format!("its error is above {most} N"));
         }
