@@ -179,7 +179,7 @@ def identify(
     :param free_motion: try the optional model terms that rests and partial reversals determine: creep,
         dwell, relaxation, second_relaxation, minor_loops, second_stage
     :param without: optional model terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, dwell, relaxation,
-        second_relaxation, unmodelled_mass, asymmetry, second_stage
+        second_relaxation, unmodelled_mass, side_load, tilt, gas_pressure, asymmetry, second_stage
     :param offset_n: known reading of the sensor without load (its tare); estimated if not given
     :param fix: parameters that keep a value, or a range (low, high), in the unit of their name: ``{"half_width_m": 0.006}``
     :param shaft_diameter_m: also identifies how the seal resists rotation, from recordings with an angle, and a torque if there

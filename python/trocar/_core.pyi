@@ -41,6 +41,9 @@ class Recording:
         *,
         angle_rad: npt.ArrayLike | None = None,
         torque_n_m: npt.ArrayLike | None = None,
+        side_force_n: npt.ArrayLike | None = None,
+        tilt_rad: npt.ArrayLike | None = None,
+        pressure_pa: npt.ArrayLike | None = None,
         name: str = "recording",
         sensor_limit_n: float | None = None,
         flip_force: bool = False,
@@ -72,6 +75,12 @@ class Recording:
     @property
     def torque_n_m(self) -> _Array | None: ...
     @property
+    def side_force_n(self) -> _Array | None: ...
+    @property
+    def tilt_rad(self) -> _Array | None: ...
+    @property
+    def pressure_pa(self) -> _Array | None: ...
+    @property
     def duration_s(self) -> float: ...
     @property
     def stroke_m(self) -> float: ...
@@ -102,6 +111,7 @@ class Recording:
         quality: str,
         angle_rad: npt.ArrayLike | None,
         torque_n_m: npt.ArrayLike | None,
+        loads: tuple[npt.ArrayLike | None, npt.ArrayLike | None, npt.ArrayLike | None],
     ) -> Recording: ...
 
 @final

@@ -107,8 +107,11 @@ fn the_weight_is_subtracted_once() {
     let place = place();
     let mut model = ModelFile::read(&place.path("model.json")).unwrap();
     let weight = 0.04 * -9.81;
-    model.sensor =
-        Some(SensorInfo { offset_n: -0.34 + weight, moving_mass_kg: 0.04, position_delay_s: 0.0 });
+    model.sensor = Some(SensorInfo {
+        offset_n: -0.34 + weight,
+        moving_mass_kg: 0.04,
+        ..SensorInfo::default()
+    });
     fs::write(place.path("vertical.json"), model.to_json()).unwrap();
     let run = |rest: &str| {
         place.run(&format!(

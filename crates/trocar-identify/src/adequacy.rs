@@ -179,7 +179,7 @@ fn look(input: &Input, model: &Model, index: usize) -> RecordingSums {
     let mut known = vec![false; recording.len()];
     run.known.iter().cloned().for_each(|range| known[range].fill(true));
     let mut seen = RecordingSums::default();
-    let force = recording.force_without_inertia(candidate.unmodelled_mass);
+    let force = recording.force_without(&candidate.loads, candidate.offset);
     let reading = |i: usize| force[i] - candidate.offset;
     let x = &recording.position;
     let mut slid_before: Option<f64> = None;

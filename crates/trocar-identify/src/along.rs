@@ -1,4 +1,4 @@
-//! The position profile in addition to the element: F_0(x) + gain(x)·F ([`crate::profile`]).
+//! The position profile in addition to the element: F_0(x) + gain(x)·F ([`trocar_simulate::profile`]).
 //!
 //! The profile is fitted where strokes repeat, and only to readings taken while sliding. If all
 //! strokes reverse at the same positions, position and deflection cannot be separated while the
@@ -9,8 +9,8 @@ use super::element::{self, ElementFit, Input};
 use rayon::prelude::*;
 use trocar_model::Trocar;
 
-use crate::profile::{self, ProfileFit, ProfileSample};
 use trocar_recording::{Recording, range};
+use trocar_simulate::profile::{self, ProfileFit, ProfileSample};
 use trocar_simulate::replay::replay;
 use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{Segments, reversal_threshold, strokes};
@@ -67,7 +67,7 @@ fn profile(input: &Input, fit: &ElementFit) -> Result<ProfileFit, String> {
     let trocar = Trocar::of_seal(stages);
     let (mut samples, mut cycles) = (Vec::new(), 0);
     let run = |recording: &Recording| {
-        let reading = recording.force_without_inertia(candidate.unmodelled_mass);
+        let reading = recording.force_without(&candidate.loads, candidate.offset);
         (replay(&trocar, recording, candidate.offset), reading)
     };
     let runs: Vec<_> = input.recordings.par_iter().map(run).collect();

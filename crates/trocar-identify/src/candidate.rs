@@ -8,8 +8,11 @@ use trocar_model::{
     SlidingFriction, Stages, StagesState,
 };
 
+use trocar_recording::loads::{ByLoad, Load, Loads};
+
 use super::kept::Kept;
 use super::likelihood::{Column, Free, Trial, each_alone, with_rows};
+use super::load::{OfLoad, of_load};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
 use super::stage::{SecondStage, yielding};
@@ -20,8 +23,9 @@ use super::training::Step;
 pub struct Candidate {
     /// Sensor offset F_0, N; not part of the seal.
     pub offset: f64,
-    /// Mass between sensor and seal that the readings show in addition to the declared one, kg.
-    pub unmodelled_mass: f64,
+    /// Loads that the readings show beside the force of the seal; the mass in addition to the declared
+    /// one.
+    pub loads: Loads,
     /// Sliding force in insertion.
     pub insertion: SlidingFriction,
     /// Sliding force in withdrawal.
@@ -74,7 +78,7 @@ impl Candidate {
             DeformationForce::new(*deformation.insertion(), *deformation.withdrawal(), None)?;
         Ok(Self {
             offset: 0.0,
-            unmodelled_mass: 0.0,
+            loads: Loads::default(),
             insertion: sliding,
             withdrawal: sliding,
             half_width: deformation.half_width(),
@@ -144,7 +148,10 @@ impl Candidate {
             }
             (None, Some(direction), _) => all_stages(self.sliding(direction)),
             (None, None, Q::Offset) => Some(self.offset),
-            (None, None, Q::UnmodelledMass) => Some(self.unmodelled_mass),
+            (None, None, Q::UnmodelledMass) => Some(self.loads[Load::Mass]),
+            (None, None, Q::SideFriction) => Some(self.loads[Load::Side]),
+            (None, None, Q::TiltedWeight) => Some(self.loads[Load::Weight]),
+            (None, None, Q::PressureGain) => Some(self.loads[Load::Pressure]),
             (None, None, Q::HalfWidth) => Some(self.half_width),
             (None, None, Q::SealDamping) => Some(self.stage_factor() * self.seal_damping),
             (None, None, Q::YieldStiffness) => {
@@ -288,7 +295,7 @@ const TIME_RANGE: [f64; 2] = [1e-2, 1e2];
 pub(super) struct Layout {
     /// The sensor offset, unless it is given.
     pub(super) offset: bool,
-    pub(super) unmodelled_mass: bool,
+    pub(super) loads: ByLoad<bool>,
     /// F_c and F_s by direction; only where the offset is given, since otherwise only their sum is
     /// identifiable.
     pub(super) own_levels: bool,
@@ -331,7 +338,7 @@ impl Layout {
     /// The element of the paper: (23), c and the branches.
     pub(super) const PAPER: Self = Self {
         offset: true,
-        unmodelled_mass: false,
+        loads: [false; 4],
         own_levels: false,
         own_slopes: false,
         viscous: true,
@@ -372,7 +379,7 @@ impl Layout {
 
     /// Every parameter that a fit may have.
     pub(super) const EVERY: Self = Self {
-        unmodelled_mass: true,
+        loads: [true; 4],
         own_levels: true,
         own_slopes: true,
         stribeck: true,
@@ -408,9 +415,10 @@ impl Layout {
         if self.offset {
             on(&mut candidate.offset, Span::new(Kind::Offset, force, -free, free));
         }
-        if self.unmodelled_mass {
-            let [low, high] = self.range(Quantity::UnmodelledMass, [0.0, free]);
-            on(&mut candidate.unmodelled_mass, Span::new(Kind::UnmodelledMass, 1e-4, low, high));
+        for load in self.free_loads() {
+            let OfLoad { kind, step, least, .. } = *of_load(load);
+            let [low, high] = self.range(of_load(load).id[0].quantity, [least, free]);
+            on(&mut candidate.loads[load], Span::new(kind, step, low, high));
         }
         self.visit_sliding(candidate, force, &mut on);
         let width = candidate.half_width;
@@ -552,10 +560,14 @@ impl Layout {
             let (value, column) = (*value, Column::Simulated);
             free.push(Free { kind: Some(kind), value, step, low, high, expected, column });
         });
-        let linear = [(self.offset, Column::Offset), (self.unmodelled_mass, Column::Mass)];
-        let first = linear.into_iter().filter(|(is_free, _)| *is_free);
-        free.iter_mut().zip(first).for_each(|(free, (_, column))| free.column = column);
+        let linear = self.offset.then_some(Column::Offset).into_iter();
+        let linear = linear.chain(self.free_loads().map(Column::Load));
+        free.iter_mut().zip(linear).for_each(|(free, column)| free.column = column);
         free
+    }
+
+    pub(super) fn free_loads(self) -> impl Iterator<Item = Load> {
+        Load::ALL.into_iter().filter(move |load| self.loads[*load as usize])
     }
 
     /// The candidate with its free parameters replaced, each clamped to its range.
@@ -684,8 +696,8 @@ impl Trial for EmsTrial {
         self.candidate.offset
     }
 
-    fn unmodelled_mass(&self) -> f64 {
-        self.candidate.unmodelled_mass
+    fn loads(&self) -> Loads {
+        self.candidate.loads
     }
 
     fn drift(&self) -> &[f64] {

@@ -7,6 +7,7 @@ use super::along::{self, Profile};
 use super::candidate::Candidate;
 use super::counts;
 use super::element::{self, ElementFit, Input};
+use super::load::of_load;
 use super::unexplained::PositionDelay;
 
 use super::estimate::Estimate;
@@ -23,6 +24,7 @@ use super::terms::Term;
 use super::training::acceleration_is_resolved;
 use super::two_steps;
 use trocar_recording::HEAVIEST_UNMODELLED_MASS;
+use trocar_recording::loads::Load;
 use trocar_simulate::motion_found::FreeMotion;
 
 /// Largest remaining undamped step of a converged fit, in standard errors (root mean square over
@@ -310,16 +312,24 @@ fn warnings(
             all.push(Warning::remark(recording, message.to_owned()));
         }
     }
-    if model.unmodelled_mass > 0.0 {
+    if model.loads[Load::Mass] > 0.0 {
         all.push(of_mass(input, model));
     }
+    let beside = Load::RECORDED.into_iter().filter(|load| model.loads[*load] != 0.0);
+    all.extend(beside.map(|load| {
+        let words = of_load(load).words;
+        let message = format!(
+            "{words} is in the readings: validation takes it out where it was recorded, too; the model is the seal alone"
+        );
+        Warning::remark(of_load(load).id[0].quantity, message)
+    }));
     all
 }
 
 /// The mass found in the readings. Where its inertia exceeds the friction, errors of the
 /// acceleration that are too small to be seen are large for the seal.
 fn of_mass(input: &Input, model: &Candidate) -> Warning {
-    let mass = model.unmodelled_mass;
+    let mass = model.loads[Load::Mass];
     let friction = model.insertion.coulomb_force.min(model.withdrawal.coulomb_force);
     if mass > HEAVIEST_UNMODELLED_MASS {
         let message = format!(

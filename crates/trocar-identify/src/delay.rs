@@ -14,6 +14,7 @@ use super::two_steps::{self, TwoSteps};
 use super::unexplained::PositionDelay;
 use rayon::prelude::*;
 use trocar_recording::Recording;
+use trocar_recording::loads::Recorded;
 use trocar_simulate::segment::{Segments, segment};
 use trocar_simulate::stick_slip::LeftOut;
 
@@ -24,6 +25,7 @@ pub(super) struct InTime {
     pub(super) segments: Vec<Segments>,
     /// Accelerations of each recording, m/s².
     accelerations: Vec<Vec<f64>>,
+    effects: Vec<Recorded>,
     /// Of each recording.
     left_out: Vec<LeftOut>,
     pub(super) two: TwoSteps,
@@ -125,14 +127,15 @@ impl InTime {
         );
         let two = two?;
         let left_out = LeftOut::of(&recordings, &segments, two.candidate.offset);
-        let found = Self { recordings, lag, segments, accelerations, left_out, two };
+        let effects = recordings.iter().map(Recording::effects).collect();
+        let found = Self { recordings, lag, segments, accelerations, effects, left_out, two };
         let begun =
             if options.paper { None } else { element::begin(&found.input(options), progress) };
         Ok((found, begun))
     }
 
     pub(super) fn input<'a>(&'a self, options: &'a IdentifyOptions) -> Input<'a> {
-        let Self { recordings, segments, accelerations, left_out, two, .. } = self;
-        Input { recordings, segments, accelerations, left_out, two, options }
+        let Self { recordings, segments, accelerations, effects, left_out, two, .. } = self;
+        Input { recordings, segments, accelerations, effects, left_out, two, options }
     }
 }

@@ -27,6 +27,7 @@ use super::training::{ASSUMED_WIDTH, Coarseness, INDEPENDENT, Ripple, Scale, Seg
 use super::two_steps::{TwoSteps, settled_segments};
 use super::unexplained::PositionDelay;
 use super::unexplained::{Unexplained, UnexplainedEffects};
+use trocar_recording::loads::{Load, Recorded};
 use trocar_recording::{Recording, range};
 use trocar_simulate::motion_found::FreeMotion;
 use trocar_simulate::replay::replay;
@@ -60,6 +61,8 @@ pub(super) struct Input<'a> {
     pub(super) segments: &'a [Segments],
     /// Accelerations of each recording, m/s².
     pub(super) accelerations: &'a [Vec<f64>],
+    /// Of the recorded loads.
+    pub(super) effects: &'a [Recorded],
     /// Of each recording.
     pub(super) left_out: &'a [LeftOut],
     pub(super) two: &'a TwoSteps,
@@ -82,7 +85,7 @@ impl ElementFit {
     /// Number of free numbers of the seal, without those of the rig.
     pub(super) fn seal_numbers(&self) -> usize {
         let EmsTrial { layout, .. } = &self.fitted.best;
-        let of_rig = usize::from(layout.offset) + usize::from(layout.unmodelled_mass);
+        let of_rig = usize::from(layout.offset) + layout.free_loads().count();
         self.fitted.best.free_numbers() - of_rig
     }
 }
@@ -151,7 +154,7 @@ const FEWEST_WITH_PRIOR: usize = 2;
 fn begin_from(input: &Input, prior: &SealPrior, progress: Progress) -> Option<Begun> {
     let from_readings = Layout {
         offset: input.options.offset.is_none(),
-        unmodelled_mass: shows_mass(input),
+        loads: Load::ALL.map(|load| shows(input, load)),
         largest: if input.options.offset.is_some() { 1.0 } else { 0.5 } * swing(input.recordings),
         narrowest: 0.0,
         slowest_creep: slowest_creep(input.recordings),
@@ -279,7 +282,7 @@ pub(super) fn sampled_rms(input: &Input, candidate: &Candidate) -> f64 {
     let Ok(stages) = candidate.stages() else { return f64::INFINITY };
     let of = |(recording, left_out): (&Recording, &LeftOut)| {
         let run = replay(&Trocar::of_seal(stages), recording, candidate.offset);
-        let reading = recording.force_without_inertia(candidate.unmodelled_mass);
+        let reading = recording.force_without(&candidate.loads, candidate.offset);
         let error = |i: usize| reading[i] - candidate.offset - run.force[i];
         let known = run.known.iter().cloned().flatten().filter(|i| !left_out.swings_at(*i));
         known.fold((0.0, 0.0), |(sum, count), i| (sum + error(i).powi(2), count + 1.0))
@@ -432,7 +435,7 @@ fn scaled(input: &Input, mut training: Training, from: EmsTrial, stop: Stop) -> 
     (training.scale.basis, training.scale.expected) = (Vec::new(), Vec::new());
     let mut first = likelihood::fit(&training, &from, SHORT)?;
     let sigma2 = variance(&first);
-    let mass = first.best.candidate.unmodelled_mass;
+    let mass = first.best.candidate.loads[Load::Mass];
     let moving = (input.recordings, input.accelerations);
     training.take_out_faint_inertia(moving, mass, sigma2.sqrt());
     if !training.scale.is_free {
@@ -569,9 +572,8 @@ fn unconstrained(input: &Input, training: &Training) -> Vec<bool> {
 fn excluded(input: &Input, half_width: f64) -> Vec<Term> {
     let Input { options, .. } = input;
     let mut excluded = options.without.clone();
-    if !shows_mass(input) {
-        excluded.push(Term::UnmodelledMass);
-    }
+    let unseen = Load::ALL.into_iter().filter(|load| !shows(input, *load));
+    excluded.extend(unseen.map(Term::Load));
     if !options.free_motion {
         excluded.extend([Term::Creep, Term::Relaxation]);
     }
@@ -606,13 +608,19 @@ fn has_long_rests(recordings: &[Recording], half_width: f64) -> bool {
     })
 }
 
-/// Whether the readings can show an unmodelled mass. With a declared one, a small remainder is its
-/// error.
-fn shows_mass(input: &Input) -> bool {
-    let Input { recordings, options, .. } = input;
-    options.estimate_unmodelled_mass
-        && !options.inertia_removed
-        && acceleration_is_resolved(recordings)
+/// Whether the readings can show a load: one that was recorded, or an unmodelled mass. With a declared
+/// mass, a small remainder is its error.
+fn shows(input: &Input, load: Load) -> bool {
+    let Input { recordings, options, effects, .. } = input;
+    let recorded = Load::RECORDED.iter().position(|own| *own == load);
+    match recorded {
+        Some(own) => effects.iter().any(|effects| effects[own].is_some()),
+        None => {
+            options.estimate_unmodelled_mass
+                && !options.inertia_removed
+                && acceleration_is_resolved(recordings)
+        }
+    }
 }
 
 /// Fewest partial reversals needed to identify minor loops and a second stage.
@@ -648,15 +656,16 @@ fn slowest_creep(recordings: &[Recording]) -> f64 {
 
 /// All samples; those of settled sliding are averaged into longer steps.
 fn training<'a>(input: &Input<'a>, of: &Candidate, coarseness: Coarseness) -> Option<Training> {
-    let Input { recordings, segments, accelerations, left_out, two, .. } = input;
+    let Input { recordings, segments, accelerations, effects, left_out, two, .. } = input;
     let segmented = |(k, recording): (usize, &'a Recording)| {
         let segments = &segments[k];
         let settled = match &two.deformation {
             Ok(found) => settled_segments(recording, segments, &two.steady, found),
             Err(_) => Vec::new(),
         };
-        let (acceleration, left_out) = (&accelerations[k], &left_out[k]);
-        Segmented { recording, strokes: &segments.strokes, settled, acceleration, left_out }
+        let (acceleration, recorded, left_out) = (&accelerations[k], &effects[k], &left_out[k]);
+        let strokes = &segments.strokes;
+        Segmented { recording, strokes, settled, acceleration, recorded, left_out }
     };
     let data: Vec<Segmented> = recordings.iter().enumerate().map(segmented).collect();
     let mut training = Training::new(&data, of.half_width, MOST_CLUSTERS, INDEPENDENT, coarseness);

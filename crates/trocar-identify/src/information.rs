@@ -21,6 +21,7 @@ use super::likelihood::{self, Column, Row, Trial};
 use super::numbers::{branch_ids, factor_of, quantities};
 use super::spread::{Dependent, PRIOR_WIDTH};
 use super::training::{Coarseness, INDEPENDENT, Scale, Segmented, Training};
+use trocar_recording::loads::UNLOADED;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::cancel;
 use trocar_simulate::segment::{Stroke, reversal_threshold, strokes};
@@ -132,7 +133,8 @@ impl Motion {
 
     fn segmented(&self) -> Segmented<'_> {
         let Self { recording, acceleration, strokes } = self;
-        Segmented { recording, strokes, settled: Vec::new(), acceleration, left_out: LeftOut::NONE }
+        let (settled, recorded, left_out) = (Vec::new(), &UNLOADED, LeftOut::NONE);
+        Segmented { recording, strokes, settled, acceleration, recorded, left_out }
     }
 }
 

@@ -6,7 +6,7 @@ use std::str::FromStr;
 use trocar_model::Quantity;
 
 /// What can be kept.
-const QUANTITIES: [Quantity; 11] = [
+const QUANTITIES: [Quantity; 14] = [
     Quantity::CoulombForce,
     Quantity::ViscousDamping,
     Quantity::HalfWidth,
@@ -14,6 +14,9 @@ const QUANTITIES: [Quantity; 11] = [
     Quantity::StribeckVelocity,
     Quantity::SealDamping,
     Quantity::UnmodelledMass,
+    Quantity::SideFriction,
+    Quantity::TiltedWeight,
+    Quantity::PressureGain,
     Quantity::CreepVelocity,
     Quantity::DwellForce,
     Quantity::RelaxationStiffness,

@@ -2,7 +2,7 @@
 //!
 //! # Data model
 //! ```text
-//! y_i = o + m·a_i + u_i·F_i(θ) + ε_i          reading i, N
+//! y_i = o + m·a_i + u_i·F_i(θ) + ε_i          reading i, N; other loads as in `trocar_recording::loads`
 //! u_i = 1 + w_i·v_g + (1 − w_i)·v_(g−1)       friction scale; w_i = 1 − exp(−path since the reversal/ℓ)
 //! v_g = Σ_k d_k·φ_k(g) + e_g                  stroke g: slow drift, and scatter between strokes
 //! d_k ~ N(0, ω_k²)      e_g ~ N(0, τ²)      ε_i ~ N(0, σ²)
@@ -35,6 +35,7 @@ use trocar_model::Friction;
 
 use super::prior::{Kind, Prior};
 use super::training::{INDEPENDENT, Run, Scale, Step, Training};
+use trocar_recording::loads::{Load, Loads};
 use trocar_simulate::cancel;
 
 /// Stopping criteria.
@@ -59,8 +60,8 @@ pub(crate) enum Column {
     Followed(usize),
     /// Sensor offset o.
     Offset,
-    /// Mass m, kg, whose inertia is in the readings.
-    Mass,
+    /// A load that is in the readings.
+    Load(Load),
     /// Drift d_k of the friction scale.
     Drift(usize),
 }
@@ -119,9 +120,9 @@ pub(crate) trait Trial: Clone + Send + Sync {
     }
     /// Sensor offset o, N.
     fn offset(&self) -> f64;
-    /// Mass m whose inertia is in the readings, kg.
-    fn unmodelled_mass(&self) -> f64 {
-        0.0
+    /// Loads that are in the readings beside the force of the seal.
+    fn loads(&self) -> Loads {
+        Loads::default()
     }
     /// Drift amplitudes d_k.
     fn drift(&self) -> &[f64] {
@@ -383,7 +384,11 @@ fn seal_force<M: Friction>(model: &M, state: &mut M::State, step: &Step) -> f64 
 
 /// Initial state of a run: at rest at its first reading.
 fn start<T: Trial>(trial: &T, model: &T::Model, run: &Run) -> <T::Model as Friction>::State {
-    model.rest_at_force(run.first_force - trial.offset())
+    let Loads([_, loads @ .., gain]) = trial.loads();
+    let [_, effects @ .., pressure] =
+        run.steps.first().map_or_else(Default::default, |s| s.effects);
+    let beside: f64 = loads.iter().zip(effects).map(|(load, effect)| load * effect).sum();
+    model.rest_at_force((run.first_force - trial.offset() - beside) / (1.0 + gain * pressure))
 }
 
 /// Scale of each stroke without its own scatter: the drift.
@@ -399,7 +404,7 @@ struct Predictor<'a> {
     training: &'a Training,
     drift: Vec<f64>,
     offset: f64,
-    mass: f64,
+    loads: Loads,
     leap: f64,
 }
 
@@ -409,7 +414,7 @@ impl<'a> Predictor<'a> {
             training,
             drift: drifts(training, trial),
             offset: trial.offset(),
-            mass: trial.unmodelled_mass(),
+            loads: trial.loads(),
             leap: trial.leap(),
         }
     }
@@ -421,15 +426,24 @@ impl<'a> Predictor<'a> {
         if step.blend < 1.0 { own + (1.0 - step.blend) * of(step.stroke - 1) } else { own }
     }
 
+    /// Gain of the seal's force by the pressure of the gas.
+    fn gain(&self, step: &Step) -> f64 {
+        1.0 + self.loads[Load::Pressure] * step.effects[Load::Pressure as usize]
+    }
+
     /// (r_i, u_i without the e_g, Z_i) at the simulated force.
     #[inline]
     fn residual(&self, step: &Step, force: f64) -> (f64, f64, [f64; 2]) {
-        let reading = step.force - self.offset - self.mass * step.acceleration;
+        let Loads([loads @ .., _]) = self.loads;
+        let beside = loads.iter().zip(&step.effects).map(|(load, effect)| load * effect);
+        let reading = beside.fold(step.force - self.offset, |reading, own| reading - own);
+        let gain = self.gain(step);
+        let force = gain * force;
         if !self.training.scale.is_free {
-            return (reading - force, 1.0, [0.0; 2]);
+            return (reading - force, gain, [0.0; 2]);
         }
         let scale = 1.0 + Self::blended(step, |g| self.drift[g]);
-        (reading - scale * force, scale, [step.blend * force, (1.0 - step.blend) * force])
+        (reading - scale * force, gain * scale, [step.blend * force, (1.0 - step.blend) * force])
     }
 
     /// (r_i, Z_i) of the step `i` of a block, and its row of the derivatives of the prediction;
@@ -455,9 +469,12 @@ impl<'a> Predictor<'a> {
                 }
                 Source::Secant(lane) => scale * (lanes[(*lane, i)] - force),
                 Source::Offset => 1.0,
-                Source::Acceleration => step.acceleration,
+                Source::Load(Load::Pressure) => {
+                    scale / self.gain(step) * force * step.effects[Load::Pressure as usize]
+                }
+                Source::Load(load) => step.effects[*load as usize],
                 Source::Delay => scale * rate,
-                Source::Drift(k) => force * Self::blended(step, |g| basis[*k][g]),
+                Source::Drift(k) => self.gain(step) * force * Self::blended(step, |g| basis[*k][g]),
                 Source::Followed(lane) => scale * lanes[(*lane, i)],
             };
         }
@@ -507,8 +524,8 @@ pub(crate) fn cost<T: Trial>(training: &Training, trial: &T) -> f64 {
 pub(crate) enum Extra<T> {
     /// u·(F of the other trial − F).
     Secant(T),
-    /// a_i: an unmodelled mass, kg.
-    Acceleration,
+    /// What one unit of a load does.
+    Load(Load),
     /// u·dF/dt: position delay of 1 s.
     Delay,
     /// u times the derivative with this number that follows the simulation.
@@ -525,7 +542,7 @@ enum Source {
     /// Difference to simulation `lane`.
     Secant(usize),
     Offset,
-    Acceleration,
+    Load(Load),
     Delay,
     Drift(usize),
     /// Derivative of the simulated force in `lane`, after the simulations.
@@ -551,7 +568,7 @@ impl<T: Trial> Simulations<T> {
         for (j, f) in free.iter().enumerate() {
             sources.push(match f.column {
                 Column::Offset => Source::Offset,
-                Column::Mass => Source::Acceleration,
+                Column::Load(load) => Source::Load(load),
                 Column::Drift(k) => Source::Drift(k),
                 Column::Followed(k) => Source::Followed(k),
                 Column::Simulated => {
@@ -571,7 +588,7 @@ impl<T: Trial> Simulations<T> {
                     trials.push(other.clone());
                     Source::Secant(trials.len() - 1)
                 }
-                Extra::Acceleration => Source::Acceleration,
+                Extra::Load(load) => Source::Load(*load),
                 Extra::Delay => Source::Delay,
                 Extra::Followed(k) => Source::Followed(*k),
             });

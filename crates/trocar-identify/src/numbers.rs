@@ -9,6 +9,7 @@ use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
+use super::load::of_load;
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
 use super::stage::SecondStage;
 
@@ -40,7 +41,15 @@ pub(super) fn rank(id: ParameterId) -> usize {
         Q::StribeckVelocity,
         Q::StribeckExponent,
     ];
-    const LAST: [Quantity; 4] = [Q::Offset, Q::UnmodelledMass, Q::Join, Q::JoinForce];
+    const LAST: [Quantity; 7] = [
+        Q::Offset,
+        Q::UnmodelledMass,
+        Q::SideFriction,
+        Q::TiltedWeight,
+        Q::PressureGain,
+        Q::Join,
+        Q::JoinForce,
+    ];
     if matches!(id.quantity, Q::Coefficient { .. }) {
         return FIRST.len() + LAST.len() + 1;
     }
@@ -96,7 +105,6 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
         (layout.stribeck, Q::StribeckVelocity.id(), true),
         (layout.exponent, Q::StribeckExponent.id(), true),
         (layout.damping, Q::SealDamping.id(), false),
-        (layout.unmodelled_mass, Q::UnmodelledMass.id(), false),
         (layout.yielding, Q::YieldStiffness.id(), true),
         (layout.creep, Q::CreepVelocity.id(), true),
         (layout.lag, Q::FrictionLag.id(), true),
@@ -108,7 +116,8 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
         (layout.second, second(Q::CoulombForce), true),
         (layout.second, second(Q::HalfWidth), true),
     ];
-    all.into_iter().filter(|(is_there, ..)| *is_there).map(|(_, id, log)| (id, log)).collect()
+    let all = all.into_iter().filter(|(is_there, ..)| *is_there).map(|(_, id, log)| (id, log));
+    all.chain(layout.free_loads().map(|load| (of_load(load).id[0], false))).collect()
 }
 
 /// A lag of one or two samples cannot be identified.

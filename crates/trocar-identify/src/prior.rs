@@ -55,6 +55,11 @@ pub(crate) enum Kind {
     Offset,
     /// Unmodelled mass, kg.
     UnmodelledMass,
+    SideFriction,
+    /// N.
+    TiltedWeight,
+    /// 1/Pa.
+    PressureGain,
     /// Coulomb or static force, N.
     SlidingForce,
     /// Viscous damping or seal damping, N s/m.
@@ -93,11 +98,14 @@ const DECADE: f64 = std::f64::consts::LN_10;
 
 impl Kind {
     /// All in the order of tables, in words, with symbol and unit.
-    const ALL: [(Self, &str, &str, &str); 18] = [
+    const ALL: [(Self, &str, &str, &str); 21] = [
         (Self::SlidingForce, "Coulomb force, static force", "F_c, F_s", "N"),
         (Self::Damping, "viscous damping, seal damping", "β, σ", "N·s/m"),
         (Self::Offset, "sensor offset", "F_0", "N"),
         (Self::UnmodelledMass, "unmodelled mass", "m", "kg"),
+        (Self::SideFriction, "friction of the cannula under side load", "μ", ""),
+        (Self::TiltedWeight, "weight that the tilt turns", "W", "N"),
+        (Self::PressureGain, "gain of the force with the gas pressure", "κ_p", "1/Pa"),
         (Self::HalfWidth, "half width of the deformation", "c", "m"),
         (Self::Join, "join, relative to the half width", "a/c", ""),
         (Self::JoinForce, "force at the join", "F(a)", "N"),
@@ -118,8 +126,11 @@ impl Kind {
     pub(super) fn weak(self) -> Option<Prior> {
         let about = |median: f64| Prior::new(median.ln(), DECADE);
         Some(match self {
-            Self::Offset | Self::SlidingForce | Self::JoinForce => Prior::about_zero(10.0),
-            Self::UnmodelledMass | Self::DwellForce => Prior::about_zero(1.0),
+            Self::Offset | Self::SlidingForce | Self::JoinForce | Self::TiltedWeight => {
+                Prior::about_zero(10.0)
+            }
+            Self::UnmodelledMass | Self::DwellForce | Self::SideFriction => Prior::about_zero(1.0),
+            Self::PressureGain => Prior::about_zero(1e-3),
             Self::Damping => Prior::about_zero(50.0),
             Self::StribeckVelocity => Prior::about_zero(0.05),
             Self::StribeckExponent => Prior::new(1.5, 1.0),
@@ -138,10 +149,12 @@ impl Kind {
 
     /// Whether a quantity belongs to the rig and not to the seal.
     pub(super) const fn of_rig(quantity: Quantity) -> bool {
-        matches!(
+        use Quantity as Q;
+        let is_load = matches!(
             quantity,
-            Quantity::Offset | Quantity::UnmodelledMass | Quantity::CoulombForceWithOffset
-        )
+            Q::UnmodelledMass | Q::SideFriction | Q::TiltedWeight | Q::PressureGain
+        );
+        is_load || matches!(quantity, Q::Offset | Q::CoulombForceWithOffset)
     }
 }
 

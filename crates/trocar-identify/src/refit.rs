@@ -15,6 +15,7 @@ use super::likelihood::{self, Fitted};
 use super::numbers::{OnLogarithm, parameter_or_held};
 use super::result::Identification;
 use super::spread::Spread;
+use trocar_recording::loads::Loads;
 
 /// Half widths to start from where no deformation was resolved, in units of the one assumed for the
 /// scales.
@@ -51,7 +52,7 @@ pub fn refit(
         damping: true,
         ..Layout::PAPER
     };
-    let candidate = Candidate { unmodelled_mass: 0.0, ..found.model.clone() };
+    let candidate = Candidate { loads: Loads::default(), ..found.model.clone() };
     let candidates = match &found.deformation {
         Ok(_) => vec![candidate],
         Err(_) => {

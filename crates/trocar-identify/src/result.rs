@@ -14,9 +14,9 @@ use super::seal_prior::PriorUse;
 use super::steady::SteadyFit;
 use super::terms::TermTrial;
 use super::unexplained::PositionDelay;
-use crate::profile::ProfileFit;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::motion_found::FreeMotion;
+use trocar_simulate::profile::ProfileFit;
 use trocar_simulate::stick_slip::StickSlip;
 
 /// Outcome of the likelihood fit.

@@ -131,7 +131,7 @@ pub(super) fn identified(
         if let Ok(in_time) = recording.with_position_delay(delay) {
             *recording = in_time;
         }
-        recording.force = recording.force_without_inertia(found.model.unmodelled_mass);
+        recording.force = recording.force_without(&found.model.loads, found.model.offset);
     }
     let fit = Fit::new(&found, &turned, radius)?;
     let [stiffness, ratio] = fit.estimates();

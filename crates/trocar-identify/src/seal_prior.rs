@@ -126,10 +126,10 @@ impl SealPrior {
         let candidate = self.candidate()?;
         let own_slopes =
             candidate.insertion.viscous_damping != candidate.withdrawal.viscous_damping;
-        let Layout { offset, unmodelled_mass, largest, narrowest, slowest_creep, .. } = layout;
+        let Layout { offset, loads, largest, narrowest, slowest_creep, .. } = layout;
         let layout = Layout {
             offset,
-            unmodelled_mass,
+            loads,
             largest,
             narrowest,
             slowest_creep,
@@ -160,7 +160,8 @@ impl SealPrior {
             error(quantity).map_or(0.0, |e| e / candidate.value(quantity.id()).abs())
         };
         let (size, own) = match kind {
-            Kind::Offset | Kind::UnmodelledMass => return None,
+            Kind::Offset | Kind::UnmodelledMass | Kind::SideFriction => return None,
+            Kind::TiltedWeight | Kind::PressureGain => return None,
             Kind::SlidingForce => (force, error(Q::CoulombForce).unwrap_or(0.0)),
             Kind::JoinForce | Kind::Bend => (force, error(Q::JoinForce).unwrap_or(0.0)),
             Kind::Damping => (value + force / SPEED, error(Q::ViscousDamping).unwrap_or(0.0)),

@@ -29,16 +29,18 @@ use super::estimate::{f_p_value, t_p_value};
 use super::findings::Progress;
 use super::kept::Kept;
 use super::likelihood::{self, Extra, Fitted, Free, Normal, Stop};
+use super::load::of_load;
 use super::numbers;
 use super::spread::variance;
 use super::training::Training;
+use trocar_recording::loads::Load;
 
 /// Error rate of the selection over all columns of a run.
 pub(super) const LEVEL: f64 = 0.01;
 
 /// An optional term of an element besides constant and viscous friction and its branches.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(into = "&'static str")]
 pub enum Term {
     /// Friction that rises towards rest, EMS (11).
     Stribeck,
@@ -56,14 +58,20 @@ pub enum Term {
     Relaxation,
     /// A second relaxation time.
     SecondRelaxation,
-    /// Inertia of an unmodelled mass between sensor and seal: not part of the seal, but in its
-    /// readings.
-    UnmodelledMass,
+    /// A load beside the force of the seal, such as the inertia of an unmodelled mass: not part of the
+    /// seal, but in its readings.
+    Load(Load),
     /// Viscous damping by direction; sliding forces too where the sensor offset is known.
     Asymmetry,
     /// A second element in parallel: a separate seal, or the part of a lip that slides while the
     /// rest still sticks.
     SecondStage,
+}
+
+impl From<Term> for &'static str {
+    fn from(term: Term) -> Self {
+        term.name()
+    }
 }
 
 /// A text that names no term.
@@ -81,7 +89,7 @@ impl FromStr for Term {
 
 impl Term {
     /// All, in the order of the tables.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 14] = [
         Self::Stribeck,
         Self::StribeckExponent,
         Self::SealDamping,
@@ -90,7 +98,10 @@ impl Term {
         Self::Dwell,
         Self::Relaxation,
         Self::SecondRelaxation,
-        Self::UnmodelledMass,
+        Self::Load(Load::Mass),
+        Self::Load(Load::Side),
+        Self::Load(Load::Weight),
+        Self::Load(Load::Pressure),
         Self::Asymmetry,
         Self::SecondStage,
     ];
@@ -110,7 +121,7 @@ impl Term {
             Self::Dwell => "dwell",
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second_relaxation",
-            Self::UnmodelledMass => "unmodelled_mass",
+            Self::Load(load) => of_load(load).name,
             Self::Asymmetry => "asymmetry",
             Self::SecondStage => "second_stage",
         }
@@ -127,7 +138,7 @@ impl Term {
             Self::Dwell => "friction after rest",
             Self::Relaxation => "relaxation",
             Self::SecondRelaxation => "second relaxation time",
-            Self::UnmodelledMass => "unmodelled mass",
+            Self::Load(load) => of_load(load).words,
             Self::Asymmetry => "asymmetric sliding",
             Self::SecondStage => "second stage",
         }
@@ -148,7 +159,7 @@ impl Term {
             Self::Dwell => const { &[Q::DwellForce.id()] },
             Self::Relaxation => &RELAXATION,
             Self::SecondRelaxation => &SECOND,
-            Self::UnmodelledMass => const { &[Q::UnmodelledMass.id()] },
+            Self::Load(load) => &of_load(load).id,
             Self::Asymmetry => const { &[Q::ViscousDamping.of(Direction::Insertion)] },
             Self::SecondStage => const { &[Q::CoulombForce.id().of_element(1)] },
         }
@@ -187,7 +198,7 @@ impl Term {
             Self::Dwell => layout.dwell,
             Self::Relaxation => layout.arms > 0,
             Self::SecondRelaxation => layout.arms > 1,
-            Self::UnmodelledMass => layout.unmodelled_mass,
+            Self::Load(load) => layout.loads[load as usize],
             Self::Asymmetry => layout.own_slopes || layout.own_levels,
             Self::SecondStage => layout.second,
         }
@@ -241,8 +252,8 @@ impl Term {
                 layout.arms += 1;
                 with_arm(&candidate, layout.arms - 1).for_each(|more| add(more, layout));
             }
-            Self::UnmodelledMass => {
-                layout.unmodelled_mass = true;
+            Self::Load(load) => {
+                layout.loads[load as usize] = true;
                 add(candidate, layout);
             }
             Self::Asymmetry => {
@@ -300,9 +311,7 @@ impl Term {
                 }
                 arms[layout.arms].stiffness = 0.0;
             }
-            Self::UnmodelledMass => {
-                (layout.unmodelled_mass, candidate.unmodelled_mass) = (false, 0.0)
-            }
+            Self::Load(load) => (layout.loads[load as usize], candidate.loads[load]) = (false, 0.0),
             Self::Asymmetry => (layout.own_slopes, layout.own_levels) = (false, false),
             Self::SecondStage => return None,
         }
@@ -326,7 +335,7 @@ impl Term {
 
     /// Whether only one sign of the amplitude makes sense.
     fn is_one_sided(self) -> bool {
-        !matches!(self, Self::Asymmetry | Self::StribeckExponent)
+        !matches!(self, Self::Asymmetry | Self::StribeckExponent | Self::Load(Load::Weight))
     }
 
     /// Whether the term can be added.
@@ -775,13 +784,16 @@ fn scores(
     }
     // A delay is no term of the model, but may be mistaken for a mass; and a mass that is not
     // tried, for friction that falls with speed.
-    let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Acceleration];
+    let mut extra: Vec<Extra<EmsTrial>> = vec![Extra::Delay, Extra::Load(Load::Mass)];
     let own = fitted.held.len();
     let [delay, acceleration] = [own, own + 1];
     let place = |(term, start): &(Term, EmsTrial)| match term {
-        Term::UnmodelledMass => acceleration,
+        Term::Load(Load::Mass) => acceleration,
         _ => {
-            extra.push(Extra::Secant(start.clone()));
+            extra.push(match term {
+                Term::Load(load) => Extra::Load(*load),
+                _ => Extra::Secant(start.clone()),
+            });
             own + extra.len() - 1
         }
     };
@@ -797,8 +809,10 @@ fn scores(
         .zip(places)
         .map(|((term, start), place)| {
             let beside: Vec<usize> = match term {
-                Term::UnmodelledMass => [Some(delay), damping].into_iter().flatten().collect(),
-                term if term.may_be_inertia() && !best.layout.unmodelled_mass => vec![acceleration],
+                Term::Load(Load::Mass) => [Some(delay), damping].into_iter().flatten().collect(),
+                term if term.may_be_inertia() && !best.layout.loads[Load::Mass as usize] => {
+                    vec![acceleration]
+                }
                 _ => Vec::new(),
             };
             score(&normal, (&free, &fitted.held), &beside, place, sigma2, (term, start), speeds[0])
@@ -835,8 +849,8 @@ fn score(
         true => 1.0 - 0.5 * two_sided,
         false => two_sided,
     };
-    if term == Term::UnmodelledMass {
-        start.candidate.unmodelled_mass = step.amplitude.max(0.0);
+    if let Term::Load(load) = term {
+        start.candidate.loads[load] = step.amplitude.max(of_load(load).least);
     }
     let least_gain = term.least_gain(&start, slowest);
     Some(Score { term, p_value, gain: step.gain, least_gain, shift: step.shift, start })

@@ -14,6 +14,7 @@ use trocar_model::{Seal, Stages};
 
 use super::prior::Prior;
 use trocar_recording::Recording;
+use trocar_recording::loads::{ByLoad, Load, Recorded};
 use trocar_simulate::replay::forgotten_after;
 use trocar_simulate::segment::{Direction, SteadySegment, Stroke};
 use trocar_simulate::stick_slip::LeftOut;
@@ -61,8 +62,9 @@ pub(crate) struct Step {
     /// Mean reading over the step's samples, N, without the inertia that noise hides from
     /// `acceleration`.
     pub(crate) force: f64,
-    /// Mean acceleration over the step's samples, m/s²: what differs from noise.
-    pub(crate) acceleration: f64,
+    /// Mean over the step's samples of what one unit of each load does: of the mass the acceleration,
+    /// m/s², that differs from noise.
+    pub(crate) effects: ByLoad<f64>,
     /// Number of samples in the step that count as independent; 0 where the state is not yet known.
     pub(crate) weight: f64,
     /// Mean position of the samples within the step, as a fraction of the displacement.
@@ -92,13 +94,14 @@ impl Step {
         let is_clipped = (at + 1..=next).any(|i| recording.is_clipped(i));
         let first = part.left_out.releases.partition_point(|out| out.end <= at + 1);
         let has_no_weight = part.left_out.releases.get(first).is_some_and(|out| out.start <= next);
+        let effects = part.effects().map(|effect| effect.map_or(0.0, mean));
         Self {
             displacement,
             duration: recording.time[next] - recording.time[at],
             samples: at + 1..next + 1,
             force: mean(&recording.force),
-            acceleration: mean(part.acceleration),
-            weight: if is_clipped || has_no_weight {
+            effects: effects.map(|own| if own.is_nan() { 0.0 } else { own }),
+            weight: if is_clipped || has_no_weight || effects.iter().any(|own| own.is_nan()) {
                 0.0
             } else {
                 samples / (1.0 + samples / independent)
@@ -231,10 +234,17 @@ pub(crate) struct Segmented<'a> {
     pub(crate) settled: Vec<SteadySegment>,
     /// Acceleration, m/s².
     pub(crate) acceleration: &'a [f64],
+    pub(crate) recorded: &'a Recorded,
     pub(crate) left_out: &'a LeftOut,
 }
 
 impl Segmented<'_> {
+    /// What one unit of each load does, where it is known.
+    fn effects(&self) -> ByLoad<Option<&[f64]>> {
+        let [side, weight, pressure] = self.recorded.each_ref().map(Option::as_deref);
+        [Some(self.acceleration), side, weight, pressure]
+    }
+
     /// What is fitted: from each piece to the next the state is unknown.
     fn pieces(&self) -> Vec<Range<usize>> {
         let mut all = Vec::new();
@@ -362,7 +372,7 @@ impl Training {
             step.force = mean(&recordings[of].force[step.samples.clone()]);
             if let Some(whole) = &all[of] {
                 let acceleration = mean(&whole[step.samples.clone()]);
-                step.force -= mass * (acceleration - step.acceleration);
+                step.force -= mass * (acceleration - step.effects[Load::Mass as usize]);
             }
         }
     }

@@ -18,6 +18,7 @@ use super::shape::BranchShape;
 use super::steady::{self, DirectionLine, SteadyFit, StrokeMean};
 use super::stribeck;
 use trocar_recording::Recording;
+use trocar_recording::loads::Loads;
 use trocar_simulate::cancel;
 use trocar_simulate::segment::{Direction, Segments, SteadySegment, after_start};
 
@@ -278,7 +279,7 @@ fn candidate_of(
     };
     let candidate = Candidate {
         offset,
-        unmodelled_mass: 0.0,
+        loads: Loads::default(),
         insertion,
         withdrawal,
         half_width,

@@ -14,6 +14,7 @@ use super::spread::variance;
 use super::training::Training;
 use super::training::acceleration_is_resolved;
 use trocar_recording::Recording;
+use trocar_recording::loads::Load;
 
 /// A delay of the position readings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -93,8 +94,8 @@ impl Unexplained {
         if acceleration_is_resolved(recordings) {
             columns.push((Cause::Delay, Extra::Delay));
         }
-        if !layout.unmodelled_mass {
-            columns.push((Cause::Mass, Extra::Acceleration));
+        if !layout.loads[Load::Mass as usize] {
+            columns.push((Cause::Mass, Extra::Load(Load::Mass)));
         }
         let mut secant = |cause: Cause, change: &dyn Fn(&mut EmsTrial)| {
             let mut other = fitted.best.clone();

@@ -11,31 +11,36 @@ use crate::motion::MotionRange;
 use crate::validate::Validation;
 use crate::workflow::{MovingMass, Workflow};
 use trocar_identify::posterior::{CHAINS, Convergence, PosteriorParameter, PosteriorStructure};
-use trocar_identify::profile::ProfileFit;
 use trocar_identify::{
     Covariance, DampingTest, DeformationFit, Estimate, FitSummary, FreeMotion, FrictionScale,
     Parameter, Phase, PositionDelay, Posterior, PriorUse, SteadyFit, StickSlip, Subject, Warning,
 };
+use trocar_recording::loads::Loads;
 use trocar_recording::{Choice, Quality, Recording};
 use trocar_runtime::model_file::{
     ErrorSource, ForceError, Interval, ModelFile, Origin, ReadWith, RecordingInfo, SensorInfo,
 };
+use trocar_simulate::profile::ProfileFit;
 use trocar_tables::option::{Interface, spelt};
 
 /// Value of the key `program`.
 pub const PROGRAM: &str = concat!("trocar ", env!("CARGO_PKG_VERSION"));
 
 impl MovingMass {
-    /// The sensor of a model. `offset` is its offset without the declared mass, N; `unmodelled` is
-    /// the unmodelled mass, kg.
+    /// The sensor of a model. `offset` is its offset without the declared mass, N; `beside` are the loads
+    /// besides that mass.
     ///
     /// The offset of the sensor is the reading at rest without any force of the seal, including the
     /// weight of the declared mass.
-    pub(crate) fn sensor(self, offset: f64, unmodelled: f64) -> SensorInfo {
+    pub(crate) fn sensor(self, offset: f64, beside: &Loads) -> SensorInfo {
+        let Loads([unmodelled, side_friction, tilted_weight_n, pressure_gain_per_pa]) = *beside;
         SensorInfo {
             offset_n: offset + self.mass * self.gravity,
             moving_mass_kg: self.mass + unmodelled.max(0.0),
             position_delay_s: 0.0,
+            side_friction,
+            tilted_weight_n,
+            pressure_gain_per_pa,
         }
     }
 }
@@ -263,7 +268,7 @@ impl Workflow {
         origin.note = found.deformation_note();
         let mut model = ModelFile::new(found.stages, origin);
         model.trocar = found.trocar().stored_as(<[f64]>::to_vec);
-        let sensor = self.moving_mass.sensor(found.model.offset, found.model.unmodelled_mass);
+        let sensor = self.moving_mass.sensor(found.model.offset, &found.model.loads);
         let position_delay_s = found.position_delay.map_or(0.0, |lag| lag.delay_s);
         model.sensor = Some(SensorInfo { position_delay_s, ..sensor });
         model.intervals = intervals(&found.parameters);

@@ -18,10 +18,10 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 use trocar_model::Trocar;
 
-use trocar_identify::Identification;
-use trocar_identify::profile::Departure;
+use trocar_identify::{Candidate, Identification};
 use trocar_recording::{OPPOSED, Quality, Recording, local_velocity, range};
 use trocar_runtime::model_file::{ErrorSource, ForceError, ModelFile};
+use trocar_simulate::profile::Departure;
 use trocar_simulate::replay::{Replay, replay};
 use trocar_simulate::scatter::StrokeScatter;
 use trocar_simulate::segment::{reversal_threshold, strokes};
@@ -507,14 +507,9 @@ impl Validated {
     /// Of an identified model beside `recordings` as they were passed to the identification, but in
     /// time.
     pub fn own(found: &Identification, recordings: &[Recording]) -> Self {
-        let mass = found.model.unmodelled_mass;
-        let without_it = recordings.par_iter().map(|recording| {
-            let mut own = recording.clone();
-            own.force = recording.force_without_inertia(mass);
-            own.quality.subtracted_mass += mass;
-            own
-        });
-        Self::of(&found.trocar(), without_it.collect(), found.model.offset)
+        let Candidate { loads, offset, .. } = &found.model;
+        let of_seal = recordings.par_iter().map(|own| own.clone().without_loads(loads, *offset));
+        Self::of(&found.trocar(), of_seal.collect(), *offset)
     }
 
     /// Of an identified model beside recordings that it has not seen.

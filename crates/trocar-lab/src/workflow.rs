@@ -11,7 +11,10 @@ use thiserror::Error;
 use crate::motion::MotionRange;
 use crate::simpler;
 use crate::validate::{Validated, Validation};
-use trocar_identify::{Identification, IdentifyError, IdentifyOptions, Progress, identify};
+use trocar_identify::{
+    Candidate, Identification, IdentifyError, IdentifyOptions, Progress, identify,
+};
+use trocar_recording::loads::{Load, Loads};
 use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::ModelFile;
 
@@ -45,22 +48,29 @@ impl MovingMass {
         Ok(Self { mass, gravity })
     }
 
-    /// `recording` without the inertia and weight of this mass and without the inertia of
-    /// `unmodelled` kg, whose weight is part of the offset.
+    /// `recording` without the inertia and weight of this mass and without the loads `beside` it; the
+    /// weight of their mass is part of the sensor offset `offset`, N.
     ///
     /// # Errors
     /// As for [`Recording::without_moving_mass`].
     pub fn subtracted_from(
         self,
         recording: Recording,
-        unmodelled: f64,
+        beside: &Loads,
+        offset: f64,
     ) -> Result<Recording, RecordingError> {
-        let mass = self.mass + unmodelled;
-        if mass == 0.0 {
-            return Ok(recording);
-        }
-        // Gravity by the share of the declared mass, so that the weight subtracted is its alone.
-        recording.without_moving_mass(mass, self.gravity * self.mass / mass)
+        let mass = self.mass + beside[Load::Mass];
+        let mut recorded = *beside;
+        recorded[Load::Mass] = 0.0;
+        let recording = match mass == 0.0 {
+            true => recording,
+            // Gravity by the share of the declared mass, so that the weight subtracted is its alone.
+            false => recording.without_moving_mass(mass, self.gravity * self.mass / mass)?,
+        };
+        Ok(match recorded == Loads::default() {
+            true => recording,
+            false => recording.without_loads(&recorded, offset),
+        })
     }
 
     /// The same for several recordings.
@@ -70,9 +80,11 @@ impl MovingMass {
     pub(crate) fn subtracted_from_all(
         self,
         all: Vec<Recording>,
-        unmodelled: f64,
+        beside: &Loads,
+        offset: f64,
     ) -> Result<Vec<Recording>, RecordingError> {
-        all.into_par_iter().map(|recording| self.subtracted_from(recording, unmodelled)).collect()
+        let all = all.into_par_iter();
+        all.map(|recording| self.subtracted_from(recording, beside, offset)).collect()
     }
 }
 
@@ -88,6 +100,8 @@ pub struct Correction {
     pub offset_n: f64,
     /// Mass between sensor and seal whose inertia is subtracted, kg. Its weight is part of the offset.
     pub moving_mass_kg: f64,
+    /// The other loads beside the force of the seal.
+    loads: Loads,
     /// Delay of the positions, s.
     position_delay_s: f64,
 }
@@ -109,6 +123,12 @@ impl Correction {
         Ok(Self {
             offset_n,
             moving_mass_kg: MovingMass::new(mass, 0.0)?.mass,
+            loads: Loads([
+                0.0,
+                sensor.side_friction,
+                sensor.tilted_weight_n,
+                sensor.pressure_gain_per_pa,
+            ]),
             position_delay_s: sensor.position_delay_s,
         })
     }
@@ -119,7 +139,8 @@ impl Correction {
     /// As for [`Recording::without_moving_mass`], and a delay longer than the recording.
     pub fn taken_out_of(self, recording: Recording) -> Result<Recording, RecordingError> {
         let mass = MovingMass { mass: self.moving_mass_kg, gravity: 0.0 };
-        mass.subtracted_from(recording, 0.0)?.with_position_delay(self.position_delay_s)
+        let seal = mass.subtracted_from(recording, &self.loads, self.offset_n)?;
+        seal.with_position_delay(self.position_delay_s)
     }
 }
 
@@ -169,11 +190,11 @@ impl Workflow {
         progress: Progress,
     ) -> Result<Self, WorkflowError> {
         let options = IdentifyOptions { inertia_removed: moving_mass.mass > 0.0, ..options };
-        let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
+        let recordings = moving_mass.subtracted_from_all(recordings, &Loads::default(), 0.0)?;
         let identification = identify(&recordings, &options, progress)?;
         let recordings = identification.without_delay(recordings)?;
-        let held_out =
-            moving_mass.subtracted_from_all(held_out, identification.model.unmodelled_mass)?;
+        let Candidate { loads, offset, .. } = &identification.model;
+        let held_out = moving_mass.subtracted_from_all(held_out, loads, *offset)?;
         let held_out = identification.without_delay(held_out)?;
         progress("simpler models", 0.84);
         let mut done = Self::of(identification, options, recordings, held_out, moving_mass);

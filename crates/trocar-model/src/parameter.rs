@@ -61,6 +61,8 @@ impl Unit {
     pub const MILLISECOND: Self = Self::new("s", "s", "ms", 1e3);
     /// Mass.
     pub const KILOGRAM: Self = Self::new("kg", "kg", "g", 1e3);
+    /// Gain with a pressure.
+    pub(crate) const PER_PASCAL: Self = Self::new("1/Pa", "per_pa", "1/kPa", 1e3);
 }
 
 /// Range of a quantity; always finite but for [`Range::AboveZeroOrInfinite`].
@@ -185,6 +187,9 @@ quantities! {
     Offset: "offset_n", "F_0", NEWTON, Any, "sensor offset";
     CoulombForceWithOffset: "coulomb_force_with_offset_n", "F_c", NEWTON, Any, "Coulomb force with offset";
     UnmodelledMass: "unmodelled_mass_kg", "m", KILOGRAM, Any, "unmodelled mass";
+    SideFriction: "side_friction", "μ", ONE, FROM_ZERO, "friction of the cannula under side load";
+    TiltedWeight: "tilted_weight_n", "W", NEWTON, Any, "weight that the tilt turns";
+    PressureGain: "pressure_gain_per_pa", "κ_p", PER_PASCAL, FROM_ZERO, "gain of the force with the gas pressure";
     // The other models.
     Stiffness: "stiffness_n_m", "k", NEWTON_PER_METRE, AboveZero, "stiffness";
     MicroDamping: "micro_damping_n_s_m", "σ_1", NEWTON_SECOND_PER_METRE, FROM_ZERO, "damping before sliding";

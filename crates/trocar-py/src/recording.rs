@@ -65,6 +65,12 @@ impl Recording {
             })?
             .clone_ref(py))
     }
+
+    /// One of the recorded loads, likewise.
+    fn load(&self, py: Python<'_>, load: usize) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        let values = self.record.loads[load].as_ref();
+        values.map(|values| self.column(py, 6 + load, values)).transpose()
+    }
 }
 
 /// Recordings as they are worked on: copies without single glitches of the position, as the command
@@ -157,8 +163,8 @@ pub(crate) fn readings_of_frame(
 #[pymethods]
 impl Recording {
     #[new]
-    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, torque_n_m=None, name="recording".to_owned(),
-        sensor_limit_n=None, flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, torque_n_m=None, name='recording', \
+    #[pyo3(signature = (time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, torque_n_m=None, side_force_n=None, tilt_rad=None, pressure_pa=None, name="recording".to_owned(),
+        sensor_limit_n=None, flip_force=false), text_signature = "(time_s, position_m, force_n, velocity_m_s=None, *, angle_rad=None, torque_n_m=None, side_force_n=None, tilt_rad=None, pressure_pa=None, name='recording', \
         sensor_limit_n=None, flip_force=False)")]
     #[allow(clippy::too_many_arguments)] // keywords in Python
     fn from_arrays(
@@ -169,19 +175,31 @@ impl Recording {
         velocity_m_s: Option<&Bound<'_, PyAny>>,
         angle_rad: Option<&Bound<'_, PyAny>>,
         torque_n_m: Option<&Bound<'_, PyAny>>,
+        side_force_n: Option<&Bound<'_, PyAny>>,
+        tilt_rad: Option<&Bound<'_, PyAny>>,
+        pressure_pa: Option<&Bound<'_, PyAny>>,
         name: String,
         sensor_limit_n: Option<f64>,
         flip_force: bool,
     ) -> PyResult<Self> {
-        let values =
-            |name, values| -> PyResult<Vec<f64>> { Ok(column(name, values)?.as_slice()?.to_vec()) };
+        let values = |name: &'static str, values: &Bound<'_, PyAny>| -> PyResult<Vec<f64>> {
+            Ok(column(name, values)?.as_slice()?.to_vec())
+        };
+        let optional = |name: &'static str, own: Option<&Bound<'_, PyAny>>| {
+            own.map(|own| values(name, own)).transpose()
+        };
         let readings = Readings {
             time: values("time_s", time_s)?,
             position: values("position_m", position_m)?,
             force: values("force_n", force_n)?,
-            velocity: velocity_m_s.map(|velocity| values("velocity_m_s", velocity)).transpose()?,
-            angle: angle_rad.map(|angle| values("angle_rad", angle)).transpose()?,
-            torque: torque_n_m.map(|torque| values("torque_n_m", torque)).transpose()?,
+            velocity: optional("velocity_m_s", velocity_m_s)?,
+            angle: optional("angle_rad", angle_rad)?,
+            torque: optional("torque_n_m", torque_n_m)?,
+            loads: [
+                optional("side_force_n", side_force_n)?,
+                optional("tilt_rad", tilt_rad)?,
+                optional("pressure_pa", pressure_pa)?,
+            ],
         };
         let choice = Choice { flip_force, ..Choice::default() };
         Ok(Self::new(recording_of(py, name, readings, sensor_limit_n, choice)?))
@@ -261,6 +279,24 @@ impl Recording {
     #[getter]
     fn torque_n_m(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
         self.record.torque.as_ref().map(|torque| self.column(py, 5, torque)).transpose()
+    }
+
+    /// Force of the instrument on the wall of its cannula, N, or None.
+    #[getter]
+    fn side_force_n(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.load(py, 0)
+    }
+
+    /// Angle between the direction of insertion and straight down, rad, or None.
+    #[getter]
+    fn tilt_rad(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.load(py, 1)
+    }
+
+    /// Pressure of the gas above that of the room, Pa, or None.
+    #[getter]
+    fn pressure_pa(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        self.load(py, 2)
     }
 
     /// Time from the first to the last sample, s.
@@ -402,8 +438,10 @@ impl Recording {
             (own.time_s(py)?, own.position_m(py)?, own.force_n(py)?, own.velocity_m_s(py)?);
         let (name, sha256) = (own.name(), own.sha256());
         let (angle, torque) = (own.angle_rad(py)?, own.torque_n_m(py)?);
-        let state =
-            (columns.0, columns.1, columns.2, columns.3, name, sha256, quality, angle, torque);
+        let loads = [own.load(py, 0)?, own.load(py, 1)?, own.load(py, 2)?];
+        let state = (
+            columns.0, columns.1, columns.2, columns.3, name, sha256, quality, angle, torque, loads,
+        );
         Ok((slf.get_type().getattr(intern!(py, "_restore"))?, state.into_pyobject(py)?))
     }
 
@@ -420,8 +458,10 @@ impl Recording {
         quality: &str,
         angle_rad: Option<&Bound<'_, PyAny>>,
         torque_n_m: Option<&Bound<'_, PyAny>>,
+        loads: [Option<Bound<'_, PyAny>>; 3],
     ) -> PyResult<Self> {
         let py = time_s.py();
+        let [side_force_n, tilt_rad, pressure_pa] = loads.each_ref().map(Option::as_ref);
         let mut own = Self::from_arrays(
             py,
             time_s,
@@ -430,6 +470,9 @@ impl Recording {
             velocity_m_s,
             angle_rad,
             torque_n_m,
+            side_force_n,
+            tilt_rad,
+            pressure_pa,
             name,
             None,
             false,

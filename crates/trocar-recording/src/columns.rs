@@ -142,8 +142,13 @@ fn quantity_of(words: &[&str]) -> Option<Quantity> {
     let has_x = words.contains(&AXES[0]);
     match (found.next(), found.next()) {
         // `force_torque_fz` is a force, `roll_torque` none but a torque.
-        (Some(Quantity::Force), Some(Quantity::Torque)) => Some(Quantity::Force),
-        (Some(Quantity::Angle), Some(Quantity::Torque)) => Some(Quantity::Torque),
+        (Some(Quantity::Force), Some(Quantity::Torque | Quantity::Pressure)) => {
+            Some(Quantity::Force)
+        }
+        (
+            Some(Quantity::Angle | Quantity::Force),
+            Some(own @ (Quantity::Torque | Quantity::Tilt | Quantity::SideForce)),
+        ) => Some(own),
         // Beside another word x is an axis, but `x(t)` is none.
         (Some(quantity), None) => Some(quantity).filter(|own| !has_x || *own != Quantity::Time),
         (None, _) => has_x.then_some(Quantity::Position),
@@ -324,7 +329,7 @@ pub(crate) fn entry(quantity: Quantity, per_si: f64, name: &str) -> Option<Strin
         Some(unit) => (unit, None),
         None => (quantity.unit_of(1.0)?, Some(1.0 / per_si.abs())),
     };
-    Some(written(&format!("{}_{unit}", quantity.name()), per_si < 0.0, factor, name))
+    Some(written(&quantity.column_in(unit), per_si < 0.0, factor, name))
 }
 
 fn written(what: &str, reversed: bool, factor: Option<f64>, name: &str) -> String {
@@ -479,7 +484,7 @@ impl Given {
     pub(crate) fn entry(&self) -> String {
         let name = self.quantity.name();
         let unit = self.per_si.and_then(|per_si| self.quantity.unit_of(per_si));
-        let what = unit.map_or_else(|| name.to_owned(), |unit| format!("{name}_{unit}"));
+        let what = unit.map_or_else(|| name.to_owned(), |unit| self.quantity.column_in(unit));
         written(&what, self.reversed, self.factor, &self.column)
     }
 

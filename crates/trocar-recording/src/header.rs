@@ -598,7 +598,7 @@ pub(crate) fn in_order(rows: &[Vec<f64>]) -> Option<String> {
     let assigned = assign(&needed, &free, &names, rows);
     for (quantity, index) in &assigned {
         let unit = quantity.unit_of(likely_unit(*quantity, &rows[*index])).unwrap_or_default();
-        words[*index] = format!("{}_{unit}", quantity.name());
+        words[*index] = quantity.column_in(unit);
     }
     let found: Vec<Quantity> = assigned.iter().map(|(quantity, _)| *quantity).collect();
     let is_timed = found.contains(&Quantity::Time);

@@ -37,6 +37,7 @@ mod error;
 pub mod formats;
 mod header;
 mod join;
+pub mod loads;
 mod log;
 mod motion;
 mod pieces;

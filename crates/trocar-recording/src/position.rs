@@ -86,6 +86,7 @@ impl Recording {
             name: self.name.clone(),
             angle: self.angle.as_ref().map(|_| Vec::new()),
             torque: self.torque.as_ref().map(|_| Vec::new()),
+            loads: self.loads.each_ref().map(|load| load.as_ref().map(|_| Vec::new())),
             ..Self::empty(&self.sha256, &self.choice)
         };
         let quality = &mut all.quality;
@@ -120,8 +121,9 @@ impl Recording {
                     all.push(from + part * (to - from));
                 }
                 all.force.push(self.force[range.start + i]);
-                if let (Some(all), Some(own)) = (&mut all.torque, &self.torque) {
-                    all.push(own[range.start + i]);
+                let beside = all.loads.iter_mut().zip(&self.loads);
+                for (all, own) in beside.chain([(&mut all.torque, &self.torque)]) {
+                    all.iter_mut().zip(own).for_each(|(all, own)| all.push(own[range.start + i]));
                 }
             }
             if from > 0 && all.time.len() > from {
@@ -147,6 +149,7 @@ impl Recording {
             velocity: None,
             angle: None,
             torque: None,
+            loads: Default::default(),
             quality: super::Quality::default(),
             choice: choice.clone(),
         }

@@ -9,6 +9,7 @@ use super::RecordingError;
 use super::block::SampleRow;
 use super::choice::Choice;
 use super::collect::Collector;
+use super::loads::Recorded;
 use super::quality::{Quality, Saturation};
 use super::samples::{self, ByQuantity, Count, Readings, columns, cut};
 use super::statistics::range;
@@ -37,6 +38,8 @@ pub struct Recording {
     pub angle: Option<Vec<f64>>,
     /// Torque of the instrument on the seal in N·m, positive with the angle, if the file has it.
     pub torque: Option<Vec<f64>>,
+    /// Loads beside the force of the seal, as [`crate::loads`] has them.
+    pub loads: Recorded,
     /// Quality of the data.
     pub quality: Quality,
     /// How it was read from its file.
@@ -76,9 +79,21 @@ pub fn check_sensor_limit(limit: Option<f64>) -> Result<(), RecordingError> {
 impl Recording {
     pub(crate) fn of(name: String, sha256: String, collected: (samples::Columns, Quality)) -> Self {
         let (columns, quality) = collected;
-        let Readings { time, position, force, velocity, angle, torque } = columns.readings;
+        let Readings { time, position, force, velocity, angle, torque, loads } = columns.readings;
         let choice = Choice::default();
-        Self { name, sha256, time, position, force, velocity, angle, torque, quality, choice }
+        Self {
+            name,
+            sha256,
+            time,
+            position,
+            force,
+            velocity,
+            angle,
+            torque,
+            loads,
+            quality,
+            choice,
+        }
     }
 
     /// A recording from columns in SI units, checked like one from a file.
@@ -126,8 +141,8 @@ impl Recording {
     }
 
     fn columns(&self) -> ByQuantity<'_> {
-        let Self { time, position, force, velocity, angle, torque, .. } = self;
-        columns([time, position, force], [velocity, angle, torque])
+        let Self { time, position, force, velocity, angle, torque, loads, .. } = self;
+        columns([time, position, force], [velocity, angle, torque], loads)
     }
 
     /// Writes the columns, as [`Readings::write`].

@@ -7,6 +7,7 @@ use sha2::{Digest, Sha256};
 use trocar_tables::line::Line;
 
 use super::Location;
+use super::loads::Recorded;
 use super::text::hex;
 use super::units::Quantity;
 
@@ -25,6 +26,8 @@ pub struct Readings {
     pub angle: Option<Vec<f64>>,
     /// Torque of the instrument on the seal in N·m, positive with the angle, if there is one.
     pub torque: Option<Vec<f64>>,
+    /// Loads beside the force of the seal, as [`crate::loads`] has them.
+    pub loads: Recorded,
 }
 
 /// By index of the [`Quantity`].
@@ -33,9 +36,11 @@ pub(super) type ByQuantity<'a> = [Option<&'a Vec<f64>>; Quantity::ALL.len()];
 pub(super) fn columns<'a>(
     needed: [&'a Vec<f64>; 3],
     optional: [&'a Option<Vec<f64>>; 3],
+    loads: &'a Recorded,
 ) -> ByQuantity<'a> {
     let ([a, b, c], [d, e, f]) = (needed.map(Some), optional.map(Option::as_ref));
-    [a, b, c, d, e, f]
+    let [g, h, i] = loads.each_ref().map(Option::as_ref);
+    [a, b, c, d, e, f, g, h, i]
 }
 
 pub(super) fn cut(columns: ByQuantity<'_>, kept: impl Iterator<Item = usize> + Clone) -> Readings {
@@ -60,23 +65,23 @@ pub(super) fn write(columns: ByQuantity<'_>, mut output: impl Write) -> std::io:
 
 impl From<[Option<Vec<f64>>; Quantity::ALL.len()]> for Readings {
     fn from(columns: [Option<Vec<f64>>; Quantity::ALL.len()]) -> Self {
-        let [time, position, force, velocity, angle, torque] = columns;
+        let [time, position, force, velocity, angle, torque, loads @ ..] = columns;
         let [time, position, force] = [time, position, force].map(Option::unwrap_or_default);
-        Self { time, position, force, velocity, angle, torque }
+        Self { time, position, force, velocity, angle, torque, loads }
     }
 }
 
 impl Readings {
     pub(super) fn columns(&self) -> ByQuantity<'_> {
-        let Self { time, position, force, velocity, angle, torque } = self;
-        columns([time, position, force], [velocity, angle, torque])
+        let Self { time, position, force, velocity, angle, torque, loads } = self;
+        columns([time, position, force], [velocity, angle, torque], loads)
     }
 
     fn columns_mut(&mut self) -> [Option<&mut Vec<f64>>; Quantity::ALL.len()] {
-        let Self { time, position, force, velocity, angle, torque } = self;
-        let optional = [velocity.as_mut(), angle.as_mut(), torque.as_mut()];
-        let [velocity, angle, torque] = optional;
-        [Some(time), Some(position), Some(force), velocity, angle, torque]
+        let Self { time, position, force, velocity, angle, torque, loads } = self;
+        let [velocity, angle, torque] = [velocity, angle, torque].map(Option::as_mut);
+        let [side, tilt, pressure] = loads.each_mut().map(Option::as_mut);
+        [Some(time), Some(position), Some(force), velocity, angle, torque, side, tilt, pressure]
     }
 
     /// The samples at `kept`, in this order.

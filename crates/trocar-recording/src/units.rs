@@ -17,6 +17,12 @@ pub enum Quantity {
     /// Torque of the instrument on the seal about its axis, in N·m, positive with the angle. Never
     /// taken without a unit.
     Torque,
+    /// Force that presses the instrument against the wall of its cannula, in N. Never taken without a unit.
+    SideForce,
+    /// Angle between the direction of insertion and straight down, in rad. Never taken without a unit.
+    Tilt,
+    /// Pressure of the gas above that of the room, in Pa. Never taken without a unit.
+    Pressure,
 }
 
 struct Declaration {
@@ -30,7 +36,7 @@ struct Declaration {
     units: &'static [Unit],
 }
 
-const QUANTITIES: [Declaration; 6] = [
+const QUANTITIES: [Declaration; 9] = [
     Declaration {
         quantity: Quantity::Time,
         name: "time",
@@ -79,6 +85,30 @@ const QUANTITIES: [Declaration; 6] = [
         example: "torque_n_m",
         units: &TORQUES,
     },
+    Declaration {
+        quantity: Quantity::SideForce,
+        name: "side force",
+        with_article: "a side force",
+        words: &["side", "lateral"],
+        example: "side_force_n",
+        units: &FORCES,
+    },
+    Declaration {
+        quantity: Quantity::Tilt,
+        name: "tilt",
+        with_article: "a tilt",
+        words: &["tilt"],
+        example: "tilt_deg",
+        units: &ANGLES,
+    },
+    Declaration {
+        quantity: Quantity::Pressure,
+        name: "pressure",
+        with_article: "a pressure",
+        words: &["pressure"],
+        example: "pressure_pa",
+        units: &PRESSURES,
+    },
 ];
 
 impl Quantity {
@@ -101,7 +131,7 @@ impl Quantity {
 
     /// Whether a column is it only with a unit: a torque without one may be an effort in per cent.
     pub(crate) fn needs_unit(self) -> bool {
-        matches!(self, Self::Angle | Self::Torque)
+        !Self::NEEDED.contains(&self) && self != Self::Velocity
     }
 
     /// Its name in messages.
@@ -118,9 +148,14 @@ impl Quantity {
         self.declaration().with_article
     }
 
-    /// The name of a column of it in SI units.
+    /// The name of a column of it in a unit.
+    pub(crate) fn column_in(self, unit: &str) -> String {
+        format!("{}_{unit}", self.name().replace(' ', "_"))
+    }
+
+    /// The same in SI units.
     pub(crate) fn column_name(self) -> String {
-        format!("{}_{}", self.name(), self.units()[0].names[0])
+        self.column_in(self.units()[0].names[0])
     }
 
     /// A recognised name, for messages.
@@ -216,6 +251,17 @@ const TORQUES: [Unit; 4] = [
     unit("N cm", &["n_cm", "ncm"], 1e2),
 ];
 
+const PRESSURES: [Unit; 8] = [
+    unit("Pa", &["pa"], 1.0),
+    unit("hPa", &["hpa"], 1e-2),
+    unit("kPa", &["kpa"], 1e-3),
+    unit("MPa", &["mpa"], 1e-6),
+    unit("bar", &["bar"], 1e-5),
+    unit("mbar", &["mbar"], 1e-2),
+    unit("psi", &["psi"], 1.0 / 6_894.757_293_168),
+    unit("mmHg", &["mmhg"], 1.0 / 133.322_387_415),
+];
+
 impl Quantity {
     /// The SI unit comes first.
     pub(crate) fn units(self) -> &'static [Unit] {
@@ -298,7 +344,7 @@ const FOREIGN: [Foreign; 6] = [
     Foreign {
         what: "a pressure",
         units: &["pa", "hpa", "kpa", "mpa", "bar", "mbar", "psi", "mmhg"],
-        own: None,
+        own: Some(Quantity::Pressure),
         instead_of: &[Quantity::Force],
         remedy: "multiply the pressure by the area on which it acts, as in force_n=0.08*p for kPa on 80 mm^2",
     },

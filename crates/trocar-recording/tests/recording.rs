@@ -1310,14 +1310,15 @@ proptest! {
         let (position, force, velocity) = (of(|s| s.1), of(|s| s.2), of(|s| s.3));
         let (angle, torque) = (Some(of(|s| 9.0 * s.1)), Some(of(|s| 1e-3 * s.2)));
         let velocity = Some(velocity);
-        let written = Readings { time, position, force, velocity, angle, torque };
+        let loads = [Some(of(|s| s.2 * s.3)), Some(of(|s| 3.0 * s.3)), Some(of(|s| 1e3 * s.1))];
+        let written = Readings { time, position, force, velocity, angle, torque, loads };
         let mut bytes = Vec::new();
         Recording::from_readings("all", &written, None).unwrap().write(&mut bytes).unwrap();
         // Whatever the size: the units are named.
         let named = columns("time_s=time_s,position_m=position_m,force_n=force_n");
         let recording = read(&Scratch::new().file(&bytes), &named).unwrap();
-        let Recording { time, position, force, velocity, angle, torque, .. } = recording;
-        prop_assert_eq!(Readings { time, position, force, velocity, angle, torque }, written);
+        let Recording { time, position, force, velocity, angle, torque, loads, .. } = recording;
+        prop_assert_eq!(Readings { time, position, force, velocity, angle, torque, loads }, written);
     }
 
     #[test]
@@ -1551,6 +1552,42 @@ fn the_published_friction_of_the_real_axis_appears_once_its_mass_is_out() {
     let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
     println!("rms {rms}");
     assert!(rms < 4.0, "{rms}");
+}
+
+/// Never without a unit, and never in the place of the force along the instrument.
+#[test]
+fn loads_beside_the_seal_are_read_with_their_units() {
+    let text_of = |name: &str, per_si: f64| {
+        let row = |k: u32| {
+            let k = f64::from(k);
+            format!("{},{k},{},{}\n", 0.1 * k, 0.1 * k, 1e-2 * k * per_si)
+        };
+        format!("time_s,position_mm,force_n,{name}\n{}", (0..20).map(row).collect::<String>())
+    };
+    let names = [
+        ("side_force_n", 0, 1.0),
+        ("Lateral force [mN]", 0, 1e3),
+        ("tilt_rad", 1, 1.0),
+        ("tilt angle (deg)", 1, 180.0 / std::f64::consts::PI),
+        ("pressure_pa", 2, 1.0),
+        ("Insufflation pressure [mmHg]", 2, 1.0 / 133.322_387_415),
+        ("gas_pressure_kpa", 2, 1e-3),
+    ];
+    for (name, place, per_si) in names {
+        let found = read(&Scratch::new().file(text_of(name, per_si)), &ReadOptions::default());
+        let found = found.unwrap_or_else(|e| panic!("{name}: {e}"));
+        let own = found.loads[place].as_ref().unwrap_or_else(|| panic!("{name} is a load"));
+        assert!((own[19] - 0.19).abs() < 1e-12, "{name}: {}", own[19]);
+        assert!((found.force[19] - 1.9).abs() < 1e-12 && found.angle.is_none(), "{name}");
+        assert_eq!(found.loads.iter().flatten().count(), 1, "{name}");
+    }
+    for name in ["tilt", "side", "pressure", "side_valve_state"] {
+        let found = read(&Scratch::new().file(text_of(name, 1.0)), &ReadOptions::default());
+        assert_eq!(found.unwrap_or_else(|e| panic!("{name}: {e}")).loads, [None, None, None]);
+    }
+    let mapped = columns("time_s=time_s,position_mm=position_mm,force_n=force_n,side_force_n=fy");
+    let found = read(&Scratch::new().file(text_of("fy", 1.0)), &mapped).unwrap();
+    assert!((found.loads[0].as_ref().unwrap()[19] - 0.19).abs() < 1e-12);
 }
 
 /// As a column of any unit, named or mapped, in its place or by its name; never without a unit.

@@ -230,6 +230,16 @@ pub struct SensorInfo {
     /// Delay of the position readings relative to the forces, s, ≥ 0.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub position_delay_s: f64,
+    /// Friction of the cannula, N for each N of the recorded side force, ≥ 0.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub side_friction: f64,
+    /// Weight on the sensor while the instrument points down, N, which the recorded tilt turns.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub tilted_weight_n: f64,
+    /// Gain of the seal's force with the recorded pressure of the gas, 1/Pa, ≥ 0. The model is that of
+    /// the seal without pressure.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub pressure_gain_per_pa: f64,
 }
 
 /// An estimate with its 95 % interval, in the unit of the parameter's name.
@@ -582,12 +592,6 @@ impl Document {
         for (i, recording) in self.origin.recordings.iter().enumerate() {
             check_hash(&recording.sha256, &format!("origin.recordings[{i}].sha256"))?;
         }
-        if let Some(sensor) = self.sensor
-            && sensor.moving_mass_kg < 0.0
-        {
-            let what = format!("must not be negative, got {} kg", sensor.moving_mass_kg);
-            return Err(impossible("sensor.moving_mass_kg", &what));
-        }
         for (name, interval) in &self.intervals {
             check_interval(name, interval)?;
         }
@@ -603,12 +607,21 @@ impl Document {
 
     /// Checks of values that no other type makes.
     fn check_values(&self) -> Result<(), ModelFileError> {
-        let lag = self.sensor.map_or(0.0, |sensor| sensor.position_delay_s);
-        if lag < 0.0 {
-            return Err(impossible(
-                "sensor.position_delay_s",
-                &format!("must not be negative, got {lag} s"),
-            ));
+        let SensorInfo {
+            moving_mass_kg,
+            position_delay_s,
+            side_friction,
+            pressure_gain_per_pa,
+            ..
+        } = self.sensor.unwrap_or_default();
+        let not_negative = [
+            ("sensor.moving_mass_kg", moving_mass_kg, " kg"),
+            ("sensor.position_delay_s", position_delay_s, " s"),
+            ("sensor.side_friction", side_friction, ""),
+            ("sensor.pressure_gain_per_pa", pressure_gain_per_pa, "/Pa"),
+        ];
+        if let Some((key, found, unit)) = not_negative.into_iter().find(|own| own.1 < 0.0) {
+            return Err(impossible(key, &format!("must not be negative, got {found}{unit}")));
         }
         if self.position_profile.is_some() && self.friction.is_some() {
             return Err(impossible("position_profile", "is for elements, got a classical model"));

@@ -6,6 +6,7 @@ pub mod bench;
 pub mod cancel;
 pub mod many;
 pub mod motion_found;
+pub mod profile;
 pub mod replay;
 pub mod scatter;
 pub mod segment;

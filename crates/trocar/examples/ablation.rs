@@ -12,6 +12,7 @@ use std::error::Error;
 use std::path::Path;
 
 use trocar::identify::{Candidate, Identification, IdentifyOptions, Term, identify};
+use trocar::recording::loads::Load;
 use trocar::recording::{ReadOptions, Recording, RecordingError, read};
 use trocar::replay::replay;
 use trocar::segment::{reversal_threshold, strokes};
@@ -59,7 +60,7 @@ fn as_scored(
     found: &Identification,
     recordings: &[Recording],
 ) -> Result<Vec<Recording>, RecordingError> {
-    let mass = found.model.unmodelled_mass.max(0.0);
+    let mass = found.model.loads[Load::Mass].max(0.0);
     let lighter: Result<_, _> =
         recordings.iter().map(|r| r.clone().without_moving_mass(mass, 0.0)).collect();
     found.without_delay(lighter?)
@@ -76,7 +77,7 @@ fn has(model: &Candidate) -> String {
         Term::Dwell => model.dwell_force > 0.0,
         Term::Relaxation => model.relaxation.arms[0].stiffness > 0.0,
         Term::SecondRelaxation => model.relaxation.arms[1].stiffness > 0.0,
-        Term::UnmodelledMass => model.unmodelled_mass != 0.0,
+        Term::Load(load) => model.loads[*load] != 0.0,
         Term::Asymmetry => model.insertion != model.withdrawal,
         Term::SecondStage => model.second.is_some(),
     };

@@ -90,7 +90,7 @@ pub(crate) fn adaptation_times() -> Result<Vec<f64>, Box<dyn Error>> {
         let record = run(&config, Protocol::Surgeon, &seal, seed)?;
         let mut model = ModelFile::new(seal[0], Origin::new(OriginKind::HandMade));
         let moving_mass_kg = config.rod.mass_kg;
-        model.sensor = Some(SensorInfo { offset_n: 0.0, moving_mass_kg, position_delay_s: 0.0 });
+        model.sensor = Some(SensorInfo { offset_n: 0.0, moving_mass_kg, ..SensorInfo::default() });
         let force_error_n = Some(MODEL_ERROR_N);
         let options = CompensateOptions { force_error_n, ..CompensateOptions::default() };
         let mut observer = Compensator::new(&model, &options)?;
@@ -217,7 +217,7 @@ fn models(seal: &[Element]) -> Result<(ModelFile, ModelFile), Box<dyn Error>> {
     let sensor = Some(SensorInfo {
         offset_n: found.model.offset,
         moving_mass_kg: config.rod.mass_kg,
-        position_delay_s: 0.0,
+        ..SensorInfo::default()
     });
     let held_out = [record(Protocol::Validation)?, record(Protocol::Surgeon)?];
     let file = |seal: Seal, error| ModelFile {

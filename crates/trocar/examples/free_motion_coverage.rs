@@ -10,6 +10,7 @@
 use rayon::prelude::*;
 use trocar::bench::{BenchConfig, PlausibleSeals, Protocol, random_seal, run};
 use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
+use trocar::recording::loads::Load;
 use trocar_model::{Element, ElementParams, Relaxation, SealDamping};
 
 /// Parameters with known truth.
@@ -65,7 +66,7 @@ fn bench(seed: u64) -> Result<Found, Box<dyn std::error::Error + Send + Sync>> {
     let recording =
         run(&config, Protocol::Surgeon, &[Element::new(seal)?], seed)?.to_recording("surgeon")?;
     let recording = recording.without_moving_mass(config.rod.mass_kg, config.rod.gravity_m_s2)?;
-    let without = vec![Term::SecondStage, Term::SecondRelaxation, Term::UnmodelledMass];
+    let without = vec![Term::SecondStage, Term::SecondRelaxation, Term::Load(Load::Mass)];
     let options = IdentifyOptions { seed, without, ..IdentifyOptions::default() };
     let found = identify(&[recording], &options, &|_, _| {})?;
     let truths = truths(&seal);

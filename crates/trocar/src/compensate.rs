@@ -5,11 +5,11 @@ use std::path::Path;
 
 pub use trocar_runtime::compensate::*;
 
-use trocar_identify::profile::Departure;
 use trocar_recording::RecordingError;
 use trocar_recording::columns::Quantity;
 use trocar_recording::rows::Rows;
 use trocar_recording::{Choice, Location};
+use trocar_simulate::profile::Departure;
 use trocar_simulate::simulate::SimulateError;
 use trocar_tables::output::refuse_inputs;
 use trocar_tables::table::{Field, Kind, TableCell, TableWriter};

@@ -10,7 +10,6 @@ pub mod inspect;
 pub mod survey;
 
 pub use trocar_identify as identify;
-pub use trocar_identify::profile;
 pub use trocar_lab::{compare, draws, fleet, margin, motion, summary, validate, workflow};
 #[cfg(feature = "bench")]
 pub use trocar_lab::{plan, teleop};
@@ -21,6 +20,7 @@ pub use trocar_report as report;
 pub use trocar_runtime::model_file;
 #[cfg(feature = "bench")]
 pub use trocar_simulate::bench;
+pub use trocar_simulate::profile;
 pub use trocar_simulate::{cancel, many, replay, scatter, segment, simulate};
 pub use trocar_tables::{option, output, table};
 

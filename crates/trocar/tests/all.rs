@@ -17,6 +17,7 @@ mod feed_forward;
 mod fleet;
 mod free_motion;
 mod gallery;
+mod loads;
 mod model_file;
 mod plan;
 mod posterior;

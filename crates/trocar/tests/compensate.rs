@@ -54,7 +54,7 @@ static MODEL: LazyLock<ModelFile> = LazyLock::new(|| {
     file.sensor = Some(SensorInfo {
         offset_n: found.model.offset,
         moving_mass_kg: config.rod.mass_kg,
-        position_delay_s: 0.0,
+        ..SensorInfo::default()
     });
     file.force_error = Some(validation.force_error(ErrorSource::Validation));
     file
@@ -897,7 +897,7 @@ fn an_alien_seal_without_tissue() {
     file.sensor = Some(SensorInfo {
         offset_n: found.model.offset,
         moving_mass_kg: 0.04,
-        position_delay_s: 0.0,
+        ..SensorInfo::default()
     });
     file.force_error = Some(validation.force_error(ErrorSource::Validation));
     for adaptation in [false, true] {

@@ -52,7 +52,7 @@ fn complete() -> ModelFile {
     }];
     let mut model = ModelFile::new(stages(elements), origin);
     model.sensor =
-        Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.0 });
+        Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, ..SensorInfo::default() });
     for (name, high) in [("coulomb_force_n", Some(3.1)), ("stribeck_velocity_m_s", None)] {
         let interval = Interval { value: 3.0, ci95: [Some(2.9), high] };
         model.intervals.insert(name.to_owned(), interval);
@@ -81,8 +81,13 @@ fn along() -> ModelFile {
     let profile =
         PositionProfile::new(-0.01, 0.1, vec![0.1, -0.1 / 3.0, 0.1], vec![0.8, 1.2, 0.8]).unwrap();
     file.trocar = Trocar::new(*file.trocar.seal(), Some(profile));
-    file.sensor =
-        Some(SensorInfo { offset_n: -0.34, moving_mass_kg: 0.04, position_delay_s: 0.05 });
+    file.sensor = Some(SensorInfo {
+        offset_n: -0.34,
+        moving_mass_kg: 0.04,
+        position_delay_s: 0.05,
+        tilted_weight_n: -0.4,
+        ..SensorInfo::default()
+    });
     file
 }
 

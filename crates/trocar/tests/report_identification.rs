@@ -12,6 +12,7 @@ use trocar::identify::{
 };
 use trocar::motion::MotionRange;
 use trocar::output::StagedFolder;
+use trocar::recording::loads::Load;
 use trocar::recording::{ReadOptions, Recording, read};
 use trocar::report::identification::{FigureChoice, IdentificationReport, check_choice, document};
 use trocar::report::{
@@ -435,7 +436,7 @@ fn a_forgotten_mass_is_out_of_what_is_drawn() {
     };
     let training = vec![raw(Protocol::Steady), raw(Protocol::Dynamic)];
     let mut identification = BENCH.identification.clone();
-    identification.model.unmodelled_mass = config.rod.mass_kg;
+    identification.model.loads[Load::Mass] = config.rod.mass_kg;
     let forgotten =
         document(&plain_input(&identification, &Validated::own(&identification, &training)));
     let declared = document(&plain_input(&BENCH.identification, &BENCH.own));

@@ -8,6 +8,7 @@ use benches::judge::{Outcome, Verdict, judge};
 use benches::kinds::{Kind, kinds};
 use trocar::identify::{Estimate, IdentifyOptions, Term, identify};
 use trocar::recording::Recording;
+use trocar::recording::loads::Load;
 
 fn outcomes(names: &[&str], seeds: u64) -> Vec<Outcome> {
     let chosen = kinds().into_iter().filter(|kind| names.contains(&kind.name));
@@ -75,6 +76,21 @@ fn easy_benches_are_right() {
 fn seals_and_rigs_that_nobody_chose_are_told_rightly() {
     let outcomes = outcomes(&["drawn_strokes"], 6);
     assert!(outcomes.iter().all(|o| o.refused.is_none()), "all have strokes enough");
+    let share = confidently_wrong(&outcomes);
+    assert!(share < 0.15, "{share}");
+}
+
+/// Side force, tilt and pressure are recorded on all of them, and act on some.
+#[test]
+fn loads_are_found_where_they_act_and_nowhere_else() {
+    let outcomes = outcomes(&["drawn_loads"], 4);
+    for outcome in &outcomes {
+        for load in Load::RECORDED {
+            let is_in = |terms: &[Term]| terms.contains(&Term::Load(load));
+            let (acts, is_found) = (is_in(&outcome.true_terms), is_in(&outcome.found_terms));
+            assert_eq!(acts, is_found, "seed {}: {load:?}", outcome.seed);
+        }
+    }
     let share = confidently_wrong(&outcomes);
     assert!(share < 0.15, "{share}");
 }

@@ -66,7 +66,8 @@ pub(crate) struct Args {
     #[arg(long, help_heading = STATISTICS, hide_short_help = true)]
     no_free_motion: bool,
     /// Optional terms not to try: stribeck, stribeck_exponent, seal_damping, minor_loops, creep, dwell,
-    /// relaxation, second_relaxation, unmodelled_mass, asymmetry, second_stage
+    /// relaxation, second_relaxation, unmodelled_mass, side_load, tilt, gas_pressure, asymmetry,
+    /// second_stage
     #[arg(long, value_name = "NAME", value_delimiter = ',', help_heading = STATISTICS, hide_short_help = true)]
     without: Vec<Term>,
     /// Known reading of the sensor without load, N (its tare) [default: estimated]

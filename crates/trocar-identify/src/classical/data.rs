@@ -6,6 +6,7 @@ use crate::result::Identification;
 use crate::training::{ASSUMED_WIDTH, Coarseness, Segmented, Training};
 use crate::two_steps::settled_segments;
 use trocar_recording::Recording;
+use trocar_recording::loads::UNLOADED;
 use trocar_simulate::segment::{Segments, SteadySegment, segment};
 use trocar_simulate::stick_slip::LeftOut;
 
@@ -43,7 +44,8 @@ impl ClassicalData {
         let all = recordings.iter().zip(&found_in).zip(&still);
         let parts = all.map(|((recording, (segments, settled)), acceleration)| {
             let (strokes, settled) = (segments.strokes.as_slice(), settled.clone());
-            Segmented { recording, strokes, settled, acceleration, left_out: LeftOut::NONE }
+            let (recorded, left_out) = (&UNLOADED, LeftOut::NONE);
+            Segmented { recording, strokes, settled, acceleration, recorded, left_out }
         });
         let parts: Vec<Segmented> = parts.collect();
         let of = |coarseness| {

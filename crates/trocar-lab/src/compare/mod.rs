@@ -19,10 +19,11 @@ use trocar_model::Trocar;
 
 use crate::margin::Margin;
 use crate::validate::{Phases, force_error};
+use crate::workflow::MovingMass;
 use trocar_identify::classical::{ClassicalData, ClassicalFit, Kind, RelatedFits};
 use trocar_identify::{
-    EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress, Warning,
-    identify, refit,
+    Candidate, EmsRefit, Identification, IdentifyError, IdentifyOptions, Parameter, Progress,
+    Warning, identify, refit,
 };
 use trocar_recording::{Recording, RecordingError};
 use trocar_runtime::model_file::{ErrorSource, ForceError};
@@ -358,14 +359,14 @@ pub fn compare(
     })
 }
 
-/// `recordings` without the unmodelled mass and the delay that `ems` found.
+/// `recordings` without the loads beside the seal and the delay that `ems` found.
 fn corrected(
     recordings: &[Recording],
     ems: &Identification,
 ) -> Result<Vec<Recording>, RecordingError> {
-    let mass = ems.model.unmodelled_mass;
-    let all = recordings.iter().map(|recording| recording.clone().without_moving_mass(mass, 0.0));
-    ems.without_delay(all.collect::<Result<_, _>>()?)
+    let Candidate { loads, offset, .. } = &ems.model;
+    let beside = MovingMass::default();
+    ems.without_delay(beside.subtracted_from_all(recordings.to_vec(), loads, *offset)?)
 }
 
 /// All models that `options` name; `ems_s` is the time that `ems` took, s.

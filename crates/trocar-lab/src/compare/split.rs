@@ -4,6 +4,7 @@
 use super::{CompareError, CompareOptions, Outcome, compare};
 use crate::workflow::MovingMass;
 use trocar_identify::Progress;
+use trocar_recording::loads::Loads;
 use trocar_recording::{Recording, RecordingError};
 use trocar_simulate::segment::{reversal_threshold, strokes};
 
@@ -40,8 +41,8 @@ impl Divided {
                 return Err(CompareError::Twice { first, second });
             }
         }
-        let recordings = moving_mass.subtracted_from_all(recordings, 0.0)?;
-        let validation = moving_mass.subtracted_from_all(validation, 0.0)?;
+        let recordings = moving_mass.subtracted_from_all(recordings, &Loads::default(), 0.0)?;
+        let validation = moving_mass.subtracted_from_all(validation, &Loads::default(), 0.0)?;
         let held_out = validation.is_empty();
         let (training, validation) =
             if held_out { split(&recordings)? } else { (recordings, validation) };

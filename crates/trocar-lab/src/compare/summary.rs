@@ -15,6 +15,7 @@ use crate::validate::{Phases, validate};
 use crate::workflow::MovingMass;
 use trocar_identify::{Estimate, Identification, Warning};
 use trocar_recording::Recording;
+use trocar_recording::loads::Load;
 use trocar_runtime::model_file::{ModelFile, Origin};
 
 use super::{Choice, Comparison, Entry, ReversalMatch, reversal_match};
@@ -176,7 +177,7 @@ impl Outcome {
         if entry.choice == Choice::Ems {
             model.origin.note = ems.deformation_note();
         }
-        model.sensor = Some(self.moving_mass.sensor(entry.offset, ems.model.unmodelled_mass));
+        model.sensor = Some(self.moving_mass.sensor(entry.offset, &ems.model.loads));
         model.intervals = intervals(&entry.estimates);
         model.force_error = Some(entry.force_error);
         (format!("models/{}.json", entry.choice.file_stem()), model)
@@ -196,7 +197,7 @@ impl Outcome {
             effective_samples: comparison.effective_samples,
             reversal_travel_m: comparison.reversal_travel,
             moving_mass: self.moving_mass,
-            unmodelled_mass_kg: comparison.ems.model.unmodelled_mass,
+            unmodelled_mass_kg: comparison.ems.model.loads[Load::Mass],
             verdict: comparison.verdict(),
             models: comparison.entries.iter().map(|entry| model(entry, comparison)).collect(),
             reversal_claim: claims

@@ -33,6 +33,8 @@ pub struct BenchConfig {
     pub fluctuation: Fluctuation,
     /// Wetting of the seal during the run.
     pub lubrication: Lubrication,
+    /// Loads beside the force of the seal.
+    pub loads: Loading,
     /// Contact of the tip beyond the seal.
     pub tissue: Tissue,
     /// One section per protocol.
@@ -230,6 +232,24 @@ pub struct Lubrication {
     pub onset_s: f64,
     /// Duration of the change in s, ≥ 0.
     pub spread_s: f64,
+}
+
+/// Loads beside the force of the seal, each from 0 to its largest value and back again and again.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Loading {
+    /// Largest force on the wall of the cannula in N, ≥ 0; 0 for none.
+    pub side_force_n: f64,
+    /// Friction of the cannula for each N of that force, ≥ 0.
+    pub side_friction: f64,
+    /// Largest tilt in rad, ≥ 0; 0 for none.
+    pub tilt_rad: f64,
+    /// Largest pressure of the gas in Pa, ≥ 0; 0 for none.
+    pub pressure_pa: f64,
+    /// Gain of the seal's force with that pressure in 1/Pa, ≥ 0.
+    pub pressure_gain_per_pa: f64,
+    /// Period of the side force in s, positive.
+    pub period_s: f64,
 }
 
 /// Force law of the tissue.
@@ -756,6 +776,13 @@ impl BenchConfig {
         within("lubrication.viscosity", wet.viscosity, 0.0, 5.0)?;
         not_negative("lubrication.onset_s", wet.onset_s)?;
         not_negative("lubrication.spread_s", wet.spread_s)?;
+        let loads = &self.loads;
+        not_negative("loads.side_force_n", loads.side_force_n)?;
+        not_negative("loads.side_friction", loads.side_friction)?;
+        not_negative("loads.tilt_rad", loads.tilt_rad)?;
+        not_negative("loads.pressure_pa", loads.pressure_pa)?;
+        not_negative("loads.pressure_gain_per_pa", loads.pressure_gain_per_pa)?;
+        positive("loads.period_s", loads.period_s)?;
         let tissue = &self.tissue;
         finite("tissue.surface_m", tissue.surface_m)?;
         positive("tissue.force_at_10_mm_n", tissue.force_at_10_mm_n)?;

@@ -118,6 +118,10 @@ impl BenchRun {
             columns.push(("angle_rad".into(), &self.angle));
             columns.push(("torque_n_m".into(), &self.torque));
         }
+        for (name, load) in ["side_force_n", "tilt_rad", "pressure_pa"].into_iter().zip(&self.loads)
+        {
+            columns.extend(load.iter().map(|load| (name.to_owned(), load)));
+        }
         write(path, columns)
     }
 

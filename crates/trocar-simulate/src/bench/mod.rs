@@ -47,8 +47,10 @@ use core::str::FromStr;
 use thiserror::Error;
 use trocar_model::{Element, Rotation};
 
+use trocar_recording::loads::Recorded;
 use trocar_recording::{Readings, Recording, RecordingError};
 
+use config::Loading;
 use motion::Reference;
 use noise::{Noise, Source};
 use rig::{Push, RigState};
@@ -147,6 +149,8 @@ pub struct BenchRun {
     pub angle: Vec<f64>,
     /// Reading of the torque sensor, N·m; empty where the motion has no angle.
     pub torque: Vec<f64>,
+    /// Those of the loads beside the seal's force that the rig has.
+    pub loads: Recorded,
     /// The true values of the recorded signals.
     pub truth: Truth,
     /// Events that an experimenter should know about.
@@ -183,10 +187,10 @@ pub struct Truth {
 impl BenchRun {
     /// The columns; angle and torque where the rod turns.
     pub fn readings(&self) -> Readings {
-        let Self { time, position, velocity, force, angle, torque, .. } = self.clone();
+        let Self { time, position, velocity, force, angle, torque, loads, .. } = self.clone();
         let [angle, torque] =
             [angle, torque].map(|column| Some(column).filter(|column| !column.is_empty()));
-        Readings { time, position, force, velocity: Some(velocity), angle, torque }
+        Readings { time, position, force, velocity: Some(velocity), angle, torque, loads }
     }
 
     /// The columns but the velocity as a recording called `name`: the data available to the
@@ -465,7 +469,6 @@ fn recorded<'a>(
 struct Log {
     sample_rate: f64,
     rod_mass: f64,
-    gravity: f64,
     gas_force: f64,
     position_sensor: PositionSensor,
     force_reading: SensorReading,
@@ -476,10 +479,11 @@ struct Log {
 impl Log {
     fn new(config: &BenchConfig, elements: usize, seed: u64) -> Self {
         let sample_rate = config.rig.sample_rate_hz;
+        let Loading { side_force_n, tilt_rad, pressure_pa, .. } = config.loads;
+        let largest = [side_force_n, tilt_rad, pressure_pa];
         Self {
             sample_rate,
             rod_mass: config.rod.mass_kg,
-            gravity: config.rod.gravity_m_s2,
             gas_force: config.rod.gas_force(),
             position_sensor: PositionSensor::new(&config.encoder, seed),
             force_reading: SensorReading::new(
@@ -499,6 +503,7 @@ impl Log {
                 force: Vec::new(),
                 angle: Vec::new(),
                 torque: Vec::new(),
+                loads: largest.map(|most| (most > 0.0).then(Vec::new)),
                 truth: Truth { deflections: vec![Vec::new(); elements], ..Truth::default() },
                 events: RigEvents::default(),
             },
@@ -506,8 +511,9 @@ impl Log {
     }
 
     fn sample(&mut self, rig: &RigState<'_>) {
-        let inertia = self.rod_mass * (rig.acceleration() - self.gravity);
+        let inertia = self.rod_mass * (rig.acceleration() - rig.gravity());
         let load = rig.seal_force() + rig.tissue_force() + self.gas_force + inertia;
+        let load = load + rig.side_friction();
         let (reading, saturated) = self.force_reading.read(load);
         let run = &mut self.run;
         run.events.saturated_samples += usize::from(saturated);
@@ -531,6 +537,9 @@ impl Log {
             run.torque.push(reading);
             truth.angle.push(angle);
             truth.torque.push(torque);
+        }
+        for (column, load) in run.loads.iter_mut().zip(rig.loads()) {
+            column.iter_mut().for_each(|column| column.push(load));
         }
         for (column, deflection) in truth.deflections.iter_mut().zip(rig.deflections()) {
             column.push(deflection);

@@ -7,7 +7,7 @@ use trocar_model::{
 use super::config::{BenchConfig, Controller, Motor, PushCycles};
 use super::fluctuation::{SealLevel, drift};
 use super::motion::Reference;
-use super::surroundings::{Wetting, tissue_force};
+use super::surroundings::{Wetting, loads_at, tissue_force};
 use super::{BenchError, Course, Log, RigEvents};
 
 /// PI speed controller with anti-windup: the integral is held while the motor is at its limit and
@@ -63,6 +63,9 @@ impl Push {
     }
 }
 
+/// Travel over which the friction of the cannula takes the direction of the motion, m.
+const REACH: f64 = 2e-5;
+
 /// The moving rig.
 #[derive(Debug)]
 pub(super) struct RigState<'a> {
@@ -84,6 +87,8 @@ pub(super) struct RigState<'a> {
     motor_force: f64,
     seal_force: f64,
     torque: f64,
+    /// Direction in which the cannula rubs, −1 to 1.
+    direction: f64,
     tissue_force: f64,
     /// Since the first sample, s; below 0 before.
     time: f64,
@@ -120,6 +125,7 @@ impl<'a> RigState<'a> {
             motor_force: 0.0,
             seal_force: states.iter().map(State::force).sum(),
             torque: 0.0,
+            direction: 0.0,
             tissue_force: 0.0,
             time: f64::NEG_INFINITY,
             states,
@@ -164,6 +170,21 @@ impl<'a> RigState<'a> {
 
     pub(super) fn seal_force(&self) -> f64 {
         self.seal_force
+    }
+
+    /// Side force, N, tilt, rad, and pressure, Pa.
+    pub(super) fn loads(&self) -> [f64; 3] {
+        loads_at(&self.config.loads, self.time)
+    }
+
+    /// Gravity in the direction of insertion, m/s².
+    pub(super) fn gravity(&self) -> f64 {
+        self.config.rod.gravity_m_s2 * libm::cos(self.loads()[1])
+    }
+
+    /// Friction of the cannula, N.
+    pub(super) fn side_friction(&self) -> f64 {
+        self.config.loads.side_friction * self.loads()[0] * self.direction
     }
 
     /// Force of the tip on the tissue, N.
@@ -289,7 +310,9 @@ impl<'a> RigState<'a> {
             .sum();
         let fluctuation =
             self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
-        self.seal_force = wetting.of_wet(force, viscous) * fluctuation;
+        let gain = 1.0 + self.config.loads.pressure_gain_per_pa * self.loads()[2];
+        self.seal_force = wetting.of_wet(force, viscous) * fluctuation * gain;
+        self.direction = (self.direction + displacement / REACH).clamp(-1.0, 1.0);
         // Its viscous part is small, and wetted like the rest.
         let torque = self.turning.as_ref().map_or(0.0, |(_, state)| state.torque());
         self.torque = wetting.of_wet(torque, 0.0) * fluctuation;
@@ -326,8 +349,9 @@ impl<'a> RigState<'a> {
             + motor.guide_friction_n * libm::tanh(self.velocity / motor.guide_creep_m_s);
         let phase = core::f64::consts::TAU * self.position / motor.cogging_pitch_m;
         let cogging = motor.cogging_n * libm::sin(phase);
-        let weight = (1.0 - motor.balanced_fraction) * self.moving_mass * rod.gravity_m_s2;
-        guide + cogging - weight + rod.gas_force() + self.seal_force + self.tissue_force
+        let weight = (1.0 - motor.balanced_fraction) * self.moving_mass * self.gravity();
+        let sliding = guide + cogging - weight + rod.gas_force();
+        sliding + self.seal_force + self.tissue_force + self.side_friction()
     }
 }
 

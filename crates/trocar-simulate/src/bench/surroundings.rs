@@ -1,6 +1,6 @@
-//! Surroundings of the rod: wetting of the seal, and tissue beyond it.
+//! Surroundings of the rod: wetting of the seal, loads beside its force, and tissue beyond it.
 
-use super::config::{Lubrication, Tissue, TissueKind};
+use super::config::{Loading, Lubrication, Tissue, TissueKind};
 
 /// Depth that defines the tissue's stiffness, m.
 const REFERENCE_DEPTH: f64 = 0.01;
@@ -44,6 +44,13 @@ impl Wetting {
     pub(super) fn of_wet(self, force: f64, viscous: f64) -> f64 {
         self.level * (force + (self.viscosity - 1.0) * viscous)
     }
+}
+
+/// Side force, N, tilt, rad, and pressure, Pa, at `time`, s; 0 before the first sample.
+pub(super) fn loads_at(loads: &Loading, time: f64) -> [f64; 3] {
+    let since = time.max(0.0) * core::f64::consts::TAU / loads.period_s;
+    let of = |largest: f64, periods: f64| 0.5 * largest * (1.0 - libm::cos(since / periods));
+    [of(loads.side_force_n, 1.0), of(loads.tilt_rad, 1.4), of(loads.pressure_pa, 0.7)]
 }
 
 /// Force, N, of the tip on the tissue at `time` (s), `position` (m) and `velocity` (m/s); keys

@@ -7,6 +7,7 @@ use trocar::identify::posterior::{Draws, Posterior};
 use trocar::identify::{IdentifyOptions, identify};
 use trocar::model_file::ModelFile;
 use trocar::recording::Recording;
+use trocar::recording::loads::Loads;
 use trocar::replay::replay;
 use trocar::report::identification::{self, FigureChoice, IdentificationReport};
 use trocar::report::{Axis, Figure, Mark, Panel, Role, Series, Width, comparison};
@@ -167,7 +168,7 @@ fn models() -> Vec<Choice> {
 
 pub(crate) fn compared() -> Outcome<Vec<Figure>> {
     let mass = MovingMass { mass: BenchConfig::default().rod.mass_kg, gravity: 0.0 };
-    let read = |protocol| Ok(mass.subtracted_from(record(protocol)?, 0.0)?);
+    let read = |protocol| Ok(mass.subtracted_from(record(protocol)?, &Loads::default(), 0.0)?);
     let read = |all: &[Protocol]| all.iter().map(|p| read(*p)).collect::<Outcome<Vec<_>>>();
     let training = read(&[Protocol::Steady])?;
     let validation = read(&[Protocol::Step, Protocol::Validation])?;

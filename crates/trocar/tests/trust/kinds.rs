@@ -6,6 +6,7 @@ use std::f64::consts::{PI, TAU};
 use trocar::bench::config::{ForceSensor, Lubrication, SpeedCycles, SpeedOrder, TissueKind};
 use trocar::bench::{self, BenchConfig, Protocol, random_plausible_seal, run};
 use trocar::identify::Term;
+use trocar::recording::loads::Load;
 use trocar::recording::{Recording, RecordingError};
 use trocar_model::{
     Branch, DeformationForce, Element, ElementParams, Piece, Relaxation, SealDamping,
@@ -294,17 +295,33 @@ impl Bench {
     /// Optional model terms that describe the readings.
     pub(crate) fn terms(&self) -> Vec<Term> {
         let any = |of: fn(&ElementParams) -> bool| self.seal.iter().any(of);
+        let [side_friction, tilted_weight, pressure_gain] = self.loads();
         let terms = [
             (Term::Stribeck, any(|p| p.insertion.static_force > p.insertion.coulomb_force)),
             (Term::SealDamping, any(|p| p.damping.coefficients[0] > 0.0)),
             (Term::Creep, any(|p| p.creep_velocity > 0.0)),
             (Term::Dwell, any(|p| p.dwell_force > 0.0)),
             (Term::Relaxation, any(|p| p.relaxation.arms[0].stiffness > 0.0)),
-            (Term::UnmodelledMass, !self.mass_declared && self.config.rod.mass_kg > 0.0),
+            (Term::Load(Load::Mass), !self.mass_declared && self.config.rod.mass_kg > 0.0),
+            (Term::Load(Load::Side), side_friction > 0.0),
+            (Term::Load(Load::Weight), tilted_weight > 0.0),
+            (Term::Load(Load::Pressure), pressure_gain > 0.0),
             (Term::Asymmetry, any(|p| p.insertion.viscous_damping != p.withdrawal.viscous_damping)),
             (Term::SecondStage, self.seal.len() > 1),
         ];
         terms.into_iter().filter(|t| t.1).map(|t| t.0).collect()
+    }
+
+    /// Friction of the cannula, weight that the tilt turns, N, and gain with the pressure, 1/Pa; 0 where
+    /// nothing of it was recorded.
+    fn loads(&self) -> [f64; 3] {
+        let BenchConfig { loads, rod, .. } = &self.config;
+        let of = |largest: f64, own: f64| if largest > 0.0 { own } else { 0.0 };
+        [
+            of(loads.side_force_n, loads.side_friction),
+            of(loads.tilt_rad, rod.mass_kg * rod.gravity_m_s2),
+            of(loads.pressure_pa, loads.pressure_gain_per_pa),
+        ]
     }
 
     /// True parameters by name. A parameter of an absent model term is 0 if 0 represents its
@@ -320,7 +337,8 @@ impl Bench {
         // A wet seal slips at a lower force and thus at a smaller deflection.
         let width = |value: f64| range(wet.level, value);
         let damping = |value: f64| range(drift * wet.viscosity, value);
-        let offset = offset(&self.config);
+        let [side_friction, tilted_weight, pressure_gain] = self.loads();
+        let offset = offset(&self.config) + tilted_weight;
         let (insertion, withdrawal) =
             (sum(|p| p.insertion.coulomb_force), sum(|p| p.withdrawal.coulomb_force));
         let shifted = |[low, high]: Range, by: f64| [low + by, high + by];
@@ -343,6 +361,9 @@ impl Bench {
                 "unmodelled_mass_kg",
                 [if self.mass_declared { 0.0 } else { self.config.rod.mass_kg }; 2],
             ),
+            ("side_friction", [side_friction; 2]),
+            ("tilted_weight_n", [tilted_weight; 2]),
+            ("pressure_gain_per_pa", [pressure_gain; 2]),
             ("creep_velocity_m_s", [first.creep_velocity; 2]),
             ("friction_lag_s", [first.friction_lag; 2]),
             ("dwell_force_n", force(sum(|p| p.dwell_force))),

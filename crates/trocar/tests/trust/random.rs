@@ -43,12 +43,22 @@ const STIFFNESS_RATIO: [f64; 2] = [0.3, 3.0];
 const FRICTION_RATIO: [f64; 2] = [0.6, 1.7];
 const TORQUE_NOISE: [f64; 2] = [2e-5, 5e-4];
 
+/// Largest side force, N, with the friction of the cannula, tilt, rad, and pressure, Pa, with its gain, 1/Pa; and
+/// period, s.
+const SIDE_FORCE: [f64; 2] = [1.0, 8.0];
+const SIDE_FRICTION: [f64; 2] = [0.05, 0.3];
+const TILT: [f64; 2] = [0.3, 1.5];
+const PRESSURE: [f64; 2] = [500.0, 3000.0];
+const PRESSURE_GAIN: [f64; 2] = [2e-5, 3e-4];
+const PERIOD: [f64; 2] = [4.0, 20.0];
+
 /// How often a seal has what the default one lacks.
 const HAS_STRIBECK: f64 = 0.4;
 const HAS_CREEP: f64 = 0.25;
 const HAS_RELAXATION: f64 = 0.25;
 const HAS_OWN_SLOPES: f64 = 0.15;
 const HAS_DWELL: f64 = 0.5;
+const HAS_LOAD: f64 = 0.5;
 const IS_DECLARED: f64 = 0.5;
 
 /// Draws of one bench.
@@ -149,6 +159,21 @@ impl Drawn {
         let part = self.between(DWELL);
         Ok(if self.happens(HAS_DWELL) { bench.sticking_after_rest(part) } else { bench })
     }
+
+    /// A bench on which side force, tilt and pressure are recorded, whether each of them acts or not.
+    fn loaded(&mut self, seed: u64) -> Result<Bench, AnyError> {
+        let bench = self.bench(seed, &TWO_STEPS)?;
+        let largest = [SIDE_FORCE, TILT, PRESSURE, PERIOD].map(|range| self.on_a_logarithm(range));
+        let size = [SIDE_FRICTION, PRESSURE_GAIN].map(|range| self.on_a_logarithm(range));
+        let acts = [(); 3].map(|()| self.happens(HAS_LOAD));
+        bench.with(|config| {
+            let loads = &mut config.loads;
+            [loads.side_force_n, loads.tilt_rad, loads.pressure_pa, loads.period_s] = largest;
+            loads.side_friction = if acts[0] { size[0] } else { 0.0 };
+            loads.pressure_gain_per_pa = if acts[2] { size[1] } else { 0.0 };
+            config.rod.gravity_m_s2 = if acts[1] { 9.81 } else { 0.0 };
+        })
+    }
 }
 
 /// Benches drawn by their seed.
@@ -161,6 +186,7 @@ pub(super) fn random() -> Vec<Kind> {
         of("drawn_strokes_and_hand", [&TWO_STEPS[..], &HAND[..]].concat()),
         of("drawn_hand", HAND.to_vec()),
         kind("drawn_rests", |seed| Drawn::by(seed, false).resting(seed)),
+        kind("drawn_loads", |seed| Drawn::by(seed, false).loaded(seed)),
         kind("drawn_turning", |seed| Drawn::by(seed, true).turning(seed)),
         kind("drawn_turning_without_torque", |seed| {
             let without = |recording| Ok(Recording { torque: None, ..recording });
