@@ -85,13 +85,14 @@ fn reference(field: &Value) -> String {
 
 /// The unit at the end of a name.
 fn unit(name: &str) -> &'static str {
-    const UNITS: [(&str, &str); 11] = [
+    const UNITS: [(&str, &str); 12] = [
         ("_n_s3_m3", "N s³/m³"),
         ("_n_s2_m2", "N s²/m²"),
         ("_n_s_m", "N s/m"),
         ("_n_m", "N/m"),
         ("_m_s", "m/s"),
         ("_hz", "Hz"),
+        ("_per_pa", "1/Pa"),
         ("_kg", "kg"),
         ("_n", "N"),
         ("_m", "m"),

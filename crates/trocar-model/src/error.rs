@@ -254,7 +254,7 @@ pub(crate) fn finite(name: &'static str, value: f64) -> Result<f64, ParamError> 
 /// `value`, if it lies in the range of the parameter.
 pub(crate) fn in_range(id: impl Into<ParameterId>, value: f64) -> Result<f64, ParamError> {
     let id = id.into();
-    if id.declaration().range.holds(value) {
+    if id.quantity.range().holds(value) {
         Ok(value)
     } else {
         Err(ParamError::OutOfRange { id, value })

@@ -136,6 +136,14 @@ macro_rules! quantities {
             /// All but the coefficients.
             pub const ALL: &[Self] = &[$(Self::$name),*];
 
+            /// Values that it may have; apart, so that a program that checks them holds no words.
+            pub const fn range(self) -> Range {
+                match self {
+                    $(Self::$name => $range,)*
+                    Self::Coefficient { .. } => Any,
+                }
+            }
+
             /// Its declaration.
             pub const fn declaration(self) -> Declaration {
                 match self {
