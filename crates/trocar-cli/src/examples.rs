@@ -4,235 +4,29 @@ use clap::{Command, CommandFactory};
 
 use crate::Cli;
 
-/// Command, and lines of a purpose and a command line.
-type Example = (&'static str, &'static [(&'static str, &'static str)]);
-
-pub(crate) const EXAMPLES: [Example; 18] = [
-    (
-        "inspect",
-        &[
-            ("What is in a file, and which columns would be used", "trocar inspect recording.csv"),
-            ("The topics of a robot log", "trocar inspect session.mcap"),
-        ],
-    ),
-    (
-        "bench",
-        &[
-            (
-                "The paper's steady cycles with a made-up seal",
-                "trocar bench steady --out steady.csv",
-            ),
-            (
-                "A rig of your own: change the file, then record with it",
-                "trocar bench --print-config",
-            ),
-            ("", "trocar bench surgeon --rig rig.toml --seal model.json --out surgeon.csv"),
-            (
-                "A seal whose friction lies within published ranges, by the seed",
-                "trocar bench steady --like dobbelsteen-2007 --seed 3 --out steady.csv",
-            ),
-            (
-                "A motion of your own or of `trocar plan`",
-                "trocar bench --motion motion.csv --out planned.csv",
-            ),
-        ],
-    ),
-    (
-        "identify",
-        &[
-            ("From one recording", "trocar identify steady.csv --out result"),
-            (
-                "From two, validated on others",
-                "trocar identify steady.csv dynamic.csv --validate surgeon.csv --out result",
-            ),
-            (
-                "With 2000 draws of the parameters from their posterior, in result/posterior.parquet",
-                "trocar identify steady.csv dynamic.csv --posterior 2000 --out result",
-            ),
-            (
-                "A few strokes in the trocar in use, and a model of one of the same type",
-                "trocar identify strokes.csv --prior result/model.json --out in-use",
-            ),
-            (
-                "Columns with other names, and a sensor that carries a mass of 40 g",
-                "trocar identify log.csv --columns time_s=t,position_mm=pos,force_n=Fz --moving-mass-kg 0.04 --out result",
-            ),
-        ],
-    ),
-    (
-        "fleet",
-        &[
-            ("Every recording of a folder", "trocar fleet recordings --out fleet.parquet"),
-            ("The files of a list", "trocar fleet list.csv --out fleet.csv"),
-        ],
-    ),
-    (
-        "validate",
-        &[
-            (
-                "The error of a model on recordings it has not seen",
-                "trocar validate result surgeon.csv",
-            ),
-            ("As JSON", "trocar validate result surgeon.csv --json"),
-        ],
-    ),
-    (
-        "compare",
-        &[
-            ("The best model of each family", "trocar compare steady.csv --validate surgeon.csv"),
-            (
-                "Some models, with a report",
-                "trocar compare steady.csv --models ems,lugre,gms:4-10 --out compared",
-            ),
-        ],
-    ),
-    (
-        "simulate",
-        &[
-            ("The force along a motion", "trocar simulate result motion.csv --out force.csv"),
-            ("In a pipe", "trocar simulate result - --out -"),
-        ],
-    ),
-    (
-        "compensate",
-        &[
-            (
-                "The tissue force from a sensor outside the body",
-                "trocar compensate result recording.csv --out tissue.csv",
-            ),
-            ("Row by row, as a sensor sends them", "trocar compensate result - --out -"),
-            (
-                "With the error of the parameters from posterior draws",
-                "trocar compensate result recording.csv --posterior result/posterior.parquet --out tissue.csv",
-            ),
-        ],
-    ),
-    (
-        "plan",
-        &[
-            ("One minute that tells most about an unknown seal", "trocar plan --out motion.csv"),
-            (
-                "What to record next to know the viscous damping within 5 %",
-                "trocar plan --model result --after steady.csv --for viscous_damping_n_s_m:5% --out next.csv",
-            ),
-            ("The rig, its noise and the seals that are expected", "trocar plan --print-config"),
-        ],
-    ),
-    (
-        "ranges",
-        &[
-            ("What the literature prints, and from where", "trocar ranges"),
-            ("One study, and the seals drawn from it", "trocar ranges imeche-2015"),
-        ],
-    ),
-    (
-        "teleop",
-        &[
-            ("The loop of a dVRK with a made-up seal", "trocar teleop dvrk"),
-            ("A loop of your own: change the file, then run it", "trocar teleop --print-config"),
-            ("The same of a device", "trocar teleop --print-config dvrk"),
-            ("", "trocar teleop loop.toml --model result --out looked-at"),
-            (
-                "How much of the trocar's force to compensate",
-                "trocar teleop loop.toml --model result --advise",
-            ),
-        ],
-    ),
-    ("analyze", &[("The paper's propositions for a model", "trocar analyze result")]),
-    (
-        "export c",
-        &[
-            (
-                "trocar_seal.c and trocar_seal.h for a microcontroller",
-                "trocar export c result --out trocar_seal.c",
-            ),
-            (
-                "For one without double precision, such as a Cortex-M4F",
-                "trocar export c result --out trocar_seal.c --precision single",
-            ),
-            (
-                "With the observer of the tissue force",
-                "trocar export c result --out trocar_seal.c --compensator --moving-mass-kg 0.2",
-            ),
-        ],
-    ),
-    (
-        "export fmu",
-        &[
-            ("For most simulation programs", "trocar export fmu result --out seal.fmu"),
-            (
-                "FMI 3.0, driven by the position at the end of each step",
-                "trocar export fmu result --fmi 3 --input position --out seal.fmu",
-            ),
-            (
-                "As source code, for platforms without a library",
-                "trocar export fmu result --source --out seal.fmu",
-            ),
-        ],
-    ),
-    (
-        "export values",
-        &[
-            ("F_c and β as MuJoCo calls them", "trocar export values result --for mujoco"),
-            (
-                "What these numbers lose, on a recording held out",
-                "trocar export values result --for urdf --validate surgeon.csv",
-            ),
-        ],
-    ),
-    ("demo", &[("Record, identify, validate and report", "trocar demo --out trocar-demo")]),
-    (
-        "completions",
-        &[
-            (
-                "bash: for this user",
-                "trocar completions bash > ~/.local/share/bash-completion/completions/trocar",
-            ),
-            ("zsh: into a folder of $fpath", "trocar completions zsh > ~/.zfunc/_trocar"),
-            ("fish", "trocar completions fish > ~/.config/fish/completions/trocar.fish"),
-        ],
-    ),
-    (
-        "man",
-        &[
-            ("Read the page", "trocar man | man -l -"),
-            ("Read a page of the book", "trocar man how-to/columns"),
-            ("Install all pages", "trocar man --out ~/.local/share/man/man1"),
-        ],
-    ),
-];
-
-/// Page of the book on a command, one of those that `trocar man` prints.
-fn page(path: &str) -> &'static str {
-    match path {
-        "inspect" => "how-to/columns",
-        "plan" | "bench" => "how-to/record",
-        "identify" => "tutorials/first-identification",
-        "fleet" => "how-to/fleet",
-        "validate" => "explanation/validation",
-        "compare" => "how-to/choose-model",
-        "simulate" => "start/simulator",
-        "compensate" => "how-to/compensation",
-        "ranges" => "reference/published",
-        "teleop" => "how-to/teleoperation",
-        "analyze" => "explanation/seal",
-        "export c" => "how-to/microcontroller",
-        "export fmu" => "reference/fmu",
-        "export values" => "how-to/values",
-        _ => "index",
-    }
-}
+/// A section a command: its name, its page of the book (one of those that `trocar man` prints), and command lines, most below a
+/// line of their purpose.
+const EXAMPLES: &str = include_str!("../data/examples.txt");
 
 /// Examples in the short help of a command.
 const FIRST: usize = 2;
 
 /// The command line with the examples in its help: the first ones in the short one.
 pub(crate) fn command() -> Command {
-    EXAMPLES.iter().fold(Cli::command(), |all, (path, examples)| {
+    sections().fold(Cli::command(), |all, (path, page, lines)| {
         let parts: Vec<&str> = path.split(' ').collect();
-        let [short, long] = [&examples[..examples.len().min(FIRST)], examples]
-            .map(|own| format!("{}\n\nRead on: trocar man {}", text(own), page(path)));
+        let [short, long] = [FIRST, usize::MAX]
+            .map(|most| format!("{}\n\nRead on: trocar man {page}", text(lines, most)));
         with_text(all, &parts, &short, &long)
+    })
+}
+
+/// The name of each command, its page and its lines.
+fn sections() -> impl Iterator<Item = (&'static str, &'static str, &'static str)> {
+    EXAMPLES.split("\n\n").map(|section| {
+        let (head, lines) = section.split_once('\n').expect("a head and lines");
+        let (path, page) = head.split_once(": ").expect("a command and a page");
+        (path, page, lines)
     })
 }
 
@@ -243,12 +37,19 @@ fn with_text(command: Command, path: &[&str], short: &str, long: &str) -> Comman
     }
 }
 
-fn text(examples: &[(&str, &str)]) -> String {
-    let lines = examples.iter().map(|(purpose, line)| match *purpose {
-        "" => format!("  {line}"),
-        purpose => format!("  # {purpose}\n  {line}"),
+/// At most so many examples.
+fn text(lines: &str, most: usize) -> String {
+    let mut left = most;
+    let shown = lines.lines().take_while(|line| {
+        let is_shown = left > 0;
+        left -= usize::from(is_shown && is_command(line));
+        is_shown
     });
-    format!("Examples:\n{}", lines.collect::<Vec<_>>().join("\n"))
+    format!("Examples:{}", shown.map(|line| format!("\n  {line}")).collect::<String>())
+}
+
+fn is_command(line: &str) -> bool {
+    !line.starts_with('#')
 }
 
 #[cfg(test)]
@@ -265,8 +66,8 @@ mod tests {
 
     #[test]
     fn every_example_is_a_valid_command_line() {
-        for (path, examples) in EXAMPLES {
-            for (_, line) in examples {
+        for (path, _, lines) in sections() {
+            for line in lines.lines().filter(|line| is_command(line)) {
                 let parsed = command().try_get_matches_from(words(line));
                 assert!(parsed.is_ok(), "{line}: {}", parsed.unwrap_err());
                 assert!(line.starts_with(&format!("trocar {path}")), "{line} is none of {path}");
@@ -276,8 +77,8 @@ mod tests {
 
     #[test]
     fn every_command_names_a_page_that_the_program_prints() {
-        for (path, _) in EXAMPLES {
-            let parsed = command().try_get_matches_from(["trocar", "man", page(path)]);
+        for (path, page, _) in sections() {
+            let parsed = command().try_get_matches_from(["trocar", "man", page]);
             assert!(parsed.is_ok(), "{path}: {}", parsed.unwrap_err());
         }
     }
