@@ -27,6 +27,64 @@ pub struct Table {
     pub columns: Vec<Column>,
 }
 
+/// How a file stores a number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "their names say all")]
+pub enum Storage {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    I64,
+    U64,
+    F32,
+    F64,
+}
+
+impl Storage {
+    /// Size in bytes.
+    pub fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::I32 | Self::U32 | Self::F32 => 4,
+            Self::I64 | Self::U64 | Self::F64 => 8,
+        }
+    }
+
+    /// The number at the start of `bytes`, in big-endian order if `big`.
+    ///
+    /// # Panics
+    /// With fewer bytes than [`Storage::size`].
+    #[inline]
+    pub fn number(self, bytes: &[u8], big: bool) -> f64 {
+        match self {
+            Self::I8 => f64::from(i8::from_le_bytes(little(bytes, big))),
+            Self::U8 => f64::from(bytes[0]),
+            Self::I16 => f64::from(i16::from_le_bytes(little(bytes, big))),
+            Self::U16 => f64::from(u16::from_le_bytes(little(bytes, big))),
+            Self::I32 => f64::from(i32::from_le_bytes(little(bytes, big))),
+            Self::U32 => f64::from(u32::from_le_bytes(little(bytes, big))),
+            Self::I64 => i64::from_le_bytes(little(bytes, big)) as f64,
+            Self::U64 => u64::from_le_bytes(little(bytes, big)) as f64,
+            Self::F32 => f64::from(f32::from_le_bytes(little(bytes, big))),
+            Self::F64 => f64::from_le_bytes(little(bytes, big)),
+        }
+    }
+}
+
+/// The first bytes in little-endian order.
+fn little<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
+    let mut own = [0; N];
+    own.copy_from_slice(&bytes[..N]);
+    if big {
+        own.reverse();
+    }
+    own
+}
+
 /// Columns of the times of a log: when a message was logged and published, and the stamp that it carries.
 pub const LOG_TIME: &str = "log_time_s";
 /// See [`LOG_TIME`].

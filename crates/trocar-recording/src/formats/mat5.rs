@@ -12,6 +12,8 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::sync::Arc;
 
+use trocar_tables::content::Storage;
+
 use super::lengths::{self, Group, WIDEST};
 use super::{Source, read_at};
 use crate::RecordingError;
@@ -64,68 +66,20 @@ fn is_version_4_in_order(head: &[u8], big: bool) -> Option<bool> {
 }
 
 /// Storage types of numbers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Storage {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
-    I64,
-    U64,
-}
-
-impl Storage {
-    fn of(kind: u32) -> Option<Self> {
-        Some(match kind {
-            1 => Self::I8,
-            2 => Self::U8,
-            3 => Self::I16,
-            4 => Self::U16,
-            5 => Self::I32,
-            6 => Self::U32,
-            7 => Self::F32,
-            9 => Self::F64,
-            12 => Self::I64,
-            13 => Self::U64,
-            _ => return None,
-        })
-    }
-
-    pub(super) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 | Self::I64 | Self::U64 => 8,
-        }
-    }
-
-    /// The number at the start of `bytes`, in big-endian order if `big`.
-    pub(super) fn number(self, bytes: &[u8], big: bool) -> f64 {
-        let size = self.size();
-        let mut little = [0; 8];
-        little[..size].copy_from_slice(&bytes[..size]);
-        if big {
-            little[..size].reverse();
-        }
-        let raw = u64::from_le_bytes(little);
-        match self {
-            Self::I8 => f64::from(raw as u8 as i8),
-            Self::U8 => f64::from(raw as u8),
-            Self::I16 => f64::from(raw as u16 as i16),
-            Self::U16 => f64::from(raw as u16),
-            Self::I32 => f64::from(raw as u32 as i32),
-            Self::U32 => f64::from(raw as u32),
-            Self::F32 => f64::from(f32::from_bits(raw as u32)),
-            Self::F64 => f64::from_bits(raw),
-            Self::I64 => raw as i64 as f64,
-            Self::U64 => raw as f64,
-        }
-    }
+fn storage(kind: u32) -> Option<Storage> {
+    Some(match kind {
+        1 => Storage::I8,
+        2 => Storage::U8,
+        3 => Storage::I16,
+        4 => Storage::U16,
+        5 => Storage::I32,
+        6 => Storage::U32,
+        7 => Storage::F32,
+        9 => Storage::F64,
+        12 => Storage::I64,
+        13 => Storage::U64,
+        _ => return None,
+    })
 }
 
 /// Position of the numbers of one column.
@@ -488,7 +442,7 @@ impl Listing<'_> {
         }
         let tag = self.tag(walk)?;
         let storage =
-            Storage::of(tag.kind).ok_or_else(|| invalid("numbers of no known storage type"))?;
+            self::storage(tag.kind).ok_or_else(|| invalid("numbers of no known storage type"))?;
         let count = head.count().ok_or_else(|| invalid("more numbers than there can be"))?;
         if tag.bytes != count.saturating_mul(storage.size() as u64)
             || tag.from + tag.bytes > head.end
@@ -629,7 +583,8 @@ impl Listing<'_> {
         let head = self.head(&mut inner, end)?;
         if head.count() == Some(1) && (DOUBLE..=UINT64).contains(&head.class) && !head.complex {
             let storage = self.tag(&mut inner)?;
-            let kind = Storage::of(storage.kind).filter(|kind| kind.size() as u64 == storage.bytes);
+            let kind =
+                self::storage(storage.kind).filter(|kind| kind.size() as u64 == storage.bytes);
             let mut bytes = [0; 8];
             let kind = kind.ok_or_else(|| invalid("a number of no known storage type"))?;
             inner.bytes.read_exact(&mut bytes[..kind.size()])?;

@@ -8,9 +8,10 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use trocar_tables::content::Storage;
+
 use super::Source;
 use super::lengths::{self, Group, WIDEST};
-use super::mat5::Storage;
 #[cfg(feature = "npz")]
 use super::zipped;
 use crate::RecordingError;

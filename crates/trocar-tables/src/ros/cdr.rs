@@ -9,7 +9,8 @@
 //! A [`Plan`] is made once from a definition and the requested fields. It steps through a message
 //! up to the last of them, by arithmetic where sizes are fixed, and reads only these fields.
 
-use super::definition::{Arity, Field, Kind, Primitive, Struct};
+use super::definition::{Arity, Field, Kind, Struct};
+use crate::content::Storage;
 
 /// Serialisation of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -90,19 +91,12 @@ impl<'a> Cursor<'a> {
         Some(bytes)
     }
 
-    fn number(&mut self, primitive: Primitive) -> Option<f64> {
-        Some(match primitive {
-            Primitive::Bool | Primitive::U8 => f64::from(self.take::<1>()?[0]),
-            Primitive::I8 => f64::from(i8::from_le_bytes(self.take()?)),
-            Primitive::I16 => f64::from(i16::from_le_bytes(self.take()?)),
-            Primitive::U16 => f64::from(u16::from_le_bytes(self.take()?)),
-            Primitive::I32 => f64::from(i32::from_le_bytes(self.take()?)),
-            Primitive::U32 => f64::from(self.count()? as u32),
-            Primitive::I64 => i64::from_le_bytes(self.take()?) as f64,
-            Primitive::U64 => u64::from_le_bytes(self.take()?) as f64,
-            Primitive::F32 => f64::from(f32::from_le_bytes(self.take()?)),
-            Primitive::F64 => f64::from_le_bytes(self.take()?),
-        })
+    fn number(&mut self, storage: Storage) -> Option<f64> {
+        let size = storage.size();
+        self.align(size);
+        let bytes = self.bytes.get(self.at..)?.get(..size)?;
+        self.at += size;
+        Some(storage.number(bytes, self.big))
     }
 
     fn count(&mut self) -> Option<usize> {
@@ -143,7 +137,7 @@ impl<'a> Cursor<'a> {
     pub(crate) fn pass_field(&mut self, field: &Field) -> Option<()> {
         let count = self.elements(field.arity)?;
         match &field.kind {
-            Kind::Number(primitive) => self.pass(primitive.size(), count),
+            Kind::Number(storage) => self.pass(storage.size(), count),
             Kind::Stamp | Kind::Span => self.pass(4, count.checked_mul(2)?),
             Kind::Text => (0..count).try_for_each(|_| self.text().map(|_| ())),
             Kind::WideText => None,
@@ -478,7 +472,7 @@ fn take_some(
 ) -> Option<()> {
     let count = cursor.elements(arity)?;
     let (size, words) = match kind {
-        Kind::Number(primitive) => (primitive.size(), 1),
+        Kind::Number(storage) => (storage.size(), 1),
         _ => (4, 2),
     };
     let mut end = *cursor;
@@ -500,7 +494,7 @@ fn take_some(
 
 fn value(kind: &Kind, cursor: &mut Cursor, epoch: i64) -> Option<f64> {
     match kind {
-        Kind::Number(primitive) => cursor.number(*primitive),
+        Kind::Number(storage) => cursor.number(*storage),
         Kind::Stamp => Some(seconds(cursor.nanoseconds()?.wrapping_sub(epoch))),
         Kind::Span => Some(seconds(cursor.nanoseconds()?)),
         Kind::Text | Kind::WideText | Kind::Struct(_) => None,

@@ -7,55 +7,29 @@
 
 use std::collections::HashMap;
 
-/// Numeric types as serialised.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Primitive {
-    Bool,
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
+use crate::content::Storage;
 
-impl Primitive {
-    /// Size in bytes, which is also its alignment.
-    pub(crate) fn size(self) -> usize {
-        match self {
-            Self::Bool | Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-
-    fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "bool" => Self::Bool,
-            "int8" => Self::I8,
-            "uint8" | "byte" | "char" => Self::U8,
-            "int16" => Self::I16,
-            "uint16" => Self::U16,
-            "int32" => Self::I32,
-            "uint32" => Self::U32,
-            "int64" => Self::I64,
-            "uint64" => Self::U64,
-            "float32" => Self::F32,
-            "float64" => Self::F64,
-            _ => return None,
-        })
-    }
+/// How a number of a type is serialised: its size is also its alignment.
+fn storage(name: &str) -> Option<Storage> {
+    Some(match name {
+        "int8" => Storage::I8,
+        "bool" | "uint8" | "byte" | "char" => Storage::U8,
+        "int16" => Storage::I16,
+        "uint16" => Storage::U16,
+        "int32" => Storage::I32,
+        "uint32" => Storage::U32,
+        "int64" => Storage::I64,
+        "uint64" => Storage::U64,
+        "float32" => Storage::F32,
+        "float64" => Storage::F64,
+        _ => return None,
+    })
 }
 
 /// Type of a field.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Kind {
-    Number(Primitive),
+    Number(Storage),
     /// Seconds and nanoseconds since the zero of its clock.
     Stamp,
     /// Seconds and nanoseconds of a duration.
@@ -197,8 +171,8 @@ impl Resolver<'_> {
     }
 
     fn kind(&mut self, name: &str, package: &str, depth: usize) -> Result<Kind, String> {
-        if let Some(primitive) = Primitive::named(name) {
-            return Ok(Kind::Number(primitive));
+        if let Some(storage) = storage(name) {
+            return Ok(Kind::Number(storage));
         }
         let name = short(name);
         Ok(match &*name {
