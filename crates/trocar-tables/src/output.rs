@@ -136,23 +136,23 @@ impl Target {
         let unfinished = Unfinished::new(file.path());
         Ok(Self::Temporary { file, to, _unfinished: unfinished })
     }
+
+    fn as_write(&mut self) -> &mut dyn Write {
+        match self {
+            Self::Temporary { file, .. } => file,
+            Self::Direct(file) => file,
+            Self::Stdout(stdout) => stdout,
+        }
+    }
 }
 
 impl Write for AtomicFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut self.target {
-            Target::Temporary { file, .. } => file.write(bytes),
-            Target::Direct(file) => file.write(bytes),
-            Target::Stdout(stdout) => stdout.write(bytes),
-        }
+        self.target.as_write().write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match &mut self.target {
-            Target::Temporary { file, .. } => file.flush(),
-            Target::Direct(file) => file.flush(),
-            Target::Stdout(stdout) => stdout.flush(),
-        }
+        self.target.as_write().flush()
     }
 }
 

@@ -18,50 +18,46 @@ const GZIP_LEVEL: u32 = 4;
 const ZSTD_LEVEL: i32 = 3;
 
 pub(super) struct Writer {
-    sink: Sink,
+    sink: Box<dyn Sink>,
     line: Line,
     /// Text of a missing number.
     pub(super) missing: &'static str,
 }
 
-enum Sink {
-    Plain(AtomicFile),
-    #[cfg(feature = "gzip")]
-    Gzip(GzEncoder<AtomicFile>),
-    #[cfg(feature = "zstd")]
-    Zstd(zstd::Encoder<'static, AtomicFile>),
+/// A file that may be compressed.
+trait Sink: Write + Send {
+    /// The file, with all that was written.
+    fn finish(self: Box<Self>) -> io::Result<AtomicFile>;
 }
 
-impl Write for Sink {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match self {
-            Self::Plain(file) => file.write(bytes),
-            #[cfg(feature = "gzip")]
-            Self::Gzip(file) => file.write(bytes),
-            #[cfg(feature = "zstd")]
-            Self::Zstd(file) => file.write(bytes),
-        }
+impl Sink for AtomicFile {
+    fn finish(self: Box<Self>) -> io::Result<AtomicFile> {
+        Ok(*self)
     }
+}
 
-    fn flush(&mut self) -> io::Result<()> {
-        match self {
-            Self::Plain(file) => file.flush(),
-            #[cfg(feature = "gzip")]
-            Self::Gzip(file) => file.flush(),
-            #[cfg(feature = "zstd")]
-            Self::Zstd(file) => file.flush(),
-        }
+#[cfg(feature = "gzip")]
+impl Sink for GzEncoder<AtomicFile> {
+    fn finish(self: Box<Self>) -> io::Result<AtomicFile> {
+        (*self).finish()
+    }
+}
+
+#[cfg(feature = "zstd")]
+impl Sink for zstd::Encoder<'static, AtomicFile> {
+    fn finish(self: Box<Self>) -> io::Result<AtomicFile> {
+        (*self).finish()
     }
 }
 
 impl Writer {
     pub(super) fn new(file: AtomicFile, format: Format, fields: &[Field]) -> io::Result<Self> {
-        let sink = match format {
+        let sink: Box<dyn Sink> = match format {
             #[cfg(feature = "gzip")]
-            Format::CsvGzip => Sink::Gzip(GzEncoder::new(file, Compression::new(GZIP_LEVEL))),
+            Format::CsvGzip => Box::new(GzEncoder::new(file, Compression::new(GZIP_LEVEL))),
             #[cfg(feature = "zstd")]
-            Format::CsvZstd => Sink::Zstd(zstd::Encoder::new(file, ZSTD_LEVEL)?),
-            _ => Sink::Plain(file),
+            Format::CsvZstd => Box::new(zstd::Encoder::new(file, ZSTD_LEVEL)?),
+            _ => Box::new(file),
         };
         let mut writer = Self { sink, line: Line::default(), missing: "" };
         for field in fields {
@@ -85,13 +81,7 @@ impl Writer {
     }
 
     pub(super) fn finish(self) -> io::Result<AtomicFile> {
-        match self.sink {
-            Sink::Plain(file) => Ok(file),
-            #[cfg(feature = "gzip")]
-            Sink::Gzip(file) => file.finish(),
-            #[cfg(feature = "zstd")]
-            Sink::Zstd(file) => file.finish(),
-        }
+        self.sink.finish()
     }
 }
 

@@ -128,11 +128,40 @@ fn decompressed(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Se
     let mut head = Vec::with_capacity(XZ.len());
     (&mut input).take(XZ.len() as u64).read_to_end(&mut head)?;
     let whole = Cursor::new(head.clone()).chain(input);
-    match () {
-        () if head.starts_with(&GZIP) => gzip_text(whole),
-        () if head.starts_with(&ZSTD) => zstd_text(whole),
-        () if head.starts_with(&XZ) => xz_text(whole),
-        () => Ok(Box::new(whole)),
+    let format = match () {
+        () if head.starts_with(&GZIP) => "gzip",
+        () if head.starts_with(&ZSTD) => "zstd",
+        () if head.starts_with(&XZ) => "xz",
+        () => return Ok(Box::new(whole)),
+    };
+    Ok(Box::new(Told { text: decoder(whole, format)?, format, bytes: 0 }))
+}
+
+#[cfg_attr(
+    not(any(feature = "gzip", feature = "zstd", feature = "xz")),
+    allow(unused_variables, reason = "nothing is decoded")
+)]
+fn decoder(input: impl Read + Send + 'static, format: &str) -> io::Result<Box<dyn Read + Send>> {
+    match format {
+        #[cfg(feature = "gzip")]
+        "gzip" => {
+            let input = io::BufReader::with_capacity(PIECE, input);
+            Ok(Box::new(flate2::bufread::MultiGzDecoder::new(input)))
+        }
+        #[cfg(feature = "zstd")]
+        "zstd" => Ok(Box::new(zstd::Decoder::new(input)?)),
+        #[cfg(feature = "xz")]
+        "xz" => {
+            use liblzma::stream::{CONCATENATED, Stream};
+            let stream = Stream::new_stream_decoder(XZ_MEMORY, CONCATENATED)?;
+            Ok(Box::new(liblzma::read::XzDecoder::new_stream(input, stream)))
+        }
+        name => {
+            let text = format!(
+                "compressed with {name}, and this build has no feature {name}; build with --features {name} or decompress it"
+            );
+            Err(io::Error::new(io::ErrorKind::Unsupported, text))
+        }
     }
 }
 
@@ -146,59 +175,14 @@ fn decoded(mut input: Box<dyn Read + Send>) -> io::Result<Box<dyn Read + Send>> 
     Ok(if is_utf16 { Box::new(Decoder::new(whole, is_little_endian)) } else { Box::new(whole) })
 }
 
-#[cfg(feature = "gzip")]
-fn gzip_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    let text = flate2::bufread::MultiGzDecoder::new(io::BufReader::with_capacity(PIECE, input));
-    Ok(Box::new(Told { text, format: "gzip", bytes: 0 }))
-}
-
-#[cfg(not(feature = "gzip"))]
-fn gzip_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    Err(no_feature("gzip"))
-}
-
-#[cfg(feature = "zstd")]
-fn zstd_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    let text = zstd::Decoder::new(input)?;
-    Ok(Box::new(Told { text, format: "zstd", bytes: 0 }))
-}
-
-#[cfg(not(feature = "zstd"))]
-fn zstd_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    Err(no_feature("zstd"))
-}
-
-#[cfg(feature = "xz")]
-fn xz_text(input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    let stream =
-        liblzma::stream::Stream::new_stream_decoder(XZ_MEMORY, liblzma::stream::CONCATENATED)?;
-    let text = liblzma::read::XzDecoder::new_stream(input, stream);
-    Ok(Box::new(Told { text, format: "xz", bytes: 0 }))
-}
-
-#[cfg(not(feature = "xz"))]
-fn xz_text(_input: impl Read + Send + 'static) -> io::Result<Box<dyn Read + Send>> {
-    Err(no_feature("xz"))
-}
-
-#[cfg(not(all(feature = "gzip", feature = "zstd", feature = "xz")))]
-fn no_feature(name: &str) -> io::Error {
-    let text = format!(
-        "compressed with {name}, and this build has no feature {name}; build with --features {name} or decompress it"
-    );
-    io::Error::new(io::ErrorKind::Unsupported, text)
-}
-
 /// A decoder whose errors state the format and the position reached.
-#[cfg(any(feature = "gzip", feature = "zstd", feature = "xz"))]
-struct Told<R> {
-    text: R,
+struct Told {
+    text: Box<dyn Read + Send>,
     format: &'static str,
     bytes: u64,
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd", feature = "xz"))]
-impl<R: Read> Read for Told<R> {
+impl Read for Told {
     fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
         match self.text.read(bytes) {
             Ok(read) => {
@@ -211,8 +195,7 @@ impl<R: Read> Read for Told<R> {
     }
 }
 
-#[cfg(any(feature = "gzip", feature = "zstd", feature = "xz"))]
-impl<R> Told<R> {
+impl Told {
     fn fault(&self, error: &io::Error) -> io::Error {
         let (format, bytes) = (self.format, self.bytes);
         let text = match error.kind() {
