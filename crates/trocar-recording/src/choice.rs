@@ -182,11 +182,11 @@ pub(super) struct Picked {
 /// Selects the one table that contains the required columns.
 pub(super) fn pick(
     file: &str,
-    container: &dyn Container,
+    container: &Container,
     choice: &Choice,
     needed: &[Quantity],
 ) -> Result<Picked, RecordingError> {
-    let tables = container.tables();
+    let tables = &container.tables;
     let allowed = allowed(file, tables, &choice.topics)?;
     let mut found = Vec::new();
     let mut refused = None;
@@ -246,7 +246,7 @@ fn preferred(tables: &[Table], mut found: Vec<(usize, Layout)>) -> Vec<(usize, L
 /// Where each quantity is, if they are in several of the tables: as a column, or by the table's name.
 fn in_several(
     file: &str,
-    container: &dyn Container,
+    container: &Container,
     tables: &[usize],
     choice: &Choice,
     needed: &[Quantity],
@@ -260,7 +260,7 @@ fn in_several(
             quantity,
             with_column.or_else(|| {
                 tables.iter().copied().find(|table| {
-                    let name = &container.tables()[*table].name;
+                    let name = &container.tables[*table].name;
                     let leaf = name.rsplit(['/', '.']).next().unwrap_or_default();
                     columns::quantity_named(leaf) == Some(quantity)
                 })
@@ -269,7 +269,7 @@ fn in_several(
     }
     let is_apart = places.windows(2).any(|pair| pair[0].1 != pair[1].1);
     let words = places.iter().map(|(quantity, table)| {
-        let table = match &*container.tables()[*table].name {
+        let table = match &*container.tables[*table].name {
             "" => "the file itself".to_owned(),
             name => format!("'{name}'"),
         };
@@ -325,8 +325,8 @@ pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingE
 }
 
 /// Numbers of the first rows of a table, by column.
-fn first_rows(container: &dyn Container, table: usize) -> Vec<Vec<f64>> {
-    let columns = &container.tables()[table].columns;
+fn first_rows(container: &Container, table: usize) -> Vec<Vec<f64>> {
+    let columns = &container.tables[table].columns;
     let numeric: Vec<usize> =
         (0..columns.len()).filter(|k| columns[*k].is_numeric).take(MOST_GUESSED).collect();
     let mut rows = vec![Vec::new(); numeric.len()];
@@ -343,21 +343,22 @@ fn first_rows(container: &dyn Container, table: usize) -> Vec<Vec<f64>> {
 
 fn layout_of(
     file: &str,
-    container: &dyn Container,
+    container: &Container,
     table: usize,
     choice: &Choice,
     needed: &[Quantity],
 ) -> Result<Layout, RecordingError> {
-    let Table { name, columns, .. } = &container.tables()[table];
+    let Table { name, columns, .. } = &container.tables[table];
     let header = Header {
         file,
         place: &if name.is_empty() { String::new() } else { format!(" {name}") },
         names: &columns.iter().map(|column| column.name.clone()).collect::<Vec<_>>(),
         units: &columns.iter().map(|c| c.unit.clone().unwrap_or_default()).collect::<Vec<_>>(),
-        timestamps: &container.dates(table),
+        timestamps: &container.content.dates(table),
         first_rows: &|| first_rows(container, table),
         first_text: &|k| {
-            let text = (!columns[k].is_numeric).then(|| container.number_with_unit(table, k))?;
+            let text =
+                (!columns[k].is_numeric).then(|| container.content.number_with_unit(table, k))?;
             Some(text.map_or(Text::Other, |text| Text::WithUnit(text.to_owned())))
         },
     };

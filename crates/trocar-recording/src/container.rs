@@ -8,31 +8,80 @@
 pub use trocar_tables::content::{Column, Table};
 
 use super::RecordingError;
+use super::formats::Source;
 
 /// Most rows per batch: bounds the memory of all streaming readers.
 pub(crate) const BATCH_ROWS: usize = 1 << 16;
 
 /// An opened file whose tables are known.
-pub trait Container {
+pub struct Container {
+    pub(crate) file: String,
     /// Name of the format, such as `Parquet`.
-    fn format(&self) -> &'static str;
-
+    pub format: &'static str,
     /// Its tables.
-    fn tables(&self) -> &[Table];
-
+    pub tables: Vec<Table>,
     /// Notes, such as the time origin of its stamps.
-    fn notes(&self) -> &[String] {
-        &[]
-    }
-
+    pub notes: Vec<String>,
     /// Damaged or unreadable content.
-    fn warnings(&self) -> &[String] {
-        &[]
+    pub warnings: Vec<String>,
+    pub(crate) content: Box<dyn Content>,
+}
+
+impl Container {
+    pub(crate) fn new(
+        Source { file, format }: Source,
+        tables: Vec<Table>,
+        content: impl Content + 'static,
+    ) -> Self {
+        let (notes, warnings) = (Vec::new(), Vec::new());
+        Self { file, format, tables, notes, warnings, content: Box::new(content) }
     }
 
+    /// Starts to read some columns of one table, by their indices, from the first row.
+    ///
+    /// # Errors
+    /// [`RecordingError`] when the file can no longer be read, or a column is not numeric.
+    pub fn open(
+        &self,
+        table: usize,
+        columns: &[usize],
+    ) -> Result<Box<dyn Batches>, RecordingError> {
+        self.check_numeric(table, columns)?;
+        self.content.open(table, &self.tables[table], columns)
+    }
+
+    /// The complete columns, for a format that can read them without batches; `None` defers to
+    /// [`Container::open`].
+    pub(crate) fn read_whole(
+        &self,
+        table: usize,
+        columns: &[usize],
+    ) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
+        self.check_numeric(table, columns)?;
+        self.content.read_whole(&self.tables[table], columns)
+    }
+
+    fn check_numeric(&self, table: usize, columns: &[usize]) -> Result<(), RecordingError> {
+        let Table { name: table, columns: all, .. } = &self.tables[table];
+        let Some(other) = columns.iter().map(|k| &all[*k]).find(|own| !own.is_numeric) else {
+            return Ok(());
+        };
+        let column = match &**table {
+            "" => other.name.clone(),
+            table => format!("{} of {table}", other.name),
+        };
+        Err(RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column })
+    }
+}
+
+/// Rows of some columns, from the first one on.
+pub(crate) type Opened = Result<Box<dyn Batches>, RecordingError>;
+
+/// What an opened file holds besides its description.
+pub(crate) trait Content {
     /// Clock of a column of times: the times of two columns may be compared only if their clocks
     /// are equal.
-    fn clock(&self, _table: usize, _column: usize) -> usize {
+    fn clock(&self, _at: usize, _table: &Table, _column: usize) -> usize {
         0
     }
 
@@ -47,20 +96,13 @@ pub trait Container {
         None
     }
 
-    /// Starts to read some columns of one table, by their indices, from the first row.
-    ///
-    /// # Errors
-    /// [`RecordingError`] when the file can no longer be read, or a column is not numeric.
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError>;
+    /// Starts to read columns of numbers of the table at a place.
+    fn open(&self, at: usize, table: &Table, columns: &[usize]) -> Opened;
 
-    /// The complete columns, for a format that can read them without batches; `None` defers to
-    /// [`Container::open`].
-    ///
-    /// # Errors
-    /// As for [`Container::open`] and [`Batches::next`].
+    /// As [`Container::read_whole`].
     fn read_whole(
         &self,
-        _table: usize,
+        _table: &Table,
         _columns: &[usize],
     ) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
         Ok(None)

@@ -59,8 +59,8 @@ pub(crate) struct Pick {
 
 impl Pick {
     /// The name of its topic.
-    fn name<'a>(&self, container: &'a dyn Container) -> &'a str {
-        &container.tables()[self.table].name
+    fn name<'a>(&self, container: &'a Container) -> &'a str {
+        &container.tables[self.table].name
     }
 }
 
@@ -81,7 +81,7 @@ pub(crate) struct Joined {
 /// # Errors
 /// [`RecordingError`] when the file cannot be read, or a topic has no clock that advances.
 pub(crate) fn join(
-    container: &dyn Container,
+    container: &Container,
     picks: &[Pick],
     onto: usize,
     given: &[String],
@@ -101,10 +101,10 @@ pub(crate) fn join(
         let pace = survey.pace(clock).expect("the clock chosen was surveyed");
         let columns: Vec<usize> =
             std::iter::once(clock).chain(pick.values.iter().copied()).collect();
-        let name = &container.tables()[pick.table].name;
+        let name = &container.tables[pick.table].name;
         lanes.push(Lane::new(name, container.open(pick.table, &columns)?, columns.len(), pace));
     }
-    let main = &container.tables()[picks[onto].table];
+    let main = &container.tables[picks[onto].table];
     if picks.len() > 1 {
         notes.push(format!(
             "rows at the times of {}; other topics interpolated linearly between two samples",
@@ -117,7 +117,7 @@ pub(crate) fn join(
 
 /// Chooses the clock of each pick.
 fn choose(
-    container: &dyn Container,
+    container: &Container,
     picks: &[Pick],
     surveys: &[Survey],
 ) -> Result<(Vec<usize>, Vec<String>), RecordingError> {
@@ -127,7 +127,10 @@ fn choose(
     let kinds: Vec<Option<usize>> = picks
         .iter()
         .zip(surveys)
-        .map(|(pick, survey)| Some(container.clock(pick.table, survey.stamp_column?)))
+        .map(|(pick, survey)| {
+            let table = &container.tables[pick.table];
+            Some(container.content.clock(pick.table, table, survey.stamp_column?))
+        })
         .collect();
     let unusable =
         surveys.iter().position(|survey| !survey.stamps.as_ref().is_some_and(Pace::advances));
@@ -153,7 +156,7 @@ fn choose(
                     "{} has no times that advance: {why}, and no log times either",
                     pick.name(container)
                 );
-                return Err(RecordingError::Log { file: container.format().to_owned(), problem });
+                return Err(RecordingError::Log { file: container.format.to_owned(), problem });
             }
         }
     }
@@ -163,7 +166,7 @@ fn choose(
 /// Rejects topics that have no time in common with the one at `onto`, with their times and, if
 /// their times of receipt do overlap, the option that uses these.
 fn overlap(
-    container: &dyn Container,
+    container: &Container,
     picks: &[Pick],
     surveys: &[Survey],
     (clocks, onto): (&[usize], usize),
@@ -196,11 +199,11 @@ fn overlap(
     } else {
         "choose topics that were recorded at the same time, or record them again on one clock; `trocar inspect` shows them".to_owned()
     };
-    let clock = &container.tables()[picks[onto].table].columns[clocks[onto]].name;
+    let clock = &container.tables[picks[onto].table].columns[clocks[onto]].name;
     let problem = format!(
         "the topics have no time in common: {said}, {said_of_other} ({clock})\n\nhint: {hint}"
     );
-    Err(RecordingError::Log { file: container.format().to_owned(), problem })
+    Err(RecordingError::Log { file: container.format.to_owned(), problem })
 }
 
 fn are_apart(a: (f64, f64), b: (f64, f64)) -> bool {
@@ -208,7 +211,7 @@ fn are_apart(a: (f64, f64), b: (f64, f64)) -> bool {
 }
 
 /// Stamps whose distance from the log's time differs between topics by more than its scatter.
-fn shifts(container: &dyn Container, picks: &[Pick], surveys: &[Survey]) -> Vec<String> {
+fn shifts(container: &Container, picks: &[Pick], surveys: &[Survey]) -> Vec<String> {
     let mut warnings = Vec::new();
     for (a, one) in surveys.iter().enumerate() {
         for (b, two) in surveys.iter().enumerate().skip(a + 1) {
@@ -253,8 +256,8 @@ impl Survey {
     }
 }
 
-fn survey(container: &dyn Container, pick: &Pick) -> Result<Survey, RecordingError> {
-    let table: &Table = &container.tables()[pick.table];
+fn survey(container: &Container, pick: &Pick) -> Result<Survey, RecordingError> {
+    let table: &Table = &container.tables[pick.table];
     let [stamp_column, log_column] = [HEADER_STAMP, LOG_TIME].map(|name| {
         table.columns.iter().position(|column| column.name == name && column.is_numeric)
     });
@@ -618,6 +621,8 @@ mod tests {
 
     use super::*;
     use crate::Column;
+    use crate::container::{Content, Opened};
+    use crate::formats::Source;
 
     /// Difference allowed between a line and its interpolation, in its own unit: rounding of
     /// numbers up to 10.
@@ -625,7 +630,6 @@ mod tests {
 
     /// Topics in memory, returned in pieces.
     struct Log {
-        tables: Vec<Table>,
         columns: Vec<Vec<Vec<f64>>>,
         piece: usize,
     }
@@ -638,41 +642,25 @@ mod tests {
 
     impl Log {
         /// Topics with stamps, log times and one value each.
-        fn new(piece: usize, topics: &[(&str, Vec<[f64; 3]>)]) -> Self {
+        fn of(piece: usize, topics: &[(&str, Vec<[f64; 3]>)]) -> Container {
             let column = |name: &str| Column { name: name.into(), unit: None, is_numeric: true };
             let split = |(_, rows): &(&str, Vec<[f64; 3]>)| {
                 (0..3).map(|k| rows.iter().map(|row| row[k]).collect()).collect::<Vec<Vec<f64>>>()
             };
-            Self {
-                tables: topics
-                    .iter()
-                    .map(|(name, _)| Table {
-                        name: (*name).into(),
-                        kind: String::new(),
-                        rows: None,
-                        columns: vec![column(HEADER_STAMP), column(LOG_TIME), column("value")],
-                    })
-                    .collect(),
-                columns: topics.iter().map(split).collect(),
-                piece,
-            }
+            let tables = topics.iter().map(|(name, _)| Table {
+                name: (*name).into(),
+                kind: String::new(),
+                rows: None,
+                columns: vec![column(HEADER_STAMP), column(LOG_TIME), column("value")],
+            });
+            let source = Source { file: "log".into(), format: "test" };
+            let log = Self { columns: topics.iter().map(split).collect(), piece };
+            Container::new(source, tables.collect(), log)
         }
     }
 
-    impl Container for Log {
-        fn format(&self) -> &'static str {
-            "test"
-        }
-
-        fn tables(&self) -> &[Table] {
-            &self.tables
-        }
-
-        fn open(
-            &self,
-            table: usize,
-            columns: &[usize],
-        ) -> Result<Box<dyn Batches>, RecordingError> {
+    impl Content for Log {
+        fn open(&self, table: usize, _: &Table, columns: &[usize]) -> Opened {
             let columns =
                 columns.iter().map(|&column| self.columns[table][column].clone()).collect();
             Ok(Box::new(Pieces { columns, at: 0, piece: self.piece }))
@@ -692,11 +680,11 @@ mod tests {
         }
     }
 
-    fn picks(log: &Log) -> Vec<Pick> {
+    fn picks(log: &Container) -> Vec<Pick> {
         (0..log.tables.len()).map(|table| Pick { table, clock: None, values: vec![2] }).collect()
     }
 
-    fn joined(log: &Log) -> (Vec<Vec<f64>>, Joined) {
+    fn joined(log: &Container) -> (Vec<Vec<f64>>, Joined) {
         let picks = picks(log);
         let mut joined = join(log, &picks, 0, &[]).unwrap();
         let mut all = vec![Vec::new(); 1 + picks.len()];
@@ -729,7 +717,7 @@ mod tests {
         ) {
             let other = line(start, &other, 0.0);
             let (first, last) = (other[0][0], other[other.len() - 1][0]);
-            let log = Log::new(7, &[("/a", line(0.0, &main, 0.0)), ("/b", other)]);
+            let log = Log::of(7, &[("/a", line(0.0, &main, 0.0)), ("/b", other)]);
             let times = line(0.0, &main, 0.0).into_iter().map(|row| row[0]);
             let covered: Vec<f64> = times.filter(|time| (first..=last).contains(time)).collect();
             if covered.is_empty() {
@@ -752,7 +740,7 @@ mod tests {
             seed in any::<u64>(),
         ) {
             let (a, b) = (line(0.0, &main, 0.0), line(0.0, &other, 0.0));
-            let (expected, _) = joined(&Log::new(1 << 16, &[("/a", a.clone()), ("/b", b.clone())]));
+            let (expected, _) = joined(&Log::of(1 << 16, &[("/a", a.clone()), ("/b", b.clone())]));
             let turned = |rows: &[[f64; 3]]| {
                 let mut rows = rows.to_vec();
                 rows.chunks_mut(2 + (seed % 20) as usize).for_each(<[_]>::reverse);
@@ -760,7 +748,7 @@ mod tests {
             };
             // Stamps out of order would not count as advancing: the clock is the same because it is
             // requested.
-            let log = Log::new(piece, &[("/a", turned(&a)), ("/b", turned(&b))]);
+            let log = Log::of(piece, &[("/a", turned(&a)), ("/b", turned(&b))]);
             let picks: Vec<Pick> = (0..2).map(|table| Pick { table, clock: Some(0), values: vec![2] }).collect();
             let mut found = vec![Vec::new(); 3];
             let mut batch = found.clone();
@@ -778,7 +766,7 @@ mod tests {
         #[test]
         fn a_lag_shows_as_it_is(lag in -5e-3..5e-3) {
             let intervals = [1e-3; 100];
-            let log = Log::new(16, &[("/a", line(0.0, &intervals, 0.0)), ("/b", line(0.0, &intervals, lag))]);
+            let log = Log::of(16, &[("/a", line(0.0, &intervals, 0.0)), ("/b", line(0.0, &intervals, lag))]);
             let (columns, _) = joined(&log);
             for (one, other) in columns[1].iter().zip(&columns[2]) {
                 prop_assert!((one - other - 2.0 * lag).abs() < EXACT);
@@ -793,7 +781,7 @@ mod tests {
                 .iter()
                 .map(|[stamp, log, value]| [stamp + late_stamps, log + late_logs, *value])
                 .collect();
-            let log = Log::new(7, &[("/rows", line(0.0, &[0.01; 50], 0.0)), ("/other", other)]);
+            let log = Log::of(7, &[("/rows", line(0.0, &[0.01; 50], 0.0)), ("/other", other)]);
             let pick = |table| Pick { table, clock: None, values: vec![2] };
             join(&log, &[pick(0), pick(1)], 0, &[]).err().map(|error| error.to_string())
         };
@@ -814,7 +802,7 @@ mod tests {
     fn nothing_is_made_up_in_gaps() {
         let mut intervals = vec![2e-3; 60];
         intervals[30] = 20e-3;
-        let log = Log::new(
+        let log = Log::of(
             16,
             &[("/a", line(2e-3 + 0.5e-3, &[1e-3; 145], 0.0)), ("/b", line(0.0, &intervals, 0.0))],
         );
@@ -834,7 +822,7 @@ mod tests {
     fn clocks_that_disagree_are_reported_with_their_numbers() {
         let mut b = line(0.0, &[1e-3; 100], 0.0);
         b.iter_mut().enumerate().for_each(|(k, row)| row[1] += 0.25 + 1e-5 * (k % 3) as f64);
-        let log = Log::new(16, &[("/a", line(0.0, &[1e-3; 100], 0.0)), ("/b", b)]);
+        let log = Log::of(16, &[("/a", line(0.0, &[1e-3; 100], 0.0)), ("/b", b)]);
         let (_, joined) = joined(&log);
         assert_eq!(joined.clock, HEADER_STAMP);
         assert_eq!(joined.warnings.len(), 1);
@@ -845,7 +833,7 @@ mod tests {
     fn stamps_that_stand_still_give_way_to_the_log() {
         let mut b = line(0.0, &[1e-3; 100], 0.0);
         b.iter_mut().for_each(|row| row[0] = 0.0);
-        let log = Log::new(16, &[("/a", line(0.0, &[1e-3; 100], 0.0)), ("/b", b)]);
+        let log = Log::of(16, &[("/a", line(0.0, &[1e-3; 100], 0.0)), ("/b", b)]);
         let (_, joined) = joined(&log);
         assert_eq!(joined.clock, LOG_TIME);
         assert!(
@@ -860,7 +848,7 @@ mod tests {
         let mut b = line(0.0, &[1e-3; 1000], 0.0);
         b[10][0] = b[9][0];
         b[20][0] = f64::NAN;
-        let log = Log::new(16, &[("/a", line(0.0, &[1e-3; 1000], 0.0)), ("/b", b)]);
+        let log = Log::of(16, &[("/a", line(0.0, &[1e-3; 1000], 0.0)), ("/b", b)]);
         let (columns, joined) = joined(&log);
         assert!(
             joined.batches.warnings()[0].starts_with("2 samples of /b"),

@@ -46,7 +46,7 @@ pub(super) fn is_log(tables: &[Table]) -> bool {
 /// Finds the quantities in the topics of `container` and aligns them to the times of the position.
 pub(super) fn choose(
     file: &str,
-    container: &dyn Container,
+    container: &Container,
     choice: &Choice,
     needed: &[Quantity],
 ) -> Result<Chosen, RecordingError> {
@@ -60,7 +60,7 @@ pub(super) fn choose(
         });
     }
     let topics =
-        Topics { file, container, allowed: allowed(file, container.tables(), &choice.topics)? };
+        Topics { file, container, allowed: allowed(file, &container.tables, &choice.topics)? };
     if let Some(mapping) = choice.in_order() {
         return Err(topics.in_order(mapping));
     }
@@ -94,7 +94,7 @@ pub(super) fn choose(
 
 struct Topics<'a> {
     file: &'a str,
-    container: &'a dyn Container,
+    container: &'a Container,
     allowed: Vec<usize>,
 }
 
@@ -106,14 +106,14 @@ impl Topics<'_> {
 
     /// `TOPIC.FIELD`.
     fn name(&self, table: usize, column: usize) -> String {
-        let table = &self.container.tables()[table];
+        let table = &self.container.tables[table];
         format!("{}.{}", table.name, table.columns[column].name)
     }
 
     /// All numeric columns of the topics to search.
     fn columns(&self) -> impl Iterator<Item = (usize, usize)> {
         self.allowed.iter().flat_map(|&table| {
-            let columns = self.container.tables()[table].columns.iter().enumerate();
+            let columns = self.container.tables[table].columns.iter().enumerate();
             columns.filter(|(_, own)| own.is_numeric).map(move |(column, _)| (table, column))
         })
     }
@@ -126,7 +126,7 @@ impl Topics<'_> {
     /// The column that `--columns` names: by topic and field, or by the field alone if only one
     /// topic has it.
     fn named(&self, given: &Given) -> Result<Taken, RecordingError> {
-        let tables = self.container.tables();
+        let tables = &self.container.tables;
         let places: Vec<(usize, usize)> = self.columns().collect();
         let mut alone = (0..places.len()).filter(|k| {
             let (table, column) = places[*k];
@@ -138,7 +138,7 @@ impl Topics<'_> {
         };
         let (table, column) = places[index];
         let quantity = given.quantity;
-        let topic = &self.container.tables()[table].columns[column];
+        let topic = &self.container.tables[table].columns[column];
         let declared = topic.unit.as_deref().unwrap_or_default();
         given.check_unit(&topic.name, declared)?;
         let own = self.candidate(table, column).filter(|own| own.quantity == quantity);
@@ -148,7 +148,7 @@ impl Topics<'_> {
 
     /// Meaning of a column according to names and types.
     fn candidate(&self, table: usize, column: usize) -> Option<Candidate> {
-        let topics = self.container.tables();
+        let topics = &self.container.tables;
         let topic = &topics[table];
         match meaning(&topic.name, &topic.kind, &topic.columns[column].name) {
             Meaning::Candidate(mut own) => {
@@ -239,7 +239,7 @@ impl Topics<'_> {
         table: usize,
         column: usize,
     ) -> Result<Result<String, Vec<Place>>, RecordingError> {
-        let columns = &self.container.tables()[table].columns;
+        let columns = &self.container.tables[table].columns;
         let Some(front) = columns[column].name.strip_suffix("force.z") else {
             return Ok(Ok(String::new()));
         };
@@ -333,7 +333,7 @@ impl Topics<'_> {
         for (table, column, own) in candidates {
             let [low, high] = limits(self.container, *table, &[*column])?[0];
             // The third joint of an arm without names is the insertion.
-            let is_third = self.container.tables()[*table].columns[*column].name.ends_with("[2]");
+            let is_third = self.container.tables[*table].columns[*column].name.ends_with("[2]");
             let rank = (
                 own.certainty.min(Certainty::Likely),
                 is_third,
@@ -347,7 +347,7 @@ impl Topics<'_> {
         if let Some((_, own)) = best {
             return Ok(Some(own));
         }
-        let tables = self.container.tables();
+        let tables = &self.container.tables;
         let free: Vec<(usize, usize)> = self
             .columns()
             .filter(|place| {
@@ -371,7 +371,7 @@ impl Topics<'_> {
 
     /// The column of `table` that has the name of the clock chosen by the user.
     fn same_clock(&self, clock: &Taken, table: usize) -> Result<usize, RecordingError> {
-        let tables = self.container.tables();
+        let tables = &self.container.tables;
         let name = &tables[clock.table].columns[clock.column].name;
         let found = tables[table]
             .columns
@@ -413,7 +413,7 @@ impl Topics<'_> {
         let joined =
             join(self.container, &picks, 0, &given.iter().map(Given::entry).collect::<Vec<_>>())?;
         let mut names =
-            vec![format!("{}.{}", self.container.tables()[picks[0].table].name, joined.clock)];
+            vec![format!("{}.{}", self.container.tables[picks[0].table].name, joined.clock)];
         let time = clock
             .as_ref()
             .map_or(Slot { output: Quantity::Time as usize, per_si: 1.0 }, |clock| clock.slot);
@@ -463,7 +463,7 @@ fn by_name(topic: &Table, column: usize) -> Option<Candidate> {
 
 /// Least and largest number of each column of a table.
 fn limits(
-    container: &dyn Container,
+    container: &Container,
     table: usize,
     columns: &[usize],
 ) -> Result<Vec<[f64; 2]>, RecordingError> {
@@ -489,6 +489,8 @@ fn widths(limits: &[[f64; 2]]) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Column;
+    use crate::container::{Content, Opened};
+    use crate::formats::Source;
 
     const JOINTS: &str = "sensor_msgs/msg/JointState";
     const WRENCH: &str = "geometry_msgs/msg/WrenchStamped";
@@ -496,13 +498,12 @@ mod tests {
 
     /// Topics in memory: a sine at 1 kHz times the factor of each column.
     struct Log {
-        tables: Vec<Table>,
         factors: Vec<Vec<f64>>,
     }
 
     type Topic<'a> = (&'a str, &'a str, &'a [(&'a str, f64)]);
 
-    fn log(topics: &[Topic]) -> Log {
+    fn log(topics: &[Topic]) -> Container {
         let column = |name: &str| Column { name: name.into(), unit: None, is_numeric: true };
         let table = |(name, kind, fields): &Topic| {
             let fields = fields.iter().map(|(field, _)| column(field));
@@ -510,25 +511,15 @@ mod tests {
             Table { name: (*name).into(), kind: (*kind).into(), rows: None, columns }
         };
         let factors = topics.iter().map(|(.., fields)| fields.iter().map(|own| own.1).collect());
-        Log { tables: topics.iter().map(table).collect(), factors: factors.collect() }
+        let source = Source { file: "log".into(), format: "test" };
+        let log = Log { factors: factors.collect() };
+        Container::new(source, topics.iter().map(table).collect(), log)
     }
 
     struct Once(Vec<Vec<f64>>);
 
-    impl Container for Log {
-        fn format(&self) -> &'static str {
-            "test"
-        }
-
-        fn tables(&self) -> &[Table] {
-            &self.tables
-        }
-
-        fn open(
-            &self,
-            table: usize,
-            columns: &[usize],
-        ) -> Result<Box<dyn Batches>, RecordingError> {
+    impl Content for Log {
+        fn open(&self, table: usize, _: &Table, columns: &[usize]) -> Opened {
             let value = |column: usize, k: usize| match column {
                 0 | 1 => 1e-3 * k as f64,
                 _ => self.factors[table][column - 2] * (0.02 * k as f64).sin(),
@@ -546,14 +537,14 @@ mod tests {
         }
     }
 
-    fn chosen(log: &Log, columns: Option<&str>) -> Result<(Vec<String>, String), String> {
+    fn chosen(log: &Container, columns: Option<&str>) -> Result<(Vec<String>, String), String> {
         let choice = Choice { columns: columns.map(str::to_owned), ..Choice::default() };
         let chosen = choose("log", log, &choice, &NEEDED).map_err(|error| error.to_string())?;
         Ok((chosen.layout.words(), chosen.layout.notes.join("; ")))
     }
 
     /// The option of a message is taken as it is.
-    fn follow(log: &Log, message: &str) -> Vec<String> {
+    fn follow(log: &Container, message: &str) -> Vec<String> {
         let option = message.split("‹columns='").nth(1).unwrap_or_else(|| panic!("{message}"));
         let option = option.split('\'').next().unwrap();
         chosen(log, Some(option)).unwrap_or_else(|error| panic!("{message}\n{error}")).0

@@ -36,7 +36,7 @@ enum Reader {
     Refused(&'static str, &'static str),
 }
 
-type Open = fn(&Input, Source) -> Result<Box<dyn Container>, RecordingError>;
+type Open = fn(&Input, Source) -> Result<Container, RecordingError>;
 
 /// A file or folder that is to be read.
 struct Input<'a> {
@@ -85,7 +85,7 @@ pub const FORMATS: [Format; 19] = [
         endings: &["parquet", "pq"],
         is: |input| input.has(0, b"PAR1") || input.has(0, b"PARE"),
         reader: with!("parquet", |input, source| {
-            boxed(super::formats::parquet::Parquet::open(input.file()?, input.length, source))
+            super::formats::parquet::open(input.file()?, input.length, source)
         }),
     },
     Format {
@@ -93,20 +93,20 @@ pub const FORMATS: [Format; 19] = [
         endings: &["arrow", "feather", "ipc"],
         is: |input| input.has(0, b"ARROW1"),
         reader: with!("arrow", |input, source| {
-            boxed(super::formats::arrow::Arrow::open(input.file()?, input.length, source))
+            super::formats::arrow::open(input.file()?, input.length, source)
         }),
     },
     Format {
         name: "MCAP",
         endings: &["mcap"],
         is: |input| input.has(0, b"\x89MCAP0\r\n"),
-        reader: with!("mcap", |input, _| boxed(super::formats::mcap::open(input.path))),
+        reader: with!("mcap", |input, _| Ok(super::formats::mcap::open(input.path)?.into())),
     },
     Format {
         name: "ROS 1 bag",
         endings: &["bag"],
         is: |input| input.has(0, b"#ROSBAG V"),
-        reader: with!("ros1", |input, _| boxed(super::formats::ros1::open(input.path))),
+        reader: with!("ros1", |input, _| Ok(super::formats::ros1::open(input.path)?.into())),
     },
     Format {
         name: "ROS 2 bag",
@@ -118,16 +118,14 @@ pub const FORMATS: [Format; 19] = [
         name: "MATLAB 5",
         endings: &["mat"],
         is: |input| input.has(124, b"\x00\x01IM") || input.has(124, b"\x01\x00MI"),
-        reader: Reader::Own(|input, source| {
-            boxed(mat5::Mat5::open(input.file()?, input.length, source))
-        }),
+        reader: Reader::Own(|input, source| mat5::open(input.file()?, input.length, source)),
     },
     Format {
         name: "MATLAB 7.3",
         endings: &[],
         is: |input| input.has(0, b"MATLAB 7.") && is_hdf5(input),
         reader: with!("hdf5", |input, source| {
-            boxed(super::formats::hdf5::Hdf5::open(input.path, input.length, source))
+            super::formats::hdf5::open(input.path, input.length, source)
         }),
     },
     Format {
@@ -135,7 +133,7 @@ pub const FORMATS: [Format; 19] = [
         endings: &["h5", "hdf5"],
         is: is_hdf5,
         reader: with!("hdf5", |input, source| {
-            boxed(super::formats::hdf5::Hdf5::open(input.path, input.length, source))
+            super::formats::hdf5::open(input.path, input.length, source)
         }),
     },
     Format {
@@ -143,31 +141,27 @@ pub const FORMATS: [Format; 19] = [
         endings: &["xlsx", "xlsm"],
         is: |input| input.is_archive() && !is_npz(input) && !is_ods(input),
         reader: with!("xlsx", |input, source| {
-            boxed(super::formats::xlsx::Xlsx::open(input.path, source, input.skip_rows))
+            super::formats::xlsx::open(input.path, source, input.skip_rows)
         }),
     },
     Format {
         name: "NumPy array",
         endings: &["npy"],
         is: |input| input.has(0, numpy::MAGIC),
-        reader: Reader::Own(|input, source| {
-            boxed(numpy::Numpy::open(input.path, input.length, source))
-        }),
+        reader: Reader::Own(|input, source| numpy::open(input.path, input.length, source)),
     },
     Format {
         name: numpy::NPZ,
         endings: &["npz"],
         is: is_npz,
-        reader: with!("npz", |input, source| {
-            boxed(numpy::Numpy::open(input.path, input.length, source))
-        }),
+        reader: with!("npz", |input, source| { numpy::open(input.path, input.length, source) }),
     },
     Format {
         name: "JSON lines",
         endings: &["jsonl", "ndjson"],
         is: is_object,
         reader: with!("json", |input, source| {
-            boxed(super::formats::json_lines::JsonLines::open(input.path, source))
+            super::formats::json_lines::open(input.path, source)
         }),
     },
     Format {
@@ -175,7 +169,7 @@ pub const FORMATS: [Format; 19] = [
         endings: &["arrows"],
         is: is_arrow_stream,
         reader: with!("arrow", |input, source| {
-            boxed(super::formats::arrow::Arrow::stream(input.file()?, input.length, source))
+            super::formats::arrow::stream(input.file()?, input.length, source)
         }),
     },
     Format {
@@ -247,7 +241,7 @@ pub fn is_folder(path: &Path) -> bool {
 ///
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
-pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
+pub fn any(path: &Path) -> Result<Container, RecordingError> {
     any_after(path, 0)
 }
 
@@ -255,10 +249,10 @@ pub fn any(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
 ///
 /// # Errors
 /// As for [`any`].
-pub fn any_after(path: &Path, skip_rows: u64) -> Result<Box<dyn Container>, RecordingError> {
+pub fn any_after(path: &Path, skip_rows: u64) -> Result<Container, RecordingError> {
     match open(path, skip_rows)? {
         Some(container) => Ok(container),
-        None => boxed(TextTable::open(path, skip_rows)),
+        None => TextTable::open(path, skip_rows),
     }
 }
 
@@ -268,7 +262,7 @@ pub fn any_after(path: &Path, skip_rows: u64) -> Result<Box<dyn Container>, Reco
 ///
 /// # Errors
 /// As for [`any`], and when rows are to be skipped in a format that has no lines.
-pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Box<dyn Container>>, RecordingError> {
+pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Container>, RecordingError> {
     let file = path.display().to_string();
     if file == "-" {
         return Ok(None);
@@ -290,12 +284,6 @@ pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Box<dyn Container>>, R
         }
         Reader::Refused(found, hint) => Err(source.unsupported(found, hint)),
     }
-}
-
-fn boxed(
-    opened: Result<impl Container + 'static, RecordingError>,
-) -> Result<Box<dyn Container>, RecordingError> {
-    Ok(Box::new(opened?))
 }
 
 /// Number of first bytes examined: up to the second possible position of the HDF5 signature.

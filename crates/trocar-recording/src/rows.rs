@@ -122,7 +122,7 @@ impl Rows<'static> {
             && let Some(container) = registry::open(path, choice.skip_rows)?
         {
             choice.check_rate(&file)?;
-            let mut rows = Self::of_table(&file, container.as_ref(), choice, needed)?;
+            let mut rows = Self::of_table(&file, &container, choice, needed)?;
             rows.hash = hash.then(|| hash_of(path));
             return Ok(rows);
         }
@@ -132,20 +132,20 @@ impl Rows<'static> {
 
     fn of_table(
         file: &str,
-        container: &dyn Container,
+        container: &Container,
         choice: &Choice,
         needed: &[Quantity],
     ) -> Result<Self, RecordingError> {
-        let mut warnings = container.warnings().to_vec();
-        let (mut layout, batches, rows) = if log::is_log(container.tables()) {
+        let mut warnings = container.warnings.clone();
+        let (mut layout, batches, rows) = if log::is_log(&container.tables) {
             let chosen = log::choose(file, container, choice, needed)?;
             warnings.extend(chosen.warnings);
             (chosen.layout, chosen.batches, None)
         } else {
             let Picked { table, columns, layout } = pick(file, container, choice, needed)?;
-            (layout, container.open(table, &columns)?, container.tables()[table].rows)
+            (layout, container.open(table, &columns)?, container.tables[table].rows)
         };
-        layout.notes.extend_from_slice(container.notes());
+        layout.notes.extend_from_slice(&container.notes);
         Ok(Self { rows, warnings, ..Self::new(batches, layout, Count::Rows, choice) })
     }
 }

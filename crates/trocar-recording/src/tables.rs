@@ -15,7 +15,7 @@ use super::rows::justified;
 /// # Errors
 /// [`RecordingError`] when the file cannot be opened, is damaged, or has an unsupported format.
 pub fn tables(path: impl AsRef<Path>) -> Result<Vec<Table>, RecordingError> {
-    Ok(registry::any(path.as_ref())?.tables().to_vec())
+    Ok(registry::any(path.as_ref())?.tables)
 }
 
 /// Columns of the table named `table` of a file, in the requested order; NaN for a missing cell.
@@ -32,11 +32,11 @@ pub fn read_columns(
 ) -> Result<Vec<Vec<f64>>, RecordingError> {
     let path = path.as_ref();
     let container = registry::any(path)?;
-    let (table, places) = find(path, container.as_ref(), table, columns)?;
+    let (table, places) = find(path, &container, table, columns)?;
     if let Some(all) = container.read_whole(table, &places)? {
         return Ok(all);
     }
-    let rows = container.tables()[table].rows.unwrap_or(0);
+    let rows = container.tables[table].rows.unwrap_or(0);
     let mut batches = container.open(table, &places)?;
     let start = rows.min(justified(path) / places.len().max(1) as u64) as usize;
     let mut all: Vec<Vec<f64>> = places.iter().map(|_| Vec::with_capacity(start)).collect();
@@ -51,11 +51,11 @@ pub fn read_columns(
 /// Indices of a table and of some of its columns.
 fn find(
     path: &Path,
-    container: &dyn Container,
+    container: &Container,
     table: &str,
     columns: &[&str],
 ) -> Result<(usize, Vec<usize>), RecordingError> {
-    let tables = container.tables();
+    let tables = &container.tables;
     let at = tables
         .iter()
         .position(|known| known.name == table)

@@ -18,7 +18,8 @@ use trocar_tables::text::{
 
 use super::block::Block;
 use super::columns::{Layout, Slot, UNIT_IN_CELL, has_unit, is_unit_row};
-use super::container::{Batches, Column, Container, Table};
+use super::container::{Batches, Column, Container, Content, Opened, Table};
+use super::formats::Source;
 use super::header::{Text, in_order};
 use super::quality::{LONGEST_FOOTER, RowList, warn_of_footer, warn_of_repeated};
 use super::units::Quantity;
@@ -671,13 +672,11 @@ pub(super) fn head_of(file: &str, text: &[u8]) -> Result<Head, RecordingError> {
 pub(super) struct TextTable {
     path: PathBuf,
     skip_rows: u64,
-    format: Format,
-    tables: Vec<Table>,
 }
 
 impl TextTable {
     /// Opens the text after `skip_rows` lines.
-    pub(super) fn open(path: &Path, skip_rows: u64) -> Result<Self, RecordingError> {
+    pub(super) fn open(path: &Path, skip_rows: u64) -> Result<Container, RecordingError> {
         let input = TextInput::open(path).map_err(RecordingError::cannot_open(path))?;
         let file = path.display().to_string();
         let reader = TextReader::open(&file, input.text, skip_rows, false, false)?.start_all()?;
@@ -689,31 +688,21 @@ impl TextTable {
                 is_numeric: slot.is_some(),
             })
             .collect();
-        Ok(Self {
-            path: path.to_owned(),
-            skip_rows,
-            format: reader.format,
-            tables: vec![Table::without_a_name(columns)],
-        })
-    }
-}
-
-impl Container for TextTable {
-    fn format(&self) -> &'static str {
-        match self.format.separator {
+        let format = match reader.format.separator {
             Separator::Byte(b',') => "text, separated by commas",
             Separator::Byte(b';') => "text, separated by semicolons",
             Separator::Byte(b'\t') => "text, separated by tabs",
             Separator::Byte(_) => "text, separated by bars",
             Separator::Whitespace => "text, separated by spaces",
-        }
+        };
+        let table = Table::without_a_name(columns);
+        let text = Self { path: path.to_owned(), skip_rows };
+        Ok(Container::new(Source { file, format }, vec![table], text))
     }
+}
 
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+impl Content for TextTable {
+    fn open(&self, _at: usize, _table: &Table, columns: &[usize]) -> Opened {
         let input = TextInput::open(&self.path).map_err(RecordingError::cannot_open(&self.path))?;
         let file = self.path.display().to_string();
         let is_file = input.file.is_some();

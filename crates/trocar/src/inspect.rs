@@ -133,8 +133,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
         return Err(RecordingError::IsStream { file: path.display().to_string() });
     }
     let container = registry::any_after(path, choice.skip_rows)?;
-    let tables =
-        (0..container.tables().len()).map(|table| view(container.as_ref(), table)).collect();
+    let tables = (0..container.tables.len()).map(|table| view(&container, table)).collect();
     let read = trocar_recording::read_in_words(
         path,
         &ReadOptions {
@@ -145,7 +144,7 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
     );
     Ok(Inspection {
         file: path.display().to_string(),
-        format: container.format().to_owned(),
+        format: container.format.to_owned(),
         bytes: std::fs::metadata(path).map_or(0, |data| data.len()),
         tables,
         recording: read
@@ -173,8 +172,8 @@ impl RecordingPreview {
     }
 }
 
-fn view(container: &dyn Container, index: usize) -> TableView {
-    let table = &container.tables()[index];
+fn view(container: &Container, index: usize) -> TableView {
+    let table = &container.tables[index];
     let numeric: Vec<usize> =
         (0..table.columns.len()).filter(|k| table.columns[*k].is_numeric).collect();
     let mut courses = vec![Course::default(); numeric.len()];

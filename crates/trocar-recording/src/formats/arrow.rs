@@ -22,7 +22,7 @@ use arrow_schema::{ArrowError, DataType, Metadata, Schema, SchemaRef, TimeUnit};
 
 use super::{Source, read_exact_at};
 use crate::RecordingError;
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
 
 /// Marker before a message's length, since version 0.15.
 const CONTINUED: [u8; 4] = [0xff; 4];
@@ -46,114 +46,109 @@ struct Block {
 
 /// An open file or stream.
 #[derive(Debug, Clone)]
-pub(crate) struct Arrow {
+struct Arrow {
     source: Source,
     file: Arc<File>,
     blocks: Vec<Block>,
     schema: SchemaRef,
-    tables: [Table; 1],
+}
+
+pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Container, RecordingError> {
+    let short = || source.damaged("the end", "no footer; the file ends early");
+    let mut end = [0; 10];
+    let at = length.checked_sub(10).ok_or_else(short)?;
+    read_exact_at(&file, &mut end, at).map_err(|error| source.damaged("the end", error))?;
+    if &end[4..] != b"ARROW1" {
+        return Err(short());
+    }
+    let size = u64::from(u32::from_le_bytes([end[0], end[1], end[2], end[3]]));
+    let from = at.checked_sub(size).ok_or_else(short)?;
+    let mut bytes = vec![0; size as usize];
+    read_exact_at(&file, &mut bytes, from).map_err(|error| source.damaged("the footer", error))?;
+    let footer = root_as_footer(&bytes).map_err(|error| source.damaged("the footer", error))?;
+    let schema = footer.schema().ok_or_else(|| source.damaged("the footer", "no schema"))?;
+    check_byte_order(schema.endianness(), &source)?;
+    let schema = try_fb_to_schema(schema).map_err(|error| source.damaged("the footer", error))?;
+    let mut blocks = Vec::new();
+    for block in footer.recordBatches().iter().flatten() {
+        let parts = [block.offset(), i64::from(block.metaDataLength()), block.bodyLength()]
+            .map(u64::try_from);
+        let [Ok(at), Ok(message), Ok(body)] = parts else {
+            return Err(source.damaged("the footer", "a record batch of negative size"));
+        };
+        if at
+            .checked_add(message)
+            .and_then(|end| end.checked_add(body))
+            .is_none_or(|end| end > length - MARK)
+        {
+            return Err(source.damaged(
+                "the footer",
+                format!("a record batch at byte {at} beyond the end of the file"),
+            ));
+        }
+        blocks.push(Block { at, message, body });
+    }
+    Arrow::of(file, blocks, schema, source)
+}
+
+/// A stream stored in a file: consecutive messages, the schema first.
+pub(crate) fn stream(file: File, length: u64, source: Source) -> Result<Container, RecordingError> {
+    let mut at = 0;
+    let mut schema = None;
+    let mut blocks = Vec::new();
+    while at + 8 <= length {
+        let mut tag = [0; 8];
+        let place = format!("the message at byte {at}");
+        read_exact_at(&file, &mut tag, at).map_err(|error| source.damaged(&place, error))?;
+        let size = u64::from(u32::from_le_bytes([tag[4], tag[5], tag[6], tag[7]]));
+        if tag[..4] != CONTINUED {
+            return Err(source.damaged(place, "no message where one should begin"));
+        }
+        if size == 0 {
+            // The mark of the end of a stream; what follows is no message.
+            break;
+        }
+        let block = Block { at, message: 8 + size, body: 0 };
+        let bytes = message(&file, block, length).map_err(|found| source.damaged(&place, found))?;
+        let message = root_as_message(&bytes).map_err(|error| source.damaged(&place, error))?;
+        let body = u64::try_from(message.bodyLength()).unwrap_or(u64::MAX);
+        let end = (at + block.message).saturating_add(body);
+        if end > length {
+            return Err(source.damaged(place, "it ends beyond the end of the file"));
+        }
+        match message.header_type() {
+            MessageHeader::Schema => {
+                let own = message.header_as_schema();
+                own.map_or(Ok(()), |own| check_byte_order(own.endianness(), &source))?;
+                schema = own.map(try_fb_to_schema);
+            }
+            MessageHeader::RecordBatch => blocks.push(Block { body, ..block }),
+            _ => {}
+        }
+        at = end;
+    }
+    let schema = schema.ok_or_else(|| source.damaged("the beginning", "no schema"))?;
+    let schema = schema.map_err(|error| source.damaged("the schema", error))?;
+    Arrow::of(file, blocks, schema, source)
 }
 
 impl Arrow {
-    pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let short = || source.damaged("the end", "no footer; the file ends early");
-        let mut end = [0; 10];
-        let at = length.checked_sub(10).ok_or_else(short)?;
-        read_exact_at(&file, &mut end, at).map_err(|error| source.damaged("the end", error))?;
-        if &end[4..] != b"ARROW1" {
-            return Err(short());
-        }
-        let size = u64::from(u32::from_le_bytes([end[0], end[1], end[2], end[3]]));
-        let from = at.checked_sub(size).ok_or_else(short)?;
-        let mut bytes = vec![0; size as usize];
-        read_exact_at(&file, &mut bytes, from)
-            .map_err(|error| source.damaged("the footer", error))?;
-        let footer = root_as_footer(&bytes).map_err(|error| source.damaged("the footer", error))?;
-        let schema = footer.schema().ok_or_else(|| source.damaged("the footer", "no schema"))?;
-        check_byte_order(schema.endianness(), &source)?;
-        let schema =
-            try_fb_to_schema(schema).map_err(|error| source.damaged("the footer", error))?;
-        let mut blocks = Vec::new();
-        for block in footer.recordBatches().iter().flatten() {
-            let parts = [block.offset(), i64::from(block.metaDataLength()), block.bodyLength()]
-                .map(u64::try_from);
-            let [Ok(at), Ok(message), Ok(body)] = parts else {
-                return Err(source.damaged("the footer", "a record batch of negative size"));
-            };
-            if at
-                .checked_add(message)
-                .and_then(|end| end.checked_add(body))
-                .is_none_or(|end| end > length - MARK)
-            {
-                return Err(source.damaged(
-                    "the footer",
-                    format!("a record batch at byte {at} beyond the end of the file"),
-                ));
-            }
-            blocks.push(Block { at, message, body });
-        }
-        Self::of(file, blocks, schema, source)
-    }
-
-    /// A stream stored in a file: consecutive messages, the schema first.
-    pub(crate) fn stream(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let mut at = 0;
-        let mut schema = None;
-        let mut blocks = Vec::new();
-        while at + 8 <= length {
-            let mut tag = [0; 8];
-            let place = format!("the message at byte {at}");
-            read_exact_at(&file, &mut tag, at).map_err(|error| source.damaged(&place, error))?;
-            let size = u64::from(u32::from_le_bytes([tag[4], tag[5], tag[6], tag[7]]));
-            if tag[..4] != CONTINUED {
-                return Err(source.damaged(place, "no message where one should begin"));
-            }
-            if size == 0 {
-                // The mark of the end of a stream; what follows is no message.
-                break;
-            }
-            let block = Block { at, message: 8 + size, body: 0 };
-            let bytes =
-                message(&file, block, length).map_err(|found| source.damaged(&place, found))?;
-            let message = root_as_message(&bytes).map_err(|error| source.damaged(&place, error))?;
-            let body = u64::try_from(message.bodyLength()).unwrap_or(u64::MAX);
-            let end = (at + block.message).saturating_add(body);
-            if end > length {
-                return Err(source.damaged(place, "it ends beyond the end of the file"));
-            }
-            match message.header_type() {
-                MessageHeader::Schema => {
-                    let own = message.header_as_schema();
-                    own.map_or(Ok(()), |own| check_byte_order(own.endianness(), &source))?;
-                    schema = own.map(try_fb_to_schema);
-                }
-                MessageHeader::RecordBatch => blocks.push(Block { body, ..block }),
-                _ => {}
-            }
-            at = end;
-        }
-        let schema = schema.ok_or_else(|| source.damaged("the beginning", "no schema"))?;
-        let schema = schema.map_err(|error| source.damaged("the schema", error))?;
-        Self::of(file, blocks, schema, source)
-    }
-
     fn of(
         file: File,
         blocks: Vec<Block>,
         schema: Schema,
         source: Source,
-    ) -> Result<Self, RecordingError> {
+    ) -> Result<Container, RecordingError> {
         let columns = schema.fields().iter().map(|field| Column {
             name: field.name().clone(),
             unit: unit_of(field.data_type(), field.metadata()),
             is_numeric: is_numeric(field.data_type()),
         });
-        let columns = columns.collect();
-        let table = Table::without_a_name(columns);
+        let mut table = Table::without_a_name(columns.collect());
         let (file, schema) = (Arc::new(file), Arc::new(schema));
-        let mut arrow = Self { source, file, blocks, schema, tables: [table] };
-        arrow.tables[0].rows = Some(arrow.rows()?);
-        Ok(arrow)
+        let arrow = Self { source: source.clone(), file, blocks, schema };
+        table.rows = Some(arrow.rows()?);
+        Ok(Container::new(source, vec![table], arrow))
     }
 
     fn rows(&self) -> Result<u64, RecordingError> {
@@ -198,27 +193,13 @@ fn message(file: &File, block: Block, limit: u64) -> Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-impl Container for Arrow {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
+impl Content for Arrow {
     fn dates(&self, _table: usize) -> Vec<usize> {
         let fields = self.schema.fields();
         (0..fields.len()).filter(|k| is_time(fields[*k].data_type())).collect()
     }
 
-    fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        for &column in columns {
-            let Column { name, is_numeric, .. } = &self.tables[0].columns[column];
-            if !is_numeric {
-                return Err(self.source.not_numeric(name));
-            }
-        }
+    fn open(&self, _at: usize, _table: &Table, columns: &[usize]) -> Opened {
         Ok(Box::new(Rows {
             arrow: self.clone(),
             wanted: columns.to_vec(),

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use trocar_tables::ros::{self, Epochs, Extractor, Topic};
 
+use super::Source;
 use super::ordered::{Blocks, Ordered};
-use crate::container::{Batches, Container};
+use crate::container::{Container, Content, Opened};
 use crate::{RecordingError, Table};
 
 /// The messages of the topics of a log.
@@ -24,9 +25,7 @@ pub(crate) struct Log {
     #[cfg(feature = "rosbag")]
     pub(super) start: Option<u64>,
     epochs: Epochs,
-    tables: Vec<Table>,
-    notes: Vec<String>,
-    warnings: Vec<String>,
+    pub(super) warnings: Vec<String>,
     pub(super) messages: Box<dyn Messages>,
 }
 
@@ -46,8 +45,6 @@ impl Log {
             #[cfg(feature = "rosbag")]
             start,
             epochs,
-            tables: topics.iter().map(|topic| topic.table.clone()).collect(),
-            notes: ros::epoch_notes(topics.iter(), epochs),
             topics,
             warnings,
             messages,
@@ -55,50 +52,25 @@ impl Log {
     }
 }
 
-impl Container for Log {
-    fn format(&self) -> &'static str {
-        self.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn notes(&self) -> &[String] {
-        &self.notes
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
-    fn clock(&self, table: usize, column: usize) -> usize {
-        self.topics[table].clock(column, self.epochs)
-    }
-
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let Table { name, rows, .. } = &self.tables[table];
-        check(&self.path, self.format, &self.tables[table], columns)?;
-        let extractor = self.topics[table].extractor(columns, self.epochs);
-        let blocks = self.messages.blocks(table, extractor)?;
-        let file = self.path.display().to_string();
-        Ok(Box::new(Ordered::new(&file, name, blocks, columns.len(), *rows)))
+impl From<Log> for Container {
+    fn from(mut log: Log) -> Self {
+        let warnings = std::mem::take(&mut log.warnings);
+        let notes = ros::epoch_notes(log.topics.iter(), log.epochs);
+        let tables = log.topics.iter().map(|topic| topic.table.clone()).collect();
+        let source = Source { file: log.path.display().to_string(), format: log.format };
+        Self { notes, warnings, ..Self::new(source, tables, log) }
     }
 }
 
-/// Rejects columns that are not numeric.
-pub(super) fn check(
-    path: &Path,
-    format: &'static str,
-    table: &Table,
-    columns: &[usize],
-) -> Result<(), RecordingError> {
-    match columns.iter().map(|&column| &table.columns[column]).find(|column| !column.is_numeric) {
-        None => Ok(()),
-        Some(column) => {
-            let (file, column) =
-                (path.display().to_string(), format!("{} of {}", column.name, table.name));
-            Err(RecordingError::NotNumeric { file, format, column })
-        }
+impl Content for Log {
+    fn clock(&self, at: usize, _table: &Table, column: usize) -> usize {
+        self.topics[at].clock(column, self.epochs)
+    }
+
+    fn open(&self, at: usize, Table { name, rows, .. }: &Table, columns: &[usize]) -> Opened {
+        let extractor = self.topics[at].extractor(columns, self.epochs);
+        let blocks = self.messages.blocks(at, extractor)?;
+        let file = self.path.display().to_string();
+        Ok(Box::new(Ordered::new(&file, name, blocks, columns.len(), *rows)))
     }
 }

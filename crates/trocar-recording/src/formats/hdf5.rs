@@ -13,7 +13,7 @@ use hdf5_pure::{AttrValue, DType, Dataset, File};
 use super::Source;
 use super::lengths::{self, Group, WIDEST};
 use crate::RecordingError;
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
 
 /// Deepest nesting of groups: links may form a cycle.
 const DEEPEST: usize = 16;
@@ -41,51 +41,38 @@ struct ColumnLocation {
 }
 
 /// An open file.
-pub(crate) struct Hdf5 {
+struct Hdf5 {
     source: Source,
     length: u64,
-    tables: Vec<Table>,
-    places: Vec<Vec<Option<ColumnLocation>>>,
+    places: Vec<Vec<ColumnLocation>>,
 }
 
-impl Hdf5 {
-    pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let groups = source.guard("its structure", || {
-            let file = File::open_streaming(path)
-                .map_err(|error| refused(&source, "the superblock", &error))?;
-            let mut listing = Listing { source: &source, length, groups: Vec::new(), listed: 0 };
-            listing.group(&file.root(), "", 0)?;
-            Ok(listing.groups)
-        })?;
-        let (tables, places) = lengths::tables(groups);
-        Ok(Self { source, length, tables, places })
-    }
+pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Container, RecordingError> {
+    let groups = source.guard("its structure", || {
+        let file = File::open_streaming(path)
+            .map_err(|error| refused(&source, "the superblock", &error))?;
+        let mut listing = Listing { source: &source, length, groups: Vec::new(), listed: 0 };
+        listing.group(&file.root(), "", 0)?;
+        Ok(listing.groups)
+    })?;
+    let (tables, places) = lengths::tables(groups);
+    Ok(Container::new(source.clone(), tables, Hdf5 { source, length, places }))
 }
 
-impl Container for Hdf5 {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+impl Content for Hdf5 {
+    fn open(&self, at: usize, table: &Table, columns: &[usize]) -> Opened {
         let mut arrays: Vec<Array> = Vec::new();
         let mut known: HashMap<&str, usize> = HashMap::new();
         let mut sources = Vec::with_capacity(columns.len());
         for &column in columns {
-            let name = &self.tables[table].columns[column].name;
-            let place =
-                self.places[table][column].as_ref().ok_or_else(|| self.source.not_numeric(name))?;
+            let place = &self.places[at][column];
             let at = *known.entry(&place.path).or_insert(arrays.len());
             if at == arrays.len() {
                 arrays.push(self.source.guard(&place.path, || self.array(place))?);
             }
             sources.push((at, place.column));
         }
-        let rows = self.tables[table].rows.unwrap_or(0);
+        let rows = table.rows.unwrap_or(0);
         Ok(Box::new(Rows { source: self.source.clone(), arrays, sources, row: 0, rows }))
     }
 }

@@ -13,7 +13,7 @@ use serde_json::Value;
 use super::Source;
 use super::lengths::WIDEST;
 use crate::RecordingError;
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
 
 /// Lines in which columns are sought.
 const FIRST_LINES: usize = 300;
@@ -22,35 +22,33 @@ const LONGEST: u64 = 1 << 20;
 const MOST_COLUMNS: usize = 1 << 12;
 
 /// An open file.
-pub(crate) struct JsonLines {
+struct JsonLines {
     source: Source,
     path: PathBuf,
-    tables: [Table; 1],
 }
 
-impl JsonLines {
-    pub(crate) fn open(path: &Path, source: Source) -> Result<Self, RecordingError> {
-        let mut lines = Lines::open(path, &source)?;
-        let mut columns: Vec<Column> = Vec::new();
-        let mut known: HashMap<String, usize> = HashMap::new();
-        for _ in 0..FIRST_LINES {
-            let Some(object) = lines.next()? else { break };
-            members("", &object, &mut |name, value| {
-                let at = *known.entry(name.to_owned()).or_insert(columns.len());
-                if at == columns.len() {
-                    columns.push(Column { name: name.to_owned(), unit: None, is_numeric: true });
-                }
-                columns[at].is_numeric &= number(value).is_some();
-            });
-            if columns.len() > MOST_COLUMNS {
-                return Err(lines.damaged(format!("more than {MOST_COLUMNS} members")));
+pub(crate) fn open(path: &Path, source: Source) -> Result<Container, RecordingError> {
+    let mut lines = Lines::open(path, &source)?;
+    let mut columns: Vec<Column> = Vec::new();
+    let mut known: HashMap<String, usize> = HashMap::new();
+    for _ in 0..FIRST_LINES {
+        let Some(object) = lines.next()? else { break };
+        members("", &object, &mut |name, value| {
+            let at = *known.entry(name.to_owned()).or_insert(columns.len());
+            if at == columns.len() {
+                columns.push(Column { name: name.to_owned(), unit: None, is_numeric: true });
             }
+            columns[at].is_numeric &= number(value).is_some();
+        });
+        if columns.len() > MOST_COLUMNS {
+            return Err(lines.damaged(format!("more than {MOST_COLUMNS} members")));
         }
-        if columns.is_empty() {
-            return Err(RecordingError::Empty { file: source.file });
-        }
-        Ok(Self { source, path: path.to_owned(), tables: [Table::without_a_name(columns)] })
     }
+    if columns.is_empty() {
+        return Err(RecordingError::Empty { file: source.file });
+    }
+    let content = JsonLines { source: source.clone(), path: path.to_owned() };
+    Ok(Container::new(source, vec![Table::without_a_name(columns)], content))
 }
 
 /// Passes on the plain values of an object by their names.
@@ -125,23 +123,11 @@ impl Lines {
     }
 }
 
-impl Container for JsonLines {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+impl Content for JsonLines {
+    fn open(&self, _at: usize, table: &Table, columns: &[usize]) -> Opened {
         let mut wanted: HashMap<String, Vec<usize>> = HashMap::new();
-        for (k, column) in columns.iter().map(|&column| &self.tables[0].columns[column]).enumerate()
-        {
-            if !column.is_numeric {
-                return Err(self.source.not_numeric(&column.name));
-            }
-            wanted.entry(column.name.clone()).or_default().push(k);
+        for (k, &column) in columns.iter().enumerate() {
+            wanted.entry(table.columns[column].name.clone()).or_default().push(k);
         }
         let lines = Lines::open(&self.path, &self.source)?;
         Ok(Box::new(Rows { lines, wanted, problem: None }))

@@ -19,7 +19,7 @@ pub(super) struct Group<L> {
 }
 
 /// Tables of a file, and the positions of their columns.
-pub(super) type Placed<L> = (Vec<Table>, Vec<Vec<Option<L>>>);
+pub(super) type Placed<L> = (Vec<Table>, Vec<Vec<L>>);
 
 /// One table for each group and length. The one with the most rows has the name of the group,
 /// others have the length appended, as in `run[1]`. The first of them reports the content that
@@ -46,7 +46,7 @@ pub(super) fn tables<L>(groups: Vec<Group<L>>) -> Placed<L> {
                 placed.0.push(Table { name, rows: Some(rows), ..Table::default() });
                 placed.1.push(Vec::new());
             }
-            placed.1[at].push(column.is_numeric.then_some(place));
+            placed.1[at].push(place);
             placed.0[at].columns.push(column);
         }
         if group.refused.is_empty() {

@@ -45,16 +45,16 @@ fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/bags").join(name)
 }
 
-pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
+pub(crate) fn open(path: &Path) -> Result<Container, RecordingError> {
     match path.extension().and_then(|extension| extension.to_str()) {
-        Some("mcap") => Ok(Box::new(mcap::open(path)?)),
-        Some("bag") => Ok(Box::new(ros1::open(path)?)),
+        Some("mcap") => Ok(mcap::open(path)?.into()),
+        Some("bag") => Ok(ros1::open(path)?.into()),
         _ => rosbag::open(path),
     }
 }
 
-fn table<'a>(log: &'a dyn Container, topic: &str) -> (usize, &'a Table) {
-    log.tables()
+fn table<'a>(log: &'a Container, topic: &str) -> (usize, &'a Table) {
+    log.tables
         .iter()
         .enumerate()
         .find(|(_, table)| table.name == topic)
@@ -62,7 +62,7 @@ fn table<'a>(log: &'a dyn Container, topic: &str) -> (usize, &'a Table) {
 }
 
 /// Columns of a topic from its first row to its last, and the losses.
-fn read(log: &dyn Container, topic: &str, names: &[&str]) -> (Vec<Vec<f64>>, Vec<String>) {
+fn read(log: &Container, topic: &str, names: &[&str]) -> (Vec<Vec<f64>>, Vec<String>) {
     let (place, table) = table(log, topic);
     let find = |name: &&str| {
         table.columns.iter().position(|column| column.name == **name).expect("a column")
@@ -74,7 +74,7 @@ fn read(log: &dyn Container, topic: &str, names: &[&str]) -> (Vec<Vec<f64>>, Vec
 type Columns = (Vec<Vec<f64>>, Vec<String>);
 
 fn read_places(
-    log: &dyn Container,
+    log: &Container,
     table: usize,
     columns: &[usize],
 ) -> Result<Columns, RecordingError> {
@@ -115,7 +115,7 @@ fn assert_near(found: f64, expected: f64, what: &str) {
 fn joints_are_what_python_wrote() {
     for (name, has_all) in LOGS {
         let log = open(&fixture(name)).unwrap();
-        assert_eq!(log.warnings(), [""; 0], "{name}");
+        assert_eq!(log.warnings, [""; 0], "{name}");
         let names = [
             HEADER_STAMP,
             LOG_TIME,
@@ -124,7 +124,7 @@ fn joints_are_what_python_wrote() {
             "position[yaw]",
             "position[outer]",
         ];
-        let (columns, warnings) = read(&*log, "/psm1/measured_js", &names);
+        let (columns, warnings) = read(&log, "/psm1/measured_js", &names);
         assert_eq!(warnings, [""; 0], "{name}");
         let found = columns[0].len();
         assert!(if has_all { found == SAMPLES } else { found > 30 }, "{name}: {found} rows");
@@ -145,7 +145,7 @@ fn forces_keep_their_gap_and_arrays_their_places() {
     for (name, _) in LOGS.iter().filter(|(_, has_all)| *has_all) {
         let log = open(&fixture(name)).unwrap();
         let (force, _) =
-            read(&*log, "/psm1/measured_cf", &[HEADER_STAMP, "wrench.force.z", "wrench.force.x"]);
+            read(&log, "/psm1/measured_cf", &[HEADER_STAMP, "wrench.force.z", "wrench.force.x"]);
         let samples: Vec<i64> =
             (0..2 * SAMPLES as i64 / 5).filter(|k| !(20..28).contains(k)).collect();
         assert_eq!(force[0].len(), samples.len(), "{name}");
@@ -155,12 +155,12 @@ fn forces_keep_their_gap_and_arrays_their_places() {
             assert_near(force[1][row], 20.0 * position(t) - 2.0, name);
             assert_near(force[2][row], 0.25, name);
         }
-        let (levels, _) = read(&*log, "/levels", &["data[0]", "data[1]"]);
+        let (levels, _) = read(&log, "/levels", &["data[0]", "data[1]"]);
         assert!(
             (0..SAMPLES / 10).all(|k| levels[0][k] == k as f64 && levels[1][k] == k as f64 + 0.5),
             "{name}"
         );
-        let (load, _) = read(&*log, "/load", &[LOG_TIME, "data"]);
+        let (load, _) = read(&log, "/load", &[LOG_TIME, "data"]);
         for (k, row) in rows(&load) {
             let log_time = k as i64 * 10_000_000 + latency(k);
             assert_near(row[0], since_first(log_time), name);
@@ -173,7 +173,7 @@ fn forces_keep_their_gap_and_arrays_their_places() {
 fn columns_have_the_units_of_their_types() {
     let log = open(&fixture("zstd.mcap")).unwrap();
     let unit = |topic: &str, name: &str| {
-        let (_, table) = table(&*log, topic);
+        let (_, table) = table(&log, topic);
         let column = table.columns.iter().find(|column| column.name == name);
         column.unwrap_or_else(|| panic!("{topic} {name} of {:?}", table.columns)).unit.clone()
     };
@@ -190,14 +190,14 @@ fn columns_have_the_units_of_their_types() {
         None,
         "m or rad: the message does not say"
     );
-    let (_, joints) = table(&*log, "/psm1/measured_js");
+    let (_, joints) = table(&log, "/psm1/measured_js");
     assert_eq!((&*joints.kind, joints.rows), ("sensor_msgs/msg/JointState", Some(SAMPLES as u64)));
 }
 
 #[test]
 fn text_is_listed_and_refused() {
     let log = open(&fixture("sqlite")).unwrap();
-    let (place, state) = table(&*log, "/state");
+    let (place, state) = table(&log, "/state");
     let text = state.columns.iter().position(|column| column.name == "data").unwrap();
     assert!(!state.columns[text].is_numeric);
     let error = log.open(place, &[text]).err().expect("text is no number").to_string();
@@ -211,14 +211,14 @@ fn text_is_listed_and_refused() {
 fn one_column_alone_is_the_same_as_among_all() {
     for name in ["plain.mcap", "sqlite", "json.mcap"] {
         let log = open(&fixture(name)).unwrap();
-        for (place, table) in log.tables().iter().enumerate() {
+        for (place, table) in log.tables.iter().enumerate() {
             let numeric: Vec<usize> =
                 (0..table.columns.len()).filter(|&k| table.columns[k].is_numeric).collect();
-            let (all, _) = read_places(&*log, place, &numeric).unwrap();
+            let (all, _) = read_places(&log, place, &numeric).unwrap();
             let backwards: Vec<usize> = numeric.iter().rev().copied().collect();
-            let (turned, _) = read_places(&*log, place, &backwards).unwrap();
+            let (turned, _) = read_places(&log, place, &backwards).unwrap();
             for (at, column) in numeric.iter().enumerate() {
-                let (alone, _) = read_places(&*log, place, &[*column]).unwrap();
+                let (alone, _) = read_places(&log, place, &[*column]).unwrap();
                 assert_eq!(
                     alone[0], all[at],
                     "{name} {} {}",
@@ -245,7 +245,7 @@ fn every_kind_of_field_is_found_behind_every_other_in_both_byte_orders() {
             "span_s",
             "tip.y",
         ];
-        let (columns, warnings) = read(&*log, topic, &numbers);
+        let (columns, warnings) = read(&log, topic, &numbers);
         assert_eq!(warnings, [""; 0]);
         for row in 0..20 {
             let k = row as f64;
@@ -254,7 +254,7 @@ fn every_kind_of_field_is_found_behind_every_other_in_both_byte_orders() {
             let found: Vec<f64> = columns.iter().map(|column| column[row]).collect();
             assert_eq!(found, expected, "{topic} {row}");
         }
-        let (columns, _) = read(&*log, topic, &["angles[a]", "last", "angles[b]"]);
+        let (columns, _) = read(&log, topic, &["angles[a]", "last", "angles[b]"]);
         let expected = |factor: f64| (0..20).map(|k| factor * f64::from(k)).collect::<Vec<_>>();
         assert_eq!(
             columns,
@@ -269,7 +269,7 @@ fn topics_of_a_log_are_joined_on_the_stamps_of_the_position() {
     for name in ["zstd.mcap", "disordered.mcap", "sqlite"] {
         let log = open(&fixture(name)).unwrap();
         let (columns, joined) = joined(
-            &*log,
+            &log,
             [("/psm1/measured_js", "position[insertion]"), ("/psm1/measured_cf", "wrench.force.z")],
         );
         assert_eq!(joined.clock, HEADER_STAMP);
@@ -310,18 +310,18 @@ const BENT: f64 = 3.2e-5;
 fn topics_of_different_clocks_are_joined_on_the_logs_time() {
     let log = open(&fixture("zstd.mcap")).unwrap();
     let (columns, joined) = joined(
-        &*log,
+        &log,
         [("/psm1/measured_js", "position[insertion]"), ("/sim/measured_cv", "twist.linear.z")],
     );
     assert_eq!(joined.clock, LOG_TIME);
     assert!(joined.notes[0].contains("of different clocks"), "{:?}", joined.notes);
     assert_near(columns[0][1], since_first(2_000_000 + latency(1)), "log time");
     let (_, joined) =
-        self::joined(&*log, [("/psm1/measured_js", "position[insertion]"), ("/load", "data")]);
+        self::joined(&log, [("/psm1/measured_js", "position[insertion]"), ("/load", "data")]);
     assert!(joined.notes[0].contains("/load has no header.stamp_s"), "{:?}", joined.notes);
 }
 
-fn joined(log: &dyn Container, wanted: [(&str, &str); 2]) -> (Vec<Vec<f64>>, Joined) {
+fn joined(log: &Container, wanted: [(&str, &str); 2]) -> (Vec<Vec<f64>>, Joined) {
     let picks = wanted.map(|(topic, name)| {
         let (place, table) = table(log, topic);
         let value = table.columns.iter().position(|column| column.name == name).unwrap();
@@ -339,18 +339,18 @@ fn joined(log: &dyn Container, wanted: [(&str, &str); 2]) -> (Vec<Vec<f64>>, Joi
 #[test]
 fn json_is_read_and_other_encodings_are_named() {
     let log = open(&fixture("json.mcap")).unwrap();
-    let (columns, _) = read(&*log, "/rig", &["stamp_s", "position", "force.z", "ok"]);
+    let (columns, _) = read(&log, "/rig", &["stamp_s", "position", "force.z", "ok"]);
     for (k, row) in rows(&columns) {
         let t = k as i64 * 2_000_000;
         assert_near(row[0], t as f64 / 1e9, "stamp");
         assert_near(row[1], position(t), "position");
         assert_eq!((row[2], row[3]), (k as f64, 1.0));
     }
-    assert_eq!(log.warnings().len(), 1);
+    assert_eq!(log.warnings.len(), 1);
     assert!(
-        log.warnings()[0].contains("topic /other: its messages are written in protobuf"),
+        log.warnings[0].contains("topic /other: its messages are written in protobuf"),
         "{:?}",
-        log.warnings()
+        log.warnings
     );
 }
 
@@ -358,21 +358,22 @@ fn json_is_read_and_other_encodings_are_named() {
 fn stamps_of_another_clock_count_from_their_own_first() {
     for name in ["zstd.mcap", "sqlite"] {
         let log = open(&fixture(name)).unwrap();
-        let (columns, _) = read(&*log, "/sim/measured_cv", &[HEADER_STAMP, LOG_TIME]);
+        let (columns, _) = read(&log, "/sim/measured_cv", &[HEADER_STAMP, LOG_TIME]);
         assert_eq!(columns[0], (0..SAMPLES / 10).map(|k| k as f64 * 0.02).collect::<Vec<_>>());
         assert_near(columns[1][1], since_first(20_000_000 + latency(1)), name);
         let clock = |topic: &str| {
-            let (place, table) = table(&*log, topic);
-            log.clock(
+            let (place, table) = table(&log, topic);
+            log.content.clock(
                 place,
+                table,
                 table.columns.iter().position(|column| column.name == HEADER_STAMP).unwrap(),
             )
         };
         assert_ne!(clock("/sim/measured_cv"), clock("/psm1/measured_js"));
         let first = format!("times count from {} ns", START + LATENCY);
-        assert!(log.notes().iter().any(|note| note.contains(&first)), "{:?}", log.notes());
+        assert!(log.notes.iter().any(|note| note.contains(&first)), "{:?}", log.notes);
         assert!(
-            log.notes()
+            log.notes
                 .iter()
                 .any(|note| note.contains("/sim/measured_cv") && note.contains("5000000000 ns"))
         );
@@ -385,12 +386,12 @@ fn a_log_cut_off_gives_its_whole_messages_and_says_what_is_lost() {
     for name in ["zstd.mcap", "lz4.mcap", "plain.mcap", "unchunked.mcap"] {
         let bytes = std::fs::read(fixture(name)).unwrap();
         let whole = open(&fixture(name)).unwrap();
-        let (all, _) = read(&*whole, "/psm1/measured_js", &[LOG_TIME, "position[insertion]"]);
+        let (all, _) = read(&whole, "/psm1/measured_js", &[LOG_TIME, "position[insertion]"]);
         let path = folder.path().join(name);
         std::fs::write(&path, &bytes[..bytes.len() * 6 / 10]).unwrap();
         let log = open(&path).unwrap();
-        assert!(log.warnings()[0].contains("without an index"), "{:?}", log.warnings());
-        let (some, _) = read(&*log, "/psm1/measured_js", &[LOG_TIME, "position[insertion]"]);
+        assert!(log.warnings[0].contains("without an index"), "{:?}", log.warnings);
+        let (some, _) = read(&log, "/psm1/measured_js", &[LOG_TIME, "position[insertion]"]);
         let rows = some[0].len();
         assert!(rows > SAMPLES / 4 && rows < SAMPLES, "{name}: {rows} rows");
         assert_eq!((&some[0][..], &some[1][..]), (&all[0][..rows], &all[1][..rows]), "{name}");
@@ -406,7 +407,7 @@ fn a_damaged_chunk_is_left_out_and_counted() {
     let path = folder.path().join("flipped.mcap");
     std::fs::write(&path, bytes).unwrap();
     let log = open(&path).unwrap();
-    let (columns, warnings) = read(&*log, "/psm1/measured_js", &["position[insertion]"]);
+    let (columns, warnings) = read(&log, "/psm1/measured_js", &["position[insertion]"]);
     assert!(columns[0].len() < SAMPLES && columns[0].len() > SAMPLES / 2);
     assert!(warnings[0].starts_with("1 damaged chunk"), "{warnings:?}");
     let counted = format!(
@@ -463,10 +464,10 @@ fn no_damage_panics() {
 
 fn look_at_everything(path: &Path) {
     let Ok(log) = open(path) else { return };
-    for (place, table) in log.tables().iter().enumerate() {
+    for (place, table) in log.tables.iter().enumerate() {
         let numeric: Vec<usize> =
             (0..table.columns.len()).filter(|&k| table.columns[k].is_numeric).collect();
-        if let Ok((columns, _)) = read_places(&*log, place, &numeric) {
+        if let Ok((columns, _)) = read_places(&log, place, &numeric) {
             assert!(columns.iter().all(|column| column.len() == columns[0].len()));
         }
     }
@@ -503,9 +504,9 @@ fn ros_1_bags_without_an_index_are_read_as_far_as_they_go() {
     let lost = |bytes: &[u8], least: usize| {
         std::fs::write(&path, bytes).unwrap();
         let log = open(&path).unwrap();
-        assert!(log.warnings()[0].contains("no whole index"), "{:?}", log.warnings());
+        assert!(log.warnings[0].contains("no whole index"), "{:?}", log.warnings);
         let (columns, warnings) =
-            read(&*log, "/psm1/measured_js", &[HEADER_STAMP, "position[insertion]"]);
+            read(&log, "/psm1/measured_js", &[HEADER_STAMP, "position[insertion]"]);
         assert_eq!(warnings, [""; 0]);
         assert!(columns[0].len() >= least, "{} rows", columns[0].len());
         for (k, row) in rows(&columns) {

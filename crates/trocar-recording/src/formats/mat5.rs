@@ -17,7 +17,7 @@ use trocar_tables::content::Storage;
 use super::lengths::{self, Group, WIDEST};
 use super::{Source, read_at};
 use crate::RecordingError;
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
 
 pub(crate) const SAVE_AGAIN: &str = "save it again with -v7 or -v7.3";
 
@@ -102,78 +102,56 @@ struct Element {
 
 /// An open file.
 #[derive(Debug)]
-pub(crate) struct Mat5 {
+struct Mat5 {
     source: Source,
     file: Arc<File>,
     big: bool,
-    tables: Vec<Table>,
-    places: Vec<Vec<Option<ColumnData>>>,
+    places: Vec<Vec<ColumnData>>,
 }
 
-impl Mat5 {
-    pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let file = Arc::new(file);
-        let mut order = [0; 2];
-        super::read_exact_at(&file, &mut order, 126)
-            .map_err(|error| source.damaged("the header", error))?;
-        let big = &order == b"MI";
-        let mut listing = Listing { source: &source, big, groups: vec![group("")], arrays: 0 };
-        let mut at = HEADER;
-        while at < length {
-            let mut tag = [0; 8];
-            let place = format!("byte {at}");
-            super::read_exact_at(&file, &mut tag, at)
-                .map_err(|error| source.damaged(&place, error))?;
-            let (kind, bytes) = (word(&tag[..4], big), u64::from(word(&tag[4..], big)));
-            if at + 8 + bytes > length {
-                let found = format!(
-                    "a data element of {bytes} bytes, the file has {} more",
-                    length - at - 8
-                );
-                return Err(source.damaged(place, found));
-            }
-            if cfg!(not(feature = "gzip")) && kind == COMPRESSED {
-                let (file, format) = (source.file, source.format);
-                return Err(RecordingError::NoFeature { file, format, feature: "gzip" });
-            }
-            let element = Element { at: at + 8, bytes, compressed: kind == COMPRESSED };
-            match kind {
-                MATRIX | COMPRESSED => listing.element(&file, element)?,
-                _ => {
-                    return Err(source.damaged(
-                        place,
-                        format!("a data element of type {kind}, expected 14 or 15"),
-                    ));
-                }
-            }
-            // Elements are padded to 8 bytes; compressed ones are not.
-            at += 8 + if kind == COMPRESSED { bytes } else { bytes.next_multiple_of(8) };
+pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Container, RecordingError> {
+    let file = Arc::new(file);
+    let mut order = [0; 2];
+    super::read_exact_at(&file, &mut order, 126)
+        .map_err(|error| source.damaged("the header", error))?;
+    let big = &order == b"MI";
+    let mut listing = Listing { source: &source, big, groups: vec![group("")], arrays: 0 };
+    let mut at = HEADER;
+    while at < length {
+        let mut tag = [0; 8];
+        let place = format!("byte {at}");
+        super::read_exact_at(&file, &mut tag, at).map_err(|error| source.damaged(&place, error))?;
+        let (kind, bytes) = (word(&tag[..4], big), u64::from(word(&tag[4..], big)));
+        if at + 8 + bytes > length {
+            let found =
+                format!("a data element of {bytes} bytes, the file has {} more", length - at - 8);
+            return Err(source.damaged(place, found));
         }
-        let groups = listing.groups;
-        let (tables, places) = lengths::tables(groups);
-        Ok(Self { source, file, big, tables, places })
+        if cfg!(not(feature = "gzip")) && kind == COMPRESSED {
+            let (file, format) = (source.file, source.format);
+            return Err(RecordingError::NoFeature { file, format, feature: "gzip" });
+        }
+        let element = Element { at: at + 8, bytes, compressed: kind == COMPRESSED };
+        match kind {
+            MATRIX | COMPRESSED => listing.element(&file, element)?,
+            _ => {
+                return Err(source
+                    .damaged(place, format!("a data element of type {kind}, expected 14 or 15")));
+            }
+        }
+        // Elements are padded to 8 bytes; compressed ones are not.
+        at += 8 + if kind == COMPRESSED { bytes } else { bytes.next_multiple_of(8) };
     }
+    let groups = listing.groups;
+    let (tables, places) = lengths::tables(groups);
+    Ok(Container::new(source.clone(), tables, Mat5 { source, file, big, places }))
 }
 
-impl Container for Mat5 {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+impl Content for Mat5 {
+    fn open(&self, at: usize, table: &Table, columns: &[usize]) -> Opened {
         let cells = columns.iter().map(|&column| {
-            let name = &self.tables[table].columns[column].name;
-            let place = self.places[table][column].as_ref();
-            let place = place.ok_or_else(|| RecordingError::NotNumeric {
-                file: self.source.file.clone(),
-                format: self.source.format,
-                column: name.clone(),
-            })?;
-            let cells = match place {
+            let name = &table.columns[column].name;
+            let cells = match &self.places[at][column] {
                 ColumnData::Held(numbers) => Cells::Held(numbers.clone()),
                 ColumnData::Stream { element, skip, storage, stride, rows } => {
                     let mut bytes = stream(&self.file, *element);

@@ -70,15 +70,6 @@ impl Source {
         let outcome = std::panic::catch_unwind(std::panic::AssertUnwindSafe(read));
         outcome.unwrap_or_else(|_| Err(self.damaged(place, "data that its reader cannot decode")))
     }
-
-    /// A requested column is not numeric.
-    pub(super) fn not_numeric(&self, column: &str) -> RecordingError {
-        RecordingError::NotNumeric {
-            file: self.file.clone(),
-            format: self.format,
-            column: column.to_owned(),
-        }
-    }
 }
 
 /// Reads at a position of a file shared by several readers.

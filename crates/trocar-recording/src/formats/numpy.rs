@@ -15,7 +15,7 @@ use super::lengths::{self, Group, WIDEST};
 #[cfg(feature = "npz")]
 use super::zipped;
 use crate::RecordingError;
-use crate::container::{Batches, Column, Container, Held, Table};
+use crate::container::{Column, Container, Content, Held, Opened, Table};
 
 pub(crate) const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -42,25 +42,23 @@ struct ColumnData {
 }
 
 /// An open file.
-pub(crate) struct Numpy {
+struct Numpy {
     source: Source,
     path: PathBuf,
-    tables: Vec<Table>,
-    places: Vec<Vec<Option<ColumnData>>>,
+    places: Vec<Vec<ColumnData>>,
 }
 
-impl Numpy {
-    pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let mut group = Group { name: String::new(), columns: Vec::new(), refused: Vec::new() };
-        for (array, length) in arrays(path, length, &source)? {
-            let mut head = Vec::new();
-            with_array(path, array.as_deref(), |from| from.take(HEADER).read_to_end(&mut head))
-                .map_err(|error| source.damaged(place(array.as_deref()), error))?;
-            list(&mut group, array.as_deref(), &head, length, &source)?;
-        }
-        let (tables, places) = lengths::tables(vec![group]);
-        Ok(Self { source, path: path.to_owned(), tables, places })
+pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Container, RecordingError> {
+    let mut group = Group { name: String::new(), columns: Vec::new(), refused: Vec::new() };
+    for (array, length) in arrays(path, length, &source)? {
+        let mut head = Vec::new();
+        with_array(path, array.as_deref(), |from| from.take(HEADER).read_to_end(&mut head))
+            .map_err(|error| source.damaged(place(array.as_deref()), error))?;
+        list(&mut group, array.as_deref(), &head, length, &source)?;
     }
+    let (tables, places) = lengths::tables(vec![group]);
+    let content = Numpy { source: source.clone(), path: path.to_owned(), places };
+    Ok(Container::new(source, tables, content))
 }
 
 /// Where an array is, in words.
@@ -259,21 +257,11 @@ impl Field {
     }
 }
 
-impl Container for Numpy {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
+impl Content for Numpy {
+    fn open(&self, at: usize, _table: &Table, columns: &[usize]) -> Opened {
         let mut all = Vec::with_capacity(columns.len());
         for &column in columns {
-            let name = &self.tables[table].columns[column].name;
-            let place = self.places[table][column].as_ref();
-            let place = place.ok_or_else(|| self.source.not_numeric(name))?;
+            let place = &self.places[at][column];
             let array = place.array.as_deref();
             let column = with_array(&self.path, array, |from| place.read(from));
             all.push(column.map_err(|error| self.source.damaged(self::place(array), error))?);

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use super::arrow::{append, first_timestamp, is_numeric, is_time, unit_of};
 use super::{Source, read_at, read_exact_at};
 use crate::RecordingError;
-use crate::container::{BATCH_ROWS, Batches, Column, Container, Table};
+use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
 
 mod thrift;
 
@@ -135,38 +135,38 @@ impl Read for At {
 }
 
 /// An open file.
-pub(crate) struct Parquet {
+struct Parquet {
     source: Source,
     input: Input,
     metadata: ArrowReaderMetadata,
-    tables: [Table; 1],
     /// Columns of timestamps, durations and times of day.
     times: Vec<usize>,
 }
 
-impl Parquet {
-    pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Self, RecordingError> {
-        let input = Input { file: Arc::new(file), length };
-        let metadata = source.guard("the footer", || {
-            read_metadata(&input).map_err(|error| refused(&source, "the footer", error))
-        })?;
-        let mut columns = Vec::new();
-        let mut times = Vec::new();
-        for column in metadata.parquet_schema().columns() {
-            let field = leaf(metadata.schema().fields(), column.path().parts());
-            times.extend(field.filter(|field| is_time(field.data_type())).map(|_| columns.len()));
-            columns.push(Column {
-                name: column.path().string(),
-                unit: field.and_then(|field| unit_of(field.data_type(), field.metadata())),
-                is_numeric: field.is_some_and(|field| is_numeric(field.data_type())),
-            });
-        }
-        let rows = u64::try_from(metadata.metadata().file_metadata().num_rows());
-        let rows = rows.map_err(|_| source.damaged("the footer", "a negative number of rows"))?;
-        let table = Table { rows: Some(rows), ..Table::without_a_name(columns) };
-        Ok(Self { source, input, metadata, tables: [table], times })
+pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Container, RecordingError> {
+    let input = Input { file: Arc::new(file), length };
+    let metadata = source.guard("the footer", || {
+        read_metadata(&input).map_err(|error| refused(&source, "the footer", error))
+    })?;
+    let mut columns = Vec::new();
+    let mut times = Vec::new();
+    for column in metadata.parquet_schema().columns() {
+        let field = leaf(metadata.schema().fields(), column.path().parts());
+        times.extend(field.filter(|field| is_time(field.data_type())).map(|_| columns.len()));
+        columns.push(Column {
+            name: column.path().string(),
+            unit: field.and_then(|field| unit_of(field.data_type(), field.metadata())),
+            is_numeric: field.is_some_and(|field| is_numeric(field.data_type())),
+        });
     }
+    let rows = u64::try_from(metadata.metadata().file_metadata().num_rows());
+    let rows = rows.map_err(|_| source.damaged("the footer", "a negative number of rows"))?;
+    let table = Table { rows: Some(rows), ..Table::without_a_name(columns) };
+    let content = Parquet { source: source.clone(), input, metadata, times };
+    Ok(Container::new(source, vec![table], content))
+}
 
+impl Parquet {
     /// Rows of each row group, if the file is large enough for them: at most 64 per byte.
     fn group_rows(&self) -> Option<Vec<usize>> {
         let groups = self.metadata.metadata().row_groups();
@@ -177,15 +177,11 @@ impl Parquet {
     }
 
     /// What is read of each column.
-    fn wanted(&self, columns: &[usize]) -> Result<Vec<Wanted>, RecordingError> {
-        columns.iter().map(|&column| self.one_wanted(column)).collect()
+    fn wanted(&self, table: &Table, columns: &[usize]) -> Result<Vec<Wanted>, RecordingError> {
+        columns.iter().map(|&column| self.one_wanted(column, &table.columns[column].name)).collect()
     }
 
-    fn one_wanted(&self, column: usize) -> Result<Wanted, RecordingError> {
-        let Column { name, is_numeric, .. } = &self.tables[0].columns[column];
-        if !is_numeric {
-            return Err(self.source.not_numeric(name));
-        }
+    fn one_wanted(&self, column: usize, name: &str) -> Result<Wanted, RecordingError> {
         let groups = self.metadata.metadata().row_groups();
         for chunk in groups.iter().filter_map(|group| group.columns().get(column)) {
             // Neither is compiled in: named here, not in the middle of the file.
@@ -200,7 +196,7 @@ impl Parquet {
             input: self.input.clone(),
             metadata: self.metadata.clone(),
             column,
-            name: name.clone(),
+            name: name.to_owned(),
             origin: None,
         };
         for group in 0..groups.len() {
@@ -213,21 +209,14 @@ impl Parquet {
     }
 }
 
-impl Container for Parquet {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
+impl Content for Parquet {
     fn dates(&self, _table: usize) -> Vec<usize> {
         self.times.clone()
     }
 
-    fn open(&self, _table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let cursors = self.wanted(columns)?.into_iter().map(|wanted| Cursor { wanted, open: None });
+    fn open(&self, _at: usize, table: &Table, columns: &[usize]) -> Opened {
+        let cursors =
+            self.wanted(table, columns)?.into_iter().map(|wanted| Cursor { wanted, open: None });
         let groups = self.metadata.metadata().row_groups().iter();
         let rows = groups.map(|group| usize::try_from(group.num_rows()).unwrap_or(0)).collect();
         Ok(Box::new(Groups { cursors: cursors.collect(), rows, group: 0, read: 0, all_read: 0 }))
@@ -235,11 +224,11 @@ impl Container for Parquet {
 
     fn read_whole(
         &self,
-        _table: usize,
+        table: &Table,
         columns: &[usize],
     ) -> Result<Option<Vec<Vec<f64>>>, RecordingError> {
         let Some(groups) = self.group_rows() else { return Ok(None) };
-        let wanted = self.wanted(columns)?;
+        let wanted = self.wanted(table, columns)?;
         let rows = groups.iter().sum();
         let mut all: Vec<Vec<f64>> = columns.iter().map(|_| vec![0.0; rows]).collect();
         let mut parts = Vec::new();

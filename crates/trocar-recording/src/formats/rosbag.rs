@@ -11,9 +11,10 @@ use std::path::{Path, PathBuf};
 use rusqlite::{Connection, OpenFlags, params};
 use trocar_tables::ros::{self, Block, Description, Epochs, Extractor, Topic};
 
-use super::bag::{self, Log, Messages};
+use super::Source;
+use super::bag::{Log, Messages};
 use super::ordered::{Blocks, Ordered};
-use crate::container::{Batches, Container};
+use crate::container::{Container, Content, Opened};
 use crate::{RecordingError, Table};
 
 /// Messages read from the database at a time.
@@ -36,11 +37,11 @@ const METADATA: &str = "metadata.yaml";
 ///
 /// # Errors
 /// [`RecordingError`] when it cannot be opened, is not a bag, or contains no messages.
-pub(crate) fn open(path: &Path) -> Result<Box<dyn Container>, RecordingError> {
+pub(crate) fn open(path: &Path) -> Result<Container, RecordingError> {
     if path.is_dir() {
-        return Ok(Box::new(Folder::open(path)?));
+        return Folder::open(path);
     }
-    Ok(Box::new(open_db3(path)?))
+    Ok(open_db3(path)?.into())
 }
 
 /// A row of `topics`.
@@ -261,14 +262,11 @@ struct Folder {
     path: PathBuf,
     /// In the order of the first time.
     parts: Vec<Log>,
-    tables: Vec<Table>,
     epochs: Epochs,
-    notes: Vec<String>,
-    warnings: Vec<String>,
 }
 
 impl Folder {
-    fn open(path: &Path) -> Result<Self, RecordingError> {
+    fn open(path: &Path) -> Result<Container, RecordingError> {
         let metadata = match std::fs::read_to_string(path.join(METADATA)) {
             Ok(metadata) => Some(metadata),
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
@@ -281,44 +279,41 @@ impl Folder {
             path.extension().is_some_and(|extension| extension == "db3" || extension == "mcap")
         });
         paths.sort();
-        let mut folder = Self {
-            path: path.to_owned(),
-            parts: Vec::new(),
-            tables: Vec::new(),
-            epochs: Epochs::default(),
-            notes: Vec::new(),
-            warnings: Vec::new(),
-        };
+        let (mut parts, mut notes, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
         let mut failed = None;
         for path in &paths {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if metadata.as_ref().is_some_and(|text| !text.contains(&*name)) {
-                folder.notes.push(format!("{name} is not named in {METADATA} and left out"));
+                notes.push(format!("{name} is not named in {METADATA} and left out"));
                 continue;
             }
             match open_part(path) {
-                Ok(part) => folder.parts.push(part),
+                Ok(part) => parts.push(part),
                 Err(error) => {
-                    folder.warnings.push(error.to_string());
+                    warnings.push(error.to_string());
                     failed = Some(error);
                 }
             }
         }
-        if folder.parts.is_empty() {
+        if parts.is_empty() {
             return Err(failed.unwrap_or_else(|| {
                 problem(path, format!("holds no bag: expected {METADATA} and .db3 or .mcap files"))
             }));
         }
-        folder.join();
-        Ok(folder)
+        Ok(Self::joined(path, parts, notes, warnings))
     }
 
     /// Sorts the parts and merges their topics.
-    fn join(&mut self) {
-        self.parts.sort_by_key(|part| part.start);
-        let start = self.parts.iter().filter_map(|part| part.start).min().unwrap_or(0);
-        let topics = self.parts.iter().flat_map(|part| &part.topics);
-        self.epochs = ros::epochs(topics.clone(), start as i64);
+    fn joined(
+        path: &Path,
+        mut parts: Vec<Log>,
+        mut notes: Vec<String>,
+        mut warnings: Vec<String>,
+    ) -> Container {
+        parts.sort_by_key(|part| part.start);
+        let start = parts.iter().filter_map(|part| part.start).min().unwrap_or(0);
+        let topics = parts.iter().flat_map(|part| &part.topics);
+        let epochs = ros::epochs(topics.clone(), start as i64);
         let mut tables: Vec<Table> = Vec::new();
         for table in topics.clone().map(|topic| &topic.table) {
             match tables
@@ -335,46 +330,27 @@ impl Folder {
                 None => tables.push(table.clone()),
             }
         }
-        let notes = ros::epoch_notes(topics, self.epochs);
-        self.tables = tables;
-        self.notes.extend(notes);
-        self.notes.push(format!("{} files in the order of their first times", self.parts.len()));
-        for part in &self.parts {
+        notes.extend(ros::epoch_notes(topics, epochs));
+        notes.push(format!("{} files in the order of their first times", parts.len()));
+        for part in &parts {
             let name = part.path.file_name().unwrap_or_default().to_string_lossy();
-            self.warnings
-                .extend(part.warnings().iter().map(|warning| format!("{name}: {warning}")));
+            warnings.extend(part.warnings.iter().map(|warning| format!("{name}: {warning}")));
         }
+        let source = Source { file: path.display().to_string(), format: "ROS 2 bag (folder)" };
+        let folder = Self { path: path.to_owned(), parts, epochs };
+        Container { notes, warnings, ..Container::new(source, tables, folder) }
     }
 }
 
-impl Container for Folder {
-    fn format(&self) -> &'static str {
-        "ROS 2 bag (folder)"
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn notes(&self) -> &[String] {
-        &self.notes
-    }
-
-    fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-
-    fn clock(&self, table: usize, column: usize) -> usize {
-        let (table, mut topics) =
-            (&self.tables[table], self.parts.iter().flat_map(|part| &part.topics));
+impl Content for Folder {
+    fn clock(&self, _at: usize, table: &Table, column: usize) -> usize {
+        let mut topics = self.parts.iter().flat_map(|part| &part.topics);
         topics
             .find(|topic| topic.table.name == table.name && topic.table.kind == table.kind)
             .map_or(0, |topic| topic.clock(column, self.epochs))
     }
 
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let table = &self.tables[table];
-        bag::check(&self.path, self.format(), table, columns)?;
+    fn open(&self, _at: usize, table: &Table, columns: &[usize]) -> Opened {
         let mut blocks = Vec::new();
         for part in &self.parts {
             let mut own = part.topics.iter().map(|topic| &topic.table);

@@ -20,7 +20,7 @@ use trocar_tables::text::{Format, timestamp};
 use super::{Source, zipped};
 use crate::RecordingError;
 use crate::columns::{UNIT_IN_CELL, has_unit, is_recognised, time_unit};
-use crate::container::{Batches, Column, Container, Held, Table};
+use crate::container::{Column, Container, Content, Held, Opened, Table};
 use crate::quality::{Footer, RowList, warn_of_repeated};
 use crate::text::{Head, head_of, quoted};
 
@@ -72,7 +72,7 @@ struct Sheet {
 }
 
 /// A workbook.
-pub(crate) struct Xlsx {
+struct Xlsx {
     source: Source,
     path: PathBuf,
     /// Rows of each sheet that are not read.
@@ -167,41 +167,42 @@ fn cell_name(row: u32, column: u32) -> String {
     letters.iter().rev().collect::<String>() + &(row + 1).to_string()
 }
 
-impl Xlsx {
-    pub(crate) fn open(
-        path: &Path,
-        source: Source,
-        skip_rows: u64,
-    ) -> Result<Self, RecordingError> {
-        let mut found = Self {
-            source: source.clone(),
-            path: path.to_owned(),
-            skip_rows: u32::try_from(skip_rows).unwrap_or(MOST_ROWS),
-            sheets: Vec::new(),
-            tables: Vec::new(),
-            notes: Vec::new(),
-        };
-        source.guard("its structure", || {
-            check_parts(path, &source)?;
-            let mut workbook = open_book(path, &source)?;
-            let sheets =
-                workbook.sheets_metadata().iter().filter(|sheet| sheet.typ == SheetType::WorkSheet);
-            let names: Vec<String> = sheets.map(|sheet| sheet.name.clone()).collect();
-            names.into_iter().try_for_each(|name| found.list(&mut workbook, name))
-        })?;
-        if found.tables.is_empty() && skip_rows > 0 {
-            return Err(RecordingError::BadOption {
-                file: source.file,
-                option: "‹skip_rows›",
-                problem: format!("{skip_rows} leaves no rows of numbers in any sheet"),
-            });
-        }
-        if found.tables.is_empty() {
-            return Err(RecordingError::Empty { file: source.file });
-        }
-        Ok(found)
+pub(crate) fn open(
+    path: &Path,
+    source: Source,
+    skip_rows: u64,
+) -> Result<Container, RecordingError> {
+    let mut found = Xlsx {
+        source: source.clone(),
+        path: path.to_owned(),
+        skip_rows: u32::try_from(skip_rows).unwrap_or(MOST_ROWS),
+        sheets: Vec::new(),
+        tables: Vec::new(),
+        notes: Vec::new(),
+    };
+    source.guard("its structure", || {
+        check_parts(path, &source)?;
+        let mut workbook = open_book(path, &source)?;
+        let sheets =
+            workbook.sheets_metadata().iter().filter(|sheet| sheet.typ == SheetType::WorkSheet);
+        let names: Vec<String> = sheets.map(|sheet| sheet.name.clone()).collect();
+        names.into_iter().try_for_each(|name| found.list(&mut workbook, name))
+    })?;
+    if found.tables.is_empty() && skip_rows > 0 {
+        return Err(RecordingError::BadOption {
+            file: source.file,
+            option: "‹skip_rows›",
+            problem: format!("{skip_rows} leaves no rows of numbers in any sheet"),
+        });
     }
+    if found.tables.is_empty() {
+        return Err(RecordingError::Empty { file: source.file });
+    }
+    let (tables, notes) = (std::mem::take(&mut found.tables), std::mem::take(&mut found.notes));
+    Ok(Container { notes, ..Container::new(source, tables, found) })
+}
 
+impl Xlsx {
     /// Adds a sheet, if it holds rows.
     fn list(&mut self, workbook: &mut Workbook, name: String) -> Result<(), RecordingError> {
         let mut rows: Vec<(u32, Vec<(u32, Cell)>)> = Vec::new();
@@ -415,19 +416,7 @@ fn each_row(
     }
 }
 
-impl Container for Xlsx {
-    fn format(&self) -> &'static str {
-        self.source.format
-    }
-
-    fn tables(&self) -> &[Table] {
-        &self.tables
-    }
-
-    fn notes(&self) -> &[String] {
-        &self.notes
-    }
-
+impl Content for Xlsx {
     fn dates(&self, table: usize) -> Vec<usize> {
         let columns = self.sheets[table].columns.iter().enumerate();
         columns.filter(|(_, (_, kind))| *kind == Kind::Date).map(|(k, _)| k).collect()
@@ -438,11 +427,8 @@ impl Container for Xlsx {
         sheet.texts[column].as_deref().filter(|text| has_unit(text, sheet.format))
     }
 
-    fn open(&self, table: usize, columns: &[usize]) -> Result<Box<dyn Batches>, RecordingError> {
-        let (sheet, table) = (&self.sheets[table], &self.tables[table]);
-        if let Some(text) = columns.iter().find(|&&column| !table.columns[column].is_numeric) {
-            return Err(self.source.not_numeric(&table.columns[*text].name));
-        }
+    fn open(&self, at: usize, table: &Table, columns: &[usize]) -> Opened {
+        let sheet = &self.sheets[at];
         let wanted: Vec<(u32, Kind, &str)> = columns
             .iter()
             .map(|&k| (sheet.columns[k].0, sheet.columns[k].1, &*table.columns[k].name))
