@@ -11,7 +11,7 @@ use std::path::Path;
 use hdf5_pure::{AttrValue, DType, Dataset, File};
 
 use super::Source;
-use super::lengths::{self, Group, WIDEST};
+use super::lengths::{self, Group, Shape};
 use crate::RecordingError;
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
 
@@ -132,16 +132,14 @@ impl Listing<'_> {
     ) -> Result<(), RecordingError> {
         let shown = if path.is_empty() { "/" } else { path };
         let failed = |error| refused(self.source, shown, &error);
-        let mut listed = Group { name: path.to_owned(), columns: Vec::new(), refused: Vec::new() };
+        let mut listed = Group::named(path);
         for (name, dataset) in group.iter_datasets().map_err(failed)? {
             self.count(shown)?;
             let full = if path.is_empty() { name.clone() } else { format!("{path}/{name}") };
             match described(&dataset) {
                 Ok(described) => self.dataset(&mut listed, &name, (full, dataset), described),
                 // An array that cannot be read does not affect the others.
-                Err(error) => {
-                    listed.refused.push(format!("{name} ({})", refused(self.source, &full, &error)))
-                }
+                Err(error) => listed.refuse(&name, refused(self.source, &full, &error)),
             }
         }
         self.groups.push(listed);
@@ -178,33 +176,18 @@ impl Listing<'_> {
         described: Described,
     ) {
         let Described { shape, unit, is_numeric, size, compressed, reason } = described;
-        if let Some(reason) = reason {
-            group.refused.push(format!("{name} ({reason})"));
-            return;
-        }
-        let (rows, width, across) = match shape[..] {
-            [] => (1, 1, false),
-            [rows] => (rows, 1, false),
-            [rows, width] if rows >= width => (rows, width, false),
-            [width, rows] => (rows, width, true),
-            _ => {
-                group.refused.push(format!("{name} (of more than two dimensions)"));
-                return;
-            }
+        let most = self.length.saturating_mul(compressed);
+        let shape = match reason {
+            Some(reason) => Err(reason.to_owned()),
+            None => Shape::of(&shape, false, size, most),
         };
-        if width > WIDEST {
-            group.refused.push(format!("{name} (wider than {WIDEST} columns)"));
-            return;
-        }
-        if rows.saturating_mul(width).saturating_mul(size) > self.length.saturating_mul(compressed)
-        {
-            group.refused.push(format!(
-                "{name} ({rows} x {width} numbers, more than the file has bytes for)"
-            ));
-            return;
-        }
+        let shape = match shape {
+            Ok(shape) => shape,
+            Err(reason) => return group.refuse(name, reason),
+        };
+        let Shape { rows, width, across } = shape;
         for column in 0..width {
-            let name = if width == 1 { name.to_owned() } else { format!("{name}[{column}]") };
+            let name = shape.name(name, column);
             let (path, dataset) = (path.clone(), dataset.clone());
             let place = ColumnLocation { path, dataset, column, width, across };
             group.columns.push((Column { name, unit: unit.clone(), is_numeric }, rows, place));

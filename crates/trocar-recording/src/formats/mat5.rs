@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use trocar_tables::content::Storage;
 
-use super::lengths::{self, Group, WIDEST};
+use super::lengths::{self, Group, Shape};
 use super::{Source, read_at};
 use crate::RecordingError;
 use crate::container::{BATCH_ROWS, Batches, Column, Container, Content, Opened, Table};
@@ -115,7 +115,7 @@ pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Container,
     super::read_exact_at(&file, &mut order, 126)
         .map_err(|error| source.damaged("the header", error))?;
     let big = &order == b"MI";
-    let mut listing = Listing { source: &source, big, groups: vec![group("")], arrays: 0 };
+    let mut listing = Listing { source: &source, big, groups: vec![Group::named("")], arrays: 0 };
     let mut at = HEADER;
     while at < length {
         let mut tag = [0; 8];
@@ -171,10 +171,6 @@ impl Content for Mat5 {
             piece: Vec::new(),
         }))
     }
-}
-
-fn group(name: &str) -> Group<ColumnData> {
-    Group { name: name.to_owned(), columns: Vec::new(), refused: Vec::new() }
 }
 
 fn word(bytes: &[u8], big: bool) -> u32 {
@@ -403,7 +399,7 @@ impl Listing<'_> {
 
     fn refuse(&mut self, position: &Position<'_>, reason: &str) {
         let name = self.leaf(position);
-        self.groups[position.group].refused.push(format!("{name} ({reason})"));
+        self.groups[position.group].refuse(&name, reason);
     }
 
     /// The name without that of its group.
@@ -427,26 +423,20 @@ impl Listing<'_> {
         {
             return Err(invalid("another number of values than the dimensions say"));
         }
-        let [rows, columns] = match head.dimensions[..] {
-            [rows, columns] => [rows, columns],
-            _ => {
-                self.refuse(position, "of more than two dimensions");
+        let size = storage.size() as u64;
+        let shape = match Shape::of(&head.dimensions, true, size, tag.bytes) {
+            Ok(shape) => shape,
+            Err(reason) => {
+                self.refuse(position, &reason);
                 return Ok(());
             }
         };
-        // Columns are stored one after another.
-        let (rows, columns, step, stride) =
-            if rows >= columns { (rows, columns, rows, 1) } else { (columns, rows, 1, rows) };
-        if columns > WIDEST {
-            self.refuse(position, "wider than 64 columns");
-            return Ok(());
-        }
-        let name = self.leaf(position);
-        for k in 0..columns {
-            let name = if columns == 1 { name.clone() } else { format!("{name}[{k}]") };
-            let skip = tag.from + k * step * storage.size() as u64;
-            let place = ColumnData::Stream { element: walk.element, skip, storage, stride, rows };
-            let column = Column { name, unit: None, is_numeric: true };
+        let (name, element, rows) = (self.leaf(position), walk.element, shape.rows);
+        for k in 0..shape.width {
+            let [before, stride] = shape.place(k);
+            let skip = tag.from + before * size;
+            let place = ColumnData::Stream { element, skip, storage, stride, rows };
+            let column = Column { name: shape.name(&name, k), unit: None, is_numeric: true };
             self.groups[position.group].columns.push((column, rows, place));
         }
         Ok(())
@@ -466,7 +456,7 @@ impl Listing<'_> {
         if position.depth >= DEEPEST {
             return Err(invalid("structs and cells more than 16 deep"));
         }
-        self.groups.push(group(position.name));
+        self.groups.push(Group::named(position.name));
         Ok(self.groups.len() - 1)
     }
 

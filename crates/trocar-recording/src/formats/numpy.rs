@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use trocar_tables::content::Storage;
 
 use super::Source;
-use super::lengths::{self, Group, WIDEST};
+use super::lengths::{self, Group, Shape};
 #[cfg(feature = "npz")]
 use super::zipped;
 use crate::RecordingError;
@@ -49,7 +49,7 @@ struct Numpy {
 }
 
 pub(crate) fn open(path: &Path, length: u64, source: Source) -> Result<Container, RecordingError> {
-    let mut group = Group { name: String::new(), columns: Vec::new(), refused: Vec::new() };
+    let mut group = Group::named("");
     for (array, length) in arrays(path, length, &source)? {
         let mut head = Vec::new();
         with_array(path, array.as_deref(), |from| from.take(HEADER).read_to_end(&mut head))
@@ -121,49 +121,33 @@ fn list(
         Header::of(head).ok_or_else(|| source.damaged(place(array), "no header of an array"))?;
     let shown = array.unwrap_or("value");
     let Some(fields) = header.fields() else {
-        group.refused.push(format!("{shown} (of type {}; {SAVE_AGAIN})", header.kind));
+        group.refuse(shown, format_args!("of type {}; {SAVE_AGAIN}", header.kind));
         return Ok(());
     };
-    let (rows, width, across) = match (header.shape[..].as_ref(), header.fortran_order) {
-        ([], _) => (1, 1, false),
-        ([rows], _) => (*rows, 1, false),
-        ([rows, width], fortran) if rows >= width => (*rows, *width, fortran),
-        ([width, rows], fortran) => (*rows, *width, !fortran),
-        _ => {
-            group.refused.push(format!("{shown} (of more than two dimensions)"));
+    let item: u64 = fields.iter().map(|field| field.size).sum();
+    let most = length.saturating_sub(header.end);
+    let shape = match Shape::of(&header.shape, header.fortran_order, item, most) {
+        Ok(shape) => shape,
+        Err(reason) => {
+            group.refuse(shown, reason);
             return Ok(());
         }
     };
-    let item: u64 = fields.iter().map(|field| field.size).sum();
-    let bytes = rows.checked_mul(width).and_then(|count| count.checked_mul(item));
-    if width > WIDEST || bytes.is_none_or(|bytes| bytes > length.saturating_sub(header.end)) {
-        let what = if width > WIDEST {
-            "wider than 64 columns"
-        } else {
-            "more than the file has bytes for"
-        };
-        group.refused.push(format!("{shown} ({rows} x {width} numbers, {what})"));
-        return Ok(());
-    }
-    for column in 0..width {
-        let mut from = header.end + column * item * if across { rows } else { 1 };
+    for column in 0..shape.width {
+        let [before, stride] = shape.place(column);
+        let mut from = header.end + item * before;
         for field in &fields {
-            let name = match (&field.name, width) {
-                (Some(name), 1) => name.clone(),
-                (Some(name), _) => format!("{name}[{column}]"),
-                (None, 1) => shown.to_owned(),
-                (None, _) => format!("{shown}[{column}]"),
-            };
+            let name = shape.name(field.name.as_deref().unwrap_or(shown), column);
             let is_numeric = field.storage.is_some();
             let data = ColumnData {
                 array: array.map(str::to_owned),
                 storage: field.storage.unwrap_or(Storage::U8),
                 big: field.big,
                 from,
-                stride: item * if across { 1 } else { width },
-                rows,
+                stride: item * stride,
+                rows: shape.rows,
             };
-            group.columns.push((Column { name, unit: None, is_numeric }, rows, data));
+            group.columns.push((Column { name, unit: None, is_numeric }, shape.rows, data));
             from += field.size;
         }
     }
