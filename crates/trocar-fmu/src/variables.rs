@@ -91,109 +91,60 @@ pub(crate) struct Variable {
     pub(crate) least: Option<(f64, bool)>,
 }
 
-impl Variable {
-    fn new(
-        role: Role,
-        name: &str,
-        unit: &'static str,
-        description: &str,
-        start: Option<f64>,
-    ) -> Self {
-        let (name, description) = (name.to_owned(), description.to_owned());
-        Self { role, name, unit, description, start, least: None }
-    }
-}
-
 /// Variables of `trocar` driven by `input`, in increasing order of their value references.
 ///
 /// An infinite parameter (a disabled law) is omitted, since not every importer can read an infinite
 /// start value.
 pub(crate) fn variables<K: AsRef<[f64]>>(trocar: &Trocar<K>, input: Input) -> Vec<Variable> {
     let is_ems = matches!(trocar.seal(), Seal::Ems(_));
-    let driven = input == Input::Velocity;
-    let mut table =
-        vec![Variable::new(Role::Time, "time", "s", "simulated time", None), input_variable(input)];
-    let force = "force of the instrument on the seal, positive on insertion; the instrument feels its negative";
-    table.push(Variable::new(Role::Force, "force_n", "N", force, None));
-    if is_ems {
-        let deflection = "deflection of the seal, the mean of several elements";
-        table.push(Variable::new(Role::Deflection, "deflection_m", "m", deflection, None));
-        table.push(Variable::new(
-            Role::Mode,
-            "mode",
-            "",
-            "whether the seal deforms or slides",
-            None,
-        ));
-    }
-    if driven {
-        table.push(Variable::new(
-            Role::Position,
-            "position_m",
-            "m",
-            "where the instrument is",
-            None,
-        ));
-    }
-    let begins = "force to begin with, at rest; 0: that of an undeformed seal";
-    table.push(Variable::new(Role::InitialForce, "initial_force_n", "N", begins, Some(0.0)));
-    if is_ems {
-        let begins = "deflection to begin with, at rest; at most one of this and initial_force_n";
-        table.push(Variable::new(
-            Role::InitialDeflection,
-            "initial_deflection_m",
-            "m",
-            begins,
-            Some(0.0),
-        ));
-    }
-    if driven {
-        let begins = "where the instrument begins";
-        table.push(Variable::new(
-            Role::InitialPosition,
-            "initial_position_m",
-            "m",
-            begins,
-            Some(0.0),
-        ));
-    }
-    if trocar.rotation().is_some() {
-        table.extend(turning_variables(input));
-    }
-    table.extend(parameters(trocar.seal()));
-    table
+    let (is_driven, turns) = (input == Input::Velocity, trocar.rotation().is_some());
+    let ((along, unit, is_along), (around, unit_around, is_around)) = inputs(input);
+    let (start, mode) = (Some(0.0), "whether the seal deforms or slides");
+    let rows = [
+        (true, Role::Time, "time", "s", "simulated time", None),
+        (true, Role::Input(input), along, unit, is_along, start),
+        (true, Role::Force, "force_n", "N", FORCE, None),
+        (is_ems, Role::Deflection, "deflection_m", "m", DEFLECTION, None),
+        (is_ems, Role::Mode, "mode", "", mode, None),
+        (is_driven, Role::Position, "position_m", "m", "where the instrument is", None),
+        (true, Role::InitialForce, "initial_force_n", "N", FORCE_AT_START, start),
+        (is_ems, Role::InitialDeflection, "initial_deflection_m", "m", DEFLECTION_AT_START, start),
+        (is_driven, Role::InitialPosition, "initial_position_m", "m", POSITION_AT_START, start),
+        (turns, Role::Turn, around, unit_around, is_around, start),
+        (turns, Role::Torque, "torque_n_m", "N m", TORQUE, None),
+    ];
+    let fixed = rows.into_iter().filter(|(is_there, ..)| *is_there);
+    let fixed = fixed.map(|(_, role, name, unit, description, start)| {
+        let (name, description) = (name.to_owned(), description.to_owned());
+        Variable { role, name, unit, description, start, least: None }
+    });
+    fixed.chain(parameters(trocar.seal())).collect()
 }
 
-fn turning_variables(input: Input) -> [Variable; 2] {
-    let (name, unit, is) = match input {
-        Input::Position => (
-            "angle_rad",
-            "rad",
-            "angle of the instrument at the end of the step; before the first step: where it stands",
-        ),
-        Input::Velocity => (
-            "angular_velocity_rad_s",
-            "rad/s",
-            "angular velocity of the instrument during the step",
-        ),
-    };
-    let torque = "torque of the instrument on the seal, positive with the angle; the instrument feels its negative";
-    [
-        Variable::new(Role::Turn, name, unit, is, Some(0.0)),
-        Variable::new(Role::Torque, "torque_n_m", "N m", torque, None),
-    ]
-}
+const FORCE: &str =
+    "force of the instrument on the seal, positive on insertion; the instrument feels its negative";
+const TORQUE: &str = "torque of the instrument on the seal, positive with the angle; the instrument feels its negative";
+const DEFLECTION: &str = "deflection of the seal, the mean of several elements";
+const FORCE_AT_START: &str = "force to begin with, at rest; 0: that of an undeformed seal";
+const DEFLECTION_AT_START: &str =
+    "deflection to begin with, at rest; at most one of this and initial_force_n";
+const POSITION_AT_START: &str = "where the instrument begins";
 
-fn input_variable(input: Input) -> Variable {
-    let role = Role::Input(input);
+/// Name, unit and description.
+type Described = (&'static str, &'static str, &'static str);
+
+/// The inputs along and around the axis.
+fn inputs(input: Input) -> (Described, Described) {
     match input {
         Input::Position => {
-            let is = "where the instrument is at the end of the step; before the first step: where it stands";
-            Variable::new(role, "position_m", "m", is, Some(0.0))
+            let along = "where the instrument is at the end of the step; before the first step: where it stands";
+            let around = "angle of the instrument at the end of the step; before the first step: where it stands";
+            (("position_m", "m", along), ("angle_rad", "rad", around))
         }
         Input::Velocity => {
-            let is = "velocity of the instrument during the step, positive on insertion";
-            Variable::new(role, "velocity_m_s", "m/s", is, Some(0.0))
+            let along = "velocity of the instrument during the step, positive on insertion";
+            let around = "angular velocity of the instrument during the step";
+            (("velocity_m_s", "m/s", along), ("angular_velocity_rad_s", "rad/s", around))
         }
     }
 }
