@@ -93,11 +93,13 @@ impl Config {
     }
 
     fn options(&self) -> IdentifyOptions {
+        let usual = IdentifyOptions::default();
         IdentifyOptions {
             seed: self.seed,
             degrees: DEGREES,
             inertia_removed: self.moving_mass.mass > 0.0,
-            ..IdentifyOptions::default()
+            free_motion: usual.free_motion && self.depth == Depth::Full,
+            ..usual
         }
     }
 }
@@ -225,13 +227,14 @@ fn work(row: &mut FleetRow, input: &Input, config: &Config) -> Result<(), Failur
         }
     };
     let recording = recording.without_glitches();
-    data(row, &recording);
+    row.set_data(&recording);
+    warnings(row, recording.quality.warnings.iter().map(|w| w.message.clone()).collect());
     let MovingMass { mass, gravity } = config.moving_mass;
     let recording =
         if mass > 0.0 { recording.without_moving_mass(mass, gravity)? } else { recording };
     let recordings = [recording];
-    let (found, method) = identified(&recordings, config)?;
-    result(row, &found, &recordings[0], method);
+    let found = identify(&recordings, &config.options(), &|_, _| ())?;
+    result(row, &found, &recordings[0]);
     Ok(())
 }
 
@@ -257,55 +260,6 @@ pub(super) fn sha256_of(path: &Path) -> Option<String> {
     digest_of(path).ok()
 }
 
-/// The identification, and the method used.
-fn identified(
-    recordings: &[Recording],
-    config: &Config,
-) -> Result<(Identification, &'static str), IdentifyError> {
-    let options = config.options();
-    let free_motion = options.free_motion && config.depth == Depth::Full;
-    let found = identify(recordings, &IdentifyOptions { free_motion, ..options }, &|_, _| ())?;
-    let method = if found.fit.is_some() { "fit" } else { "two_steps" };
-    Ok((found, method))
-}
-
-/// Properties known before the identification.
-fn data(row: &mut FleetRow, recording: &Recording) {
-    let q = &recording.quality;
-    row.set("recording", FleetCell::text(&recording.name));
-    row.set("sha256", FleetCell::text(&recording.sha256));
-    row.set("samples", FleetCell::count(recording.len()));
-    row.set("duration_s", FleetCell::number(recording.duration()));
-    let dropped = q.repeated_rows.count + q.unordered_rows.count + q.non_finite_rows.count;
-    let counts = [
-        ("gaps", q.gaps.len()),
-        ("resets", q.resets.len()),
-        ("saturated_samples", q.saturated.iter().map(|s| s.count).sum()),
-        ("dropped_rows", dropped),
-        ("held_rows", q.held_rows.count),
-    ];
-    counts.into_iter().for_each(|(name, count)| row.set(name, FleetCell::count(count)));
-    let numbers = [
-        ("stroke_m", q.stroke),
-        ("median_interval_s", q.median_interval),
-        ("jitter_s", q.jitter),
-        ("longest_interval_s", q.longest_interval),
-        ("position_resolution_m", q.position_resolution),
-        ("position_noise_m", q.position_noise),
-        ("force_resolution_n", q.force_resolution),
-        ("force_noise_n", q.force_noise),
-        ("force_rms_n", rms(&recording.force)),
-    ];
-    numbers.into_iter().for_each(|(name, value)| row.set(name, FleetCell::number(value)));
-    warnings(row, q.warnings.iter().map(|w| w.message.clone()).collect());
-}
-
-/// Root mean square about the mean.
-fn rms(values: &[f64]) -> f64 {
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
-    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
-}
-
 fn warnings(row: &mut FleetRow, all: Vec<String>) {
     row.set("warning_count", FleetCell::count(all.len()));
     row.set(
@@ -322,57 +276,18 @@ fn parameter(row: &mut FleetRow, name: &str, estimate: &Estimate) {
     row.set(&format!("{name}_determined"), FleetCell::Boolean(estimate.determined));
 }
 
-fn result(row: &mut FleetRow, found: &Identification, recording: &Recording, method: &str) {
+fn result(row: &mut FleetRow, found: &Identification, recording: &Recording) {
     for p in &found.parameters {
         parameter(row, &p.id.to_string(), &p.estimate);
     }
     let lost = !recording.quality.warnings.is_empty();
     let status = if lost || found.is_doubtful() { "doubtful" } else { "ok" };
     row.set("status", FleetCell::text(status));
-    row.set("method", FleetCell::text(method));
     let messages = found.warnings.iter().map(|w| match &w.subject {
         // The recording's name has its own column.
         Subject::Recording(_) => w.message.clone(),
         subject => format!("{subject}: {}", w.message),
     });
     warnings(row, messages.collect());
-    quality_of_fit(row, found);
-    row.set("reversals", FleetCell::count(found.free_motion.reversals));
-    row.set("partial_reversals", FleetCell::count(found.free_motion.partial_reversals));
-    row.set("held_s", FleetCell::number(found.free_motion.held_s));
-    if let Some(fit) = &found.position_profile {
-        row.set("position_profile_knots", FleetCell::count(fit.profile.gains().len()));
-        row.set("position_profile_held_out_rms_n", FleetCell::number(fit.held_out_rms_n));
-        row.set(
-            "position_profile_constant_held_out_rms_n",
-            FleetCell::number(fit.constant_held_out_rms_n),
-        );
-    }
-}
-
-fn quality_of_fit(row: &mut FleetRow, found: &Identification) {
-    row.set("residual_rms_n", FleetCell::number(found.residual_rms));
-    row.set("free_parameters", FleetCell::count(found.free_parameters));
-    row.set("position_delay_s", FleetCell::from(found.position_delay.map(|lag| lag.delay_s)));
-    row.set("steady_strokes", FleetCell::count(found.steady.means.len()));
-    row.set("stroke_mean_scatter_n", FleetCell::number(found.steady.stroke_mean_scatter_n));
-    if !found.steady.means.is_empty() {
-        let [slowest, fastest] = found.steady.speed_range_m_s;
-        row.set("slowest_steady_m_s", FleetCell::number(slowest));
-        row.set("fastest_steady_m_s", FleetCell::number(fastest));
-    }
-    match &found.deformation {
-        Ok(fit) => row.set("full_reversals", FleetCell::count(fit.full_reversals.len())),
-        Err(why) => row.set("deformation_missing", FleetCell::message(why)),
-    }
-    row.set("friction_scatter", FleetCell::number(found.friction_scale.scatter));
-    row.set("friction_drift", FleetCell::number(found.friction_scale.drift));
-    if let Some(jump) = found.friction_scale.jumps.first() {
-        row.set("friction_jump_ratio", FleetCell::number(jump.ratio));
-        row.set("friction_jump_s", FleetCell::number(jump.time_s));
-    }
-    if let Some(fit) = &found.fit {
-        let kept: Vec<&str> = fit.terms.iter().filter(|t| t.kept).map(|t| t.term.name()).collect();
-        row.set("terms", FleetCell::text(kept.join(" ")));
-    }
+    row.set_fit(found);
 }

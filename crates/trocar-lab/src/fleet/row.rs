@@ -4,8 +4,14 @@
 use serde::{Deserialize, Serialize};
 use trocar_model::ParameterId;
 
+use trocar_identify::Identification;
+use trocar_recording::Recording;
 use trocar_tables::option::{Interface, spelt};
-use trocar_tables::table::{Field, Kind};
+use trocar_tables::table::Field;
+use trocar_tables::table::Kind::{self, Integer, Number, Text};
+
+use self::FleetCell as Cell;
+use self::Origin::{Data, Fit, Fleet};
 
 /// A cell; empty without a value.
 ///
@@ -93,62 +99,131 @@ impl From<Option<f64>> for FleetCell {
 /// Degrees of the polynomials of both branches, EMS (25); the table has a fixed set of columns.
 pub(super) const DEGREES: [usize; 2] = [4, 4];
 
+/// A column: its name, what its cells are, and where they come from.
+type Column = (&'static str, Kind, Origin);
+
+/// Where the cells of a column come from.
+#[derive(Clone, Copy)]
+enum Origin {
+    /// What the fleet knows of the recording, or the outcome as a whole.
+    Fleet,
+    Data(fn(&Recording) -> FleetCell),
+    Fit(fn(&Identification) -> FleetCell),
+}
+
 /// Columns of a recording before its parameters.
-const BEFORE: [(&str, Kind); 13] = [
-    ("path", Kind::Text),
-    ("recording", Kind::Text),
-    ("sha256", Kind::Text),
-    ("program", Kind::Text),
-    ("config", Kind::Text),
-    ("depth", Kind::Text),
-    ("status", Kind::Text),
-    ("reason_kind", Kind::Text),
-    ("reason", Kind::Text),
-    ("warning_count", Kind::Integer),
-    ("warnings", Kind::Text),
-    ("samples", Kind::Integer),
-    ("duration_s", Kind::Number),
+const BEFORE: [Column; 13] = [
+    ("path", Text, Fleet),
+    ("recording", Text, Data(|r| Cell::text(&r.name))),
+    ("sha256", Text, Data(|r| Cell::text(&r.sha256))),
+    ("program", Text, Fleet),
+    ("config", Text, Fleet),
+    ("depth", Text, Fleet),
+    ("status", Text, Fleet),
+    ("reason_kind", Text, Fleet),
+    ("reason", Text, Fleet),
+    ("warning_count", Integer, Fleet),
+    ("warnings", Text, Fleet),
+    ("samples", Integer, Data(|r| Cell::count(r.len()))),
+    ("duration_s", Number, Data(|r| Cell::number(r.duration()))),
 ];
 
 /// Columns of the data and of the fit, after the parameters.
-const TRAILING: [(&str, Kind); 36] = [
-    ("method", Kind::Text),
-    ("residual_rms_n", Kind::Number),
-    ("force_rms_n", Kind::Number),
-    ("free_parameters", Kind::Integer),
-    ("deformation_missing", Kind::Text),
-    ("stroke_mean_scatter_n", Kind::Number),
-    ("friction_scatter", Kind::Number),
-    ("friction_drift", Kind::Number),
-    ("friction_jump_ratio", Kind::Number),
-    ("friction_jump_s", Kind::Number),
-    ("terms", Kind::Text),
-    ("position_delay_s", Kind::Number),
-    ("position_profile_knots", Kind::Integer),
-    ("position_profile_held_out_rms_n", Kind::Number),
-    ("position_profile_constant_held_out_rms_n", Kind::Number),
-    ("slowest_steady_m_s", Kind::Number),
-    ("fastest_steady_m_s", Kind::Number),
-    ("steady_strokes", Kind::Integer),
-    ("full_reversals", Kind::Integer),
-    ("reversals", Kind::Integer),
-    ("partial_reversals", Kind::Integer),
-    ("held_s", Kind::Number),
-    ("stroke_m", Kind::Number),
-    ("median_interval_s", Kind::Number),
-    ("jitter_s", Kind::Number),
-    ("longest_interval_s", Kind::Number),
-    ("gaps", Kind::Integer),
-    ("resets", Kind::Integer),
-    ("saturated_samples", Kind::Integer),
-    ("dropped_rows", Kind::Integer),
-    ("held_rows", Kind::Integer),
-    ("position_resolution_m", Kind::Number),
-    ("position_noise_m", Kind::Number),
-    ("force_resolution_n", Kind::Number),
-    ("force_noise_n", Kind::Number),
-    ("moving_mass_kg", Kind::Number),
+const TRAILING: [Column; 36] = [
+    ("method", Text, Fit(|f| Cell::text(if f.fit.is_some() { "fit" } else { "two_steps" }))),
+    ("residual_rms_n", Number, Fit(|f| Cell::number(f.residual_rms))),
+    ("force_rms_n", Number, Data(|r| Cell::number(rms(&r.force)))),
+    ("free_parameters", Integer, Fit(|f| Cell::count(f.free_parameters))),
+    (
+        "deformation_missing",
+        Text,
+        Fit(|f| f.deformation.as_ref().err().map_or(Cell::Empty, |why| Cell::message(why))),
+    ),
+    ("stroke_mean_scatter_n", Number, Fit(|f| Cell::number(f.steady.stroke_mean_scatter_n))),
+    ("friction_scatter", Number, Fit(|f| Cell::number(f.friction_scale.scatter))),
+    ("friction_drift", Number, Fit(|f| Cell::number(f.friction_scale.drift))),
+    (
+        "friction_jump_ratio",
+        Number,
+        Fit(|f| f.friction_scale.jumps.first().map(|j| j.ratio).into()),
+    ),
+    ("friction_jump_s", Number, Fit(|f| f.friction_scale.jumps.first().map(|j| j.time_s).into())),
+    ("terms", Text, Fit(terms)),
+    ("position_delay_s", Number, Fit(|f| f.position_delay.map(|lag| lag.delay_s).into())),
+    (
+        "position_profile_knots",
+        Integer,
+        Fit(|f| {
+            f.position_profile
+                .as_ref()
+                .map_or(Cell::Empty, |p| Cell::count(p.profile.gains().len()))
+        }),
+    ),
+    (
+        "position_profile_held_out_rms_n",
+        Number,
+        Fit(|f| f.position_profile.as_ref().map(|p| p.held_out_rms_n).into()),
+    ),
+    (
+        "position_profile_constant_held_out_rms_n",
+        Number,
+        Fit(|f| f.position_profile.as_ref().map(|p| p.constant_held_out_rms_n).into()),
+    ),
+    ("slowest_steady_m_s", Number, Fit(|f| steady_speed(f, 0))),
+    ("fastest_steady_m_s", Number, Fit(|f| steady_speed(f, 1))),
+    ("steady_strokes", Integer, Fit(|f| Cell::count(f.steady.means.len()))),
+    (
+        "full_reversals",
+        Integer,
+        Fit(|f| {
+            f.deformation.as_ref().map_or(Cell::Empty, |d| Cell::count(d.full_reversals.len()))
+        }),
+    ),
+    ("reversals", Integer, Fit(|f| Cell::count(f.free_motion.reversals))),
+    ("partial_reversals", Integer, Fit(|f| Cell::count(f.free_motion.partial_reversals))),
+    ("held_s", Number, Fit(|f| Cell::number(f.free_motion.held_s))),
+    ("stroke_m", Number, Data(|r| Cell::number(r.quality.stroke))),
+    ("median_interval_s", Number, Data(|r| Cell::number(r.quality.median_interval))),
+    ("jitter_s", Number, Data(|r| Cell::number(r.quality.jitter))),
+    ("longest_interval_s", Number, Data(|r| Cell::number(r.quality.longest_interval))),
+    ("gaps", Integer, Data(|r| Cell::count(r.quality.gaps.len()))),
+    ("resets", Integer, Data(|r| Cell::count(r.quality.resets.len()))),
+    (
+        "saturated_samples",
+        Integer,
+        Data(|r| Cell::count(r.quality.saturated.iter().map(|s| s.count).sum())),
+    ),
+    ("dropped_rows", Integer, Data(dropped_rows)),
+    ("held_rows", Integer, Data(|r| Cell::count(r.quality.held_rows.count))),
+    ("position_resolution_m", Number, Data(|r| Cell::number(r.quality.position_resolution))),
+    ("position_noise_m", Number, Data(|r| Cell::number(r.quality.position_noise))),
+    ("force_resolution_n", Number, Data(|r| Cell::number(r.quality.force_resolution))),
+    ("force_noise_n", Number, Data(|r| Cell::number(r.quality.force_noise))),
+    ("moving_mass_kg", Number, Fleet),
 ];
+
+/// Root mean square about the mean.
+fn rms(values: &[f64]) -> f64 {
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64).sqrt()
+}
+
+fn dropped_rows(recording: &Recording) -> Cell {
+    let q = &recording.quality;
+    Cell::count(q.repeated_rows.count + q.unordered_rows.count + q.non_finite_rows.count)
+}
+
+fn terms(found: &Identification) -> Cell {
+    let Some(fit) = &found.fit else { return Cell::Empty };
+    let kept: Vec<&str> = fit.terms.iter().filter(|t| t.kept).map(|t| t.term.name()).collect();
+    Cell::text(kept.join(" "))
+}
+
+/// The slowest or the fastest speed of steady sliding.
+fn steady_speed(found: &Identification, end: usize) -> Cell {
+    let steady = &found.steady;
+    (!steady.means.is_empty()).then_some(steady.speed_range_m_s[end]).into()
+}
 
 /// All parameters that an identification may report.
 pub(super) fn parameters() -> Vec<ParameterId> {
@@ -165,7 +240,7 @@ pub(super) const ENDS: [(&str, Kind); 4] = [
 
 /// The columns of every [`FleetRow`], in order.
 pub fn columns() -> Vec<Field> {
-    let fixed = |(name, kind): &(&str, Kind)| Field::new(*name, *kind);
+    let fixed = |(name, kind, _): &Column| Field::new(*name, *kind);
     let mut all: Vec<Field> = BEFORE.iter().map(fixed).collect();
     for name in parameters() {
         all.extend(ENDS.map(|(end, kind)| Field::new(format!("{name}{end}"), kind)));
@@ -211,6 +286,24 @@ impl FleetRow {
     /// The text in the column of that name.
     pub fn text(&self, name: &str) -> Option<&str> {
         self.get(name)?.as_text()
+    }
+
+    /// Fills the columns of the data.
+    pub(super) fn set_data(&mut self, recording: &Recording) {
+        for (name, _, origin) in BEFORE.iter().chain(&TRAILING) {
+            if let Data(of) = origin {
+                self.set(name, of(recording));
+            }
+        }
+    }
+
+    /// Fills the columns of the fit.
+    pub(super) fn set_fit(&mut self, found: &Identification) {
+        for (name, _, origin) in BEFORE.iter().chain(&TRAILING) {
+            if let Fit(of) = origin {
+                self.set(name, of(found));
+            }
+        }
     }
 
     /// Fills a cell. A name that is not a column is a bug of this module and is ignored.
