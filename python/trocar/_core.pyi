@@ -384,23 +384,12 @@ def simulate_full(
     initial_force_n: float | None = None,
     initial_deflection_m: float | None = None,
 ) -> tuple[_Array, tuple[_Array, npt.NDArray[np.bool_]] | None]: ...
-def simulate_many(
+def run_many(
     models: Sequence[Model],
     parameters: Sequence[tuple[str, _Array]] | None,
     time_s: npt.ArrayLike,
     position_m: npt.ArrayLike,
-    *,
-    initial_force_n: float | None,
-    initial_deflection_m: float | None,
-    out: _Array,
-    threads: int,
-) -> None: ...
-def squared_error_many(
-    models: Sequence[Model],
-    parameters: Sequence[tuple[str, _Array]] | None,
-    time_s: npt.ArrayLike,
-    position_m: npt.ArrayLike,
-    force_n: npt.ArrayLike,
+    force_n: npt.ArrayLike | None,
     *,
     initial_force_n: float | None,
     initial_deflection_m: float | None,

@@ -52,7 +52,7 @@ def simulate_many(
     if out is None:
         out = np.empty((count, len(time)))
     options = {"initial_force_n": initial_force_n, "initial_deflection_m": initial_deflection_m}
-    _core.simulate_many(own, columns, time, position, **options, out=out, threads=count_of("threads", threads))
+    _core.run_many(own, columns, time, position, None, **options, out=out, threads=count_of("threads", threads))
     return out
 
 
@@ -85,7 +85,7 @@ def squared_error_many(
     own, columns, count = _ensemble(models, parameters)
     if out is None:
         out = np.empty(count)
-    _core.squared_error_many(
+    _core.run_many(
         own,
         columns,
         time_s,

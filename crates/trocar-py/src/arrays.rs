@@ -2,8 +2,8 @@
 //! refused.
 
 use numpy::{
-    BorrowError, PyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray,
-    PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods, ndarray,
+    BorrowError, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadwriteArrayDyn,
+    PyUntypedArrayMethods,
 };
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -43,51 +43,42 @@ fn borrow<'py>(
         .map_err(|_| ArrayError::new_err(format!("{name} is being written to by another call")))
 }
 
-/// A place for `length` results, called `out` in messages.
+/// A place for results of this shape, called `out` in messages.
 pub(crate) fn place<'py>(
     out: &Bound<'py, PyAny>,
-    length: usize,
-) -> PyResult<PyReadwriteArray1<'py, f64>> {
-    let wanted = format!("{length} float64");
-    let Ok(array) = out.cast::<PyArray1<f64>>() else { return Err(refused(&wanted, &kind(out)?)) };
-    if array.len() != length {
-        return Err(refused(&wanted, &array.len().to_string()));
-    }
-    writable(array, &wanted)
-}
-
-/// A place for `rows` rows of `length` results, one after the other.
-pub(crate) fn rows<'py>(
-    out: &Bound<'py, PyAny>,
-    rows: usize,
-    length: usize,
-) -> PyResult<PyReadwriteArray2<'py, f64>> {
-    let wanted = format!("float64 of shape ({rows}, {length})");
-    match out.cast::<PyArray2<f64>>() {
-        Ok(array) if array.shape() == [rows, length] => writable(array, &wanted),
-        _ => Err(refused(&wanted, &kind(out)?)),
-    }
-}
-
-fn writable<'py, D: ndarray::Dimension>(
-    array: &Bound<'py, PyArray<f64, D>>,
-    wanted: &str,
-) -> PyResult<PyReadwriteArray<'py, f64, D>> {
+    shape: &[usize],
+) -> PyResult<PyReadwriteArrayDyn<'py, f64>> {
+    let wanted = match shape {
+        [length] => format!("{length} float64"),
+        _ => {
+            let lengths: Vec<String> = shape.iter().map(usize::to_string).collect();
+            format!("float64 of shape ({})", lengths.join(", "))
+        }
+    };
+    let refused = |found: &str| {
+        ArrayError::new_err(format!(
+            "out must be a contiguous, writable NumPy array of {wanted}, got {found}"
+        ))
+    };
+    let array = match out.cast::<PyArrayDyn<f64>>() {
+        Ok(array) if array.shape() == shape => array,
+        Ok(array) if array.ndim() == 1 && shape.len() == 1 => {
+            return Err(refused(&array.len().to_string()));
+        }
+        _ => return Err(refused(&kind(out)?)),
+    };
     if !(array.is_c_contiguous() && array.is_aligned()) {
-        return Err(refused(wanted, "one with gaps between its numbers"));
+        return Err(refused("one with gaps between its numbers"));
     }
     array.try_readwrite().map_err(|error| match error {
-        BorrowError::NotWriteable => refused(wanted, "a read-only one"),
+        BorrowError::NotWriteable => refused("a read-only one"),
         _ => in_use(),
     })
 }
 
 /// Whether `out` lies apart from what is read, which two views of one buffer do not; asked before
 /// either is touched.
-pub(crate) fn apart<D: ndarray::Dimension>(
-    out: &PyReadwriteArray<'_, f64, D>,
-    read: &[&[f64]],
-) -> PyResult<()> {
+pub(crate) fn apart(out: &PyReadwriteArrayDyn<'_, f64>, read: &[&[f64]]) -> PyResult<()> {
     let first = out.data().cast_const();
     let end = first.wrapping_add(out.len());
     let mut read = read.iter().map(|values| values.as_ptr_range());
@@ -96,12 +87,6 @@ pub(crate) fn apart<D: ndarray::Dimension>(
 
 fn in_use() -> PyErr {
     ArrayError::new_err("out is in use, by another call or as an array that this one reads")
-}
-
-fn refused(wanted: &str, found: &str) -> PyErr {
-    ArrayError::new_err(format!(
-        "out must be a contiguous, writable NumPy array of {wanted}, got {found}"
-    ))
 }
 
 /// What an argument is, in words.

@@ -9,7 +9,7 @@ use crate::arrays::column;
 use crate::errors::{ParameterError, Raise};
 use crate::model::Model;
 use crate::recording::Recording;
-use crate::work::{How, run};
+use crate::work::{How, attempt};
 
 /// Records an experiment on the virtual test bench: a motor moves a rod through a seal, and sensors
 /// record it.
@@ -52,13 +52,12 @@ pub(crate) fn bench(
     };
     config.rotation = file.trocar.rotation().copied();
     let elements = file.stages().map_err(Raise::raise)?.elements().to_vec();
-    let record = run(py, How::default(), move |_| {
+    let (record, events) = attempt(py, How::default(), move |_| -> Result<_, BenchError> {
         let run = experiment.run(&config, &elements, seed)?;
         let events = run.events;
         let limit = Some(config.force_sensor.range_n);
         Ok((Record::from_readings(experiment.name(), &run.readings(), limit), events))
     })?;
-    let (record, events) = record.map_err(|error: BenchError| error.raise())?;
     let mut record = record.map_err(Raise::raise)?;
     record.quality.notes.extend(events.warnings().into_iter().chain(events.note()));
     Ok(Recording::new(record))

@@ -1,20 +1,18 @@
 //! `compare`, and `Compared`: what it leaves behind.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use pyo3::prelude::*;
 use trocar::compare::{Choice, CompareOptions, Divided, Outcome};
 use trocar::identify::IdentifyOptions;
-use trocar::output::StagedFolder;
-use trocar::report::ReportError;
 use trocar::report::comparison::{TITLE, document, write};
 
-use crate::errors::{ParameterError, Raise};
+use crate::errors::ParameterError;
 use crate::model::Model;
 use crate::recording::{Recording, records};
-use crate::shared::{Picture, figures, moving_mass, write_page};
-use crate::work::{How, run};
+use crate::shared::{Picture, figures, moving_mass, write_folder, write_page};
+use crate::work::{How, attempt};
 
 /// A finished comparison.
 #[pyclass(module = "trocar._core", frozen)]
@@ -42,16 +40,10 @@ pub(crate) fn compare(
     let (training, validation) = (records(&recordings), records(&held_out));
     let identify = IdentifyOptions { seed, ..Default::default() };
     let options = CompareOptions { models, identify, timing };
-    let outcome = run(py, How { progress, threads }, move |progress| {
+    let outcome = attempt(py, How { progress, threads }, move |progress| {
         Divided::of(training, validation, moving_mass)?.compared(options, progress)
     })?;
-    Ok(Compared(Arc::new(outcome.map_err(Raise::raise)?)))
-}
-
-fn save(outcome: &Outcome, folder: &Path) -> Result<(), ReportError> {
-    let staged = StagedFolder::create(folder)?;
-    write(outcome, &staged)?;
-    Ok(staged.commit()?)
+    Ok(Compared(Arc::new(outcome)))
 }
 
 #[pymethods]
@@ -86,6 +78,6 @@ impl Compared {
     /// Writes compare.json, models, report.html and figures.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
         let outcome = self.0.clone();
-        run(py, How::default(), move |_| save(&outcome, &folder))?.map_err(Raise::raise)
+        write_folder(py, folder, move |staged| write(&outcome, staged))
     }
 }

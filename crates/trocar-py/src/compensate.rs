@@ -11,10 +11,13 @@ use trocar::compensate::{
 use trocar::many::evenly;
 
 use crate::arrays::column;
-use crate::errors::{ArrayError, MotionError, ParameterError, Raise, number};
+use crate::errors::{ArrayError, MotionError, ParameterError, Raise};
 use crate::keys::{changed, given};
 use crate::model::{Model, given_model};
 use crate::posterior::Draws;
+use crate::shared::beside_times;
+use crate::simulate::goes_back;
+use crate::work::in_chunks;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 15;
@@ -341,41 +344,29 @@ fn along<'py>(
     for (name, length) in
         [("position_m", position.len()), ("force_n", force.len()), ("angle_rad", angles)]
     {
-        if length != time.len() {
-            let expected = time.len();
-            return Err(MotionError::new_err(format!(
-                "{name} has {length} samples, expected {expected} as time_s has"
-            )));
-        }
+        beside_times(name, length, time.len())?;
     }
     check(time, before)?;
     let mut estimates: Vec<Estimate> = Vec::with_capacity(time.len());
-    for chunk in (0..time.len()).step_by(CHUNK) {
-        let range = chunk..time.len().min(chunk + CHUNK);
-        py.detach(|| {
-            for i in range {
-                let duration = before.map_or(0.0, |before| time[i] - before);
-                estimates.push(match angle {
-                    Some(angle) => observer.turn(position[i], angle[i], force[i], duration),
-                    None => observer.step(position[i], force[i], duration),
-                });
-                before = Some(time[i]);
-            }
-        });
-        py.check_signals()?;
-    }
+    in_chunks(py, time.len(), CHUNK, |range| {
+        for i in range {
+            let duration = before.map_or(0.0, |before| time[i] - before);
+            estimates.push(match angle {
+                Some(angle) => observer.turn(position[i], angle[i], force[i], duration),
+                None => observer.step(position[i], force[i], duration),
+            });
+            before = Some(time[i]);
+        }
+    })?;
+    let numbers = |of: fn(&Estimate) -> f64| PyArray1::from_iter(py, estimates.iter().map(of));
+    let faults = estimates.iter().map(|estimate| estimate.fault.map_or(-1, |fault| fault as i8));
     let arrays = (
-        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.trocar_force)),
-        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.tissue_force)),
-        PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.std)),
+        numbers(|estimate| estimate.trocar_force),
+        numbers(|estimate| estimate.tissue_force),
+        numbers(|estimate| estimate.std),
         PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.adapting)),
-        PyArray1::from_iter(
-            py,
-            estimates.iter().map(|estimate| estimate.fault.map_or(-1, |fault| fault as i8)),
-        ),
-        observer.turns().then(|| {
-            PyArray1::from_iter(py, estimates.iter().map(|estimate| estimate.trocar_torque))
-        }),
+        PyArray1::from_iter(py, faults),
+        observer.turns().then(|| numbers(|estimate| estimate.trocar_torque)),
     );
     Ok((arrays, before))
 }
@@ -390,12 +381,7 @@ fn check(time: &[f64], before: Option<f64>) -> PyResult<()> {
             )));
         }
         if let Some(from) = last.filter(|from| t < *from) {
-            let text = format!(
-                "sample {i}: time_s goes back from {} s to {} s, expected it to advance",
-                number(from),
-                number(t)
-            );
-            return Err(MotionError::new_err(text));
+            return Err(MotionError::new_err(goes_back(i, from, t)));
         }
         last = Some(t);
     }

@@ -8,9 +8,8 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use trocar::identify::posterior::{CHAINS, Density, Draws};
 use trocar::identify::{IdentifyOptions, Kept, SealPrior, Term};
-use trocar::output::StagedFolder;
 use trocar::report::identification::FigureChoice;
-use trocar::report::{Document, ReportError, workflow_document, write_workflow};
+use trocar::report::{Document, workflow_document, write_workflow};
 use trocar::workflow::{Workflow, WorkflowError};
 use trocar_model::ParameterId;
 
@@ -18,8 +17,8 @@ use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::Model;
 use crate::posterior::PosteriorTable;
 use crate::recording::{Recording, records};
-use crate::shared::{Picture, figures, moving_mass, write_page};
-use crate::work::{How, run};
+use crate::shared::{Picture, figures, moving_mass, write_folder, write_page};
+use crate::work::{How, attempt, run};
 
 /// A finished identification.
 #[pyclass(module = "trocar._core", frozen)]
@@ -87,10 +86,10 @@ pub(crate) fn identify(
         ..IdentifyOptions::default()
     };
     let (recordings, held_out) = (records(&recordings), records(&held_out));
-    let job = run(py, How { progress, threads }, move |progress| {
+    let job = attempt(py, How { progress, threads }, move |progress| {
         Workflow::run(recordings, held_out, moving_mass, options, progress)
     })?;
-    Ok(Identified(Arc::new(job.map_err(Raise::raise)?)))
+    Ok(Identified(Arc::new(job)))
 }
 
 fn unknown(name: &str) -> PyErr {
@@ -128,12 +127,6 @@ fn term(name: &String) -> PyResult<Term> {
 
 fn page(done: &Workflow) -> Document {
     workflow_document(done, None, FigureChoice::default()).expect("the default choice is possible")
-}
-
-fn save(done: &Workflow, folder: &std::path::Path) -> Result<(), ReportError> {
-    let staged = StagedFolder::create(folder)?;
-    write_workflow(done, &staged, None, FigureChoice::default())?;
-    Ok(staged.commit()?)
 }
 
 #[pymethods]
@@ -213,6 +206,8 @@ impl Identified {
     /// Writes model.json, summary.json, report.html and figures.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
         let job = self.0.clone();
-        run(py, How::default(), move |_| save(&job, &folder))?.map_err(Raise::raise)
+        write_folder(py, folder, move |staged| {
+            write_workflow(&job, staged, None, FigureChoice::default())
+        })
     }
 }

@@ -54,7 +54,7 @@ mod _core {
     #[pymodule_export]
     use crate::identify::{Identified, identify};
     #[pymodule_export]
-    use crate::many::{simulate_many, squared_error_many};
+    use crate::many::run_many;
     #[pymodule_export]
     use crate::model::{Model, Tunable, parameter_least, parameter_symbol};
     #[pymodule_export]

@@ -1,5 +1,4 @@
-//! `simulate_many` and `squared_error_many`: many models along one motion; `trocar._many` wraps
-//! them.
+//! Many models along one motion, for `simulate_many` and `squared_error_many` in `trocar._many`.
 
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -8,85 +7,62 @@ use pyo3::types::PyAny;
 use trocar::many::ensemble::{Ensemble, Motion, Refusal, Start, Tuned, forces, squared_errors};
 use trocar_model::{ParamError, Seal, Trocar};
 
-use crate::arrays::{apart, column, place, rows};
-use crate::errors::number;
-use crate::errors::{ArrayError, MotionError, ParameterError, RecordingError};
+use crate::arrays::{apart, column, place};
+use crate::errors::{ArrayError, ParameterError, RecordingError, number};
 use crate::model::{Model, Tunable, tunables, unknown};
-use crate::simulate::{check_motion, start};
+use crate::shared::beside_times;
+use crate::simulate::{motion, start};
 use crate::work::run_borrowing;
 
-/// Forces of models along a motion into `out`, a row for each: those listed, or one with columns of
+/// Forces of models along a motion into `out`, a row for each; with readings, sums of their squared
+/// errors against these, one for each. The models are those listed, or one with columns of
 /// parameters.
-#[pyfunction]
-#[pyo3(signature = (models, parameters, time_s, position_m, *, initial_force_n, initial_deflection_m, out, threads))]
-#[allow(clippy::too_many_arguments)] // keywords in Python
-pub(crate) fn simulate_many(
-    py: Python<'_>,
-    models: Vec<Py<Model>>,
-    parameters: Option<Vec<(String, Bound<'_, PyAny>)>>,
-    time_s: &Bound<'_, PyAny>,
-    position_m: &Bound<'_, PyAny>,
-    initial_force_n: Option<f64>,
-    initial_deflection_m: Option<f64>,
-    out: &Bound<'_, PyAny>,
-    threads: usize,
-) -> PyResult<()> {
-    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
-    let (time, position) = (time.as_slice()?, position.as_slice()?);
-    check_motion(py, time, position)?;
-    let start = start(initial_force_n, initial_deflection_m)?;
-    let adjusted = parameters.map(|columns| Adjusted::read(&models, columns)).transpose()?;
-    let models = Models::new(&models, adjusted.as_ref(), start)?;
-    let mut out = rows(out, models.count(), time.len())?;
-    apart(&out, &models.read(&[time, position]))?;
-    let out = out.as_slice_mut()?;
-    let done =
-        run_borrowing(py, threads, || forces(&models, start, &Motion::new(time, position), out))?;
-    done.map_err(|refusal| raise(refusal, adjusted.as_ref()))
-}
-
-/// Sums of the squared errors of models against readings into `out`, one for each.
 #[pyfunction]
 #[pyo3(signature = (models, parameters, time_s, position_m, force_n, *, initial_force_n, initial_deflection_m, out,
     threads))]
 #[allow(clippy::too_many_arguments)] // keywords in Python
-pub(crate) fn squared_error_many(
+pub(crate) fn run_many(
     py: Python<'_>,
     models: Vec<Py<Model>>,
     parameters: Option<Vec<(String, Bound<'_, PyAny>)>>,
     time_s: &Bound<'_, PyAny>,
     position_m: &Bound<'_, PyAny>,
-    force_n: &Bound<'_, PyAny>,
+    force_n: Option<&Bound<'_, PyAny>>,
     initial_force_n: Option<f64>,
     initial_deflection_m: Option<f64>,
     out: &Bound<'_, PyAny>,
     threads: usize,
 ) -> PyResult<()> {
-    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = motion(py, time_s, position_m)?;
     let (time, position) = (time.as_slice()?, position.as_slice()?);
-    check_motion(py, time, position)?;
-    let force = column("force_n", force_n)?;
-    let force = force.as_slice()?;
-    check_readings(force, time.len())?;
+    let readings = force_n.map(|force| column("force_n", force)).transpose()?;
+    let readings = readings.as_ref().map(|force| force.as_slice()).transpose()?;
+    if let Some(force) = readings {
+        check_readings(force, time.len())?;
+    }
     let start = start(initial_force_n, initial_deflection_m)?;
     let adjusted = parameters.map(|columns| Adjusted::read(&models, columns)).transpose()?;
     let models = Models::new(&models, adjusted.as_ref(), start)?;
-    let mut out = place(out, models.count())?;
-    apart(&out, &models.read(&[time, position, force]))?;
+    let mut out = match readings {
+        None => place(out, &[models.count(), time.len()])?,
+        Some(_) => place(out, &[models.count()])?,
+    };
+    let columns = models.columns().iter().map(|(_, values)| *values);
+    let read: Vec<&[f64]> = [time, position].into_iter().chain(readings).chain(columns).collect();
+    apart(&out, &read)?;
     let out = out.as_slice_mut()?;
-    run_borrowing(py, threads, || {
-        squared_errors(&models, start, &Motion::new(time, position), force, out)
-    })?
-    .map_err(|refusal| raise(refusal, adjusted.as_ref()))
+    let done = run_borrowing(py, threads, || {
+        let motion = Motion::new(time, position);
+        match readings {
+            None => forces(&models, start, &motion, out),
+            Some(force) => squared_errors(&models, start, &motion, force, out),
+        }
+    })?;
+    done.map_err(|refusal| raise(refusal, adjusted.as_ref()))
 }
 
 fn check_readings(force: &[f64], samples: usize) -> PyResult<()> {
-    if force.len() != samples {
-        let found = force.len();
-        return Err(MotionError::new_err(format!(
-            "force_n has {found} samples, expected {samples} as time_s has"
-        )));
-    }
+    beside_times("force_n", force.len(), samples)?;
     match force.iter().position(|force| force.is_infinite()) {
         None if samples > 0 && force.iter().all(|force| force.is_nan()) => Err(
             RecordingError::new_err("force_n holds no reading, all are nan: any model would do"),
@@ -129,13 +105,12 @@ impl<'a> Models<'a> {
         Ok(Self::Tuned(Box::new(tuned.expect("every place was found among the tunables"))))
     }
 
-    /// What is read: `motion`, and the columns of parameters.
-    fn read(&self, motion: &[&'a [f64]]) -> Vec<&'a [f64]> {
-        let columns = match self {
+    /// Columns of parameters, each with its place.
+    fn columns(&self) -> &[(usize, &'a [f64])] {
+        match self {
             Self::Listed(_) => &[],
             Self::Tuned(tuned) => tuned.columns(),
-        };
-        motion.iter().copied().chain(columns.iter().map(|(_, values)| *values)).collect()
+        }
     }
 }
 

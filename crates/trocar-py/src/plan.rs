@@ -3,6 +3,7 @@
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
+use trocar::identify::Progress;
 use trocar::plan::config::EXAMPLE_TOML;
 use trocar::plan::{ConfigError, Goal, Plan, PlanConfig};
 
@@ -11,7 +12,7 @@ use crate::keys::{changed, document};
 use crate::model::Model;
 use crate::posterior::Draws;
 use crate::recording::Recording;
-use crate::work::{How, run};
+use crate::work::{How, attempt};
 
 /// The rig with every key at its default, as a documented TOML text.
 #[pyfunction]
@@ -52,11 +53,11 @@ pub(crate) fn plan<'py>(
         (None, None) => Vec::new(),
     };
     let seals = config.seals_of(&draws).map_err(Raise::raise)?;
-    let done = run(py, How { progress, threads }, move |progress| {
+    let planning = move |progress: Progress<'_>| -> Result<_, trocar::plan::PlanError> {
         let planned = trocar::plan::plan(&config, &goal, &seals, &after, progress)?;
         Ok((summary(&config, &goal, &planned), planned.course))
-    })?;
-    let (summary, course) = done.map_err(|error: trocar::plan::PlanError| error.raise())?;
+    };
+    let (summary, course) = attempt(py, How { progress, threads }, planning)?;
     let columns = [Some(course.time), Some(course.position), course.angle].into_iter().flatten();
     let columns = columns.map(|column| PyArray1::from_vec(py, column)).collect();
     Ok((summary.to_string(), columns))

@@ -13,7 +13,7 @@ use trocar_model::Stages;
 
 use crate::errors::{ParameterError, Raise, in_python, os_error};
 use crate::model::Model;
-use crate::work::{How, run};
+use crate::work::{How, attempt};
 
 /// A table of draws with the element of each.
 #[pyclass(module = "trocar._core", frozen)]
@@ -87,7 +87,7 @@ impl PosteriorTable {
     /// Writes the draws.
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let table = self.table.clone();
-        run(py, How::default(), move |_| draws::write(&table, &path))?.map_err(Raise::raise)
+        attempt(py, How::default(), move |_| draws::write(&table, &path))
     }
 }
 

@@ -7,10 +7,9 @@ use pyo3::types::PyAny;
 use trocar::recording::{self, Choice, ReadOptions};
 use trocar::summary::choice_for;
 
-use crate::errors::Raise;
 use crate::model::Model;
 use crate::recording::{Recording, columns_in_words};
-use crate::work::{How, run};
+use crate::work::{How, attempt};
 
 /// Reads a recording from a file of any format that `trocar inspect` lists.
 ///
@@ -58,6 +57,6 @@ pub(crate) fn read(
     };
     let choice = like.and_then(|model| choice_for(model.file(), &choice)).unwrap_or(choice);
     let options = ReadOptions { choice, sensor_limit: sensor_limit_n, ..ReadOptions::default() };
-    let record = run(py, How::default(), move |_| recording::read(&path, &options))?;
-    Ok(Recording::new(record.map_err(Raise::raise)?))
+    let record = attempt(py, How::default(), move |_| recording::read(&path, &options))?;
+    Ok(Recording::new(record))
 }

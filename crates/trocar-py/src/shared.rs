@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
-use trocar::output::write_whole;
-use trocar::report::{self, Document};
+use trocar::output::{StagedFolder, write_whole};
+use trocar::report::{self, Document, ReportError};
 use trocar::workflow::MovingMass;
 
-use crate::errors::number;
-use crate::errors::{ParameterError, Raise};
-use crate::work::{How, run};
+use crate::errors::{MotionError, ParameterError, Raise, number};
+use crate::work::{How, attempt};
 
 /// A declared moving mass.
 pub(crate) fn moving_mass(mass: f64, gravity: f64) -> PyResult<MovingMass> {
@@ -22,6 +21,15 @@ pub(crate) fn finite(name: &str, value: f64, unit: &str) -> PyResult<()> {
     })
 }
 
+/// Refuses a column that has not a sample for each time.
+pub(crate) fn beside_times(name: &str, found: usize, expected: usize) -> PyResult<()> {
+    (found == expected).then_some(()).ok_or_else(|| {
+        MotionError::new_err(format!(
+            "{name} has {found} samples, expected {expected} as time_s has"
+        ))
+    })
+}
+
 /// A figure: name, title, caption, SVG.
 pub(crate) type Picture = (String, String, String, String);
 
@@ -30,7 +38,7 @@ pub(crate) fn figures(
     py: Python<'_>,
     document: impl FnOnce() -> Document + Send + 'static,
 ) -> PyResult<Vec<Picture>> {
-    let drawn = run(py, How::default(), move |_| {
+    attempt(py, How::default(), move |_| -> Result<_, ReportError> {
         let document = document();
         let svgs = report::vectors(&document)?;
         let figures = document.sections.into_iter().flat_map(|section| section.figures);
@@ -38,8 +46,7 @@ pub(crate) fn figures(
             .zip(svgs)
             .map(|(figure, (id, svg))| (id, figure.title, figure.caption, svg))
             .collect())
-    });
-    drawn?.map_err(|error: report::ReportError| error.raise())
+    })
 }
 
 /// Writes the page of a document to `path`, made off the lock; the file appears whole or not at
@@ -49,8 +56,20 @@ pub(crate) fn write_page(
     path: PathBuf,
     document: impl FnOnce() -> Document + Send + 'static,
 ) -> PyResult<()> {
-    let written = run(py, How::default(), move |_| {
+    attempt(py, How::default(), move |_| -> Result<(), ReportError> {
         Ok(write_whole(&path, report::page(&document())?.as_bytes())?)
-    });
-    written?.map_err(|error: report::ReportError| error.raise())
+    })
+}
+
+/// Writes a folder, off the lock; its files appear together or not at all.
+pub(crate) fn write_folder(
+    py: Python<'_>,
+    folder: PathBuf,
+    write: impl FnOnce(&StagedFolder) -> Result<(), ReportError> + Send + 'static,
+) -> PyResult<()> {
+    attempt(py, How::default(), move |_| -> Result<(), ReportError> {
+        let staged = StagedFolder::create(&folder)?;
+        write(&staged)?;
+        Ok(staged.commit()?)
+    })
 }

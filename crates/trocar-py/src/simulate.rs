@@ -1,19 +1,20 @@
 //! `simulate` and `simulate_full`: a model along whole arrays.
 
-use numpy::PyArray1;
+use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyAny;
 use trocar::many::along;
 use trocar::many::ensemble::Start;
 use trocar::recording::{LONGEST_STROKE, range};
-use trocar_model::{Deformation, Mode, Trocar, TrocarState};
+use trocar_model::{Mode, Trocar, TrocarState};
 
 use crate::arrays::{apart, column, place};
 use crate::errors::number;
 use crate::errors::{MotionError, ParameterError};
 use crate::model::{Model, given_model};
-use crate::shared::finite;
+use crate::shared::{beside_times, finite};
+use crate::work::in_chunks;
 
 /// Samples between two looks at the signals: some milliseconds of work.
 const CHUNK: usize = 1 << 17;
@@ -41,19 +42,34 @@ pub(crate) fn simulate<'py>(
     initial_deflection_m: Option<f64>,
     out: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = motion(py, time_s, position_m)?;
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run =
-        Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
+    let mut state = first_state(trocar, position, start(initial_force_n, initial_deflection_m)?)?;
     let result = match out {
         Some(out) => out.clone(),
         None => PyArray1::<f64>::zeros(py, time.len(), false).into_any(),
     };
-    let mut forces = place(&result, time.len())?;
-    apart(&forces, &[time, position])?;
-    run.forces(py, forces.as_slice_mut()?)?;
-    drop(forces);
+    let mut out = place(&result, &[time.len()])?;
+    apart(&out, &[time, position])?;
+    let forces = out.as_slice_mut()?;
+    let mut before = time.first().copied().unwrap_or(0.0);
+    in_chunks(py, time.len(), CHUNK, |range| {
+        let mut durations = [0.0; PART];
+        for ((forces, time), position) in forces[range.clone()]
+            .chunks_mut(PART)
+            .zip(time[range.clone()].chunks(PART))
+            .zip(position[range].chunks(PART))
+        {
+            for (duration, &t) in durations.iter_mut().zip(time) {
+                *duration = t - before;
+                before = t;
+            }
+            // No time passes at the first sample and at repeated ones: the state stays.
+            along(trocar, &mut state, position, &durations, forces);
+        }
+    })?;
+    drop(out);
     Ok(result)
 }
 
@@ -74,36 +90,28 @@ pub(crate) fn simulate_full<'py>(
     Bound<'py, PyArray1<f64>>,
     Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)>,
 )> {
-    let (time, position) = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = motion(py, time_s, position_m)?;
     let (time, position) = (time.as_slice()?, position.as_slice()?);
     let trocar = model.get().trocar();
-    let mut run =
-        Run::new(py, trocar, time, position, start(initial_force_n, initial_deflection_m)?)?;
-    let tells = run.state.deformation().is_some();
-    let mut rows = vec![SimulatedSample::default(); time.len()];
-    run.chunks(py, &mut rows, SimulatedSample::take)?;
-    let force = PyArray1::from_iter(py, rows.iter().map(|row| row.force));
-    let deformation = tells.then(|| {
-        let deflection = PyArray1::from_iter(py, rows.iter().map(|row| row.deflection));
-        (deflection, PyArray1::from_iter(py, rows.iter().map(|row| row.slides)))
-    });
-    Ok((force, deformation))
-}
-
-#[derive(Clone, Copy, Default)]
-struct SimulatedSample {
-    force: f64,
-    deflection: f64,
-    slides: bool,
-}
-
-impl SimulatedSample {
-    fn take(state: &TrocarState, row: &mut Self) {
-        row.force = state.force();
-        if let Some(Deformation { deflection, mode }) = state.deformation() {
-            (row.deflection, row.slides) = (deflection, mode == Mode::Sliding);
+    let mut state = first_state(trocar, position, start(initial_force_n, initial_deflection_m)?)?;
+    let tells = state.deformation().is_some();
+    let mut forces = Vec::with_capacity(time.len());
+    let mut deformations = Vec::with_capacity(if tells { time.len() } else { 0 });
+    let mut before = time.first().copied().unwrap_or(0.0);
+    in_chunks(py, time.len(), CHUNK, |range| {
+        for (&t, &x) in time[range.clone()].iter().zip(&position[range]) {
+            // No time passes at the first sample and at repeated ones: the state stays.
+            forces.push(trocar.step_to(&mut state, x, t - before));
+            deformations.extend(state.deformation());
+            before = t;
         }
-    }
+    })?;
+    let deformation = tells.then(|| {
+        let deflection = PyArray1::from_iter(py, deformations.iter().map(|own| own.deflection));
+        let slides = deformations.iter().map(|own| own.mode == Mode::Sliding);
+        (deflection, PyArray1::from_iter(py, slides))
+    });
+    Ok((PyArray1::from_vec(py, forces), deformation))
 }
 
 /// How the seal stands at the first sample.
@@ -121,92 +129,27 @@ pub(crate) fn start(
     }
 }
 
-/// A model under way along a motion that it can follow.
-struct Run<'a> {
-    trocar: &'a Trocar<Vec<f64>>,
-    time: &'a [f64],
-    position: &'a [f64],
-    state: TrocarState,
+/// A model at the first position of a motion.
+fn first_state(trocar: &Trocar<Vec<f64>>, position: &[f64], start: Start) -> PyResult<TrocarState> {
+    let first = position.first().copied().unwrap_or(0.0);
+    start.state(trocar, first).ok_or_else(|| {
+        ParameterError::new_err(
+            "initial_deflection_m is for EMS elements; a classical model has no deflection",
+        )
+    })
 }
 
-impl<'a> Run<'a> {
-    fn new(
-        py: Python<'_>,
-        trocar: &'a Trocar<Vec<f64>>,
-        time: &'a [f64],
-        position: &'a [f64],
-        start: Start,
-    ) -> PyResult<Self> {
-        check_motion(py, time, position)?;
-        let state =
-            start.state(trocar, position.first().copied().unwrap_or(0.0)).ok_or_else(|| {
-                ParameterError::new_err(
-                    "initial_deflection_m is for EMS elements; a classical model has no deflection",
-                )
-            })?;
-        Ok(Self { trocar, time, position, state })
-    }
-
-    /// Steps through all samples, many at a time.
-    fn forces(&mut self, py: Python<'_>, forces: &mut [f64]) -> PyResult<()> {
-        let Self { trocar, time, position, state } = self;
-        let mut before = time.first().copied().unwrap_or(0.0);
-        for ((forces, time), position) in
-            forces.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK))
-        {
-            py.detach(|| {
-                let mut durations = [0.0; PART];
-                for ((forces, time), position) in
-                    forces.chunks_mut(PART).zip(time.chunks(PART)).zip(position.chunks(PART))
-                {
-                    for (duration, &t) in durations.iter_mut().zip(time) {
-                        *duration = t - before;
-                        before = t;
-                    }
-                    // No time passes at the first sample and at repeated ones: the state stays.
-                    along(trocar, state, position, &durations, forces);
-                }
-            });
-            py.check_signals()?;
-        }
-        Ok(())
-    }
-
-    /// Steps through all samples; `take` keeps what is wanted of each state.
-    fn chunks<R: Send>(
-        &mut self,
-        py: Python<'_>,
-        rows: &mut [R],
-        take: impl Fn(&TrocarState, &mut R) + Sync,
-    ) -> PyResult<()> {
-        let Self { trocar, time, position, state } = self;
-        let mut before = time.first().copied().unwrap_or(0.0);
-        for ((rows, time), position) in
-            rows.chunks_mut(CHUNK).zip(time.chunks(CHUNK)).zip(position.chunks(CHUNK))
-        {
-            py.detach(|| {
-                for ((row, &t), &x) in rows.iter_mut().zip(time).zip(position) {
-                    // No time passes at the first sample and at repeated ones: the state stays.
-                    trocar.step_to(state, x, t - before);
-                    before = t;
-                    take(state, row);
-                }
-            });
-            py.check_signals()?;
-        }
-        Ok(())
-    }
-}
-
-/// Refuses a motion that a model cannot follow.
-pub(crate) fn check_motion(py: Python<'_>, time: &[f64], position: &[f64]) -> PyResult<()> {
-    if time.len() != position.len() {
-        let (t, x) = (time.len(), position.len());
-        return Err(MotionError::new_err(format!(
-            "position_m has {x} samples, expected {t} as time_s has"
-        )));
-    }
-    py.detach(|| check(time, position)).map_err(MotionError::new_err)
+/// Times and positions of a motion that a model can follow.
+pub(crate) fn motion<'py>(
+    py: Python<'py>,
+    time_s: &Bound<'py, PyAny>,
+    position_m: &Bound<'py, PyAny>,
+) -> PyResult<(PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>)> {
+    let arrays = (column("time_s", time_s)?, column("position_m", position_m)?);
+    let (time, position) = (arrays.0.as_slice()?, arrays.1.as_slice()?);
+    beside_times("position_m", position.len(), time.len())?;
+    py.detach(|| check(time, position)).map_err(MotionError::new_err)?;
+    Ok(arrays)
 }
 
 /// What a model cannot follow, in words: where, found, expected.
@@ -256,6 +199,12 @@ fn is_plain(time: &[f64], position: &[f64]) -> bool {
     t.is_finite() && advances && is_near
 }
 
+/// A clock that runs backwards at sample `i`, in words.
+pub(crate) fn goes_back(i: usize, from: f64, to: f64) -> String {
+    let [from, to] = [from, to].map(number);
+    format!("sample {i}: time_s goes back from {from} s to {to} s, expected it to advance")
+}
+
 #[cold]
 fn first_fault(time: &[f64], position: &[f64]) -> String {
     for (i, (&t, &x)) in time.iter().zip(position).enumerate() {
@@ -268,9 +217,7 @@ fn first_fault(time: &[f64], position: &[f64]) -> String {
         let (from_t, from_x) = (time[before], position[before]);
         let [from_time, to_time] = [from_t, t].map(number);
         if t < from_t {
-            return format!(
-                "sample {i}: time_s goes back from {from_time} s to {to_time} s, expected it to advance"
-            );
+            return goes_back(i, from_t, t);
         }
         if x != from_x && !((x - from_x) / (t - from_t)).is_finite() {
             let [from, to] = [from_x, x].map(number);

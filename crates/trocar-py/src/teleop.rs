@@ -1,15 +1,13 @@
 //! `teleop`: a teleoperation loop through a trocar; `trocar._teleop` wraps it.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use trocar::model_file::ModelFile;
-use trocar::output::StagedFolder;
-use trocar::report::teleop::{Source, Sources, TeleopReport, document as report_document};
-use trocar::report::{Document, ReportError};
+use trocar::report::teleop::{self as report, Source, Sources};
 use trocar::teleop::config::{EXAMPLE_TOML, PRESETS};
 use trocar::teleop::{Config, ConfigError, Options, Study, course_columns, response_columns};
 
@@ -17,17 +15,12 @@ use crate::errors::{Raise, TeleopError, in_python};
 use crate::keys::{changed, document, given};
 use crate::model::{Model, given_model};
 use crate::posterior::Draws;
-use crate::shared::write_page;
-use crate::work::{How, run};
+use crate::shared::{write_folder, write_page};
+use crate::work::{How, attempt};
 
 /// A loop that was studied.
 #[pyclass(module = "trocar._core", frozen)]
-pub(crate) struct Studied(Arc<Job>);
-
-struct Job {
-    study: Study,
-    sources: Sources,
-}
+pub(crate) struct Studied(Arc<(Study, Sources)>);
 
 /// The loop with every key at its default, as a documented TOML text.
 #[pyfunction]
@@ -81,27 +74,10 @@ pub(crate) fn teleop(
         trocar: of(&plant),
         compensator: other.as_deref().map(of),
     };
-    let study = run(py, How { progress, threads }, move |progress| {
+    let study = attempt(py, How { progress, threads }, move |progress| {
         Study::new(config, [&own, &plant], &questions, progress)
     })?;
-    let study = study.map_err(Raise::raise)?;
-    Ok(Studied(Arc::new(Job { study, sources })))
-}
-
-impl Job {
-    fn report(&self) -> TeleopReport<'_> {
-        TeleopReport { study: &self.study, sources: self.sources.clone() }
-    }
-
-    fn page(&self) -> Document {
-        report_document(&self.report())
-    }
-
-    fn save(&self, folder: &Path) -> Result<(), ReportError> {
-        let staged = StagedFolder::create(folder)?;
-        self.report().write(&staged)?;
-        Ok(staged.commit()?)
-    }
+    Ok(Studied(Arc::new((study, sources))))
 }
 
 fn arrays(py: Python<'_>, columns: Columns) -> Arrays<'_> {
@@ -112,35 +88,35 @@ fn arrays(py: Python<'_>, columns: Columns) -> Arrays<'_> {
 impl Studied {
     /// The text of summary.json.
     fn summary_json(&self) -> String {
-        self.0.study.summary().to_json()
+        self.0.0.summary().to_json()
     }
 
     /// What makes the result doubtful, with what may help.
     fn warnings(&self) -> Vec<String> {
-        self.0.study.warnings().iter().map(in_python).collect()
+        self.0.0.warnings().iter().map(in_python).collect()
     }
 
     /// The course; None if the loop diverged.
     fn course<'py>(&self, py: Python<'py>) -> Option<Arrays<'py>> {
-        let samples = self.0.study.outcome.course.as_ref().ok()?;
+        let samples = self.0.0.outcome.course.as_ref().ok()?;
         Some(arrays(py, course_columns(samples)))
     }
 
     /// The hybrid matrix, if it was asked for.
     fn hybrid<'py>(&self, py: Python<'py>) -> Option<Arrays<'py>> {
-        let rows = self.0.study.hybrid.as_ref()?;
+        let rows = self.0.0.hybrid.as_ref()?;
         Some(arrays(py, response_columns(rows)))
     }
 
     /// Writes the page of the report, one file with everything inside.
     fn report(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let job = self.0.clone();
-        write_page(py, path, move || job.page())
+        write_page(py, path, move || report::document(&job.0, &job.1))
     }
 
     /// Writes summary.json, course.parquet, hybrid.parquet, report.html and figures.
     fn save(&self, py: Python<'_>, folder: PathBuf) -> PyResult<()> {
         let job = self.0.clone();
-        run(py, How::default(), move |_| job.save(&folder))?.map_err(Raise::raise)
+        write_folder(py, folder, move |staged| report::write(&job.0, &job.1, staged))
     }
 }

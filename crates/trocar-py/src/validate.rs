@@ -13,7 +13,7 @@ use crate::errors::{InternalError, ParameterError, Raise};
 use crate::model::{Model, given_model};
 use crate::recording::{Recording, records};
 use crate::shared::{Picture, figures};
-use crate::work::{How, run};
+use crate::work::{How, attempt};
 
 /// A finished validation.
 #[pyclass(module = "trocar._core", frozen)]
@@ -50,15 +50,14 @@ pub(crate) fn validate(
     let correction = Correction::of(&file, offset_n, moving_mass_kg).map_err(Raise::raise)?;
     let Correction { offset_n: offset, moving_mass_kg: mass, .. } = correction;
     let recordings = records(&recordings);
-    run(py, How { progress: None, threads }, move |_| {
+    attempt(py, How { progress: None, threads }, move |_| -> Result<_, RecordingError> {
         let prepared = recordings.into_iter().map(|recording| correction.taken_out_of(recording));
-        let recordings: Vec<Record> = prepared.collect::<Result<_, RecordingError>>()?;
+        let recordings: Vec<Record> = prepared.collect::<Result<_, _>>()?;
         let mut all = trocar::validate::Validated::of(&file.trocar, recordings, offset);
         let qualities = all.recordings.iter().map(|recording| &recording.quality);
         all.validation = all.validation.beside_model(&file, qualities);
         Ok(Validated(Arc::new(Job { all, offset, mass })))
-    })?
-    .map_err(|error: RecordingError| error.raise())
+    })
 }
 
 #[pymethods]

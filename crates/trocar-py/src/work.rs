@@ -2,6 +2,7 @@
 //! arrives.
 
 use std::any::Any;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,7 +13,7 @@ use pyo3::prelude::*;
 use trocar::cancel::{Cancel, Stopped};
 use trocar::identify::Progress;
 
-use crate::errors::InternalError;
+use crate::errors::{InternalError, Raise};
 
 /// Time between two looks at the signals.
 const POLL: Duration = Duration::from_millis(50);
@@ -52,7 +53,32 @@ pub(crate) fn run<T: Send + 'static>(
     outcome(py, receiver, &cancel, how.progress.as_ref(), &news)
 }
 
-/// The same for work on memory of the caller, such as arrays of Python: an exception ends the wait
+/// The same for work that may fail.
+pub(crate) fn attempt<T: Send + 'static, E: Raise + Send + 'static>(
+    py: Python<'_>,
+    how: How,
+    work: impl FnOnce(Progress<'_>) -> Result<T, E> + Send + 'static,
+) -> PyResult<T> {
+    run(py, how, work)?.map_err(Raise::raise)
+}
+
+/// Does short work on `count` samples without the interpreter's lock, and looks at the signals after
+/// each `chunk` of them.
+pub(crate) fn in_chunks(
+    py: Python<'_>,
+    count: usize,
+    chunk: usize,
+    mut work: impl FnMut(Range<usize>) + Send,
+) -> PyResult<()> {
+    for first in (0..count).step_by(chunk) {
+        let range = first..count.min(first + chunk);
+        py.detach(|| work(range));
+        py.check_signals()?;
+    }
+    Ok(())
+}
+
+/// The same as [`run`] for work on memory of the caller, such as arrays of Python: an exception ends the wait
 /// once the work has ended, some ten milliseconds later.
 pub(crate) fn run_borrowing<T: Send>(
     py: Python<'_>,

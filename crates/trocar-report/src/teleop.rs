@@ -54,39 +54,24 @@ pub struct Sources {
     pub compensator: Option<Source>,
 }
 
-/// What a report on a loop shows.
-#[derive(Debug, Clone)]
-pub struct TeleopReport<'a> {
-    /// The loop.
-    pub study: &'a Study,
-    /// Its inputs.
-    pub sources: Sources,
+fn course(study: &Study) -> Result<&[Sample], Diverged> {
+    study.outcome.course.as_deref().map_err(|diverged| *diverged)
 }
 
-impl TeleopReport<'_> {
-    fn config(&self) -> &Config {
-        &self.study.config
+/// Stages summary.json, course.parquet unless the loop diverged, hybrid.parquet if it was requested, report.html and
+/// figures.
+///
+/// # Errors
+/// What cannot be written.
+pub fn write(study: &Study, sources: &Sources, staged: &StagedFolder) -> Result<(), ReportError> {
+    staged.write("summary.json", study.summary().to_json().as_bytes())?;
+    if let Ok(samples) = course(study) {
+        write_course(samples, staged.path().join(COURSE))?;
     }
-
-    fn course(&self) -> Result<&[Sample], Diverged> {
-        self.study.outcome.course.as_deref().map_err(|diverged| *diverged)
+    if let Some(rows) = &study.hybrid {
+        write_response(rows, staged.path().join("hybrid.parquet"))?;
     }
-
-    /// Stages summary.json, course.parquet unless the loop diverged, hybrid.parquet if it was requested, report.html and
-    /// figures.
-    ///
-    /// # Errors
-    /// What cannot be written.
-    pub fn write(&self, staged: &StagedFolder) -> Result<(), ReportError> {
-        staged.write("summary.json", self.study.summary().to_json().as_bytes())?;
-        if let Ok(samples) = self.course() {
-            write_course(samples, staged.path().join(COURSE))?;
-        }
-        if let Some(rows) = &self.study.hybrid {
-            write_response(rows, staged.path().join("hybrid.parquet"))?;
-        }
-        stage_document(staged, &document(self))
-    }
+    stage_document(staged, &document(study, sources))
 }
 
 /// File of the course in the folder of a study.
@@ -100,24 +85,24 @@ const REACH: [f64; 2] = [0.03, 0.04];
 ///
 /// Equal input gives equal documents. A loop that is not stable has no figures of merit. Where data are missing, a
 /// sentence says what is missing.
-pub fn document(input: &TeleopReport) -> Document {
+pub fn document(study: &Study, sources: &Sources) -> Document {
     Document {
         title: "Teleoperation through a trocar".to_owned(),
-        subtitle: subtitle(input),
+        subtitle: subtitle(study),
         card: Vec::new(),
-        tiles: tiles(input),
-        warnings: warning(input).into_iter().collect(),
+        tiles: tiles(study),
+        warnings: warning(study).into_iter().collect(),
         notes: Vec::new(),
         sections: vec![
-            felt(input),
-            live(input),
-            advised(input),
-            map(input),
-            linear(input),
-            energy(input),
-            configuration(input.config()),
+            felt(study),
+            live(study),
+            advised(study),
+            map(study),
+            linear(study),
+            energy(study),
+            configuration(&study.config),
         ],
-        provenance: provenance(input),
+        provenance: provenance(study, sources),
     }
     .numbered()
 }
@@ -126,8 +111,8 @@ fn percent(fraction: f64) -> String {
     plain(100.0 * fraction) + " %"
 }
 
-fn subtitle(input: &TeleopReport) -> String {
-    let Config { control, channel, tissue, compensation, motion, .. } = input.config();
+fn subtitle(study: &Study) -> String {
+    let Config { control, channel, tissue, compensation, motion, .. } = &study.config;
     let turning = match motion.turning_rad_s {
         0.0 => String::new(),
         rate => format!("; the instrument turns at {} rad/s", plain(rate)),
@@ -145,13 +130,13 @@ fn subtitle(input: &TeleopReport) -> String {
 }
 
 /// Why the loop is not stable; `None` where it is.
-fn warning(input: &TeleopReport) -> Option<String> {
-    match input.course() {
+fn warning(study: &Study) -> Option<String> {
+    match course(study) {
         Err(Diverged { time_s }) => Some(format!(
             "The loop is unstable: it diverged after {} s. A loop that is unstable has no figures of merit.",
             significant(time_s, 4)
         )),
-        Ok(_) => input.study.outcome.unsettled_by.map(|disturbance| {
+        Ok(_) => study.outcome.unsettled_by.map(|disturbance| {
             format!(
                 "The loop is unstable: it does not come to rest after {}. A loop that is unstable has no figures of merit.",
                 disturbance.in_words()
@@ -160,8 +145,8 @@ fn warning(input: &TeleopReport) -> Option<String> {
     }
 }
 
-fn tiles(input: &TeleopReport) -> Vec<Tile> {
-    let verdict = match (input.course(), input.study.outcome.unsettled_by) {
+fn tiles(study: &Study) -> Vec<Tile> {
+    let verdict = match (course(study), study.outcome.unsettled_by) {
         (Err(Diverged { time_s }), _) => {
             ("unstable", format!("diverged after {} s", significant(time_s, 4)))
         }
@@ -169,7 +154,7 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
         (Ok(_), None) => ("stable", "comes to rest after pushes and pulls".to_owned()),
     };
     let mut tiles = vec![Tile::new("The loop", verdict.0, verdict.1)];
-    if let Some(width) = &input.study.z_width {
+    if let Some(width) = &study.z_width {
         let ranges = width.ranges_n_m.iter().map(|[least, greatest]| {
             format!("{} to {}", significant(*least, 4), significant(*greatest, 4))
         });
@@ -180,12 +165,12 @@ fn tiles(input: &TeleopReport) -> Vec<Tile> {
         };
         tiles.push(Tile::new("Stable with tissue of", value, "tried from 0 to 20 000 N/m"));
     }
-    if let Some(Advice { fraction, stable, .. }) = &input.study.advice {
+    if let Some(Advice { fraction, stable, .. }) = &study.advice {
         let value = fraction.map_or_else(|| "no fraction".to_owned(), percent);
         let note = if stable.is_empty() { "none is stable".to_owned() } else { ranges(stable) };
         tiles.push(Tile::new("Compensate of the trocar's force", value, note));
     }
-    let Some(merit) = &input.study.outcome.figures else { return tiles };
+    let Some(merit) = &study.outcome.figures else { return tiles };
     if let (Some(shown), Some(own)) = (merit.displayed_stiffness_n_m, merit.true_stiffness_n_m) {
         let shown = format!("{} N/m", significant(shown, 4));
         let note = format!("of the tissue {} N/m", significant(own, 4));
@@ -223,22 +208,22 @@ fn merit_table(caption: &str, merit: &Merit) -> Table {
     )
 }
 
-fn felt(input: &TeleopReport) -> Section {
+fn felt(study: &Study) -> Section {
     let section = Section::new("What is felt");
-    let Ok(samples) = input.course() else {
+    let Ok(samples) = course(study) else {
         return section.paragraph("The loop diverged: there is no course to show.");
     };
-    let section = match &input.study.outcome.figures {
+    let section = match &study.outcome.figures {
         Some(merit) => section.table(merit_table("Figures of merit", merit)),
         None => section.paragraph("The loop is unstable; the figures below show its motion only."),
     };
-    let depth = figures::depth(input.config(), samples, input.study.outcome.figures.as_ref());
-    section.figure(figures::course(input.config(), samples)).drawn(depth)
+    let depth = figures::depth(&study.config, samples, study.outcome.figures.as_ref());
+    section.figure(figures::course(&study.config, samples)).drawn(depth)
 }
 
-fn advised(input: &TeleopReport) -> Section {
+fn advised(study: &Study) -> Section {
     let section = Section::new("How much to compensate");
-    let Some(advice) = &input.study.advice else {
+    let Some(advice) = &study.advice else {
         return section.paragraph("Not computed: ‹advise=True› tries fractions from 0 to 150 %.");
     };
     let words = match advice.fraction {
@@ -264,7 +249,7 @@ fn advised(input: &TeleopReport) -> Section {
         section = section
             .table(merit_table("With that fraction, the pair with the largest error", merit));
     }
-    section.table(figures::tried(advice)).figure(figures::errors(input.config(), advice))
+    section.table(figures::tried(advice)).figure(figures::errors(&study.config, advice))
 }
 
 /// What step of the tissue's stiffness is noticed with the fraction advised.
@@ -291,11 +276,11 @@ pub fn stability_map(config: &Config, map: &Map) -> Figure {
     figures::map(config, map)
 }
 
-fn map(input: &TeleopReport) -> Section {
+fn map(study: &Study) -> Section {
     let section = Section::new("Where the loop is stable");
-    match &input.study.map {
+    match &study.map {
         Some(map) => {
-            section.figure(figures::map(input.config(), map)).table(figures::map_table(map))
+            section.figure(figures::map(&study.config, map)).table(figures::map_table(map))
         }
         None => section.paragraph(
             "Not computed: ‹map=True› finds the stiffest tissue over delay and fraction.",
@@ -303,39 +288,39 @@ fn map(input: &TeleopReport) -> Section {
     }
 }
 
-fn linear(input: &TeleopReport) -> Section {
+fn linear(study: &Study) -> Section {
     let section = Section::new("Linear theory over frequency").paragraph(
         "The same loop without sampling. A seal is not linear: it enters as its describing function, the first harmonic of its force at the \
          stated amplitude around the surface of the tissue, and the figures hold for that amplitude.",
     );
-    let [model, trocar] = &input.study.models;
-    let model = match input.config().compensation.model(model) {
+    let [model, trocar] = &study.models;
+    let model = match study.config.compensation.model(model) {
         Ok(model) => model,
         Err(why) => return section.paragraph(format!("Not computed: {why}.")),
     };
-    let [matrix, transmitted] = figures::hybrid(input.config(), [&model, trocar]);
+    let [matrix, transmitted] = figures::hybrid(&study.config, [&model, trocar]);
     section.figure(matrix).figure(transmitted)
 }
 
-fn energy(input: &TeleopReport) -> Section {
+fn energy(study: &Study) -> Section {
     let section = Section::new("Energy");
-    match input.course() {
+    match course(study) {
         Ok(samples) => section.figure(figures::energy(samples)),
         Err(_) => section.paragraph("The loop diverged: there is no course to show."),
     }
 }
 
-fn live(input: &TeleopReport) -> Section {
+fn live(study: &Study) -> Section {
     let section = Section::new("The loop, live");
-    let [compensator, trocar] = &input.study.models;
+    let [compensator, trocar] = &study.models;
     let [trocar, compensator] = match [trocar, compensator].map(row_of) {
         [Ok(trocar), Ok(compensator)] => [trocar, compensator],
         [Err(why), _] | [_, Err(why)] => return section.paragraph(why),
     };
-    let Ok(config) = serde_json::to_value(input.config()) else {
+    let Ok(config) = serde_json::to_value(&study.config) else {
         return section.paragraph("This loop cannot be written as numbers for a page.");
     };
-    let Config { motion, tissue, .. } = input.config();
+    let Config { motion, tissue, .. } = &study.config;
     let (first, last) = (motion.start_m(), motion.middle_m + motion.amplitude_m);
     let way = [
         first.min(last).min(tissue.surface_m - REACH[0]),
@@ -353,8 +338,8 @@ fn configuration(config: &Config) -> Section {
     Section::new("Configuration").table(figures::keys("All keys of the configuration", config))
 }
 
-fn provenance(input: &TeleopReport) -> Vec<(String, String)> {
-    let Sources { config, trocar, compensator } = &input.sources;
+fn provenance(study: &Study, sources: &Sources) -> Vec<(String, String)> {
+    let Sources { config, trocar, compensator } = sources;
     let config = config.as_ref().map_or_else(|| "defaults".to_owned(), Source::words);
     let mut all = vec![
         origin("Program", PROGRAM),
@@ -362,6 +347,6 @@ fn provenance(input: &TeleopReport) -> Vec<(String, String)> {
         origin("Model", trocar.words()),
     ];
     all.extend(compensator.iter().map(|other| origin("Compensator", other.words())));
-    all.push(origin("Seed", input.config().seed.to_string()));
+    all.push(origin("Seed", study.config.seed.to_string()));
     all
 }

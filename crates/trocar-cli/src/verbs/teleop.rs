@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context;
 use trocar::output::StagedFolder;
-use trocar::report::teleop::{COURSE, Source, Sources, TeleopReport};
+use trocar::report::teleop::{self as report, COURSE, Source, Sources};
 use trocar::teleop::advise::{Advice, MOST, Map, NoticeableStep};
 use trocar::teleop::config::{Architecture, shipped};
 use trocar::teleop::merit::Merit;
@@ -117,7 +117,7 @@ pub(crate) fn run(console: &Console, args: &Args) -> anyhow::Result<Completion> 
                 _ => None,
             },
         };
-        TeleopReport { study: &study, sources }.write(&staged)?;
+        report::write(&study, &sources, &staged)?;
         staged.commit()?;
     }
     let answer = match args.json {

@@ -1,7 +1,7 @@
 //! A teleoperation loop: what the hand feels through a trocar, and the energy at both ports.
 
 use trocar::model_file::ModelFile;
-use trocar::report::teleop::{Source, Sources, TeleopReport, document};
+use trocar::report::teleop::{Source, Sources, document};
 use trocar::report::{Axis, Figure, Panel, Role, Series};
 use trocar::teleop::config::Press;
 use trocar::teleop::{Config, Outcome as Loop, Questions, Study};
@@ -67,5 +67,5 @@ fn loop_of_the_report() -> Outcome<Vec<Figure>> {
     let sources =
         Sources { config: None, trocar: Source::new("plausible", b""), compensator: None };
     let names = ["course", "energy", "transmitted"].map(|name| (name, name));
-    chosen(document(&TeleopReport { study: &study, sources }), &names)
+    chosen(document(&study, &sources), &names)
 }
