@@ -146,13 +146,13 @@ impl Choice {
     pub(super) fn check_rate(&self, file: &str) -> Result<(), RecordingError> {
         let Some(rate) = self.rate_hz else { return Ok(()) };
         let problem = if !(rate.is_finite() && rate > 0.0) {
-            format!("is {rate}, expected a number above 0")
+            format!("‹rate_hz› is {rate}, expected a number above 0")
         } else if self.names_the_time()? {
-            "is given although ‹columns› names the time, expected one of them".to_owned()
+            "‹rate_hz› is given although ‹columns› names the time, expected one of them".to_owned()
         } else {
             return Ok(());
         };
-        Err(RecordingError::BadOption { file: file.to_owned(), option: "‹rate_hz›", problem })
+        Err(RecordingError::unusable(file, problem))
     }
 
     fn names_the_time(&self) -> Result<bool, RecordingError> {
@@ -209,16 +209,19 @@ pub(super) fn pick(
     if found.len() > 1 {
         let tables: Vec<String> =
             found.iter().map(|(table, _)| tables[*table].name.clone()).collect();
-        return Err(RecordingError::AmbiguousTable {
-            file: file.to_owned(),
-            found: columns::listed(&tables),
-            example: tables[0].clone(),
-        });
+        let (found, example) = (columns::listed(&tables), &tables[0]);
+        let problem = format!(
+            "time, position and force could come from {found}, expected one\n\nhint: say which, for example ‹topic='{example}'›; `trocar inspect` shows them"
+        );
+        return Err(RecordingError::unusable(file, problem));
     }
     let Some((table, layout)) = found.pop() else {
         // Columns of which one could not be chosen are named first.
         if only_missing && let Some(found) = in_several(file, container, &allowed, choice, needed) {
-            return Err(RecordingError::SeparateTables { file: file.to_owned(), found });
+            let problem = format!(
+                "{found}, expected all as columns of one table\n\nhint: save them together: arrays of equal length in one group, at common times; `trocar inspect` lists all tables"
+            );
+            return Err(RecordingError::unusable(file, problem));
         }
         return Err(refused
             .map_or_else(|| RecordingError::Empty { file: file.to_owned() }, |(_, error)| error));
@@ -306,8 +309,11 @@ pub(super) fn allowed(
             } else {
                 columns::listed(&names)
             };
-            let (file, topic) = (file.to_owned(), topic.clone());
-            return Err(RecordingError::NoSuchTable { file, topic, found: own.len(), expected });
+            let problem = format!(
+                "{} topics or tables are named '{topic}', expected one\n\nhint: the file holds {expected}",
+                own.len()
+            );
+            return Err(RecordingError::unusable(file, problem));
         }
         found.extend(own);
     }
@@ -319,7 +325,7 @@ pub(super) fn allowed(
 /// Rejects topics if there is only one unnamed table: text, or rows of a table.
 ///
 /// # Errors
-/// [`RecordingError::NoSuchTable`] if there are some.
+/// [`RecordingError::Unusable`] if there are some.
 pub(crate) fn check_topics(file: &str, choice: &Choice) -> Result<(), RecordingError> {
     allowed(file, &[Table::without_a_name(Vec::new())], &choice.topics).map(drop)
 }

@@ -70,7 +70,11 @@ impl Container {
             "" => other.name.clone(),
             table => format!("{} of {table}", other.name),
         };
-        Err(RecordingError::NotNumeric { file: self.file.clone(), format: self.format, column })
+        let problem = format!(
+            "column '{column}' of this {} file holds no numbers that are read\n\nhint: trocar inspect lists the columns",
+            self.format
+        );
+        Err(RecordingError::unusable(&self.file, problem))
     }
 }
 

@@ -156,7 +156,7 @@ fn choose(
                     "{} has no times that advance: {why}, and no log times either",
                     pick.name(container)
                 );
-                return Err(RecordingError::Log { file: container.format.to_owned(), problem });
+                return Err(RecordingError::unusable(container.format, problem));
             }
         }
     }
@@ -203,7 +203,7 @@ fn overlap(
     let problem = format!(
         "the topics have no time in common: {said}, {said_of_other} ({clock})\n\nhint: {hint}"
     );
-    Err(RecordingError::Log { file: container.format.to_owned(), problem })
+    Err(RecordingError::unusable(container.format, problem))
 }
 
 fn are_apart(a: (f64, f64), b: (f64, f64)) -> bool {

@@ -52,12 +52,8 @@ pub(super) fn choose(
 ) -> Result<Chosen, RecordingError> {
     if choice.rate_hz.is_some() {
         let problem =
-            "is for a table without times, and this is a log with times of its own".to_owned();
-        return Err(RecordingError::BadOption {
-            file: file.to_owned(),
-            option: "‹rate_hz›",
-            problem,
-        });
+            "‹rate_hz› is for a table without times, and this is a log with times of its own";
+        return Err(RecordingError::unusable(file, problem));
     }
     let topics =
         Topics { file, container, allowed: allowed(file, &container.tables, &choice.topics)? };

@@ -246,9 +246,6 @@ fn implausible(
     let as_read = layout.words().join(",");
     ways.push(format!("‹columns='{as_read}'› if the numbers are right"));
     let problems: Vec<&str> = doubts.iter().map(|doubt| &*doubt.message).collect();
-    RecordingError::Implausible {
-        file: file.to_owned(),
-        problems: problems.join("; "),
-        hint: ways.join("; "),
-    }
+    let (problems, ways) = (problems.join("; "), ways.join("; "));
+    RecordingError::unusable(file, format!("{problems}\n\nhint: is the unit right? {ways}"))
 }

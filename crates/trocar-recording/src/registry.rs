@@ -271,17 +271,16 @@ pub fn open(path: &Path, skip_rows: u64) -> Result<Option<Container>, RecordingE
     let format = FORMATS.iter().find(|format| (format.is)(&input)).unwrap_or(&FORMATS[0]);
     let Format { name, reader, .. } = format;
     if skip_rows > 0 && !matches!(reader, Reader::Text) && *name != WORKBOOK {
-        let problem =
-            format!("is for text and spreadsheets, and this is a file of the format {name}");
-        return Err(RecordingError::BadOption { file, option: "‹skip_rows›", problem });
+        let problem = format!(
+            "‹skip_rows› is for text and spreadsheets, and this is a file of the format {name}"
+        );
+        return Err(RecordingError::unusable(file, problem));
     }
     let source = Source { file, format: name };
     match reader {
         Reader::Text => Ok(None),
         Reader::Own(open) => open(&input, source).map(Some),
-        Reader::LeftOut(feature) => {
-            Err(RecordingError::NoFeature { file: source.file, format: name, feature })
-        }
+        Reader::LeftOut(feature) => Err(source.no_feature(feature)),
         Reader::Refused(found, hint) => Err(source.unsupported(found, hint)),
     }
 }

@@ -137,7 +137,7 @@ fn drop_standing_time(
             continue;
         } else if step < -median {
             let (from, to, place) = (columns.time[kept], columns.time[k], columns.lines.place(k));
-            return Err(RecordingError::TimeGoesBack { file: file.to_owned(), place, from, to });
+            return Err(RecordingError::time_goes_back(file, place, from, to));
         } else if step < 0.0 {
             quality.unordered_rows.add(line);
             continue;
@@ -151,12 +151,10 @@ fn drop_standing_time(
     }
     if coincident as f64 > TOLERATED_COINCIDENT * samples as f64 {
         let place = columns.lines.place(first_coincident);
-        return Err(RecordingError::CoarseClock {
-            file: file.to_owned(),
-            place,
-            found: coincident,
-            samples,
-        });
+        let problem = format!(
+            "{coincident} of {samples} samples carry the same time as the one before but other values, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits"
+        );
+        return Err(RecordingError::unusable(format_args!("{file} {place}"), problem));
     }
     columns.truncate(kept + 1);
     columns.lines = lines;
@@ -164,21 +162,17 @@ fn drop_standing_time(
 }
 
 fn never_advances(file: &str, columns: &Columns) -> RecordingError {
-    let (file, time) = (file.to_owned(), &columns.time);
-    match time.windows(2).position(|pair| pair[1] < pair[0]) {
-        Some(k) => RecordingError::TimeGoesBack {
-            file,
-            place: columns.lines.place(k + 1),
-            from: time[k],
-            to: time[k + 1],
-        },
-        None => RecordingError::ConstantTime {
-            file,
-            place: columns.lines.place(0),
-            value: time[0],
-            samples: time.len(),
-        },
+    let time = &columns.time;
+    if let Some(k) = time.windows(2).position(|pair| pair[1] < pair[0]) {
+        let place = columns.lines.place(k + 1);
+        return RecordingError::time_goes_back(file, place, time[k], time[k + 1]);
     }
+    let problem = format!(
+        "time stays at {} s in all {} samples, expected it to advance\n\nhint: another column may hold the times; `trocar inspect` shows all",
+        time[0],
+        time.len()
+    );
+    RecordingError::unusable(format_args!("{file} {}", columns.lines.place(0)), problem)
 }
 
 impl Columns {

@@ -77,10 +77,6 @@ fn missing<'a>(
     [what, name]: [&str; 2],
     found: impl Iterator<Item = &'a str>,
 ) -> RecordingError {
-    RecordingError::NoSuchColumn {
-        file: path.display().to_string(),
-        what: what.to_owned(),
-        name: name.to_owned(),
-        found: found.collect::<Vec<_>>().join(", "),
-    }
+    let found = found.collect::<Vec<_>>().join(", ");
+    RecordingError::unusable(path.display(), format!("no {what} called '{name}', found {found}"))
 }

@@ -241,8 +241,9 @@ impl<R: Read> TextReader<R> {
         (self.start, self.complete, self.unhashed) = (0, 0, self.filled);
         while !self.finished {
             if self.complete == 0 && self.filled >= LONGEST_LINE - 1 {
-                let (file, line, limit) = (self.file.clone(), self.line, LONGEST_LINE);
-                return Err(RecordingError::LineTooLong { file, line, limit });
+                return Err(self.fault_in_line(format!(
+                    "longer than {LONGEST_LINE} bytes, expected one row of numbers per line"
+                )));
             }
             // One byte is reserved for the newline that the last line may lack.
             let space = self.buffer.len() - 1;
@@ -298,7 +299,10 @@ impl<R: Read> TextReader<R> {
             None
         };
         if let Some(found) = found {
-            return Err(RecordingError::NotText { file: self.file.clone(), found });
+            let problem = format!(
+                "looks like {found}, expected text separated by commas, semicolons, tabs or spaces\n\nhint: export the recording as CSV in UTF-8"
+            );
+            return Err(RecordingError::unusable(&self.file, problem));
         }
         if bytes.starts_with(&[0xef, 0xbb, 0xbf]) {
             self.start = 3;
@@ -428,12 +432,8 @@ impl<R: Read> TextReader<R> {
     fn skip_rows(&mut self, rows: u64) -> Result<(), RecordingError> {
         for _ in 0..rows {
             if self.start == self.complete && !self.refill()? {
-                let problem = format!("{rows} leaves no line of {}", self.line - 1);
-                return Err(RecordingError::BadOption {
-                    file: self.file.clone(),
-                    option: "‹skip_rows›",
-                    problem,
-                });
+                let problem = format!("‹skip_rows› {rows} leaves no line of {}", self.line - 1);
+                return Err(RecordingError::unusable(&self.file, problem));
             }
             self.skip_line();
         }
@@ -592,20 +592,26 @@ impl<R: Read> TextReader<R> {
         match fault {
             Fault::FieldCount(found) => self.field_count(self.line, found),
             Fault::NotANumber(column, found) => {
-                let hint: Box<str> = if found.contains(',') {
+                let hint = if found.contains(',') {
                     "\n\nhint: decimal commas must be used throughout, without thousands separators"
-                        .into()
+                        .to_owned()
                 } else if has_unit(&found, self.format) {
-                    format!("\n\nhint: {UNIT_IN_CELL}").into()
+                    format!("\n\nhint: {UNIT_IN_CELL}")
                 } else if self.line == self.first_row {
-                    self.header_below().into()
+                    self.header_below()
                 } else {
-                    "".into()
+                    String::new()
                 };
-                let (file, column) = (self.file.clone(), self.layout.names[column].clone());
-                Ok(RecordingError::NotANumber { file, line: self.line, column, found, hint })
+                let column = &self.layout.names[column];
+                Ok(self.fault_in_line(format!(
+                    "found '{found}' in column {column}, expected a number{hint}"
+                )))
             }
         }
+    }
+
+    fn fault_in_line(&self, problem: String) -> RecordingError {
+        RecordingError::unusable(format_args!("{} line {}", self.file, self.line), problem)
     }
 
     /// Remedy if nothing can be read below what looks like the header: the lines before the next
@@ -634,15 +640,10 @@ impl<R: Read> TextReader<R> {
             "‹columns›" => "\n\nhint: name every column in order, '-' skips one".to_owned(),
             _ => String::new(),
         };
-        let (file, expected) = (self.file.clone(), self.layout.slots.len());
-        Ok(RecordingError::FieldCount {
-            file,
-            line,
-            found,
-            expected,
-            reference: self.layout.source,
-            hint: hint.into(),
-        })
+        let (file, expected) = (&self.file, self.layout.slots.len());
+        let reference = self.layout.source;
+        let problem = format!("found {found} fields, expected {expected} as in {reference}{hint}");
+        Ok(RecordingError::unusable(format_args!("{file} line {line}"), problem))
     }
 }
 

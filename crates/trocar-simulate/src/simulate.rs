@@ -496,27 +496,24 @@ impl<'a> Positions<'a> {
 
     #[cold]
     fn unfit(&self, row: SampleRow) -> RecordingError {
-        let (file, place) = (self.file.clone(), self.rows.place(row));
+        let (file, place) = (&self.file, self.rows.place(row));
         let (time, position) = (row.get(Quantity::Time), row.get(Quantity::Position));
         for (quantity, value) in [("time", time), ("position", position)] {
             if !value.is_finite() {
-                let found = if value.is_nan() { "empty or nan" } else { "infinite" };
-                return RecordingError::NonFinite { file, place, quantity, found };
+                return RecordingError::non_finite(file, place, quantity, value);
             }
         }
         if time < self.time {
-            return RecordingError::TimeGoesBack { file, place, from: self.time, to: time };
+            return RecordingError::time_goes_back(file, place, self.time, time);
         }
         if time == self.time {
-            return RecordingError::NoDuration {
-                file,
-                place,
-                time,
-                from: self.position,
-                to: position,
-            };
+            let problem = format!(
+                "position goes from {} m to {position} m while time stays at {time} s, expected time to advance\n\nhint: the clock is coarser than the sampling; record time with more digits",
+                self.position
+            );
+            return RecordingError::unusable(format_args!("{file} {place}"), problem);
         }
         let stroke = self.highest - self.lowest;
-        RecordingError::StrokeTooLong { file, stroke, limit: LONGEST_STROKE }
+        RecordingError::StrokeTooLong { file: file.clone(), stroke, limit: LONGEST_STROKE }
     }
 }

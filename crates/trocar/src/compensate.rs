@@ -147,15 +147,11 @@ fn duration(
     before: Option<f64>,
     time: f64,
 ) -> Result<f64, RecordingError> {
-    let file = || file.to_owned();
     if !time.is_finite() {
-        let found = if time.is_nan() { "empty or nan" } else { "infinite" };
-        return Err(RecordingError::NonFinite { file: file(), place, quantity: "time", found });
+        return Err(RecordingError::non_finite(file, place, "time", time));
     }
     match before {
-        Some(from) if time < from => {
-            Err(RecordingError::TimeGoesBack { file: file(), place, from, to: time })
-        }
+        Some(from) if time < from => Err(RecordingError::time_goes_back(file, place, from, time)),
         Some(from) => Ok(time - from),
         None => Ok(0.0),
     }

@@ -130,7 +130,9 @@ pub fn inspect(path: &Path, choice: &Choice) -> Result<Inspection, RecordingErro
     // A stream can be read only once.
     let is_there = std::fs::metadata(path).is_ok_and(|data| data.is_file() || data.is_dir());
     if path.as_os_str() == "-" || (path.exists() && !is_there) {
-        return Err(RecordingError::IsStream { file: path.display().to_string() });
+        let problem =
+            "a stream, expected a file that can be read more than once\n\nhint: save it first";
+        return Err(RecordingError::unusable(path.display(), problem));
     }
     let container = registry::any_after(path, choice.skip_rows)?;
     let tables = (0..container.tables.len()).map(|table| view(&container, table)).collect();

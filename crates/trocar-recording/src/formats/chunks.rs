@@ -153,7 +153,7 @@ impl Contents {
             Some(warning) => format!("holds no whole message: {warning}"),
             None => "holds no messages".into(),
         };
-        Err(RecordingError::Log { file: path.display().to_string(), problem })
+        Err(RecordingError::unusable(path.display(), problem))
     }
 
     /// Channels with messages, grouped by what their topics are.

@@ -128,8 +128,7 @@ pub(crate) fn open(file: File, length: u64, source: Source) -> Result<Container,
             return Err(source.damaged(place, found));
         }
         if cfg!(not(feature = "gzip")) && kind == COMPRESSED {
-            let (file, format) = (source.file, source.format);
-            return Err(RecordingError::NoFeature { file, format, feature: "gzip" });
+            return Err(source.no_feature("gzip"));
         }
         let element = Element { at: at + 8, bytes, compressed: kind == COMPRESSED };
         match kind {

@@ -52,8 +52,8 @@ pub(crate) fn open(path: &Path) -> Result<Log, RecordingError> {
     let mut input = Input::open(path)?;
     let mut magic = [0; MAGIC.len()];
     if read_exact_at(&input.file, &mut magic, 0).is_err() || magic != MAGIC {
-        let problem = "does not begin as an MCAP file does".into();
-        return Err(RecordingError::Log { file: path.display().to_string(), problem });
+        let problem = "does not begin as an MCAP file does";
+        return Err(RecordingError::unusable(path.display(), problem));
     }
     let index = match read_index(&input) {
         Ok(Some(index)) => Ok(index),

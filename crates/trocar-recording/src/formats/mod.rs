@@ -49,14 +49,27 @@ pub(super) struct Source {
 impl Source {
     /// The content at `place` contradicts the format.
     pub(super) fn damaged(&self, place: impl Display, found: impl Display) -> RecordingError {
-        let (file, format) = (self.file.clone(), self.format);
-        RecordingError::Damaged { file, format, place: place.to_string(), found: found.to_string() }
+        let problem = format!(
+            "damaged {} file, {place}: {found}\n\nhint: was it cut off while it was written or copied? fetch or export it again",
+            self.format
+        );
+        RecordingError::unusable(&self.file, problem)
     }
 
     /// The format permits it, but it is not supported; `hint` is the workaround.
     pub(super) fn unsupported(&self, found: impl Display, hint: &'static str) -> RecordingError {
-        let (file, format) = (self.file.clone(), self.format);
-        RecordingError::Unsupported { file, format, found: found.to_string(), hint }
+        let format = self.format;
+        let problem = format!("{format} with {found}, which is not read\n\nhint: {hint}");
+        RecordingError::unusable(&self.file, problem)
+    }
+
+    /// A format that this build does not support.
+    pub(super) fn no_feature(&self, feature: &str) -> RecordingError {
+        let problem = format!(
+            "a {} file, and this build has no feature {feature}\n\nhint: build with --features {feature}, or export the recording as CSV",
+            self.format
+        );
+        RecordingError::unusable(&self.file, problem)
     }
 
     /// The outcome of `read`, which calls a third-party reader: a panic on a damaged file is

@@ -112,7 +112,7 @@ impl<B: Blocks> Ordered<B> {
                 if goes_back.is_some() { WINDOW } else { MOST_WAITING },
                 self.rows
             );
-            return Err(RecordingError::Log { file: self.file.clone(), problem });
+            return Err(RecordingError::unusable(&self.file, problem));
         }
         Ok(())
     }

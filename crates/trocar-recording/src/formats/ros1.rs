@@ -51,7 +51,7 @@ pub(crate) fn open(path: &Path) -> Result<Log, RecordingError> {
         let problem = format!(
             "begins with '{found}', expected '#ROSBAG V2.0'\n\nhint: bring a bag of an older version up to date with rosbag fix OLD.bag NEW.bag"
         );
-        return Err(RecordingError::Log { file: path.display().to_string(), problem });
+        return Err(RecordingError::unusable(path.display(), problem));
     }
     let Index { connections, mut contents } = match read_index(&input) {
         Some(index) => index,

@@ -53,7 +53,7 @@ struct Listed {
 }
 
 fn problem(path: &Path, what: impl std::fmt::Display) -> RecordingError {
-    RecordingError::Log { file: path.display().to_string(), problem: what.to_string() }
+    RecordingError::unusable(path.display(), what.to_string())
 }
 
 /// Opens for reading; if that fails, for example because nothing may be written next to the file,

@@ -189,11 +189,8 @@ pub(crate) fn open(
         names.into_iter().try_for_each(|name| found.list(&mut workbook, name))
     })?;
     if found.tables.is_empty() && skip_rows > 0 {
-        return Err(RecordingError::BadOption {
-            file: source.file,
-            option: "‹skip_rows›",
-            problem: format!("{skip_rows} leaves no rows of numbers in any sheet"),
-        });
+        let problem = format!("‹skip_rows› {skip_rows} leaves no rows of numbers in any sheet");
+        return Err(RecordingError::unusable(source.file, problem));
     }
     if found.tables.is_empty() {
         return Err(RecordingError::Empty { file: source.file });
@@ -511,17 +508,15 @@ impl Xlsx {
             Cell::Text(text) => quoted(text.as_bytes()),
             Cell::Missing => String::new(),
         };
-        RecordingError::CellNotANumber {
-            file: self.source.file.clone(),
-            sheet: sheet.name.as_str().into(),
-            cell: cell_name(row, column).into(),
-            column: name.into(),
-            hint: match has_unit(&found, sheet.format) {
-                true => UNIT_IN_CELL,
-                false => "correct the cell, or clear it: an empty cell is a missing number",
-            },
-            found: found.into(),
-        }
+        let hint = match has_unit(&found, sheet.format) {
+            true => UNIT_IN_CELL,
+            false => "correct the cell, or clear it: an empty cell is a missing number",
+        };
+        let (file, cell) = (&self.source.file, cell_name(row, column));
+        RecordingError::unusable(
+            format_args!("{file} sheet '{}' cell {cell}", sheet.name),
+            format!("found '{found}' in column {name}, expected a number\n\nhint: {hint}"),
+        )
     }
 }
 

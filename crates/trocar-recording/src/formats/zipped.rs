@@ -21,7 +21,7 @@ pub(super) fn open(path: &Path) -> io::Result<ZipArchive<BufReader<File>>> {
 /// Refuses parts of `unpacked` bytes that an archive of `length` bytes does not justify.
 ///
 /// # Errors
-/// [`RecordingError::Unsupported`].
+/// [`Source::unsupported`].
 pub(super) fn check(unpacked: u64, length: u64, source: &Source) -> Result<(), RecordingError> {
     let most = DENSEST.saturating_mul(length).saturating_add(FREE);
     if unpacked <= most {
