@@ -100,7 +100,7 @@ pub(crate) fn instantiate(
     make: impl FnOnce() -> Result<Instance, FmuError>,
 ) -> *mut c_void {
     let made = catch_unwind(AssertUnwindSafe(make))
-        .unwrap_or_else(|panic| Err(FmuError::Internal { what: said(panic.as_ref()) }));
+        .unwrap_or_else(|panic| Err(FmuError::Internal(said(panic.as_ref()))));
     match made {
         Ok(instance) => Box::into_raw(Box::new(Component { instance, logger, lost: false })).cast(),
         Err(error) => {
@@ -125,14 +125,14 @@ pub(crate) unsafe fn call(
         return Status::Error as c_int;
     };
     let outcome = match component.lost {
-        true => Err(FmuError::Internal { what: "an earlier call failed".to_owned() }),
+        true => Err(FmuError::Internal("an earlier call failed".to_owned())),
         false => catch_unwind(AssertUnwindSafe(|| body(component)))
-            .unwrap_or_else(|panic| Err(FmuError::Internal { what: said(panic.as_ref()) })),
+            .unwrap_or_else(|panic| Err(FmuError::Internal(said(panic.as_ref())))),
     };
     let status = match outcome {
         Ok(status) => status,
         Err(error) => {
-            component.lost |= matches!(error, FmuError::Internal { .. });
+            component.lost |= matches!(error, FmuError::Internal(_));
             let status = if component.lost { Status::Fatal } else { Status::Error };
             component.logger.log(status, &format!("{function}: {error}"));
             status
@@ -161,10 +161,12 @@ pub(crate) unsafe fn text<'a>(
     what: &'static str,
 ) -> Result<&'a str, FmuError> {
     if text.is_null() {
-        return Err(FmuError::Null { what });
+        return Err(FmuError::null(what));
     }
     // SAFETY: not null, and a C string by the contract of this function.
-    unsafe { CStr::from_ptr(text) }.to_str().map_err(|_| FmuError::NotText { what })
+    unsafe { CStr::from_ptr(text) }
+        .to_str()
+        .map_err(|_| FmuError::refused(format!("{what} is not UTF-8")))
 }
 
 /// Values of the importer; `what` names them in messages.
@@ -180,7 +182,7 @@ pub(crate) unsafe fn values<'a, T>(
         return Ok(&[]);
     }
     if values.is_null() {
-        return Err(FmuError::Null { what });
+        return Err(FmuError::null(what));
     }
     // SAFETY: not null, and `count` long by the contract of this function.
     Ok(unsafe { std::slice::from_raw_parts(values, count) })
@@ -203,7 +205,7 @@ impl<T> Room<T> {
         what: &'static str,
     ) -> Result<Self, FmuError> {
         if values.is_null() && count > 0 {
-            Err(FmuError::Null { what })
+            Err(FmuError::null(what))
         } else {
             Ok(Self { values, count })
         }
@@ -219,7 +221,12 @@ impl<T> Room<T> {
 
 /// Checks that there are as many values as references.
 pub(crate) fn paired(references: usize, values: usize) -> Result<(), FmuError> {
-    if references == values { Ok(()) } else { Err(FmuError::Count { references, values }) }
+    let wrong = || {
+        FmuError::refused(format!(
+            "{references} value references need as many values, got {values}"
+        ))
+    };
+    if references == values { Ok(()) } else { Err(wrong()) }
 }
 
 /// Rejects access to a type that no variable has, unless no variable is requested.
@@ -234,7 +241,7 @@ pub(crate) unsafe fn none_of(
     // SAFETY: by the contract of this function.
     match unsafe { values(references, count, REFERENCES) }?.first() {
         None => Ok(Status::Ok),
-        Some(reference) => Err(FmuError::Unknown { reference: *reference, kind }),
+        Some(reference) => Err(FmuError::unknown(*reference, kind)),
     }
 }
 
@@ -252,7 +259,7 @@ pub(crate) unsafe fn categories(
         // SAFETY: by the contract of this function.
         let given = unsafe { text(*name, "category") }?;
         if ![ERRORS, WARNINGS].iter().any(|category| category.to_bytes() == given.as_bytes()) {
-            return Err(FmuError::Category { given: given.to_owned() });
+            return Err(FmuError::refused(format!("no log category \"{given}\"")));
         }
     }
     Ok(Status::Ok)
@@ -273,8 +280,7 @@ pub(crate) unsafe fn get_state(
 
 unsafe fn put_state(state: Snapshot, slot: *mut *mut c_void) -> Result<Status, FmuError> {
     // SAFETY: null or a valid place, by the contract of the callers.
-    let slot =
-        unsafe { slot.as_mut() }.ok_or(FmuError::Null { what: "the place for the state" })?;
+    let slot = unsafe { slot.as_mut() }.ok_or_else(|| FmuError::null("the place for the state"))?;
     // SAFETY: null or a live state, by the contract of the callers.
     match unsafe { slot.cast::<Snapshot>().as_mut() } {
         Some(old) => *old = state,
@@ -289,7 +295,7 @@ unsafe fn put_state(state: Snapshot, slot: *mut *mut c_void) -> Result<Status, F
 /// `state` is null or a state of this library that was not freed.
 pub(crate) unsafe fn state_at<'a>(state: *mut c_void) -> Result<&'a Snapshot, FmuError> {
     // SAFETY: null or a live state, by the contract of this function.
-    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or(FmuError::Null { what: "the state" })
+    unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| FmuError::null("the state"))
 }
 
 /// Frees the state in `slot` and empties it; null is ignored.
@@ -336,7 +342,7 @@ pub(crate) unsafe fn serialise(
     // SAFETY: by the contract of this function.
     let serialised = unsafe { state_at(state) }?.to_bytes();
     if size < serialised.len() {
-        return Err(FmuError::StateLength { found: size, expected: serialised.len() });
+        return Err(FmuError::state_length(size, serialised.len()));
     }
     // SAFETY: by the contract of this function.
     let mut room = unsafe { Room::new(bytes, size, "the serialised state") }?;
@@ -435,7 +441,7 @@ macro_rules! unsupported {
         $crate::ffi::function! {
             #[doc = concat!("`", stringify!($name), "`: refused, ", $why, ".")]
             $name($(_: $argument),*)
-            |_| { Err($crate::error::FmuError::Unsupported { why: $why }) }
+            |_| { Err($crate::error::FmuError::unsupported($why)) }
         }
     )* };
 }

@@ -75,7 +75,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
             )
         };
         if kind != CO_SIMULATION {
-            return Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" });
+            return Err(FmuError::unsupported("this FMU is for co-simulation only"));
         }
         Instance::new(&folder_of_uri(resources)?, guid)
     })
@@ -126,7 +126,7 @@ functions! {
     /// The time of the last step; no other status of this type exists.
     fmi2GetRealStatus = (kind: c_int, out: *mut f64) |c| {
         if kind != LAST_TIME {
-            return Err(FmuError::Unsupported { why: "the only real status is fmi2LastSuccessfulTime" });
+            return Err(FmuError::unsupported("the only real status is fmi2LastSuccessfulTime"));
         }
         Room::new(out, 1, "the status")?.put(0, c.instance.time());
         Ok(Status::Ok)
@@ -135,7 +135,7 @@ functions! {
     /// Whether the FMU requests the end of the simulation: never. No other status of this type exists.
     fmi2GetBooleanStatus = (kind: c_int, out: *mut c_int) |_| {
         if kind != TERMINATED {
-            return Err(FmuError::Unsupported { why: "the only boolean status is fmi2Terminated" });
+            return Err(FmuError::unsupported("the only boolean status is fmi2Terminated"));
         }
         Room::new(out, 1, "the status")?.put(0, 0);
         Ok(Status::Ok)

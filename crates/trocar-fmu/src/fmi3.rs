@@ -49,7 +49,7 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
             )
         };
         if event_mode != 0 {
-            return Err(FmuError::Unsupported { why: "this FMU has no event mode" });
+            return Err(FmuError::unsupported("this FMU has no event mode"));
         }
         Instance::new(Path::new(resources), token)
     })
@@ -67,7 +67,7 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     callback: Option<Logger3>,
 ) -> *mut c_void {
     ffi::instantiate("fmi3InstantiateModelExchange", Logger::Fmi3 { callback, environment }, || {
-        Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" })
+        Err(FmuError::unsupported("this FMU is for co-simulation only"))
     })
 }
 
@@ -88,7 +88,7 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     ffi::instantiate(
         "fmi3InstantiateScheduledExecution",
         Logger::Fmi3 { callback, environment },
-        || Err(FmuError::Unsupported { why: "this FMU is for co-simulation only" }),
+        || Err(FmuError::unsupported("this FMU is for co-simulation only")),
     )
 }
 

@@ -71,7 +71,11 @@ impl Instance {
     pub(crate) fn from_resource(resource: Resource, wanted: &str) -> Result<Self, FmuError> {
         let Resource { row, trocar } = resource;
         let input = Input::ALL.into_iter().find(|input| token(&row, *input) == wanted);
-        let input = input.ok_or_else(|| FmuError::Token { given: wanted.to_owned() })?;
+        let input = input.ok_or_else(|| {
+            FmuError::refused(format!(
+                "GUID or token {wanted} is not that of the model in the resources: description and resources belong to different FMUs"
+            ))
+        })?;
         let applied: Vec<f64> = trocar.seal().tunables().map(|tunable| tunable.value).collect();
         let live = Snapshot::new(identity(&row, input), applied.clone(), trocar.rest(0.0));
         Ok(Self {
@@ -92,7 +96,10 @@ impl Instance {
 
     fn expect(&self, phase: Phase) -> Result<(), FmuError> {
         let now = self.live.phase;
-        if now == phase { Ok(()) } else { Err(FmuError::Phase { phase: now }) }
+        match now == phase {
+            true => Ok(()),
+            false => Err(FmuError::refused(format!("not allowed now: the FMU is {now}"))),
+        }
     }
 
     /// Sets start and stop time, s.
@@ -104,11 +111,13 @@ impl Instance {
         self.expect(Phase::Instantiated)?;
         for (name, value) in [("start time", Some(start)), ("stop time", stop)] {
             if let Some(value) = value.filter(|value| !value.is_finite()) {
-                return Err(FmuError::NotFinite { name: name.to_owned(), value });
+                return Err(FmuError::not_finite(name, value));
             }
         }
         if let Some(stop) = stop.filter(|stop| *stop <= start) {
-            return Err(FmuError::Stop { start, stop });
+            return Err(FmuError::refused(format!(
+                "stop time must be above the start time {start} s, got {stop} s"
+            )));
         }
         (self.live.time, self.live.stop) = (start, stop);
         Ok(())
@@ -117,7 +126,7 @@ impl Instance {
     /// Enters initialization mode.
     ///
     /// # Errors
-    /// [`FmuError::Phase`] in another phase than [`Phase::Instantiated`].
+    /// [`FmuError`] in another phase than [`Phase::Instantiated`].
     pub(crate) fn enter_initialization(&mut self) -> Result<(), FmuError> {
         self.expect(Phase::Instantiated)?;
         self.live.phase = Phase::Initialization;
@@ -149,7 +158,7 @@ impl Instance {
     /// Ends the simulation.
     ///
     /// # Errors
-    /// [`FmuError::Phase`] in another phase than [`Phase::Step`].
+    /// [`FmuError`] in another phase than [`Phase::Step`].
     pub(crate) fn terminate(&mut self) -> Result<(), FmuError> {
         self.expect(Phase::Step)?;
         self.live.phase = Phase::Terminated;
@@ -190,7 +199,9 @@ impl Instance {
         };
         let angle = if self.input == Input::Position { self.live.turn } else { 0.0 };
         if force != 0.0 && deflection != 0.0 {
-            return Err(FmuError::TwoStarts { force, deflection });
+            return Err(FmuError::refused(format!(
+                "initial_force_n = {force} N and initial_deflection_m = {deflection} m: at most one may differ from 0"
+            )));
         }
         if force != 0.0 {
             return Ok(self.trocar.rest_at_force(position, force).with_angle(angle));
@@ -208,17 +219,23 @@ impl Instance {
     pub(crate) fn step(&mut self, point: f64, duration: f64) -> Result<(), FmuError> {
         self.expect(Phase::Step)?;
         if !(duration > 0.0 && duration.is_finite()) {
-            return Err(FmuError::StepSize { given: duration });
+            return Err(FmuError::refused(format!(
+                "step size must be positive and finite, got {duration} s"
+            )));
         }
         let (expected, tolerance) =
             (self.live.time, STEP_TOLERANCE * duration + TIME_TOLERANCE * point.abs());
         let is_here = (point - expected).abs() <= tolerance && point.is_finite();
         if !is_here {
-            return Err(FmuError::Point { given: point, expected });
+            return Err(FmuError::refused(format!(
+                "communication point must be {expected} s, where the last step ended, got {point} s"
+            )));
         }
         let to = point + duration;
         if let Some(stop) = self.live.stop.filter(|stop| to > stop + tolerance) {
-            return Err(FmuError::BeyondStop { to, stop });
+            return Err(FmuError::refused(format!(
+                "step ends at {to} s, beyond the stop time {stop} s"
+            )));
         }
         self.settle()?;
         let Snapshot { ref mut state, input, turn, .. } = self.live;
@@ -235,11 +252,12 @@ impl Instance {
             }
         };
         // The model leaves its state unchanged if it cannot step.
-        if state.position() != goal {
-            return Err(FmuError::TooFast { input, duration });
-        }
-        if state.turning().is_some_and(|turning| turning.angle() != angle) {
-            return Err(FmuError::TooFast { input: turn, duration });
+        let is_turned = state.turning().is_none_or(|turning| turning.angle() == angle);
+        let not_followed = [(state.position() == goal, input), (is_turned, turn)];
+        if let Some((_, input)) = not_followed.iter().find(|(is_followed, _)| !is_followed) {
+            return Err(FmuError::refused(format!(
+                "input {input} within {duration} s gives a displacement or velocity that is not finite"
+            )));
         }
         self.live.time = to;
         Ok(())
@@ -250,7 +268,7 @@ impl Instance {
             self.table.binary_search_by_key(&reference, |variable| variable.role.reference());
         let found = place.ok().and_then(|place| self.table.get(place));
         let found = found.filter(|variable| (variable.role == Role::Mode) == kind.is_mode);
-        found.ok_or(FmuError::Unknown { reference, kind: kind.name })
+        found.ok_or_else(|| FmuError::unknown(reference, kind.name))
     }
 
     fn deformation(&self) -> Option<Deformation> {
@@ -321,7 +339,7 @@ impl Instance {
 
     fn check(&self, variable: &Variable, value: f64) -> Result<(), FmuError> {
         let phase = self.live.phase;
-        let name = || variable.name.clone();
+        let name = &variable.name;
         let is_before = matches!(phase, Phase::Instantiated | Phase::Initialization);
         let is_open = match variable.role {
             Role::Input(_) | Role::Turn | Role::Tunable(_) => is_before || phase == Phase::Step,
@@ -332,18 +350,23 @@ impl Instance {
             | Role::Deflection
             | Role::Mode
             | Role::Position => {
-                return Err(FmuError::NotSettable { name: name(), phase: None });
+                return Err(FmuError::refused(format!("{name} cannot be set")));
             }
         };
         if !is_open {
-            return Err(FmuError::NotSettable { name: name(), phase: Some(phase) });
+            return Err(FmuError::refused(format!(
+                "{name} cannot be set while the FMU is {phase}"
+            )));
         }
         if !value.is_finite() {
-            return Err(FmuError::NotFinite { name: name(), value });
+            return Err(FmuError::not_finite(name, value));
         }
         match variable.least {
             Some((least, above)) if value < least || (above && value == least) => {
-                Err(FmuError::TooSmall { name: name(), value, least, above })
+                let wanted = if above { "above" } else { "at least" };
+                Err(FmuError::refused(format!(
+                    "{name} must be {wanted} {least}, got {value}; the old value stays"
+                )))
             }
             _ => Ok(()),
         }
@@ -372,8 +395,7 @@ impl Instance {
     /// A snapshot of everything that [`Instance::set_state`] restores.
     ///
     /// # Errors
-    /// [`FmuError::Parameter`] if the parameters set before are inconsistent, or
-    /// [`FmuError::TwoStarts`].
+    /// [`FmuError`] if the parameters set before are inconsistent, or both starts are set.
     pub(crate) fn state(&mut self) -> Result<Snapshot, FmuError> {
         self.settle()?;
         Ok(self.live.clone())
@@ -382,10 +404,10 @@ impl Instance {
     /// Restores `snapshot`.
     ///
     /// # Errors
-    /// [`FmuError::StateForeign`] for a state of another model, or [`FmuError::Parameter`].
+    /// [`FmuError`] for a state of another model, or for inconsistent parameters.
     pub(crate) fn set_state(&mut self, snapshot: &Snapshot) -> Result<(), FmuError> {
         if snapshot.identity != self.identity {
-            return Err(FmuError::StateForeign);
+            return Err(FmuError::state_foreign());
         }
         self.trocar = self.base.with_seal(self.base.seal().tuned(&snapshot.tunables)?);
         self.applied.clone_from(&snapshot.tunables);
@@ -401,7 +423,7 @@ impl Instance {
     /// A state from its bytes.
     ///
     /// # Errors
-    /// [`FmuError::StateLength`], [`FmuError::StateForeign`] or [`FmuError::StateDamaged`].
+    /// [`FmuError`] for a wrong length, another model or damaged bytes.
     pub(crate) fn read_state(&self, bytes: &[u8]) -> Result<Snapshot, FmuError> {
         Snapshot::from_bytes(bytes, self.identity, self.applied.len(), |values| {
             self.base.seal().tuned(values).map(|seal| self.base.with_seal(seal))

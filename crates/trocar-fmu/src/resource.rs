@@ -37,19 +37,19 @@ impl Resource {
         let shown = path.display().to_string();
         match fs::read(&path) {
             Ok(bytes) => Self::from_bytes(&bytes, &shown),
-            Err(error) => Err(FmuError::Resource { path: shown, what: error.to_string() }),
+            Err(error) => Err(FmuError::refused(format!("cannot read the model {shown}: {error}"))),
         }
     }
 
     /// The model from the bytes of the file `path`.
     pub(crate) fn from_bytes(bytes: &[u8], path: &str) -> Result<Self, FmuError> {
         let damaged =
-            |source| FmuError::Damaged { path: path.to_owned(), bytes: bytes.len(), source };
+            |why: String| FmuError::refused(format!("the model {path} is damaged: {why}"));
         let (numbers, rest) = bytes.as_chunks::<8>();
         let row: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
-        let trocar = Trocar::from_numbers(&row).map_err(|error| damaged(Some(error)))?;
+        let trocar = Trocar::from_numbers(&row).map_err(|error| damaged(error.to_string()))?;
         if !rest.is_empty() || trocar.count_numbers() != row.len() {
-            return Err(damaged(None));
+            return Err(damaged(format!("{} bytes are not one whole model", bytes.len())));
         }
         let trocar = trocar.stored_as(<[f64]>::to_vec);
         Ok(Self { row, trocar })
@@ -58,7 +58,8 @@ impl Resource {
 
 /// The folder behind a resource location of FMI 2.0, a `file:` URI (RFC 8089).
 pub(crate) fn folder_of_uri(uri: &str) -> Result<PathBuf, FmuError> {
-    let wrong = || FmuError::Location { given: uri.to_owned() };
+    let wrong =
+        || FmuError::refused(format!("resource location must be a file: URI, got \"{uri}\""));
     let scheme =
         uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("file:")).ok_or_else(wrong)?;
     let rest = &uri[scheme.len()..];
@@ -122,11 +123,9 @@ mod tests {
             "file:///%ff",
             "file://",
         ] {
-            assert_eq!(
-                folder_of_uri(uri),
-                Err(FmuError::Location { given: uri.to_owned() }),
-                "{uri}"
-            );
+            let refused = folder_of_uri(uri).expect_err("no file URI").to_string();
+            let expected = format!("resource location must be a file: URI, got \"{uri}\"");
+            assert_eq!(refused, expected);
         }
     }
 

@@ -98,19 +98,20 @@ impl Snapshot {
     ) -> Result<Self, FmuError> {
         let head: Vec<u8> = MAGIC.into_iter().chain(identity.to_le_bytes()).collect();
         if bytes.len() >= HEAD && !bytes.starts_with(&head) {
-            return Err(FmuError::StateForeign);
+            return Err(FmuError::state_foreign());
         }
         let expected = Self::length(tunables);
         if bytes.len() != expected {
-            return Err(FmuError::StateLength { found: bytes.len(), expected });
+            return Err(FmuError::state_length(bytes.len(), expected));
         }
+        let damaged = || FmuError::refused("the serialised state is damaged");
         let (body, tail) = bytes.split_at(expected - TAIL);
         if tail != fnv_64(body).to_le_bytes() {
-            return Err(FmuError::StateDamaged);
+            return Err(damaged());
         }
         let (numbers, _) = body[HEAD..].as_chunks::<8>();
         let numbers: Vec<f64> = numbers.iter().map(|number| f64::from_le_bytes(*number)).collect();
-        Self::from_numbers(identity, &numbers, tunables, tuned).ok_or(FmuError::StateDamaged)
+        Self::from_numbers(identity, &numbers, tunables, tuned).ok_or_else(damaged)
     }
 
     fn from_numbers(
