@@ -19,7 +19,7 @@ impl Embedded {
     /// Platforms of the libraries.
     ///
     /// # Errors
-    /// [`PackageError::Platform`] for a name that FMI does not know.
+    /// [`PackageError::Refused`] for a name that FMI does not know.
     pub fn platforms(&self) -> Result<Vec<Platform>, PackageError> {
         self.libraries.iter().map(|(name, _)| name.parse()).collect()
     }

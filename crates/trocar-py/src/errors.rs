@@ -164,7 +164,7 @@ impl Raise for trocar::teleop::OptionError {
         use trocar::teleop::OptionError as E;
         let text = in_python(&self);
         match self {
-            E::OutOfRange { .. } | E::Empty(_) | E::InVain(..) => ParameterError::new_err(text),
+            E::Value(_) => ParameterError::new_err(text),
             _ => TeleopError::new_err(text),
         }
     }

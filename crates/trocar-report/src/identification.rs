@@ -8,6 +8,7 @@ use trocar_model::Element;
 
 use super::document::{Document, Section, origin};
 use super::figures::{self, MOST_CHOSEN, Scored};
+use super::number::{recorded_in_words, thousandths};
 use super::{ReportError, card};
 use trocar_identify::{Identification, IdentifyOptions, Warning};
 use trocar_lab::motion::MotionRange;
@@ -66,13 +67,19 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ReportError> {
         [(7, "deflections", deflections.len()), (9, "speeds", speeds.len())]
     {
         if count > MOST_CHOSEN {
-            return Err(ReportError::TooMany { figure, what, count });
+            return Err(ReportError::Choice(format!(
+                "{figure} shows at most {MOST_CHOSEN} {what}, got {count}"
+            )));
         }
     }
     if let Ok(deformation) = &input.identification.deformation {
         let half_width = deformation.half_width.value;
         if let Some(&deflection) = deflections.iter().find(|z| z.is_nan() || z.abs() > half_width) {
-            return Err(ReportError::OutsideSeal { deflection, half_width });
+            return Err(ReportError::Choice(format!(
+                "7: the deflection {} mm lies outside ±c = ±{} mm",
+                thousandths(deflection),
+                thousandths(half_width)
+            )));
         }
     }
     if speeds.is_empty() {
@@ -84,7 +91,11 @@ pub fn check_choice(input: &IdentificationReport) -> Result<(), ReportError> {
         .iter()
         .find(|speed| !recorded.iter().any(|own| (own - **speed).abs() <= LIKE_SPEED * **speed));
     match other {
-        Some(&speed) => Err(ReportError::NoSuchSpeed { speed, recorded }),
+        Some(&speed) => Err(ReportError::Choice(format!(
+            "9: no recorded stroke has a speed within 10 % of {} mm/s{}",
+            thousandths(speed),
+            recorded_in_words(&recorded)
+        ))),
         None => Ok(()),
     }
 }

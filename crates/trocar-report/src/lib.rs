@@ -45,9 +45,6 @@ use rayon::prelude::*;
 
 use trocar_tables::output::{OutputError, StagedFolder};
 
-use figures::MOST_CHOSEN;
-use number::{recorded_in_words, thousandths};
-
 pub use document::{
     Axis, Cell, Dimension, Document, Excerpt, Figure, Kind, Knob, LiveModel, LiveTurning, Mark,
     Panel, Role, Section, Series, Table, Tile, Width,
@@ -63,32 +60,9 @@ const FIGURES_AT_A_TIME: usize = 4;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
-    /// More values are selected than a figure has room for.
-    #[error("figure {figure} shows at most {MOST_CHOSEN} {what}, got {count}")]
-    TooMany {
-        /// Number of the figure in EMS.
-        figure: u8,
-        /// `deflections` or `speeds`.
-        what: &'static str,
-        /// Number of selected values.
-        count: usize,
-    },
-    /// A selected deflection that the seal does not reach.
-    #[error("figure 7: the deflection {} mm lies outside ±c = ±{} mm", thousandths(*.deflection), thousandths(*.half_width))]
-    OutsideSeal {
-        /// The deflection, m.
-        deflection: f64,
-        /// c, m.
-        half_width: f64,
-    },
-    /// No cycle of the selected speed was recorded.
-    #[error("figure 9: no recorded stroke has a speed within 10 % of {} mm/s{}", thousandths(*.speed), recorded_in_words(.recorded))]
-    NoSuchSpeed {
-        /// The speed, m/s.
-        speed: f64,
-        /// Speeds of the cycles that can be drawn, m/s, ascending.
-        recorded: Vec<f64>,
-    },
+    /// A figure cannot show what is selected for it.
+    #[error("figure {0}")]
+    Choice(String),
     /// A document whose parts do not belong together.
     #[error("malformed document: {0}")]
     Malformed(String),

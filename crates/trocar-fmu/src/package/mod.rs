@@ -45,7 +45,7 @@ impl FromStr for Version {
         match text {
             "2" | "2.0" => Ok(Self::V2),
             "3" | "3.0" => Ok(Self::V3),
-            _ => Err(PackageError::Version { found: text.to_owned() }),
+            _ => refused(format!("‹fmi› must be 2 or 3, got {text}")),
         }
     }
 }
@@ -57,7 +57,7 @@ impl FromStr for Input {
         match name {
             "position" => Ok(Self::Position),
             "velocity" => Ok(Self::Velocity),
-            _ => Err(PackageError::Input { found: name.to_owned() }),
+            _ => refused(format!("‹input› \"{name}\": expected position or velocity")),
         }
     }
 }
@@ -187,7 +187,10 @@ impl FromStr for Platform {
     fn from_str(name: &str) -> Result<Self, PackageError> {
         let found =
             PLATFORMS.into_iter().find(|platform| name == platform.tuple || name == platform.short);
-        found.ok_or_else(|| PackageError::Platform { name: name.to_owned() })
+        found.ok_or_else(|| {
+            let known = listed(&PLATFORMS);
+            PackageError::Refused(format!("no platform \"{name}\", must be one of {known}"))
+        })
     }
 }
 
@@ -195,27 +198,9 @@ impl FromStr for Platform {
 #[non_exhaustive]
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum PackageError {
-    /// No version of FMI.
-    #[error("‹fmi› must be 2 or 3, got {found}")]
-    Version {
-        /// As given.
-        found: String,
-    },
-    /// No driving input.
-    #[error("‹input› \"{found}\": expected position or velocity")]
-    Input {
-        /// As given.
-        found: String,
-    },
-    /// A platform that FMI has no name for.
-    #[error("no platform \"{name}\", must be one of {}", listed(&PLATFORMS))]
-    Platform {
-        /// As given.
-        name: String,
-    },
-    /// No library.
-    #[error("an FMU needs a library for at least one platform")]
-    NoBinary,
+    /// What is asked for makes no FMU.
+    #[error("{0}")]
+    Refused(String),
     /// A library that this program does not carry.
     #[error("this build contains no FMU library{}{}", .platform.map_or(String::new(), |one| format!(" for {one}")), carried_instead(.carried, .reason))]
     NotCarried {
@@ -229,21 +214,13 @@ pub enum PackageError {
     /// Libraries beside source code, whose parameters are constants.
     #[error("an FMU holds either libraries or source code")]
     Both,
-    /// Two libraries for one platform.
-    #[error("two libraries for {platform}")]
-    Twice {
-        /// Platform.
-        platform: Platform,
-    },
-    /// A file that is not a library of its platform.
-    #[error("not a shared library for {platform}")]
-    NotBinary {
-        /// Platform.
-        platform: Platform,
-    },
     /// An archive larger than the format allows.
     #[error("an FMU cannot be larger than 4 GB")]
     TooLarge,
+}
+
+fn refused<T>(why: impl Into<String>) -> Result<T, PackageError> {
+    Err(PackageError::Refused(why.into()))
 }
 
 fn listed(platforms: &[Platform]) -> String {
@@ -293,16 +270,18 @@ pub fn package(contents: &Contents) -> Result<Vec<u8>, PackageError> {
     for (place, binary) in binaries.iter().enumerate() {
         let Binary { platform, bytes } = binary;
         if !binary.is_plausible() {
-            return Err(PackageError::NotBinary { platform: *platform });
+            return refused(format!("not a shared library for {platform}"));
         }
         if binaries[..place].iter().any(|other| other.platform == *platform) {
-            return Err(PackageError::Twice { platform: *platform });
+            return refused(format!("two libraries for {platform}"));
         }
         let folder = if version == Version::V2 { platform.short } else { platform.tuple };
         archive.add(&format!("binaries/{folder}/{}", platform.file()), bytes)?;
     }
     match source {
-        None if binaries.is_empty() => return Err(PackageError::NoBinary),
+        None if binaries.is_empty() => {
+            return refused("an FMU needs a library for at least one platform");
+        }
         None => archive.add(&format!("resources/{MODEL}"), &to_bytes(&row))?,
         Some(_) if !binaries.is_empty() => return Err(PackageError::Both),
         Some(model) => {

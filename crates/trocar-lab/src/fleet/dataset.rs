@@ -36,36 +36,12 @@ pub enum DatasetError {
     /// A table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    /// The data set contains no recording.
-    #[error(
-        "{}: no recordings, expected files that end in {}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
-         with other extensions",
-        path.display(), registry::endings().collect::<Vec<_>>().join(", ")
-    )]
-    Empty {
-        /// The data set.
-        path: PathBuf,
-    },
-    /// A file that is no manifest.
-    #[error(
-        "{}: no manifest: no column 'path' among {found}\n\nhint: one recording by itself is identified with `trocar identify`; recordings that \
-         are rows of one table are identified group by group, as docs/how-to/rows-of-tables.md shows",
-        path.display()
-    )]
-    NoManifest {
-        /// The file.
-        path: PathBuf,
-        /// Columns found.
-        found: String,
-    },
-    /// A row of the manifest that cannot be used.
-    #[error("{} row {row}: {problem}", path.display())]
-    Row {
-        /// The manifest.
-        path: PathBuf,
-        /// Row number, from 1, without the header.
-        row: usize,
-        /// The problem.
+    /// A folder without recordings, or a manifest that cannot be used.
+    #[error("{place}: {problem}")]
+    Unusable {
+        /// The folder or file, and the row of it.
+        place: String,
+        /// The problem, and the remedy.
         problem: String,
     },
 }
@@ -104,7 +80,11 @@ impl Dataset {
         let names = if is_parquet { table::names(path)? } else { header(path)? };
         if !names.iter().any(|name| name == "path") {
             let found = names.join(", ");
-            return Err(DatasetError::NoManifest { path: path.to_owned(), found });
+            let problem = format!(
+                "no manifest: no column 'path' among {found}\n\nhint: one recording by itself is identified with `trocar identify`; recordings that \
+                 are rows of one table are identified group by group, as docs/how-to/rows-of-tables.md shows"
+            );
+            return Err(DatasetError::Unusable { place: path.display().to_string(), problem });
         }
         let rows = if is_parquet { table::read(path)? } else { text_table(path)? };
         Self::manifest(path, &rows)
@@ -123,7 +103,7 @@ impl Dataset {
             .into_iter()
             .partition(|path| ends_in(path, registry::endings()) || registry::is_folder(path));
         if taken.is_empty() {
-            return Err(DatasetError::Empty { path: root.to_owned() });
+            return Err(empty(root));
         }
         let mut sources = Vec::with_capacity(taken.len());
         for path in taken {
@@ -144,8 +124,7 @@ impl Dataset {
         let mut seen = BTreeMap::new();
         let mut sources = Vec::with_capacity(table.rows());
         for row in 0..table.rows() {
-            let wrong =
-                |problem| DatasetError::Row { path: path.to_owned(), row: row + 1, problem };
+            let wrong = |problem| in_row(path, row, problem);
             let mut metadata: Metadata =
                 table.fields.iter().cloned().zip(cells(table, row)).collect();
             let Some(FleetCell::Text(name)) =
@@ -160,11 +139,26 @@ impl Dataset {
             sources.push(Source { name, path, metadata });
         }
         if sources.is_empty() {
-            return Err(DatasetError::Empty { path: path.to_owned() });
+            return Err(empty(path));
         }
         settle_kinds(&mut sources);
         Ok(Self { sources, left_out: Vec::new() })
     }
+}
+
+/// Of a data set without recordings.
+fn empty(path: &Path) -> DatasetError {
+    let endings = registry::endings().collect::<Vec<_>>().join(", ");
+    let problem = format!(
+        "no recordings, expected files that end in {endings}\n\nhint: a manifest, a CSV or Parquet file with a column 'path', names files \
+         with other extensions"
+    );
+    DatasetError::Unusable { place: path.display().to_string(), problem }
+}
+
+/// Of a row of a manifest, which counts from 1 without the header.
+fn in_row(path: &Path, row: usize, problem: String) -> DatasetError {
+    DatasetError::Unusable { place: format!("{} row {}", path.display(), row + 1), problem }
 }
 
 fn unread(path: &Path) -> impl Fn(std::io::Error) -> DatasetError {
@@ -320,7 +314,7 @@ fn text_table(path: &Path) -> Result<Table, DatasetError> {
         if line.len() != names.len() {
             let problem =
                 format!("{} cells, expected {} as in the header", line.len(), names.len());
-            return Err(DatasetError::Row { path: path.to_owned(), row: row + 1, problem });
+            return Err(in_row(path, row, problem));
         }
         let cells = line
             .into_iter()

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
-use trocar_model::ParamError;
 
 use trocar_runtime::model_file::ModelFile;
 pub use trocar_simulate::bench::config::TissueKind;
@@ -390,53 +389,9 @@ pub enum ConfigError {
         /// What was found.
         found: f64,
     },
-    /// A delay between two samples.
-    #[error(
-        "{name} must be a multiple of the sample time, {sample_time_s} s, got {found} s\n\nhint: the \
-         controllers see only whole samples; take {nearest} s"
-    )]
-    NotWholeSamples {
-        /// Name with its section and unit.
-        name: &'static str,
-        /// Sample time, s.
-        sample_time_s: f64,
-        /// What was found, s.
-        found: f64,
-        /// The nearest multiple, s.
-        nearest: f64,
-    },
-    /// Adaptation without the error of the model.
-    #[error(
-        "adaptation needs the error of the model's force, which the model does not state \
-         (force_error)\n\nhint: state the standard deviation as compensation.force_error_n, or identify the model \
-         again with ‹validate=...›"
-    )]
-    NoForceError,
-    /// A trocar of which nothing is known around its axis.
-    #[error(
-        "motion.turning_rad_s = {0} turns the instrument, and the trocar's model has no rotation\n\nhint: identify it from \
-         recordings that turn, with the diameter of the shaft (‹shaft_diameter_mm›)"
-    )]
-    NoRotation(f64),
-    /// A credit that turning would make too large.
-    #[error(
-        "control.passivity_credit = \"trocar\" is no bound where the instrument turns (motion.turning_rad_s = {0}): friction \
-         along the axis is less then\n\nhint: take \"none\""
-    )]
-    CreditOfTurning(f64),
-    /// The compensator cannot be made.
-    #[error("compensation: {0}")]
-    Compensator(String),
-    /// The compensator's model with its friction scale.
-    #[error("the compensator's model with {name} = {scale}: {why}")]
-    Model {
-        /// Name of the friction scale with its section.
-        name: &'static str,
-        /// The friction scale.
-        scale: f64,
-        /// The problem.
-        why: ParamError,
-    },
+    /// Values that do not go together, or with a model.
+    #[error("{0}")]
+    Unfit(String),
 }
 
 /// Longest experiment, in samples: what is stored.
@@ -526,7 +481,10 @@ impl Config {
         self.check_length()?;
         let turning = self.motion.turning_rad_s;
         if turning != 0.0 && self.has_credit() {
-            return Err(ConfigError::CreditOfTurning(turning));
+            return Err(ConfigError::Unfit(format!(
+                "control.passivity_credit = \"trocar\" is no bound where the instrument turns (motion.turning_rad_s = {turning}): \
+                 friction along the axis is less then\n\nhint: take \"none\""
+            )));
         }
         self.delay_samples()?;
         self.jitter_samples().map(|_| ())
@@ -625,7 +583,10 @@ impl Config {
         if (samples - whole).abs() > 1e-6 * whole.clamp(1.0, 1e3) {
             let sample_time_s = self.sample_time_s;
             let nearest = (whole * sample_time_s * 1e9).round() / 1e9;
-            return Err(ConfigError::NotWholeSamples { name, sample_time_s, found, nearest });
+            return Err(ConfigError::Unfit(format!(
+                "{name} must be a multiple of the sample time, {sample_time_s} s, got {found} s\n\nhint: the \
+                 controllers see only whole samples; take {nearest} s"
+            )));
         }
         Ok(whole as usize)
     }

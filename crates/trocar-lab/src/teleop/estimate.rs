@@ -1,6 +1,6 @@
 //! The force on the tissue, from the reading of the follower's sensor.
 
-use trocar_model::{Trocar, TrocarState};
+use trocar_model::{ParamError, Trocar, TrocarState};
 
 use super::config::{Compensation, Config, ConfigError, Place, Sensor};
 use super::control::Reading;
@@ -95,9 +95,13 @@ impl Compensation {
         model: &Trocar<K>,
     ) -> Result<Trocar<K>, ConfigError> {
         let scale = self.friction_scale;
-        let name = "compensation.friction_scale";
-        scaled(model, scale).map_err(|why| ConfigError::Model { name, scale, why })
+        scaled(model, scale).map_err(|why| unscaled("compensation.friction_scale", scale, why))
     }
+}
+
+/// The compensator's model makes none with its friction scale.
+pub(super) fn unscaled(name: &str, scale: f64, why: ParamError) -> ConfigError {
+    ConfigError::Unfit(format!("the compensator's model with {name} = {scale}: {why}"))
 }
 
 /// The compensator of `model` that knows offset and moving mass of the sensor.
@@ -116,7 +120,11 @@ fn adaptive<K: AsRef<[f64]>>(
         ..CompensateOptions::default()
     };
     Compensator::new(&file, &options).map_err(|error| match error {
-        CompensateError::NoForceError => ConfigError::NoForceError,
-        other => ConfigError::Compensator(other.to_string()),
+        CompensateError::NoForceError => ConfigError::Unfit(
+            "adaptation needs the error of the model's force, which the model does not state (force_error)\n\nhint: \
+             state the standard deviation as compensation.force_error_n, or identify the model again with ‹validate=...›"
+                .to_owned(),
+        ),
+        other => ConfigError::Unfit(format!("compensation: {other}")),
     })
 }

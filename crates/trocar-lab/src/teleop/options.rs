@@ -50,49 +50,12 @@ pub struct Options {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum OptionError {
-    /// A number out of its range.
-    #[error("‹{name}› must be {allowed}, got {found}")]
-    OutOfRange {
-        /// Name of the option.
-        name: &'static str,
-        /// What is allowed.
-        allowed: String,
-        /// What was found.
-        found: f64,
-    },
-    /// A list without numbers.
-    #[error("‹{0}› must hold at least one number")]
-    Empty(&'static str),
-    /// An option of something that is not asked for.
-    #[error("‹{0}› changes nothing without ‹{1}=True›")]
-    InVain(&'static str, &'static str),
-    /// A map with a longest delay that no loop has.
-    #[error(
-        "‹map›: the longest delay must be from the sample time, {sample_time_s} s, to 10 000 times that, got {found} s"
-    )]
-    LongestDelay {
-        /// Sample time, s.
-        sample_time_s: f64,
-        /// What was found, s.
-        found: f64,
-    },
-    /// A map of a loop without tissue.
-    #[error("‹map›: there is no tissue whose stiffness could be found\n\nhint: give tissue.kind")]
-    NothingToMap,
-    /// Advice for a loop without tissue.
-    #[error(
-        "‹advise›: there is no tissue that could be felt\n\nhint: give tissue.kind and tissue.stiffness_n_m"
-    )]
-    NothingToFeel,
-    /// A loop in which no fraction changes anything.
-    #[error(
-        "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
-         sensor at the tip reads none of it\n\nhint: leave out ‹advise› and ‹map›"
-    )]
-    NoCompensation,
-    /// Draws from a model without intervals.
-    #[error("‹{0}› needs a model with 95 % intervals, as identify writes it")]
-    NoIntervals(&'static str),
+    /// A value out of its range, or an option of something that is not asked for.
+    #[error("{0}")]
+    Value(String),
+    /// What is asked for cannot be found with this loop and these models.
+    #[error("{0}")]
+    Nothing(String),
 }
 
 impl Options {
@@ -122,15 +85,17 @@ impl Options {
         for (name, draws) in [("draws", self.draws), ("compensator_draws", self.compensator_draws)]
         {
             if let Some(draws) = draws.filter(|draws| !(1..=MOST_DRAWS).contains(draws)) {
-                let (allowed, found) = (format!("from 1 to {MOST_DRAWS}"), draws as f64);
-                return Err(OptionError::OutOfRange { name, allowed, found });
+                return Err(OptionError::Value(format!(
+                    "‹{name}› must be from 1 to {MOST_DRAWS}, got {draws}"
+                )));
             }
         }
         if let Some(found) =
             self.least_friction.filter(|scale| !(LEAST_FRICTION..=1.0).contains(scale))
         {
-            let allowed = format!("from {LEAST_FRICTION} to 1");
-            return Err(OptionError::OutOfRange { name: "least_friction", allowed, found });
+            return Err(OptionError::Value(format!(
+                "‹least_friction› must be from {LEAST_FRICTION} to 1, got {found}"
+            )));
         }
         for (name, numbers) in [
             ("delays_s", &self.delays_s),
@@ -138,7 +103,7 @@ impl Options {
             ("frequencies_hz", &self.frequencies_hz),
         ] {
             if numbers.as_ref().is_some_and(Vec::is_empty) {
-                return Err(OptionError::Empty(name));
+                return Err(OptionError::Value(format!("‹{name}› must hold at least one number")));
             }
         }
         let belonging = [
@@ -151,7 +116,9 @@ impl Options {
             ("frequencies_hz", self.frequencies_hz.is_some(), "hybrid", self.hybrid),
         ];
         match belonging.into_iter().find(|(_, is_given, _, is_asked)| *is_given && !is_asked) {
-            Some((name, _, to, _)) => Err(OptionError::InVain(name, to)),
+            Some((name, _, to, _)) => {
+                Err(OptionError::Value(format!("‹{name}› changes nothing without ‹{to}=True›")))
+            }
             None => Ok(()),
         }
     }
@@ -161,18 +128,21 @@ impl Options {
         let sample_time_s = config.sample_time_s;
         let allowed = sample_time_s..=LONGEST_MAPPED * sample_time_s;
         if let Some(found) = self.longest_delay_s.filter(|longest| !allowed.contains(longest)) {
-            return Err(OptionError::LongestDelay { sample_time_s, found });
+            return Err(OptionError::Nothing(format!(
+                "‹map›: the longest delay must be from the sample time, {sample_time_s} s, to 10 000 times that, got {found} s"
+            )));
         }
-        if self.map && config.tissue.kind == TissueKind::None {
-            return Err(OptionError::NothingToMap);
-        }
-        if self.advise && !config.has_tissue() {
-            return Err(OptionError::NothingToFeel);
-        }
-        if (self.advise || self.map) && !config.uses_compensation() {
-            return Err(OptionError::NoCompensation);
-        }
-        Ok(())
+        let why = if self.map && config.tissue.kind == TissueKind::None {
+            "‹map›: there is no tissue whose stiffness could be found\n\nhint: give tissue.kind"
+        } else if self.advise && !config.has_tissue() {
+            "‹advise›: there is no tissue that could be felt\n\nhint: give tissue.kind and tissue.stiffness_n_m"
+        } else if (self.advise || self.map) && !config.uses_compensation() {
+            "the fraction of the trocar's force changes nothing in this loop: position_position and wave send no force, and a \
+             sensor at the tip reads none of it\n\nhint: leave out ‹advise› and ‹map›"
+        } else {
+            return Ok(());
+        };
+        Err(OptionError::Nothing(why.to_owned()))
     }
 
     fn check_intervals(
@@ -180,13 +150,16 @@ impl Options {
         [compensator, plant]: [&ModelFile; 2],
         has_posterior: bool,
     ) -> Result<(), OptionError> {
-        if self.draws.is_some() && !has_posterior && plant.intervals.is_empty() {
-            return Err(OptionError::NoIntervals("draws"));
-        }
-        if self.compensator_draws.is_some() && compensator.intervals.is_empty() {
-            return Err(OptionError::NoIntervals("compensator_draws"));
-        }
-        Ok(())
+        let name = if self.draws.is_some() && !has_posterior && plant.intervals.is_empty() {
+            "draws"
+        } else if self.compensator_draws.is_some() && compensator.intervals.is_empty() {
+            "compensator_draws"
+        } else {
+            return Ok(());
+        };
+        Err(OptionError::Nothing(format!(
+            "‹{name}› needs a model with 95 % intervals, as identify writes it"
+        )))
     }
 
     fn candidates(&self, seed: u64, posterior: Option<Vec<Stages>>) -> Candidates {

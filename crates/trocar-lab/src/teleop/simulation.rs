@@ -6,7 +6,7 @@ use super::channel::{Channel, Packet};
 use super::config::{Config, ConfigError};
 use super::control::{Controllers, Encoder, Reading};
 use super::credit::Credit;
-use super::estimate::Estimator;
+use super::estimate::{Estimator, unscaled};
 use super::passivity::Port;
 use super::plant::{Follower, Leader, Motion};
 use trocar_simulate::bench::noise::Source;
@@ -113,7 +113,10 @@ impl<K: AsRef<[f64]> + Clone> Loop<K> {
         config.check()?;
         let turning = config.motion.turning_rad_s;
         if turning != 0.0 && trocar.rotation().is_none() {
-            return Err(ConfigError::NoRotation(turning));
+            return Err(ConfigError::Unfit(format!(
+                "motion.turning_rad_s = {turning} turns the instrument, and the trocar's model has no rotation\n\nhint: \
+                 identify it from recordings that turn, with the diameter of the shaft (‹shaft_diameter_mm›)"
+            )));
         }
         let encoders = [config.leader, config.follower]
             .map(|device| Encoder::new(device.encoder_step_m, config.sample_time_s));
@@ -284,10 +287,10 @@ fn credit<K: AsRef<[f64]> + Clone>(
         return Ok(None);
     }
     let control = config.control;
-    let (name, scale) = ("control.credit_friction_scale", control.credit_friction_scale);
+    let scale = control.credit_friction_scale;
     let model = config.compensation.model(compensator)?;
     let credit = Credit::new(&model, scale, position);
-    credit.map(Some).map_err(|why| ConfigError::Model { name, scale, why })
+    credit.map(Some).map_err(|why| unscaled("control.credit_friction_scale", scale, why))
 }
 
 /// The loop is unstable: a device left 10 m or 100 m/s.
