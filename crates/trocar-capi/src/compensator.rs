@@ -135,17 +135,8 @@ impl Fault {
 
 impl From<Option<compensate::Fault>> for Fault {
     fn from(fault: Option<compensate::Fault>) -> Self {
-        match fault {
-            None => Self::None,
-            Some(compensate::Fault::NoReading) => Self::NoReading,
-            Some(compensate::Fault::NoPosition) => Self::NoPosition,
-            Some(compensate::Fault::NoDuration) => Self::NoDuration,
-            Some(compensate::Fault::Saturated) => Self::Saturated,
-            Some(compensate::Fault::Frozen) => Self::Frozen,
-            Some(compensate::Fault::Jump) => Self::Jump,
-            Some(compensate::Fault::Gap) => Self::Gap,
-            Some(compensate::Fault::OppositeSign) => Self::OppositeSign,
-        }
+        // Both number their faults in one order; here 0 is none.
+        Self::ALL[fault.map_or(0, |fault| fault as usize + 1)].0
     }
 }
 

@@ -24,6 +24,7 @@ pub use samples::Readings;
 pub use screen::OPPOSED;
 pub use statistics::{median, range};
 pub use tables::{read_columns, tables};
+pub use text::sha256;
 pub use units::Quantity;
 
 pub mod block;

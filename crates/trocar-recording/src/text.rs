@@ -1035,6 +1035,11 @@ pub(crate) fn quoted(bytes: &[u8]) -> String {
     if text.chars().count() > QUOTED { short + "..." } else { short }
 }
 
+/// SHA-256 of `bytes` in hexadecimal digits.
+pub fn sha256(bytes: &[u8]) -> String {
+    hex(&Sha256::digest(bytes))
+}
+
 /// Lower-case hexadecimal.
 pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()

@@ -2,8 +2,6 @@
 //!
 //! This module runs no loop. It evaluates linear theory over frequency, because the results contain no curves of it.
 
-use sha2::{Digest as _, Sha256};
-
 use super::document::{Cell, Document, Figure, LiveLoop, Section, Table, Tile, origin};
 use super::figures::teleop as figures;
 use super::figures::teleop::plain;
@@ -15,6 +13,7 @@ use trocar_lab::teleop::advise::{Advice, Map, NoticeableStep};
 use trocar_lab::teleop::config::{Config, TissueKind};
 use trocar_lab::teleop::merit::Merit;
 use trocar_lab::teleop::{Diverged, Sample, Study, write_course, write_response};
+use trocar_recording::sha256;
 use trocar_tables::output::StagedFolder;
 
 /// An input by its name, without a folder, and the SHA-256 of its bytes.
@@ -27,9 +26,7 @@ pub struct Source {
 impl Source {
     /// The input `name` with its `bytes`.
     pub fn new(name: impl Into<String>, bytes: &[u8]) -> Self {
-        let digest = Sha256::digest(bytes);
-        let sha256 = digest.iter().map(|byte| format!("{byte:02x}")).collect();
-        Self { name: name.into(), sha256 }
+        Self { name: name.into(), sha256: sha256(bytes) }
     }
 
     /// Its name.

@@ -62,28 +62,22 @@ pub enum TableError {
         /// Error of the operating system.
         source: std::io::Error,
     },
-    /// Not a complete Parquet file.
-    #[error("{}: no complete Parquet file: {found}\n\nhint: was it cut off, or is it another format? write it again", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Error of the reader.
-        found: String,
-    },
-    /// A column contains something other than flat numbers, Booleans and text.
-    #[error("{}: column '{column}' holds neither numbers, Booleans nor text", path.display())]
+    /// What is in the file cannot be read.
+    #[error("{}: {problem}", path.display())]
     Unread {
         /// The file.
         path: PathBuf,
-        /// Name of the column.
-        column: String,
+        /// What was found, and the remedy.
+        problem: String,
     },
+}
+
+#[cfg(not(feature = "parquet"))]
+impl TableError {
     /// This build cannot read Parquet.
-    #[error("{}: this build has no feature {feature}\n\nhint: build with --features {feature}", path.display())]
-    NoFeature {
-        /// The file.
-        path: PathBuf,
-        /// Name of the cargo feature.
-        feature: &'static str,
-    },
+    pub(crate) fn no_parquet(path: &std::path::Path) -> Self {
+        let problem =
+            "this build has no feature parquet\n\nhint: build with --features parquet".to_owned();
+        Self::Unread { path: path.to_owned(), problem }
+    }
 }

@@ -342,8 +342,8 @@ pub fn compare(
     let mut entries: Vec<Entry> = all
         .map(|(((fitted, raw), force_error), ns)| {
             let scores = grounds.scores(raw, fitted.parameters, effective_samples);
-            let scored = Scored { scores, by_stroke: grounds.by_stroke(raw), force_error };
-            fitted.into_entry(scored, ns, options.timing)
+            let entry = fitted.into_entry(scores, grounds.by_stroke(raw), force_error);
+            Entry { ns_per_sample: ns, fit_s: entry.fit_s.filter(|_| options.timing), ..entry }
         })
         .collect();
     entries.sort_by(|a, b| a.scores.validate_rms_n.total_cmp(&b.scores.validate_rms_n));
@@ -410,13 +410,6 @@ struct Fitted {
     fit_s: f64,
 }
 
-/// Errors of one model in all forms.
-struct Scored {
-    scores: Scores,
-    by_stroke: Vec<f64>,
-    force_error: ForceError,
-}
-
 impl Fitted {
     fn from((fit, fit_s): (ClassicalFit, f64)) -> Self {
         Self {
@@ -462,8 +455,7 @@ impl Fitted {
         own.worse(&held_out, ErrorSource::Validation)
     }
 
-    fn into_entry(self, scored: Scored, ns_per_sample: Option<f64>, timing: bool) -> Entry {
-        let Scored { scores, by_stroke, force_error } = scored;
+    fn into_entry(self, scores: Scores, by_stroke: Vec<f64>, force_error: ForceError) -> Entry {
         let stages = self.trocar.seal().stages();
         let elements =
             stages.map_or_else(|| self.choice.elements(), |stages| stages.elements().len());
@@ -478,8 +470,8 @@ impl Fitted {
             scores,
             by_stroke,
             force_error,
-            ns_per_sample,
-            fit_s: timing.then_some(self.fit_s),
+            ns_per_sample: None,
+            fit_s: Some(self.fit_s),
             warnings: self.warnings,
         }
     }

@@ -6,7 +6,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::row::{DEGREES, FleetCell, FleetRow};
 use crate::summary::PROGRAM;
@@ -16,7 +15,7 @@ use trocar_identify::{
 };
 use trocar_recording::rows::Crop;
 use trocar_recording::{
-    ReadOptions, Readings, Recording, RecordingError, check_sensor_limit, digest_of, read,
+    ReadOptions, Readings, Recording, RecordingError, check_sensor_limit, digest_of, read, sha256,
 };
 use trocar_simulate::cancel;
 
@@ -71,8 +70,9 @@ impl Config {
         // The journal holds cells by their place.
         all["table"] = super::row::columns().into_iter().map(|field| field.name).collect();
         all.as_object_mut().map(|keys| keys.remove("memory_limit_bytes"));
-        let digest = Sha256::digest(all.to_string().as_bytes());
-        digest[..8].iter().map(|byte| format!("{byte:02x}")).collect()
+        let mut digest = sha256(all.to_string().as_bytes());
+        digest.truncate(16);
+        digest
     }
 
     /// Rejects a moving mass or a sensor that cannot be.

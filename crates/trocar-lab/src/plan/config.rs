@@ -178,21 +178,9 @@ pub enum ConfigError {
     /// The document is not valid TOML, or has unknown keys or wrong types of values.
     #[error("{0}\n\nhint: `‹plan_config()›` prints a rig with every key")]
     Syntax(String),
-    /// Text that is no goal.
-    #[error(
-        "unknown goal {0:?}, expected all, compensation, or a parameter, with a precision or without \
-         (viscous_damping_n_s_m, half_width_m:5%)"
-    )]
-    Goal(String),
-    /// Two ranges of F_c.
-    #[error("prior.like and prior.coulomb_force_n both give F_c\n\nhint: leave out one of them")]
-    LikeAlone,
-    /// A state of the prior beside a model.
-    #[error(
-        "prior.state is that of the seals of the prior, and a model is given\n\nhint: leave out prior.state; identify a \
-         wetted seal for its model"
-    )]
-    WetModel,
+    /// Text that is no goal, or values that do not go together.
+    #[error("{0}")]
+    Unfit(String),
     /// No seals for the key of a study.
     #[error("prior.like: {0}")]
     Like(#[from] PublishedError),
@@ -320,7 +308,9 @@ impl Prior {
     fn check(&self) -> Result<(), ConfigError> {
         self.seals()?;
         if self.like.is_some() && self.coulomb_force_n != Self::default().coulomb_force_n {
-            return Err(ConfigError::LikeAlone);
+            let why =
+                "prior.like and prior.coulomb_force_n both give F_c\n\nhint: leave out one of them";
+            return Err(ConfigError::Unfit(why.to_owned()));
         }
         let (force, damping, width) =
             (self.coulomb_force_n, self.viscous_damping_n_s_m, self.half_width_m);

@@ -39,7 +39,12 @@ impl FromStr for Goal {
     type Err = ConfigError;
 
     fn from_str(text: &str) -> Result<Self, ConfigError> {
-        let unknown = || ConfigError::Goal(text.to_owned());
+        let unknown = || {
+            ConfigError::Unfit(format!(
+                "unknown goal {text:?}, expected all, compensation, or a parameter, with a precision or without \
+                 (viscous_damping_n_s_m, half_width_m:5%)"
+            ))
+        };
         match text {
             "all" => return Ok(Self::All),
             "compensation" => return Ok(Self::Compensation),

@@ -212,7 +212,9 @@ pub fn plan(
 ) -> Result<Plan, PlanError> {
     config.check()?;
     if !seals.is_empty() && config.prior.state != State::Dry {
-        return Err(ConfigError::WetModel.into());
+        let why = "prior.state is that of the seals of the prior, and a model is given\n\nhint: leave out prior.state; identify a \
+                   wetted seal for its model";
+        return Err(ConfigError::Unfit(why.to_owned()).into());
     }
     let drawn = if seals.is_empty() { config.expected_seals()? } else { seals.to_vec() };
     // What turns comes last, with the time that it takes from the highest position.

@@ -160,7 +160,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Table, TableError> {
     #[cfg(feature = "parquet")]
     return parquet::read(path);
     #[cfg(not(feature = "parquet"))]
-    Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
+    Err(TableError::no_parquet(path))
 }
 
 /// Names of the columns of a Parquet file; reads no data.
@@ -172,7 +172,7 @@ pub fn names(path: impl AsRef<Path>) -> Result<Vec<String>, TableError> {
     #[cfg(feature = "parquet")]
     return parquet::names(path);
     #[cfg(not(feature = "parquet"))]
-    Err(TableError::NoFeature { path: path.to_owned(), feature: "parquet" })
+    Err(TableError::no_parquet(path))
 }
 
 /// Format of a file by its extension.

@@ -76,31 +76,39 @@ fn io_error(error: ParquetError) -> io::Error {
     }
 }
 
+fn open(path: &Path) -> Result<SerializedFileReader<File>, TableError> {
+    let file =
+        File::open(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?;
+    SerializedFileReader::new(file).map_err(damaged(path))
+}
+
+/// Not a complete Parquet file.
+fn damaged(path: &Path) -> impl Fn(ParquetError) -> TableError {
+    move |found| {
+        let problem = format!(
+            "no complete Parquet file: {found}\n\nhint: was it cut off, or is it another format? write it again"
+        );
+        TableError::Unread { path: path.to_owned(), problem }
+    }
+}
+
 pub(super) fn read(path: &Path) -> Result<Table, TableError> {
-    let damaged = |error: ParquetError| TableError::Damaged {
+    let reader = open(path)?;
+    let other = |column: &str| TableError::Unread {
         path: path.to_owned(),
-        found: error.to_string(),
+        problem: format!("column '{column}' holds neither numbers, Booleans nor text"),
     };
-    let reader = SerializedFileReader::new(
-        File::open(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?,
-    )
-    .map_err(damaged)?;
     let schema = reader.metadata().file_metadata().schema_descr_ptr();
     let mut table = Table::default();
     for field in schema.root_schema().get_fields() {
-        table.columns.push(Column::new(kind(field).ok_or_else(|| TableError::Unread {
-            path: path.to_owned(),
-            column: field.name().to_owned(),
-        })?));
+        let kind = kind(field).ok_or_else(|| other(field.name()))?;
+        table.columns.push(Column::new(kind));
         table.fields.push(field.name().to_owned());
     }
-    for row in reader.get_row_iter(None).map_err(damaged)? {
-        let row = row.map_err(damaged)?;
+    for row in reader.get_row_iter(None).map_err(damaged(path))? {
+        let row = row.map_err(damaged(path))?;
         for ((name, value), column) in row.get_column_iter().zip(&mut table.columns) {
-            push(column, value).ok_or_else(|| TableError::Unread {
-                path: path.to_owned(),
-                column: name.clone(),
-            })?;
+            push(column, value).ok_or_else(|| other(name))?;
         }
     }
     Ok(table)
@@ -108,11 +116,7 @@ pub(super) fn read(path: &Path) -> Result<Table, TableError> {
 
 /// Names of the columns of a Parquet file.
 pub(super) fn names(path: &Path) -> Result<Vec<String>, TableError> {
-    let reader = SerializedFileReader::new(
-        File::open(path).map_err(|source| TableError::Open { path: path.to_owned(), source })?,
-    )
-    .map_err(|error| TableError::Damaged { path: path.to_owned(), found: error.to_string() })?;
-    let schema = reader.metadata().file_metadata().schema_descr_ptr();
+    let schema = open(path)?.metadata().file_metadata().schema_descr_ptr();
     Ok(schema.root_schema().get_fields().iter().map(|field| field.name().to_owned()).collect())
 }
 

@@ -11,12 +11,12 @@ use std::fs;
 use std::path::Path;
 use std::str::FromStr;
 
-use sha2::{Digest, Sha256};
 use thiserror::Error;
 use trocar_model::profile::FADE;
 use trocar_model::{PositionProfile, Seal, Stages};
 
 use crate::compensate::{CompensateError, CompensateOptions, Compensator};
+use trocar_recording::sha256;
 use trocar_runtime::model_file::{ModelFile, ModelFileError, OriginKind};
 use trocar_tables::output::OutputError;
 
@@ -245,13 +245,6 @@ pub fn check_prefix(prefix: &str) -> Result<(), CError> {
         return Ok(());
     }
     Err(CError::Prefix { found: prefix.to_owned() })
-}
-
-fn sha256(bytes: &[u8]) -> String {
-    Sha256::digest(bytes).iter().fold(String::new(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}");
-        text
-    })
 }
 
 fn title(seal: &Seal) -> String {
