@@ -76,8 +76,9 @@ pub enum TableError {
 impl TableError {
     /// This build cannot read Parquet.
     pub(crate) fn no_parquet(path: &std::path::Path) -> Self {
+        let feature = "parquet";
         let problem =
-            "this build has no feature parquet\n\nhint: build with --features parquet".to_owned();
+            format!("this build has no feature {feature}\n\nhint: build with --features {feature}");
         Self::Unread { path: path.to_owned(), problem }
     }
 }
