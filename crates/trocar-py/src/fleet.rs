@@ -74,7 +74,7 @@ pub(crate) fn fleet_frame(
 ) -> PyResult<Vec<Py<PyAny>>> {
     let (readings, _) =
         readings_of_frame(frame, &name, config.0.reading.choice.columns.as_deref())?;
-    row(py, Input::Columns { name, readings }, config)
+    row(py, Input::Columns { name, readings: Box::new(readings) }, config)
 }
 
 fn row(py: Python<'_>, input: Input, config: &FleetConfig) -> PyResult<Vec<Py<PyAny>>> {

@@ -16,6 +16,8 @@ use std::ops::{Index, IndexMut};
 
 use super::Recording;
 
+pub use super::samples::Recorded;
+
 /// A load beside the force of the seal.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Load {
@@ -38,9 +40,6 @@ impl Load {
 
 /// A value for each [`Load`], in the order of [`Load::ALL`].
 pub type ByLoad<T> = [T; 4];
-/// A column for each of [`Load::RECORDED`], where it was recorded: side force in N, tilt in rad, pressure in Pa.
-pub type Recorded = [Option<Vec<f64>>; 3];
-
 /// How large each load is, in the unit of [`Load`]; 0 where there is none.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Loads(pub ByLoad<f64>);

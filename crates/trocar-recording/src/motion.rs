@@ -111,7 +111,7 @@ impl Recording {
     /// The readings in N without the inertia of a known mass in kg: `force - mass * acceleration`. The
     /// acceleration is that of the positions between the counts of the encoder.
     #[must_use]
-    pub fn force_without_inertia(&self, mass: f64) -> Vec<f64> {
+    pub(crate) fn force_without_inertia(&self, mass: f64) -> Vec<f64> {
         if mass == 0.0 {
             return self.force.clone();
         }

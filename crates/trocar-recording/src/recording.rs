@@ -9,9 +9,8 @@ use super::RecordingError;
 use super::block::SampleRow;
 use super::choice::Choice;
 use super::collect::Collector;
-use super::loads::Recorded;
 use super::quality::{Quality, Saturation};
-use super::samples::{self, ByQuantity, Count, Readings, columns, cut};
+use super::samples::{self, ByQuantity, Count, Readings, Recorded, columns, cut};
 use super::statistics::range;
 use super::units::Quantity;
 

@@ -7,9 +7,11 @@ use sha2::{Digest, Sha256};
 use trocar_tables::line::Line;
 
 use super::Location;
-use super::loads::Recorded;
 use super::text::hex;
 use super::units::Quantity;
+
+/// Columns of the loads beside the force of the seal, where they were recorded: side force in N, tilt in rad, pressure in Pa.
+pub type Recorded = [Option<Vec<f64>>; 3];
 
 /// Columns that do not come from a file, in SI units.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -1,5 +1,6 @@
 //! Side force, weight by tilt and gas pressure: in readings, in the identification, and out of both again.
 
+use trocar::bench::config::Loading;
 use trocar::bench::{BenchConfig, Protocol, run};
 use trocar::identify::{IdentifyOptions, Term};
 use trocar::recording::loads::{Load, Loads};
@@ -58,9 +59,8 @@ fn the_readings_without_loads_are_those_of_the_seal() {
 
 fn bench() -> BenchConfig {
     let mut config = BenchConfig::default();
-    config.loads.side_force_n = 4.0;
-    config.loads.tilt_rad = 1.0;
-    config.loads.pressure_pa = 2000.0;
+    config.loads =
+        Loading { side_force_n: 4.0, tilt_rad: 1.0, pressure_pa: 2000.0, ..config.loads };
     config.rod.mass_kg = 0.1;
     config
 }

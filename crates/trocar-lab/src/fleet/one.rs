@@ -114,7 +114,7 @@ pub enum Input {
         /// Name of the recording.
         name: String,
         /// The columns.
-        readings: Readings,
+        readings: Box<Readings>,
     },
 }
 
