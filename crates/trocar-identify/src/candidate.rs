@@ -12,7 +12,7 @@ use trocar_recording::loads::{ByLoad, Load, Loads};
 
 use super::kept::Kept;
 use super::likelihood::{Column, Free, Trial, each_alone, with_rows};
-use super::load::{OfLoad, of_load};
+use super::load::{OfLoad, load_of, of_load};
 use super::prior::Kind;
 use super::shape::{BranchShape, EndForces, Span};
 use super::stage::{SecondStage, yielding};
@@ -148,10 +148,6 @@ impl Candidate {
             }
             (None, Some(direction), _) => all_stages(self.sliding(direction)),
             (None, None, Q::Offset) => Some(self.offset),
-            (None, None, Q::UnmodelledMass) => Some(self.loads[Load::Mass]),
-            (None, None, Q::SideFriction) => Some(self.loads[Load::Side]),
-            (None, None, Q::TiltedWeight) => Some(self.loads[Load::Weight]),
-            (None, None, Q::PressureGain) => Some(self.loads[Load::Pressure]),
             (None, None, Q::HalfWidth) => Some(self.half_width),
             (None, None, Q::SealDamping) => Some(self.stage_factor() * self.seal_damping),
             (None, None, Q::YieldStiffness) => {
@@ -164,6 +160,9 @@ impl Candidate {
             (None, None, Q::SecondRelaxationTime) => Some(second.time),
             (None, None, Q::StribeckVelocity | Q::StribeckExponent | Q::StaticRatio) => {
                 self.insertion.value(quantity)
+            }
+            (None, None, _) if load_of(quantity).is_some() => {
+                load_of(quantity).map(|load| self.loads[load])
             }
             (None, None, _) => first.number(quantity).or_else(|| {
                 let both = self.insertion.value(quantity)? + self.withdrawal.value(quantity)?;

@@ -7,7 +7,7 @@ use super::along::{self, Profile};
 use super::candidate::Candidate;
 use super::counts;
 use super::element::{self, ElementFit, Input};
-use super::load::of_load;
+use super::load::{is_of_rig, of_load};
 use super::unexplained::PositionDelay;
 
 use super::estimate::Estimate;
@@ -15,7 +15,6 @@ use super::findings::{IdentifyError, Parameter, Warning};
 use super::likelihood::Trial;
 use super::numbers;
 use super::posterior::{Density, Posterior};
-use super::prior::Kind;
 use super::result::{FitSummary, Identification};
 use super::rotation;
 use super::scale::{FrictionScale, TOO_FAR};
@@ -188,7 +187,7 @@ fn fitted_parameters(
             p.estimate = p.estimate.clone().with_note(note);
         }
         if let (Some(_), false) =
-            (prior.and_then(|p| p.contradiction.as_ref()), Kind::of_rig(p.id.quantity))
+            (prior.and_then(|p| p.contradiction.as_ref()), is_of_rig(p.id.quantity))
         {
             let why = "the strokes contradict the prior";
             p.estimate = Estimate::undetermined(p.estimate.value, p.estimate.unit, why);

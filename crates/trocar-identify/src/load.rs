@@ -59,3 +59,14 @@ static OF_LOADS: ByLoad<OfLoad> = [
 pub(super) fn of_load(load: Load) -> &'static OfLoad {
     &OF_LOADS[load as usize]
 }
+
+/// The load of which `quantity` is the size.
+pub(super) fn load_of(quantity: Quantity) -> Option<Load> {
+    Load::ALL.into_iter().find(|load| of_load(*load).id[0].quantity == quantity)
+}
+
+/// Whether a quantity belongs to the rig and not to the seal.
+pub(super) fn is_of_rig(quantity: Quantity) -> bool {
+    let is_offset = matches!(quantity, Quantity::Offset | Quantity::CoulombForceWithOffset);
+    is_offset || load_of(quantity).is_some()
+}

@@ -9,7 +9,7 @@ use super::estimate::Estimate;
 use super::findings::{Covariance, Parameter};
 use super::joins::{Along, Joins};
 use super::likelihood::{Fitted, Trial};
-use super::load::of_load;
+use super::load::{load_of, of_load};
 use super::spread::{LEVEL, MASS, Reported, SHAPE, SLOPE, Spread, WIDTH};
 use super::stage::SecondStage;
 
@@ -41,19 +41,13 @@ pub(super) fn rank(id: ParameterId) -> usize {
         Q::StribeckVelocity,
         Q::StribeckExponent,
     ];
-    const LAST: [Quantity; 7] = [
-        Q::Offset,
-        Q::UnmodelledMass,
-        Q::SideFriction,
-        Q::TiltedWeight,
-        Q::PressureGain,
-        Q::Join,
-        Q::JoinForce,
-    ];
+    // All loads have the place of the mass.
+    const LAST: [Quantity; 4] = [Q::Offset, Q::UnmodelledMass, Q::Join, Q::JoinForce];
     if matches!(id.quantity, Q::Coefficient { .. }) {
         return FIRST.len() + LAST.len() + 1;
     }
-    let place = |list: &[Quantity]| list.iter().position(|own| *own == id.quantity);
+    let quantity = load_of(id.quantity).map_or(id.quantity, |_| Q::UnmodelledMass);
+    let place = |list: &[Quantity]| list.iter().position(|own| *own == quantity);
     let (first, last) = (place(&FIRST), place(&LAST));
     first.or(last.map(|at| FIRST.len() + 1 + at)).unwrap_or(FIRST.len())
 }
@@ -91,7 +85,8 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
     let by_direction = layout.own_slopes || layout.own_levels;
     let [insertion, withdrawal] = Direction::BOTH;
     let second = |quantity: Quantity| quantity.id().of_element(1);
-    let all = [
+    let of_loads = layout.free_loads().map(|load| (true, of_load(load).id[0], false));
+    let sliding = [
         (true, Q::CoulombForce.id(), true),
         (true, Q::ViscousDamping.id(), false),
         (layout.offset, Q::Offset.id(), false),
@@ -105,6 +100,8 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
         (layout.stribeck, Q::StribeckVelocity.id(), true),
         (layout.exponent, Q::StribeckExponent.id(), true),
         (layout.damping, Q::SealDamping.id(), false),
+    ];
+    let later = [
         (layout.yielding, Q::YieldStiffness.id(), true),
         (layout.creep, Q::CreepVelocity.id(), true),
         (layout.lag, Q::FrictionLag.id(), true),
@@ -116,8 +113,8 @@ pub(super) fn quantities(layout: Layout) -> Vec<OnLogarithm> {
         (layout.second, second(Q::CoulombForce), true),
         (layout.second, second(Q::HalfWidth), true),
     ];
-    let all = all.into_iter().filter(|(is_there, ..)| *is_there).map(|(_, id, log)| (id, log));
-    all.chain(layout.free_loads().map(|load| (of_load(load).id[0], false))).collect()
+    let all = sliding.into_iter().chain(of_loads).chain(later);
+    all.filter(|(is_there, ..)| *is_there).map(|(_, id, log)| (id, log)).collect()
 }
 
 /// A lag of one or two samples cannot be identified.

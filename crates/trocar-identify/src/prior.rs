@@ -8,8 +8,6 @@
 
 use statrs::distribution::{Continuous, ContinuousCDF, Normal};
 
-use trocar_model::Quantity;
-
 /// Normal prior of one free parameter, in its unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Prior {
@@ -145,16 +143,6 @@ impl Kind {
             Self::LogHalfWidth => about(1e-3),
             Self::Bend => return None,
         })
-    }
-
-    /// Whether a quantity belongs to the rig and not to the seal.
-    pub(super) const fn of_rig(quantity: Quantity) -> bool {
-        use Quantity as Q;
-        let is_load = matches!(
-            quantity,
-            Q::UnmodelledMass | Q::SideFriction | Q::TiltedWeight | Q::PressureGain
-        );
-        is_load || matches!(quantity, Q::Offset | Q::CoulombForceWithOffset)
     }
 }
 

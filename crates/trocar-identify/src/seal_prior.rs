@@ -22,6 +22,7 @@ use trocar_model::{Direction, ParamError, ParameterId, Quantity, Stages};
 
 use super::candidate::{Candidate, EmsTrial, Layout};
 use super::likelihood::{self, Fitted, Free, Trial};
+use super::load::is_of_rig;
 use super::numbers::{self, OnLogarithm};
 use super::prior::{Kind, Prior};
 use super::shape::BranchShape;
@@ -199,7 +200,7 @@ impl SealPrior {
         let free = fitted.best.free();
         let spread = Spread::new(fitted);
         let ratio = |(id, _): OnLogarithm| {
-            if Kind::of_rig(id.quantity) {
+            if is_of_rig(id.quantity) {
                 return None;
             }
             let value = |t: &EmsTrial| t.candidate.value(id);

@@ -120,15 +120,11 @@ impl Correction {
         let offset_n = offset_n.unwrap_or(sensor.offset_n);
         finite("offset_n", offset_n, "N")?;
         let mass = moving_mass_kg.unwrap_or(sensor.moving_mass_kg);
+        let [side_friction, tilted_weight, pressure_gain] = sensor.loads();
         Ok(Self {
             offset_n,
             moving_mass_kg: MovingMass::new(mass, 0.0)?.mass,
-            loads: Loads([
-                0.0,
-                sensor.side_friction,
-                sensor.tilted_weight_n,
-                sensor.pressure_gain_per_pa,
-            ]),
+            loads: Loads([0.0, side_friction, tilted_weight, pressure_gain]),
             position_delay_s: sensor.position_delay_s,
         })
     }

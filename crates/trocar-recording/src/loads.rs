@@ -44,15 +44,6 @@ pub type ByLoad<T> = [T; 4];
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Loads(pub ByLoad<f64>);
 
-impl Loads {
-    /// A mass, kg, alone.
-    pub fn of_mass(mass: f64) -> Self {
-        let mut loads = Self::default();
-        loads[Load::Mass] = mass;
-        loads
-    }
-}
-
 impl Index<Load> for Loads {
     type Output = f64;
 

@@ -242,6 +242,14 @@ pub struct SensorInfo {
     pub pressure_gain_per_pa: f64,
 }
 
+impl SensorInfo {
+    /// The recorded loads beside the force of the seal: friction of the cannula, weight that the tilt
+    /// turns, N, and gain with the pressure, 1/Pa; 0 for none.
+    pub fn loads(&self) -> [f64; 3] {
+        [self.side_friction, self.tilted_weight_n, self.pressure_gain_per_pa]
+    }
+}
+
 /// An estimate with its 95 % interval, in the unit of the parameter's name.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

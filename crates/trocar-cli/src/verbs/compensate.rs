@@ -102,9 +102,7 @@ fn say_what_it_rests_on(console: &Console, args: &Args, model: &ModelFile) {
              again with --validate",
         );
     }
-    let beside =
-        model.sensor.map(|own| [own.side_friction, own.tilted_weight_n, own.pressure_gain_per_pa]);
-    if beside.is_some_and(|loads| loads != [0.0; 3]) {
+    if model.sensor.is_some_and(|sensor| sensor.loads() != [0.0; 3]) {
         console.warn(
             "the readings behind the model held side load, weight by tilt or the effect of gas pressure, which the observer does not \
              know: it takes them for tissue",

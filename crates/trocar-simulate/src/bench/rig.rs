@@ -87,6 +87,8 @@ pub(super) struct RigState<'a> {
     motor_force: f64,
     seal_force: f64,
     torque: f64,
+    /// Side force, N, tilt, rad, and pressure, Pa.
+    loads: [f64; 3],
     /// Direction in which the cannula rubs, −1 to 1.
     direction: f64,
     tissue_force: f64,
@@ -125,6 +127,7 @@ impl<'a> RigState<'a> {
             motor_force: 0.0,
             seal_force: states.iter().map(State::force).sum(),
             torque: 0.0,
+            loads: [0.0; 3],
             direction: 0.0,
             tissue_force: 0.0,
             time: f64::NEG_INFINITY,
@@ -174,17 +177,17 @@ impl<'a> RigState<'a> {
 
     /// Side force, N, tilt, rad, and pressure, Pa.
     pub(super) fn loads(&self) -> [f64; 3] {
-        loads_at(&self.config.loads, self.time)
+        self.loads
     }
 
     /// Gravity in the direction of insertion, m/s².
     pub(super) fn gravity(&self) -> f64 {
-        self.config.rod.gravity_m_s2 * libm::cos(self.loads()[1])
+        self.config.rod.gravity_m_s2 * libm::cos(self.loads[1])
     }
 
     /// Friction of the cannula, N.
     pub(super) fn side_friction(&self) -> f64 {
-        self.config.loads.side_friction * self.loads()[0] * self.direction
+        self.config.loads.side_friction * self.loads[0] * self.direction
     }
 
     /// Force of the tip on the tissue, N.
@@ -310,7 +313,8 @@ impl<'a> RigState<'a> {
             .sum();
         let fluctuation =
             self.level.advance(displacement, reached) * drift(&self.config.fluctuation, self.time);
-        let gain = 1.0 + self.config.loads.pressure_gain_per_pa * self.loads()[2];
+        self.loads = loads_at(&self.config.loads, self.time);
+        let gain = 1.0 + self.config.loads.pressure_gain_per_pa * self.loads[2];
         self.seal_force = wetting.of_wet(force, viscous) * fluctuation * gain;
         self.direction = (self.direction + displacement / REACH).clamp(-1.0, 1.0);
         // Its viscous part is small, and wetted like the rest.

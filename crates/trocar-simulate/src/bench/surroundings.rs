@@ -49,7 +49,10 @@ impl Wetting {
 /// Side force, N, tilt, rad, and pressure, Pa, at `time`, s; 0 before the first sample.
 pub(super) fn loads_at(loads: &Loading, time: f64) -> [f64; 3] {
     let since = time.max(0.0) * core::f64::consts::TAU / loads.period_s;
-    let of = |largest: f64, periods: f64| 0.5 * largest * (1.0 - libm::cos(since / periods));
+    let of = |largest: f64, periods: f64| match largest == 0.0 {
+        true => 0.0,
+        false => 0.5 * largest * (1.0 - libm::cos(since / periods)),
+    };
     [of(loads.side_force_n, 1.0), of(loads.tilt_rad, 1.4), of(loads.pressure_pa, 0.7)]
 }
 
