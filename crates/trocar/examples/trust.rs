@@ -2,14 +2,14 @@
 //! truth.
 //!
 //! ```text
-//! cargo run --release -p trocar --example trust -- [--seeds N] [--kind NAME,...] [--coverage yes] [--json FILE] [--most-percent P]
+//! cargo run --release -p trocar --example trust -- [--seeds N] [--first N] [--kind NAME,...] [--coverage yes] [--json FILE] [--most-percent P]
 //! ```
-//! N seeds (default 3) of the kinds NAME, or of every kind whose name contains NAME; with
-//! --coverage only the table of how often intervals hold the truth, and the optional terms that
-//! were found where they are and where they are not; fails where more than P per cent of the
-//! parameters are confidently wrong. A parameter is right if it is determined by the data and its
-//! 95 % interval holds the truth; confidently wrong if the interval misses the truth and no warning
-//! calls the result doubtful; absent if the seal has it and the result does not list it.
+//! N seeds (default 3), from --first (default 1) on, of the kinds NAME, or of every kind whose name
+//! contains NAME; with --coverage only the table of how often intervals hold the truth, and the
+//! optional terms that were found where they are and where they are not; fails where more than P per
+//! cent of the parameters are confidently wrong. A parameter is right if it is determined by the data
+//! and its 95 % interval holds the truth; confidently wrong if the interval misses the truth and no
+//! warning calls the result doubtful; absent if the seal has it and the result does not list it.
 
 #[path = "../tests/trust/mod.rs"]
 mod trust;
@@ -21,7 +21,8 @@ use trust::judge::{Judged, Outcome, Verdict, judge};
 use trust::kinds::{AnyError, kinds};
 
 struct Arguments {
-    seeds: u64,
+    seeds: usize,
+    first: u64,
     kinds: Vec<String>,
     coverage: bool,
     json: Option<String>,
@@ -29,20 +30,27 @@ struct Arguments {
 }
 
 fn arguments() -> Result<Arguments, AnyError> {
-    let mut all =
-        Arguments { seeds: 3, kinds: Vec::new(), coverage: false, json: None, most_percent: 100.0 };
+    let mut all = Arguments {
+        seeds: 3,
+        first: 1,
+        kinds: Vec::new(),
+        coverage: false,
+        json: None,
+        most_percent: 100.0,
+    };
     let mut given = std::env::args().skip(1);
     while let Some(key) = given.next() {
         let value = given.next().ok_or_else(|| format!("{key} needs a value"))?;
         match key.as_str() {
             "--seeds" => all.seeds = value.parse()?,
+            "--first" => all.first = value.parse()?,
             "--kind" => all.kinds = value.split(',').map(str::to_owned).collect(),
             "--coverage" => all.coverage = value == "yes",
             "--json" => all.json = Some(value),
             "--most-percent" => all.most_percent = value.parse()?,
             _ => {
                 return Err(format!(
-                    "unknown argument {key}, expected --seeds, --kind, --coverage, --json or --most-percent"
+                    "unknown argument {key}, expected --seeds, --first, --kind, --coverage, --json or --most-percent"
                 )
                 .into());
             }
@@ -180,7 +188,7 @@ fn main() -> Result<(), AnyError> {
         arguments.kinds.is_empty() || arguments.kinds.iter().any(|k| is_meant(name, k))
     };
     for kind in kinds.iter().filter(|kind| asked_for(kind.name)) {
-        for seed in 1..=arguments.seeds {
+        for seed in (arguments.first..).take(arguments.seeds) {
             let bench = (kind.make)(seed)?;
             let outcome = judge(kind.name, &bench, seed)
                 .map_err(|error| format!("{}: {error}", kind.name))?;

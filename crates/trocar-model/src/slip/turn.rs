@@ -10,9 +10,10 @@
 //!
 //! The contact is soft along the slip (β) and stiff across it (F_c/|v|), so each direction has a θ
 //! of its own, fitted as in [`super`]. Newton's method finds v from the last one. Where it does not
-//! converge, or slip begins or ends within the step, the implicit step (Θ = 1) is solved by nested
-//! searches with brackets: seen along the axis, a contact that also slips around the shaft is one
-//! that creeps, with the creep velocity (F_t/F_x)·|v_t|.
+//! converge, or slip begins or ends within the step, the implicit step (Θ = 1) is solved by a search
+//! over the slip speed |v|, upwards as far as the first balance along the slip, and for each speed by
+//! one over its direction: across the slip forces balance between the axis and the circumference on
+//! the side of P, whether or not the friction law falls with the speed.
 
 use super::{
     DEFLECTION_STRIDE, RESIDUAL, STRIBECK_STRIDE, Search, YIELD_MARGIN, find_root, fit_theta,
@@ -78,6 +79,15 @@ struct End {
     residual: Pair,
     slope: [Pair; 2],
     contact: Contact,
+}
+
+/// An end sought by the speed of the slip and its direction.
+struct Towards {
+    end: End,
+    /// What is missing along the slip, and its derivative by the speed where none is missing across.
+    along: (f64, f64),
+    /// What is missing across the slip, and its derivative by the part of the direction.
+    across: (f64, f64),
 }
 
 impl Element {
@@ -449,12 +459,6 @@ impl Element {
         End { slip, z, q, force, residual, slope, contact }
     }
 
-    /// [`Self::end_turning`] off the usual way.
-    #[inline(never)]
-    fn end_apart(&self, around: &Around, slide: &Slide, slip: Pair) -> End {
-        self.end_turning(around, slide, slip)
-    }
-
     /// f + β·v, [`crate::rotation`].
     #[inline(always)]
     fn contact_turning(&self, around: &Around, rise: Rise, slip: Pair) -> Contact {
@@ -504,49 +508,68 @@ impl Element {
         (sliding.coulomb_force + surplus * now, rise.now * fall, Rise { kept: now, now: 0.0 })
     }
 
-    /// The implicit step by a search over the slip around the shaft, and for each by one over the
-    /// slip along it, from the stick side.
+    /// The implicit step by a search over the slip speed from the stick side, and for each by one over
+    /// its direction, between the axis (0) and the circumference (1) on the side of the force.
     #[inline(never)]
     fn search_turning(&self, around: &Around, slide: &Slide) -> End {
         let trial = self.elastic(around, slide);
-        let (s, t) = (Direction::of(trial[0]), sign(trial[1]));
+        let s = Direction::of(trial[0]);
+        let side = [s.sign(), sign(trial[1])];
         let residual = RESIDUAL * self.sliding(s).static_force;
-        let stride = STRIBECK_STRIDE * self.sliding(s).stribeck_velocity;
         let multivalued = self.is_multivalued(s, slide.rise.now);
-        let in_speed = if multivalued { stride } else { f64::INFINITY };
+        let feature = STRIBECK_STRIDE * self.sliding(s).stribeck_velocity;
+        let in_speed = if multivalued { feature } else { f64::INFINITY };
         let softens = self.least_stiffness <= 0.0 && slide.time > 0.0;
         let c = self.params.deformation.half_width();
         let in_deflection =
             if softens { DEFLECTION_STRIDE * c / slide.time } else { f64::INFINITY };
-        let axial = |tangential: f64| {
-            let at = |u: f64| self.end_apart(around, slide, [s.sign() * u, t * tangential]);
-            let along = Search { guess: 0.0, stride: in_speed.min(in_deflection), residual };
-            let u = find_root(
-                |u| {
-                    let end = at(u);
-                    (s.sign() * end.residual[0], -end.slope[0][0])
-                },
-                along,
-            );
-            at(u.0)
-        };
-        let mut last = axial(0.0);
-        let guess =
-            trial[1].abs() / (around.stiffness * slide.time + around.sliding.viscous_damping);
-        let search = Search { guess, stride: in_speed, residual };
+        let stride = in_speed.min(in_deflection);
+        let normal = self.normal(around, trial);
+        let mut angle = normal[1].abs() / (normal[0].abs() + normal[1].abs());
+        let mut last = self.end_towards(around, slide, side, (0.0, angle));
+        let guess = length(self.guess(around, slide, trial, normal)).min(stride);
         find_root(
-            |tangential| {
-                if tangential == 0.0 {
-                    // Outside the yield set there is always slip around the shaft.
-                    return (trial[1].abs(), -1.0);
+            |speed| {
+                if speed == 0.0 {
+                    return (length(trial), f64::NAN);
                 }
-                last = axial(tangential);
-                let [[a, b], [c, d]] = last.slope;
-                (t * last.residual[1], b * c / a - d)
+                let turned = |part: f64| {
+                    last = self.end_towards(around, slide, side, (speed, part.min(1.0)));
+                    last.across
+                };
+                angle =
+                    find_root(turned, Search { guess: angle, stride: 0.5, residual }).0.min(1.0);
+                last.along
             },
-            search,
+            Search { guess, stride, residual },
         );
-        last
+        last.end
+    }
+
+    /// [`Self::end_turning`] at a slip speed towards v/|v| ~ (1 - p, p) on `side`.
+    #[inline(never)]
+    fn end_towards(
+        &self,
+        around: &Around,
+        slide: &Slide,
+        side: Pair,
+        (speed, part): (f64, f64),
+    ) -> Towards {
+        let size = length([1.0 - part, part]);
+        let along = [side[0] * (1.0 - part) / size, side[1] * part / size];
+        let across = [-side[0] * part / size, side[1] * (1.0 - part) / size];
+        let end = self.end_turning(around, slide, along.map(|n| speed * n));
+        let dot = |a: Pair, b: Pair| a[0] * b[0] + a[1] * b[1];
+        let slope = end.slope;
+        let by = |direction: Pair| slope.map(|row| dot(row, direction));
+        let [balance, imbalance] = [along, across].map(|n| dot(end.residual, n));
+        let turning = speed * dot(across, by(across)) + balance;
+        let follows = speed * dot(along, by(across)) * dot(across, by(along)) / turning;
+        Towards {
+            end,
+            along: (balance, follows - dot(along, by(along))),
+            across: (imbalance, -turning / (size * size)),
+        }
     }
 
     fn after_sliding(&self, slide: &Slide, end: &End) -> (State, Turn) {

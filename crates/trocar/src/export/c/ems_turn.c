@@ -2,7 +2,7 @@
  * velocity v solves
  *   P(z+) = f(v) + beta*v       P = (F_e(z_x+) + arms + D(x' - v_x), k_t*z_t+), v normal to the yield set at f
  *   z+ = z + V*dt - dt*[theta*v + (1 - theta)*v_0]      theta: one along v_0, one across it
- * by Newton's method; where it does not arrive, by nested searches for the implicit step. */
+ * by Newton's method; where it does not arrive, by searches for the implicit step. */
 
 typedef struct {
     double x, t;
@@ -470,60 +470,94 @@ static int trocar_root_moves(trocar_root *root, double r, double slope)
     return 1;
 }
 
-/* Where the slip around the shaft is `around`: the one along it is sought on the side s from the stick side. */
-static trocar_end trocar_search_along(const trocar_element *e, const trocar_turn *turn, trocar_root root, double s,
-                                      double around)
-{
+/* An end sought by the speed of the slip and its direction. */
+typedef struct {
     trocar_end end;
-    trocar_pair slip;
-    slip.t = around;
-    do {
-        slip.x = s * root.u;
-        end = trocar_end_at(e, turn, slip);
-    } while (trocar_root_moves(&root, s * end.residual.x, -end.slope.xx));
-    return end;
+    double balance, by_speed; /* missing along the slip; its derivative by the speed where none is missing across */
+    double imbalance, by_part; /* missing across the slip; its derivative by the part of the direction */
+} trocar_towards;
+
+static double trocar_dot(trocar_pair a, trocar_pair b)
+{
+    return a.x * b.x + a.t * b.t;
 }
 
-/* The implicit step by a search over the slip around the shaft, and for each by one over the slip along it. */
+static trocar_pair trocar_times(const trocar_matrix *m, trocar_pair right)
+{
+    const trocar_pair product = { m->xx * right.x + m->xt * right.t, m->tx * right.x + m->tt * right.t };
+    return product;
+}
+
+/* As trocar_end_at, at a slip speed towards v/|v| ~ (1 - part, part) on `side`. */
+static trocar_towards trocar_end_towards(const trocar_element *e, const trocar_turn *turn, trocar_pair side,
+                                         double speed, double part)
+{
+    const trocar_pair from = { 1.0 - part, part };
+    const double size = trocar_length(from);
+    const trocar_pair along = { side.x * (1.0 - part) / size, side.t * part / size };
+    const trocar_pair across = { -side.x * part / size, side.t * (1.0 - part) / size };
+    const trocar_pair slip = { speed * along.x, speed * along.t };
+    trocar_pair by_along, by_across;
+    trocar_towards to;
+    double turning, follows;
+    to.end = trocar_end_at(e, turn, slip);
+    by_along = trocar_times(&to.end.slope, along);
+    by_across = trocar_times(&to.end.slope, across);
+    to.balance = trocar_dot(along, to.end.residual);
+    to.imbalance = trocar_dot(across, to.end.residual);
+    turning = speed * trocar_dot(across, by_across) + to.balance;
+    follows = speed * trocar_dot(along, by_across) * trocar_dot(across, by_along) / turning;
+    to.by_speed = follows - trocar_dot(along, by_along);
+    to.by_part = -turning / (size * size);
+    return to;
+}
+
+/* The implicit step by a search over the slip speed from the stick side, and for each by one over its direction, between
+ * the axis (0) and the circumference (1) on the side of the force. */
 static trocar_end trocar_search_turn(const trocar_element *e, const trocar_turn *turn)
 {
-    const trocar_pair trial = trocar_turn_elastic(e, turn);
-    const trocar_contact *along = trocar_contact_for(e, trial.x);
-    const double s = trial.x < 0.0 ? -1.0 : 1.0, t = trial.t > 0.0 ? 1.0 : trial.t < 0.0 ? -1.0 : 0.0;
+    const trocar_pair trial = trocar_turn_elastic(e, turn), normal = trocar_normal(e, trial);
+    const trocar_contact *contact = trocar_contact_for(e, trial.x);
+    const trocar_pair side = { trial.x < 0.0 ? -1.0 : 1.0, trial.t > 0.0 ? 1.0 : trial.t < 0.0 ? -1.0 : 0.0 };
 //@if single
-    const double small = 1e-6 * along->static_force_n;
+    const double small = 1e-6 * contact->static_force_n;
 //@else
-    const double small = 1e-9 * along->static_force_n;
+    const double small = 1e-9 * contact->static_force_n;
 //@end
-    double in_speed = HUGE_VAL, in_deflection = HUGE_VAL, r, slope;
-    trocar_root root, from_stick;
-    trocar_end last;
+    double in_speed = HUGE_VAL, in_deflection = HUGE_VAL, part, stride, guess, r, slope;
+    trocar_root root, direction;
+    trocar_towards last;
 //@if stribeck
     trocar_balance b = trocar_balance_of(e, !(trial.x < 0.0), turn->motion.x);
 //@if lag
     b.memory = turn->memory;
 //@end
     if (trocar_is_multivalued(&b)) {
-        in_speed = 0.1 * along->stribeck_velocity_m_s;
+        in_speed = 0.1 * contact->stribeck_velocity_m_s;
     }
 //@end
     if (e->least_stiffness_n_m <= 0.0 && turn->time > 0.0) {
         in_deflection = 1.0 / 32.0 * e->half_width_m / turn->time;
     }
-    from_stick = trocar_root_from(0.0, trocar_least(in_speed, in_deflection), small);
-    last = trocar_search_along(e, turn, from_stick, s, t * 0.0);
-    root = trocar_root_from(
-        fabs(trial.t) / (e->around_stiffness_n_m * turn->time + e->around.viscous_damping_n_s_m), in_speed, small);
+    stride = trocar_least(in_speed, in_deflection);
+    part = fabs(normal.t) / (fabs(normal.x) + fabs(normal.t));
+    last = trocar_end_towards(e, turn, side, 0.0, part);
+    guess = trocar_length(trocar_turn_guess(e, turn, trial, normal));
+    root = trocar_root_from(trocar_least(guess, stride), stride, small);
     do {
-        r = fabs(trial.t); /* at 0: outside the yield set there is always slip around the shaft */
-        slope = -1.0;
+        r = trocar_length(trial); /* at 0: outside the yield set there is always slip */
+        slope = (double)NAN;
         if (root.u != 0.0) {
-            last = trocar_search_along(e, turn, from_stick, s, t * root.u);
-            r = t * last.residual.t;
-            slope = last.slope.xt * last.slope.tx / last.slope.xx - last.slope.tt;
+            direction = trocar_root_from(part, 0.5, small);
+            do {
+                last = trocar_end_towards(e, turn, side, root.u, trocar_least(direction.u, 1.0));
+            } while (trocar_root_moves(&direction, last.imbalance, last.by_part));
+            part = trocar_least(direction.u, 1.0);
+            r = last.balance;
+            slope = last.by_speed;
         }
     } while (trocar_root_moves(&root, r, slope));
-    return last;
+    return last.end;
 }
 
 static void trocar_stick_turn(const trocar_element *e, trocar_element_state *state, const trocar_turn *turn,
