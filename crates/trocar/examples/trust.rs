@@ -21,7 +21,7 @@ use trust::judge::{Judged, Outcome, Verdict, judge};
 use trust::kinds::{AnyError, kinds};
 
 struct Arguments {
-    seeds: usize,
+    seeds: u64,
     first: u64,
     kinds: Vec<String>,
     coverage: bool,
@@ -188,7 +188,7 @@ fn main() -> Result<(), AnyError> {
         arguments.kinds.is_empty() || arguments.kinds.iter().any(|k| is_meant(name, k))
     };
     for kind in kinds.iter().filter(|kind| asked_for(kind.name)) {
-        for seed in (arguments.first..).take(arguments.seeds) {
+        for seed in arguments.first..arguments.first.saturating_add(arguments.seeds) {
             let bench = (kind.make)(seed)?;
             let outcome = judge(kind.name, &bench, seed)
                 .map_err(|error| format!("{}: {error}", kind.name))?;

@@ -525,20 +525,21 @@ impl Element {
             if softens { DEFLECTION_STRIDE * c / slide.time } else { f64::INFINITY };
         let stride = in_speed.min(in_deflection);
         let normal = self.normal(around, trial);
-        let mut angle = normal[1].abs() / (normal[0].abs() + normal[1].abs());
-        let mut last = self.end_towards(around, slide, side, (0.0, angle));
+        let mut part = normal[1].abs() / (normal[0].abs() + normal[1].abs());
+        let mut last = self.end_towards(around, slide, side, (0.0, part));
         let guess = length(self.guess(around, slide, trial, normal)).min(stride);
         find_root(
             |speed| {
                 if speed == 0.0 {
+                    // Outside the yield set there is always slip.
                     return (length(trial), f64::NAN);
                 }
                 let turned = |part: f64| {
                     last = self.end_towards(around, slide, side, (speed, part.min(1.0)));
                     last.across
                 };
-                angle =
-                    find_root(turned, Search { guess: angle, stride: 0.5, residual }).0.min(1.0);
+                let direction = Search { guess: part, stride: 0.5, residual };
+                part = find_root(turned, direction).0.min(1.0);
                 last.along
             },
             Search { guess, stride, residual },
