@@ -67,7 +67,12 @@ class _Tqdm:
     def __init__(self, module: str) -> None:
         tqdm: Any = importlib.import_module(module)
         self._bar = tqdm.tqdm(
-            total=100, leave=False, bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}"
+            total=100,
+            leave=False,
+            bar_format="{desc}: {percentage:3.0f}%|{bar}| {elapsed}",
+            # A stage may be over within tqdm's pause between two drawings: show each report.
+            mininterval=0,
+            miniters=0,
         )
 
     def show(self, stage: str, part: float) -> None:

@@ -18,8 +18,8 @@ use crate::errors::{InternalError, Raise};
 /// Time between two looks at the signals.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Stage and part done, if there is news.
-type News = Arc<Mutex<Option<(String, f64)>>>;
+/// The stages since somebody was told, with the part done in each.
+type News = Arc<Mutex<Vec<(String, f64)>>>;
 
 /// Somebody in Python to tell how far the work is, and how many threads it may take (0: one for
 /// each processor).
@@ -41,7 +41,9 @@ pub(crate) fn run<T: Send + 'static>(
     let news = News::default();
     let (cancel, latest) = (Cancel::default(), news.clone());
     let report = move |stage: &str, part: f64| {
-        *latest.lock().unwrap_or_else(PoisonError::into_inner) = Some((stage.to_owned(), part));
+        let mut stages = latest.lock().unwrap_or_else(PoisonError::into_inner);
+        stages.pop_if(|(last, _)| last == stage);
+        stages.push((stage.to_owned(), part));
     };
     let (sender, receiver) = mpsc::channel();
     let (flag, threads) = (cancel.clone(), how.threads);
@@ -121,7 +123,7 @@ fn outcome<T: Send>(
         let outcome;
         (receiver, outcome) = py.detach(move || wait(receiver));
         match outcome {
-            Ok(Ok(Ok(done))) => return Ok(done),
+            Ok(Ok(Ok(done))) => return tell(py, progress, news).map(|()| done),
             Ok(Ok(Err(stopped))) => return Err(InternalError::new_err(stopped_in_words(&stopped))),
             Ok(Err(panic)) => return Err(InternalError::new_err(panic_in_words(panic.as_ref()))),
             Err(RecvTimeoutError::Disconnected) => {
@@ -141,11 +143,9 @@ fn wait<T: Send>(receiver: Receiver<T>) -> (Receiver<T>, Result<T, RecvTimeoutEr
 }
 
 fn tell(py: Python<'_>, progress: Option<&Py<PyAny>>, news: &News) -> PyResult<()> {
-    let latest = news.lock().unwrap_or_else(PoisonError::into_inner).take();
-    match (progress, latest) {
-        (Some(progress), Some(news)) => progress.call1(py, news).map(drop),
-        _ => Ok(()),
-    }
+    let stages = std::mem::take(&mut *news.lock().unwrap_or_else(PoisonError::into_inner));
+    let Some(progress) = progress else { return Ok(()) };
+    stages.into_iter().try_for_each(|stage| progress.call1(py, stage).map(drop))
 }
 
 fn stopped_in_words(stopped: &Stopped) -> String {
