@@ -32,11 +32,21 @@ use crate::sliding::SlidingFriction;
 const ITERATIONS: usize = 10;
 
 /// Square of the change of the slip velocity, as a part of it, that is the last one: to first order
-/// the contact then misses by 1e-9 of its force.
-const NEAR: f64 = 1e-9;
+/// the contact then misses by 1e-7 of its force.
+const NEAR: f64 = 1e-7;
+
+/// Square of a slip velocity too slow to have a direction, m²/s².
+const NO_SLIP: f64 = 1e-30;
 
 /// Along the axis and around it.
 type Pair = [f64; 2];
+
+/// V, m/s, and its size.
+#[derive(Clone, Copy)]
+struct Motion {
+    velocity: Pair,
+    speed: f64,
+}
 
 /// Start of a step.
 #[derive(Clone, Copy)]
@@ -44,18 +54,20 @@ struct Start {
     z: Pair,
     q: f64,
     arms: ArmForces,
-    /// v_0 and its direction n.
+    /// v_0.
     slip: Pair,
-    direction: Pair,
+    /// n where the slip begins.
+    onset: Pair,
     rise: f64,
 }
 
 /// All of the equation but v.
-struct Slide {
-    start: Start,
-    motion: Pair,
+#[derive(Clone, Copy)]
+struct Slide<'a> {
+    start: &'a Start,
+    motion: Motion,
     time: f64,
-    arms: StepArms,
+    arms: &'a StepArms,
     rise: Rise,
     /// z + V·dt - dt·(1 - Θ)·v_0, m, and dt·Θ, s.
     target: Pair,
@@ -90,6 +102,20 @@ struct Towards {
     across: (f64, f64),
 }
 
+impl Start {
+    /// n·nᵀ: its entry along the axis, the one beside, and that around the shaft; 0 without slip.
+    #[inline(always)]
+    fn along_slip(&self) -> [f64; 3] {
+        let products = |[x, t]: Pair| [x * x, x * t, t * t];
+        let square = self.slip[0] * self.slip[0] + self.slip[1] * self.slip[1];
+        if square < NO_SLIP {
+            return products(self.onset);
+        }
+        let inverse = 1.0 / square;
+        products(self.slip).map(|product| product * inverse)
+    }
+}
+
 impl Element {
     /// As [`Element::step`], at the velocities `motion` (m/s) along the axis and around the shaft.
     pub(crate) fn step_turning(
@@ -100,7 +126,8 @@ impl Element {
         duration: f64,
     ) {
         let (mut next, mut turned) = (*state, *turn);
-        self.each_part(length(motion), duration, |time| {
+        let motion = Motion { velocity: motion, speed: length(motion) };
+        self.each_part(motion.speed, duration, |time| {
             let at = (&next, &turned);
             (next, turned) = if self.params.dwell_force > 0.0 {
                 self.advance_turning_ageing(around, at, motion, time)
@@ -121,15 +148,15 @@ impl Element {
         &self,
         around: &Around,
         (state, turn): (&State, &Turn),
-        motion: Pair,
+        motion: Motion,
         time: f64,
     ) -> (State, Turn) {
         let aged = self.aged(state, length([state.slip_velocity, turn.slip_velocity]), time);
         let around = around.aged(self, &aged);
         let (next, turned) = aged.advance_turning(&around, (state, turn), motion, time);
         let slip = [
-            motion[0] * time - (next.deflection - state.deflection),
-            motion[1] * time - (turned.deflection - turn.deflection),
+            motion.velocity[0] * time - (next.deflection - state.deflection),
+            motion.velocity[1] * time - (turned.deflection - turn.deflection),
         ];
         (self.with_age(state, next, length(slip), time), turned)
     }
@@ -138,41 +165,38 @@ impl Element {
         &self,
         around: &Around,
         (state, turn): (&State, &Turn),
-        motion: Pair,
+        motion: Motion,
         time: f64,
     ) -> (State, Turn) {
         let slip = [state.slip_velocity, turn.slip_velocity];
         let z = [state.deflection, turn.deflection];
         let (q, arms, rise) = (state.yield_force, state.arms, state.rise);
-        let mut start = Start { z, q, arms, slip, direction: [0.0; 2], rise };
+        let mut start = Start { z, q, arms, slip, onset: [0.0; 2], rise };
         if slip == [0.0; 2] && !self.creeps {
-            return self.leave_stick_turning(around, start, motion, time);
+            return self.leave_stick_turning(around, &start, motion, time);
         }
         if self.creeps || !self.params.damping.is_zero() {
             // The velocity may have changed: the slip at the start is that of the new one.
-            let now = Slide {
-                rise: Rise::at_start(rise, self.params.friction_lag),
-                ..self.at_rest(start, motion)
-            };
+            let held = self.arms_within(&start, 0.0);
+            let rise = Rise::at_start(rise, self.params.friction_lag);
+            let now = Slide { rise, ..self.at_rest(&start, &held, motion) };
             if let Some(end) = self.newton_apart(around, &now, slip) {
                 start.slip = end.slip;
             }
         }
-        let speed = length(start.slip);
-        let inverse = if speed > 0.0 { 1.0 / speed } else { 0.0 };
-        start.direction = [start.slip[0] * inverse, start.slip[1] * inverse];
-        self.slide_turning(around, start, motion, time)
+        self.slide_turning(around, &start, motion, time)
     }
 
     /// From stick: deforms with the instrument.
     fn leave_stick_turning(
         &self,
         around: &Around,
-        start: Start,
-        motion: Pair,
+        start: &Start,
+        motion: Motion,
         time: f64,
     ) -> (State, Turn) {
-        let all = self.stuck_slide(start, motion, time);
+        let arms = self.arms_within(start, time);
+        let all = self.stuck_slide(start, &arms, motion, time);
         let trial = self.elastic(around, &all);
         if self.holds(around, trial) {
             return self.stuck_turning(&all, trial);
@@ -185,58 +209,73 @@ impl Element {
     fn yield_within_turning(
         &self,
         around: &Around,
-        start: Start,
-        motion: Pair,
+        start: &Start,
+        motion: Motion,
         time: f64,
     ) -> (State, Turn) {
-        let at = |part: f64| self.stuck_slide(start, motion, part * time);
-        let beyond = |slide: &Slide| self.utilisation(around, self.elastic(around, slide)) - 1.0;
-        let trial = beyond(&at(1.0));
-        let part = yield_fraction(|part| beyond(&at(part)), trial);
-        let reached = at(part);
-        let force = self.elastic(around, &reached);
-        let q = self.params.deformation.reach(start.z[0], start.q, reached.target[0]).1;
-        let arms = reached.arms.forces(reached.target[0] - start.z[0]);
-        let direction = self.normal(around, force);
-        let mut onset = Start { z: reached.target, q, arms, slip: [0.0; 2], direction, rise: 1.0 };
+        let within = |part: f64| self.arms_within(start, part * time);
+        let force_at = |part: f64| {
+            let arms = within(part);
+            self.elastic(around, &self.stuck_slide(start, &arms, motion, part * time))
+        };
+        let beyond = |part: f64| self.utilisation(around, force_at(part)) - 1.0;
+        let part = yield_fraction(beyond, beyond(1.0));
+        let arms = within(part);
+        let (force, time_left) = (force_at(part), (1.0 - part) * time);
+        let z = self.stuck_slide(start, &arms, motion, part * time).target;
+        let q = self.params.deformation.reach(start.z[0], start.q, z[0]).1;
+        let arms = arms.forces(z[0] - start.z[0]);
+        let normal = self.normal(around, force);
+        let mut begin = Start { z, q, arms, slip: [0.0; 2], onset: normal, rise: 1.0 };
         if !around.constant {
             // A law that falls at once is left by a jump of the slip speed.
-            let mut now = self.at_rest(onset, motion);
             let margin = 1.0 + YIELD_MARGIN;
-            now.start.z[1] *= margin;
-            now.target[1] *= margin;
-            now.start.q += (margin - 1.0) * force[0];
+            let mut beyond = begin;
+            beyond.z[1] *= margin;
+            beyond.q += (margin - 1.0) * force[0];
+            let held = self.arms_within(&beyond, 0.0);
+            let now = self.at_rest(&beyond, &held, motion);
             if let Some(end) =
-                self.newton_apart(around, &now, self.guess(around, &now, force, direction))
+                self.newton_apart(around, &now, self.guess(around, &now, force, normal))
             {
-                onset.slip = end.slip;
+                begin.slip = end.slip;
             }
         }
-        self.slide_turning(around, onset, motion, (1.0 - part) * time)
+        self.slide_turning(around, &begin, motion, time_left)
+    }
+
+    fn arms_within(&self, start: &Start, time: f64) -> StepArms {
+        self.params.relaxation.within(&start.arms, time)
     }
 
     /// The contact at the start alone, for a motion that begins there.
-    fn at_rest(&self, start: Start, motion: Pair) -> Slide {
-        let arms = self.params.relaxation.within(&start.arms, 0.0);
-        let rise = Rise::INSTANT;
-        Slide { start, motion, time: 0.0, arms, rise, target: start.z, weight: [[0.0; 2]; 2] }
+    fn at_rest<'a>(&self, start: &'a Start, arms: &'a StepArms, motion: Motion) -> Slide<'a> {
+        let (rise, target) = (Rise::INSTANT, start.z);
+        Slide { start, motion, time: 0.0, arms, rise, target, weight: [[0.0; 2]; 2] }
     }
 
-    /// A step without slip.
-    fn stuck_slide(&self, start: Start, motion: Pair, time: f64) -> Slide {
-        let arms = self.params.relaxation.within(&start.arms, time);
-        let target = [start.z[0] + motion[0] * time, start.z[1] + motion[1] * time];
+    /// A step without slip; `arms` are those of `time`.
+    #[inline(always)]
+    fn stuck_slide<'a>(
+        &self,
+        start: &'a Start,
+        arms: &'a StepArms,
+        motion: Motion,
+        time: f64,
+    ) -> Slide<'a> {
+        let [along, around] = motion.velocity;
+        let target = [start.z[0] + along * time, start.z[1] + around * time];
         let weight = [[time, 0.0], [0.0, time]];
         Slide { start, motion, time, arms, rise: Rise::INSTANT, target, weight }
     }
 
     /// P at the end of `slide` without slip.
     fn elastic(&self, around: &Around, slide: &Slide) -> Pair {
-        let Start { z, q, .. } = slide.start;
+        let Start { z, q, .. } = *slide.start;
         let elastic = self.params.deformation.reach(z[0], q, slide.target[0]).0;
         let arms = slide.arms.force(slide.target[0] - z[0]);
         [
-            elastic + arms + self.params.damping.force(slide.motion[0]),
+            elastic + arms + self.params.damping.force(slide.motion.velocity[0]),
             around.stiffness * slide.target[1],
         ]
     }
@@ -267,78 +306,89 @@ impl Element {
     }
 
     fn stuck_turning(&self, slide: &Slide, force: Pair) -> (State, Turn) {
-        let Start { z, q, .. } = slide.start;
+        let Start { z, q, .. } = *slide.start;
         let q = self.params.deformation.reach(z[0], q, slide.target[0]).1;
         let arms = slide.arms.forces(slide.target[0] - z[0]);
         let turn = Turn { deflection: slide.target[1], slip_velocity: 0.0 };
         (State::stuck(slide.target[0], q, force[0], arms), turn)
     }
 
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn slide_turning(
         &self,
         around: &Around,
-        start: Start,
-        motion: Pair,
+        start: &Start,
+        motion: Motion,
         time: f64,
     ) -> (State, Turn) {
-        let speed = length(start.slip);
         let axial = self.sliding(Direction::of(start.slip[0]));
-        let before = || if axial.is_constant() { 1.0 } else { decay(axial.exponent(speed)) };
+        let before = || {
+            if axial.is_constant() { 1.0 } else { decay(axial.exponent(length(start.slip))) }
+        };
         let rise = Rise::after(start.rise, self.params.friction_lag, time, before);
-        let implicit = Slide { rise, ..self.stuck_slide(start, motion, time) };
+        let arms = self.arms_within(start, time);
+        let implicit = Slide { rise, ..self.stuck_slide(start, &arms, motion, time) };
         let (fitted, guess) = self.weigh(around, &implicit);
         if let Some(end) = self.newton(around, &fitted, guess) {
             return self.after_sliding(&fitted, &end);
         }
-        let trial = self.elastic(around, &implicit);
+        self.slide_implicitly(around, &implicit)
+    }
+
+    /// Where Newton's method does not arrive with the weights of [`Self::weigh`].
+    #[inline(never)]
+    fn slide_implicitly(&self, around: &Around, implicit: &Slide) -> (State, Turn) {
+        let trial = self.elastic(around, implicit);
         if !self.creeps && self.holds(around, trial) {
-            return self.stuck_turning(&implicit, trial);
+            return self.stuck_turning(implicit, trial);
         }
-        let guess = self.guess(around, &implicit, trial, self.normal(around, trial));
-        let end = self.newton_apart(around, &implicit, guess);
-        let end = end.unwrap_or_else(|| self.search_turning(around, &implicit));
-        self.after_sliding(&implicit, &end)
+        let guess = self.guess(around, implicit, trial, self.normal(around, trial));
+        let end = self.newton_apart(around, implicit, guess);
+        let end = end.unwrap_or_else(|| self.search_turning(around, implicit));
+        self.after_sliding(implicit, &end)
     }
 
     /// `implicit` with the weights Θ of the module documentation, and to first order the slip
     /// velocity at its end.
     #[inline(always)]
-    fn weigh(&self, around: &Around, implicit: &Slide) -> (Slide, Pair) {
-        let Slide { start, motion, time, .. } = *implicit;
-        let [n, t] = start.direction;
+    fn weigh<'a>(&self, around: &Around, implicit: &Slide<'a>) -> (Slide<'a>, Pair) {
+        let Slide { start, motion: Motion { velocity, speed }, time, .. } = *implicit;
+        let [nn, nt, tt] = start.along_slip();
         let stiffness = [
             self.one_sided_stiffness(
                 &self.params.deformation.local(start.z[0]),
                 start.q,
-                motion[0] - start.slip[0],
+                velocity[0] - start.slip[0],
             ) + implicit.arms.stiffness,
             around.stiffness,
         ];
-        let along = stiffness[0] * n * n + stiffness[1] * t * t;
-        let across = stiffness[0] * t * t + stiffness[1] * n * n;
-        let axial = self.sliding(Direction::of(n));
-        let beta = axial.viscous_damping * n * n + around.sliding.viscous_damping * t * t;
+        let along = stiffness[0] * nn + stiffness[1] * tt;
+        let across = stiffness[0] * tt + stiffness[1] * nn;
         let contact = if start.slip == [0.0; 2] {
             None
         } else {
             Some(self.contact_turning(around, implicit.rise, start.slip))
         };
-        let damping = self.params.damping.slope(motion[0] - start.slip[0]);
+        let damping = self.params.damping.slope(velocity[0] - start.slip[0]);
         let drag = match &contact {
-            Some(Contact { slope: [[a, b], [c, d]], .. }) if !self.creeps => {
-                a * n * n + (b + c) * n * t + d * t * t
+            Some(Contact { slope: [[a, b], [c, d]], .. }) if !around.constant && !self.creeps => {
+                a * nn + (b + c) * nt + d * tt
             }
-            _ => beta,
-        } + damping * n * n;
+            // A force that depends on the direction of the slip alone has no slope along it.
+            _ => {
+                let axial = self.sliding(Direction::of(start.slip[0] + start.onset[0]));
+                axial.viscous_damping * nn + around.sliding.viscous_damping * tt
+            }
+        } + damping * nn;
         // θ = 1 where the start does not decay.
         let theta_along =
             if along > 0.0 && drag > 0.0 { fit_theta(along * time / drag) } else { 1.0 };
-        let travel = length(motion) * time;
-        let theta_across = fit_theta((across * travel / around.sliding.coulomb_force).max(0.0));
+        let theta_across =
+            fit_theta((across * (speed * time / around.sliding.coulomb_force)).max(0.0));
         let more = theta_along - theta_across;
         let weight = [
-            [time * (theta_across + more * n * n), time * more * n * t],
-            [time * more * n * t, time * (theta_across + more * t * t)],
+            [time * (theta_across + more * nn), time * more * nt],
+            [time * more * nt, time * (theta_across + more * tt)],
         ];
         let kept = (1.0 - theta_along) * time;
         let target =
@@ -349,12 +399,12 @@ impl Element {
                 slope[0][0] += damping;
                 stiffen(&mut slope, stiffness, &weight);
                 let missing = [
-                    stiffness[0] * time * (motion[0] - start.slip[0]),
-                    stiffness[1] * time * (motion[1] - start.slip[1]),
+                    stiffness[0] * time * (velocity[0] - start.slip[0]),
+                    stiffness[1] * time * (velocity[1] - start.slip[1]),
                 ];
                 self.follow_turning(around, start.slip, solve(&slope, missing))
             }
-            None => self.guess(around, implicit, self.elastic(around, implicit), start.direction),
+            None => self.guess(around, implicit, self.elastic(around, implicit), start.onset),
         };
         (fitted, guess)
     }
@@ -376,7 +426,7 @@ impl Element {
     fn newton(&self, around: &Around, slide: &Slide, mut slip: Pair) -> Option<End> {
         let small =
             RESIDUAL * self.params.insertion.static_force.min(self.params.withdrawal.static_force);
-        let near = 1e3 * small;
+        let near = 1e5 * small;
         for _ in 0..ITERATIONS {
             let end = self.end_turning(around, slide, slip);
             let [[a, b], [c, d]] = end.slope;
@@ -430,7 +480,7 @@ impl Element {
         let z = [end.z[0] + change[0], end.z[1] + change[1]];
         let (elastic, q) = self.params.deformation.reach(slide.start.z[0], slide.start.q, z[0]);
         let slip = [end.slip[0] + more[0], end.slip[1] + more[1]];
-        let damping = self.params.damping.force(slide.motion[0] - slip[0]);
+        let damping = self.params.damping.force(slide.motion.velocity[0] - slip[0]);
         let axial = elastic + slide.arms.force(z[0] - slide.start.z[0]) + damping;
         End { slip, z, q, force: [axial, around.stiffness * z[1]], ..end }
     }
@@ -445,7 +495,7 @@ impl Element {
         let (elastic, q, stiffness) =
             self.params.deformation.reach_with_slope(start.z[0], start.q, z[0]);
         let damping = &self.params.damping;
-        let speed = slide.motion[0] - slip[0]; // EMS (8)
+        let speed = slide.motion.velocity[0] - slip[0]; // EMS (8)
         let force = [
             elastic + slide.arms.force(z[0] - start.z[0]) + damping.force(speed),
             around.stiffness * z[1],
@@ -573,6 +623,7 @@ impl Element {
         }
     }
 
+    #[cfg_attr(not(target_arch = "wasm32"), inline(always))]
     fn after_sliding(&self, slide: &Slide, end: &End) -> (State, Turn) {
         let creeping = if self.creeps {
             length(end.slip) <= self.params.creep_velocity

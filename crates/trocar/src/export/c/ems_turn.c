@@ -28,7 +28,7 @@ static trocar_pair trocar_solve(trocar_matrix m, trocar_pair right)
 
 /* A slide within one motion: all of the equation but v. */
 typedef struct {
-    trocar_pair z, slip, direction; /* at its start: z, v_0 and v_0/|v_0| */
+    trocar_pair z, slip, onset; /* at its start: z, v_0 and, where the slip begins, its direction */
     double q;
     trocar_pair motion, target; /* target: z + V*dt - dt*(1 - theta)*v_0 */
     double time;
@@ -70,6 +70,14 @@ static int trocar_creeps(const trocar_element *e)
 //@end
 }
 
+//@if stribeck
+/* Whether the friction law depends on the speed. */
+static int trocar_falls(const trocar_element *e)
+{
+    return e->contact[0].surplus_force_n > 0.0 || e->contact[1].surplus_force_n > 0.0;
+}
+
+//@end
 static const trocar_contact *trocar_contact_for(const trocar_element *e, double force)
 {
     return &e->contact[!(force < 0.0)];
@@ -126,8 +134,7 @@ static trocar_touch trocar_touch_at(const trocar_element *e, const trocar_turn *
     const trocar_contact *along = trocar_contact_for(e, slip.x), *around = &e->around;
     double rise = 1.0, fall_x, fall_t, level_x, level_t, inverse, secant_x, secant_t, cross, x2, t2;
 //@if stribeck
-    const int constant = !(e->contact[0].surplus_force_n > 0.0) && !(e->contact[1].surplus_force_n > 0.0);
-    const double speed = constant ? 0.0 : trocar_length(slip);
+    const double speed = trocar_falls(e) ? trocar_length(slip) : 0.0;
 //@else
     const double speed = 0.0;
 //@end
@@ -288,7 +295,7 @@ static void trocar_move_end(const trocar_element *e, const trocar_turn *turn, tr
 static trocar_pair trocar_turn_follow(const trocar_element *e, trocar_pair slip, trocar_pair more)
 {
 //@if stribeck
-    if (e->contact[0].surplus_force_n > 0.0 || e->contact[1].surplus_force_n > 0.0) {
+    if (trocar_falls(e)) {
         const double change = more.x * more.x + more.t * more.t, size = slip.x * slip.x + slip.t * slip.t;
         const double feature = 0.1 * trocar_contact_for(e, slip.x)->stribeck_velocity_m_s;
         const int grows = slip.x * more.x + slip.t * more.t > 0.0;
@@ -312,9 +319,9 @@ static int trocar_newton(const trocar_element *e, const trocar_turn *turn, troca
 {
     const double withdrawal = e->contact[0].static_force_n, insertion = e->contact[1].static_force_n;
 //@if single
-    const double small = 1e-6 * trocar_least(insertion, withdrawal), near = 1e3 * small;
+    const double small = 1e-6 * trocar_least(insertion, withdrawal), near = 1e2 * small;
 //@else
-    const double small = 1e-9 * trocar_least(insertion, withdrawal), near = 1e3 * small;
+    const double small = 1e-9 * trocar_least(insertion, withdrawal), near = 1e5 * small;
 //@end
     int k;
     for (k = 0; k < 10; ++k) {
@@ -329,7 +336,7 @@ static int trocar_newton(const trocar_element *e, const trocar_turn *turn, troca
         }
         more = trocar_solve(end->slope, end->residual);
         if (fabs(end->residual.x) <= near && fabs(end->residual.t) <= near
-            && more.x * more.x + more.t * more.t <= 1e-9 * (slip.x * slip.x + slip.t * slip.t)) {
+            && more.x * more.x + more.t * more.t <= 1e-7 * (slip.x * slip.x + slip.t * slip.t)) {
             trocar_move_end(e, turn, more, end);
             return 1;
         }
@@ -367,38 +374,48 @@ static double trocar_one_sided_stiffness(const trocar_element *e, const trocar_t
 /* The slide with theta along and across v_0, and to first order the slip velocity at its end. */
 static trocar_turn trocar_weigh(const trocar_element *e, const trocar_turn *implicit, trocar_pair *guess)
 {
-    const double n = implicit->direction.x, t = implicit->direction.t, time = implicit->time;
+    const double n = implicit->onset.x, t = implicit->onset.t, time = implicit->time;
     const double deforming = implicit->motion.x - implicit->slip.x, k_t = e->around_stiffness_n_m;
-    const double beta_x = trocar_contact_for(e, n)->viscous_damping_n_s_m;
-    const double beta = beta_x * n * n + e->around.viscous_damping_n_s_m * t * t;
+    const trocar_pair v = implicit->slip;
+    const double beta = trocar_contact_for(e, v.x + n)->viscous_damping_n_s_m, square = v.x * v.x + v.t * v.t;
     const int slips = !(implicit->slip.x == 0.0 && implicit->slip.t == 0.0);
-    double k_x = trocar_one_sided_stiffness(e, implicit, deforming), damping = 0.0, drag = beta;
-    double along, across, theta, theta_across, more, kept;
+    double k_x = trocar_one_sided_stiffness(e, implicit, deforming), damping = 0.0, drag;
+    double nn = n * n, nt = n * t, tt = t * t, along, across, theta, theta_across, more, kept;
     trocar_touch touch;
     trocar_turn fitted = *implicit;
 //@if arms
     k_x += implicit->arms.stiffness;
 //@end
-    along = k_x * n * n + k_t * t * t;
-    across = k_x * t * t + k_t * n * n;
+    if (square >= 1e-30) {
+        const double inverse = 1.0 / square;
+        nn = v.x * v.x * inverse;
+        nt = v.x * v.t * inverse;
+        tt = v.t * v.t * inverse;
+    }
+    along = k_x * nn + k_t * tt;
+    across = k_x * tt + k_t * nn;
+    /* A force that depends on the direction of the slip alone has no slope along it. */
+    drag = beta * nn + e->around.viscous_damping_n_s_m * tt;
     if (slips) {
         touch = trocar_touch_at(e, implicit, implicit->slip);
-        if (!trocar_creeps(e)) {
-            drag = touch.slope.xx * n * n + (touch.slope.xt + touch.slope.tx) * n * t + touch.slope.tt * t * t;
+//@if stribeck
+        if (!trocar_creeps(e) && trocar_falls(e)) {
+            drag = touch.slope.xx * nn + (touch.slope.xt + touch.slope.tx) * nt + touch.slope.tt * tt;
         }
+//@end
     }
 //@if damping
     damping = trocar_damping_slope(e, deforming);
 //@end
-    drag = drag + damping * n * n;
+    drag = drag + damping * nn;
     theta = along > 0.0 && drag > 0.0 ? trocar_fit_theta(along * time / drag) : 1.0;
-    theta_across = across * (trocar_length(implicit->motion) * time) / e->around.coulomb_force_n;
+    theta_across = across * (trocar_length(implicit->motion) * time / e->around.coulomb_force_n);
     theta_across = trocar_fit_theta(trocar_most(theta_across, 0.0));
     more = theta - theta_across;
     kept = (1.0 - theta) * time;
-    fitted.weight.xx = time * (theta_across + more * n * n);
-    fitted.weight.xt = fitted.weight.tx = time * more * n * t;
-    fitted.weight.tt = time * (theta_across + more * t * t);
+    fitted.weight.xx = time * (theta_across + more * nn);
+    fitted.weight.xt = fitted.weight.tx = time * more * nt;
+    fitted.weight.tt = time * (theta_across + more * tt);
     fitted.target.x = implicit->target.x - kept * implicit->slip.x;
     fitted.target.t = implicit->target.t - kept * implicit->slip.t;
     if (slips) {
@@ -413,7 +430,7 @@ static trocar_turn trocar_weigh(const trocar_element *e, const trocar_turn *impl
         touch.slope.tt += k_t * w->tt;
         *guess = trocar_turn_follow(e, implicit->slip, trocar_solve(touch.slope, missing));
     } else {
-        *guess = trocar_turn_guess(e, implicit, trocar_turn_elastic(e, implicit), implicit->direction);
+        *guess = trocar_turn_guess(e, implicit, trocar_turn_elastic(e, implicit), implicit->onset);
     }
     return fitted;
 }
@@ -601,7 +618,7 @@ static void trocar_end_turn(const trocar_element *e, trocar_element_state *state
     state->around_slip_velocity_m_s = end->slip.t;
 }
 
-/* Slides from `start` with its slip velocity and direction. */
+/* Slides from `start` with its slip velocity. */
 static void trocar_slide_turn(const trocar_element *e, trocar_element_state *state, const trocar_turn *start,
                               trocar_pair motion, double time)
 {
@@ -656,32 +673,32 @@ static void trocar_yield_turn(const trocar_element *e, trocar_element_state *sta
     const double part = trocar_turn_fraction(e, start, motion, time);
     const trocar_turn reached = trocar_stuck_turn(e, start, motion, part * time);
     const trocar_pair force = trocar_turn_elastic(e, &reached);
-    trocar_turn onset = reached;
-    onset.z = reached.target;
-    trocar_reach(e, start->z.x, start->q, reached.target.x, &onset.q);
+    trocar_turn begin = reached;
+    begin.z = reached.target;
+    trocar_reach(e, start->z.x, start->q, reached.target.x, &begin.q);
 //@if arms
-    trocar_arm_forces(&reached.arms, reached.target.x - start->z.x, onset.arm_force_n);
+    trocar_arm_forces(&reached.arms, reached.target.x - start->z.x, begin.arm_force_n);
 //@end
 //@if lag
-    onset.rise = 1.0;
+    begin.rise = 1.0;
 //@end
-    onset.slip.x = onset.slip.t = 0.0;
-    onset.direction = trocar_normal(e, force);
+    begin.slip.x = begin.slip.t = 0.0;
+    begin.onset = trocar_normal(e, force);
 //@if stribeck
-    if (e->contact[0].surplus_force_n > 0.0 || e->contact[1].surplus_force_n > 0.0) {
+    if (trocar_falls(e)) {
         /* A law that falls at once is left by a jump of the slip speed. */
-        trocar_turn now = trocar_stuck_turn(e, &onset, motion, 0.0);
+        trocar_turn now = trocar_stuck_turn(e, &begin, motion, 0.0);
         const double margin = 1.0 + 1e-5;
         trocar_end end;
         now.z.t *= margin;
         now.target.t *= margin;
         now.q += (margin - 1.0) * force.x;
-        if (trocar_newton(e, &now, trocar_turn_guess(e, &now, force, onset.direction), &end)) {
-            onset.slip = end.slip;
+        if (trocar_newton(e, &now, trocar_turn_guess(e, &now, force, begin.onset), &end)) {
+            begin.slip = end.slip;
         }
     }
 //@end
-    trocar_slide_turn(e, state, &onset, motion, (1.0 - part) * time);
+    trocar_slide_turn(e, state, &begin, motion, (1.0 - part) * time);
 }
 
 /* Whether the slip at the start is not that of the last step: the velocity may have changed. */
@@ -699,13 +716,12 @@ static void trocar_advance_turning(const trocar_element *e, trocar_element_state
                                    double time)
 {
     trocar_turn start;
-    double speed, inverse;
     start.z.x = state->deflection_m;
     start.z.t = state->around_deflection_m;
     start.q = state->yield_force_n;
     start.slip.x = state->slip_velocity_m_s;
     start.slip.t = state->around_slip_velocity_m_s;
-    start.direction.x = start.direction.t = 0.0;
+    start.onset.x = start.onset.t = 0.0;
 //@if arms
     start.arm_force_n[0] = state->arm_force_n[0];
     start.arm_force_n[1] = state->arm_force_n[1];
@@ -733,10 +749,6 @@ static void trocar_advance_turning(const trocar_element *e, trocar_element_state
             start.slip = end.slip;
         }
     }
-    speed = trocar_length(start.slip);
-    inverse = speed > 0.0 ? 1.0 / speed : 0.0;
-    start.direction.x = start.slip.x * inverse;
-    start.direction.t = start.slip.t * inverse;
     trocar_slide_turn(e, state, &start, motion, time);
 }
 
